@@ -51,7 +51,7 @@ def compare(
     started = time.perf_counter()
     given = usual() if scenarios is None else scenarios
     kinds = tuple(available() if controllers is None else controllers)
-    numbers = counted(range(seeds) if isinstance(seeds, int) else seeds)
+    numbers = counted(seeds)
     chosen = [(load(each) if isinstance(each, str) else each).replace(controllers=kinds) for each in given]
     check(chosen, subject)
     result = Result([Outcome.not_run(each) for each in chosen], seeds=numbers, subject=subject)

@@ -15,7 +15,7 @@ from omni_mj.studies.outcome import AfterFrame, check_memory, drive, informed, n
 def run(
     scenario: Scenario | str,
     controllers: Sequence[str | type[Controller]] | None = None,
-    seeds: Iterable[int] | None = None,
+    seeds: int | Iterable[int] | None = None,
     *,
     subject: str | None = None,
     after_frame: AfterFrame = nothing,
@@ -25,7 +25,7 @@ def run(
     Args:
         scenario: what is run, or its name.
         controllers: names, `file.py:Class`, or classes derived from `Controller`. [the scenario's]
-        seeds: of the random numbers, counting up, the same for all controllers. [the scenario's]
+        seeds: of the random numbers, counting up, or how many from 0 on; the same for all controllers. [the scenario's]
         subject: the controller of which a verdict is asked for.
         after_frame: called with each frame's number.
 
@@ -42,7 +42,7 @@ def run(
 def prepare(
     scenario: Scenario | str,
     controllers: Sequence[str | type[Controller]] | None = None,
-    seeds: Iterable[int] | None = None,
+    seeds: int | Iterable[int] | None = None,
 ) -> Simulation:
     """The simulation that `run` runs, at its start."""
     found = chosen(scenario, controllers, seeds)
@@ -54,7 +54,7 @@ def prepare(
 def chosen(
     scenario: Scenario | str,
     controllers: Sequence[str | type[Controller]] | None = None,
-    seeds: Iterable[int] | None = None,
+    seeds: int | Iterable[int] | None = None,
 ) -> Scenario:
     """The scenario, or the one of that name, with these controllers and seeds in place of its own."""
     found = load(scenario) if isinstance(scenario, str) else scenario
@@ -75,13 +75,15 @@ def with_kernel(scenario: Scenario, robots: int) -> Scenario:
     return scenario.replace(settings=settings.replace(physics={"kernel": kernel}))
 
 
-def counted(seeds: Iterable[int]) -> list[int]:
-    """Seeds that count up one by one, as a scenario names them by the first and their number.
+def counted(seeds: int | Iterable[int]) -> list[int]:
+    """Seeds that count up one by one, from 0 if only their number is given.
+
+    A scenario names them by the first and their number.
 
     Raises:
         OmniError: these do not.
     """
-    given = list(seeds)
+    given = list(range(seeds) if isinstance(seeds, int) else seeds)
     if not given or given != list(range(given[0], given[0] + len(given))):
         raise OmniError(
             "seeds must count up one by one, as range(5) does, or the scenario's file could not repeat the run,"

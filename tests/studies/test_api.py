@@ -85,6 +85,11 @@ def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
     assert "Late (failed 2 of 2)" in both.table()
 
 
+def test_a_number_of_seeds_counts_from_zero() -> None:
+    short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]}, seed=5)
+    assert om.run(short, ["flc"], 2).seeds == [0, 1]
+
+
 def test_seeds_that_no_scenario_could_repeat_are_refused() -> None:
     for seeds in ([3, 7], [], [2, 1]):
         with pytest.raises(om.OmniError, match="count up one by one"):

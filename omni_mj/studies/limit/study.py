@@ -100,7 +100,7 @@ def limit(
     started = time.perf_counter()
     chosen = load(scenario) if isinstance(scenario, str) else scenario
     distributions.refuse(chosen.distributions, "limit")
-    numbers = counted(range(seeds) if isinstance(seeds, int) else seeds)
+    numbers = counted(seeds)
     check(chosen, iterations)
     settings = chosen.settings.replace(variation=VariationSettings().model_dump())
     chosen = with_kernel(chosen.replace(settings=settings, seed=numbers[0], seeds=len(numbers)), len(numbers))

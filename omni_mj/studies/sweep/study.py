@@ -78,7 +78,7 @@ def sweep(
     scenario: Scenario | str,
     vary: Mapping[str, Iterable[Any]],
     controllers: Sequence[str | type[Controller]] | None = None,
-    seeds: Iterable[int] | None = None,
+    seeds: int | Iterable[int] | None = None,
     *,
     out: str | Path,
     at_once: int = AT_ONCE,
@@ -90,7 +90,7 @@ def sweep(
         scenario: All that is not varied; what it draws from distributions is drawn anew for each seed.
         vary: Settings `section.field` -> values; none for a scenario that draws some.
         controllers: Names, `file.py:Class`, or classes derived from `Controller`. [the scenario's]
-        seeds: Of the random numbers, counting up, the same everywhere. [the scenario's]
+        seeds: Of the random numbers, counting up, or how many from 0 on; the same everywhere. [the scenario's]
         out: Folder that a sweep is begun in, or gone on with if it is the same.
         at_once: Robots that are simulated at once: memory grows with them, and not with the number of runs.
         how: It is run: `jobs`, `cluster`, `before_shard` of `run`.
