@@ -62,7 +62,7 @@ class MujocoPlant(WheeledPlant):
             robot's file that lacks a part (see `build.world`).
     """
 
-    name, cycles = "mujoco", CYCLES
+    cycles = CYCLES  # of the wheel loops in a frame
 
     def __init__(
         self,

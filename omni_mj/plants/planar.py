@@ -23,7 +23,6 @@ from omni_mj.robot.planar_body import (
     PlanarState,
     advance_frame,
 )
-from omni_mj.robot.wheel_loops import CYCLES
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds import build
 
@@ -42,8 +41,6 @@ class PlanarPlant(WheeledPlant):
             user's own, wheels without creep, or a robot lighter than its wheels.
     """
 
-    name, cycles = "planar", CYCLES
-
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
         _check(rows)
         settings = [row.settings for row in rows]
@@ -58,7 +55,7 @@ class PlanarPlant(WheeledPlant):
         carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
         self._dry = body.hub_dry
         state = PlanarState(onboard_state, body_at_rest(body, x, y, heading))
-        kernel = choose_kernel(settings[0].physics.kernel, self.name)
+        kernel = choose_kernel(settings[0].physics.kernel, "planar")
         self._kernel = make_kernel(kernel, PlanarParameters(onboard, carpet, body), state)
         self._start_faults()
         self._stopped = np.zeros(len(rows), bool)

@@ -79,9 +79,6 @@ class PlanarBodies:
         drawn: What sets them apart.
         world: The first of them, as modelled; its wheels are those of all.
 
-    Attributes:
-        centre: Of mass of each robot with its payloads, from the middle of its wheels' contacts, (n, 3) m.
-
     Raises:
         OmniError: The wheels weigh more than a robot.
     """
@@ -117,7 +114,6 @@ class PlanarBodies:
         shift, factor = np.column_stack([drawn.centre, np.zeros(n)]), drawn.mass[:, 0]
         self._chassis = Mass(chassis.mass * factor, chassis.centre + shift, chassis.inertia * factor)
         self._empty = self._chassis.joined(wheels)
-        self.centre = self._empty.centre
 
     def parameters(
         self, payloads: Iterable[tuple[int, float, float]] = (), slope: Array | None = None
@@ -129,7 +125,6 @@ class PlanarBodies:
             slope: Shares of gravity along the world's x and y, positive downhill, (n, 2). [none]
         """
         whole = self._loaded(payloads)
-        self.centre = whole.centre
         along = np.zeros((len(whole.mass), 2)) if slope is None else slope
         settings, (axle_x, axle_y) = self._settings, self._axle
         contact_x, contact_y = self._contact[0] - whole.centre[:, 0], self._contact[1] - whole.centre[:, 1]

@@ -1,7 +1,6 @@
 """What plants with wheels share: parameters and state of their robots, chance, faults, held currents."""
 
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -28,11 +27,9 @@ class WheeledPlant(Faulty):
     Attributes:
         geometry: Of the wheels, as they are when new.
         drawn: What the robots' seeds drew for them.
-        cycles: Of the wheel loops in a frame.
         onboard: State of what robots carry.
     """
 
-    name: ClassVar[str]
     geometry: Kinematics | None
     onboard: OnboardState
     remembered_frames = 0  # for which robots remember their headings at least; vision may be that late
