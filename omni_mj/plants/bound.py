@@ -69,11 +69,7 @@ class Bound:
     """
 
     def __init__(self, batch: Batch, world: World) -> None:
-        self._batch, self._world = batch, world
-
-        def ids(name: str) -> Ids:
-            return np.array([getattr(robot, name) for robot in world.robots])
-
+        self._batch, self._world, ids = batch, world, self._ids
         qpos, qvel, sensors = (batch.bind(name) for name in ("qpos", "qvel", "sensordata"))
         motors, slips, rollers = ids("motors"), ids("slip_dofs"), ids("roller_dofs")
         self._chassis = ids("chassis")[:, None]
@@ -92,6 +88,10 @@ class Bound:
             self.slip_impedance = self._entries("dof_solimp", slips, 0)
             self.roller_speeds = [Entries(qvel, rollers[:, :, i]) for i in range(2)]
 
+    def _ids(self, name: str) -> Ids:
+        """Return numbers of parts of the robots at each place, by their name in `Robot`."""
+        return np.array([getattr(robot, name) for robot in self._world.robots])
+
     def _entries(self, field: str, columns: Ids, last: int | None = None) -> Entries:
         """Return entries of a field of each world's model."""
         return Entries(self._batch.expand(field), columns, last)
@@ -102,12 +102,12 @@ class Bound:
         Constants that MuJoCo derives from masses stay: these scale contacts and slip hinges, which shall be the same
         for all.
         """
-        robots, drive = self._world.robots, [s.drive for s in settings]
+        places, drive = len(self._world.robots), [s.drive for s in settings]
         if not self.creeps:  # the carpet's friction is that of the contacts, not of slip hinges
-            friction = column([s.carpet for s in settings], "friction")[:: len(robots), None]
+            friction = column([s.carpet for s in settings], "friction")[::places, None]
             self._batch.expand("pair_friction")[:, :, :2] = friction
-        motors, hubs = [Motor.of(s.motor) for s in settings], np.array([robot.wheel_dofs for robot in robots])
-        rollers = np.array([robot.roller_dofs.ravel() for robot in robots])
+        motors, hubs = [Motor.of(s.motor) for s in settings], self._ids("wheel_dofs")
+        rollers = self._ids("roller_dofs").reshape(places, -1)
         dry = column(motors, "wheel_dry") + column(drive, "gear_friction_nm")
         self._entries("dof_frictionloss", hubs).set(dry.T)
         self._entries("dof_damping", hubs).set(column(motors, "wheel_viscous").T)
@@ -120,9 +120,8 @@ class Bound:
     def _wear_down(self, wear: Array) -> None:
         """Take rubber (W, n), m, from rollers, and set axles lower by as much."""
         model, first = self._world.model, self._world.robots[0]
-        wheels = np.array([robot.wheels for robot in self._world.robots])
-        self._entries("body_pos", wheels, 2).set(model.body_pos[first.wheels, 2][:, None] - wear)
-        geoms = np.array([model.body_geomadr[robot.rollers].ravel() for robot in self._world.robots])
+        self._entries("body_pos", self._ids("wheels"), 2).set(model.body_pos[first.wheels, 2][:, None] - wear)
+        geoms = model.body_geomadr[self._ids("rollers")].reshape(len(self._world.robots), -1)
         size, kinds = model.geom_size[geoms[0]], model.geom_type[geoms[0]]
         if (size[:, 0] != size[:, 1]).any() or (kinds != mujoco.mjtGeom.mjGEOM_ELLIPSOID).any():
             raise OmniError("variation.wear_m needs a model with rollers that are ellipsoids about their z axes")
@@ -166,7 +165,7 @@ class Bound:
     @cached_property
     def _hubs(self) -> tuple[Entries, Array]:
         """Dry friction of hubs, and its usual values, (W, n) N m."""
-        hubs = self._entries("dof_frictionloss", np.array([robot.wheel_dofs for robot in self._world.robots]))
+        hubs = self._entries("dof_frictionloss", self._ids("wheel_dofs"))
         return hubs, hubs.get()
 
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> Array:
