@@ -133,9 +133,9 @@ class PlanarBodies:
         load = shares[0] * weight * np.sqrt(np.maximum(1 - (along**2).sum(1), 0.0))
         drive = [s.drive for s in settings]
         wheels, friction = settings[0].wheels, column(drive, "roller_damping_nm_s")[:, 0]
-        known = np.log(_LOADS_N), _standing_wheels(wheels)
+        log_load = np.log(np.maximum(load, _LOADS_N[0]))
         lever, count, inverse_square, inverse_square_down, cost, cost_fades, lift, lift_fades, ripple, ripple_grows = (
-            np.interp(np.log(np.maximum(load, _LOADS_N[0])), known[0], values) for values in known[1].T
+            np.interp(log_load, np.log(_LOADS_N), values) for values in _standing_wheels(wheels).T
         )
         lever = lever - self._wear.T
         away = 2 * np.pi / SPEEDS[0]  # s for which a roller's bearing brakes it until it comes down again
@@ -235,15 +235,17 @@ def _stand(wheels: WheelSettings, load: float) -> tuple[float, ...]:
         return float(brentq(lambda z: force(z, speed).sum() - load, outer / 2, outer))
 
     z = height(0.0)
-    stands, lever = below > z, force(z, 0.0) @ (below + z) / 2 / load
+    still, harmonic = force(z, 0.0), np.exp(1j * wheels.rollers * phi)
+    turning = [force(height(speed), speed) for speed in SPEEDS]
+    stands, lever = below > z, still @ (below + z) / 2 / load
     inverse_squares = ((radius**2 / along - (below - z) / 2) * np.cos(phi))[stands] ** -2
-    costs = [force(height(speed), speed) @ falling / speed for speed in SPEEDS]
+    costs = [pressed @ falling / speed for pressed, speed in zip(turning, SPEEDS, strict=True)]
     lifts = [(force(z, speed).sum() - load) / speed**2 for speed in SPEEDS]
-    turning = *_fade(*costs), *_fade(*lifts)
-    still, turned = (force(height(speed), speed) @ np.exp(1j * wheels.rollers * phi) for speed in (0.0, SPEEDS[0]))
-    ripple = np.pi**3 * still.real  # of waves whose first harmonic is 1
-    grows = np.copysign(np.pi**3 * (abs(turned) - abs(still)) / SPEEDS[0], ripple)
-    return float(lever), share * stands.sum(), inverse_squares.mean(), inverse_squares[0], *turning, ripple, grows
+    rest, turned = still @ harmonic, turning[0] @ harmonic
+    ripple = np.pi**3 * rest.real  # of waves whose first harmonic is 1
+    grows = np.copysign(np.pi**3 * (abs(turned) - abs(rest)) / SPEEDS[0], ripple)
+    spins = inverse_squares.mean(), inverse_squares[0]
+    return float(lever), share * stands.sum(), *spins, *_fade(*costs), *_fade(*lifts), ripple, grows
 
 
 def _fade(slow: Any, fast: Any) -> tuple[Any, Any]:
