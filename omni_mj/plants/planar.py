@@ -53,7 +53,7 @@ class PlanarPlant(WheeledPlant):
         self._slope: Array | None = None
         body, (onboard, onboard_state) = self._bodies.parameters(), self._onboard
         carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
-        self._dry = body.hub_dry
+        self._stuck = np.zeros(body.hub_dry.shape, bool)  # hubs
         state = PlanarState(onboard_state, body_at_rest(body, x, y, heading))
         kernel = choose_kernel(settings[0].physics.kernel, "planar")
         self._kernel = make_kernel(kernel, PlanarParameters(onboard, carpet, body), state)
@@ -116,7 +116,7 @@ class PlanarPlant(WheeledPlant):
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
         if self._report is None:
-            zero = np.zeros_like(self._dry)
+            zero = np.zeros(self._stuck.shape)
             return self._telemetry(self.onboard, zero, zero, zero)
         return Telemetry(self._report.telemetry.T)
 
@@ -138,7 +138,7 @@ class PlanarPlant(WheeledPlant):
 
     def block(self, stuck: np.ndarray) -> None:
         """See `omni_mj.plants.faults.Faulty`."""
-        self._dry = np.where(stuck, STUCK_NM, self._bodies.parameters(self._loads, self._slope).hub_dry)
+        self._stuck = stuck
         self._rebuild()
 
     def put(self, robot: int, moved: tuple[float, float, float]) -> None:
@@ -149,7 +149,8 @@ class PlanarPlant(WheeledPlant):
 
     def _rebuild(self) -> BodyParameters:
         """Set the bodies' parameters anew."""
-        body = self._bodies.parameters(self._loads, self._slope)._replace(hub_dry=self._dry)
+        body = self._bodies.parameters(self._loads, self._slope)
+        body = body._replace(hub_dry=np.where(self._stuck, STUCK_NM, body.hub_dry))
         self.parameters = self.parameters._replace(body=body)
         return body
 
