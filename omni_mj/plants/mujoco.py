@@ -9,7 +9,6 @@ import numpy as np
 
 from omni_control.kinematics import Array, world_to_body, wrap_angle
 from omni_mj.link.radio import Received
-from omni_mj.mjcf.roles import KEPT
 from omni_mj.plants import Telemetry, batches
 from omni_mj.plants.bound import Bound
 from omni_mj.plants.variation import Drawn
@@ -93,8 +92,8 @@ class MujocoPlant(WheeledPlant):
         carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
         carpet = carpet._replace(creep=carpet.creep / (world.model.opt.timestep * inertia))
         self._centre = world.model.body_ipos[robot.chassis][:, None] + np.vstack([drawn.centre.T, np.zeros(n)])
-        two_rollers = self._at.creeps and robot.rollers.shape[1] == KEPT
-        self._pitch = 2 * np.pi / settings[0].wheels.rollers if two_rollers else None
+        wheels = settings[0].wheels
+        self._pitch = 2 * np.pi / wheels.rollers if wheels.model == "two-rollers" else None
         self._failed = np.zeros(n, bool)
         self._living: np.ndarray | None = None  # worlds that are stepped; None for all
         self._stand(np.arange(worlds))
