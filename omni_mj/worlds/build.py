@@ -78,12 +78,13 @@ def world(settings: Settings | None = None, places: int = 1, hulls: bool | None 
 @lru_cache(maxsize=16)
 def _world(part: Part, shape: Shape, places: int, substeps: int, hulls: bool) -> World:
     field = mujoco.MjSpec.from_file(str(models() / "field.xml"))
-    spec, rollers, creeps = part.spec.copy(), part.touching, shape.wheels.creep == "on"
+    spec, rollers = part.spec.copy(), part.touching
     alone = spec.compile()
     (robot,) = roles.find(alone)
-    pair = contact.RIGID
-    if robot.slip_dofs.size:
+    pair, impratio = contact.RIGID, contact.RIGID_FRICTION_STIFFER
+    if shape.wheels.creep == "on":
         pair = contact.creeping(alone, robot.rollers.ravel(), shape.body.mass_kg / len(robot.wheels))
+        impratio = contact.FRICTION_STIFFER
     if shape.wheels.model == "two-rollers":
         two_rollers.reduce(spec, alone, robot)
         left = {geom.name for geom in spec.geoms}
@@ -105,7 +106,7 @@ def _world(part: Part, shape: Shape, places: int, substeps: int, hulls: bool) ->
             _add_load_sensor(field, prefix(place) + alone.body(rim).name)
     if places == 1:  # what touches is one island, of which to make a list costs 7 % of a step
         field.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
-    field.option.impratio = contact.FRICTION_STIFFER if creeps else contact.RIGID_FRICTION_STIFFER
+    field.option.impratio = impratio
     field.option.timestep = field.option.timestep / substeps
     try:
         model = field.compile()
