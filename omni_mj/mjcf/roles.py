@@ -18,7 +18,7 @@ from omni_mj.scenarios.checking import in_one
 
 Ids = NDArray[np.int_]
 KEPT = 2  # rollers of a wheel that is computed with those at the bottom alone (`wheels.model = two-rollers`)
-LEAST = 3  # wheels
+LEAST = 3  # wheels, or rollers of one
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
 _WRITE = 'write <dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'
 _ALONG = 0.5  # cosine of the angle to the axle, above which a hinge turns as the wheel does

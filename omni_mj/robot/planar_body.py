@@ -57,9 +57,9 @@ class BodyParameters(NamedTuple):
     hub_dry: Array  # friction, (W, n) N m
     contact_softness: Array  # slip over torque of the contacts, (W, n) rad/s / (N m)
     lever: Array  # from axles to the carpet, (W, n) m
-    bearing: Array  # force along the axle over speed: bearing + spin_up |w| (1 - exp(-spun_at / |w|)), N s/m
+    bearing: Array  # force along the axle over speed, bearing + spin_up |w| (1 - exp(-spun_at / |w|)), (W, n) N s/m
     spin_up: Array
-    spun_at: Array  # wheel speed at which rollers take on most of the carpet's speed, rad/s
+    spun_at: Array  # wheel speed at which rollers take on most of the carpet's speed, (W, n) rad/s
     cost: Array  # torque that turning costs, cost w / (1 + cost_fades |w|), (W, n) N m
     cost_fades: Array
     lift: Array  # load that a turning wheel takes over, lift w^2 / (1 + lift_fades |w|), (W, n) N
