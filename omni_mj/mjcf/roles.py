@@ -143,6 +143,8 @@ def _find_robot(
         errors.append(f"the body {model.body(chassis).name!r}, which carries the wheels, has no <freejoint>")
     if len(joints) < LEAST:
         errors.append(f"{len(joints)} wheels; it takes {LEAST} to move in every direction")
+    if len(set(joints.tolist())) < len(joints):
+        errors.append("two <dcmotor>s drive one hinge; one must")
     parts = [_order_rollers(model, data, int(joint), errors) for joint in joints]
     gyro = _find_gyro(model, data, chassis, errors)
     encoders = [_find_encoder(model, int(joint), errors) for joint in joints]

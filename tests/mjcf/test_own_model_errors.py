@@ -28,6 +28,8 @@ LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
     ("no wheels.*across the axle$", 1, [('<joint axis="0 1 0"/>', '<joint axis="1 1 0"/>')]),
     ("2 wheels; it takes 3", 1,
      [('<frame euler="0 0 60">(.*?)<replicate.*?</replicate>', r'<frame euler="0 0 60">\1')]),
+    ("two <dcmotor>s drive one hinge; one must", 1,
+     [("<actuator>", '<actuator><dcmotor name="twin" joint="drive_a"/>')]),
     ("the 14 rollers of the wheel 'drive_[abc]' must be evenly spaced", 3, [('count="15"', 'count="14"')]),
     ("'drive_b' at .-0.06, 0.01. m does not lead level to the middle", 1,
      [('<frame euler="0 0 180">', '<frame euler="0 0 180" pos="0.02 0.01 0">')]),
