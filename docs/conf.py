@@ -8,13 +8,7 @@ from importlib.metadata import version as installed
 from itertools import groupby
 from typing import Any
 
-import click
-
-from omni_mj.cli.main import cli
 from omni_mj.show import listing
-
-# sphinx-click takes the commands from here, where otherwise only their names are.
-cli.commands = {name: cli.get_command(click.Context(cli), name) for name in cli.commands}  # type: ignore[misc]
 
 project = "omni-mj"
 author = copyright = "the omni-mj authors"

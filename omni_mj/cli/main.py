@@ -1,5 +1,6 @@
 """The console script `omni-mj`: its commands, each imported when it is called; `run` may be left out."""
 
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import NoReturn
 
@@ -69,16 +70,25 @@ SHARED = {
 }  # commands that are in another's file
 
 
-class _Commands(click.Group):
-    """A group of commands in files of their names; options alone mean `run`: omni-mj --scenario rect."""
+class _Files(Mapping[str, click.Command]):
+    """The commands by name; looking one up imports its file, while names alone import nothing."""
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import the command's file; see `click.Group`."""
-        if cmd_name not in COMMANDS:
-            return None
-        module = import_module(f"omni_mj.cli.{SHARED.get(cmd_name, cmd_name)}")
-        command: click.Command = getattr(module, cmd_name if cmd_name in SHARED else "command")
+    def __getitem__(self, name: str) -> click.Command:
+        if name not in COMMANDS:
+            raise KeyError(name)
+        module = import_module(f"omni_mj.cli.{SHARED.get(name, name)}")
+        command: click.Command = getattr(module, name if name in SHARED else "command")
         return command
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+class _Commands(click.Group):
+    """A group in whose help commands have sections; options alone mean `run`: omni-mj --scenario rect."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Put `run` in front of options, ask for help if there is nothing; see `click.Group`."""
@@ -97,7 +107,7 @@ class _Commands(click.Group):
 
 @click.group(
     cls=_Commands,
-    commands=dict.fromkeys(COMMANDS, click.Command(None)),  # names alone, for suggestions
+    commands=_Files(),
     epilog=EPILOG,
     options_metavar="",
     subcommand_metavar="COMMAND [OPTIONS]",
