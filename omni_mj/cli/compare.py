@@ -47,7 +47,6 @@ def command(
     Without --controller all that are installed are compared.
     """
     from omni_control.registry import available
-    from omni_mj.cli.console import Interrupts
     from omni_mj.files import write
     from omni_mj.show import compare_table, figures
     from omni_mj.studies import compare
@@ -64,7 +63,7 @@ def command(
         result.save_summary(folder)
         write(folder / "compare.md", compare_table.markdown(result.summary()))
 
-    with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+    with console.writing(folder), console.Interrupts() as interrupts, console.progress(quiet) as begin:
         folders.begin_record(folder, "compare", console.command_line(), chosen, trajectories)
 
         def after(result: "Result", outcome: "Outcome") -> None:

@@ -14,7 +14,6 @@ from omni_mj.cli import console, folders, options
 from omni_mj.cli import run as run_command
 
 if TYPE_CHECKING:
-    from omni_mj.cli.console import Interrupts
     from omni_mj.live.link import Link
     from omni_mj.live.session import Options
     from omni_mj.scenarios.scenario import Scenario
@@ -95,14 +94,13 @@ def command(
 
 
 @contextmanager
-def _connected(connection: "Options", failure: str) -> Iterator[tuple["Link", "Interrupts"]]:
+def _connected(connection: "Options", failure: str) -> Iterator[tuple["Link", console.Interrupts]]:
     """Listen to vision until the end of the block. A signal that ends it prints `failure`."""
-    from omni_mj.cli.console import Interrupts
     from omni_mj.live import session
     from omni_mj.live.sockets import Notes
     from omni_mj.studies.outcome import StoppedError
 
-    with Interrupts() as interrupts:
+    with console.Interrupts() as interrupts:
         try:
             notes = Notes(lambda text: click.echo(f"note: {text}", err=True))
             with session.listening(connection, notes, interrupts.check) as link:

@@ -12,7 +12,6 @@ from omni_control.errors import OmniError
 from omni_mj.cli import console, folders, options
 
 if TYPE_CHECKING:
-    from omni_mj.cli.console import Interrupts
     from omni_mj.measure.result import Result
     from omni_mj.simulate.simulation import Simulation
 
@@ -49,7 +48,6 @@ def command(
     quiet: bool,
 ) -> None:
     """Run a scenario with one or several controllers and compare them."""
-    from omni_mj.cli.console import Interrupts
     from omni_mj.scenarios.toml_files import builtin
     from omni_mj.studies import run
 
@@ -60,7 +58,7 @@ def command(
     shown_by = viewers(outputs.view, outputs.connect)
     folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
     with console.writing(folder):
-        with Interrupts() as interrupts:  # Ctrl-C and SIGTERM end it between two frames
+        with console.Interrupts() as interrupts:  # Ctrl-C and SIGTERM end it between two frames
             result = recorded(simulation, folder, outputs.record, shown_by, interrupts, quiet)
         shown(result, folder, outputs.draw, quiet, outputs.svg)
         ended(result, folder, interrupts)
@@ -71,7 +69,7 @@ def recorded(
     folder: Path,
     record: bool,
     shown_by: Sequence[str],
-    interrupts: "Interrupts",
+    interrupts: console.Interrupts,
     quiet: bool,
     study: str = "run",
 ) -> "Result":
@@ -146,7 +144,7 @@ def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = F
             _print_files(result, folder)
 
 
-def ended(result: "Result", folder: Path, interrupts: "Interrupts") -> None:
+def ended(result: "Result", folder: Path, interrupts: console.Interrupts) -> None:
     """End the program as it shall end if a run was stopped, or a row failed."""
     interrupts.end(result.stopped, f"what was recorded until then is in {folder}")
     console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})

@@ -54,7 +54,6 @@ def command(
     **values: Any,
 ) -> None:
     """Simulate robots for software that speaks the league's protocols."""
-    from omni_mj.cli.console import Interrupts
     from omni_mj.files import write
     from omni_mj.live.serve import line_up
     from omni_mj.live.serve.pitch import Pitch
@@ -76,7 +75,7 @@ def command(
     server = Server(pitch, ports, target, values["interface"], values["speed"], values["lockstep"])
     with ExitStack() as stack:
         stack.callback(server.close)
-        interrupts = stack.enter_context(Interrupts())
+        interrupts = stack.enter_context(console.Interrupts())
         if folder is not None:
             stack.enter_context(console.writing(folder))
             # First of all, since by it --overwrite knows the folder for ours.

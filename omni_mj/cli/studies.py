@@ -139,11 +139,9 @@ def _run(
         quiet: Whether nothing is printed.
         frames: Whether the result has frames.
     """
-    from omni_mj.cli.console import Interrupts
-
     outputs = (*WRITTEN, f"{name}.png", f"{name}.svg", *folders.PROVENANCE)
     folder = folders.prepare(out, name, outputs, overwrite)
-    with console.writing(folder), Interrupts() as interrupts, console.progress(quiet) as begin:
+    with console.writing(folder), console.Interrupts() as interrupts, console.progress(quiet) as begin:
         folders.begin_record(folder, name, console.command_line(), chosen, frames)
         result = measure(lambda *what: console.checked(interrupts.check, begin(*what)))
     with console.writing(folder):

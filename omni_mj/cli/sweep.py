@@ -70,12 +70,11 @@ def command(
 
 
 def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
-    from omni_mj.cli.console import Interrupts
     from omni_mj.show import sweep_figure, sweep_table, tables
     from omni_mj.studies.sweep import study
 
     with console.writing(folder):
-        with Interrupts() as interrupts, console.progress(quiet) as begin:
+        with console.Interrupts() as interrupts, console.progress(quiet) as begin:
             console.quiet_mujoco()
             show, shards = begin("sweep", plan.frames * len(study.left(plan, folder))), count()
 
