@@ -86,4 +86,4 @@ def command(
     status = [outcome.entry["status"] for outcome in result.outcomes]
     interrupts.end(result.stopped, f"{status.count('done')} of {len(chosen)} scenarios are in {folder}")
     errors = [f"{o.scenario.name}: {o.entry['reason']}" for o in result.outcomes if o.entry["status"] == "failed"]
-    console.fail_rows({o.scenario.name: o.failures for o in result.outcomes}, errors)
+    console.fail_rows(result.outcomes, errors)

@@ -5,7 +5,7 @@ import os
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -15,8 +15,7 @@ import click
 from omni_control.errors import OmniError, printable
 
 if TYPE_CHECKING:
-    from omni_mj.measure.result import Result
-    from omni_mj.simulate.simulation import Failure
+    from omni_mj.measure.result import Outcome, Result
 
 BAD_INPUT, FAILED = 2, 1
 ENDED = {  # what a signal did, in words
@@ -82,15 +81,15 @@ def fail(message: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
-def fail_rows(failures: Mapping[str, Iterable["Failure"]], errors: Iterable[str] = ()) -> None:
+def fail_rows(outcomes: Sequence["Outcome"], errors: Iterable[str] = ()) -> None:
     """End the program if anything failed, with a line for each; rows of which the same is to be said share one.
 
     Args:
-        failures: scenario -> its rows that were stopped.
+        outcomes: of scenarios, in some of which rows were stopped.
         errors: what else went wrong.
     """
-    several = len(failures) > 1
-    lines = [f"{name}: " * several + str(failure) for name, rows in failures.items() for failure in rows]
+    several = len(outcomes) > 1
+    lines = [f"{o.scenario.name}: " * several + str(failure) for o in outcomes for failure in o.failures]
     lines = [" ".join(line.split()) for line in (*lines, *errors)]
     if lines:
         fail("\n".join(dict.fromkeys(lines)), FAILED)

@@ -147,7 +147,7 @@ def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = F
 def ended(result: "Result", folder: Path, interrupts: console.Interrupts) -> None:
     """End the program as it shall end if a run was stopped, or a row failed."""
     interrupts.end(result.stopped, f"what was recorded until then is in {folder}")
-    console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})
+    console.fail_rows(result.outcomes)
 
 
 def viewers(view: bool, connect: str | None) -> list[str]:

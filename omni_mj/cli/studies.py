@@ -152,4 +152,4 @@ def _run(
     if not quiet:
         console.tell(result, folder, outputs)
     interrupts.end(result.stopped, f"what there is is in {folder}")
-    console.fail_rows({outcome.scenario.name: outcome.failures for outcome in result.outcomes})
+    console.fail_rows(result.outcomes)
