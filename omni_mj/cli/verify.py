@@ -17,6 +17,6 @@ def command(folder: Path, quiet: bool) -> None:
     with console.progress(quiet) as begin:
         found = repeat.verify(folder, lambda title, count: console.checked(lambda: None, begin(title, count)))
     if not found.repeats:
-        console.fail("\n".join([f"{folder} does not repeat", *found.differences, *found.notes]), console.FAILED)
+        console.fail(f"{folder} {found}", console.FAILED)
     if not quiet:
         print(found)
