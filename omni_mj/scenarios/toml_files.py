@@ -1,4 +1,4 @@
-"""TOML files of scenarios and robots, values of --set, and the JSON Schema of scenarios."""
+"""TOML files of scenarios and robots, and values of --set."""
 
 import os
 import re
