@@ -213,8 +213,8 @@ def load(
     data = merged(data, sections) | dict(head)
     values: dict[str, Any] = {}
     own: dict[str, Any] = {}
+    known = {**Settings.model_fields, **Scenario.model_fields}
     for name, value in data.items():
-        known = {**Settings.model_fields, **Scenario.model_fields}
         is_section = name in known or isinstance(value, (Mapping, Checked))
         (own if is_section and name not in HEAD else values)[name] = value
     with collected(errors):
