@@ -14,7 +14,7 @@ from omni_mj.plants.variation import Drawn
 from omni_mj.plants.wheeled import WheeledPlant, by_wheel
 from omni_mj.robot.array_namespace import rotate, select
 from omni_mj.robot.carpet import carpet_parameters
-from omni_mj.robot.kernels import choose_kernel, make_kernel
+from omni_mj.robot.kernels import make_kernel
 from omni_mj.robot.planar_body import (
     BodyParameters,
     BodyState,
@@ -55,8 +55,8 @@ class PlanarPlant(WheeledPlant):
         carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
         self._stuck = np.zeros(body.hub_dry.shape, bool)  # hubs
         state = PlanarState(onboard_state, body_at_rest(body, x, y, heading))
-        kernel = choose_kernel(settings[0].physics.kernel, "planar")
-        self._kernel = make_kernel(kernel, PlanarParameters(onboard, carpet, body), state)
+        parameters = PlanarParameters(onboard, carpet, body)
+        self._kernel = make_kernel(settings[0].physics.kernel, parameters, state)
         self._start_faults()
         self._stopped = np.zeros(len(rows), bool)
         self._pose, self._twist = np.array(start, float), np.zeros((len(rows), 3))

@@ -52,7 +52,7 @@ def check_kernel(name: str) -> None:
         )
 
 
-def choose_kernel(setting: str, plant: str, robots: int = 1, frames: int = 0) -> str:
+def choose_kernel(setting: str, plant: str, robots: int, frames: int) -> str:
     """Return the kernel, numpy or jax, that a setting of `physics.kernel` means.
 
     Robots of `mujoco` spend their time in MuJoCo, where compiled functions gain nothing. On `planar` JAX is taken if
@@ -62,7 +62,7 @@ def choose_kernel(setting: str, plant: str, robots: int = 1, frames: int = 0) ->
         setting: auto, numpy or jax.
         plant: By its name.
         robots: How many.
-        frames: Of the run; 0 if that is not known.
+        frames: Of the run.
 
     Raises:
         OmniError: JAX is set for a plant that it does not compute.
@@ -81,7 +81,7 @@ def has_jax() -> bool:
 
 
 def make_kernel(name: str, parameters: Any, state: Any) -> Kernel:
-    """Return a kernel by its name, numpy or jax.
+    """Return a kernel by its name, numpy or jax; auto is numpy, unless `choose_kernel` took JAX.
 
     Raises:
         OmniError: What it needs is not installed.
