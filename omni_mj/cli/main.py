@@ -27,7 +27,6 @@ SECTIONS = {  # heading -> command -> what it is for, at most what fits a line o
     "What came of it": {
         "report": "one page about a run, or several",
         "film": "a run as a film: GIF, WebP, MP4",
-        "picture": "what the viewer shows of a recording",
         "verify": "whether a run gives the same again, here",
     },
     "What there is": {

@@ -1,16 +1,14 @@
 """A run can be watched while it goes on; a viewer that is not there, or goes away, costs nothing but a line."""
 
-import os
 import signal
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from benches.recording import RERUN, Recorded, record, rrd, simulated
+from benches.recording import Listener, Recorded, record, rrd, simulated
 
 from omni_control.errors import OmniError
 from omni_mj.cli.run import command
@@ -19,35 +17,10 @@ from omni_mj.show.recording import viewer
 SHORT = "reference.waypoints=[[0, 0], [0.5, 0.2]]"
 
 
-class Listener:
-    """`rerun --save`: listens as a viewer does and needs no graphics."""
-
-    def __init__(self, path: Path) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
-        self.path, self.url = path, f"rerun+http://127.0.0.1:{port}/proxy"
-        command = [RERUN, "--save", path, "--bind", "127.0.0.1", "--port", str(port)]
-        self.process = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
-        )
-        deadline = time.monotonic() + 60
-        while time.monotonic() < deadline:
-            try:
-                socket.create_connection(("127.0.0.1", port), 1).close()
-                return
-            except OSError:
-                time.sleep(0.05)
-
-    def end(self, number: int = signal.SIGTERM) -> None:
-        if self.process.poll() is None:
-            os.killpg(self.process.pid, number)
-        self.process.wait()
-
-
 @pytest.fixture
 def listener(tmp_path: Path) -> Iterator[Listener]:
-    started = Listener(tmp_path / "heard.rrd")
+    """`rerun --save`, which listens as a viewer does and needs no graphics."""
+    started = Listener("--save", tmp_path / "heard.rrd")
     yield started
     started.end()
 
@@ -69,16 +42,14 @@ def test_a_viewer_is_sent_what_is_recorded(
 ) -> None:
     run(listener.url, tmp_path / "recording.rrd", SHORT)
     assert capsys.readouterr().err == ""
-    written = Recorded(tmp_path / "recording.rrd")
+    written, path = Recorded(tmp_path / "recording.rrd"), tmp_path / "heard.rrd"
     deadline = time.monotonic() + 20
-    while time.monotonic() < deadline and (
-        not listener.path.exists() or listener.path.stat().st_size < written.path.stat().st_size
-    ):
+    while time.monotonic() < deadline and (not path.exists() or path.stat().st_size < written.path.stat().st_size):
         time.sleep(0.1)
     time.sleep(0.5)
     listener.end(signal.SIGKILL)
     with pytest.warns(match="no footer"):
-        heard = Recorded(listener.path)
+        heard = Recorded(path)
     assert heard.entities() == written.entities()
     for entity in written.entities():  # series begin with the block of their first number
         frames = sorted(heard.frames(entity))

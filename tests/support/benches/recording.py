@@ -1,7 +1,11 @@
 """A bench for recordings: runs that are recorded, .rrd files read back, and the table of the same run."""
 
+import os
+import signal
+import socket
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -73,6 +77,33 @@ class Recorded:
         rows = self.column(entity, "Scalars:scalars")
         width = max(map(len, rows))
         return np.array([row if row else [np.nan] * width for row in rows])
+
+
+class Listener:
+    """A process of rerun that listens at `url`: a viewer, or what `options` make of it."""
+
+    def __init__(self, *options: str | Path, file: Path | None = None) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        self.url = f"rerun+http://127.0.0.1:{port}/proxy"
+        command = [RERUN, *options, "--bind", "127.0.0.1", "--port", str(port)]
+        with open(file or os.devnull, "rb") as stdin:
+            self.process = subprocess.Popen(
+                command, stdin=stdin, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+            )
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            try:
+                socket.create_connection(("127.0.0.1", port), 1).close()
+                return
+            except OSError:
+                time.sleep(0.05)
+
+    def end(self, number: int = signal.SIGTERM) -> None:
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, number)
+        self.process.wait()
 
 
 def rows(table: pa.Table, controller: str, seed: int = 0, place: int = 0) -> dict[str, NDArray]:
