@@ -4,9 +4,9 @@
     python tests/bench_identify.py measured FOLDER
 
 `coverage` counts how often 95 % intervals hold the truth. Each log draws a robot from one of `ROBOTS`, with its own
-creep, drag, loop gain and latency, and drives half of the plan's moves (20 s). The robot's file that the log is
-identified from differs in creep, drag, mass and latency; its radius is as accurate as the program assumes. Drives in
---folder are reused.
+creep, drag, loop gain and latency, and drives half of the moves of the scenario identify (20 s). The robot's file
+that the log is identified from differs in creep, drag, mass and latency; its radius is as accurate as the program
+assumes. Drives in --folder are reused.
 
 `measured` identifies the robot omni3 of sousarbarb/optiodom (MIT; R. B. Sousa et al., J. Intell. Robot. Syst. 105, 39,
 2022). The rows of its CSV files are time, true pose (m, m, rad) and encoder counts of three wheels.
@@ -23,21 +23,19 @@ from omni_control.errors import OmniError
 from omni_mj.measure.table import DASH, Table, text
 from omni_mj.scenarios import robots
 from omni_mj.scenarios.rows import Row
+from omni_mj.scenarios.scenario import scenario
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
 from omni_mj.scenarios.told import creep
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies import run
 from omni_mj.studies.identify import (
-    LENGTHS_M,
     RADIUS_SHARE,
     ROLLS,
     Estimate,
     Identified,
     identify,
     identify_logs,
-    plan,
     robot_file,
-    start_scenario,
 )
 from omni_mj.studies.identify.logs import read
 from omni_mj.studies.outcome import drive
@@ -57,6 +55,7 @@ OMNI3 = {  # mass, inertias, height and rollers are guesses
     ("wheels", "roller_radius_m"): "0.005",
     ("carpet", "pile"): "0.1",
 }
+LENGTHS = 4  # of the moves of scenario identify
 COLUMNS = {  # number -> unit in the table
     "radius_m": 2e3, "gain_forward": 102, "gain_sideways": 102, "arm_m": 1e3, "clock_s": 1e3,
     "creep_stiffness": 1,
@@ -74,8 +73,8 @@ def draw_robot(base: Settings, number: int) -> Settings:
     """Return the settings of the robot that drives log `number`, with its moves."""
     rng = np.random.default_rng([number, 0])
     creep, rollers, pile, gain = np.exp(rng.uniform(-0.35, 0.35, 4))
-    moves = np.array(base.reference.waypoints[1::2]).reshape(len(LENGTHS_M), -1, 3)  # by length and direction
-    half = len(LENGTHS_M) // 2
+    moves = np.array(base.reference.waypoints[1::2]).reshape(LENGTHS, -1, 3)  # by length and direction
+    half = LENGTHS // 2
     chosen = [moves[k, i] for i in range(moves.shape[1]) for k in (rng.integers(half), half + rng.integers(half))]
     turn = rng.uniform(-np.pi, np.pi)
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
@@ -135,7 +134,7 @@ def true_numbers(settings: Settings) -> dict[str, float]:
 
 def identify_drawn(robot: str, numbers: range, folder: Path) -> list[tuple[Identified, dict[str, float]]]:
     """Drive logs of a robot in one batch, unless the folder has them, and identify each."""
-    base = plan(robot)
+    base = scenario("identify", robot=robot)
     base = base.replace(settings=base.settings.replace(wheels={"model": "two-rollers"}))
     settings = [draw_robot(base.settings, number) for number in numbers]
     drives = folder / f"{robot}-{numbers}"
@@ -148,7 +147,10 @@ def identify_drawn(robot: str, numbers: range, folder: Path) -> list[tuple[Ident
         run.of(simulation, drive(simulation)).save(drives)
     logs = read(drives / "trajectory.parquet")
     return [
-        (identify_logs([log], start_scenario(write_start_file(drawn, robot, number, folder))), true_numbers(drawn))
+        (
+            identify_logs([log], scenario("rect", robot=write_start_file(drawn, robot, number, folder))),
+            true_numbers(drawn),
+        )
         for number, log, drawn in zip(numbers, logs, settings, strict=True)
     ]
 

@@ -39,11 +39,10 @@ def test_what_is_no_log_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[
         (tmp_path / name).write_text("time_s\n0\n")
     short = write(tmp_path / "short.csv", {k: v[:100] for k, v in driven().items()})
     for words, says in (
-        ((), "name at least one log"),
+        ((), "Missing argument"),
         ((tmp_path / "none.csv",), "there is no log"),
         ((tmp_path / "log.txt",), "a .csv or .parquet file"),
         ((tmp_path / "log.parquet",), "cannot be read"),
-        ((short, "--plan"), "or --plan"),
         ((short, "--out", tmp_path / "out"), "too few to identify anything"),
     ):
         assert invoke("identify", *words) == 2
@@ -76,13 +75,6 @@ def test_our_own_recording_of_our_own_robot(tmp_path: Path) -> None:
     truth = rect.settings.drive.creep_stiffness
     assert creep["value"] == pytest.approx(truth, abs=4 * creep["standard_error"])
     assert found["estimates"]["wheels.gain_turning"]["value"] is None
-
-
-def test_the_plan_is_a_scenario_within_the_limits(tmp_path: Path) -> None:
-    assert invoke("identify", "--plan", "--out", tmp_path / "out", "--quiet") == 0
-    plan = om.scenario(str(tmp_path / "out" / "plan.toml"))
-    assert plan.settings.reference.max_acceleration_m_s2 == 2.0
-    assert plan.settings.reference.friction > 0  # wheels are regarded
 
 
 def test_a_model_of_the_users_is_named_and_copied(log: Path, tmp_path: Path) -> None:

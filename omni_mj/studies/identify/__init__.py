@@ -6,8 +6,7 @@ tell, `robot_file` writes it.
 """
 
 import json
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ from omni_mj.files import write
 from omni_mj.measure.table import DASH, Table, text
 from omni_mj.scenarios import robots
 from omni_mj.scenarios.scenario import Scenario, scenario
-from omni_mj.scenarios.settings import Settings
 from omni_mj.studies.identify import checks, robot_file
 from omni_mj.studies.identify.findings import Estimate, estimates, find_lacks
 from omni_mj.studies.identify.fit import Fit, fit_usual
@@ -27,20 +25,11 @@ from omni_mj.studies.identify.law import NAMES, Body
 from omni_mj.studies.identify.logs import RobotLog, read
 from omni_mj.studies.identify.stretches import cut
 
-__all__ = ["Estimate", "Identified", "identify", "identify_logs", "plan", "start_scenario"]
+__all__ = ["Estimate", "Identified", "identify", "identify_logs"]
 
 OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the radius is not that of the robot's file
 ROLLS, RADIUS_SHARE = 0.9988, 0.002  # rolling radius over the file's (rubber is pressed), and how well it is known
 CONTACTS = ("creep", "pile", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
-# Moves that tell everything: to 0.4, 0.9, 1.3 and 1.8 m/s, and turns.
-LENGTHS_M, ANGLES_RAD = (0.1, 0.4, 0.9, 1.6), (0.8, 1.8, 3.0, 3.1)
-LIMITS = {  # within traction, with room for what the controller adds: wheels that slide tell less of their creep
-    "max_speed_m_s": 2.5,
-    "max_acceleration_m_s2": 2.0,
-    "max_side_acceleration_m_s2": 1.6,
-    "max_turn_rate_rad_s": 8.0,
-    "max_turn_acceleration_rad_s2": 20.0,
-}
 
 
 @dataclass
@@ -48,16 +37,14 @@ class Identified:
     """Result of an identification.
 
     Attributes:
-        robot: Name or path of the start robot's file.
-        settings: Of that.
+        start: Scenario with the robot from which it starts.
         logs: Names of those that were read.
         estimates: Numbers, told or not, by name, such as `wheels.creep_stiffness`.
         fits: To wheels and to commands.
         notes: A line each.
     """
 
-    robot: str
-    settings: Settings
+    start: Scenario
     logs: list[str]
     estimates: dict[str, Estimate] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
@@ -80,13 +67,28 @@ class Identified:
 
     def table(self) -> str:
         """Return all of it as lines of text."""
-        return "\n".join(self._lines())
+        rows, missing = [], []
+        for e in self.estimates.values():
+            cells = [f"{e.value:.4g}", f"{e.error:.4g}", f"{e.low:.4g} to {e.high:.4g}"] if e.told else [DASH] * 3
+            rows.append([e.title, e.source, e.unit, *cells])
+            if not e.told:
+                missing.append(f"not identifiable from these data: {e.title} ({e.source}): {e.why_not}")
+        headings = ["", "from", "unit", "value", "std. error", "95 % interval"]
+        title = f"{self.start.robot}, identified from {', '.join(self.logs)}"
+        residuals = [
+            f"motion by {source}: residuals of {what} {1e3 * r.rms:.2f} {unit}, "
+            f"of which noise {1e3 * r.noise:.2f} {unit}"
+            for source, fitted in self.fits.items()
+            for (what, r), unit in zip(fitted.residuals.items(), ("mm", "mrad"), strict=True)
+        ]
+        misfits, notes = (f"misfit: {line}" for line in self.misfits), (f"note: {note}" for note in self.notes)
+        return "\n".join([text(Table(title, headings, rows, 3)), *residuals, *misfits, *missing, *notes])
 
     def report(self) -> dict[str, Any]:
         """Return all of it for JSON."""
         return {
             "format": 5,
-            "robot": self.robot,
+            "robot": self.start.robot,
             "logs": self.logs,
             "notes": self.notes,
             "misfits": self.misfits,
@@ -101,28 +103,11 @@ class Identified:
         """Write identify.json and robot.toml, which names a model of the user's where it is."""
         misfits = {source for source, fitted in self.fits.items() if fitted.misfit}
         made = robot_file.changes(self.estimates, misfits)
-        if model := self.settings.model.file:
+        if model := self.start.settings.model.file:
             made["model", "file"] = json.dumps(Path(model).resolve().as_posix())
-        start = robots.robot_path(self.robot).read_text("utf-8")
+        start = robots.robot_path(self.start.robot).read_text("utf-8")
         write(folder / "robot.toml", robot_file.write_changes(start, made, self.logs))
         write(folder / "identify.json", json.dumps(self.report(), indent=2, allow_nan=False) + "\n")
-
-    def _lines(self) -> Iterator[str]:
-        rows = []
-        for e in self.estimates.values():
-            cells = [f"{e.value:.4g}", f"{e.error:.4g}", f"{e.low:.4g} to {e.high:.4g}"] if e.told else [DASH] * 3
-            rows.append([e.title, e.source, e.unit, *cells])
-        headings = ["", "from", "unit", "value", "std. error", "95 % interval"]
-        yield text(Table(f"{self.robot}, identified from {', '.join(self.logs)}", headings, rows, 3))
-        for source, fitted in self.fits.items():
-            for (what, r), unit in zip(fitted.residuals.items(), ("mm", "mrad"), strict=True):
-                noise = f"{1e3 * r.rms:.2f} {unit}, of which noise {1e3 * r.noise:.2f} {unit}"
-                yield f"motion by {source}: residuals of {what} {noise}"
-        yield from (f"misfit: {line}" for line in self.misfits)
-        for e in self.estimates.values():
-            if not e.told:
-                yield f"not identifiable from these data: {e.title} ({e.source}): {e.why_not}"
-        yield from (f"note: {note}" for note in self.notes)
 
 
 def identify(
@@ -139,38 +124,13 @@ def identify(
         OmniError: A log cannot be what it says, or holds too little.
     """
     paths = [logs] if isinstance(logs, Path | str) else logs
-    return identify_logs([log for path in paths for log in read(path)], start_scenario(robot, model))
+    start = scenario("rect", robot=robot, model=model or {})
+    return identify_logs([log for path in paths for log in read(path)], start)
 
 
-def start_scenario(robot: str, model: str | None = None) -> Scenario:
-    """Return the scenario whose robot an identification starts from; see `identify`."""
-    return scenario("rect", robot=robot, model=model or {})
-
-
-def plan(robot: str = robots.DEFAULT, model: str | None = None) -> Scenario:
-    """Return a scenario of moves that tell everything: forward, sideways, diagonal and turning.
-
-    Args:
-        robot: Name or file.
-        model: Its MJCF, if it is a user's own.
-
-    Raises:
-        OmniError: There is no such robot, or its wheels cannot drive the moves.
-    """
-    points = [[0.0, 0.0, 0.0]]
-    for length, angle in zip(LENGTHS_M, ANGLES_RAD, strict=True):
-        for direction in (0.0, math.pi / 2, math.pi / 4):
-            points += [[round(length * math.cos(direction), 4), round(length * math.sin(direction), 4), 0.0], points[0]]
-        points += [[0.0, 0.0, angle], points[0]]
-    reference = {"waypoints": points, "laps": 1, "dwell_s": 0.15, **LIMITS}
-    chosen = scenario("rect", robot=robot, model=model or {}, reference=reference, controllers=["comp-flc"], seeds=1)
-    says = "moves that identify a robot: omni-mj identify --plan"
-    return chosen.replace(name="plan", description=says, paper_table=0)
-
-
-def identify_logs(logs: Sequence[RobotLog], chosen: Scenario) -> Identified:
+def identify_logs(logs: Sequence[RobotLog], start: Scenario) -> Identified:
     """Identify a robot from logs that were read, and the scenario with the start robot."""
-    result = Identified(chosen.robot, chosen.settings, [log.name for log in logs])
+    result = Identified(start, [log.name for log in logs])
     if driven := [log for log in logs if log.wheels is not None]:
         _add_fit(result, "wheels", driven)
     if commanded := [log for log in logs if log.command is not None]:
@@ -186,7 +146,7 @@ def _add_fit(result: Identified, source: str, logs: Sequence[RobotLog]) -> None:
     Raises:
         OmniError: Wheels or axes are not those of this robot, or there is too little.
     """
-    settings, by_wheels = result.settings, source == "wheels"
+    settings, by_wheels = result.start.settings, source == "wheels"
     body, geometry, inputs, twists, delays = Body.of(settings), settings.wheels.kinematics, [], [], []
     for log in logs:
         inputs.append(np.asarray(log.wheels if by_wheels else log.command))
