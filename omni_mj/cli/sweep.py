@@ -2,7 +2,7 @@
 
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -29,9 +29,10 @@ OUTPUTS = ("sweep.json", "scenario.toml", "rows.parquet", "summary.json", "sweep
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
 @click.option("--seeds", type=int, metavar="N", help="How many seeds at each point. [the scenario's]")
 @options.SETTINGS
-@click.option("--at-once", type=int, metavar="N", help="Robots simulated at once; memory grows with them. [128]")
+@click.option(
+    "--at-once", type=int, default=128, metavar="N", help="Robots simulated at once; memory grows with them. [128]"
+)
 @click.option("--jobs", type=int, default=1, metavar="N", help="Processes of this machine that run it. [1]")
-@click.option("--cluster", metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster whose workers run it.")
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/sweep-<UTC time>]")
 @click.option("--resume", type=options.FOLDER, metavar="DIR", help="Go on with a sweep that was stopped or killed.")
 @options.QUIET
@@ -40,21 +41,19 @@ def command(
     choice: options.Choice,
     name: str | None,
     varied: tuple[str, ...],
-    at_once: int | None,
+    at_once: int,
     out: Path | None,
     resume: Path | None,
     quiet: bool,
-    **how: Any,
+    jobs: int,
 ) -> None:
     """Run a scenario under all combinations of settings: failure rates and errors with confidence, as table and map.
 
     Of whole numbers, LOW:HIGH:STEP. A sweep that was stopped or killed goes on with --resume DIR, and computes nothing
     twice. Numbers that are drawn (--set carpet.friction='{uniform = [0.4, 0.9]}') are drawn for each seed.
     """
-    from omni_mj.studies.sweep.plan import AT_ONCE, Plan, axes, parse_axis
-    from omni_mj.studies.sweep.workers import check_workers
+    from omni_mj.studies.sweep.plan import Plan, axes, parse_axis
 
-    check_workers(**how)  # before there is a folder, as all that is checked here
     if resume is not None:
         if name or varied or out:
             raise OmniError("--resume says it all: the folder knows its scenario and what is varied")
@@ -63,13 +62,13 @@ def command(
         raise OmniError("--scenario is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8")
     else:
         chosen = choice.load(name)
-        plan = Plan(chosen, axes(map(parse_axis, varied)), AT_ONCE if at_once is None else at_once)
-        plan.check_memory(how["jobs"])
+        plan = Plan(chosen, axes(map(parse_axis, varied)), at_once)
+        plan.check(jobs)  # before there is a folder
         folder = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
-    _run(plan, folder, quiet, **how)
+    _run(plan, folder, quiet, jobs)
 
 
-def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
+def _run(plan: "Plan", folder: Path, quiet: bool, jobs: int) -> None:
     from omni_mj.show import sweep_figure, sweep_table, tables
     from omni_mj.studies.sweep import study
 
@@ -82,7 +81,7 @@ def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
                 done = next(shards) * plan.frames
                 return console.checked(interrupts.check, lambda frame: show(done + frame))
 
-            result = study.run(plan, folder, before_shard=before_shard, check=interrupts.check, **how)
+            result = study.run(plan, folder, before_shard=before_shard, check=interrupts.check, jobs=jobs)
         done = f"{result.done} of {len(plan.jobs)} shards are"
         if result.done:
             sweep_table.save(result, folder / "sweep.md")

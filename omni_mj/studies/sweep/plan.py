@@ -154,8 +154,10 @@ class Plan:
         """Return the frames of the longest run."""
         return max(timed(scenario.settings).frames for scenario in self.there)
 
-    def check_memory(self, processes: int = 1) -> None:
-        """Raise OmniError if so many shards at once do not fit into memory."""
+    def check(self, processes: int) -> None:
+        """Raise OmniError if shards cannot be run in so many processes at once, or do not fit into memory."""
+        if processes < 1:
+            raise OmniError(f"jobs must be at least 1, not {processes}")
         robots = max(len(job.runs) for job in self.jobs) * len(self.scenario.controllers)
         check_memory(processes * robots, self.frames)
 

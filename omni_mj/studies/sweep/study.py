@@ -3,6 +3,8 @@
 import gc
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
@@ -24,7 +26,7 @@ from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
 from omni_mj.studies.run import chosen
 from omni_mj.studies.sweep.cells import cells, correlations, worst
 from omni_mj.studies.sweep.plan import AT_ONCE, Job, Plan, axes
-from omni_mj.studies.sweep.workers import check_workers, tables
+from omni_mj.studies.sweep.workers import processes, tables
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -93,7 +95,7 @@ def sweep(
         seeds: Of the random numbers, counting up, or how many from 0 on; the same everywhere. [the scenario's]
         out: Folder that a sweep is begun in, or gone on with if it is the same.
         at_once: Robots that are simulated at once: memory grows with them, and not with the number of runs.
-        how: It is run: `jobs`, `cluster`, `before_shard` of `run`.
+        how: It is run: `jobs`, `executor`, `before_shard` of `run`.
 
     Raises:
         OmniError: Something is unknown or not allowed, what is asked for does not fit into memory, or another sweep is
@@ -107,7 +109,7 @@ def run(
     out: str | Path,
     *,
     jobs: int = 1,
-    cluster: Any = None,
+    executor: Executor | None = None,
     before_shard: BeforeShard = lambda job: nothing,
     check: Callable[[], None] = lambda: None,
 ) -> Sweep:
@@ -117,7 +119,7 @@ def run(
         plan: Of the sweep.
         out: Its folder.
         jobs: Processes of this machine that run shards side by side.
-        cluster: Address of a Dask scheduler, or a `distributed.Client`, on whose workers shards are run in their place.
+        executor: Runs shards in their place, anywhere, such as that of a Dask cluster.
         before_shard: Called with each shard; what it returns is called after each frame, and may raise `StoppedError`.
             Of shards that other processes run, both are called once, when they are done.
         check: Called now and then while others run shards; it may raise `StoppedError`.
@@ -126,8 +128,7 @@ def run(
         OmniError: See `sweep`.
     """
     folder, stopped = Path(out), None
-    check_workers(jobs, cluster)
-    plan.check_memory(jobs)
+    plan.check(jobs)
     if not (folder / "sweep.json").exists():
         folder.mkdir(parents=True, exist_ok=True)
         plan.save(folder)
@@ -136,13 +137,14 @@ def run(
     (folder / SHARDS).mkdir(exist_ok=True)
     missing = left(plan, folder)
     try:
-        if cluster is None and jobs == 1:
-            for job in missing:
-                parquet.write([run_shard(plan, job, before_shard(job))], _file(folder, job))
-        elif missing:
-            for job, table in tables(jobs, cluster, run_shard, plan, missing, check):
-                parquet.write([table], _file(folder, job))
-                before_shard(job)(plan.frames - 1)
+        with nullcontext(executor) if executor or jobs == 1 else processes(jobs) as workers:
+            if workers is None:
+                for job in missing:
+                    parquet.write([run_shard(plan, job, before_shard(job))], _file(folder, job))
+            else:
+                for job, table in tables(workers, run_shard, plan, missing, check):
+                    parquet.write([table], _file(folder, job))
+                    before_shard(job)(plan.frames - 1)
     except StoppedError as error:
         stopped = error.reason
     result = Sweep(plan, len(plan.jobs) - len(left(plan, folder)), stopped, folder)
