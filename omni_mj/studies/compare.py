@@ -5,15 +5,15 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from omni_control.controllers.base import Controller
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError
 from omni_control.registry import available
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.scenarios import faults
-from omni_mj.scenarios.checking import in_one
+from omni_mj.scenarios.checking import collected, in_one
 from omni_mj.scenarios.scenario import Scenario, load
 from omni_mj.scenarios.toml_files import builtin
 from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, drive, informed, total_frames
-from omni_mj.studies.run import counted, prepare
+from omni_mj.studies.run import check_subject, chosen, counted, prepare
 
 LEFT_OUT = ("heat", "storm", "identify")  # long; everything at once; moves for a log, which are no task
 SEEDS = 10
@@ -50,16 +50,15 @@ def compare(
     """
     started = time.perf_counter()
     given = usual() if scenarios is None else scenarios
-    kinds = tuple(available() if controllers is None else controllers)
     numbers = counted(seeds)
-    chosen = [(load(each) if isinstance(each, str) else each).replace(controllers=kinds) for each in given]
-    check(chosen, subject)
-    result = Result([Outcome.not_run(each) for each in chosen], seeds=numbers, subject=subject)
-    if chosen:
-        result.controllers, result.informed = list(chosen[0].labels), informed(chosen[0])
+    all_chosen = [chosen(each, available() if controllers is None else controllers) for each in given]
+    check(all_chosen, subject)
+    result = Result([Outcome.not_run(each) for each in all_chosen], seeds=numbers, subject=subject)
+    if all_chosen:
+        result.controllers, result.informed = list(all_chosen[0].labels), informed(all_chosen[0])
     try:
-        for i, scenario in enumerate(chosen):
-            outcome = _run(scenario, numbers, f"{scenario.name} ({i + 1} of {len(chosen)})", begin)
+        for i, scenario in enumerate(all_chosen):
+            outcome = _run(scenario, numbers, f"{scenario.name} ({i + 1} of {len(all_chosen)})", begin)
             result.outcomes[i] = outcome if keep else replace(outcome, log=None)
             result.wall_s = time.perf_counter() - started
             after(result, outcome)
@@ -77,20 +76,21 @@ def usual(plant: str = "mujoco") -> tuple[str, ...]:
     return tuple(name for name in there if all(fault.kind in kinds for fault in load(name).settings.fault))
 
 
-def check(chosen: Sequence[Scenario], subject: str | None) -> None:
+def check(scenarios: Sequence[Scenario], subject: str | None) -> None:
     """See that scenarios, all with the same controllers, can stand in one table.
 
     Raises:
         OmniError: two of them share a name, or the subject is none of the controllers; a line for each.
     """
-    names = [each.name for each in chosen]
+    names = [each.name for each in scenarios]
     errors = [
         f"two scenarios are called {name!r}; give each once, or files with another name in them"
         for name in names
         if names.count(name) > 1
     ]
-    if subject is not None and chosen and subject not in chosen[0].labels:
-        errors.append(f"the subject {subject!r} is not among the controllers; {choose(subject, chosen[0].labels)}")
+    if scenarios:
+        with collected(errors):
+            check_subject(scenarios[0], subject)
     in_one(errors)
 
 

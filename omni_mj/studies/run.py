@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from omni_control.controllers.base import Controller
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, choose
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.robot.kernels import choose_kernel
 from omni_mj.scenarios.references import timed
@@ -33,9 +33,11 @@ def run(
         Everything that was recorded, measured; rows that failed are in it up to there.
 
     Raises:
-        OmniError: there is no such scenario or controller, one cannot be run, or seeds that do not count up.
+        OmniError: there is no such scenario or controller, one cannot be run, the subject is not run, or seeds that do
+            not count up.
     """
     simulation = prepare(scenario, controllers, seeds)
+    check_subject(simulation.scenario, subject)
     return of(simulation, drive(simulation, after_frame), subject)
 
 
@@ -57,13 +59,20 @@ def chosen(
     seeds: int | Iterable[int] | None = None,
 ) -> Scenario:
     """The scenario, or the one of that name, with these controllers and seeds in place of its own."""
-    found = load(scenario) if isinstance(scenario, str) else scenario
+    found = scenario if isinstance(scenario, Scenario) else load(str(scenario))
     if controllers is not None:
-        found = found.replace(controllers=tuple(controllers))
+        is_one = isinstance(controllers, str | type)
+        found = found.replace(controllers=(controllers,) if is_one else tuple(controllers))
     if seeds is not None:
         numbers = counted(seeds)
         found = found.replace(seed=numbers[0], seeds=len(numbers))
     return found
+
+
+def check_subject(scenario: Scenario, subject: str | None) -> None:
+    """Raise OmniError if the controller of which a verdict is asked for is not run."""
+    if subject not in (None, *scenario.labels):
+        raise OmniError(f"the subject {subject!r} is not among the controllers; {choose(subject, scenario.labels)}")
 
 
 def with_kernel(scenario: Scenario, robots: int) -> Scenario:

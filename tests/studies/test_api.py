@@ -94,3 +94,12 @@ def test_seeds_that_no_scenario_could_repeat_are_refused() -> None:
     for seeds in ([3, 7], [], [2, 1]):
         with pytest.raises(om.OmniError, match="count up one by one"):
             om.run("rect", ["comp-flc"], seeds=seeds)
+
+
+def test_one_controller_may_be_named_alone_and_a_subject_must_be_run() -> None:
+    short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]]})
+    assert om.run(short, "flc").controllers == om.compare([short], "flc", seeds=1).controllers == ["flc"]
+    with pytest.raises(om.OmniError, match="the subject 'p' is not among the controllers; choose from flc"):
+        om.run(short, "flc", subject="p")
+    with pytest.raises(om.OmniError, match="unknown scenario '5'"):
+        om.run(5)
