@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 REPEATED = ("run", "compare")  # studies that are run again
 RESULTS = ("failed", "drawn", "events", "results")  # parts of a scenario's entry that frames decide
 ENVIRONMENT = ("versions", "source", "git", "machine")  # parts of a record
-KEYS = ["controller", "seed", "place", "frame"]
-HERE = " here"  # after the names of the repetition's channels
 
 
 @dataclass
@@ -174,16 +172,15 @@ def _run(chosen: Scenario, entry: Mapping[str, Any], begin: Begin) -> Outcome:
 def _frame_differences(recorded: "pa.Table", again: "pa.Table") -> Iterator[str]:
     """Yield how trajectories differ; a value that is not a number equals any other such."""
     old, new = (table.set_column(0, "controller", table["controller"].cast("string")) for table in (recorded, again))
-    both = old.join(new, KEYS, join_type="inner", right_suffix=HERE, use_threads=False)
-    both = both.sort_by([(key, "ascending") for key in ("frame", *KEYS[:3])])
-    if not old.num_rows == new.num_rows == both.num_rows:
+    n = min(old.num_rows, new.num_rows)
+    if old.num_rows != new.num_rows:
         yield f"{old.num_rows} frames are in the run, {new.num_rows} here"
     first: dict[str, int] = {}
-    for name in (name for name in old.column_names if name not in KEYS):
+    for name in old.column_names:
         if name not in new.column_names:
             yield f"nothing is recorded here of {name}"
             continue
-        before, after = (both[column].to_numpy() for column in (name, name + HERE))
+        before, after = (table[name].to_numpy()[:n] for table in (old, new))
         differs = before != after
         if before.dtype == after.dtype == float:
             differs = before.view(np.uint64) != after.view(np.uint64)
@@ -192,10 +189,10 @@ def _frame_differences(recorded: "pa.Table", again: "pa.Table") -> Iterator[str]
             first[name] = int(differs.argmax())
     if first:
         name = min(first, key=first.__getitem__)
-        row = both.slice(first[name], 1).to_pylist()[0]
+        row, here = (table.slice(first[name], 1).to_pylist()[0] for table in (old, new))
         yield (
             f"first in frame {row['frame']} of {row['controller']}, seed {row['seed']}, "
-            f"place {row['place']}: {name} is {row[name]} in the run, {row[name + HERE]} here; "
+            f"place {row['place']}: {name} is {row[name]} in the run, {here[name]} here; "
             f"{len(first)} channels differ"
         )
 
