@@ -16,20 +16,22 @@ DEFENCE_DEPTH_M, DEFENCE_WIDTH_M = 1.0, 2.0
 GOAL_WIDTH_M, GOAL_DEPTH_M, GOAL_HEIGHT_M, GOAL_WALL_M = 1.0, 0.18, 0.16, 0.02
 
 
-def lines() -> list[Array]:
-    """Middles of the white lines, each a polyline (points, 2) in m."""
-    x, y = (LENGTH_M - LINE_M) / 2, (WIDTH_M - LINE_M) / 2
-    inner, half = LENGTH_M / 2 - DEFENCE_DEPTH_M + LINE_M / 2, (DEFENCE_WIDTH_M - LINE_M) / 2
-    defence = np.array([[x, -half], [inner, -half], [inner, half], [x, half]])
-    angle = np.linspace(0, 2 * np.pi, 73)
-    return [
-        np.array([[-x, -y], [x, -y], [x, y], [-x, y], [-x, -y]]),
-        np.array([[0, -y], [0, y]]),
-        np.array([[-x, 0], [x, 0]]),
-        (CIRCLE_RADIUS_M - LINE_M / 2) * np.column_stack([np.cos(angle), np.sin(angle)]),
-        defence,
-        -defence,
-    ]
+def lines() -> dict[str, tuple[float, float, float, float]]:
+    """Return the straight lines by SSL-Vision's names: x and y of both ends, m."""
+    x, y, half = LENGTH_M / 2, WIDTH_M / 2, DEFENCE_WIDTH_M / 2
+    result = {
+        "TOP_TOUCH_LINE": (-x, y, x, y),
+        "BOTTOM_TOUCH_LINE": (-x, -y, x, -y),
+        "HALFWAY_LINE": (0.0, -y, 0.0, y),
+        "CENTER_LINE": (-x, 0.0, x, 0.0),
+    }
+    for side, sign in (("LEFT", -1), ("RIGHT", 1)):
+        goal, front, left = sign * x, sign * (x - DEFENCE_DEPTH_M), sign * half
+        result[f"{side}_GOAL_LINE"] = goal, -y, goal, y
+        result[f"{side}_PENALTY_STRETCH"] = front, -half, front, half
+        result[f"{side}_FIELD_LEFT_PENALTY_STRETCH"] = goal, left, front, left
+        result[f"{side}_FIELD_RIGHT_PENALTY_STRETCH"] = goal, -left, front, -left
+    return result
 
 
 def goal_walls() -> tuple[Array, Array]:

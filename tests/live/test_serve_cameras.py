@@ -89,6 +89,9 @@ def test_faults_concern_the_robots_whose_numbers_they_name_and_cameras_as_a_whol
     speeds = np.hypot(*bench.twists[:, :2].T)
     assert speeds[0] > 0.3
     assert speeds[1] < 0.02
+    assert bench.put(7, 2.0, 2.0, 0.0) == []  # the world is made anew, and times of faults count from then
+    (image,) = bench.look()
+    assert image.detection.t_capture == pytest.approx(bench.time_s)
 
 
 def test_the_geometry_is_that_of_division_b() -> None:

@@ -16,8 +16,6 @@ from omni_mj.live.wire import MM_PER_M
 from omni_mj.live.wire.league_pb2 import (
     Calibration,
     Detection,
-    FieldArc,
-    FieldLine,
     FieldSize,
     Point,
     Shape,
@@ -73,10 +71,9 @@ class FieldCamera:
 
     def __init__(self, number: int, rows: Sequence[Row]) -> None:
         self._number, self._vision, self._frame = number, rows[0].settings.vision, 0
-        self.set_robots(rows)
-        seeds: list[Seed] = [(rows[0].seed, SEED_OFFSET + number)]
-        self._timing = Timing([self._vision], seeds, [rows[0].faults])
-        clock = Noise(seeds, Stream.CAMERA_CLOCK, lambda rng, count: rng.standard_normal((count, 4)))
+        self._seeds: list[Seed] = [(rows[0].seed, SEED_OFFSET + number)]
+        self.set_robots(rows, 0)
+        clock = Noise(self._seeds, Stream.CAMERA_CLOCK, lambda rng, count: rng.standard_normal((count, 4)))
         offset_x, offset_y, clock_offset, phase = clock.next()[0].tolist()
         self._offset = self._vision.camera_offset_m * np.array([offset_x, offset_y, 0.0])
         self._clock_offset_s = self._vision.clock_offset_s * clock_offset
@@ -88,8 +85,10 @@ class FieldCamera:
         self._centre = cell * (number % columns + 0.5, number // columns + 0.5) - np.array(field.SURFACE_M) / 2
         self._half = (cell + self._vision.overlap_m) / 2
 
-    def set_robots(self, rows: Sequence[Row]) -> None:
-        """Observe these robots from now on."""
+    def set_robots(self, rows: Sequence[Row], cycle: int) -> None:
+        """Observe these robots from a cycle on, from which times of faults count."""
+        self._first_cycle = cycle
+        self._timing = Timing([self._vision], self._seeds, [rows[0].faults])
         seeds = [row.noise_seed if self._number == 0 else (*row.noise_seed, SEED_OFFSET + self._number) for row in rows]
         self._camera = Camera([row.settings.vision for row in rows], seeds, [row.faults for row in rows])
 
@@ -103,14 +102,16 @@ class FieldCamera:
             ball: Position, shape (2,), m.
             epoch_s: Time of a correct clock at simulated time 0, s.
         """
-        time_s, frame = cycle / CYCLE_RATE_HZ, cycle // CYCLES_PER_FRAME
+        begun_s, elapsed = self._first_cycle / CYCLE_RATE_HZ, cycle - self._first_cycle
+        frame, elapsed_s = elapsed // CYCLES_PER_FRAME, elapsed / CYCLE_RATE_HZ
         measured = self._camera(poses, frame) + self._offset
         measured[~self._sees(poses[:, :2])] = np.nan
-        (sent_s,), (clock_lag_s,) = self._timing.at(frame, time_s)
+        (arrival_s,), (clock_lag_s,) = self._timing.at(frame, elapsed_s)
+        sent_s = begun_s + float(arrival_s)
         epoch_s += self._clock_offset_s - clock_lag_s
         detection = Detection(
             frame_number=self._frame,
-            t_capture=epoch_s + time_s,
+            t_capture=epoch_s + cycle / CYCLE_RATE_HZ,
             t_sent=epoch_s + sent_s,
             camera_id=self._number,
         )
@@ -124,7 +125,7 @@ class FieldCamera:
                 robots.add(confidence=1.0, robot_id=number, height=MM_PER_M * ROBOT_HEIGHT_M, **place)
         self._frame += 1
         self.due = self._cycle_of(self._frame)
-        return Image(float(sent_s), cycle, tuple(names), measured, detection)
+        return Image(sent_s, cycle, tuple(names), measured, detection)
 
     def calibration(self) -> Calibration:
         """Return the calibration of a camera that looks straight down: half a turn about x, without distortion."""
@@ -161,52 +162,37 @@ class FieldCamera:
 
 def standard_field() -> FieldSize:
     """Return the field of division B with its markings."""
-    length, width, depth = field.LENGTH_M, field.WIDTH_M, field.DEFENCE_DEPTH_M
     lengths_m = {
-        "field_length": length,
-        "field_width": width,
+        "field_length": field.LENGTH_M,
+        "field_width": field.WIDTH_M,
         "goal_width": field.GOAL_WIDTH_M,
         "goal_depth": field.GOAL_DEPTH_M,
         "goal_height": field.GOAL_HEIGHT_M,
-        "boundary_width": (field.SURFACE_M[0] - length) / 2,
-        "penalty_area_depth": depth,
+        "boundary_width": (field.SURFACE_M[0] - field.LENGTH_M) / 2,
+        "penalty_area_depth": field.DEFENCE_DEPTH_M,
         "penalty_area_width": field.DEFENCE_WIDTH_M,
         "center_circle_radius": field.CIRCLE_RADIUS_M,
         "line_thickness": field.LINE_M,
     }
-    x, y, inner, half = length / 2, width / 2, length / 2 - depth, field.DEFENCE_WIDTH_M / 2
-    lines_m = {
-        "TOP_TOUCH_LINE": (-x, y, x, y),
-        "BOTTOM_TOUCH_LINE": (-x, -y, x, -y),
-        "HALFWAY_LINE": (0.0, -y, 0.0, y),
-        "CENTER_LINE": (-x, 0.0, x, 0.0),
-    }
-    for side, sign in (("LEFT", -1), ("RIGHT", 1)):
-        goal, front, left = sign * x, sign * inner, sign * half
-        lines_m[f"{side}_GOAL_LINE"] = goal, -y, goal, y
-        lines_m[f"{side}_PENALTY_STRETCH"] = front, -half, front, half
-        lines_m[f"{side}_FIELD_LEFT_PENALTY_STRETCH"] = goal, left, front, left
-        lines_m[f"{side}_FIELD_RIGHT_PENALTY_STRETCH"] = goal, -left, front, -left
-    thickness = MM_PER_M * field.LINE_M
-    circle = FieldArc(
+    size = FieldSize(ball_radius=MM_PER_M * BALL_RADIUS_M, max_robot_radius=MM_PER_M * ROBOT_RADIUS_M)
+    for name, value in lengths_m.items():
+        setattr(size, name, round(MM_PER_M * value))
+    for shape, ends in field.lines().items():
+        x1, y1, x2, y2 = (MM_PER_M * end for end in ends)
+        size.field_lines.add(
+            name=shape.title().replace("_", ""),
+            p1=Point(x=x1, y=y1),
+            p2=Point(x=x2, y=y2),
+            thickness=size.line_thickness,
+            type=shape,
+        )
+    size.field_arcs.add(
         name="CenterCircle",
         center=Point(x=0, y=0),
-        radius=MM_PER_M * field.CIRCLE_RADIUS_M,
+        radius=size.center_circle_radius,
         a1=0.0,
         a2=2 * math.pi,
-        thickness=thickness,
+        thickness=size.line_thickness,
         type=Shape.CENTER_CIRCLE,
     )
-    lines = []
-    for shape, ends in lines_m.items():
-        x1, y1, x2, y2 = (MM_PER_M * end for end in ends)
-        name = shape.title().replace("_", "")
-        p1, p2 = Point(x=x1, y=y1), Point(x=x2, y=y2)
-        lines.append(FieldLine(name=name, p1=p1, p2=p2, thickness=thickness, type=shape))
-    return FieldSize(
-        **{name: round(MM_PER_M * value) for name, value in lengths_m.items()},
-        field_lines=lines,
-        field_arcs=[circle],
-        ball_radius=MM_PER_M * BALL_RADIUS_M,
-        max_robot_radius=MM_PER_M * ROBOT_RADIUS_M,
-    )
+    return size

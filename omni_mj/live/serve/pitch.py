@@ -217,7 +217,7 @@ class Pitch:
         self.held = decode_packets(self._packets, np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
         for camera in self.cameras:
-            camera.set_robots(self.rows)
+            camera.set_robots(self.rows, self.cycle)
 
     def _row(self, place: int, name: RobotName) -> Row:
         team, number = name

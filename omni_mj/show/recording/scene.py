@@ -64,7 +64,10 @@ def log_field(stream: rr.RecordingStream) -> None:
     ):
         shape = rr.Boxes3D(half_sizes=sizes, centers=at, colors=[colour], fill_mode="solid")
         stream.log(f"world/field/{name}", shape, static=True)
-    strips = [_at(line, 0.0) for line in field.lines()]
+    angle = np.linspace(0, 2 * np.pi, 73)
+    circle = field.CIRCLE_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
+    lines = [circle, *np.reshape([*field.lines().values()], (-1, 2, 2))]
+    strips = [_at(line, 0.0) for line in lines]
     stream.log("world/field/lines", rr.LineStrips3D(strips, colors=[LINES], radii=field.LINE_M / 2), static=True)
 
 
