@@ -49,14 +49,12 @@ class Line:
         host: Address of the robots or their simulator; None for the usual one.
         colour: Of the team.
         interface: By which packets leave.
-        world: Whether robots are told velocities along the field, in place of forward and left.
         both: Whether the other team's port gets an empty packet for each.
     """
 
     host: Address | None
     colour: Colour
     interface: str
-    world: bool
     both: bool = False
 
 
@@ -101,13 +99,8 @@ class SimulatorRadio(Radio):
         self._read_answers()
         packet = RobotControl()
         for command in commands:
-            move = packet.robot_commands.add(id=command.id).move_command
-            if self.line.world:
-                velocity = move.global_velocity
-                velocity.x, velocity.y, velocity.angular = command.x, command.y, command.turn
-            else:
-                local = move.local_velocity
-                local.forward, local.left, local.angular = command.forward, command.left, command.turn
+            velocity = packet.robot_commands.add(id=command.id).move_command.local_velocity
+            velocity.forward, velocity.left, velocity.angular = command.forward, command.left, command.turn
         try:
             self._socket.sendto(packet.SerializeToString(), self._target)
             if self._opponents:

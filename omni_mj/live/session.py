@@ -39,7 +39,6 @@ class Options:
         colour: Of the team.
         ids: The robots' numbers; none for the lowest that are seen.
         pace: What gives the ticks.
-        velocity: In whose frame robots are told velocities, "local" or "global".
         radio: A class of a team's own, as `file.py:Class`; None for the simulation protocol.
         wait_s, listen_s: How long vision is waited for, and listened to before anything else.
         duration_s: After which it ends; None for the whole route.
@@ -53,7 +52,6 @@ class Options:
     colour: Colour = "blue"
     ids: tuple[int, ...] = ()
     pace: Pace = "auto"
-    velocity: str = "local"
     radio: str | None = None
     wait_s: float = 10.0
     listen_s: float = LISTEN_S
@@ -72,7 +70,7 @@ class Options:
         interface = "" if self.radio else self.interface
         target = address(self.commands, PORTS[self.colour], interface) if self.commands else None
         both = self.pace != "vision"  # a simulation that waits for commands would take an empty packet for one
-        return Line(target, self.colour, self.interface, self.velocity == "global", both)
+        return Line(target, self.colour, self.interface, both)
 
     def fixes(self, name: str) -> bool:
         """Return whether a setting is left alone."""
@@ -165,8 +163,8 @@ def _dead_time(trial: Live) -> int:
     silent = [str(number) for number, each in zip(trial.ids, responses, strict=True) if not each.gain >= MIN_GAIN]
     if silent:
         raise OmniError(
-            f"robots {', '.join(silent)} do not turn as they are told: --team, --commands and --velocity say"
-            " how they are told; --no-pulse does without asking them"
+            f"robots {', '.join(silent)} do not turn as they are told: --team and --commands say"
+            " where they are told; --no-pulse does without asking them"
         )
     latency = float(np.median([response.latency for response in responses]))
     ms = 1e3 * latency / FRAME_RATE_HZ

@@ -1,11 +1,9 @@
-"""UDP and TCP as the league uses them: vision from a multicast group or to an address, commands to a host.
+"""UDP as the league uses it: vision from a multicast group or to an address, commands to a host.
 
 Everything is bound and sent to this computer alone, with a time to live of 0, unless an interface is named.
 """
 
-import io
 import ipaddress
-import os
 import select
 import socket
 import time
@@ -13,15 +11,10 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from google.protobuf import proto
-from google.protobuf.message import DecodeError, Message
-
 from omni_control.errors import OmniError
-from omni_mj.live.wire import MessageT, WireError, check_complete
 
 LOOPBACK = "127.0.0.1"
 MAX_DATAGRAM = 65_536  # bytes
-CLIENT_TIMEOUT_S = 1.0  # for a TCP client that stops in the middle of a message
 BUFFER_BYTES = 1 << 21  # of the kernel: some seconds of four cameras
 
 
@@ -146,70 +139,6 @@ class Receiver(socket.socket):
             yield data, time.monotonic(), Address(*source)
 
 
-def listen(where: Address) -> socket.socket:
-    """Return a socket that accepts TCP connections.
-
-    Raises:
-        OmniError: The port is taken.
-    """
-    try:
-        return socket.create_server(where)
-    except OSError as error:
-        raise OmniError(f"cannot listen to {where} by TCP: {reason(error)}") from None
-
-
-class Stream:
-    """A TCP connection. Each message follows its length as a varint.
-
-    Args:
-        connection: Its socket.
-    """
-
-    def __init__(self, connection: socket.socket) -> None:
-        self._socket, self.address = connection, Address(*connection.getpeername())
-        connection.settimeout(CLIENT_TIMEOUT_S)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._input = connection.makefile("rb", 1)  # reads nothing ahead, which `select` would not know of
-
-    def fileno(self) -> int:
-        """Return the descriptor for `selectors`."""
-        return self._socket.fileno()
-
-    def read(self, size: int) -> bytes:
-        """Return `size` bytes, for protobuf's parser."""
-        if size > MAX_DATAGRAM:
-            raise WireError(f"a message is longer than {MAX_DATAGRAM} bytes")
-        return self._input.read(size)
-
-    def receive(self, message_type: type[MessageT]) -> MessageT:
-        """Wait for a message.
-
-        Raises:
-            WireError: It is malformed or too long.
-            OSError: The client has gone, or stopped in the middle.
-        """
-        try:
-            message = proto.parse_length_prefixed(message_type, self)
-        except (DecodeError, ValueError) as error:
-            raise WireError(str(error)) from None
-        if message is None:
-            raise ConnectionResetError
-        return check_complete(message)
-
-    def reply(self, message: Message) -> None:
-        """Send an answer."""
-        packet = io.BytesIO()
-        proto.serialize_length_prefixed(message, packet)
-        self._socket.sendall(packet.getvalue())
-
-    def close(self) -> None:
-        """Hang up."""
-        self._input.close()
-        self._socket.close()
-
-
 def reason(error: OSError) -> str:
     """Return what the system says of an error, in lower case."""
-    code = error.errno or 0  # negative if a host is unknown
-    # `socket.create_server` adds an address to `strerror`.
-    return (os.strerror(code) if code > 0 else error.strerror or str(error)).lower()
+    return (error.strerror or str(error)).lower()

@@ -64,11 +64,10 @@ def test_what_vision_gets_wrong_costs_little() -> None:
     assert error[..., 2].max() < 0.1
 
 
-@pytest.mark.parametrize("velocity", ["local", "global"])
-def test_robots_that_turn_while_they_drive_are_told_right(velocity: str) -> None:
+def test_robots_that_turn_while_they_drive_are_told_right() -> None:
     """By their heading when the command acts: a turn of pi over 0.5 m, with a dead time of 5."""
     turn = {"waypoints": [[0, 0, 0], [0.5, 0, np.pi]], "settle_s": 0.3}
-    with peer("--delay", 5, velocity=velocity) as options:
+    with peer("--delay", 5) as options:
         live = driven(on_wire("comp-flc", reference=turn), options)
     aside = np.abs(live.log.channel("pose")[:, 0, 1])
     assert aside.max() < 0.003

@@ -1,24 +1,13 @@
 """In lockstep, runs over the wire are the same to the bit, and those of the loop that runs in one process."""
 
-import socket
-from contextlib import suppress
-
 import numpy as np
 import pytest
 import serving
-from benches.serve import FAST, QUIET, Field, here
-from google.protobuf import proto
-from serving import LOOPBACK, Client, local, world
+from benches.serve import Field, here
+from serving import Client, local, world
 
 import omni_mj as om
-from omni_mj.live.wire.league_pb2 import (
-    RobotCommand,
-    RobotControl,
-    RobotControlResponse,
-    SimulatorCommand,
-    SyncRequest,
-    SyncResponse,
-)
+from omni_mj.live.wire.league_pb2 import RobotCommand, RobotControl, RobotControlResponse
 
 STEPS = 40
 FLOAT32_M = 4e-7  # what a place of up to 4 m loses on the wire, in mm as a 32-bit number: 2^-24 of it, and rounding
@@ -101,68 +90,3 @@ def test_packets_to_the_simulator_repeat_the_last_image_and_kicks_are_ignored() 
         assert [(robot.id, robot.dribbler_ball_contact) for robot in answer.feedback] == [(7, False), (2, False)]
         assert not answer.errors
         assert server.notes["kicks"] == 1
-
-
-class Stream:
-    """A client of the synchronous mode."""
-
-    def __init__(self, port: int) -> None:
-        self.socket = socket.create_connection((LOOPBACK, port), serving.PATIENCE_S)
-        self.file = self.socket.makefile("rwb", 1)
-
-    def ask(self, step_s: float | None, control: bytes = b"", commands: bytes = b"") -> SyncResponse:
-        """Send a step, commands to the simulator, and to robots; return the answer."""
-        request = SyncRequest(sim_step=step_s)
-        if control:
-            request.simulator_command.CopyFrom(SimulatorCommand.FromString(control))
-        if commands:
-            request.robot_control.CopyFrom(RobotControl.FromString(commands))
-        proto.serialize_length_prefixed(request, self.file)
-        self.file.flush()
-        answer = proto.parse_length_prefixed(SyncResponse, self.file)
-        assert answer is not None
-        return answer
-
-    def codes(self, step_s: float | None, control: bytes = b"", commands: bytes = b"") -> list[str]:
-        return [error.code for error in self.ask(step_s, control, commands).robot_control_response.errors]
-
-
-def test_steps_by_tcp_are_those_by_packets_to_the_bit() -> None:
-    """An answer has the very images that went out; a packet a frame makes the same run."""
-    command = local(0, 1.0, 0.2, 0.3)
-    with here(Field(*QUIET[1:], FAST, "vision.delay_s=0")) as (client, _):
-        by_packets = [client.step(command) for _ in range(12)]
-    with here(Field(*QUIET[1:], FAST, "vision.delay_s=0")) as (client, server):
-        stream = Stream(server.ports[1])
-        assert [list(stream.ask(1 / 60, b"", command).detection) for _ in range(12)] == [
-            [image] for image in by_packets
-        ]
-        assert client.newest() == by_packets[-1]
-
-
-def test_a_step_is_as_long_as_it_says_and_has_all_images_that_went_out_in_it() -> None:
-    """Steps that are no whole cycles add up: 30 of 0.01 s are 0.3 s, 18 images; steps of 0.1 s have six each."""
-    with here(Field(*QUIET, FAST, blue="2", yellow="1")) as (_, server):
-        blue, simulator = Stream(server.ports[1]), Stream(server.ports[0])
-        times = [image.t_capture for _ in range(30) for image in blue.ask(0.01).detection]
-        assert times == pytest.approx([k / 60 for k in range(1, 19)])
-        seen = simulator.ask(0.1, serving.teleport(1, 2, x=2.0, y=1.0, orientation=0.5)).detection
-        assert len(seen) == 6
-        assert serving.robots(seen[-1])["blue", 1] == pytest.approx((2.0, 1.0, 0.5), abs=2e-3)
-        assert simulator.codes(None, commands=local(0, 1.0)) == ["NO_TEAM"]
-        assert simulator.codes(-1.0) == simulator.codes(float("nan")) == ["STEP"]
-        assert blue.codes(0.0, serving.control(simulation_speed=2.0)) == ["SPEED"]
-
-
-@pytest.mark.parametrize("bad", [b"\xff" * 10, b"\xff\xff\x7f", b"\x02\x0d\x00"])
-def test_who_cannot_be_understood_is_hung_up_on_and_the_others_are_not(bad: bytes) -> None:
-    """A length without end, one that no message has, and a message that is cut off."""
-    with here(Field(FAST)) as (client, server):
-        hostile, gone, good = (Stream(server.ports[1]) for _ in range(3))
-        hostile.socket.sendall(bad)
-        with suppress(ConnectionResetError):
-            assert hostile.socket.recv(1) == b""
-        gone.socket.close()
-        assert len(good.ask(1 / 60).detection) == 1
-        assert client.after(local(0, 0.0))
-        assert server.notes["bad packets"] == 1

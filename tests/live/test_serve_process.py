@@ -2,7 +2,6 @@
 
 import random
 import signal
-import socket
 import time
 from pathlib import Path
 
@@ -105,14 +104,6 @@ def test_mistakes_are_told_in_a_line(options: tuple[str, ...], capsys: pytest.Ca
     assert invoke("serve", *options) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert MISTAKES[options] in line
-
-
-def test_a_port_that_is_taken_is_told_in_a_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """That of TCP too, in the system's words alone."""
-    with socket.create_server((LOOPBACK, 0)) as taken:
-        port = taken.getsockname()[1]
-        assert invoke("serve", "--lockstep", "--control-port", port) == 2
-    assert capsys.readouterr().err == f"error: cannot listen to {LOOPBACK}:{port} by TCP: address already in use\n"
 
 
 def test_robots_that_come_and_go_are_recorded_frame_by_frame(tmp_path: Path) -> None:

@@ -45,8 +45,6 @@ TABLES = {
     "SimulatorConfig": "?1 Geometry geometry, *2 bytes robot_specs, ?3 bytes realism_config, ?4 uint32 vision_port",
     "SimulatorCommand": "?1 SimulatorControl control, ?2 SimulatorConfig config",
     "SimulatorResponse": "*1 SimulatorError errors",
-    "SyncRequest": "?1 float sim_step, ?2 SimulatorCommand simulator_command, ?3 RobotControl robot_control",
-    "SyncResponse": "*1 Detection detection, ?2 RobotControlResponse robot_control_response",
 }
 
 

@@ -2,28 +2,23 @@
 
 import math
 import selectors
-import socket
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, closing
-from functools import partial
-from typing import Any
+from contextlib import ExitStack
+from typing import cast
 
 from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, Image
 from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.serve.requests import Refusal
-from omni_mj.live.sockets import LOOPBACK, Address, Receiver, Stream, listen, reason, sender
+from omni_mj.live.sockets import LOOPBACK, Address, Receiver, reason, sender
 from omni_mj.live.wire import WireError, parse
 from omni_mj.live.wire.league_pb2 import (
-    Detection,
     RobotControl,
     RobotControlResponse,
     RobotFeedback,
     SimulatorCommand,
     SimulatorError,
     SimulatorResponse,
-    SyncRequest,
-    SyncResponse,
     Team,
     VisionPacket,
 )
@@ -35,8 +30,7 @@ EARLY_S = 1e-9  # by which rounding may have a packet leave
 GEOMETRY_CYCLES = CYCLE_RATE_HZ  # from one packet of the geometry to the next
 MAX_DELAY_S = 0.1  # of our time, by which the simulation may be late before it gives up catching up
 MAX_SPEED = 1000.0  # simulated seconds per second
-MAX_STEP_S = 10.0  # of a request in the synchronous mode
-ASKED = "blue commands", "yellow commands", "synchronous requests"  # by which time goes in lockstep
+ASKED = "blue commands", "yellow commands"  # by which time goes in lockstep
 FIXED = "is that with which serve was started: see its options --robot, --scenario, --set and --vision"  # of a field
 
 
@@ -71,7 +65,7 @@ class Server:
     ) -> None:
         self.pitch, self.notes, self.vision, self.lockstep = pitch, pitch.notes, vision, lockstep
         self.after_frame: Callable[[], None] = lambda: None
-        self._cycle_remainder, self._geometry_due = 0.0, 0
+        self._geometry_due = 0
         self._outbox = list[Image]()
         self._newest = dict[int, bytes]()  # camera -> packet
         self.ports = list[int]()
@@ -81,10 +75,8 @@ class Server:
             self._socket = stack.enter_context(sender(interface))
             for number, team in zip(ports, (None, Team.BLUE, Team.YELLOW), strict=True):
                 port = stack.enter_context(Receiver(Address(interface, number), interface))
-                self._register(port, self._answer, team)
+                self._selector.register(port, selectors.EVENT_READ, team)
                 self.ports.append(port.address.port)
-                if lockstep:
-                    self._register(stack.enter_context(listen(port.address)), self._accept, team)
             self._stack = stack.pop_all()
 
     def run(self, check: Callable[[], None] = lambda: None, until_s: float = math.inf) -> None:
@@ -134,34 +126,30 @@ class Server:
         due = first_cycle + math.floor((time.monotonic() - time_s) * self.speed * CYCLE_RATE_HZ)
         self._advance(min(due, self.pitch.cycle + CYCLES_PER_FRAME))
 
-    def _advance(self, until: int) -> list[Detection]:
-        """Simulate up to a cycle. Return the detections that were sent meanwhile."""
-        pitch, detections = self.pitch, list[Detection]()
+    def _advance(self, until: int) -> None:
+        """Simulate up to a cycle, and send what is due meanwhile."""
+        pitch = self.pitch
         while pitch.cycle < until:
             pitch.advance()
-            detections += self._publish()
+            self._publish()
             if pitch.cycle % CYCLES_PER_FRAME == 0:
                 self.after_frame()
-        return detections
 
-    def _publish(self) -> list[Detection]:
-        """Take the images that are due and send what is due. Return the detections that were sent."""
+    def _publish(self) -> None:
+        """Take the images that are due and send what is due."""
         for image in self.pitch.take_images():
             if math.isfinite(image.sent_s):
                 self._outbox.append(image)
                 self._outbox.sort(key=lambda image: image.sent_s)
-        detections = []
         while self._outbox and self._outbox[0].sent_s <= self.pitch.time_s + EARLY_S:
             image = self._outbox.pop(0)
             self.pitch.publish(image)
             packet = VisionPacket(detection=image.detection).SerializeToString()
             self._newest[image.detection.camera_id] = packet
             self._send(packet)
-            detections.append(image.detection)
         if self.pitch.cycle >= self._geometry_due:
             self._geometry_due = self.pitch.cycle + GEOMETRY_CYCLES
             self._send(VisionPacket(geometry=self.pitch.geometry()).SerializeToString())
-        return detections
 
     def _repeat(self) -> None:
         """Send the geometry and the last detection of each camera once more."""
@@ -182,15 +170,11 @@ class Server:
         for key, _ in events:
             if not self.lockstep:  # what comes now acts in the cycle that begins next
                 self._catch_up()
-            key.data()
+            self._answer(cast(Receiver, key.fileobj), key.data)
         return bool(events)
 
-    def _register(self, port: Any, handle: Callable[[Any, int | None], None], team: int | None) -> None:
-        """Call `handle` whenever something comes to a socket of a team, or, if it is None, of the simulator."""
-        self._selector.register(port, selectors.EVENT_READ, partial(handle, port, team))
-
     def _answer(self, port: Receiver, team: int | None) -> None:
-        """Obey and answer datagrams."""
+        """Obey and answer datagrams to a team, or, if it is None, to the simulator."""
         for data, _, client in port.packets():
             try:
                 if team is None:
@@ -206,41 +190,6 @@ class Server:
                 self.notes.add("bad packets", f"a packet from {client} is skipped: {error}")
             except OSError as error:
                 self.notes.add("answers not sent", f"cannot answer {client}: {reason(error)}")
-
-    def _accept(self, listener: socket.socket, team: int | None) -> None:
-        """Let a client of the synchronous mode in."""
-        try:
-            stream = self._stack.enter_context(closing(Stream(listener.accept()[0])))
-            self._register(stream, self._converse, team)
-        except OSError as error:
-            self.notes.add("clients lost", f"a client left before it was let in: {reason(error)}")
-
-    def _converse(self, stream: Stream, team: int | None) -> None:
-        """Answer a request of the synchronous mode. Hang up if it is malformed, or the client has gone."""
-        try:
-            stream.reply(self._answer_sync(team, stream.receive(SyncRequest)))
-        except (WireError, OSError) as error:
-            if isinstance(error, WireError):
-                self.notes.add("bad packets", f"{stream.address} is hung up on: {error}")
-            self._selector.unregister(stream)
-            stream.close()
-
-    def _answer_sync(self, team: int | None, request: SyncRequest) -> SyncResponse:
-        self.notes["synchronous requests"] += 1
-        answer, cycles = RobotControlResponse(), 0
-        errors = self._obey(request.simulator_command) if request.HasField("simulator_command") else []
-        if request.HasField("robot_control") and team is not None:
-            answer = self._command(team, request.robot_control)
-        elif request.HasField("robot_control"):
-            answer.errors.add(code="NO_TEAM", message="commands to robots go to a team's port")
-        answer.errors.extend(errors)
-        if 0 <= request.sim_step <= MAX_STEP_S:
-            exact = request.sim_step * CYCLE_RATE_HZ + self._cycle_remainder
-            cycles = round(exact)
-            self._cycle_remainder = exact - cycles
-        else:
-            answer.errors.add(code="STEP", message=f"a step takes 0 to {MAX_STEP_S:g} s, not {request.sim_step:g}")
-        return SyncResponse(detection=self._advance(self.pitch.cycle + cycles), robot_control_response=answer)
 
     def _obey(self, command: SimulatorCommand) -> list[SimulatorError]:
         """Obey a command to the simulator. Return what is refused."""

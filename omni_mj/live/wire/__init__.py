@@ -32,16 +32,7 @@ def parse(message_type: type[MessageT], data: bytes) -> MessageT:
         message.ParseFromString(data)
     except DecodeError as error:
         raise WireError(f"{message_type.__name__}: {error}") from None
-    return check_complete(message)
-
-
-def check_complete(message: MessageT) -> MessageT:
-    """Return a message that has all required fields.
-
-    Raises:
-        WireError: It lacks one.
-    """
     if not message.IsInitialized():
         missing = ", ".join(message.FindInitializationErrors())
-        raise WireError(f"{message.DESCRIPTOR.name} lacks {missing}")
+        raise WireError(f"{message_type.__name__} lacks {missing}")
     return message

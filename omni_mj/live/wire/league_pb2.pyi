@@ -400,21 +400,3 @@ class SimulatorResponse(_message.Message):
     ERRORS_FIELD_NUMBER: _ClassVar[int]
     errors: _containers.RepeatedCompositeFieldContainer[SimulatorError]
     def __init__(self, errors: _Optional[_Iterable[_Union[SimulatorError, _Mapping]]] = ...) -> None: ...
-
-class SyncRequest(_message.Message):
-    __slots__ = ("sim_step", "simulator_command", "robot_control")
-    SIM_STEP_FIELD_NUMBER: _ClassVar[int]
-    SIMULATOR_COMMAND_FIELD_NUMBER: _ClassVar[int]
-    ROBOT_CONTROL_FIELD_NUMBER: _ClassVar[int]
-    sim_step: float
-    simulator_command: SimulatorCommand
-    robot_control: RobotControl
-    def __init__(self, sim_step: _Optional[float] = ..., simulator_command: _Optional[_Union[SimulatorCommand, _Mapping]] = ..., robot_control: _Optional[_Union[RobotControl, _Mapping]] = ...) -> None: ...
-
-class SyncResponse(_message.Message):
-    __slots__ = ("detection", "robot_control_response")
-    DETECTION_FIELD_NUMBER: _ClassVar[int]
-    ROBOT_CONTROL_RESPONSE_FIELD_NUMBER: _ClassVar[int]
-    detection: _containers.RepeatedCompositeFieldContainer[Detection]
-    robot_control_response: RobotControlResponse
-    def __init__(self, detection: _Optional[_Iterable[_Union[Detection, _Mapping]]] = ..., robot_control_response: _Optional[_Union[RobotControlResponse, _Mapping]] = ...) -> None: ...

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from serving import BLUE, LOOPBACK, Client, teleport
 
-from omni_control.errors import OmniError
 from omni_mj.live.serve import line_up
 from omni_mj.live.serve.pitch import Pitch
 from omni_mj.live.serve.recorder import Recorder
@@ -134,15 +133,8 @@ class Field:
 def here(field: Field, lockstep: bool = True, speed: float = 1.0) -> Iterator[tuple[Client, Server]]:
     """A server in a thread, and a foreign client of it."""
     client, stop = Client(), threading.Event()
-    vision, attempts = Address(LOOPBACK, client.vision_port), 0
-    while True:
-        try:
-            server = Server(field.pitch, (0, 0, 0), vision, speed=speed, lockstep=lockstep)
-            break
-        except OmniError:  # what is free for UDP may be taken for TCP
-            attempts += 1
-            if attempts == 9:
-                raise
+    vision = Address(LOOPBACK, client.vision_port)
+    server = Server(field.pitch, (0, 0, 0), vision, speed=speed, lockstep=lockstep)
     client.ports = server.ports
 
     def check() -> None:
