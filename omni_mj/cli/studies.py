@@ -51,7 +51,7 @@ def alpha(choice: options.Choice, **output: Any) -> None:
 @options.choice
 def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> None:
     """Find out what is possible: without noise, by learning the way; with noise, by feedback along it."""
-    from omni_mj.show import limit_figure
+    from omni_mj.show import figures
     from omni_mj.studies import limit as study
 
     chosen = choice.load(name)
@@ -62,7 +62,10 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
         result.repeat = console.command_line()
         return result
 
-    _run("limit", [chosen], measure, limit_figure.save, frames=True, **output)
+    def draw(result: study.LimitResult, stem: Path) -> None:
+        figures.save_comparison(result.summary(), stem)
+
+    _run("limit", [chosen], measure, draw, frames=True, **output)
 
 
 @click.command("loop")

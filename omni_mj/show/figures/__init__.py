@@ -26,6 +26,7 @@ TITLES = {
 Entry = dict[str, Any]  # a scenario's, in a summary
 LINE_IN = 0.1, 0.25  # height of a controller's line with several scenarios; with one
 GAP = 1.5  # between scenarios, in lines
+WIDEST = 1e4  # ratio of the limits of an axis; smaller errors, such as those of rounding, are left of it
 SETTLE = "time to settle\nin s"
 # Label of a panel -> factor from SI units to the label's, and the spread over the seeds, from a result.
 PANELS: dict[str, tuple[float, Callable[[Entry], Entry]]] = {
@@ -117,7 +118,8 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
             axes.axhline(top, color="#DDDDDD", lw=0.8, zorder=0)
         axes.margins(x=0.08)
         if title != SETTLE and 0 < smallest < np.inf:
-            axes.set_xlim(smallest / 2, 1.15 * axes.dataLim.x1)
+            largest = axes.dataLim.x1
+            axes.set_xlim(max(smallest / 2, largest / WIDEST), 1.15 * largest)
             canvas.use_log_scale(axes.xaxis)
         axes.set_xlabel(title)
         axes.grid(axis="y", visible=False)
