@@ -77,8 +77,7 @@ def command(
         )  # fmt: skip
     with console.writing(folder):
         save(result)
-    summary = result.summary()
-    with console.drawing(folder):
+        summary = result.summary()
         figures.save_comparison(summary, folder / "compare")
     if not quiet:
         compare_table.show(summary)

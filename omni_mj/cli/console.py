@@ -153,25 +153,14 @@ def progress(quiet: bool) -> Iterator[Callable[[str, int], Callable[[int], None]
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Within it, that files cannot be written to `folder` ends the program with one line that says so."""
-    try:
-        yield
-    except OSError as error:
-        reason = error.strerror or str(error)
-        fail(f"cannot write to {folder}: {reason}; what could be written until then is there", FAILED)
-
-
-@contextmanager
-def drawing(folder: Path) -> Iterator[None]:
-    """Within it, what cannot be drawn, or is interrupted, ends the program with a line: the numbers are on the disk."""
-    kept = f"the numbers are whole in {folder}; figures and report may be missing"
+    """Within it, Ctrl-C and files that cannot be written to `folder` end the program with one line that says so."""
+    left = "what could be written until then is"
     try:
         yield
     except KeyboardInterrupt:
-        fail(f"{ENDED[signal.SIGINT]}; {kept}", 128 + signal.SIGINT)
-    except Exception as error:
-        reason = (isinstance(error, OSError) and error.strerror) or f"{type(error).__name__}: {error}"
-        fail(f"not all could be drawn: {' '.join(reason.split())}; {kept}", FAILED)
+        fail(f"{ENDED[signal.SIGINT]}; {left} in {folder}", 128 + signal.SIGINT)
+    except OSError as error:
+        fail(f"cannot write to {folder}: {error.strerror or error}; {left} there", FAILED)
 
 
 def print_events(entry: Mapping[str, Any]) -> None:

@@ -130,14 +130,13 @@ def recorded(
 def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = False) -> None:
     """Draw the figures, if they are wanted, write the report, print the tables and what is there."""
     try:
-        with console.drawing(folder):
-            if draw:
-                from omni_mj.show import figures
+        if draw:
+            from omni_mj.show import figures
 
-                figures.save_all(result.outcomes[0], folder / "figures", svg)
-            from omni_mj.show import report
+            figures.save_all(result.outcomes[0], folder / "figures", svg)
+        from omni_mj.show import report
 
-            report.write([folder], folder / "report.html")
+        report.write([folder], folder / "report.html")
     finally:
         if not quiet:  # last, since the reader may go
             _print_tables(result)

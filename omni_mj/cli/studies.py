@@ -150,8 +150,7 @@ def _run(
     with console.writing(folder):
         result.save_files(folder)
         if result.table():
-            with console.drawing(folder):
-                draw(result, folder / name)
+            draw(result, folder / name)
     if not quiet:
         console.tell(result, folder, outputs)
     interrupts.end(result.stopped, f"what there is is in {folder}")

@@ -85,8 +85,7 @@ def _run(plan: "Plan", folder: Path, quiet: bool, jobs: int) -> None:
         done = f"{result.done} of {len(plan.jobs)} shards are"
         if result.done:
             sweep_table.save(result, folder / "sweep.md")
-            with console.drawing(folder):
-                sweep_figure.save(result, folder / "sweep.png")
+            sweep_figure.save(result, folder / "sweep.png")
             if not quiet:
                 for table in sweep_table.shown(result):
                     tables.show(table)

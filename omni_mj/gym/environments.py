@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
-from omni_control.reference import EachReference, SampledReference
+from omni_control.reference import EachReference
 from omni_mj.gym import frames
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
@@ -41,7 +40,6 @@ class Outside(Controller):
         self.memory_frames = max(self.memory, self.memory_frames)
 
 
-@dataclass
 class Batch:
     """Robots whose episodes began in the same frame: the rows of one simulation.
 
@@ -50,18 +48,11 @@ class Batch:
         robots: Their numbers; -1 for one that has begun another episode since.
     """
 
-    simulation: Simulation
-    robots: NDArray[np.intp]
-    reference: SampledReference = field(init=False)
-    last: NDArray[np.intp] = field(init=False)
-    limits: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Set what does not change during the episodes."""
-        own = self.simulation.references
+    def __init__(self, simulation: Simulation, robots: NDArray[np.intp]) -> None:
+        self.simulation, self.robots, own = simulation, robots, simulation.references
         self.reference = own[0] if all(each is own[0] for each in own) else EachReference(own)
         self.last = np.array([each.frames - 1 for each in own])
-        control = [row.settings.control for row in self.simulation.rows]
+        control = [row.settings.control for row in simulation.rows]
         self.limits = np.array([[c.max_speed_m_s, c.max_speed_m_s, c.max_turn_rate_rad_s] for c in control])
 
 
