@@ -157,11 +157,6 @@ def test_no_controller_gets_below_it(plant: str) -> None:
     attempts = found.summary()["limit"]["attempts"]
     assert attempts[-1]["mean"] <= attempts[0]["mean"]
     assert still["mean"] == pytest.approx(attempts[-1]["mean"], rel=1e-9), "shown again as it was learned"
-    whose = found.summary()["limit"]["of"]
-    assert set(whose.values()) <= {"learned", *rivals}
-    for statistic, name in whose.items():
-        if name != "learned":
-            assert limit[statistic] == least(found, name)[statistic]
     if plant == "kinematic":
         assert om.limit(scenario, SEEDS, iterations=6).table() == found.table()
 

@@ -1,25 +1,25 @@
 """The study of a limit: a robot learns a path, practises under noise, and drives next to the package's controllers."""
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
 from omni_control.controllers.base import Controller
+from omni_control.errors import OmniError
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.statistics import ERRORS, plane_error
 from omni_mj.measure.table import Table, plus_minus, text, where
 from omni_mj.scenarios import distributions
-from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.robot_settings import VariationSettings
 from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.scenarios.scenario import Scenario
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.limit.learning import AIMS, Aim, lead, learn, led
 from omni_mj.studies.limit.tracking import Policy, Tracker
 from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, competitors, drive
-from omni_mj.studies.run import counted, with_kernel
+from omni_mj.studies.run import chosen, with_kernel
 
 LIMIT, WITHOUT_NOISE = "limit", "limit without noise"
 SEEDS, ATTEMPTS = 20, 16
@@ -28,7 +28,6 @@ POLICIES = tuple(Policy(*pair) for pair in product((0.0003, 0.001, 0.003, 0.01, 
 DEFINITIONS = {
     "limit": "least error found of robots that know the plant, and see no more than any controller: of information",
     "limit without noise": "least error found of robots that nothing disturbs and that see the truth: of the plant",
-    "of": "whose the maximum and mean of the limit are: of robots that learned, or of a controller that was better",
     "attempts": "maximum and mean error in the plane, m, of the best run without noise, after each attempt",
 }
 
@@ -39,37 +38,29 @@ class LimitResult(Result):
 
     Attributes:
         history: Maximum and mean error in the plane of the best run without noise, m, after each attempt.
-        whose: Aim -> label in the log of those whose errors the limit's are.
     """
 
     history: list[dict[Aim, float]] = field(default_factory=list)
-    whose: Mapping[Aim, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """Return that of any result, with what was learned as `limit`."""
-        of = {aim: "learned" if label == LIMIT else label for aim, label in self.whose.items()}
-        return super().summary() | {"limit": {"definitions": DEFINITIONS, "attempts": self.history, "of": of}}
+        return super().summary() | {"limit": {"definitions": DEFINITIONS, "attempts": self.history}}
 
     def table(self) -> str:
         """Return the limits' errors, controllers', and how they were found, as lines of text."""
         if not self.complete:
             return ""
         ((name, entry),) = self.summary()["scenarios"].items()
-        rows = []
-        for label, result in entry["results"].items():
+        results, rows = entry["results"], []
+        for label, result in results.items():
             errors = [plus_minus(result["error_m"]["distance"][aim], 100) for aim in AIMS]
-            ratios = (plane_error(result, aim) / plane_error(entry["results"][LIMIT], aim) for aim in AIMS)
+            ratios = (plane_error(result, aim) / plane_error(results[LIMIT], aim) for aim in AIMS)
             rows.append([label, *errors, "/".join(f"{ratio:.1f}" for ratio in ratios)])
         headings = ["", *(f"{ERRORS[aim]}, cm" for aim in AIMS), "times the limit"]
         title = f"{name}, {where(entry)}: error in the plane, mean of {len(self.seeds)} seeds"
-        notes = [
-            f"the limit of the {ERRORS[aim]} is that of {label}: learning found nothing lower"
-            for aim, label in self.whose.items()
-            if label != LIMIT
-        ]
-        attempts = [" / ".join(f"{100 * errors[aim]:.4f}" for aim in AIMS) for errors in self.history]
-        notes.append(f"without noise, in {len(attempts) - 1} attempts: from {attempts[0]} to {attempts[-1]} cm")
-        return "\n".join([text(Table(title, headings, rows, 1)), *notes])
+        first, last = (" / ".join(f"{100 * self.history[i][aim]:.4f}" for aim in AIMS) for i in (0, -1))
+        learned = f"without noise, in {len(self.history) - 1} attempts: from {first} to {last} cm"
+        return f"{text(Table(title, headings, rows, 1))}\n{learned}"
 
 
 def limit(
@@ -98,15 +89,13 @@ def limit(
             iterations, or no controller comes to the scenario's end.
     """
     started = time.perf_counter()
-    chosen = load(scenario) if isinstance(scenario, str) else scenario
-    distributions.refuse(chosen.distributions, "limit")
-    numbers = counted(seeds)
-    check(chosen, iterations)
-    settings = chosen.settings.replace(variation=VariationSettings().model_dump())
-    chosen = with_kernel(chosen.replace(settings=settings, seed=numbers[0], seeds=len(numbers)), len(numbers))
-    result = LimitResult([Outcome.not_run(chosen)], [LIMIT, WITHOUT_NOISE], seeds=numbers)
+    driven = chosen(scenario, seeds=seeds)
+    check(driven, iterations)
+    settings = driven.settings.replace(variation=VariationSettings().model_dump())
+    driven = with_kernel(driven.replace(settings=settings), driven.seeds)
+    result = LimitResult([Outcome.not_run(driven)], [LIMIT, WITHOUT_NOISE], seeds=driven.seed_list)
     try:
-        _find(result, chosen, iterations, begin)
+        _find(result, driven, iterations, begin)
         result.complete = True
     except StoppedError as error:
         result.stopped = error.reason
@@ -115,16 +104,15 @@ def limit(
 
 
 def check(scenario: Scenario, iterations: int) -> None:
-    """Raise OmniError, with all reasons, if the limit of a scenario cannot be found."""
-    wrong = []
+    """Raise OmniError if the limit of a scenario cannot be found."""
+    distributions.refuse(scenario.distributions, "limit")
     if (places := len(scenario.settings.world.places)) > 1:
-        wrong.append(
+        raise OmniError(
             f"the limit is that of a robot alone, and world.places of {scenario.name!r} has {places} places;"
             " give one: --set world.places=[[0,0,0]]"
         )
     if iterations < 2:
-        wrong.append(f"the limit takes at least 2 iterations to find, not {iterations}")
-    in_one(wrong)
+        raise OmniError(f"the limit takes at least 2 iterations to find, not {iterations}")
 
 
 def quiet(scenario: Scenario) -> Scenario:
@@ -141,17 +129,17 @@ def quiet(scenario: Scenario) -> Scenario:
     return scenario.replace(settings=settings)
 
 
-def _find(result: LimitResult, chosen: Scenario, iterations: int, begin: Begin) -> None:
+def _find(result: LimitResult, scenario: Scenario, iterations: int, begin: Begin) -> None:
     """Fill in the result; raise StoppedError if it is stopped."""
-    calm, seeds = quiet(chosen), chosen.seed_list
+    calm, seeds = quiet(scenario), scenario.seed_list
     run, model = learn(calm, iterations, result.history, begin)
 
     def tracker(policies: Sequence[Policy]) -> Tracker:
-        return Tracker(model, run.sent, run.poses, chosen, policies)
+        return Tracker(model, run.sent, run.poses, scenario, policies)
 
     training = [seeds[0] + FIRST_SEED + i for i in range(PRACTICE_SEEDS)]
     practice = tracker([policy for policy in POLICIES for _ in training])
-    made = lead(chosen, training * len(POLICIES), practice, begin("feedback", model.frames))
+    made = lead(scenario, training * len(POLICIES), practice, begin("feedback", model.frames))
     errors = [made.size(aim).reshape(len(POLICIES), -1).mean(1) for aim in AIMS]
     policy = POLICIES[int(sum(error / error.min() for error in errors).argmin())]
 
@@ -162,23 +150,10 @@ def _find(result: LimitResult, chosen: Scenario, iterations: int, begin: Begin) 
         led(WITHOUT_NOISE, lambda *seen: next(commands)),
         *names,
     ]
-    table = [(LIMIT, seed, chosen) for seed in seeds] + [(WITHOUT_NOISE, seeds[0], calm)]
-    table += [(name, seed, chosen) for name in names for seed in seeds]
-    rows = [Row(i, 0, name, seed, each.settings, chosen.robot) for i, (name, seed, each) in enumerate(table)]
-    outcome = drive(Simulation(chosen, kinds, rows=rows), begin("limit and controllers", model.frames))
+    table = [(LIMIT, seed, scenario) for seed in seeds] + [(WITHOUT_NOISE, seeds[0], calm)]
+    table += [(name, seed, scenario) for name in names for seed in seeds]
+    rows = [Row(i, 0, name, seed, each.settings, scenario.robot) for i, (name, seed, each) in enumerate(table)]
+    outcome = drive(Simulation(scenario, kinds, rows=rows), begin("limit and controllers", model.frames))
     if outcome.entry["reason"]:
         raise StoppedError(outcome.entry["reason"])
-    results = outcome.entry["results"]
-    result.whose = {aim: min((LIMIT, *names), key=lambda name: plane_error(results[name], aim)) for aim in AIMS}
-    results[LIMIT] = _least(results, result.whose)
-    result.outcomes, result.controllers = [replace(outcome, scenario=chosen)], list(results)
-
-
-def _least(results: Mapping[str, Any], whose: Mapping[Aim, str]) -> dict[str, Any]:
-    """Return the result of those with the least maximum, with all other errors of those with the least mean."""
-    worst, usual = results[whose["max"]], results[whose["mean"]]
-    errors = {
-        key: {axis: usual[key][axis] | {"max": worst[key][axis]["max"]} for axis in worst[key]}
-        for key in ("error_m", "error_rad")
-    }
-    return {**worst, **errors}
+    result.outcomes, result.controllers = [replace(outcome, scenario=scenario)], list(outcome.entry["results"])
