@@ -57,15 +57,10 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
     chosen = choice.load(name)
     study.check(chosen, iterations)
 
-    def measure(begin: "Begin") -> study.LimitResult:
-        result = study.limit(chosen, chosen.seed_list, iterations, begin=begin)
-        result.repeat = console.command_line()
-        return result
-
     def draw(result: study.LimitResult, stem: Path) -> None:
         figures.save_comparison(result.summary(), stem)
 
-    _run("limit", [chosen], measure, draw, frames=True, **output)
+    _run("limit", [chosen], lambda begin: study.limit(chosen, chosen.seed_list, iterations, begin=begin), draw, **output)
 
 
 @click.command("loop")
@@ -127,7 +122,6 @@ def _run(
     out: Path | None,
     overwrite: bool,
     quiet: bool,
-    frames: bool = False,
 ) -> None:
     """Measure scenarios, save the result, and end the program if the study was stopped or rows failed.
 
@@ -140,13 +134,14 @@ def _run(
         out: Folder of the results.
         overwrite: Whether files there may be replaced.
         quiet: Whether nothing is printed.
-        frames: Whether the result has frames.
     """
     outputs = (*WRITTEN, f"{name}.png", f"{name}.svg", *folders.PROVENANCE)
     folder = folders.prepare(out, name, outputs, overwrite)
+    command = console.command_line()
     with console.writing(folder), console.Interrupts() as interrupts, console.progress(quiet) as begin:
-        folders.begin_record(folder, name, console.command_line(), chosen, frames)
+        folders.begin_record(folder, name, command, chosen, frames=name == "limit")
         result = measure(lambda *what: console.checked(interrupts.check, begin(*what)))
+        result.repeat = command
     with console.writing(folder):
         result.save_files(folder)
         if result.table():
