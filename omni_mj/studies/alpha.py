@@ -20,15 +20,14 @@ import numpy as np
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array, Kinematics
-from omni_mj.measure import summary
+from omni_control.kinematics import Array
 from omni_mj.measure.response import NAMES, Profile, Response, measure
-from omni_mj.measure.result import Outcome, Result
+from omni_mj.measure.result import Result
 from omni_mj.measure.table import Table
 from omni_mj.measure.table import text as aligned
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import Settings
 from omni_mj.simulate.simulation import Simulation
 from omni_mj.studies.conditions import (
@@ -46,7 +45,8 @@ from omni_mj.studies.conditions import (
     combinations,
     shares,
 )
-from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, standing
+from omni_mj.studies.outcome import Begin, begin_nothing, command, commanded, standing
+from omni_mj.studies.run import chosen
 
 DEFINITIONS = {
     "steady": "speed achieved / commanded in the last 0.5 s of the cruise",
@@ -78,14 +78,12 @@ class Study:
         base: Response of the robot as the scenario has it, (directions,).
         changed: Condition -> response under its values, (values, directions).
         caused: Response of a worn robot with every combination of `CAUSES`: an axis of two for each, then directions.
-        wheels: Response of the worn robot's wheels, (directions,): what it would do if they did not slip.
     """
 
     conditions: Conditions
     base: Response
     changed: Mapping[str, Response]
     caused: Response
-    wheels: Response
 
     @property
     def worn(self) -> Response:
@@ -110,7 +108,6 @@ class Study:
             "base": _plain(self.base),
             "changed": {name: {"values": list(self.conditions[name])} | _plain(r) for name, r in self.changed.items()},
             "worn": {"conditions": WORN, **_plain(self.worn)},
-            "worn_wheels": _plain(self.wheels),
             "wheel_loop_alone": _plain(self.loop),
             "causes": {
                 name: {cause: {"share": _list(share)} for cause, share in self.shares(name).items()} for name in NAMES
@@ -137,7 +134,6 @@ class Study:
         for cause in CAUSES:
             yield [f"share of {cause}", "", *_cells(Response(*(self.shares(name)[cause] for name in NAMES)), "+")]
         yield ["sum: the worn robot", "", *_cells(self.worn)]
-        yield ["  of which its wheels turn", "", *_cells(self.wheels)]
 
 
 @dataclass
@@ -181,39 +177,32 @@ def alpha(
         OmniError: There is no such scenario or condition, or the plant has no wheels.
     """
     started = time.perf_counter()
-    chosen = load(scenario) if isinstance(scenario, str) else scenario
-    chosen = chosen.replace(name="alpha", description="gain and lag, and their causes", paper_table=0, seeds=1)
-    distributions.refuse(chosen.distributions, "alpha")
-    drives = [(chosen.settings, PROFILE)]
-    drives += [changed(chosen.settings, name, value) for name, values in conditions.items() for value in values]
-    drives += [(combined, PROFILE) for combined in combinations(chosen.settings)]
-    simulation, twists, geometry = _prepare(chosen, drives)
-    result = AlphaResult([], [Commanded.__name__], seeds=[chosen.seed])
-    after_frame = begin("alpha", len(twists))
-    try:
-        for frame, commanded in enumerate(twists):
-            simulation.step(commanded)
-            after_frame(frame)
-        result.complete = True
-    except StoppedError as error:
-        result.stopped = error.reason
-    result.wall_s = time.perf_counter() - started
-    measured = {"direction": np.array([*DIRECTIONS] * len(drives))}
+    robot = chosen(scenario).replace(name="alpha", description="gain and lag, and their causes", paper_table=0, seeds=1)
+    distributions.refuse(robot.distributions, "alpha")
+    drives = [(robot.settings, PROFILE)]
+    drives += [changed(robot.settings, name, value) for name, values in conditions.items() for value in values]
+    drives += [(combined, PROFILE) for combined in combinations(robot.settings)]
+    simulation, twists = _prepare(robot, drives)
+    stopped = command(simulation, twists, begin("alpha", len(twists)))
+    measured, study = {"direction": np.array([*DIRECTIONS] * len(drives))}, None
     measured |= {name: np.array([vars(p)[name] for _, p in drives for _ in DIRECTIONS]) for name in vars(PROFILE)}
-    if result.complete:
-        log = simulation.log
-        body = _respond(drives, log.channel("pose")[..., :2])
-        to_body = np.linalg.pinv(geometry.matrix)[:2] * geometry.radius
-        result.study = _study(conditions, body, _respond(drives, log.channel("wheel_angle") @ to_body.T).at(-1))
-        measured |= {name: getattr(body, name).ravel() for name in NAMES}
-    failures = list(simulation.failures)
-    entry = summary.entry(chosen, simulation.log, failures, {}, result.wall_s, result.stopped)
-    result.outcomes.append(Outcome(chosen, entry, simulation.rows, failures, measured))
-    return result
+    if not stopped:
+        body = _respond(drives, simulation.log.channel("pose")[..., :2])
+        study = _study(conditions, body)
+        measured |= {name: values.ravel() for name, values in vars(body).items()}
+    return AlphaResult(
+        [commanded(robot, simulation, started, stopped, measured)],
+        [Commanded.__name__],
+        seeds=[robot.seed],
+        wall_s=time.perf_counter() - started,
+        stopped=stopped,
+        complete=not stopped,
+        study=study,
+    )
 
 
-def _prepare(scenario: Scenario, drives: Drives) -> tuple[Simulation, Array, Kinematics]:
-    """Return a simulation with a row per drive and direction, what rows are sent (frames, rows, 3), and their wheels.
+def _prepare(scenario: Scenario, drives: Drives) -> tuple[Simulation, Array]:
+    """Return a simulation with a row per drive and direction, and what rows are sent, (frames, rows, 3).
 
     Raises:
         OmniError: The plant has no wheels.
@@ -229,28 +218,28 @@ def _prepare(scenario: Scenario, drives: Drives) -> tuple[Simulation, Array, Kin
         for i, settings_i in enumerate(settings)
     ]
     simulation = Simulation(scenario, [Commanded], rows=rows)
-    if (geometry := simulation.plant.geometry) is None:
+    if simulation.plant.geometry is None:
         raise OmniError(f"alpha is studied on wheels, and the plant {scenario.plant!r} has none")
-    return simulation, twists.reshape(len(twists), -1, 3), geometry
+    return simulation, twists.reshape(len(twists), -1, 3)
 
 
 def _respond(drives: Drives, positions: Array) -> Response:
     """Return the response (drives, directions) for positions (frames, rows, 2); NaN for robots that failed."""
-    travelled = (positions * np.tile([*DIRECTIONS.values()], (len(drives), 1))).sum(-1)
-    profiles = [profile for _, profile in drives for _ in DIRECTIONS]
-    responses = [measure(p, travelled[: len(p.command()) + 1, [i]]) for i, p in enumerate(profiles)]
-    return Response(*(np.reshape([getattr(r, name) for r in responses], (len(drives), -1)) for name in NAMES))
+    directions = np.array([*DIRECTIONS.values()])
+    travelled = (positions.reshape(len(positions), -1, *directions.shape) * directions).sum(-1)
+    responses = [measure(p, travelled[: len(p.command()) + 1, i]) for i, (_, p) in enumerate(drives)]
+    return Response(*(np.array([vars(response)[name] for response in responses]) for name in NAMES))
 
 
-def _study(conditions: Conditions, body: Response, wheels: Response) -> Study:
+def _study(conditions: Conditions, body: Response) -> Study:
     """Return the study for responses (drives, directions): unchanged, conditions one by one, combined causes."""
     start, changes = 1, {}
     for name, values in conditions.items():
         changes[name] = body.at(slice(start, start + len(values)))
         start += len(values)
     shape = (2,) * len(CAUSES) + (len(DIRECTIONS),)
-    combined = Response(*(getattr(body, name)[start:].reshape(shape) for name in NAMES))
-    return Study(conditions, body.at(0), changes, combined, wheels)
+    combined = Response(*(values[start:].reshape(shape) for values in vars(body).values()))
+    return Study(conditions, body.at(0), changes, combined)
 
 
 def _cells(response: Response, sign: str = "") -> list[str]:
@@ -263,7 +252,7 @@ def _cells(response: Response, sign: str = "") -> list[str]:
 
 
 def _plain(response: Response) -> dict[str, Any]:
-    return {name: _list(getattr(response, name)) for name in NAMES}
+    return {name: _list(values) for name, values in vars(response).items()}
 
 
 def _list(values: Array) -> Any:

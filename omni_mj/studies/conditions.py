@@ -4,7 +4,6 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -34,6 +33,13 @@ LABELS = {
     "winding_c": "winding, °C",
     "charge": "battery charge",
 }
+SECTIONS = {  # of settings, in which conditions are that are no part of the profile
+    "friction": "carpet",
+    "creep_stiffness": "drive",
+    "pile": "carpet",
+    "winding_c": "motor",
+    "charge": "battery",
+}
 DRIVE_TEXT = f"{PROFILE.speed_m_s:g} m/s at {PROFILE.acceleration_m_s2:g} m/s²"
 AXES = ("forward", "sideways")
 DIRECTIONS = {"forward": (1.0, 0.0), "sideways": (0.0, 1.0), "diagonal": (0.5**0.5, 0.5**0.5)}  # of drives
@@ -45,7 +51,7 @@ CAUSES: dict[str, Callable[[Settings], Settings]] = {  # and how a robot is free
     "drag": lambda s: s.replace(
         carpet={"pile": 0.0}, drive={"roller_friction": 0.0, "gear_friction_nm": 0.0}, motor=_without_friction(s)
     ),
-    "heat": lambda s: under(s, {"winding_c": 25.0}),
+    "heat": lambda s: changed(s, "winding_c", 25.0)[0],
     "battery": lambda s: s.replace(battery={"charge": 0.5, "resistance_ohm": 0.0}),
 }
 
@@ -53,45 +59,30 @@ CAUSES: dict[str, Callable[[Settings], Settings]] = {  # and how a robot is free
 def changed(settings: Settings, condition: str, value: float) -> tuple[Settings, Profile]:
     """Return settings, and the profile to drive, with another value of one condition.
 
-    Raises:
-        OmniError: there is no such condition.
-    """
-    if condition in vars(PROFILE):
-        return settings, replace(PROFILE, **{condition: value})
-    return under(settings, {condition: value}), PROFILE
-
-
-def under(settings: Settings, conditions: Mapping[str, float]) -> Settings:
-    """Return settings with other values of conditions that are of the robot or the carpet.
-
     Hot windings come with a housing as warm as it gets in equilibrium with them.
 
     Raises:
         OmniError: there is no such condition.
     """
-    motor = settings.motor
-    share = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
-    for condition, value in conditions.items():
-        sections: dict[str, Any] = {
-            "friction": {"carpet": {"friction": value}},
-            "creep_stiffness": {"drive": {"creep_stiffness": value}},
-            "pile": {"carpet": {"pile": value}},
-            "winding_c": {
-                "motor": {"winding_c": value, "housing_c": motor.ambient_c + share * (value - motor.ambient_c)}
-            },
-            "charge": {"battery": {"charge": value}},
-        }
-        if condition not in sections:
-            raise OmniError(f"unknown condition {condition!r}; {choose(condition, [*vars(PROFILE), *sections])}")
-        settings = settings.replace(**sections[condition])
-    return settings
+    if condition in vars(PROFILE):
+        return settings, replace(PROFILE, **{condition: value})
+    if condition not in SECTIONS:
+        raise OmniError(f"unknown condition {condition!r}; {choose(condition, [*vars(PROFILE), *SECTIONS])}")
+    fields = {condition: value}
+    if condition == "winding_c":
+        motor = settings.motor
+        share = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
+        fields["housing_c"] = motor.ambient_c + share * (value - motor.ambient_c)
+    return settings.replace(**{SECTIONS[condition]: fields}), PROFILE
 
 
 def combinations(settings: Settings) -> list[Settings]:
     """Return a worn robot with every combination of `CAUSES`, from none to all; the last of them changes first."""
-    combined = []
+    worn, combined = settings, []
+    for condition, value in WORN.items():
+        worn, _ = changed(worn, condition, value)
     for present in itertools.product((False, True), repeat=len(CAUSES)):
-        robot = under(settings, WORN)
+        robot = worn
         for free, stays in zip(CAUSES.values(), present, strict=True):
             robot = robot if stays else free(robot)
         combined.append(robot)

@@ -1,11 +1,14 @@
 """What all studies are made of: a simulation that is run, and the outcome of it."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from omni_control.errors import OmniError
+from omni_control.kinematics import Array
 from omni_control.registry import available
 from omni_mj.measure import metrics, summary
 from omni_mj.measure.result import Outcome
@@ -96,6 +99,34 @@ def drive(simulation: Simulation, after_frame: AfterFrame = nothing) -> Outcome:
     wall_s = time.perf_counter() - started
     entry = summary.entry(simulation.scenario, log, failures, measured, wall_s, stopped, drawn)
     return Outcome(simulation.scenario, entry, log.rows, failures, measured, log, drawn)
+
+
+def command(simulation: Simulation, twists: Iterable[Array], after_frame: AfterFrame) -> str | None:
+    """Send robots twists (n, 3) frame by frame, in place of controllers; return why that was stopped, or None."""
+    try:
+        for frame, twist in enumerate(twists):
+            simulation.step(twist)
+            after_frame(frame)
+    except StoppedError as error:
+        return error.reason
+    return None
+
+
+def commanded(
+    scenario: Scenario, simulation: Simulation, started: float, stopped: str | None, measured: Mapping[str, np.ndarray]
+) -> Outcome:
+    """Return the outcome of robots that were commanded from outside, whose errors mean nothing.
+
+    Args:
+        scenario: That was asked for.
+        simulation: That was run.
+        started: When, by `time.perf_counter`.
+        stopped: Why it ended before its time, or None.
+        measured: Numbers of each row.
+    """
+    log, failures, wall_s = simulation.log, list(simulation.failures), time.perf_counter() - started
+    entry = summary.entry(scenario, log, failures, {}, wall_s, stopped, simulation.drawn)
+    return Outcome(scenario, entry, simulation.rows, failures, measured)
 
 
 def total_frames(simulation: Simulation) -> int:

@@ -12,17 +12,17 @@ import numpy as np
 
 from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array
-from omni_mj.measure import summary
-from omni_mj.measure.result import Outcome, Result
+from omni_mj.measure.result import Result
 from omni_mj.measure.statistics import plain
 from omni_mj.measure.table import DASH, Table
 from omni_mj.measure.table import text as aligned
 from omni_mj.scenarios import distributions
-from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.scenarios.scenario import Scenario
 from omni_mj.studies.loop import drive as drives
 from omni_mj.studies.loop.drive import CASES, FREQUENCIES, STEP_M, Drive
 from omni_mj.studies.loop.response import Gains, Margins, StepFigures, find_margins, loop_gain, measure_step
-from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, competitors, informed
+from omni_mj.studies.outcome import Begin, begin_nothing, commanded, competitors, informed
+from omni_mj.studies.run import chosen
 
 __all__ = ["Loop", "LoopResult", "loop"]
 
@@ -127,27 +127,20 @@ def loop(
         OmniError: There is no such scenario or controller.
     """
     started = time.perf_counter()
-    chosen = load(scenario) if isinstance(scenario, str) else scenario
-    distributions.refuse(chosen.distributions, "loop")
-    kinds = tuple(competitors() if controllers is None else controllers)
-    chosen = chosen.replace(name="loop", description="step responses and margins", paper_table=0, controllers=kinds)
-    drive, loops, stopped = Drive(chosen), {}, None
-    try:
-        drive.run(begin("loop", drives.FRAMES))
-        loops = _find_loops(drive, chosen.labels)
-    except StoppedError as error:
-        stopped = error.reason
-    simulation, wall_s = drive.simulation, time.perf_counter() - started
-    entry = summary.entry(chosen, simulation.log, simulation.failures, {}, wall_s, stopped, drawn=simulation.drawn)
+    given = chosen(scenario, competitors() if controllers is None else controllers)
+    distributions.refuse(given.distributions, "loop")
+    given = given.replace(name="loop", description="step responses and margins", paper_table=0)
+    drive = Drive(given)
+    stopped = drive.run(begin("loop", drives.FRAMES))
     return LoopResult(
-        [Outcome(chosen, entry, simulation.rows, simulation.failures, drive.asked)],
-        chosen.labels,
-        informed(chosen),
-        chosen.seed_list,
-        wall_s=wall_s,
+        [commanded(given, drive.simulation, started, stopped, drive.asked)],
+        given.labels,
+        informed(given),
+        given.seed_list,
+        wall_s=time.perf_counter() - started,
         stopped=stopped,
-        complete=stopped is None,
-        loops=loops,
+        complete=not stopped,
+        loops={} if stopped else _find_loops(drive, given.labels),
     )
 
 

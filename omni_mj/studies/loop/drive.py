@@ -11,6 +11,7 @@ in both alike, and fall out.
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, resting
+from omni_mj.studies.outcome import AfterFrame, command, resting
 
 CASES = {  # whether robots drive, and the axis along which they jump and are disturbed: 0 forward, 1 to the left
     "rest, forward": (False, 0),
@@ -119,20 +120,27 @@ class Drive:
         self.disturbance = np.zeros((FRAMES, len(rows)))
         self.disturbance[WARM_UP + STEP :] = np.transpose([make_multisine(seed) for seed in seeds]) * signs
 
-    def run(self, after_frame: AfterFrame) -> None:
-        """Drive; `after_frame` is called with each frame's number, and may raise `StoppedError`."""
-        simulation, team = self.simulation, self.simulation.team
+    def run(self, after_frame: AfterFrame) -> str | None:
+        """Drive; return why that was stopped, or None.
+
+        Args:
+            after_frame: Called with each frame's number; it may raise `StoppedError`.
+        """
+        return command(self.simulation, self._commands(), after_frame)
+
+    def _commands(self) -> Iterator[Array]:
+        """Yield what robots are sent in each frame."""
+        team = self.simulation.team
         for frame, disturbance in enumerate(self.disturbance):
             if frame == WARM_UP:
                 self._motion.jump[self._along] = STEP_M * self.asked["sign"]
-            simulation.observe()
+            self.simulation.observe()
             wanted = team.command()
             sent = wanted.copy()
             sent[self._along] += disturbance
             team.last = sent  # as if in the frame before, so that the limit on changes lets the disturbance through
-            simulation.step(sent)
+            yield sent
             team.last = wanted
-            after_frame(frame)
 
     def answers(self) -> tuple[Array, Array, Array]:
         """Return positions, commands and disturbances along the axis asked, half the difference of each pair.
@@ -142,5 +150,5 @@ class Drive:
         pose, sent = (self.simulation.log.channel(name)[:, *self._along] for name in ("pose", "command"))
         channels = np.stack([pose, sent - self.disturbance[: len(sent)], self.disturbance[: len(sent)]])
         grid = channels.reshape(3, -1, *self._shape)
-        position, command, disturbance = (grid[..., 0] - grid[..., 1]) / 2
-        return position, command, disturbance
+        position, commanded, disturbance = (grid[..., 0] - grid[..., 1]) / 2
+        return position, commanded, disturbance

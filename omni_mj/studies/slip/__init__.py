@@ -20,14 +20,13 @@ from typing import Any
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.measure import summary
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.statistics import plain
 from omni_mj.measure.table import Table, number, text
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios import resolve as described
 from omni_mj.scenarios.scenario import Scenario, scenario
-from omni_mj.studies.outcome import Begin, begin_nothing
+from omni_mj.studies.outcome import Begin, begin_nothing, commanded
 from omni_mj.studies.slip.fits import SlipFit, fit_moves
 from omni_mj.studies.slip.moves import Move, count_frames, drive, identification
 
@@ -125,27 +124,26 @@ def slip(
     """
     began, driven = time.perf_counter(), list(identification() if moves is None else moves)
     chosen = [named(robot) for robot in (ROBOTS if robots is None else robots)]
-    names = [each.name for each in chosen]
+    names = [robot.name for robot in chosen]
     for name in names:
         if names.count(name) > 1:
             raise OmniError(f"robot {name!r} is named twice; name each once, or files with another name")
-    result = SlipResult([Outcome.not_run(each) for each in chosen], ["Controller"])
-    result.seeds = list(dict.fromkeys(each.seed for each in chosen))
-    for i, each in enumerate(chosen):
-        started, settings = time.perf_counter(), each.settings
-        record = drive(each, driven, begin(each.name, count_frames(driven) + 1))
+    result = SlipResult([Outcome.not_run(robot) for robot in chosen], ["Controller"])
+    result.seeds = list(dict.fromkeys(robot.seed for robot in chosen))
+    for i, robot in enumerate(chosen):
+        started, settings, name = time.perf_counter(), robot.settings, robot.name
+        record = drive(robot, driven, begin(name, count_frames(driven) + 1))
         columns: dict[str, np.ndarray] = {}
         if record.stopped is None:
             mass, inertia = settings.body.mass_kg, settings.body.yaw_inertia_kg_m2
-            if each.name in ROBOTS:
-                mass = ROBOTS[each.name][1]
+            if name in ROBOTS:
+                mass = ROBOTS[name][1]
                 inertia = INERTIA_SHARE * mass * settings.wheels.arm_m**2
-            robot = result.robots[each.name] = fit_moves(settings, driven, record, mass, inertia)
-            columns = {"move": np.array([move.kind for move in driven])} | dict(robot.fitted)
-            columns |= {name: np.array([getattr(move, name) for move in driven]) for name in ("speed", "rolls_out")}
-        simulation, wall_s = record.simulation, time.perf_counter() - started
-        entry = summary.entry(simulation.scenario, simulation.log, simulation.failures, {}, wall_s, record.stopped)
-        result.outcomes[i] = Outcome(simulation.scenario, entry, simulation.rows, simulation.failures, columns)
+            result.robots[name] = fit_moves(settings, driven, record, mass, inertia)
+            columns = {"move": np.array([move.kind for move in driven]), **result.robots[name].fitted}
+            columns |= {key: np.array([getattr(move, key) for move in driven]) for key in ("speed", "rolls_out")}
+        simulation = record.simulation
+        result.outcomes[i] = commanded(simulation.scenario, simulation, started, record.stopped, columns)
         result.stopped = record.stopped
         if record.stopped:
             break

@@ -6,7 +6,7 @@ forward and sideways. On the spot: speed up at 12 rad/s^2, hold for 3 s, roll ou
 `IdentifyBotModelRole.java` of Sumatra.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, StoppedError, standing
+from omni_mj.studies.outcome import AfterFrame, command, standing
 
 AXES = ("forward", "sideways", "turning")
 SPEEDS_M_S, ACCELERATION_M_S2, WAY_M, ROLL_OUT_S = (0.5, 1.0, 1.25, 1.5), 2.0, 3.0, 0.5
@@ -122,24 +122,22 @@ def drive(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFrame) ->
         moves: One for each robot.
         after_frame: Called with each frame's number; it may raise `StoppedError`.
     """
-    frames, stopped = count_frames(moves), None
-    settings = standing(scenario.settings, frames + 2, reference={"lead_s": 0.0})
+    frames = count_frames(moves) + 1
+    settings = standing(scenario.settings, frames + 1, reference={"lead_s": 0.0})
     chosen = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
     rows = [Row(i, 0, Controller.__name__, chosen.seed + i, settings, chosen.robot) for i in range(len(moves))]
     simulation = Simulation(chosen, [Controller], rows=rows)
     plant, kinematics = simulation.plant, settings.wheels.kinematics
     assert isinstance(plant, MujocoPlant)
-    commands = np.stack([move.command(frames + 1) for move in moves], axis=1)
-    free = np.stack([move.is_free(frames) for move in moves], axis=1)
-    held = np.where(free, 0.0, np.nan)[..., None].repeat(len(kinematics.azimuths), -1)
-    try:
-        for frame, command in enumerate(commands):
-            if frame < frames and free.any():
-                plant.hold(held[frame])
-            simulation.step(command)
-            after_frame(frame)
-    except StoppedError as error:
-        stopped = error.reason
+
+    def twists() -> Iterator[Array]:
+        free = np.stack([move.is_free(frames) for move in moves], axis=1)
+        held = np.where(free, 0.0, np.nan)[..., None].repeat(len(kinematics.azimuths), -1)
+        for frame, twist in enumerate(np.stack([move.command(frames) for move in moves], axis=1)):
+            plant.hold(held[frame])
+            yield twist
+
+    stopped = command(simulation, twists(), after_frame)
     pose, angle = simulation.log.channel("pose"), simulation.log.channel("wheel_angle")
     per_rad = settings.sensors.encoder_counts * settings.motor.gear / (2 * np.pi)
     counts = np.diff(np.floor(angle * per_rad), axis=0)
