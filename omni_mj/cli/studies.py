@@ -60,7 +60,9 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
     def draw(result: study.LimitResult, stem: Path) -> None:
         figures.save_comparison(result.summary(), stem)
 
-    _run("limit", [chosen], lambda begin: study.limit(chosen, chosen.seed_list, iterations, begin=begin), draw, **output)
+    _run(
+        "limit", [chosen], lambda begin: study.limit(chosen, chosen.seed_list, iterations, begin=begin), draw, **output
+    )
 
 
 @click.command("loop")
