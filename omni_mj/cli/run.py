@@ -85,8 +85,6 @@ def recorded(
         study: the command's name.
     """
     from omni_mj.files import write
-    from omni_mj.measure.table import table
-    from omni_mj.show import tables
     from omni_mj.studies import run
     from omni_mj.studies.outcome import drive, total_frames
 
@@ -120,10 +118,6 @@ def recorded(
         words = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml"), *allow_code]
         result.repeat = shlex.join(words) if study == "run" else console.command_line()
         result.save_files(folder)
-        if simulation.log.lengths.any():
-            text = tables.titled(table(result.summary()))
-            for recording in recordings:
-                recording.finish(text)
     return result
 
 

@@ -110,8 +110,7 @@ def _record(stack: ExitStack, server: "Server", folder: Path | None, targets: Se
     for target in targets:
         from omni_mj.show.recording.served import ServedRecording
 
-        recording = ServedRecording(target, row.settings)
-        stack.callback(recording.close)
+        recording = stack.enter_context(ServedRecording(target, row.settings))
         sinks.append(recording.send)
     recorder = Recorder(server.pitch, folder and folder / "trajectory.parquet", sinks)
     server.after_frame = recorder.add

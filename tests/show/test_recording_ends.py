@@ -85,8 +85,6 @@ def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
         ends.append(last + 1)
     assert min(ends) >= 600
     assert max(ends) - min(ends) <= 300
-    assert "\nlaps = 100 " in recorded.static("/settings", "TextDocument:text")[0]
-    assert "has not ended" in recorded.static("/summary", "TextDocument:text")[0]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="pipes have the size that they have")

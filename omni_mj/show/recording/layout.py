@@ -1,4 +1,4 @@
-"""Layout of a recording in the viewer: the scene from aside and from next to a robot, series, texts."""
+"""Layout of a recording in the viewer: the scene from aside and from next to a robot, series, events."""
 
 from collections.abc import Mapping, Sequence
 
@@ -41,21 +41,16 @@ def blueprint(
     left = rrb.Vertical(
         _scene(FIELD, ["$origin/**"], aside, names),
         rrb.Tabs(*close_ups, active_tab=second),
-        rrb.Tabs(
-            rrb.TextDocumentView(origin="summary", name="summary"),
-            rrb.TextLogView(origin="events", name="events"),
-            rrb.TextDocumentView(origin="settings", name="settings"),
-        ),
-        row_shares=[5, 4, 2.3],
     )
     seconds = PERIOD_S * max(map(len, paths))
-    right: list[rrb.Container] = []
+    right: list[rrb.Container | rrb.View] = []
     for tab, plots in tabs.items():
         if plots and tab in SINGLE:
             stacks = (_stack(name, plots, seconds, 1, f"/{name}") for name in names)
             right.append(rrb.Tabs(*stacks, name=tab, active_tab=second))
         elif plots:
             right.append(_stack(tab, plots, seconds, len(names)))
+    right.append(rrb.TextLogView(origin="events", name="events"))
     time = rrb.TimePanel(timeline=TIME, play_state="following" if live else "paused", state="collapsed")
     return rrb.Blueprint(rrb.Horizontal(left, rrb.Tabs(*right)), time, collapse_panels=True)
 

@@ -1,7 +1,6 @@
 """Time series of a recording: the plots of each tab, and how their lines follow from the log."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,11 +42,6 @@ class Plot(NamedTuple):
     range: tuple[float, float] | None = None
     wheels: int = 0
 
-    def block(self, robot: Robot, first: int) -> Array:
-        """Return a robot's values from a frame on."""
-        begin = max(first - HISTORY_FRAMES, 0)
-        return self.values(replace(robot, first=begin))[first - begin :]
-
     def look(self, robot: Robot) -> rr.SeriesLines:
         """Return names, colours and widths of a robot's lines."""
         white = [*self.white, *[0.0] * (len(self.lines) - len(self.white))]
@@ -75,14 +69,12 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
 
     speeds = tuple(f"{wheel} {kind}" for kind in ("commanded", "measured") for wheel in wheels)
     speed = per_wheel("wheel_speed", "wheel speed, rad/s")._replace(values=wheel_speeds, lines=speeds, white=white)
-    ahead = "from the robot to the pose that its controller acts on, cm"
     tabs = {
         "tracking": [
             Plot("error/x", "tracking error in x, cm", lambda robot: robot.error()[:, :1]),
             Plot("error/y", "tracking error in y, cm", lambda robot: robot.error()[:, 1:2]),
-            Plot("error/distance", "distance to the reference in the plane, cm", lambda robot: _length(robot.error())),
+            Plot("error/distance", "distance to the reference in the plane, cm", _distance),
             Plot("error/heading", "tracking error in heading, deg", lambda robot: robot.error()[:, 2:]),
-            Plot("ahead", ahead, lambda robot: 100 * _length(robot["predicted"] - robot["pose"])),
         ],
         "velocity": [
             _velocity("velocity/x", "velocity in x, m/s", 0),
@@ -129,8 +121,8 @@ def _limited(robot: Robot) -> Array:
     return robot["current_limited"].max(-1, keepdims=True)
 
 
-def _length(gap: Array) -> Array:
-    return np.hypot(gap[:, :1], gap[:, 1:2])
+def _distance(robot: Robot) -> Array:
+    return np.linalg.norm(robot.error()[:, :2], axis=1, keepdims=True)
 
 
 def _velocity(plot: str, title: str, axis: int) -> Plot:

@@ -39,6 +39,11 @@ def indexes(frames: Frames) -> list[rr.TimeColumn]:
     return [rr.TimeColumn(FRAME, sequence=frames), rr.TimeColumn(TIME, duration=frames * PERIOD_S)]
 
 
+def scalars(values: Array) -> rr.ComponentColumnList:
+    """Return columns of n rows of the values (n, lines) of a plot."""
+    return rr.Scalars.columns(scalars=values.ravel()).partition(np.full(len(values), values.shape[1]))
+
+
 def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], paths: Sequence[Array]) -> None:
     """Log what does not change: the field, the references (frames, 3) on it, and how robots look."""
     stream.log("world", rr.ViewCoordinates.FLU, static=True)

@@ -20,15 +20,12 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from omni_control.controllers.base import Controller
-from omni_mj.measure.table import table
 from omni_mj.scenarios import scenario
-from omni_mj.show import recording, tables
-from omni_mj.show.recording import Recording
+from omni_mj.show.recording import Recording, feed
 from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies import run
 from omni_mj.studies.outcome import drive
 
-set_patience = partial(setattr, recording, "FLUSH_S")  # seconds that a recording waits for its file
+set_patience = partial(setattr, feed, "FLUSH_S")  # seconds that a recording waits for its file
 RERUN = Path(sys.executable).with_name("rerun")
 
 
@@ -125,10 +122,9 @@ def record(simulation: Simulation, path: Path, url: str = "", after_frame: Calla
             for recording in recordings:
                 recording.update()
 
-        outcome = drive(simulation, update)
+        drive(simulation, update)
         for recording in recordings:
             recording.write()
-            recording.finish(tables.titled(table(run.of(simulation, outcome).summary())))
 
 
 def rrd(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
