@@ -13,7 +13,7 @@ VIEWS = ("follow", "plan")
 
 
 def pixels(context: click.Context, parameter: click.Parameter, size: str) -> tuple[int, int]:
-    """Return width and height, even numbers, of a size like 960x320.
+    """Return width and height of a size like 960x320.
 
     Raises:
         OmniError: It is not like that.
@@ -21,7 +21,7 @@ def pixels(context: click.Context, parameter: click.Parameter, size: str) -> tup
     match = re.fullmatch(r"([1-9]\d{1,3})x([1-9]\d{1,3})", size)
     if not match:
         raise OmniError(f"--size must be like {parameter.default}, 10 to 9999 pixels each way, not {size}")
-    return int(match[1]) // 2 * 2, int(match[2]) // 2 * 2  # as videos need it
+    return int(match[1]), int(match[2])
 
 
 @click.command("film")
@@ -45,7 +45,7 @@ def command(
     rate: float,
     size: tuple[int, int],
 ) -> None:
-    """Draw the run in DIR as a film: OUT.gif, .webp or .mp4, DIR/film.webp if none is named.
+    """Draw the run in DIR as a film: OUT.gif or .webp, DIR/film.webp if none is named.
 
     Panels show each controller's robot with the run's first seed, its path, and as a white ring where it should be.
     It needs no display, but EGL: Debian's libegl1 and libgl1-mesa-dri will do.

@@ -1,10 +1,9 @@
 """Films of runs: a panel for each controller, drawn by MuJoCo, with its name and its error."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -18,10 +17,10 @@ from omni_mj.files import whole
 from omni_mj.measure.summary import read as read_summary
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.show import style
-from omni_mj.show.recording.scene import COVER, HEIGHT_M, RADIUS_M
+from omni_mj.show.recording.scene import HEIGHT_M, RADIUS_M, covers
 from omni_mj.worlds import build
 
-KINDS = (".gif", ".webp", ".mp4")
+KINDS = (".gif", ".webp")
 NEEDS = "MuJoCo cannot draw here: {reason}; without a display it needs EGL, on Debian libegl1 and libgl1-mesa-dri"
 GAP = 4  # pixels between panels
 PIECES = 300  # of a path at most
@@ -67,16 +66,14 @@ def read(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[
     pose = ["x_m", "y_m", "heading_rad"]
     angles = [f"wheel_angle_{i + 1}_rad" for i in range(len(settings.wheels.azimuths_deg))]
     numbers = [*pose, *(f"ref_{name}" for name in pose), *angles]
-    table = parquet.read(folder / "trajectory.parquet", ["controller", "seed", "place", "frame", *numbers])
+    table = parquet.read(folder / "trajectory.parquet", ["controller", "seed", "place", *numbers])
     known = table["controller"].unique().to_pylist()
     if unknown := [name for name in controllers if name not in known]:
         raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
-    table = table.filter(pc.equal(table["seed"], pc.min(table["seed"]))).sort_by(
-        [("place", "ascending"), ("frame", "ascending")]
-    )
+    first = pc.min(table["seed"])
     slots, takes = style.slots(known), []
     for name in controllers or known:
-        part = table.filter(pc.equal(table["controller"].cast("string"), name))
+        part = table.filter((pc.field("controller") == name) & (pc.field("seed") == first))
         values = np.nan_to_num(np.column_stack([part[column].to_numpy() for column in numbers]))
         robots = np.split(values, np.flatnonzero(np.diff(part["place"].to_numpy())) + 1)
         longest = max(map(len, robots))
@@ -153,9 +150,7 @@ class Stage:
             data.qpos[robot.qpos[:2]] = x, y
             data.qpos[robot.qpos[3:7]] = np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)
             data.qpos[robot.wheel_qpos] = take.wheels[frame, place]
-            cover = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, build.prefix(place) + COVER)
-            if cover >= 0:
-                model.mat_rgba[cover, :3] = colour
+        model.mat_rgba[covers(model), :3] = colour
         mujoco.mj_fwdPosition(model, data)
         if self._follows:
             self._camera.lookat[:2] = (take.poses[frame, 0, :2] + references[0, :2]) / 2
@@ -183,24 +178,12 @@ def write(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
     """Write pictures of one size to a file of a kind of `KINDS`, `rate` of them a second.
 
     Raises:
-        OmniError: PyAV is missing, or the file cannot be written.
+        OmniError: The file cannot be written.
     """
     try:
         with whole(out) as file:
             first, *others = pictures
-            if out.suffix == ".mp4":
-                import av
-
-                with av.open(file, "w", format="mp4") as container:
-                    stream: Any = container.add_stream("libx264", rate=Fraction(rate).limit_denominator(1000))
-                    stream.width, stream.height = first.size
-                    for picture in (first, *others):
-                        container.mux(stream.encode(av.VideoFrame.from_ndarray(np.asarray(picture), "rgb24")))
-                    container.mux(stream.encode())
-            else:
-                duration = round(1000 / rate)
-                first.save(file, out.suffix[1:], save_all=True, append_images=others, loop=0, duration=duration)
-    except ImportError:
-        raise OmniError(f"{out}: videos need PyAV: pip install 'omni-mj[film]'; .gif and .webp do not") from None
+            duration = round(1000 / rate)
+            first.save(file, out.suffix[1:], save_all=True, append_images=others, loop=0, duration=duration)
     except OSError as error:
         raise OmniError(f"{out}: {error.strerror or error}") from None

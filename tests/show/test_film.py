@@ -85,21 +85,15 @@ def test_a_robot_that_failed_stays_where_it_is_and_others_go_on(tmp_path: Path) 
     assert (take.references[30:, 0] == take.references[29, 0]).all()
 
 
-@pytest.mark.parametrize("kind", [".webp", ".mp4"])
+@pytest.mark.parametrize("kind", [".webp", ".gif"])
 def test_files_hold_the_pictures_in_their_order(folder: Path, tmp_path: Path, kind: str) -> None:
     """The first, the middle and the last of 5 a second differ; the reference moves on in all of them."""
-    if kind == ".mp4":
-        av = pytest.importorskip("av")
     out = tmp_path / f"film{kind}"
     film(folder, out, "--rate", 5, "--to", 1, "--size", "160x80")
     assert list(tmp_path.iterdir()) == [out]  # nothing that was begun is left
-    if kind == ".mp4":
-        with av.open(str(out)) as video:
-            pictures = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
-    else:
-        with Image.open(out) as whole:
-            pictures = [np.asarray(picture.convert("RGB")) for picture in ImageSequence.Iterator(whole)]
-            assert whole.info["duration"] == 200  # ms
+    with Image.open(out) as whole:
+        pictures = [np.asarray(picture.convert("RGB")) for picture in ImageSequence.Iterator(whole)]
+        assert whole.info["duration"] == 200  # ms
     assert [picture.shape for picture in pictures] == [(80, 160, 3)] * 5
     first, *_, last = (picture.astype(int) for picture in pictures)
     assert np.abs(first - last).mean() > 1
@@ -108,7 +102,7 @@ def test_files_hold_the_pictures_in_their_order(folder: Path, tmp_path: Path, ki
 def test_bad_input_is_one_message(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, words in (
         ([tmp_path], "holds no run"),
-        ([folder, tmp_path / "film.avi"], "a film's name ends in .gif, .webp, .mp4"),
+        ([folder, tmp_path / "film.avi"], "a film's name ends in .gif, .webp"),
         ([folder, "--controller", "p"], "has no controller 'p'; it has flc, comp-flc"),
         ([folder, "--from", 1000], "must be before the film's end"),
         ([folder, "--size", "1x1"], "--size must be like"),

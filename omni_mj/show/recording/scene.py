@@ -20,7 +20,6 @@ FRAME, TIME = "frame", "time"  # timelines
 CARPET, LINES, GOALS, REFERENCE = (33, 66, 45), (150, 175, 158), (190, 190, 190), (240, 240, 240)
 RADIUS_M, HEIGHT_M = 0.09, 0.15  # of a robot: the envelope that the rules allow
 TIE_M = 5e-4  # from a robot up to the next: of robots at one place, one must hide the other
-COVER = "cover"  # material of the geoms that tell robots apart by their colour
 LIGHTER = 110  # of 255
 SHOWN_GROUPS = 3  # as in MuJoCo's viewer: geoms of group 3 and above (hulls) are hidden
 _UP = np.array([0.0, 0.0, 1.0])
@@ -181,11 +180,15 @@ def _colours(world: build.World, cover: style.Rgb) -> np.ndarray:
     """Return the colours of all geoms, (n, 3) bytes: their materials' or their own, or `cover`."""
     model, material = world.model, world.model.geom_matid
     colours = 255 * np.where(material[:, None] >= 0, model.mat_rgba[material], model.geom_rgba)[:, :3]
-    covers = [i for i in range(model.nmat) if model.mat(i).name.endswith(f"/{COVER}")]
-    colours[np.isin(material, covers)] = cover
+    colours[np.isin(material, covers(model))] = cover
     # Every other roller is lighter, or nobody sees wheels turn.
     colours[np.isin(model.geom_bodyid, world.robots[0].rollers[:, ::2])] += LIGHTER
     return np.minimum(colours, 255).astype(np.uint8)
+
+
+def covers(model: mujoco.MjModel) -> list[int]:
+    """Return the materials of the geoms that tell robots apart by their colour."""
+    return [i for i in range(model.nmat) if model.mat(i).name.endswith("/cover")]
 
 
 def _transform(position: Array, angle: Array, axis: Array) -> rr.ComponentColumnList:
