@@ -33,8 +33,7 @@ OUTPUTS = ("sweep.json", "scenario.toml", "rows.parquet", "summary.json", "sweep
     "--at-once", type=int, default=128, metavar="N", help="Robots simulated at once; memory grows with them. [128]"
 )
 @click.option("--jobs", type=int, default=1, metavar="N", help="Processes of this machine that run it. [1]")
-@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/sweep-<UTC time>]")
-@click.option("--resume", type=options.FOLDER, metavar="DIR", help="Go on with a sweep that was stopped or killed.")
+@click.option("--out", type=options.FOLDER, metavar="DIR", help="Where it goes, and goes on. [runs/sweep-<UTC time>]")
 @options.QUIET
 @options.choice
 def command(
@@ -43,29 +42,24 @@ def command(
     varied: tuple[str, ...],
     at_once: int,
     out: Path | None,
-    resume: Path | None,
     quiet: bool,
     jobs: int,
 ) -> None:
     """Run a scenario under all combinations of settings: failure rates and errors with confidence, as table and map.
 
-    Of whole numbers, LOW:HIGH:STEP. A sweep that was stopped or killed goes on with --resume DIR, and computes nothing
-    twice. Numbers that are drawn (--set carpet.friction='{uniform = [0.4, 0.9]}') are drawn for each seed.
+    Of whole numbers, LOW:HIGH:STEP. A sweep that was stopped or killed goes on if the same is typed again, with its
+    folder as --out, and computes nothing twice. Numbers that are drawn (--set carpet.friction='{uniform = [0.4, 0.9]}')
+    are drawn for each seed.
     """
     from omni_mj.studies.sweep.plan import Plan, axes, parse_axis
 
-    if resume is not None:
-        if name or varied or out:
-            raise OmniError("--resume says it all: the folder knows its scenario and what is varied")
-        plan, folder = Plan.read(resume), resume
-    elif name is None:
+    if name is None:
         raise OmniError("--scenario is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8")
-    else:
-        chosen = choice.load(name)
-        plan = Plan(chosen, axes(map(parse_axis, varied)), at_once)
-        plan.check(jobs)  # before there is a folder
-        folder = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
-    _run(plan, folder, quiet, jobs)
+    plan = Plan(choice.load(name), axes(map(parse_axis, varied)), at_once)
+    plan.check(jobs)  # before there is a folder
+    if out is None or not (out / OUTPUTS[0]).exists():
+        out = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
+    _run(plan, out, quiet, jobs)
 
 
 def _run(plan: "Plan", folder: Path, quiet: bool, jobs: int) -> None:
@@ -91,4 +85,4 @@ def _run(plan: "Plan", folder: Path, quiet: bool, jobs: int) -> None:
                     tables.show(table)
                 print(f"repeat the worst: {result.summary['worst'][0]['repeat']}")
                 print(f"{done} done; {console.results(folder, OUTPUTS)}")
-    interrupts.end(result.stopped, f"{done} in {folder}; --resume {folder} goes on")
+    interrupts.end(result.stopped, f"{done} in {folder}; the same with --out {folder} goes on")

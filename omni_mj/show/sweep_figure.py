@@ -90,7 +90,7 @@ def _draw_maps(figure: Figure, result: "Sweep") -> None:
 def _values(result: "Sweep", *path: str) -> Array:
     """Return a number of each cell times 100, (points, controllers); infinite without bound, NaN for missing cells."""
     values = np.full((len(result.plan.points), len(result.plan.scenario.labels)), np.nan)
-    for cell in result.cells():
+    for cell in result.summary["cells"]:
         value: Any = cell
         for key in path:
             value = value[key]

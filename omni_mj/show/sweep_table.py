@@ -16,7 +16,7 @@ MAX_LINES = 60  # on a terminal
 
 def shown(result: "Sweep") -> list[Table]:
     """Return the tables for a terminal: of a large sweep those lines where most robots fail and stray farthest."""
-    cells = result.cells()
+    cells = result.summary["cells"]
     if len(cells) > MAX_LINES:
         cells = sorted(cells, key=lambda cell: (-cell["failure_rate"], -(cell[STRAYED]["p90"] or 1e9)))[:MAX_LINES]
     return [_table(result, cells), *_correlations(result)]
@@ -24,14 +24,14 @@ def shown(result: "Sweep") -> list[Table]:
 
 def save(result: "Sweep", path: Path) -> None:
     """Write the whole tables as Markdown."""
-    whole = [_table(result, result.cells()), *_correlations(result)]
+    whole = [_table(result, result.summary["cells"]), *_correlations(result)]
     write(path, "\n\n".join(map(tables.titled, whole)) + "\n")
 
 
 def _table(result: "Sweep", cells: list[dict[str, Any]]) -> Table:
     """Return failure rates and maximum errors in the plane, medians and 90th percentiles, with 95 % intervals."""
     plan, names = result.plan, list(result.plan.axes)
-    n_all = len(result.cells())
+    n_all = len(result.summary["cells"])
     counts = sorted({cell["robots"] for cell in cells})
     robots = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
     title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, {robots} robots a line"

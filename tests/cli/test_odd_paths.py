@@ -18,7 +18,7 @@ TAKE_PATHS = {  # what is called with a path, and a name's ending
     "a run": (("verify",), ""),
     "a run to report": (("report",), ""),
     "a run to film": (("film",), ""),
-    "a sweep": (("sweep", "--resume"), ""),
+    "a sweep": (("sweep", *RUN[1:5], "--vary", "radio.delay_frames=1,2", "--out"), ""),
     "a log": (("identify", "--out", "out"), ".csv"),
     "a new file": (("new", "scenario"), ".toml"),
 }

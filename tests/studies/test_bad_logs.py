@@ -45,7 +45,7 @@ def test_csv_in_any_dialect_holds_the_same_numbers(
     file.write_bytes(end.join([*lines, ""]).encode("utf-8-sig" if mark else "utf-8"))
     (log,) = read(file)
     np.testing.assert_array_equal(log.pose[:, :2], np.stack([WHOLE["x_m"], WHOLE["y_m"]], 1)[:40])
-    np.testing.assert_array_equal(log.command, np.stack([WHOLE[name] for name in COMMAND], 1)[:40])
+    np.testing.assert_array_equal(log.inputs["commands"], np.stack([WHOLE[name] for name in COMMAND], 1)[:40])
 
 
 def test_ten_lines_a_second_tell_the_same(tmp_path: Path) -> None:

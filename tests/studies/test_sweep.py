@@ -81,10 +81,10 @@ def test_a_sweep_that_was_stopped_goes_on_and_computes_nothing_twice(whole: benc
     assert part.rows().num_rows == sum(len(NAMES) * len(job.runs) for job in part.plan.jobs[:3])
     assert json.loads((folder / "summary.json").read_text())["complete"] is False
     rest: list[int] = []
-    done = bench.resume(folder, before_shard=lambda job: rest.append(job.number) or bench.nothing)
+    done = swept(folder, at_once=4, before_shard=lambda job: rest.append(job.number) or bench.nothing)
     assert sorted(run + rest) == [job.number for job in done.plan.jobs]
     assert bits(done.rows()) == bits(whole.rows())
-    bench.resume(folder, before_shard=lambda job: pytest.fail("nothing is left"))
+    swept(folder, at_once=4, before_shard=lambda job: pytest.fail("nothing is left"))
 
 
 def test_a_killed_process_loses_no_shard_that_was_done(
@@ -92,20 +92,20 @@ def test_a_killed_process_loses_no_shard_that_was_done(
 ) -> None:
     """Killed as soon as two shards are on the disk; another process, this one, goes on."""
     folder = tmp_path / "sweep"
-    begin = [
-        sys.executable, "-m", "omni_mj.cli.main", "sweep", "--quiet", *ROUTE,
+    words = [
+        "sweep", "--quiet", *ROUTE,
         "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--at-once", "2", "--out", str(folder),
         "--vary", "radio.delay_frames=0:4:4", "--vary", "kinematic.alpha_low=0.7,0.9", "--controller", "p",
         "--controller", "flc",
     ]  # fmt: skip
-    process = subprocess.Popen(begin)
+    process = subprocess.Popen([sys.executable, "-m", "omni_mj.cli.main", *words])
     deadline = time.monotonic() + 120
     while len(list(folder.glob("shards/*.parquet"))) < 2 and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.002)
     process.kill()
     process.wait()
     assert len(list(folder.glob("shards/*.parquet"))) >= 2
-    assert invoke("sweep", "--quiet", "--resume", folder) == 0
+    assert invoke(*words) == 0
     assert capsys.readouterr() == ("", "")
     assert bits(pq.read_table(folder / "rows.parquet")) == bits(whole.rows())
     assert (folder / "sweep.png").stat().st_size > 10_000
@@ -216,7 +216,7 @@ def test_what_matters_and_the_worst_runs_are_said(tmp_path: Path, capsys: pytest
 
 def test_cells_have_rates_and_medians_of_their_rows_with_intervals(whole: bench.Sweep) -> None:
     """Of three robots none of which failed: a rate of 0 % up to 56 % by Wilson's interval; too few for a median's."""
-    cells = whole.cells()
+    cells = whole.summary["cells"]
     assert [(c["point"], c["controller"]) for c in cells] == [(i, name) for i in range(4) for name in NAMES]
     for cell in cells:
         own = [row for row in whole.rows().to_pylist() if all(row[key] == cell[key] for key in ("point", "controller"))]

@@ -131,10 +131,9 @@ def identify(
 def identify_logs(logs: Sequence[RobotLog], start: Scenario) -> Identified:
     """Identify a robot from logs that were read, and the scenario with the start robot."""
     result = Identified(start, [log.name for log in logs])
-    if driven := [log for log in logs if log.wheels is not None]:
-        _add_fit(result, "wheels", driven)
-    if commanded := [log for log in logs if log.command is not None]:
-        _add_fit(result, "commands", commanded)
+    for source in ("wheels", "commands"):
+        if driven := [log for log in logs if source in log.inputs]:
+            _add_fit(result, source, driven)
     return result
 
 
@@ -149,7 +148,7 @@ def _add_fit(result: Identified, source: str, logs: Sequence[RobotLog]) -> None:
     settings, by_wheels = result.start.settings, source == "wheels"
     body, geometry, inputs, twists, delays = Body.of(settings), settings.wheels.kinematics, [], [], []
     for log in logs:
-        inputs.append(np.asarray(log.wheels if by_wheels else log.command))
+        inputs.append(log.inputs[source])
         twist = checks.wheel_twists(log, geometry) if by_wheels else inputs[-1]
         delays.append(checks.starting_delay(log, twist, source, geometry))
         if not by_wheels and not log.in_body:

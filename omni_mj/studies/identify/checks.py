@@ -48,10 +48,9 @@ class Match(NamedTuple):
 
 def wheel_twists(log: RobotLog, geometry: Kinematics) -> Array:
     """Return the body twists (F, 3) that wheels say, by the geometry of the start robot."""
-    assert log.wheels is not None
-    if (have := log.wheels.shape[1]) != (needed := len(geometry.azimuths)):
+    if (have := log.inputs["wheels"].shape[1]) != (needed := len(geometry.azimuths)):
         raise OmniError(f"{log.name}: {have} wheels, but the robot's file has {needed}; name one of {have} by --robot")
-    return geometry.body_twist(log.wheels)
+    return geometry.body_twist(log.inputs["wheels"])
 
 
 def starting_delay(log: RobotLog, inputs: Array, source: str, geometry: Kinematics) -> float:
@@ -118,13 +117,11 @@ def _explain(time: Array, pose: Array, inputs: Array, in_body: bool, by_wheels: 
     at, motion = _displacements(time, pose, in_body)
     total = integrate(time, inputs)
     delays = np.arange(-LATEST_S / 2 if by_wheels else 0.0, LATEST_S, DELAY_STEP_S)
-    moved = np.stack([motion @ [1, 1j, 0], motion[:, 2] + 0j])
-    results = list[tuple[np.ndarray, np.ndarray]]()
-    for late in delays:
-        given = total(at + WINDOW_S - late) - total(at - late)
-        given = np.stack([given @ [1, 1j, 0], given[:, 2] + 0j])
-        results.append((np.sum(moved * given.conj(), 1), np.sum(abs(given) ** 2, 1)))
-    products, powers = map(np.array, zip(*results, strict=True))
+    moved = np.stack([motion @ [1, 1j, 0], motion[:, 2]])
+    from_at = at - delays[:, None]
+    given = total(from_at + WINDOW_S) - total(from_at)
+    given = np.stack([given @ [1, 1j, 0], given[..., 2]], axis=1)
+    products, powers = np.sum(moved * given.conj(), 2), np.sum(abs(given) ** 2, 2)
     power = np.sum(abs(moved) ** 2, 1)
     moves = powers.mean(0) > len(at) * (WINDOW_S * np.array([MOVES_M_S, TURNS_RAD_S])) ** 2
     if not moves.any():
@@ -150,7 +147,7 @@ def _check_wheels(log: RobotLog, geometry: Kinematics, late: float) -> None:
     """Raise an error if wheels turn the other way, are in another order, or do not turn."""
     at, motion = _displacements(log.time, log.pose, True)
     expected = geometry.wheel_speeds(motion)
-    total = integrate(log.time, np.asarray(log.wheels))
+    total = integrate(log.time, log.inputs["wheels"])
     measured = total(at + WINDOW_S - late) - total(at - late)
     count = len(geometry.azimuths)
     with np.errstate(invalid="ignore"):  # of a wheel that stands

@@ -5,8 +5,8 @@ taken. Each controller, seed and place is a log of its own.
 """
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import count, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,17 +42,16 @@ class RobotLog:
         name: File, and the row in it.
         time: Increasing, (F,) s.
         pose: Measured, world frame, heading continuous, (F, 3). NaN where the robot was not seen.
-        command: Twists that act until the next line, (F, 3), or None.
+        inputs: By source: "wheels", mean speeds from each line to the next, (F, W) rad/s; "commands", twists that act
+            until the next line, (F, 3).
         in_body: Whether commands are along the body's axes.
-        wheels: Mean speeds from each line to the next, (F, W) rad/s, or None.
     """
 
     name: str
     time: Array
     pose: Array
-    command: Array | None
+    inputs: Mapping[str, Array]
     in_body: bool
-    wheels: Array | None
 
 
 def read(file: Path | str) -> list[RobotLog]:
@@ -73,25 +72,19 @@ def read(file: Path | str) -> list[RobotLog]:
     pose = _numbers(path, columns, VISION if columns.keys() >= set(VISION) else POSE)
     if "vision_valid" in columns:
         pose[~columns["vision_valid"].to_numpy().astype(bool)] = np.nan
-    time, commands, wheel_values = (_numbers(path, columns, names) for names in (["time_s"], command, wheels))
+    time = _numbers(path, columns, ["time_s"])[:, 0]
+    named = {"wheels": wheels, "commands": command}
+    inputs = {source: _numbers(path, columns, names) for source, names in named.items() if names}
     keys = [columns[key].to_pylist() for key in ("controller", "seed", "place") if key in columns]
     rows = np.array([" ".join(map(str, row)) for row in zip(*keys, strict=True)] or [""] * len(time), str)
     logs = []
     for row in dict.fromkeys(rows.tolist()) or [""]:
         lines = np.flatnonzero(rows == row)
+        own = {source: values[lines] for source, values in inputs.items()}
+        if wheels:
+            own["wheels"] = _mean_speeds(time[lines], own["wheels"], angles)
         name = f"{path.name} ({row})" if row else path.name
-        logs.append(
-            _clean(
-                RobotLog(
-                    name,
-                    time[lines, 0],
-                    pose[lines],
-                    commands[lines] if command else None,
-                    command == BODY,
-                    _mean_speeds(time[lines, 0], wheel_values[lines], angles) if wheels else None,
-                )
-            )
-        )
+        logs.append(_clean(RobotLog(name, time[lines], pose[lines], own, command == BODY)))
     return logs
 
 
@@ -120,11 +113,11 @@ def _clean(log: RobotLog) -> RobotLog:
     pose[held] = np.nan
     known = np.isfinite(pose[:, 2])
     pose[known, 2] = np.unwrap(pose[known, 2])
-    inputs = [None if values is None else values[new] for values in (log.command, log.wheels)]
-    for what, values in zip(("commands", "wheels"), inputs, strict=True):
-        if values is not None and not np.isfinite(values).all():
-            raise OmniError(f"{log.name}: {what} are missing in line {np.argmin(np.isfinite(values).all(1)) + 1}")
-    return RobotLog(log.name, time, pose, inputs[0], log.in_body, inputs[1])
+    inputs = {source: values[new] for source, values in log.inputs.items()}
+    for source, values in inputs.items():
+        if not np.isfinite(values).all():
+            raise OmniError(f"{log.name}: {source} are missing in line {np.argmin(np.isfinite(values).all(1)) + 1}")
+    return replace(log, time=time, pose=pose, inputs=inputs)
 
 
 def _wheel_names(columns: "Columns") -> tuple[bool, list[str]]:

@@ -7,18 +7,15 @@ from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import product
-from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from omni_control.errors import OmniError, choose
-from omni_mj.files import write
 from omni_mj.scenarios.checking import shown
-from omni_mj.scenarios.classes import written
 from omni_mj.scenarios.distributions import put
 from omni_mj.scenarios.references import timed
-from omni_mj.scenarios.scenario import Scenario, load
+from omni_mj.scenarios.scenario import Scenario
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.simulate.simulation import alike, all_alike
 from omni_mj.studies.outcome import check_memory
@@ -26,7 +23,6 @@ from omni_mj.studies.run import with_kernel
 
 Value = int | float | str | bool
 AT_ONCE = 128  # robots that are simulated at once
-FORMAT = 2
 MAX_VALUES = 1000  # of an axis
 
 
@@ -162,39 +158,11 @@ class Plan:
         check_memory(processes * robots, self.frames)
 
     @property
-    def key(self) -> tuple[Any, ...]:
-        """Return what two plans of the same sweep have in common."""
-        return self.scenario.to_toml(), list(self.axes.items()), self.at_once
-
-    def save(self, folder: Path) -> None:
-        """Write sweep.json and scenario.toml, all that `read` needs."""
-        content = {
-            "format": FORMAT,
-            "controllers": [written(kind) for kind in self.scenario.controllers],
-            "axes": self.axes,
-            "at_once": self.at_once,
-        }
-        write(folder / "scenario.toml", self.scenario.to_toml())
-        write(folder / "sweep.json", json.dumps(content, indent=1, ensure_ascii=False) + "\n")
-
-    @classmethod
-    def read(cls, folder: Path) -> Self:
-        """Return the plan of a sweep that was begun in a folder.
-
-        Raises:
-            OmniError: There is none, or one that cannot be read.
-        """
-        path = folder / "sweep.json"
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-            if content["format"] != FORMAT:
-                raise OmniError(f"{path} is of format {content['format']!r}; this version reads {FORMAT}")
-            scenario = load(str(folder / "scenario.toml"), code=True, head={"controllers": content["controllers"]})
-            return cls(scenario, axes(content["axes"]), int(content["at_once"]))
-        except OSError as error:
-            raise OmniError(f"{folder} holds no sweep: {path.name}: {error.strerror}") from None
-        except (ValueError, KeyError, TypeError) as error:
-            raise OmniError(f"{path} is not a sweep's: {error}") from None
+    def files(self) -> dict[str, str]:
+        """Return by name the files that say what is run, the same for plans of the same sweep."""
+        content = {"axes": self.axes, "at_once": self.at_once}
+        described = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+        return {"sweep.json": described, "scenario.toml": self.scenario.to_toml()}
 
 
 def _kind(name: str) -> Any:

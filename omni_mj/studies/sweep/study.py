@@ -61,11 +61,6 @@ class Sweep:
         whole = self.folder / ROWS
         return parquet.read(whole) if whole.is_file() else _gathered(self.plan, self.folder)
 
-    def cells(self) -> list[dict[str, Any]]:
-        """Return failure rate and errors of each point and controller; see `cells.cells`."""
-        found: list[dict[str, Any]] = self.summary["cells"]
-        return found
-
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Return what summary.json holds."""
@@ -129,11 +124,12 @@ def run(
     """
     folder, stopped = Path(out), None
     plan.check(jobs)
-    if not (folder / "sweep.json").exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        plan.save(folder)
-    elif Plan.read(folder).key != plan.key:
-        raise OmniError(f"{folder} holds another sweep; name another --out, or go on with that: --resume {folder}")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in plan.files.items():
+        if not (folder / name).exists():
+            write(folder / name, text)
+        elif (folder / name).read_text(encoding="utf-8") != text:
+            raise OmniError(f"{folder} holds another sweep, by its {name}; name another --out")
     (folder / SHARDS).mkdir(exist_ok=True)
     missing = left(plan, folder)
     try:
@@ -157,15 +153,6 @@ def run(
             _file(folder, job).unlink(missing_ok=True)
         (folder / SHARDS).rmdir()
     return result
-
-
-def resume(folder: str | Path, **how: Any) -> Sweep:
-    """Go on with a sweep that was stopped or killed, anywhere; see `run`.
-
-    Raises:
-        OmniError: There is none in the folder.
-    """
-    return run(Plan.read(Path(folder)), folder, **how)
 
 
 def left(plan: Plan, folder: Path) -> list[Job]:

@@ -44,7 +44,7 @@ def tables(
             except BrokenProcessPool:
                 raise OmniError(
                     "a process of --jobs was killed, perhaps for want of memory; what was done is kept: go on with"
-                    " --resume, with fewer --jobs"
+                    " the same command and fewer --jobs"
                 ) from None
             except OmniError:
                 raise
