@@ -8,7 +8,7 @@ from closed_loop import WHEELS, Creeping, T, loop, vision
 from omni_control import IteratedReference, MotionLimits, Team, TimedReference, Told
 
 LIMITS = MotionLimits()
-PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0], [0.0, 0.0, 0.0]]
+PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0]]
 LEAD, SECOND = 15, 60
 ROUTE = TimedReference(PATH, LIMITS, T, settle_frames=SECOND).after_rest(LEAD)
 RIGHT = {"lag_s": 0.0267, "creep_s2_m": 0.06, "drag_m_s": 0.0375, "alpha": (0.92, 0.87)}
@@ -124,7 +124,7 @@ def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
     n, path, delay = 3, np.array(PATH), 12
     reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
     plant = Creeping(np.repeat(path[:1], n, axis=0), delay, 0.01, 0.0, 0.01, np.outer([1.0, 0.8, 0.6], np.ones(3)))
-    noise = vision(np.random.default_rng(0), 8 * SECOND, n)
+    noise = vision(np.random.default_rng(0), 6 * SECOND, n)
     record = loop(team("adaptive-comp-flc", delay, reference, n, **NONE), plant, noise)
     for point in path[1:]:
         # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.

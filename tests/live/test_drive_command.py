@@ -39,10 +39,9 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
     """All that `run` leaves is there, and the table. What was live is not repeated, which is said."""
     ports = free_port(), free_port()
     known = "--no-pulse", "--set", "radio.delay_frames=1", "--set", "reference.waypoints=[[0, 0], [1.2, 0]]"
-    with started(ports, "--delay", 1, "--loss", 0.05):
+    with started(ports, "--delay", 1, "--loss", 0.05, "--tell", 75) as peer:
         process = drive(tmp_path, ports, *OUT, *known)
-        wait_for(process, "robots 0 at 60 frames a second")
-        time.sleep(4.0)
+        wait_for(peer, "heard")
     out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
     assert re.search(r"was not seen for 3 s at \d\.\d* s\n", err)
@@ -58,10 +57,9 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
 
 def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
     ports = free_port(), free_port()
-    with started(ports):
+    with started(ports, "--tell", 75) as peer:
         process = drive(tmp_path, ports, *OUT, "--no-pulse", "--no-record", "--set", "reference.laps=20")
-        wait_for(process, "robots 0 at 60 frames a second")
-        time.sleep(4.0)
+        wait_for(peer, "heard")
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130

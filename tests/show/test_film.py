@@ -63,6 +63,7 @@ def test_robots_are_where_the_trajectory_says(folder: Path, tmp_path: Path) -> N
             away = np.array([rows["x_m"][frame] - 0.4, rows["y_m"][frame] - 0.2])
             # The dots of the league's pattern lie ahead and aside, and perspective shows a side of the cover.
             np.testing.assert_allclose(hat(pictures), SIDE / 2 + scale * away * [1, -1], atol=0.02 * scale)
+            assert pictures.info["duration"] == 1000  # ms
 
 
 class Breaks(om.Controller):
@@ -85,10 +86,9 @@ def test_a_robot_that_failed_stays_where_it_is_and_others_go_on(tmp_path: Path) 
     assert (take.references[30:, 0] == take.references[29, 0]).all()
 
 
-@pytest.mark.parametrize("kind", [".webp", ".gif"])
-def test_files_hold_the_pictures_in_their_order(folder: Path, tmp_path: Path, kind: str) -> None:
+def test_a_gif_holds_the_pictures_in_their_order(folder: Path, tmp_path: Path) -> None:
     """The first, the middle and the last of 5 a second differ; the reference moves on in all of them."""
-    out = tmp_path / f"film{kind}"
+    out = tmp_path / "film.gif"
     film(folder, out, "--rate", 5, "--to", 1, "--size", "160x80")
     assert list(tmp_path.iterdir()) == [out]  # nothing that was begun is left
     with Image.open(out) as whole:

@@ -2,14 +2,31 @@
 
 import json
 import re
+import shutil
+import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from benches.figures import NAMES
 from commands import invoke
+from matplotlib.image import imread
 
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+FLAGS = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
+FLAGS += " --disable-component-update --disable-sync --hide-scrollbars --allow-file-access-from-files"
+# Looks into the report from outside, since the report itself runs no scripts.
+WRAPPER = """<body><iframe src="report.html" width="{width}" height="900"></iframe><script>
+onload = () => {{
+  const page = document.querySelector("iframe").contentDocument, root = page.documentElement;
+  document.body.dataset.seen = JSON.stringify({{
+    images: [...page.images].map(i => [i.complete, i.naturalWidth, i.getBoundingClientRect().right]),
+    overflow: root.scrollWidth - root.clientWidth,
+    inside: page.defaultView.performance.getEntriesByType("resource").map(r => r.name.slice(0, 10)),
+  }});
+}}</script>"""
 EVIL = "<script>alert('x')</script> & \"quoted\" {{ 7 * 7 }}"
 
 
@@ -87,6 +104,22 @@ def test_the_papers_errors_follow_ours(runs: list[Path], tmp_path: Path, out: Pa
     report = page(changed(runs[0], tmp_path / "printed", paper=paper, paper_table=3), out=out)
     assert {"paper's flc", "4.00/1.00", "8.00/2.00"} <= set(report.cells)
     assert "paper's flc" not in page(changed(runs[0], tmp_path / "without", paper=None), out=out).text
+
+
+def test_figures_of_a_run_are_the_same_every_time_and_nothing_is_cut_off(runs: list[Path], tmp_path: Path) -> None:
+    """PNG and SVG of all figures for which the kinematic plant has data; their edges are white."""
+    assert (
+        invoke("run", "--scenario", runs[0] / "scenario.toml", "--svg", "--no-record", "--quiet", "--out", tmp_path)
+        == 0
+    )
+    written = {path.name: path.read_bytes() for path in (runs[0] / "figures").iterdir()}
+    assert set(written) == {f"{name}.{kind}" for name in NAMES for kind in ("png", "svg")}
+    assert {path.name: path.read_bytes() for path in (tmp_path / "figures").iterdir()} == written
+    assert max(map(len, written.values())) < 1_000_000
+    for path in (runs[0] / "figures").glob("*.png"):
+        ink = imread(path)[..., :3].min(axis=-1) < 0.9
+        assert ink.mean() > 0.01, path
+        assert not any(edge.any() for edge in (ink[0], ink[-1], ink[:, 0], ink[:, -1])), path
 
 
 def test_it_is_complete_in_itself_with_all_figures(runs: list[Path], comparison: Path, out: Path) -> None:
@@ -185,3 +218,25 @@ def test_a_summary_that_lacks_something_is_refused(
     for folder in (lacking, empty):
         assert invoke("report", folder, "--out", out) == 2
         assert "not of this version" in capsys.readouterr().err
+
+
+def chromium(profile: Path, *args: str) -> str:
+    command = [str(CHROMIUM), *FLAGS.split(), f"--user-data-dir={profile}", *args]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH")
+@pytest.mark.parametrize("width", [390, 1400])
+def test_all_figures_load_and_nothing_is_wider_than_the_window(runs: list[Path], tmp_path: Path, width: int) -> None:
+    """In a real browser, in wide and narrow windows."""
+    page(runs[0], out=tmp_path / "report.html")
+    wrapper = tmp_path / "wrapper.html"
+    wrapper.write_text(WRAPPER.format(width=width))
+    dom = chromium(tmp_path / "profile", "--dump-dom", "--virtual-time-budget=20000", wrapper.as_uri())
+    found = re.search(r'data-seen="(.*?)"', dom)
+    assert found, "the report did not load"
+    seen: dict[str, Any] = json.loads(found[1].replace("&quot;", '"'))
+    assert len(seen["images"]) == len(list((runs[0] / "figures").glob("*.svg")))
+    assert all(complete and wide > 0 and right <= width for complete, wide, right in seen["images"])
+    assert seen["overflow"] <= 0
+    assert set(seen["inside"]) <= {"data:image"}

@@ -37,6 +37,7 @@ DEFAULTS: dict[str, Any] = {
     "swap": 0.0,  # how often a robot has another's number
     "patience": 10.0,  # for the next commands, in lockstep, s
     "junk": 0.0,  # bad packets per frame
+    "tell": 0,  # after how many packets of commands a line is printed
 }
 
 
@@ -91,7 +92,7 @@ class Peer:
         self.vision = (host, int(port))
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", said.port))
-        self.patience = PATIENCE_S
+        self.patience, self.n_heard = PATIENCE_S, 0
 
     def run(self) -> None:
         due = time.monotonic()
@@ -131,6 +132,9 @@ class Peer:
                 return
             if self.random.random() >= self.said.loss:
                 self.robots.command(data)
+                self.n_heard += 1
+                if self.n_heard == self.said.tell:
+                    print("heard", flush=True)
                 self.patience = self.said.patience
                 self.socket.sendto(b"", client)
                 if self.said.lockstep:

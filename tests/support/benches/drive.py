@@ -30,13 +30,13 @@ EXACT = {"lag_s": 0.0, "drag_m_s": 0.0, "creep_s2_m": 0.0, "alpha_forward": 0.0,
 
 
 @contextmanager
-def started(ports: tuple[int, int], *said: object) -> Iterator[None]:
+def started(ports: tuple[int, int], *said: object) -> Iterator["subprocess.Popen[str]"]:
     """A simulator, for as long as the block lasts, which sends vision to a port and takes commands at another."""
     vision, port = ports
     command = [*PEER, "--vision", f"{LOOPBACK}:{vision}", "--port", str(port), *map(str, said)]
-    with subprocess.Popen(command) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
-            yield
+            yield process
         finally:
             process.kill()
 

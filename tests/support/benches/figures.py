@@ -17,6 +17,7 @@ from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.show import figures, style
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
+NAMES = "path", "output", "error", "alpha", "seeds"  # of figures of a run that lacks no data
 TURN = 0.02  # rad, by which each controller is turned per cm of error
 
 
