@@ -1,4 +1,4 @@
-"""The README's example of a controller runs as it is printed, and does what it says."""
+"""The first example of a controller in the documents runs as it is printed, and does what it says."""
 
 import json
 import re
@@ -6,13 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs" / "python.md"
 LINES = 20  # of the example; blank ones do not count
 
 
 def example() -> str:
-    """The first Python block below "Writing a controller"."""
-    section = README.read_text(encoding="utf-8").split("\n### Writing a controller\n")[1]
+    """The first Python block below "A controller"."""
+    section = PAGE.read_text(encoding="utf-8").split("\n## A controller\n")[1]
     return section.split("```python\n")[1].split("```")[0]
 
 
