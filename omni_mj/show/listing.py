@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError, choose
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from omni_mj.scenarios.scenario import Scenario
     from omni_mj.scenarios.settings import Settings
 
-HEADINGS = ["setting", "default", "unit", "allowed", "meaning"]
+FACTS = ("default", "in", "allowed:")  # before the default, the unit and what is allowed
 TITLES = {  # of the lists, and how each is used
     "scenarios": "--scenario",
     "controllers": "--controller",
@@ -28,7 +29,6 @@ TITLES = {  # of the lists, and how each is used
     "settings": "--set section.field=value",
     "faults": "what happens in a run: [[fault]] in a scenario's file",
 }
-WIDTHS = [48, 20, 10, 24]  # of columns at most, but of the last, in characters
 COMMENT_AT = 40  # column where the comments of settings begin, if there is room
 Rows = list[list[str]]
 
@@ -54,7 +54,7 @@ def show(only: str | None = None, word: str = "") -> None:
     for title, lines in matching.items():
         if lines:
             print(f"{title} ({TITLES[title]})")
-            _print([HEADINGS, *lines] if len(lines[0]) > 2 else lines)
+            _print(lines)
 
 
 def rows(title: str) -> Rows:
@@ -194,18 +194,13 @@ def _row(name: str, setting: "Setting") -> list[str]:
 
 
 def _print(lines: Rows) -> None:
-    """Print lines in columns, their cells wrapped."""
-    from rich.console import Console  # not needed to complete names in a shell
-    from rich.padding import Padding
-    from rich.table import Table
-    from rich.text import Text
-
-    grid = Table.grid(padding=(0, 2))
-    for limit in (*WIDTHS[: len(lines[0]) - 1], None):
-        grid.add_column(max_width=limit)
-    for line in lines:
-        grid.add_row(*map(Text, line))
-    Console(width=tables.width()).print(Padding(grid, (0, 0, 1, 2)))
+    """Print names and, next to them, meanings and what is allowed, wrapped."""
+    indent = 4 + max(len(name) for name, *_ in lines)
+    for name, *facts, meaning in lines:
+        notes = "; ".join(f"{what} {fact}" for what, fact in zip(FACTS, facts, strict=False) if fact)
+        text = f"  {name.ljust(indent - 2)}{meaning}{notes and f' ({notes})'}"
+        print(fill(text, tables.width(), subsequent_indent=" " * indent))
+    print()
 
 
 def _remark(controller: str) -> str:

@@ -97,9 +97,9 @@ def test_a_word_finds_the_lines_of_a_list(capsys: pytest.CaptureFixture[str]) ->
         re.findall(r"^  (\S+)", found, re.MULTILINE)
     )
     assert "radio.delay_frames" not in found
-    kinds = [line.split()[:3] for line in printed(capsys, "list", "faults", "push").splitlines()[2:] if line.strip()]
+    kinds = [line.split()[:3] for line in printed(capsys, "list", "faults", "push").splitlines()[1:] if line.strip()]
     assert ["kind", "=", "push"] in kinds
-    assert ["push.force_n", "N", "0"] in kinds
+    assert "push.force_n" in (name for name, *_ in kinds)
 
 
 @pytest.mark.parametrize("name", ["rect", "storm", "league-smooth"])
