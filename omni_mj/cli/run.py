@@ -154,14 +154,13 @@ def viewers(view: bool, connect: str | None) -> list[str]:
 
 def _print_tables(result: "Result") -> None:
     """Print the tables, and what happened."""
-    from omni_mj.measure.table import recovery_table, table, why_table
-    from omni_mj.show import tables
+    from omni_mj.measure.table import recovery_table, table, text, why_table
 
     summary = result.summary()
     if result.outcomes[0].entry["results"]:
         for each in (table(summary), why_table(summary), recovery_table(summary)):
             if each:
-                tables.show(each)
+                print(text(each), end="\n\n")
         console.print_events(result.outcomes[0].entry)
 
 

@@ -63,7 +63,7 @@ def command(
 
 
 def _run(plan: "Plan", folder: Path, quiet: bool, jobs: int) -> None:
-    from omni_mj.show import sweep_figure, sweep_table, tables
+    from omni_mj.show import sweep_figure, sweep_table
     from omni_mj.studies.sweep import study
 
     with console.writing(folder):
@@ -81,8 +81,7 @@ def _run(plan: "Plan", folder: Path, quiet: bool, jobs: int) -> None:
             sweep_table.save(result, folder / "sweep.md")
             sweep_figure.save(result, folder / "sweep.png")
             if not quiet:
-                for table in sweep_table.shown(result):
-                    tables.show(table)
+                print(sweep_table.shown(result))
                 print(f"repeat the worst: {result.summary['worst'][0]['repeat']}")
                 print(f"{done} done; {console.results(folder, OUTPUTS)}")
     interrupts.end(result.stopped, f"{done} in {folder}; the same with --out {folder} goes on")

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from omni_mj.measure.statistics import CHANCE, ERRORS
-from omni_mj.measure.table import DASH, Table, label, plus_minus, table
+from omni_mj.measure.table import DASH, Table, label, plus_minus, table, text
 from omni_mj.show import tables
 
 Summary = dict[str, Any]
@@ -15,11 +15,11 @@ def show(summary: Summary) -> None:
     """Print the table, the verdicts, and what was not done."""
     errors, verdicts = table(summary), verdict_table(summary)
     if errors.rows:
-        tables.show(errors)
+        print(text(errors))
         print("settled: s after the end of the reference's last move (how many seeds of all do, where not all)")
         print("excess: command effort above what the reference itself needs; compare.md has the definitions\n")
     if verdicts.rows:
-        tables.show(verdicts)
+        print(text(verdicts))
         print(f"{_caption(summary)}\n")
     for line in _not_done(summary):
         print(f"note: {line}")

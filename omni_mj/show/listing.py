@@ -3,6 +3,8 @@
 import inspect
 import json
 import re
+import shutil
+import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
@@ -13,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from omni_control.errors import OmniError, choose
 from omni_control.registry import CONTROLLERS, missing
 from omni_mj.scenarios import robots, toml_files
-from omni_mj.show import tables
 
 if TYPE_CHECKING:
     from omni_mj.scenarios.checking import Setting
@@ -29,6 +30,7 @@ TITLES = {  # of the lists, and how each is used
     "settings": "--set section.field=value",
     "faults": "what happens in a run: [[fault]] in a scenario's file",
 }
+PIPE_WIDTH = 140  # columns if the output is no terminal
 COMMENT_AT = 40  # column where the comments of settings begin, if there is room
 Rows = list[list[str]]
 
@@ -196,10 +198,11 @@ def _row(name: str, setting: "Setting") -> list[str]:
 def _print(lines: Rows) -> None:
     """Print names and, next to them, meanings and what is allowed, wrapped."""
     indent = 4 + max(len(name) for name, *_ in lines)
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
     for name, *facts, meaning in lines:
         notes = "; ".join(f"{what} {fact}" for what, fact in zip(FACTS, facts, strict=False) if fact)
         text = f"  {name.ljust(indent - 2)}{meaning}{notes and f' ({notes})'}"
-        print(fill(text, tables.width(), subsequent_indent=" " * indent))
+        print(fill(text, width, subsequent_indent=" " * indent))
     print()
 
 

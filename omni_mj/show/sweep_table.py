@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from omni_mj.files import write
-from omni_mj.measure.table import Table, number
+from omni_mj.measure.table import Table, number, text
 from omni_mj.show import tables
 from omni_mj.studies.sweep.cells import SHOWN, STRAYED
 
@@ -14,18 +14,19 @@ if TYPE_CHECKING:
 MAX_LINES = 60  # on a terminal
 
 
-def shown(result: "Sweep") -> list[Table]:
-    """Return the tables for a terminal: of a large sweep those lines where most robots fail and stray farthest."""
+def shown(result: "Sweep") -> str:
+    """Return the tables as text; of a large sweep those lines where most robots fail and stray farthest."""
     cells = result.summary["cells"]
     if len(cells) > MAX_LINES:
         cells = sorted(cells, key=lambda cell: (-cell["failure_rate"], -(cell[STRAYED]["p90"] or 1e9)))[:MAX_LINES]
-    return [_table(result, cells), *_correlations(result)]
+    return "\n\n".join(map(text, [_table(result, cells), *_correlations(result)]))
 
 
 def save(result: "Sweep", path: Path) -> None:
     """Write the whole tables as Markdown."""
     whole = [_table(result, result.summary["cells"]), *_correlations(result)]
-    write(path, "\n\n".join(map(tables.titled, whole)) + "\n")
+    parts = [f"{table.title}\n\n{tables.markdown(table.headings, table.rows)}\n" for table in whole]
+    write(path, "\n".join(parts))
 
 
 def _table(result: "Sweep", cells: list[dict[str, Any]]) -> Table:
