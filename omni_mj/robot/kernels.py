@@ -2,8 +2,8 @@
 
 A kernel holds parameters and state of n robots, and runs functions (parameters, state, *inputs) -> (state, outputs).
 Handing an array to a compiled program costs 1 to 3 us, and a state has sixty. So JAX gets parameters, state and inputs
-packed into one array each, and returns outputs packed as well: a frame of one robot takes half the time. Robots are
-computed in blocks, filled up to a few sizes, because every new size compiles anew.
+packed into one array each, and returns the state packed as well: a frame of one robot takes half the time. Batches are
+filled up with copies of the last robot to a few sizes, because every new size compiles anew.
 """
 
 import importlib.util
@@ -20,8 +20,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 
-BLOCKS = 1, 16, 64  # robots that a compiled program takes
-LARGE_BLOCK, MANY_ROBOTS = 256, 512  # for this many robots; one of a large block takes 3/4 of the time of one of 64
+SIZES = 1, 16, 64  # robots that compiled programs take, and then multiples of the last
 NUMPY_FRAME_S, NUMPY_ROBOT_S = 3e-3, 2e-5  # that a frame of `planar` takes, and a robot in it
 JAX_START_S = 5.0  # import and compilation
 COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}  # one robot compiles in half the time, and runs as fast
@@ -103,7 +102,7 @@ class NumpyKernel:
 
 
 class Structure:
-    """What packs NamedTuples of arrays of certain shapes into one array, and unpacks them.
+    """What unpacks NamedTuples of arrays of certain shapes from one array.
 
     Args:
         tree: JAX's description of the NamedTuples.
@@ -115,34 +114,22 @@ class Structure:
         ends = [0, *accumulate(math.prod(shape) for shape, _ in kinds)]
         self._parts = [(slice(*ends[i : i + 2]), *kind) for i, kind in enumerate(kinds)]
 
-    @classmethod
-    def of(cls, tree: Any) -> "Structure":
-        """Return the structure of NamedTuples; the same object for equal structures."""
-        import jax
-
-        leaves, structure = jax.tree.flatten(tree)
-        return _structure(structure, tuple((leaf.shape, np.dtype(leaf.dtype)) for leaf in leaves))
-
     def unpack(self, packed: Any) -> Any:
         """Return the NamedTuples in an array (numbers,)."""
-        leaves = []
-        for place, shape, kind in self._parts:
-            leaf = packed[place].reshape(shape)
-            leaves.append(leaf if kind == leaf.dtype else leaf.astype(kind))
+        leaves = [packed[place].reshape(shape).astype(kind, copy=False) for place, shape, kind in self._parts]
         return self._tree.unflatten(leaves)
 
 
-@cache
-def _structure(tree: Any, kinds: tuple[tuple[tuple[int, ...], Any], ...]) -> Structure:
-    return Structure(tree, kinds)
+structure_of = cache(Structure)  # the same object for equal structures, so that `compiled` finds it
 
 
-def pack(tree: Any, xp: Any = np) -> Any:
-    """Put the arrays of NamedTuples one after the other, (numbers,)."""
+def pack(tree: Any, xp: Any = np) -> tuple[Any, Structure]:
+    """Put the arrays of NamedTuples one after the other, (numbers,); return also what unpacks them."""
     import jax
 
-    leaves = [leaf.ravel().astype(float, copy=False) for leaf in jax.tree.leaves(tree)]
-    return xp.concatenate(leaves) if leaves else xp.zeros(0)
+    leaves, tree = jax.tree.flatten(tree)
+    structure = structure_of(tree, tuple((leaf.shape, np.dtype(leaf.dtype)) for leaf in leaves))
+    return xp.concatenate([xp.zeros(0), *(leaf.ravel().astype(float, copy=False) for leaf in leaves)]), structure
 
 
 class JaxKernel:
@@ -153,9 +140,8 @@ class JaxKernel:
         import jax
 
         self._robots = int(jax.tree.leaves(parameters)[0].shape[-1])
-        self._size = next((size for size in BLOCKS if size >= self._robots), BLOCKS[-1])
-        if self._robots >= MANY_ROBOTS:
-            self._size = LARGE_BLOCK
+        size = next((size for size in SIZES if size >= self._robots), -(-self._robots // SIZES[-1]) * SIZES[-1])
+        self._filled = np.minimum(np.arange(size), self._robots - 1)
         self.parameters, self.state = parameters, state
 
     @property
@@ -167,79 +153,55 @@ class JaxKernel:
     def parameters(self, parameters: Any) -> None:
         import jax
 
-        blocks = self._cut(parameters)
-        self._parameters, self._parameter_structure = parameters, Structure.of(blocks[0])
+        self._parameters = parameters
+        packed, self._parameter_structure = self._pack(parameters)
         with jax.enable_x64(True):
-            self._parameter_blocks = [jax.device_put(pack(block)) for block in blocks]
+            self._packed_parameters = jax.device_put(packed)
 
     @property
     def state(self) -> Any:
         """See `Kernel`."""
-        return self._joined([self._state_structure.unpack(np.asarray(block)) for block in self._state_blocks])
+        return self._cut(self._state_structure.unpack(np.asarray(self._packed_state)))
 
     @state.setter
     def state(self, state: Any) -> None:
-        blocks = self._cut(state)
-        self._state_structure = Structure.of(blocks[0])
-        self._state_blocks = [pack(block) for block in blocks]
+        self._packed_state, self._state_structure = self._pack(state)
 
     def run(self, function: Function, *inputs: Any) -> Any:
         """See `Kernel`."""
         import jax
 
-        blocks, outputs = self._cut(inputs), []
-        structures = Structure.of(blocks[0]), self._parameter_structure, self._state_structure
-        program = compiled(function, *structures)
+        packed, structure = self._pack(inputs)
+        program = compiled(function, structure, self._parameter_structure, self._state_structure)
         with jax.enable_x64(True):
-            for i, block in enumerate(blocks):
-                self._state_blocks[i], output = program.run(
-                    self._parameter_blocks[i], self._state_blocks[i], pack(block)
-                )
-                outputs.append(program.output_structure.unpack(np.asarray(output)))
+            self._packed_state, outputs = program.run(self._packed_parameters, self._packed_state, packed)
         self._state_structure = program.state_structure
-        return self._joined(outputs)
+        return self._cut(outputs)
 
-    def _cut(self, tree: Any) -> list[Any]:
-        """Cut arrays of all robots into blocks, the last one filled up with copies of the last robot."""
+    def _pack(self, tree: Any) -> tuple[Any, Structure]:
+        """Fill arrays up with copies of the last robot, and pack them."""
         import jax
 
-        n, size = self._robots, self._size
-        if n == size:
-            return [tree]
+        if len(self._filled) > self._robots:
+            tree = jax.tree.map(lambda leaf: leaf[..., self._filled] if leaf.ndim else leaf, tree)
+        return pack(tree)
 
-        def cut(leaf: Any, start: int) -> Any:
-            if not leaf.ndim:
-                return leaf
-            part = leaf[..., start : start + size]
-            missing = size - part.shape[-1]
-            return np.concatenate([part, np.repeat(part[..., -1:], missing, axis=-1)], axis=-1) if missing else part
-
-        return [jax.tree.map(lambda leaf: cut(leaf, start), tree) for start in range(0, n, size)]  # noqa: B023
-
-    def _joined(self, blocks: list[Any]) -> Any:
-        if len(blocks) == 1 and self._robots == self._size:
-            return blocks[0]
+    def _cut(self, tree: Any) -> Any:
+        """Return arrays of the robots alone."""
         import jax
 
-        def join(*leaves: Any) -> np.ndarray:
-            if not leaves[0].ndim:
-                return np.asarray(leaves[0])
-            return np.concatenate(leaves, axis=-1)[..., : self._robots]
-
-        return jax.tree.map(join, *blocks)
+        return jax.tree.map(lambda leaf: np.asarray(leaf)[..., : self._robots] if leaf.ndim else leaf, tree)
 
 
 class Program:
     """A function compiled for packed inputs, parameters and state.
 
     Attributes:
-        run: Takes packed parameters, state and inputs; returns the packed state and the packed outputs.
+        run: Takes packed parameters, state and inputs; returns the packed state, and the outputs.
         state_structure: Of the state that it returns, known after the first run.
-        output_structure: Of the outputs, known after the first run.
     """
 
     state_structure: Structure
-    output_structure: Structure
 
     def __init__(self, function: Function, inputs: Structure, parameters: Structure, state: Structure) -> None:
         import jax
@@ -247,17 +209,14 @@ class Program:
         def packed(parameter_array: Any, state_array: Any, input_array: Any) -> tuple[Any, Any]:
             arguments = parameters.unpack(parameter_array), state.unpack(state_array), *inputs.unpack(input_array)
             after, outputs = function(*arguments)
-            self.state_structure, self.output_structure = Structure.of(after), Structure.of(outputs)
-            return pack(after, jax.numpy), pack(outputs, jax.numpy)
+            state_after, self.state_structure = pack(after, jax.numpy)
+            return state_after, outputs
 
         options = COMPILER_OPTIONS if jax.default_backend() == "cpu" else None
         self.run = jax.jit(packed, compiler_options=options)
 
 
-@cache
-def compiled(function: Function, inputs: Structure, parameters: Structure, state: Structure) -> Program:
-    """Return the program of a function, compiled when it is first run."""
-    return Program(function, inputs, parameters, state)
+compiled = cache(Program)  # for each function and structure once
 
 
 @cache

@@ -38,7 +38,7 @@ def path(kernel: str, robots: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
 
 @pytest.mark.parametrize("robots", [1, 20])
 def test_compiled_programs_give_what_numpy_gives(robots: int) -> None:
-    """But for rounding, which grows; a batch of one, and one that fills a block and a part of another."""
+    """But for rounding, which grows; a batch of one, and one that is filled up."""
     (poses, told), (others, same) = path("numpy", robots), path("jax", robots)
     np.testing.assert_allclose(poses, others, atol=1e-7)
     for name, values in told.items():
