@@ -6,12 +6,12 @@ of several faults add up, factors multiply, and of several values in place of th
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from operator import add, attrgetter, mul
 from typing import Any
 
 import numpy as np
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.link.schedule import Active, Schedule
@@ -19,13 +19,7 @@ from omni_mj.robot.carpet import covered
 from omni_mj.scenarios import faults
 from omni_mj.scenarios.rows import Row
 
-PROCESSORS = faults.FirmwareTimeout, faults.Reboot
-ENCODERS = faults.EncoderDropout, faults.EncoderScale
-KINDS: tuple[type[faults.Fault], ...] = (
-    *(faults.Push, faults.Kidnap, faults.Payload, faults.Tilt, faults.Friction, faults.FrictionPatch),
-    *(faults.MotorWeak, faults.MotorDead, faults.MotorBlocked, faults.WheelWorn, faults.WheelRoller),
-    *(*ENCODERS, faults.GyroScale, faults.GyroBias, *PROCESSORS, faults.BrownOut),
-)
+TO, NONE = attrgetter("to"), lambda fault: 0.0  # factors by which faults of a kind multiply
 
 
 class Faulty(ABC):
@@ -62,27 +56,19 @@ class Faults:
         gyro_bias: (n, 1) rad/s.
         off_current: Currents of motors whose drivers are off, 0 A, (W, n); NaN of others; None if all stay on.
         inputs: Fields of `omni_mj.robot.onboard.FrameInputs` that faults set.
-
-    Raises:
-        OmniError: Robots that share a world stand on carpets that lean differently.
     """
 
     def __init__(self, rows: Sequence[Row], plant: Faulty) -> None:
         self._rows, self._plant, self._base = rows, plant, plant.parameters
-        self._schedule, self._frame = Schedule([row.faults for row in rows], *KINDS), 0
-        self._shape = plant.parameters.carpet.grip.shape
-        self.push, self.gyro_bias = np.zeros((len(rows), 2)), np.zeros((len(rows), 1))
-        self.off_current: Array | None = None
-        self.inputs: dict[str, Array] = {}
+        self._kinds = {type(fault) for row in rows for fault in row.faults}
+        self._schedule, self._frame = Schedule([row.faults for row in rows], faults.OnWheels, faults.Kidnap), 0
+        self._robots, self._wheels = np.ones(len(rows)), np.ones(plant.parameters.carpet.grip.shape)
+        self._none = np.zeros((len(rows), 2))
         self._change_inputs(Active([]))
         seeds = [row.noise_seed for row in rows]
-        self._chance = Noise(seeds, Stream.ENCODER_FAULTS, lambda rng, count: rng.random((count, self._shape[0])))
+        self._chance = Noise(seeds, Stream.ENCODER_FAULTS, lambda rng, count: rng.random((count, len(self._wheels))))
         own = [[fault for fault in row.faults if isinstance(fault, faults.FrictionPatch)] for row in rows]
         self._patches = max(len(row.settings.carpet.patches) for row in rows) + max(map(len, own))
-        if faults.Tilt in self._schedule.kinds:
-            places = 1 + max(row.place for row in rows)
-            for first in range(0, len(rows), places):
-                check_carpet(rows[first : first + places])
 
     def begin(self) -> None:
         """Let begin what begins in the next frame, and end what ends."""
@@ -92,104 +78,83 @@ class Faults:
             self._change_parameters(active)
             self._change_bodies(active)
             self._change_inputs(active)
-        if self._has(*ENCODERS):
-            self.inputs["encoder_scale"] = np.where(self._dropouts > self._chance.next().T, 0.0, self._encoder_scale)
-
-    def _has(self, *kinds: type[faults.Fault]) -> bool:
-        return any(kind in self._schedule.kinds for kind in kinds)
+        self.inputs["encoder_scale"] = np.where(self._dropouts > self._chance.next().T, 0.0, self._encoder_scale)
 
     def _change_parameters(self, active: Active) -> None:
         """Change carpet, wheels and magnets."""
         carpet, motors = self._base.carpet, self._base.onboard.motors
-        friction, strength = carpet.friction.copy(), np.ones(self._shape)
-        grip, gap = np.ones(self._shape), np.zeros(self._shape)
-        for row, fault in active.of(faults.Friction):
-            friction[row] = fault.to
-        for row, weak in active.of(faults.MotorWeak):
-            strength[weak.wheel - 1, row] *= weak.to
-        for row, worn in active.of(faults.WheelWorn):
-            grip[worn.wheel - 1, row] *= worn.to
-        for row, lost in active.of(faults.WheelRoller):  # of gaps in one wheel the widest counts
-            angle = 2 * np.pi * lost.rollers / self._rows[row].settings.wheels.rollers
-            gap[lost.wheel - 1, row] = max(gap[lost.wheel - 1, row], angle)
         patches = [list(row.settings.carpet.patches) for row in self._rows]
         for row, patch in active.of(faults.FrictionPatch):
             patches[row].append((patch.x_m, patch.y_m, patch.radius_m, patch.to))
+        lost = _join(active, faults.WheelRoller, 0 * self._wheels, attrgetter("rollers"), max)
+        rollers = np.array([row.settings.wheels.rollers for row in self._rows])
         changed = carpet._replace(
-            friction=friction,
+            friction=_join(active, faults.Friction, carpet.friction, by=lambda _, last: last),
             patches=covered(patches, self._patches),
-            grip=carpet.grip * grip,
-            gap=gap if self._has(faults.WheelRoller) else None,
+            grip=carpet.grip * _join(active, faults.WheelWorn, self._wheels),
+            gap=2 * np.pi * lost / rollers,
         )
-        onboard = self._plant.parameters.onboard
-        motors = motors._replace(cold_constant=motors.cold_constant * strength)
-        self._plant.parameters = self._plant.parameters._replace(
-            carpet=changed, onboard=onboard._replace(motors=motors)
-        )
+        motors = motors._replace(cold_constant=motors.cold_constant * _join(active, faults.MotorWeak, self._wheels))
+        onboard = self._base.onboard._replace(motors=motors)
+        self._plant.parameters = self._plant.parameters._replace(carpet=changed, onboard=onboard)
 
     def _change_bodies(self, active: Active) -> None:
         """Load, lean, block and move robots."""
-        if self._has(faults.Payload):
+        if faults.Payload in self._kinds:
             self._plant.carry([(row, load.mass_kg, load.height_m) for row, load in active.of(faults.Payload)])
-        if self._has(faults.Tilt):
-            along = np.zeros((len(self._rows), 2))
-            for row, tilt in active.of(faults.Tilt):
-                along[row] += np.sin(np.radians(tilt.angle_deg)) * _direction(tilt.direction_deg)
-            self._plant.lean(along)
-        if self._has(faults.MotorBlocked):
-            stuck = np.zeros(self._shape, bool)
-            for row, blocked in active.of(faults.MotorBlocked):
-                stuck[blocked.wheel - 1, row] = True
-            self._plant.block(stuck)
+        if faults.Tilt in self._kinds:
+            self._plant.lean(_join(active, faults.Tilt, self._none, _slope, add))
+        if faults.MotorBlocked in self._kinds:
+            self._plant.block(_join(active, faults.MotorBlocked, self._wheels, NONE) == 0)
         for row, hand in active.begun(faults.Kidnap):
             self._plant.put(row, hand.moved)
 
     def _change_inputs(self, active: Active) -> None:
         """Change pushes, sensors, drivers, processors and supplies."""
-        n = len(self._rows)
-        self.push[:], self.gyro_bias[:] = 0.0, 0.0
-        self._encoder_scale, self._dropouts = np.ones(self._shape), np.zeros(self._shape)
-        gyro_scale, power, off = np.ones(n), np.ones(n), np.full(self._shape, np.nan)
-        for row, push in active.of(faults.Push):
-            self.push[row] += push.force_n * _direction(push.direction_deg)
-        for row, bias in active.of(faults.GyroBias):
-            self.gyro_bias[row] += bias.rad_s
-        for row, scaled in active.of(faults.GyroScale):
-            gyro_scale[row] *= scaled.to
-        for row, other in active.of(faults.EncoderScale):
-            self._encoder_scale[other.wheel - 1, row] *= other.to
-        for row, loose in active.of(faults.EncoderDropout):
-            remaining = (1 - self._dropouts[loose.wheel - 1, row]) * (1 - loose.probability)
-            self._dropouts[loose.wheel - 1, row] = 1 - remaining
-        for row, sunk in active.of(faults.BrownOut):
-            power[row] *= sunk.to
-        for row, dead in active.of(faults.MotorDead):
-            off[dead.wheel - 1, row] = 0.0
-        is_deaf, is_off = np.zeros((2, n), bool)
-        for row, _ in active.of(faults.FirmwareTimeout):
-            is_deaf[row] = True
-        for row, reboot in active.of(faults.Reboot):
-            is_off[row] = True
-            if reboot.motors == "coast":
-                off[:, row] = 0.0
-        self.off_current = off if self._has(faults.MotorDead, faults.Reboot) else None
-        self.inputs["power_share"] = power
-        if self._has(faults.GyroScale):
-            self.inputs["gyro_scale"] = gyro_scale
-        if self._has(*PROCESSORS):
-            self.inputs |= {"is_deaf": is_deaf, "is_off": is_off}
+        robots, wheels = self._robots, self._wheels
+        self.push = _join(active, faults.Push, self._none, lambda push: push.force_n * _direction(push), add)
+        self.gyro_bias = _join(active, faults.GyroBias, 0 * robots[:, None], attrgetter("rad_s"), add)
+        self._encoder_scale = _join(active, faults.EncoderScale, wheels)
+        self._dropouts = 1 - _join(active, faults.EncoderDropout, wheels, lambda loose: 1 - loose.probability)
+        self.inputs = {
+            "power_share": _join(active, faults.BrownOut, robots),
+            "gyro_scale": _join(active, faults.GyroScale, robots),
+            "is_deaf": _join(active, faults.FirmwareTimeout, robots, NONE) == 0,
+            "is_off": _join(active, faults.Reboot, robots, NONE) == 0,
+        }
+        driven = _join(active, faults.MotorDead, wheels, NONE)
+        driven *= _join(active, faults.Reboot, robots, lambda reboot: reboot.motors == "brake")
+        drops = not self._kinds.isdisjoint((faults.MotorDead, faults.Reboot))
+        self.off_current = np.where(driven, np.nan, 0.0) if drops else None
 
 
-def check_carpet(rows: Sequence[Row]) -> None:
-    """See that robots of a world can stand on one carpet.
+def _join(
+    active: Active,
+    kind: type[faults.Fault],
+    start: Array,
+    value: Callable[[Any], Any] = TO,
+    by: Callable[[Any, Any], Any] = mul,
+) -> Array:
+    """Return what faults of a kind make of numbers of each robot (n, ...), or of each wheel (W, n).
 
-    Raises:
-        OmniError: Those of some tilt when those of others do not.
+    Args:
+        active: The faults that go on.
+        kind: Of those that count.
+        start: The numbers without any.
+        value: The number of a fault.
+        by: Joins the number so far and that of a fault.
     """
-    tilts = [[fault for fault in row.faults if isinstance(fault, faults.Tilt)] for row in rows]
-    if any(tilt != tilts[0] for tilt in tilts):
-        raise OmniError("robots that share a world stand on one carpet: their faults must have the same tilts")
+    result = start.copy()
+    for row, fault in active.of(kind):
+        at = (fault.wheel - 1, row) if isinstance(fault, faults.OnOneWheel) else row
+        result[at] = by(result[at], value(fault))
+    return result
 
 
-def _direction(degrees: float) -> Array:
-    return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+def _direction(fault: Any) -> Array:
+    angle = np.radians(fault.direction_deg)
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _slope(tilt: faults.Tilt) -> Array:
+    return np.sin(np.radians(tilt.angle_deg)) * _direction(tilt)

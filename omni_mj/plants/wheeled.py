@@ -7,7 +7,7 @@ import numpy as np
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.link.radio import Received, longest
 from omni_mj.plants import Telemetry
-from omni_mj.plants.faults import ENCODERS, PROCESSORS, Faults, Faulty
+from omni_mj.plants.faults import Faults, Faulty
 from omni_mj.plants.variation import Chance, Drawn
 from omni_mj.robot.onboard import (
     CycleRecord,
@@ -40,11 +40,14 @@ class WheeledPlant(Faulty):
         self._held: Array | None = None
         self._faults: Faults | None = None
         self._record: CycleRecord | None = None  # of the frame just past
-        kinds = {type(fault) for row in rows for fault in row.faults}
         frames = max(*(longest(row.settings.radio, row.settings.fault) for row in rows), self.remembered_frames) + 1
-        options = frames, bool(kinds.intersection(PROCESSORS)), bool(kinds.intersection(ENCODERS))
+        is_faulty = any(row.faults for row in rows)
         self._onboard: tuple[OnboardParameters, OnboardState] = onboard(
-            [row.settings for row in rows], kinematics, heading, by_wheel(drawn.strength), options
+            [row.settings for row in rows],
+            kinematics,
+            heading,
+            by_wheel(drawn.strength),
+            (frames, is_faulty, is_faulty),
         )
 
     def _start_faults(self) -> None:

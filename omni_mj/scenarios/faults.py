@@ -141,6 +141,12 @@ class Tilt(OnWheels):
     angle_deg: float = setting(..., "deg", "slope", 0, 30)
     direction_deg: float = setting(0.0, "deg", "downhill, from the world's x to its y", -360, 360)
 
+    def contradictions(self) -> Iterator[str]:
+        """Yield what its values cannot be."""
+        yield from super().contradictions()
+        if self.robots:
+            yield "robots must be left out of a tilt: all robots of a world stand on one carpet"
+
 
 class Friction(OnWheels):
     """Another carpet, wherever there is no patch."""
