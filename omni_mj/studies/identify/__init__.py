@@ -21,7 +21,7 @@ from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.studies.identify import checks, robot_file
 from omni_mj.studies.identify.findings import Estimate, estimates, find_lacks
 from omni_mj.studies.identify.fit import Fit, fit_usual
-from omni_mj.studies.identify.law import NAMES, Body
+from omni_mj.studies.identify.law import Body
 from omni_mj.studies.identify.logs import RobotLog, read
 from omni_mj.studies.identify.stretches import cut
 
@@ -165,16 +165,15 @@ def _add_fit(result: Identified, source: str, logs: Sequence[RobotLog]) -> None:
         free = ["scale", "arm", "compass_rad"]
     else:
         free = ["scale", "give_s", "friction_m_s", "compass_rad"] + ["turn_gain"] * ("turning" not in lacks)
-        late = max(late - 2 * start[NAMES.index("give_s")] / len(body.along), 0.01)
-    contacts = [NAMES.index(name) for name in CONTACTS]
+        late = max(late - 2 * start["give_s"] / len(body.along), 0.01)
     rolled = result.fits.get("wheels")
     if rolled and "creep" in rolled.names:
-        start[contacts] = rolled.parameters[contacts]
-        start[NAMES.index("arm")] = rolled.parameters[NAMES.index("arm")] / rolled.parameters[NAMES.index("scale")]
+        start |= {name: rolled.parameters[name] for name in CONTACTS}
+        start["arm"] = rolled.parameters["arm"] / rolled.parameters["scale"]
     elif "creep" not in lacks:
         free += CONTACTS
     else:
-        start[contacts] = 0.0
+        start |= dict.fromkeys(CONTACTS, 0.0)
     fitted = fit_usual(body, stretches, start, late, free)
     if odd := len(stretches) - len(fitted.stretches):
         result.notes.append(
@@ -199,7 +198,7 @@ def _believe_radius(fitted: Fit, notes: list[str]) -> Fit:
         notes.append(f"wheels: their radius is not that of the robot's file: {off}")
         return fitted
     gain = fitted.covariance[at] / (variance + RADIUS_SHARE**2)
-    value, parameters = fitted.value + gain * (ROLLS - scale), fitted.parameters.copy()
-    parameters[[NAMES.index(name) for name in fitted.names[1:]]] = value[1:]
+    value = fitted.value + gain * (ROLLS - scale)
+    parameters = fitted.parameters | dict(zip(fitted.names[1:], value[1:].tolist(), strict=True))
     covariance = fitted.covariance - np.outer(gain, fitted.covariance[at])
     return replace(fitted, value=value, covariance=covariance, parameters=parameters)

@@ -12,7 +12,7 @@ from omni_mj.scenarios import told
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.scenarios.told import GRAVITY_M_S2
 from omni_mj.studies.identify.fit import LATE, RANGES, Fit
-from omni_mj.studies.identify.law import NAMES, Body
+from omni_mj.studies.identify.law import Body
 
 FAST_M_S, PULLING_M_S2, MOVING_M_S, LONG_ENOUGH_S = 1.0, 1.0, 0.5, 0.2  # what creep needs, and for how long
 DRIVES_M_S, TURNS_RAD_S = 0.1, 0.3  # root mean square along an axis, below which its gain is not told
@@ -143,11 +143,10 @@ def estimates(fitted: Fit, settings: Settings, lacks: Mapping[str, str]) -> Iter
         lacks: What the motion lacks; see `find_lacks`.
     """
     by_wheels, free = fitted.stretches.are_wheels, fitted.names[1:]
-    columns, covariance = [NAMES.index(name) for name in free], fitted.covariance[1:, 1:]
+    covariance = fitted.covariance[1:, 1:]
 
     def evaluate(x: Array) -> dict[str, float]:
-        parameters = fitted.parameters.copy()
-        parameters[columns] = x
+        parameters = fitted.parameters | dict(zip(free, x.tolist(), strict=True))
         return numbers(fitted.body, settings, parameters, by_wheels)
 
     steps = [1e-3 * RANGES[name][0] for name in free]
@@ -170,9 +169,8 @@ def estimates(fitted: Fit, settings: Settings, lacks: Mapping[str, str]) -> Iter
         yield Estimate(name, kind.title, kind.unit, source, value, error, value - half, value + half, why)
 
 
-def numbers(body: Body, settings: Settings, parameters: Array, by_wheels: bool) -> dict[str, float]:
+def numbers(body: Body, settings: Settings, p: Mapping[str, float], by_wheels: bool) -> dict[str, float]:
     """Return the numbers of a robot that follows the law with these parameters; see `omni_mj.scenarios.told`."""
-    p = dict(zip(NAMES, map(float, parameters), strict=True))
     give, scale, stiffness = p["give_s"], p["scale"], 1 / max(p["creep"], 1e-9)
     arm = settings.wheels.arm_m * p["arm"]
     changes = {

@@ -18,7 +18,7 @@ from scipy.special import stdtrit
 from scipy.stats import norm
 
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.law import NAMES, Body, simulate
+from omni_mj.studies.identify.law import Body, simulate
 from omni_mj.studies.identify.stretches import LEAST, Stretches
 
 LATE = "latency_s"
@@ -71,7 +71,7 @@ class Fit:
         names: Of the n free parameters, the delay first.
         value: (n,).
         covariance: (n, n); huge for what the data do not show.
-        parameters: All of the law's.
+        parameters: All of the law's, by name; see `Body.parameters`.
         quantile: Student's, for 95 % intervals.
         at_bound: Names of parameters that stopped at a bound.
         residuals: Of "positions" in m and "headings" in rad.
@@ -83,7 +83,7 @@ class Fit:
     names: tuple[str, ...]
     value: Array
     covariance: Array
-    parameters: Array
+    parameters: dict[str, float]
     quantile: float
     at_bound: frozenset[str]
     residuals: dict[str, Residuals]
@@ -103,7 +103,7 @@ class Problem:
     Args:
         body: The robot.
         stretches: S of them.
-        start: Parameters of the law.
+        start: Parameters of the law by name.
         free: Names of those that are free besides the delay.
 
     Attributes:
@@ -111,26 +111,25 @@ class Problem:
         metres: Of a residual per unit of x, y and heading, (3,).
     """
 
-    def __init__(self, body: Body, stretches: Stretches, start: Array, free: Sequence[str]) -> None:
-        self.body, self.stretches, self.start = body, stretches, start
-        self.columns = [NAMES.index(name) for name in free]
+    def __init__(self, body: Body, stretches: Stretches, start: dict[str, float], free: Sequence[str]) -> None:
+        self.body, self.stretches, self.start, self.free = body, stretches, start, free
         self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in (LATE, *free)]).T
         noise = np.median(np.abs(_changes(stretches.pose)), axis=(0, 1))
         self.metres = np.array([1.0, 1.0, noise[:2].mean() / max(noise[2], 1e-6)])
         self.first = stretches.estimate_first()
         self.jacobian = np.empty(0)
 
-    def parameters(self, x: Array) -> Array:
+    def parameters(self, x: Array) -> dict[str, float]:
         """Return all parameters for delay and free ones."""
-        parameters = self.start.copy()
-        parameters[self.columns] = x[1:]
-        return parameters
+        return self.start | dict(zip(self.free, x[1:].tolist(), strict=True))
 
     def residual(self, x: Array) -> Array:
         """Return residuals (S, m, 3) in metres for delay and free parameters."""
-        n, (count, m) = len(self.columns), self.stretches.time.shape
-        sets = np.tile(self.parameters(x), (6 + n, 1))  # nominal, four first states, delay, parameters
-        sets[6 + np.arange(n), self.columns] += self.steps[1:]
+        n, (count, m) = len(self.free), self.stretches.time.shape
+        # Sets of them: nominal, four first states, delay, parameters.
+        sets = {name: np.full((6 + n, 1), value) for name, value in self.parameters(x).items()}
+        for i, name in enumerate(self.free):
+            sets[name][6 + i] += self.steps[1 + i]
         late = x[0] + self.steps[0] * (np.arange(6 + n) == 5)
         first = np.tile(self.first[:, None], (1, 6 + n, 1, 1))
         first[:, 1:5, 0, 2] += NUDGES[:, 0]
@@ -164,18 +163,18 @@ class Problem:
         return solution
 
 
-def fit(body: Body, stretches: Stretches, start: Array, late: float, free: Sequence[str]) -> Fit:
+def fit(body: Body, stretches: Stretches, start: dict[str, float], late: float, free: Sequence[str]) -> Fit:
     """Fit the law to stretches.
 
     Args:
         body: The robot.
         stretches: At least two.
-        start: Parameters in the order of `law.NAMES`.
+        start: Parameters by name.
         late: Delay of the inputs to start from, s.
         free: Names of the parameters that are fitted besides the delay.
     """
     problem = Problem(body, stretches, start, free)
-    x = problem.solve(np.append(late, start[problem.columns]))
+    x = problem.solve(np.array([late, *(start[name] for name in free)]))
     residual = problem.residual(x)
     allowed = ALLOWED[stretches.are_wheels]
     residuals = {
@@ -199,7 +198,7 @@ def fit(body: Body, stretches: Stretches, start: Array, late: float, free: Seque
     )
 
 
-def fit_usual(body: Body, stretches: Stretches, start: Array, late: float, free: Sequence[str]) -> Fit:
+def fit_usual(body: Body, stretches: Stretches, start: dict[str, float], late: float, free: Sequence[str]) -> Fit:
     """Fit the law, and again without stretches of far larger residuals if there are a few; see `fit`."""
     result = fit(body, stretches, start, late, free)
     usual = result.usual

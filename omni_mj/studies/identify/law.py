@@ -18,6 +18,7 @@ Turn rates pass a loop on the gyro, (1 + k) u - k w. All forces are divided by t
 constant acceleration in the world frame ("lean").
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
@@ -30,10 +31,6 @@ from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
 from omni_mj.scenarios.told import GRAVITY_M_S2
 from omni_mj.studies.identify.stretches import Stretches
 
-NAMES = (
-    "creep", "pile", "roller_friction", "scale", "arm", "compass_rad", "give_s", "friction_m_s", "turn_gain", "grip",
-    "lean_x_m_s2", "lean_y_m_s2",
-)  # fmt: skip
 ROLLER_KG = 0.0015  # models/ssl_robot.xml; mass that turns with the rims, 1 to 2 % of the robot's
 AT_REST_M_S = 0.01  # speed below which dry drag fades, as on the plant
 RUBBED_M_S = 0.05  # wheel speed above which the dry friction of wheel and motor is complete
@@ -112,27 +109,37 @@ class Body:
             gyro_delay=(cycles / 2 + 1) / CYCLE_RATE_HZ,
         )
 
-    def parameters(self, settings: Settings, by_wheels: bool) -> Array:
+    def parameters(self, settings: Settings, by_wheels: bool) -> dict[str, float]:
         """Return the parameters that the settings say, for wheel speeds or for commands as the input.
 
         A wheel loop of proportional gain k_p and feed-forward f on a motor of speed constant k gives way by R r^2 / (k
         (k_p + k)) per force.
         """
-        known = dict.fromkeys(NAMES, 0.0) | {"scale": 1.0, "arm": 1.0, "grip": settings.carpet.friction}
-        known["creep"] = 1 / settings.drive.creep_stiffness if settings.wheels.creep == "on" else 0.0
-        known |= {"pile": settings.carpet.pile, "roller_friction": settings.drive.roller_friction}
-        if not by_wheels:
-            motor, firmware = Motor.of(settings.motor), settings.firmware
-            constant, gain = motor.speed_constant, firmware.kp + motor.speed_constant
-            softness = motor.resistance * self.radius**2 / (constant * gain)
-            known["give_s"] = settings.body.mass_kg * softness
-            known["friction_m_s"] = (settings.drive.gear_friction_nm + motor.wheel_dry) / self.radius * softness
-            known["scale"] = 1 - (1 - firmware.feed_forward) * constant / gain
-            known["turn_gain"] = firmware.turn_gain
-        return np.array([known[name] for name in NAMES])
+        known = {
+            "scale": 1.0,
+            "arm": 1.0,
+            "compass_rad": 0.0,
+            "creep": 1 / settings.drive.creep_stiffness if settings.wheels.creep == "on" else 0.0,
+            "pile": settings.carpet.pile,
+            "roller_friction": settings.drive.roller_friction,
+            "lean_x_m_s2": 0.0,
+            "lean_y_m_s2": 0.0,
+            "grip": settings.carpet.friction,
+        }
+        if by_wheels:
+            return known | {"give_s": 0.0, "friction_m_s": 0.0, "turn_gain": 0.0}
+        motor, firmware = Motor.of(settings.motor), settings.firmware
+        constant, gain = motor.speed_constant, firmware.kp + motor.speed_constant
+        softness = motor.resistance * self.radius**2 / (constant * gain)
+        return known | {
+            "scale": 1 - (1 - firmware.feed_forward) * constant / gain,
+            "give_s": settings.body.mass_kg * softness,
+            "friction_m_s": (settings.drive.gear_friction_nm + motor.wheel_dry) / self.radius * softness,
+            "turn_gain": firmware.turn_gain,
+        }
 
 
-def simulate(body: Body, stretches: Stretches, parameters: Array, late: Array, first: Array) -> Array:
+def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], late: Array, first: Array) -> Array:
     """Solve the law for S stretches and P sets of parameters.
 
     Each step takes the mean input over it and the coefficients of its middle, and is solved by the (0, 2) Pade
@@ -141,17 +148,16 @@ def simulate(body: Body, stretches: Stretches, parameters: Array, late: Array, f
     Args:
         body: The robot.
         stretches: Inputs and times.
-        parameters: In the order of `NAMES`, (P, n).
+        p: Parameters by name, (P, 1).
         late: Delay of the inputs, (P,) s.
         first: Pose, twist and acceleration at the first sample, world frame, (S, P, 3, 3).
 
     Returns:
         Poses at all samples, world frame, (S, P, m, 3).
     """
-    p = dict(zip(NAMES, parameters.T[:, :, None], strict=True))  # (P, 1) each
     compass = p["compass_rad"][:, 0]
     lean = np.concatenate([p["lean_x_m_s2"], p["lean_y_m_s2"], np.zeros_like(p["grip"])], -1)
-    along = body.along * np.concatenate([np.ones((len(parameters), 2)), p["arm"]], 1)[:, None]  # (P, W, 3)
+    along = body.along * np.concatenate([np.ones((len(late), 2)), p["arm"]], 1)[:, None]  # (P, W, 3)
     cap = np.sqrt(np.maximum(p["grip"] ** 2 - p["roller_friction"] ** 2, 1e-4))
     by_wheels = stretches.are_wheels
     mass = body.mass
