@@ -21,7 +21,7 @@ from omni_mj.scenarios.scenario import Scenario, scenario
 from omni_mj.studies.identify import checks, robot_file
 from omni_mj.studies.identify.findings import Estimate, estimates, find_lacks
 from omni_mj.studies.identify.fit import Fit, fit_usual
-from omni_mj.studies.identify.law import Body
+from omni_mj.studies.identify.law import LATE, Body
 from omni_mj.studies.identify.logs import RobotLog, read
 from omni_mj.studies.identify.stretches import cut
 
@@ -160,21 +160,21 @@ def _add_fit(result: Identified, source: str, logs: Sequence[RobotLog]) -> None:
     if "motion" in lacks:
         result.notes.append(f"{source}: the robot stands; nothing is told of its motion")
         return
-    start, late = body.parameters(settings, by_wheels), float(np.median(delays))
+    start = body.parameters(settings, by_wheels) | {LATE: float(np.median(delays))}
     if by_wheels:
-        free = ["scale", "arm", "compass_rad"]
+        free = [LATE, "scale", "arm", "compass_rad"]
     else:
-        free = ["scale", "give_s", "friction_m_s", "compass_rad"] + ["turn_gain"] * ("turning" not in lacks)
-        late = max(late - 2 * start["give_s"] / len(body.along), 0.01)
+        free = [LATE, "scale", "give_s", "friction_m_s", "compass_rad"] + ["turn_gain"] * ("turning" not in lacks)
+        start[LATE] = max(start[LATE] - 2 * start["give_s"] / len(body.along), 0.01)
     rolled = result.fits.get("wheels")
-    if rolled and "creep" in rolled.names:
+    if rolled and "creep" in rolled.free:
         start |= {name: rolled.parameters[name] for name in CONTACTS}
         start["arm"] = rolled.parameters["arm"] / rolled.parameters["scale"]
     elif "creep" not in lacks:
         free += CONTACTS
     else:
         start |= dict.fromkeys(CONTACTS, 0.0)
-    fitted = fit_usual(body, stretches, start, late, free)
+    fitted = fit_usual(body, stretches, start, free)
     if odd := len(stretches) - len(fitted.stretches):
         result.notes.append(
             f"{source}: {odd} of {len(stretches)} stretches with far larger residuals are left out; "
@@ -191,14 +191,15 @@ def _believe_radius(fitted: Fit, notes: list[str]) -> Fit:
 
     Drag that is pulled through creep takes a share of the speed, as a smaller radius does; data know their sum well.
     """
-    at = fitted.names.index("scale")
-    scale, variance = fitted.value[at], fitted.covariance[at, at]
+    at = fitted.free.index("scale")
+    parameters, scale, variance = fitted.parameters, fitted.parameters["scale"], fitted.covariance[at, at]
     if abs(scale - 1) > max(SURE * variance**0.5, OTHER_RADIUS):
         off = f"{100 * (scale - 1):+.1f} +- {100 * variance**0.5:.1f} %"
         notes.append(f"wheels: their radius is not that of the robot's file: {off}")
         return fitted
     gain = fitted.covariance[at] / (variance + RADIUS_SHARE**2)
-    value = fitted.value + gain * (ROLLS - scale)
-    parameters = fitted.parameters | dict(zip(fitted.names[1:], value[1:].tolist(), strict=True))
+    parameters = parameters | {
+        name: float(parameters[name] + g * (ROLLS - scale)) for name, g in zip(fitted.free, gain, strict=True)
+    }
     covariance = fitted.covariance - np.outer(gain, fitted.covariance[at])
-    return replace(fitted, value=value, covariance=covariance, parameters=parameters)
+    return replace(fitted, covariance=covariance, parameters=parameters)

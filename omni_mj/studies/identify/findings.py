@@ -11,8 +11,8 @@ from omni_control.kinematics import Array
 from omni_mj.scenarios import told
 from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.scenarios.told import GRAVITY_M_S2
-from omni_mj.studies.identify.fit import LATE, RANGES, Fit
-from omni_mj.studies.identify.law import Body
+from omni_mj.studies.identify.fit import RANGES, Fit
+from omni_mj.studies.identify.law import LATE, Body
 
 FAST_M_S, PULLING_M_S2, MOVING_M_S, LONG_ENOUGH_S = 1.0, 1.0, 0.5, 0.2  # what creep needs, and for how long
 DRIVES_M_S, TURNS_RAD_S = 0.1, 0.3  # root mean square along an axis, below which its gain is not told
@@ -56,9 +56,9 @@ KINDS = {
 for _axis in AXES:
     KINDS |= {
         f"gain_{_axis}": Kind(f"gain K {_axis}", "", _axis, 0.05, 2e-3),
-        f"creep_{_axis}_s2_m": Kind(f"creep T {_axis}", "s^2/m", f"creep {_axis}", 0.03, 1e-3),
+        f"creep_{_axis}_s2_m": Kind(f"creep T {_axis}", "s^2/m", f"{_axis} creep", 0.03, 1e-3),
         f"drag_{_axis}_m_s2": Kind(
-            f"drag through the contacts {_axis}", "m/s^2", f"creep {_axis}", 0.25, 0.025, relative=True
+            f"drag through the contacts {_axis}", "m/s^2", f"{_axis} creep", 0.25, 0.025, relative=True
         ),
     }
 for _axis in "xy":
@@ -113,54 +113,49 @@ def find_lacks(twists: Sequence[Array], period: float) -> dict[str, str]:
     """
     window = max(1, round(0.1 / period))
     rms = np.sqrt((np.concatenate(twists) ** 2).mean(0))
-    pull = np.concatenate([np.abs(t[window:, :2] - t[:-window, :2]) / (window * period) for t in twists])
-    speed = np.concatenate([np.hypot(t[window:, 0], t[window:, 1]) for t in twists])
-    hard = (pull >= PULLING_M_S2) & (speed >= MOVING_M_S)[:, None]
-    creeps = period * np.minimum(hard.sum(0), (speed >= FAST_M_S).sum()) >= LONG_ENOUGH_S
-    most, hardest = np.quantile(speed, 0.99), np.quantile(pull, 0.99, axis=0)
+    pull = np.concatenate([np.hypot(*(t[window:] - t[:-window]).T[:2]) / (window * period) for t in twists])
+    speed = np.concatenate([np.hypot(*t[window:].T[:2]) for t in twists])
     lacks = {}
     if np.hypot(*rms[:2]) < DRIVES_M_S / 2 and rms[2] < TURNS_RAD_S / 2:
         lacks["motion"] = "the robot stands"
+    hard = (pull >= PULLING_M_S2) & (speed >= MOVING_M_S)
+    if period * min(hard.sum(), (speed >= FAST_M_S).sum()) < LONG_ENOUGH_S:
+        have = f"these data hold {np.quantile(speed, 0.99):.2f} m/s and {np.quantile(pull, 0.99):.2f} m/s^2"
+        lacks["creep"] = f"it needs {FAST_M_S:g} m/s and {PULLING_M_S2:g} m/s^2; {have}"
     for i, axis in enumerate(AXES):
-        if not creeps[i]:
-            have = f"these data hold {most:.2f} m/s and {hardest[i]:.2f} m/s^2"
-            lacks[f"creep {axis}"] = f"it needs {FAST_M_S:g} m/s and {PULLING_M_S2:g} m/s^2 {axis}; {have}"
         if rms[i] < DRIVES_M_S:
-            lacks[axis] = lacks[f"creep {axis}"] = f"the robot moves {axis} at {rms[i]:.2f} m/s (rms) only"
-    if not creeps.any():
-        lacks["creep"] = lacks["creep forward"]
+            lacks[axis] = f"the robot moves {axis} at {rms[i]:.2f} m/s (rms) only"
     if rms[2] < TURNS_RAD_S:
         lacks["turning"] = f"the robot turns at {rms[2]:.2f} rad/s (rms) only"
     return lacks
 
 
 def estimates(fitted: Fit, settings: Settings, lacks: Mapping[str, str]) -> Iterator[Estimate]:
-    """Yield the delay, and all numbers that depend on what was fitted, with errors by the delta method.
+    """Yield all numbers that depend on what was fitted, with errors by the delta method.
 
     Args:
         fitted: The fit.
         settings: Of the start robot.
         lacks: What the motion lacks; see `find_lacks`.
     """
-    by_wheels, free = fitted.stretches.are_wheels, fitted.names[1:]
-    covariance = fitted.covariance[1:, 1:]
+    by_wheels, free = fitted.stretches.are_wheels, fitted.free
 
     def evaluate(x: Array) -> dict[str, float]:
         parameters = fitted.parameters | dict(zip(free, x.tolist(), strict=True))
         return numbers(fitted.body, settings, parameters, by_wheels)
 
+    fit = np.array([fitted.parameters[name] for name in free])
     steps = [1e-3 * RANGES[name][0] for name in free]
-    gradient = approx_fprime(fitted.value[1:], lambda x: np.array(list(evaluate(x).values())), steps)
-    errors = np.sqrt(np.einsum("ki,ij,kj->k", gradient, covariance, gradient))
-    values = {"clock_s" if by_wheels else LATE: float(fitted.value[0])} | evaluate(fitted.value[1:])
-    for (name, value), error in zip(values.items(), [fitted.covariance[0, 0] ** 0.5, *errors], strict=True):
+    gradient = approx_fprime(fit, lambda x: np.array(list(evaluate(x).values())), steps)
+    errors = np.sqrt(np.einsum("ki,ij,kj->k", gradient, fitted.covariance, gradient))
+    for (name, value), error in zip(evaluate(fit).items(), errors, strict=True):
         kind, of_creep = KINDS[name], "creep" in name
         if not (name == "creep_stiffness" and by_wheels) and (error == 0 or (of_creep and "creep" not in free)):
             continue  # not fitted
         size = abs(value) if kind.relative else 1.0
         error = float(np.hypot(error, kind.law * size))
         half, limit = fitted.quantile * error, kind.limit * size
-        why = lacks.get(kind.needs) or _lawless(fitted)
+        why = next((lacks[need] for need in kind.needs.split() if need in lacks), _lawless(fitted))
         if not why and (name in fitted.at_bound or (of_creep and "creep" in fitted.at_bound)):
             why = f"the fit stopped at a bound, {value:.3g} {kind.unit}".rstrip()
         if not why and not half <= limit:
@@ -181,7 +176,8 @@ def numbers(body: Body, settings: Settings, p: Mapping[str, float], by_wheels: b
     sections = {name: getattr(settings, name).model_copy(update=fields) for name, fields in changes.items()}
     law = told.creep(settings.model_copy(update=sections))
     (forward, sideways, turning), drag = map(float, law.gain), law.drag / settings.body.mass_kg
-    result = {"creep_stiffness": stiffness} | {name: p[name] for name in ("pile", "roller_friction", "compass_rad")}
+    result = {"clock_s" if by_wheels else LATE: p[LATE], "creep_stiffness": stiffness}
+    result |= {name: p[name] for name in ("pile", "roller_friction", "compass_rad")}
     if by_wheels:
         gain_turning = scale / p["arm"] * turning
         result |= {"radius_m": body.radius * scale, "arm_m": arm}

@@ -18,10 +18,9 @@ from scipy.special import stdtrit
 from scipy.stats import norm
 
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.law import Body, simulate
+from omni_mj.studies.identify.law import LATE, Body, Parameters, simulate
 from omni_mj.studies.identify.stretches import LEAST, Stretches
 
-LATE = "latency_s"
 # Name -> size of a change that matters, step of finite differences, lowest and highest value.
 RANGES = {
     "creep": (0.2, 1e-2, 0.0, 20.0),
@@ -68,9 +67,8 @@ class Fit:
     """Result of a fit.
 
     Attributes:
-        names: Of the n free parameters, the delay first.
-        value: (n,).
-        covariance: (n, n); huge for what the data do not show.
+        free: Names of the n parameters that are fitted.
+        covariance: Of these, (n, n); huge for what the data do not show.
         parameters: All of the law's, by name; see `Body.parameters`.
         quantile: Student's, for 95 % intervals.
         at_bound: Names of parameters that stopped at a bound.
@@ -80,10 +78,9 @@ class Fit:
         stretches: Fitted to.
     """
 
-    names: tuple[str, ...]
-    value: Array
+    free: Sequence[str]
     covariance: Array
-    parameters: dict[str, float]
+    parameters: Parameters
     quantile: float
     at_bound: frozenset[str]
     residuals: dict[str, Residuals]
@@ -104,38 +101,36 @@ class Problem:
         body: The robot.
         stretches: S of them.
         start: Parameters of the law by name.
-        free: Names of those that are free besides the delay.
+        free: Names of those that are fitted.
 
     Attributes:
-        jacobian: By delay and free parameters at the last point, (S, m, 3, n).
+        jacobian: By free parameters at the last point, (S, m, 3, n).
         metres: Of a residual per unit of x, y and heading, (3,).
     """
 
-    def __init__(self, body: Body, stretches: Stretches, start: dict[str, float], free: Sequence[str]) -> None:
+    def __init__(self, body: Body, stretches: Stretches, start: Parameters, free: Sequence[str]) -> None:
         self.body, self.stretches, self.start, self.free = body, stretches, start, free
-        self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in (LATE, *free)]).T
+        self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in free]).T
         noise = np.median(np.abs(_changes(stretches.pose)), axis=(0, 1))
         self.metres = np.array([1.0, 1.0, noise[:2].mean() / max(noise[2], 1e-6)])
         self.first = stretches.estimate_first()
         self.jacobian = np.empty(0)
 
-    def parameters(self, x: Array) -> dict[str, float]:
-        """Return all parameters for delay and free ones."""
-        return self.start | dict(zip(self.free, x[1:].tolist(), strict=True))
+    def parameters(self, x: Array) -> Parameters:
+        """Return all parameters for free ones."""
+        return self.start | dict(zip(self.free, x.tolist(), strict=True))
 
     def residual(self, x: Array) -> Array:
-        """Return residuals (S, m, 3) in metres for delay and free parameters."""
-        n, (count, m) = len(self.free), self.stretches.time.shape
-        # Sets of them: nominal, four first states, delay, parameters.
-        sets = {name: np.full((6 + n, 1), value) for name, value in self.parameters(x).items()}
+        """Return residuals (S, m, 3) in metres for free parameters."""
+        n, (count, m) = 5 + len(self.free), self.stretches.time.shape  # sets: nominal, four first states, parameters
+        sets = {name: np.full((n, 1), value) for name, value in self.parameters(x).items()}
         for i, name in enumerate(self.free):
-            sets[name][6 + i] += self.steps[1 + i]
-        late = x[0] + self.steps[0] * (np.arange(6 + n) == 5)
-        first = np.tile(self.first[:, None], (1, 6 + n, 1, 1))
+            sets[name][5 + i] += self.steps[i]
+        first = np.tile(self.first[:, None], (1, n, 1, 1))
         first[:, 1:5, 0, 2] += NUDGES[:, 0]
         first[:, 1:5, 1] += NUDGES[:, 1:]
-        poses = simulate(self.body, self.stretches, sets, late, first)
-        flat = (poses * self.metres).reshape(count, 6 + n, 3 * m)
+        poses = simulate(self.body, self.stretches, sets, first)
+        flat = (poses * self.metres).reshape(count, n, 3 * m)
         slopes = (flat[:, 1:] - flat[:, :1]) / np.concatenate([NUDGES.diagonal(), self.steps])[:, None]
         places = np.tile(np.eye(3)[:2], m)[None].repeat(count, 0)
         states = np.concatenate([places, slopes[:, :4]], 1)
@@ -163,18 +158,17 @@ class Problem:
         return solution
 
 
-def fit(body: Body, stretches: Stretches, start: dict[str, float], late: float, free: Sequence[str]) -> Fit:
+def fit(body: Body, stretches: Stretches, start: Parameters, free: Sequence[str]) -> Fit:
     """Fit the law to stretches.
 
     Args:
         body: The robot.
         stretches: At least two.
         start: Parameters by name.
-        late: Delay of the inputs to start from, s.
-        free: Names of the parameters that are fitted besides the delay.
+        free: Names of those that are fitted.
     """
     problem = Problem(body, stretches, start, free)
-    x = problem.solve(np.array([late, *(start[name] for name in free)]))
+    x = problem.solve(np.array([start[name] for name in free]))
     residual = problem.residual(x)
     allowed = ALLOWED[stretches.are_wheels]
     residuals = {
@@ -183,14 +177,13 @@ def fit(body: Body, stretches: Stretches, start: dict[str, float], late: float, 
     }
     lacking = max([1.0, *(r.lasting / r.allowed for r in residuals.values() if r.misfit)])
     bound = (x < problem.low + 2e-3 * problem.scale) | (x > problem.high - 2e-3 * problem.scale)
-    names, rms = (LATE, *free), np.sqrt((residual**2).mean((1, 2)))
+    rms = np.sqrt((residual**2).mean((1, 2)))
     return Fit(
-        names=names,
-        value=x,
+        free=free,
         covariance=lacking**2 * covariance(problem.jacobian, residual),
         parameters=problem.parameters(x),
         quantile=float(stdtrit(len(stretches) - 1, 0.975)),
-        at_bound=frozenset(np.array(names)[bound].tolist()),
+        at_bound=frozenset(np.array(free)[bound].tolist()),
         residuals=residuals,
         usual=rms <= ODD * np.median(rms),
         body=body,
@@ -198,13 +191,13 @@ def fit(body: Body, stretches: Stretches, start: dict[str, float], late: float, 
     )
 
 
-def fit_usual(body: Body, stretches: Stretches, start: dict[str, float], late: float, free: Sequence[str]) -> Fit:
+def fit_usual(body: Body, stretches: Stretches, start: Parameters, free: Sequence[str]) -> Fit:
     """Fit the law, and again without stretches of far larger residuals if there are a few; see `fit`."""
-    result = fit(body, stretches, start, late, free)
+    result = fit(body, stretches, start, free)
     usual = result.usual
     if usual.all() or usual.mean() < 1 - MOST_ODD or usual.sum() < LEAST:
         return result
-    return fit(body, stretches.select(usual), result.parameters, float(result.value[0]), free)
+    return fit(body, stretches.select(usual), result.parameters, free)
 
 
 def measure(values: Array, allowed: float) -> Residuals:

@@ -31,6 +31,8 @@ from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
 from omni_mj.scenarios.told import GRAVITY_M_S2
 from omni_mj.studies.identify.stretches import Stretches
 
+Parameters = dict[str, float]
+LATE = "latency_s"  # the parameter by which inputs act late
 ROLLER_KG = 0.0015  # models/ssl_robot.xml; mass that turns with the rims, 1 to 2 % of the robot's
 AT_REST_M_S = 0.01  # speed below which dry drag fades, as on the plant
 RUBBED_M_S = 0.05  # wheel speed above which the dry friction of wheel and motor is complete
@@ -109,13 +111,14 @@ class Body:
             gyro_delay=(cycles / 2 + 1) / CYCLE_RATE_HZ,
         )
 
-    def parameters(self, settings: Settings, by_wheels: bool) -> dict[str, float]:
+    def parameters(self, settings: Settings, by_wheels: bool) -> Parameters:
         """Return the parameters that the settings say, for wheel speeds or for commands as the input.
 
         A wheel loop of proportional gain k_p and feed-forward f on a motor of speed constant k gives way by R r^2 / (k
         (k_p + k)) per force.
         """
         known = {
+            LATE: 0.0,
             "scale": 1.0,
             "arm": 1.0,
             "compass_rad": 0.0,
@@ -139,7 +142,7 @@ class Body:
         }
 
 
-def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], late: Array, first: Array) -> Array:
+def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Array) -> Array:
     """Solve the law for S stretches and P sets of parameters.
 
     Each step takes the mean input over it and the coefficients of its middle, and is solved by the (0, 2) Pade
@@ -148,14 +151,13 @@ def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], late: Arr
     Args:
         body: The robot.
         stretches: Inputs and times.
-        p: Parameters by name, (P, 1).
-        late: Delay of the inputs, (P,) s.
+        p: Parameters by name, (P, 1); see `Body.parameters`.
         first: Pose, twist and acceleration at the first sample, world frame, (S, P, 3, 3).
 
     Returns:
         Poses at all samples, world frame, (S, P, m, 3).
     """
-    compass = p["compass_rad"][:, 0]
+    late, compass = p[LATE][:, 0], p["compass_rad"][:, 0]
     lean = np.concatenate([p["lean_x_m_s2"], p["lean_y_m_s2"], np.zeros_like(p["grip"])], -1)
     along = body.along * np.concatenate([np.ones((len(late), 2)), p["arm"]], 1)[:, None]  # (P, W, 3)
     cap = np.sqrt(np.maximum(p["grip"] ** 2 - p["roller_friction"] ** 2, 1e-4))
