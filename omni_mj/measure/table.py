@@ -119,8 +119,8 @@ def label(summary: Summary, controller: str, result: Mapping[str, Any] | None = 
 
 
 def number(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
-    """A number, or a dash where there is none."""
-    return DASH if value is None else f"{factor * value:.{digits}f}"
+    """A number, never -0, or a dash where there is none."""
+    return DASH if value is None else f"{factor * value:z.{digits}f}"
 
 
 def plus_minus(spread: Spread, factor: float = 1.0) -> str:

@@ -134,7 +134,7 @@ def test_the_moves_are_those_that_were_published() -> None:
 def test_robots_that_are_not_there_or_named_twice_are_refused() -> None:
     with pytest.raises(om.OmniError, match="unknown robot 'tigers'"):
         om.slip(["tigers"])
-    with pytest.raises(om.OmniError, match="'tigers-v2016' is named twice"):
+    with pytest.raises(om.OmniError, match="two scenarios are called 'tigers-v2016'"):
         om.slip(["tigers-v2016"] * 2)
 
 

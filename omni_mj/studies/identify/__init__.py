@@ -101,8 +101,7 @@ class Identified:
 
     def save(self, folder: Path) -> None:
         """Write identify.json and robot.toml, which names a model of the user's where it is."""
-        misfits = {source for source, fitted in self.fits.items() if fitted.misfit}
-        made = robot_file.changes(self.estimates, misfits)
+        made = robot_file.changes(self.estimates)
         if model := self.start.settings.model.file:
             made["model", "file"] = json.dumps(Path(model).resolve().as_posix())
         start = robots.robot_path(self.start.robot).read_text("utf-8")

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from omni_mj.scenarios.settings import PERIOD_S
 from omni_mj.studies.identify.findings import Estimate
@@ -27,13 +27,8 @@ DRAG = ("wheels.pile", "wheels.roller_friction")
 LEAST = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}  # that settings allow; of all else 0
 
 
-def changes(estimates: Mapping[str, Estimate], misfits: Container[str] = ()) -> Changes:
-    """Return what was identified, as far as the data tell it and settings allow it.
-
-    Args:
-        estimates: All there are, by name.
-        misfits: Sources by which the motion is not what the law predicts, which comments say.
-    """
+def changes(estimates: Mapping[str, Estimate]) -> Changes:
+    """Return which of all estimates, by name, change the file: as far as the data tell them and settings allow them."""
     told = {name for name, e in estimates.items() if e.told and e.value >= LEAST.get(e.name, 0.0)}
     if not told >= set(DRAG):  # a log tells the sum of pile and rollers better than each
         told -= set(DRAG)
@@ -45,8 +40,7 @@ def changes(estimates: Mapping[str, Estimate], misfits: Container[str] = ()) -> 
             if name == "commands.latency_s":
                 value, size, unit = str(round(e.value / PERIOD_S)), PERIOD_S, "frames"
             shown = f"{e.value / size:.4g} +- {e.error / size:.2g} {unit}".rstrip()
-            doubt = "; misfit, see identify.json" * (e.source in misfits)
-            made[place] = f"{value} # identified from {e.source}: {shown} (standard error){doubt}"
+            made[place] = f"{value} # identified from {e.source}: {shown} (standard error)"
     return made
 
 

@@ -23,7 +23,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, body_to_world
 from omni_control.reference import MotionLimits
 from omni_mj.scenarios.settings import PERIOD_S
 
@@ -77,7 +77,8 @@ class DepartureModel:
             poses: Pose differences, (F, n, 3).
             commands: Differences of the sent commands, (F, n, 3).
         """
-        body_axes, basis = _body_axes(reference), _basis(reference)
+        body_axes = body_to_world(np.eye(3), reference[:, 2:]).swapaxes(1, 2)  # in the world frame, (F, 3, 3)
+        basis = _basis(reference)
         velocity = np.diff(poses, axis=0) / PERIOD_S
         inputs = _delayed(velocity, 1), _delayed(commands, delay), _delayed(commands, delay + 1)
         in_body = [np.einsum("kji,knj->kni", body_axes[:-1], x[: len(velocity)]) for x in (velocity, *inputs)]
@@ -103,14 +104,6 @@ class DepartureModel:
         return motion.tocsc(), sp.vstack([sp.csc_matrix((size, size)), push]).tocsc()
 
 
-def _body_axes(reference: Array) -> Array:
-    """Return the body axes in the world frame, (F, 3, 3)."""
-    axes = np.tile(np.eye(3), (len(reference), 1, 1))
-    c, s = np.cos(reference[:, 2]), np.sin(reference[:, 2])
-    axes[:, 0, 0], axes[:, 0, 1], axes[:, 1, 0], axes[:, 1, 1] = c, -s, s, c
-    return axes
-
-
 def _basis(reference: Array) -> Array:
     """Return the terms of the polynomials in each frame, (F, terms)."""
     velocity = np.gradient(reference, PERIOD_S, axis=0)
@@ -124,7 +117,7 @@ def _basis(reference: Array) -> Array:
 
 def _delayed(values: Array, frames: int) -> Array:
     """Return the values so many frames later, zero before."""
-    return np.concatenate([np.zeros((frames, *values.shape[1:])), values])
+    return np.pad(values, [(frames, 0), (0, 0), (0, 0)])
 
 
 def improve(model: DepartureModel, limits: MotionLimits, errors: Array, commands: Array) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array
 from omni_mj.measure.result import Result
 from omni_mj.measure.statistics import plain
-from omni_mj.measure.table import DASH, Table
+from omni_mj.measure.table import Table, number
 from omni_mj.measure.table import text as aligned
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios.scenario import Scenario
@@ -103,7 +103,9 @@ class LoopResult(Result):
         for case, loops in self.loops.items():
             for i, (label, one) in enumerate(loops.items()):
                 figures = (*one.step, *one.margins)
-                cells = [_cell(value, factor, n) for value, (_, factor, n) in zip(figures, COLUMNS, strict=True)]
+                cells = [
+                    number(plain(value), factor, n) for value, (_, factor, n) in zip(figures, COLUMNS, strict=True)
+                ]
                 rows.append(["" if i else case, label, *cells])
         return aligned(Table(self.title, ["", "", *(heading for heading, _, _ in COLUMNS)], rows, 2)) if rows else ""
 
@@ -156,7 +158,3 @@ def _find_loops(drive: Drive, labels: Sequence[str]) -> dict[str, dict[str, Loop
         return Loop(gains, moved[:, i, j], measure_step(moved[:, i, j], STEP_M), find_margins(gains))
 
     return {case: {label: find_loop(i, j) for i, label in enumerate(labels)} for j, case in enumerate(CASES)}
-
-
-def _cell(value: float, factor: float, digits: int) -> str:
-    return DASH if np.isnan(value) else f"{round(factor * value, digits) + 0.0:.{digits}f}"  # never -0

@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from omni_control.errors import OmniError
 from omni_mj.measure.result import Outcome, Result
 from omni_mj.measure.statistics import plain
 from omni_mj.measure.table import Table, number, text
 from omni_mj.scenarios import distributions
 from omni_mj.scenarios import resolve as described
 from omni_mj.scenarios.scenario import Scenario, scenario
+from omni_mj.studies.compare import check
 from omni_mj.studies.outcome import Begin, begin_nothing, commanded
 from omni_mj.studies.slip.fits import SlipFit, fit_moves
 from omni_mj.studies.slip.moves import Move, count_frames, drive, identification
@@ -124,10 +124,7 @@ def slip(
     """
     began, driven = time.perf_counter(), list(identification() if moves is None else moves)
     chosen = [named(robot) for robot in (ROBOTS if robots is None else robots)]
-    names = [robot.name for robot in chosen]
-    for name in names:
-        if names.count(name) > 1:
-            raise OmniError(f"robot {name!r} is named twice; name each once, or files with another name")
+    check(chosen, None)
     result = SlipResult([Outcome.not_run(robot) for robot in chosen], ["Controller"])
     result.seeds = list(dict.fromkeys(robot.seed for robot in chosen))
     for i, robot in enumerate(chosen):
