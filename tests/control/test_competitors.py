@@ -51,7 +51,7 @@ def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: in
 
     Through the filter, which reckons with what was told.
     """
-    rng, frames = np.random.default_rng(seed), 360
+    rng, frames = np.random.default_rng(seed), 240 if name in IDENTIFYING else 360
     start = rng.uniform(-0.1, 0.1, (n, 3))
     controller = make(name, told(delay, lag), REST, n)
     alpha, noise = rng.uniform(0.5, 1.1, (n, 3)), np.zeros((frames, n, 3))
@@ -66,7 +66,7 @@ def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands() -> None:
     for name in COMPETITORS:
         for kind in KINDS:
             rng, mirror = np.random.default_rng(0), np.array([1.0, -1.0, -1.0])
-            start, noise = rng.uniform(-0.1, 0.1, (3, 3)), rng.normal(0, 0.002, (60, 3, 3))
+            start, noise = rng.uniform(-0.1, 0.1, (3, 3)), rng.normal(0, 0.002, (40, 3, 3))
             alpha = rng.uniform(0.7, 1, (3, 3))
             runs = [
                 loop(

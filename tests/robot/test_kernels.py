@@ -1,5 +1,6 @@
 """The planar plant by numpy and by compiled programs: the same but for rounding; gradients; which is taken."""
 
+import importlib.util
 import runpy
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,8 @@ from benches.robot import programs_of
 import omni_mj as om
 from omni_control.errors import OmniError
 
-jax = pytest.importorskip("jax")
+# It is imported where it is needed: each process of the tests imports all files.
+pytestmark = pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="jax is an extra")
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gradient" / "find_creep.py"
 COMMON: dict[str, Any] = {
     "carpet": {"patches": [[0.3, 0.0, 0.2, 0.3]], "nap": 0.3},
@@ -59,6 +61,8 @@ def test_by_numpy_a_row_has_the_same_bits_in_any_batch() -> None:
 
 def test_a_gradient_is_what_finite_differences_say() -> None:
     """Of the example: how far a robot gets by its creep stiffness."""
+    import jax
+
     example = runpy.run_path(str(EXAMPLE))
     fast = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}  # to compile, not to run
     with jax.enable_x64(True):

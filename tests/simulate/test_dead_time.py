@@ -5,6 +5,8 @@ import pytest
 from benches.simulating import COMPENSATED, FLC, FRAME_S, IDEAL, Grid, ages, batch, run, whole
 from numpy.typing import NDArray
 
+# A gyro without error: one with would turn a standing robot until vision's heading arrives.
+GYRO = ("sensors.gyro_noise_rad_s=0", "sensors.gyro_bias_rad_s=0")
 ACCELERATION = 0.826  # of the reference (paper, section 2)
 
 
@@ -27,9 +29,7 @@ def test_applied_is_what_was_commanded_k_d_frames_ago() -> None:
 
 @pytest.mark.parametrize("delay", [0, 3, 6])
 def test_applied_is_delayed_on_the_mujoco_plant_too(delay: int) -> None:
-    # A gyro without error: one with would turn a standing robot until vision's heading arrives.
-    gyro = ("sensors.gyro_noise_rad_s=0", "sensors.gyro_bias_rad_s=0")
-    trajectory = run("mujoco", (f"radio.delay_frames={delay}", *gyro))
+    trajectory = run("mujoco", (f"radio.delay_frames={delay}", *GYRO))
     command, applied = trajectory.channel("command"), trajectory.channel("applied")
     np.testing.assert_array_equal(applied[delay:], command[: len(command) - delay])
     # Until the first command arrives, the robot stands; it settles into the carpet by a tenth of vision's noise.
@@ -73,9 +73,9 @@ def test_compensated_the_only_error_is_the_late_start(delay: int) -> None:
 
 
 def test_dead_time_costs_the_uncompensated_controller_more_and_more_on_the_mujoco_plant() -> None:
-    none, short, long = (errors(run("mujoco", (f"radio.delay_frames={d}",)))[:, 0] for d in (0, 3, 6))
-    # As above, with noise, and with wheels that creep, which late or not costs 12 mm: that is not the dead time's; no
-    # compensator of a dead time takes it away.
+    none, short, long = (errors(run("mujoco", (f"radio.delay_frames={d}", *GYRO)))[:, 0] for d in (0, 3, 6))
+    # As above, with noise of vision, and with wheels that creep, which late or not costs 12 mm: that is
+    # not the dead time's; no compensator of a dead time takes it away.
     assert none[FLC] < short[FLC] < long[FLC]
     assert long[FLC] > 2 * none[FLC]
     assert short[COMPENSATED] < short[FLC]

@@ -1,8 +1,11 @@
 """The paper's fuzzy controller as a user of scikit-fuzzy writes it; reference of tests and benchmark."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import skfuzzy
-from skfuzzy import control
+
+if TYPE_CHECKING:
+    from skfuzzy.control import ControlSystemSimulation
 
 LABELS = ("NB", "NS", "ZO", "PS", "PB")
 
@@ -13,12 +16,16 @@ TABLE_2 = ["NB NB NB NB NB", "NS NS NS NS NS", "ZO ZO ZO ZO ZO", "PS PS PS PS PS
 
 def triangles(universe: np.ndarray) -> np.ndarray:
     """The five sets of figures 5 and 6 over the range [-1, 1], (5, points)."""
+    import skfuzzy  # here, since each process of the tests imports this file
+
     corners = [(-1, -1, -0.5), (-1, -0.5, 0), (-0.5, 0, 0.5), (0, 0.5, 1), (0.5, 1, 1)]
     return np.array([skfuzzy.trimf(universe, abc) for abc in corners])
 
 
-def controller(points: int, error_range_m: float, speed_range_m_s: float) -> control.ControlSystemSimulation:
+def controller(points: int, error_range_m: float, speed_range_m_s: float) -> "ControlSystemSimulation":
     """25 rules for two inputs, e_x and e_y, and two outputs, v_x and v_y, on universes of so many points."""
+    from skfuzzy import control
+
     relative = np.linspace(-1, 1, points)
     e_x, e_y = (control.Antecedent(error_range_m * relative, name) for name in ("e_x", "e_y"))
     v_x, v_y = (control.Consequent(speed_range_m_s * relative, name) for name in ("v_x", "v_y"))
@@ -33,7 +40,7 @@ def controller(points: int, error_range_m: float, speed_range_m_s: float) -> con
     return control.ControlSystemSimulation(control.ControlSystem(rules))
 
 
-def velocities(simulation: control.ControlSystemSimulation, errors: np.ndarray) -> np.ndarray:
+def velocities(simulation: "ControlSystemSimulation", errors: np.ndarray) -> np.ndarray:
     """Outputs (n, 2) for errors (n, 2)."""
     simulation.inputs({"e_x": errors[:, 0], "e_y": errors[:, 1]})
     simulation.compute()
