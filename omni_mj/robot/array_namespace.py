@@ -75,6 +75,13 @@ def rotate(x: Array, y: Array, cosine: Array, sine: Array) -> tuple[Array, Array
     return cosine * x - sine * y, sine * x + cosine * y
 
 
+def small_rotation(angle: Array) -> tuple[Array, Array]:
+    """Return cosine and sine of angles below 0.1 rad, to 3e-13; JAX compiles no cosine as short as that."""
+    square = angle * angle
+    cosine = 1 - square * (1 / 2 - square * (1 / 24 - square * (1 / 720)))
+    return cosine, angle * (1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040))))
+
+
 def floor(x: Array) -> Array:
     """Round down. The derivative is that of the argument, or encoders would hide the wheels from gradients."""
     if is_numpy(x):

@@ -23,7 +23,7 @@ wheels keep only what no motion of the body takes away.
 
 from typing import NamedTuple
 
-from omni_mj.robot.array_namespace import Array, any_true, clip, namespace, refine, repeat, rotate, total
+from omni_mj.robot.array_namespace import Array, any_true, clip, namespace, refine, repeat, rotate, small_rotation, total
 from omni_mj.robot.carpet import DRAG_CYCLES, CarpetParameters, Drag, Motion, compute_drag, limit_torque
 from omni_mj.robot.onboard import (
     CycleRecord,
@@ -207,7 +207,7 @@ def move_body(p: BodyParameters, s: BodyState, slow: SlowForces, motor_torque: A
     tilting = p.height * total(torque * p.jacobian[:2]) + slow.tilting
     rollers = s.rollers + p.passing * rim
     turn = CYCLE_S * twist[2]
-    cosine, sine = xp.cos(turn), xp.sin(turn)
+    cosine, sine = small_rotation(turn)
     world_x, world_y = rotate(twist[0], twist[1], s.cosine, s.sine)
     facing = rotate(s.cosine, s.sine, cosine, sine)
     return BodyState(

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Kinematics
-from omni_mj.robot.array_namespace import Array, any_true, clip, floor, namespace, select
+from omni_mj.robot.array_namespace import Array, any_true, clip, floor, namespace, rotate, select, small_rotation
 from omni_mj.robot.motors import Motor
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings, column
 
@@ -64,6 +64,8 @@ class LoopState(NamedTuple):
     """Memory of the firmware, (n,) unless another shape is given."""
 
     heading: Array  # estimate, rad
+    cosine: Array  # of the heading
+    sine: Array
     gyro_bias: Array  # estimate, rad/s
     past_headings: Array  # ring buffer of the estimates at the beginning of frames, (frames, n) rad
     stops: Array  # cycle from which the robot stands
@@ -136,6 +138,8 @@ def loops_at_rest(p: LoopParameters, heading: Array, frames: int, restarts: bool
     no = np.zeros(len(heading), bool)
     return LoopState(
         heading=heading.copy(),
+        cosine=np.cos(heading),
+        sine=np.sin(heading),
         gyro_bias=still,
         past_headings=np.tile(heading, (frames, 1)),
         stops=p.patience,
@@ -247,8 +251,11 @@ def correct_heading(
     error = xp.where(xp.isnan(seen), then, seen) - then
     error = error - 2 * np.pi * xp.ceil(error / (2 * np.pi) - 0.5)
     correction = p.heading_gain * error
+    heading = s.heading + correction
     return s._replace(
-        heading=s.heading + correction,
+        heading=heading,
+        cosine=xp.cos(heading),
+        sine=xp.sin(heading),
         past_headings=past + correction,  # an error that is corrected once is not corrected again
         gyro_bias=s.gyro_bias - p.bias_gain * error,
     )
@@ -289,8 +296,9 @@ def run_wheel_loops(p: LoopParameters, s: LoopState, cycle: Array, gyro: Array, 
     if due is not None and not any_true(due):
         return s
     rate = gyro - s.gyro_bias
-    heading = s.heading + rate * p.period
-    wanted = _desired_speeds(p, s, heading, rate, cycle >= s.stops)
+    turn = rate * p.period
+    heading, (cosine, sine) = s.heading + turn, rotate(s.cosine, s.sine, *small_rotation(turn))
+    wanted = _desired_speeds(p, s, (cosine, sine), rate, cycle >= s.stops)
     count = encoder_count(p, s, angle)
     speed = (count - s.last_count) / (p.counts_per_rad * p.period)
     error = wanted - speed
@@ -307,6 +315,8 @@ def run_wheel_loops(p: LoopParameters, s: LoopState, cycle: Array, gyro: Array, 
         voltage = clip(voltage, back_emf - s.swing, back_emf + s.swing)
     new = s._replace(
         heading=heading,
+        cosine=cosine,
+        sine=sine,
         last_count=count,
         integral=integral,
         last_error=None if integral is None else error,
@@ -314,17 +324,20 @@ def run_wheel_loops(p: LoopParameters, s: LoopState, cycle: Array, gyro: Array, 
     )
     if due is None:
         return new
-    changed = ("heading", "last_count", "integral", "last_error", "duty")
+    changed = ("heading", "cosine", "sine", "last_count", "integral", "last_error", "duty")
     after, before = (tuple(getattr(state, name) for name in changed) for state in (new, s))
     return s._replace(**dict(zip(changed, select(due, after, before), strict=True)))
 
 
-def _desired_speeds(p: LoopParameters, s: LoopState, heading: Array, rate: Array, stands: Array) -> Array:
+def _desired_speeds(
+    p: LoopParameters, s: LoopState, facing: tuple[Array, Array], rate: Array, stands: Array
+) -> Array:
     """Return desired wheel speeds (W, n): equation 2, the turn-rate loop, and the inverse of equation 3."""
-    xp = namespace(heading)
+    xp = namespace(rate)
+    cosine, sine = facing
     if s.in_robot_frame is not None:
-        heading = xp.where(s.in_robot_frame, 0.0, heading)
-    cosine, sine, turn = xp.cos(heading), xp.sin(heading), s.turn_rate
+        cosine, sine = xp.where(s.in_robot_frame, 1.0, cosine), xp.where(s.in_robot_frame, 0.0, sine)
+    turn = s.turn_rate
     if any_true(stands):
         cosine, sine = xp.where(stands, 0.0, cosine), xp.where(stands, 0.0, sine)
         turn = xp.where(stands, 0.0, turn)
