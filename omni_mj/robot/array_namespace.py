@@ -117,20 +117,18 @@ def repeat(step: Callable[[Any], tuple[Any, Any]], state: Any, times: int, like:
 
 def refine(step: Callable[[Any], Any], state: Any, is_unfinished: Callable[[Any], Array], times: int) -> Any:
     """Take a step as long as a state is unfinished anywhere, but at most a number of times."""
+    if not times:
+        return state
+
+    def go_on(state: Any) -> Any:
+        return refine(step, step(state), is_unfinished, times - 1)
+
     unfinished = is_unfinished(state)
     if is_numpy(unfinished):
-        while times and np.count_nonzero(unfinished):
-            state, times = step(state), times - 1
-            unfinished = is_unfinished(state)
-        return state
+        return go_on(state) if np.count_nonzero(unfinished) else state
     from jax import lax
 
-    return lax.cond(
-        unfinished.any(),
-        lambda state: lax.fori_loop(0, times, lambda _, state: step(state), state),
-        lambda state: state,
-        state,
-    )
+    return lax.cond(unfinished.any(), go_on, lambda state: state, state)
 
 
 def stack_records(records: list[Any]) -> Any:
