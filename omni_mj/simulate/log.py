@@ -77,8 +77,8 @@ class Log:
         self._at = {name: slice(*span) for name, span in zip(self.columns, pairwise(ends), strict=True)}
         self.length, self.first_frame = 0, 0
         self.lengths = np.zeros(len(self.rows), int)
-        # All channels but controllers' own side by side, so that a frame is written at once.
-        self._data: Array = np.full((FIRST_FRAMES, len(self.rows), ends[-1]), np.nan)
+        # (frames, columns, rows): all channels but controllers' own, the rows of a column side by side as plants have them
+        self._data: Array = np.full((FIRST_FRAMES, ends[-1], len(self.rows)), np.nan)
         self._own: dict[str, Array] = {}
 
     @property
@@ -119,20 +119,22 @@ class Log:
         if self.length == len(self._data):
             self._make_room()
         frame, at = self._data[self.length], self._at
-        parts = [(frame[:, at[name]], value if value.ndim == 2 else value[:, None]) for name, value in values.items()]
-        for name, value in own.items():
-            width = value.shape[1]
-            parts.append((self._frames(OWN + name, width)[self.length, :, :width], value))
+        parts = [(frame[at[name]], value) for name, value in values.items()]
+        parts += [
+            (self._own_frames(name, value.shape[1])[self.length, : value.shape[1]], value)
+            for name, value in own.items()
+        ]
         if telemetry is not None:
-            parts.append((frame[:, at[NAMES[0]].start : at[NAMES[-1]].stop], telemetry))
+            parts.append((frame[at[NAMES[0]].start : at[NAMES[-1]].stop], telemetry))
         for columns, value in parts:
-            np.copyto(columns, value, where=recorded[:, None])
+            np.copyto(columns, value.T, where=recorded)
         self.length += 1
         self.lengths += recorded
 
     def channel(self, name: str) -> np.ndarray:
         """A channel's frames (length, n, columns); not a number, or false, where a row recorded none."""
-        values = self._frames(name)[: self.length]
+        frames = self._data[:, self._at[name]] if name in self._at else self._own[name]
+        values = frames[: self.length].swapaxes(1, 2)
         return values == 1 if name == "vision_valid" else values
 
     def table(self, first: int = 0, stop: int | None = None) -> "pa.Table":
@@ -169,18 +171,15 @@ class Log:
         self._data = _longer(self._data, more)
         self._own = {name: _longer(frames, more) for name, frames in self._own.items()}
 
-    def _frames(self, name: str, width: int = 0) -> Array:
-        """Return the room of a channel (frames, n, columns), one of a controller's own as wide as this at least."""
-        if name in self._at:
-            return self._data[..., self._at[name]]
-        frames = self._own.get(name)
-        if frames is None or frames.shape[2] < width:
-            wider = np.full((*self._data.shape[:2], width), np.nan)
-            if frames is not None:
-                wider[..., : frames.shape[2]] = frames
-            self._own[name] = frames = wider
+    def _own_frames(self, name: str, width: int) -> Array:
+        """Return the room of a controller's own channel (frames, columns, n), as wide as this at least."""
+        name = OWN + name
+        before = self._own.get(name, self._data[:, :0])
+        if before.shape[1] < width:
+            more = np.full((len(self._data), width - before.shape[1], len(self.rows)), np.nan)
+            self._own[name] = np.concatenate([before, more], axis=1)
             self.columns[name] = (name,) if width == 1 else tuple(f"{name}_{i + 1}" for i in range(width))
-        return frames
+        return self._own[name]
 
 
 def _longer(frames: Array, more: int) -> Array:
