@@ -64,13 +64,14 @@ class CommandsInFlight:
             raise OmniError(f"{count + skip} commands were asked for, but only {self.length} are kept")
         return self._sent[self.length - skip - count : self.length - skip]
 
-    def ahead(self, latency: float | Array) -> Array:
-        """Return the share of each command that is still to act, (length, n or 1, 3 or 1).
+    def ahead(self, latency: float | Array, count: int | None = None) -> Array:
+        """Return the share of each command that is still to act, (count, n or 1, 3 or 1).
 
         Args:
             latency: frames, one for all, or (n, 1), or (n, 3).
+            count: of the last commands. [all]
         """
-        since = np.arange(self.length - 1, -1.0, -1)[:, None, None]  # frames since each was sent
+        since = np.arange((self.length if count is None else count) - 1, -1.0, -1)[:, None, None]  # frames
         shares: Array = np.minimum(np.maximum(latency - since, 0.0), 1.0)
         return shares
 

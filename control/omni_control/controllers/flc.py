@@ -98,7 +98,8 @@ class CompFlc(Flc):
         """See `Controller`."""
         pose, sent = seen.pose, seen.sent
         self.alpha_hat[:, :2] = self.alpha.update(pose[:, :2], sent)
-        in_flight = sent.ahead(self.latency) * sent.last(sent.length)
+        count = math.ceil(self.latency)
+        in_flight = sent.ahead(self.latency, count) * sent.last(count)
         predicted = pose + compensation(in_flight, self.alpha_hat, self.told.period)
         return self.track(frame + self.latency, predicted)
 

@@ -92,42 +92,32 @@ class KalmanFilter:
         noise: standard deviation of vision, per axis (3,) or per robot and axis (n, 3), m and rad.
 
     Attributes:
-        mean: position and drift of each axis, (n, 3, 2).
-        covariance: of these, (n, 3, 2, 2).
+        pose: filtered poses (n, 3); headings count full turns.
+        drift: the part of the twist that commands do not explain, (n, 3).
         twist: filtered twists (n, 3).
     """
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
         self._period, self._now = period, Step.now(len(pose))
         self._noise = np.maximum(np.broadcast_to(noise, pose.shape), RESOLUTION) ** 2
-        self._transition = np.array([[1.0, period], [0.0, math.exp(-period / DRIFT_TIME_S)]])
+        self._kept = math.exp(-period / DRIFT_TIME_S)  # of a drift, in a frame
         self._wander = np.array([DRIFT_M_S1_5, DRIFT_M_S1_5, DRIFT_RAD_S1_5]) ** 2 * period
-        self.mean = np.stack([pose, np.zeros_like(pose)], axis=-1)
-        self.covariance = np.zeros((*pose.shape, 2, 2))
-        self.covariance[..., 0, 0] = self._noise
+        self.pose, self.drift, self.twist = pose.copy(), np.zeros_like(pose), np.zeros_like(pose)
+        # Variances of pose and drift, and their covariance: each axis by itself, so that a table of each is enough.
+        self._pose_variance = self._noise.copy()
+        self._covariance, self._drift_variance = np.zeros((2, *pose.shape))
         self._scale = np.ones_like(pose)  # of the process noise
-        self.twist = np.zeros_like(pose)
-        self._innovation, self._variance = np.full((2, *pose.shape), np.nan)
-
-    @property
-    def pose(self) -> Array:
-        """Filtered poses (n, 3); headings count full turns."""
-        return self.mean[..., 0].copy()
-
-    @property
-    def drift(self) -> Array:
-        """The part of the twist that commands do not explain, (n, 3)."""
-        return self.mean[..., 1]
+        self._innovation, self._expected_square = np.full((2, *pose.shape), np.nan)
 
     @property
     def sigma(self) -> Array:
         """Standard deviation of the pose, (n, 3)."""
-        return np.sqrt(self.covariance[..., 0, 0])
+        return np.sqrt(self._pose_variance)
 
     @property
     def normalised(self) -> Array:
         """Innovations over their standard deviations (n, 3); not a number for robots that were not seen."""
-        return self._innovation / np.sqrt(self._variance)
+        return self._innovation / np.sqrt(self._expected_square)
 
     def update(
         self,
@@ -144,37 +134,41 @@ class KalmanFilter:
             step: that of the filter. [to the next frame, in which robots were seen]
             onward: what commands should have caused until robots were seen, (n, 3).
         """
-        held, after = (step or self._now).held[:, None, None], (step or self._now).after[:, None]
+        period, kept = self._period, self._kept
+        held, after = (step or self._now).held[:, None], (step or self._now).after[:, None]
         moving = self._scale * (GAIN_ERROR * displacement) ** 2
-        mean = (self._transition @ self.mean[..., None])[..., 0]
-        mean[..., 0] += displacement
-        covariance = self._transition @ self.covariance @ self._transition.T
-        covariance[..., 0, 0] += moving
-        covariance[..., 1, 1] += self._scale * self._wander
+        ahead = self._covariance + period * self._drift_variance
+        pose, drift = self.pose + period * self.drift + displacement, kept * self.drift
+        pose_variance = self._pose_variance + period * (self._covariance + ahead) + moving
+        covariance, drift_variance = kept * ahead, kept**2 * self._drift_variance + self._scale * self._wander
         if np.count_nonzero(held):
-            mean = np.where(held, self.mean, mean)
-            covariance = np.where(held[..., None], self.covariance, covariance)
-        cross_covariance, expected = covariance[..., 0], mean[..., 0]  # of the state and what vision should see; that
-        variance = cross_covariance[..., 0] + self._noise
+            pose, drift = np.where(held, self.pose, pose), np.where(held, self.drift, drift)
+            pose_variance = np.where(held, self._pose_variance, pose_variance)
+            covariance = np.where(held, self._covariance, covariance)
+            drift_variance = np.where(held, self._drift_variance, drift_variance)
+        # Vision sees robots `after` the step ends: covariances of pose and drift with what it should see then.
+        expected, with_pose, with_drift = pose, pose_variance, covariance
+        square = pose_variance + self._noise
         if np.count_nonzero(after):
-            cross_covariance = cross_covariance + after[..., None] * covariance[..., 1]
-            expected = expected + onward + after * mean[..., 1]
-            variance = cross_covariance[..., 0] + after * cross_covariance[..., 1] + self._noise
-            variance += np.maximum(after / self._period, 0.0) * moving
+            expected = pose + onward + after * drift
+            with_pose, with_drift = pose_variance + after * covariance, covariance + after * drift_variance
+            square = with_pose + after * with_drift + self._noise + np.maximum(after / period, 0.0) * moving
         innovation = measured - expected
         innovation[:, 2] = wrap_angle(innovation[:, 2])
+        self._innovation, self._expected_square = innovation, square
+        ratio = innovation**2 / square
+        pose_gain, drift_gain = with_pose / square, with_drift / square
         missed = np.isnan(innovation)
-        gain = cross_covariance / variance[..., None]
-        square = innovation**2 / variance
-        self._innovation, self._variance = innovation, variance
         if np.count_nonzero(missed):
-            innovation, square = np.where(missed, 0.0, innovation), np.where(missed, 1.0, square)
-            gain[missed] = 0.0
-        self.mean = mean + gain * innovation[..., None]
-        self.covariance = covariance - gain[..., :, None] * cross_covariance[..., None, :]
-        growth = np.exp((1 - SCALE_MEMORY) * (np.minimum(square, MAX_SQUARED_INNOVATION) - 1))
+            innovation, ratio = np.where(missed, 0.0, innovation), np.where(missed, 1.0, ratio)
+            pose_gain[missed], drift_gain[missed] = 0.0, 0.0
+        self.pose, self.drift = pose + pose_gain * innovation, drift + drift_gain * innovation
+        self._pose_variance = pose_variance - pose_gain * with_pose
+        self._covariance = covariance - pose_gain * with_drift
+        self._drift_variance = drift_variance - drift_gain * with_drift
+        growth = np.exp((1 - SCALE_MEMORY) * (np.minimum(ratio, MAX_SQUARED_INNOVATION) - 1))
         self._scale = np.minimum(np.maximum(self._scale * growth, SCALE_BOUNDS[0]), SCALE_BOUNDS[1])
-        self.twist = displacement / self._period + self.mean[..., 1]
+        self.twist = displacement / period + self.drift
         return self.pose
 
 
