@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omni_control.delay import Rows
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.link.noise import Noise, Seed, Stream, uniform
 from omni_mj.link.schedule import Schedule
@@ -168,11 +169,11 @@ class Cameras:
         self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]]
     ) -> None:
         rates = [row.rate_hz for row in settings]
-        groups = [np.flatnonzero(np.equal(rates, rate)).tolist() for rate in dict.fromkeys(rates)]
-        self._groups = [
-            (rows, _SameRate([settings[i] for i in rows], [seeds[i] for i in rows], [faults[i] for i in rows]))
-            for rows in groups
-        ]
+        self._groups: list[tuple[Rows, _SameRate]] = []
+        for rate in dict.fromkeys(rates):
+            own = [part for part in zip(settings, seeds, faults, strict=True) if part[0].rate_hz == rate]
+            rows = slice(None) if len(own) == len(rates) else np.flatnonzero(np.equal(rates, rate))
+            self._groups.append((rows, _SameRate(*(list(part) for part in zip(*own, strict=True)))))
         self.age: Array | None = None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:

@@ -104,7 +104,7 @@ class Radio:
         self._sent_ticks = np.full(n, -1)  # when the packets that robots hold were sent
         self._newest = np.full(n, -1)  # the same, of the newest packet that was not overtaken
         self._in_flight = dict[int, list[_Flight]]()  # by tick of arrival, in the order of sending
-        self._robots, self._ticks, self._tick = np.arange(n), ticks, 0
+        self._ticks, self._tick = ticks, 0
         self._delay = self._usual  # of what is sent from now on, (n,)
         self._begin_frame()
 
@@ -119,21 +119,23 @@ class Radio:
 
     def send(self, packets: Array, to: np.ndarray | None = None) -> None:
         """Send packets (n, k) to the robots of these numbers, by default to all."""
-        robots = self._robots if to is None else to
+        is_sent = np.full(len(self._newest), to is None)
+        if to is not None:
+            is_sent[to] = True
         jitter = (2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5)
         arrival = self._tick + self._delay + np.rint(jitter).astype(int)
         lost, burst, copied, overtaken = self._chance.next().T
-        is_received = self._losses.next()[:, 0] >= self._loss
+        is_received = is_sent & (self._losses.next()[:, 0] >= self._loss)
         is_received &= (lost < self._passes) & (burst < self._outside_burst)
         is_overtaken = is_received & (overtaken < self._overtaken)
         is_copied = is_received & (copied < self._copied)
         later = arrival + np.where(is_overtaken, self._overtaken_by, self._copied_by) * self._ticks
-        self._launch(packets, robots[(is_overtaken | is_copied)[robots]], later, is_last=True)
-        self._launch(packets, robots[(is_received & ~is_overtaken)[robots]], arrival, is_last=False)
+        self._launch(packets, is_overtaken | is_copied, later, is_last=True)
+        self._launch(packets, is_received & ~is_overtaken, arrival, is_last=False)
 
     def deliver(self) -> tuple[Array, np.ndarray, np.ndarray]:
         """End a tick; return what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
-        tick, new = self._tick, np.zeros(len(self._robots), bool)
+        tick, new = self._tick, np.zeros(len(self._newest), bool)
         for flight in sorted(self._in_flight.pop(tick, ()), key=lambda flight: flight.is_last):
             robots, packets = flight.robots, flight.packets
             if not flight.is_last:
@@ -156,11 +158,13 @@ class Radio:
             if self._tick % self._ticks == 0:
                 self._begin_frame()
 
-    def _launch(self, packets: Array, robots: np.ndarray, arrival: np.ndarray, is_last: bool) -> None:
-        """Let packets (n, k) to robots of these numbers arrive in ticks (n,), after all others of the tick or not."""
-        for tick in set(arrival[robots].tolist()):
-            group = robots[arrival[robots] == tick]
+    def _launch(self, packets: Array, to: np.ndarray, arrival: np.ndarray, is_last: bool) -> None:
+        """Let packets (n, k) to some robots (n,) arrive in ticks (n,), after all others of the tick or not."""
+        while np.count_nonzero(to):
+            tick = int(arrival[to][0])
+            group = np.flatnonzero(to & (arrival == tick))
             self._in_flight.setdefault(tick, []).append(_Flight(self._tick, group, packets[group], is_last))
+            to = to & (arrival != tick)
 
     def _begin_frame(self) -> None:
         """Apply the faults of the frame that begins."""

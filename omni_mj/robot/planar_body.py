@@ -23,7 +23,17 @@ wheels keep only what no motion of the body takes away.
 
 from typing import NamedTuple
 
-from omni_mj.robot.array_namespace import Array, any_true, clip, namespace, refine, repeat, rotate, small_rotation, total
+from omni_mj.robot.array_namespace import (
+    Array,
+    any_true,
+    clip,
+    namespace,
+    refine,
+    repeat,
+    rotate,
+    small_rotation,
+    total,
+)
 from omni_mj.robot.carpet import DRAG_CYCLES, CarpetParameters, Drag, Motion, compute_drag, limit_torque
 from omni_mj.robot.onboard import (
     CycleRecord,

@@ -329,9 +329,7 @@ def run_wheel_loops(p: LoopParameters, s: LoopState, cycle: Array, gyro: Array, 
     return s._replace(**dict(zip(changed, select(due, after, before), strict=True)))
 
 
-def _desired_speeds(
-    p: LoopParameters, s: LoopState, facing: tuple[Array, Array], rate: Array, stands: Array
-) -> Array:
+def _desired_speeds(p: LoopParameters, s: LoopState, facing: tuple[Array, Array], rate: Array, stands: Array) -> Array:
     """Return desired wheel speeds (W, n): equation 2, the turn-rate loop, and the inverse of equation 3."""
     xp = namespace(rate)
     cosine, sine = facing

@@ -16,7 +16,7 @@ from omni_mj.scenarios.settings import PERIOD_S
 if TYPE_CHECKING:
     import pyarrow as pa
 
-FIRST_FRAMES = 512  # that there is room for at the start
+FIRST_FRAMES = 512  # that there is room for at least
 OWN = "own_"  # before the names of channels of a controller's own
 
 
@@ -71,14 +71,16 @@ class Log:
     """
 
     def __init__(self, rows: Sequence[Row], wheels: int, frames: int = 0) -> None:
-        self.rows, self._expected = list(rows), frames
+        self.rows = list(rows)
         self.columns = channels(wheels)
         ends = np.cumsum([0, *map(len, self.columns.values())]).tolist()
         self._at = {name: slice(*span) for name, span in zip(self.columns, pairwise(ends), strict=True)}
         self.length, self.first_frame = 0, 0
         self.lengths = np.zeros(len(self.rows), int)
         # (frames, columns, rows): all channels but controllers' own, the rows of a column side by side as plants have them
-        self._data: Array = np.full((FIRST_FRAMES, ends[-1], len(self.rows)), np.nan)
+        self._data: Array = np.empty(
+            (max(frames, FIRST_FRAMES), ends[-1], len(self.rows))
+        )  # memory is taken when written
         self._own: dict[str, Array] = {}
 
     @property
@@ -117,7 +119,8 @@ class Log:
                 recorded.
         """
         if self.length == len(self._data):
-            self._make_room()
+            self._data, *others = (_doubled(frames) for frames in (self._data, *self._own.values()))
+            self._own = dict(zip(self._own, others, strict=True))
         frame, at = self._data[self.length], self._at
         parts = [(frame[at[name]], value) for name, value in values.items()]
         parts += [
@@ -126,6 +129,8 @@ class Log:
         ]
         if telemetry is not None:
             parts.append((frame[at[NAMES[0]].start : at[NAMES[-1]].stop], telemetry))
+        for frames in (self._data, *self._own.values()):
+            frames[self.length] = np.nan
         for columns, value in parts:
             np.copyto(columns, value.T, where=recorded)
         self.length += 1
@@ -164,23 +169,17 @@ class Log:
         firsts = range(0, max(int(self.lengths.sum()), 1), parquet.GROUP_ROWS)
         parquet.write((self.table(first, first + parquet.GROUP_ROWS) for first in firsts), path)
 
-    def _make_room(self) -> None:
-        """Make room for all frames that are expected, or twice as many as there is room for."""
-        room = len(self._data)
-        more = max(self._expected - room, 0) or room
-        self._data = _longer(self._data, more)
-        self._own = {name: _longer(frames, more) for name, frames in self._own.items()}
-
     def _own_frames(self, name: str, width: int) -> Array:
         """Return the room of a controller's own channel (frames, columns, n), as wide as this at least."""
         name = OWN + name
         before = self._own.get(name, self._data[:, :0])
         if before.shape[1] < width:
-            more = np.full((len(self._data), width - before.shape[1], len(self.rows)), np.nan)
-            self._own[name] = np.concatenate([before, more], axis=1)
+            wider = self._own[name] = np.empty((len(self._data), width, len(self.rows)))
+            wider[: self.length] = np.nan
+            wider[: self.length, : before.shape[1]] = before[: self.length]
             self.columns[name] = (name,) if width == 1 else tuple(f"{name}_{i + 1}" for i in range(width))
         return self._own[name]
 
 
-def _longer(frames: Array, more: int) -> Array:
-    return np.concatenate([frames, np.full((more, *frames.shape[1:]), np.nan)])
+def _doubled(frames: Array) -> Array:
+    return np.concatenate([frames, np.empty_like(frames)])
