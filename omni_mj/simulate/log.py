@@ -77,10 +77,8 @@ class Log:
         self._at = {name: slice(*span) for name, span in zip(self.columns, pairwise(ends), strict=True)}
         self.length, self.first_frame = 0, 0
         self.lengths = np.zeros(len(self.rows), int)
-        # (frames, columns, rows): all channels but controllers' own, the rows of a column side by side as plants have them
-        self._data: Array = np.empty(
-            (max(frames, FIRST_FRAMES), ends[-1], len(self.rows))
-        )  # memory is taken when written
+        # (frames, columns, rows) of all channels but controllers' own. Memory is taken only when it is written.
+        self._data: Array = np.empty((max(frames, FIRST_FRAMES), ends[-1], len(self.rows)))
         self._own: dict[str, Array] = {}
 
     @property
