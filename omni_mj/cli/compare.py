@@ -18,7 +18,7 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
 @click.command("compare")
 @click.option(
     "--scenario", "names", metavar="NAME|FILE.toml", multiple=True,
-    help="May be repeated. [all that come with the program, but for the long heat]",
+    help="May be repeated. [all that come with the program, but for heat, storm and identify]",
 )  # fmt: skip
 @options.CONTROLLER
 @options.PLANT

@@ -63,6 +63,7 @@ SHARED = {
     "show": "list",
     "schema": "list",
     "alpha": "studies",
+    "identify": "studies",
     "limit": "studies",
     "loop": "studies",
     "slip": "studies",

@@ -1,4 +1,4 @@
-"""`omni-mj alpha`, `limit`, `loop` and `slip`: studies of a robot, of what is possible, and of controllers' loops."""
+"""`omni-mj alpha`, `identify`, `limit`, `loop`, `slip`: studies of a robot, of what is possible, of controllers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ WRITTEN = ("summary.json", "scenario.toml", "scenarios", "trajectory.parquet")
 
 
 def output(study: str) -> Callable[[Any], Any]:
-    """Return a decorator that adds the options of a study's results, which `_run` takes."""
+    """Return a decorator that adds the options of a study's results: out, overwrite and quiet."""
     out = click.option("--out", type=options.FOLDER, metavar="DIR", help=f"[runs/{study}-<UTC time>]")
     return lambda command: out(options.OVERWRITE(options.QUIET(command)))
 
@@ -35,6 +35,33 @@ def alpha(choice: options.Choice, **output: Any) -> None:
 
     chosen = choice.load("rect")
     _run("alpha", [chosen], lambda begin: alpha(chosen, begin=begin), alpha_figure.save, **output)
+
+
+@click.command("identify")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=options.FOLDER)
+@options.ROBOT
+@options.MODEL
+@output("identify")
+def identify(
+    logs: tuple[Path, ...], robot: str | None, model: str | None, out: Path | None, overwrite: bool, quiet: bool
+) -> None:
+    """Identify a robot from logs: CSV or Parquet with named columns (docs/identify.md).
+
+    --robot is that from which it starts. The scenario identify has moves to drive for logs.
+    """
+    from omni_mj.provenance import record
+    from omni_mj.scenarios.robots import DEFAULT
+    from omni_mj.studies.identify import identify
+
+    result = identify(logs, robot or DEFAULT, model)
+    outputs = ("identify.json", "robot.toml", *folders.PROVENANCE)
+    folder = folders.prepare(out, "identify", outputs, overwrite)
+    with console.writing(folder):
+        result.save(folder)
+        record.save(folder, "identify", console.command_line(), [result.start], frames=False)
+    if not quiet:
+        print(result.table())
+        print(console.results(folder, outputs))
 
 
 @click.command("limit")

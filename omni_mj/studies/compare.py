@@ -34,7 +34,7 @@ def compare(
     A scenario that cannot be run is noted, and the others go on.
 
     Args:
-        scenarios: what is run, or names. [all that come with the package, but for the long heat]
+        scenarios: what is run, or names. [all that come with the package, but for heat, storm and identify]
         controllers: names, `file.py:Class`, or classes derived from `Controller`. [all that come with the package, but
             for those that need what is not installed]
         seeds: of the random numbers, or how many, counting up from 0.
