@@ -40,8 +40,7 @@ def slip_beyond(pose: Array, slip: Array, settings: Settings) -> Array:
     twist = world_to_body(np.diff(pose, axis=0) / PERIOD_S, pose[1:, 2])
     centre = (twist[:, 0] + 1j * twist[:, 1])[:, None]
     centre = centre + 1j * twist[:, 2, None] * wheels.arm * np.exp(1j * wheels.azimuths)
-    creeps = settings.wheels.creep == "on"
-    creep = 0.98 * np.abs(centre) * settings.carpet.friction / settings.drive.creep_stiffness if creeps else 0.0
+    creep = 0.98 * np.abs(centre) * settings.carpet.friction / settings.drive.creep_stiffness
     beyond: Array = slip[1:] - creep - SLIDES_M_S
     return beyond
 

@@ -95,12 +95,11 @@ def _read(path: Path, file: str, changed: tuple[int, ...]) -> Own:
     touching = prepare.touching(spec, model, robot)
     wheels = measure_wheels(model, robot, np.array([model.geom(name).id for name in touching], int))
     in_one(_unfit(model, robot))
-    hull = _hull(spec)
     prepare.drive(spec, model, robot, wheels)
     prepare.lower(chassis, wheels.radius - wheels.height)
     model = spec.compile()
     (robot,) = find(model)
-    return Own(file, spec, touching, hull, _numbers(model, robot, wheels), _uniform(model, robot))
+    return Own(file, spec, touching, hull(spec), _numbers(model, robot, wheels), _uniform(model, robot))
 
 
 def _numbers(model: mujoco.MjModel, robot: Robot, wheels: Wheels) -> dict[str, dict[str, Any]]:
@@ -137,21 +136,16 @@ def _uniform(model: mujoco.MjModel, robot: Robot) -> bool:
     """Whether two rollers of a wheel could stand for all."""
     rollers = robot.rollers
     mass, inertia = model.body_mass[rollers], np.sort(model.body_inertia[rollers], axis=-1)
-    pairs = zip(robot.rims, robot.joints, strict=True)
-    axles = np.stack([prepare.seen_from(model, int(rim), int(joint))[1] for rim, joint in pairs])
-    along = np.einsum("wri,wi->wr", model.body_pos[rollers], axles)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    along = np.einsum("wri,wi->wr", data.xpos[rollers], data.xaxis[robot.joints])
     alike = np.ptp(mass) < 1e-6 and np.ptp(inertia, axis=(0, 1)).max() < 1e-9
     return bool(alike and np.ptp(along, axis=1).max() < 1e-4 and (model.body_geomnum[rollers] == 1).all())
 
 
-def _hull(spec: mujoco.MjSpec) -> tuple[str, ...]:
-    """Names of the geoms that the file's custom data names as `hull`, or of those of the class."""
-    geoms = [geom.name for geom in spec.geoms]
-    names = [name for text in spec.texts if text.name == "hull" for name in text.data.split()]
-    for name in names:
-        if name not in geoms:
-            raise OmniError(f"there is no geom {name!r}, which 'hull' names")
-    return tuple(names or [geom.name for geom in spec.geoms if geom.classname.name == "hull"])
+def hull(spec: mujoco.MjSpec) -> tuple[str, ...]:
+    """Names of the geoms of the class `hull`."""
+    return tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
 
 
 def _unfit(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:

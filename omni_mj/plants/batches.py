@@ -32,7 +32,7 @@ def check(rows: Sequence[Row]) -> None:
     """Check what the rows' robots are made of.
 
     Raises:
-        OmniError: they differ in their model or the physics, or one has wheels without creep and what needs creep.
+        OmniError: they differ in their model or the physics.
     """
     first = rows[0].settings
     for number, row in enumerate(rows):
@@ -41,9 +41,6 @@ def check(rows: Sequence[Row]) -> None:
             differ = ["motor.gear or motor.rotor_inertia_kg_m2"]
         if differ:
             raise OmniError(f"rows 0 and {number} differ in {' and '.join(differ)}: one batch has one model")
-        varied = row.settings.variation
-        if row.settings.wheels.creep == "off" and (varied.friction or varied.wear_m or row.settings.carpet.patches):
-            raise OmniError("variation.friction, variation.wear_m and carpet.patches need wheels.creep = on")
 
 
 def check_start(rows: Sequence[Row], model: mujoco.MjModel, positions: Array) -> None:

@@ -6,6 +6,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from numpy.lib.stride_tricks import as_strided
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
@@ -30,13 +31,13 @@ class Entries:
     """
 
     def __init__(self, array: Array, columns: Ids, last: int | None = None) -> None:
-        third = [np.arange(array.shape[2]) if last is None else last] if array.ndim == 3 else []
-        index = np.broadcast_arrays(np.arange(len(array))[:, None, None], columns, *third)
-        strides = np.array(array.strides) // array.itemsize
-        offsets = np.tensordot(strides, np.array(index), 1)
-        self._at: Ids = np.ascontiguousarray(offsets.reshape(-1, offsets.shape[-1]).T)
+        first, end = np.lib.array_utils.byte_bounds(array)
+        size = (end - first) // array.itemsize
+        offsets = as_strided(np.arange(size), array.shape, array.strides)
+        chosen = offsets[:, columns] if last is None else offsets[:, columns, last]
+        self._at: Ids = np.ascontiguousarray(chosen.reshape(-1, chosen.shape[-1]).T)
         # Indexing one flat axis takes a tenth of the time of indexing two or three, at every step of the physics.
-        self._flat = np.lib.stride_tricks.as_strided(array, (self._at.max() + 1,), (array.itemsize,))
+        self._flat = as_strided(array, (size,), (array.itemsize,))
 
     def get(self) -> Array:
         """Return a copy of the values, (k, n)."""
@@ -63,8 +64,7 @@ class Bound:
         resistance, constant: Of the dcmotors, (W, n).
         wrench: Force and torque on the chassis, world frame, (6, n).
         load: Of the wheels, (W, n) N.
-        creeps: Whether rims slip on hinges.
-        slip_angle, slip_speed, slip_limit, slip_impedance: Of these hinges, (W, n) rad, rad/s, N m and 1.
+        slip_angle, slip_speed, slip_limit, slip_impedance: Of the hinges of rims, (W, n) rad, rad/s, N m and 1.
         roller_speeds: Of a wheel's rollers at the bottom and next to it, (W, n) rad/s each.
     """
 
@@ -81,12 +81,10 @@ class Bound:
         self.voltage = Entries(batch.bind("ctrl"), motors)
         self.resistance, self.constant = (self._entries("actuator_gainprm", motors, i) for i in range(2))
         self.wrench = Entries(batch.bind("xfrc_applied"), self._chassis)
-        self.creeps = slips.size > 0
-        if self.creeps:
-            self.slip_angle, self.slip_speed = Entries(qpos, ids("slip_qpos")), Entries(qvel, slips)
-            self.slip_limit = self._entries("dof_frictionloss", slips)
-            self.slip_impedance = self._entries("dof_solimp", slips, 0)
-            self.roller_speeds = [Entries(qvel, rollers[:, :, i]) for i in range(2)]
+        self.slip_angle, self.slip_speed = Entries(qpos, ids("slip_qpos")), Entries(qvel, slips)
+        self.slip_limit = self._entries("dof_frictionloss", slips)
+        self.slip_impedance = self._entries("dof_solimp", slips, 0)
+        self.roller_speeds = [Entries(qvel, rollers[:, :, i]) for i in range(2)]
 
     def _ids(self, name: str) -> Ids:
         """Return numbers of parts of the robots at each place, by their name in `Robot`."""
@@ -103,9 +101,6 @@ class Bound:
         for all.
         """
         places, drive = len(self._world.robots), [s.drive for s in settings]
-        if not self.creeps:  # the carpet's friction is that of the contacts, not of slip hinges
-            friction = column([s.carpet for s in settings], "friction")[::places, None]
-            self._batch.expand("pair_friction")[:, :, :2] = friction
         motors, hubs = [Motor.of(s.motor) for s in settings], self._ids("wheel_dofs")
         rollers = self._ids("roller_dofs").reshape(places, -1)
         dry = column(motors, "wheel_dry") + column(drive, "gear_friction_nm")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from omni_control.kinematics import Array, world_to_body, wrap_angle
+from omni_control.kinematics import Array, wrap_angle
 from omni_mj.link.radio import Received
 from omni_mj.plants import Telemetry, batches
 from omni_mj.plants.bound import Bound
@@ -88,7 +88,7 @@ class MujocoPlant(WheeledPlant):
         super().__init__(rows, world.kinematics, drawn, self._heading)
 
         robot = world.robots[0]
-        inertia = world.model.dof_invweight0[robot.slip_dofs][:, None] if self._at.creeps else 1.0
+        inertia = world.model.dof_invweight0[robot.slip_dofs][:, None]
         carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
         carpet = carpet._replace(creep=carpet.creep / (world.model.opt.timestep * inertia))
         self._centre = world.model.body_ipos[robot.chassis][:, None] + np.vstack([drawn.centre.T, np.zeros(n)])
@@ -180,7 +180,8 @@ class MujocoPlant(WheeledPlant):
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
         at = self._at
-        return self._telemetry(self.onboard, at.wheel_angle.get(), at.wheel_speed.get(), self._slip())
+        slip = abs(at.slip_speed.get()) * self.parameters.carpet.radius
+        return self._telemetry(self.onboard, at.wheel_angle.get(), at.wheel_speed.get(), slip)
 
     def quaternion_heading(self) -> Array:
         """Headings in (-pi, pi], however robots are tilted, (n,) rad."""
@@ -242,18 +243,9 @@ class MujocoPlant(WheeledPlant):
 
     def _limit_slips(self, load: Array) -> None:
         """Write limits and impedances of slip hinges under a load (W, n) in N; see `omni_mj.robot.carpet`."""
-        if self._at.creeps:
-            limit, pressed = limit_torque(self._drag.rim_friction, load)
-            self._at.slip_limit.set(limit)
-            self._at.slip_impedance.set(pressed / (pressed + self._drag.softness))
-
-    def _slip(self) -> Array:
-        """Return the speed at which rims slide over the carpet, (W, n) m/s; without creep, along the rim alone."""
-        at, world = self._at, self._world
-        if at.creeps:
-            return abs(at.slip_speed.get()) * self.parameters.carpet.radius
-        twist = world_to_body(self.twist(), self._heading)
-        return abs(at.wheel_speed.get() - world.kinematics.wheel_speeds(twist).T) * world.kinematics.radius
+        limit, pressed = limit_torque(self._drag.rim_friction, load)
+        self._at.slip_limit.set(limit)
+        self._at.slip_impedance.set(pressed / (pressed + self._drag.softness))
 
     def _sense(self) -> None:
         self._sensed = self._at.gyro.get()[0], self._at.encoders.get()

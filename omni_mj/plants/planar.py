@@ -14,7 +14,7 @@ from omni_mj.plants.variation import Drawn
 from omni_mj.plants.wheeled import WheeledPlant, by_wheel
 from omni_mj.robot.array_namespace import rotate, select
 from omni_mj.robot.carpet import carpet_parameters
-from omni_mj.robot.kernels import make_kernel
+from omni_mj.robot.kernels import JaxKernel, NumpyKernel
 from omni_mj.robot.planar_body import (
     BodyParameters,
     BodyState,
@@ -38,7 +38,7 @@ class PlanarPlant(WheeledPlant):
 
     Raises:
         OmniError: Rows that this plant cannot hold: robots that share a world, or differ in their wheels, a model of a
-            user's own, wheels without creep, or a robot lighter than its wheels.
+            user's own, or a robot lighter than its wheels.
     """
 
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
@@ -56,7 +56,8 @@ class PlanarPlant(WheeledPlant):
         self._stuck = np.zeros(body.hub_dry.shape, bool)  # hubs
         state = PlanarState(onboard_state, body_at_rest(body, x, y, heading))
         parameters = PlanarParameters(onboard, carpet, body)
-        self._kernel = make_kernel(settings[0].physics.kernel, parameters, state)
+        kernel = JaxKernel if settings[0].physics.kernel == "jax" else NumpyKernel
+        self._kernel: JaxKernel | NumpyKernel = kernel(parameters, state)
         self._start_faults()
         self._stopped = np.zeros(len(rows), bool)
         self._pose, self._twist = np.array(start, float), np.zeros((len(rows), 3))
@@ -198,7 +199,5 @@ def _check(rows: Sequence[Row]) -> None:
             )
         if settings.model.file:
             raise OmniError("the plant planar knows no models of a user's own (model.file); take the plant mujoco")
-        if settings.wheels.creep == "off":
-            raise OmniError("the plant planar needs wheels.creep = on; without it, take the plant mujoco")
         if settings.wheels.kinematics != rows[0].settings.wheels.kinematics:
             raise OmniError(f"rows 0 and {number} differ in wheels: one batch has one geometry")

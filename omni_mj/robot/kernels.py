@@ -9,12 +9,11 @@ filled up with copies of the last robot to a few sizes, because every new size c
 import importlib.util
 import math
 import os
-import sys
 from collections.abc import Callable
 from functools import cache
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -25,30 +24,6 @@ NUMPY_FRAME_S, NUMPY_ROBOT_S = 3e-3, 2e-5  # that a frame of `planar` takes, and
 JAX_START_S = 5.0  # import and compilation
 COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}  # one robot compiles in half the time, and runs as fast
 Function = Callable[..., tuple[Any, Any]]
-
-
-class Kernel(Protocol):
-    """Parameters and state of n robots, and what computes them."""
-
-    parameters: Any
-    state: Any
-
-    def run(self, function: Function, *inputs: Any) -> Any:
-        """Run a function, keep the state that it returns, and return its outputs."""
-        ...
-
-
-def check_kernel(name: str) -> None:
-    """See that what a kernel needs is installed.
-
-    Raises:
-        OmniError: It is not.
-    """
-    if name == "jax" and not has_jax():
-        raise OmniError(
-            "physics.kernel = jax needs the package jax, which is not installed: pip install 'omni-mj[fast]'; or take "
-            "physics.kernel = numpy"
-        )
 
 
 def choose_kernel(setting: str, plant: str, robots: int, frames: int) -> str:
@@ -64,10 +39,15 @@ def choose_kernel(setting: str, plant: str, robots: int, frames: int) -> str:
         frames: Of the run.
 
     Raises:
-        OmniError: JAX is set for a plant that it does not compute.
+        OmniError: JAX is set for a plant that it does not compute, or is not installed.
     """
     if setting == "jax" and plant in ("mujoco", "kinematic"):
         raise OmniError(f"physics.kernel = jax computes the plant planar only, not {plant}; take numpy or auto")
+    if setting == "jax" and not has_jax():
+        raise OmniError(
+            "physics.kernel = jax needs the package jax, which is not installed: pip install 'omni-mj[fast]'; or take "
+            "physics.kernel = numpy"
+        )
     if setting != "auto":
         return setting
     numpy_s = frames * (NUMPY_FRAME_S + NUMPY_ROBOT_S * robots)
@@ -79,24 +59,19 @@ def has_jax() -> bool:
     return importlib.util.find_spec("jax") is not None
 
 
-def make_kernel(name: str, parameters: Any, state: Any) -> Kernel:
-    """Return a kernel by its name, numpy or jax; auto is numpy, unless `choose_kernel` took JAX.
-
-    Raises:
-        OmniError: What it needs is not installed.
-    """
-    check_kernel(name)
-    return JaxKernel(parameters, state) if name == "jax" else NumpyKernel(parameters, state)
-
-
 class NumpyKernel:
-    """Functions as they are."""
+    """Functions as they are.
+
+    Args:
+        parameters: Of n robots.
+        state: At the start.
+    """
 
     def __init__(self, parameters: Any, state: Any) -> None:
         self.parameters, self.state = parameters, state
 
     def run(self, function: Function, *inputs: Any) -> Any:
-        """See `Kernel`."""
+        """Run a function, keep the state that it returns, and return its outputs."""
         self.state, outputs = function(self.parameters, self.state, *inputs)
         return outputs
 
@@ -133,7 +108,7 @@ def pack(tree: Any, xp: Any = np) -> tuple[Any, Structure]:
 
 
 class JaxKernel:
-    """Functions compiled by JAX; see the module."""
+    """Functions compiled by JAX; see the module. It has what `NumpyKernel` has."""
 
     def __init__(self, parameters: Any, state: Any) -> None:
         _set_up_jax()
@@ -146,7 +121,7 @@ class JaxKernel:
 
     @property
     def parameters(self) -> Any:
-        """See `Kernel`."""
+        """See `NumpyKernel`."""
         return self._parameters
 
     @parameters.setter
@@ -160,7 +135,7 @@ class JaxKernel:
 
     @property
     def state(self) -> Any:
-        """See `Kernel`."""
+        """See `NumpyKernel`."""
         return self._cut(self._state_structure.unpack(np.asarray(self._packed_state)))
 
     @state.setter
@@ -168,7 +143,7 @@ class JaxKernel:
         self._packed_state, self._state_structure = self._pack(state)
 
     def run(self, function: Function, *inputs: Any) -> Any:
-        """See `Kernel`."""
+        """See `NumpyKernel`."""
         import jax
 
         packed, structure = self._pack(inputs)
@@ -235,16 +210,6 @@ def _set_up_jax() -> None:
         jax.devices("cpu")  # starts the threads
         del os.environ["PJRT_NPROC"]
     if getattr(config, "jax_compilation_cache_dir", None) is None:
-        config.update("jax_compilation_cache_dir", str(_cache_folder()))
-        config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-
-
-def _cache_folder() -> Path:
-    """Return where this system stores what can be made again."""
-    if sys.platform == "win32":
-        home = os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        home = Path.home() / "Library" / "Caches"
-    else:
         home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(home) / "omni-mj" / "jax"
+        config.update("jax_compilation_cache_dir", str(Path(home) / "omni-mj" / "jax"))
+        config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -67,21 +67,15 @@ class Distribution:
             return self.options[int(random.integers(len(self.options)))]
         if self.kind == "normal" and not self.ends:
             return self._number(float(random.normal(*self.values)))
-        return self.quantile(random.uniform())
-
-    def quantile(self, share: float) -> Value:
-        """Return the value below which a share of all draws lies."""
-        if self.options:
-            return self.options[min(int(share * len(self.options)), len(self.options) - 1)]
+        share = random.uniform()
         if self.kind == "uniform":
             low, high = self.values
             return float(low + share * (high - low))
         from scipy.special import ndtr, ndtri  # imported late: lists and schemas do without
 
         mean, deviation, *ends = self.values
-        a, b = (ndtr((end - mean) / deviation) for end in ends) if ends else (0.0, 1.0)
-        value = mean + deviation * ndtri(a + share * (b - a))
-        return self._number(float(np.clip(value, *ends) if ends else value))
+        a, b = (ndtr((end - mean) / deviation) for end in ends)
+        return self._number(float(np.clip(mean + deviation * ndtri(a + share * (b - a)), *ends)))
 
     def _number(self, value: float) -> int | float:
         return round(value) if self.whole else float(value)

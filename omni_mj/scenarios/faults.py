@@ -333,9 +333,6 @@ class VisionDelay(Fault):
     to: float = setting(..., "s", "from an image to its packet's arrival, in place of vision.delay_s", 0, 1)
 
 
-_CREEP = Friction, FrictionPatch, WheelWorn, WheelRoller  # wheels without creep have friction in their contacts
-
-
 def made(given: Any) -> tuple[Fault, ...]:
     """Return the faults that the list of a scenario's file describes.
 
@@ -381,8 +378,6 @@ def misfits(faults: Iterable[Fault], settings: "Settings") -> Iterator[str]:
         where = f"fault {number}: {fault.kind}"
         if isinstance(fault, OnOneWheel) and fault.wheel > wheels:
             yield f"{where}: wheel must be 1 to {wheels}, not {fault.wheel}: the robot has {wheels}"
-        if isinstance(fault, _CREEP) and settings.wheels.creep == "off":
-            yield f"{where} needs wheels.creep = on"
         if isinstance(fault, Delay) and fault.to < jitter:
             yield f"{where}: to must be at least radio.jitter_frames, {jitter}, not {fault.to}"
 

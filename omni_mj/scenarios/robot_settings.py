@@ -38,9 +38,6 @@ class WheelSettings(Checked):
     model: Literal["rollers", "two-rollers"] = setting(
         "rollers", "", "rollers: all of each wheel; two-rollers: those at the carpet, faster"
     )
-    creep: Literal["on", "off"] = setting(
-        "on", "", "on: rubber creeps under traction, as measured; off: wheels that do not, for comparison"
-    )
     azimuths_deg: Annotated[Angles, Field(min_length=3, max_length=8)] = setting(
         ..., "deg", "where they are, counter-clockwise from ahead"
     )

@@ -125,13 +125,13 @@ def drag(settings: "Settings") -> Array:
 
 def creep(settings: "Settings") -> Creep:
     """Return the creep law of a robot on level carpet."""
-    wheels, body, creeps = settings.wheels.kinematics, settings.body, settings.wheels.creep == "on"
+    wheels, body = settings.wheels.kinematics, settings.body
     load, directions, arms = loads(settings), wheels.matrix, np.array([1.0, 1.0, wheels.arm])
     inertia = np.array([body.mass_kg, body.mass_kg, body.yaw_inertia_kg_m2])
     bearing = settings.drive.roller_friction * (load[:, None] * np.abs(_axles(wheels.azimuths))).sum(0)
     resistance = settings.carpet.pile * load.sum() * arms + np.append(bearing, 0.0)
     softness = np.linalg.inv(directions.T @ (load[:, None] * directions)) / settings.drive.creep_stiffness
-    time = inertia * np.diag(softness) * creeps
+    time = inertia * np.diag(softness)
     gain = 1 / (1 + time * arms * resistance / inertia)
     return Creep(resistance, gain, gain**2 * time)
 

@@ -68,9 +68,6 @@ def world(settings: Settings | None = None, places: int = 1, hulls: bool | None 
         OmniError: numbers of which no robot can be made, or a robot's file that lacks a part.
     """
     settings = settings or Settings()
-    wheels = settings.wheels
-    if wheels.creep == "off" and wheels.model != "rollers":
-        raise OmniError(f"wheels.creep = off needs wheels.model = rollers, not {wheels.model}")
     shape = Shape.of(settings)
     return _world(part_of(shape), shape, places, settings.physics.substeps, places > 1 if hulls is None else hulls)
 
@@ -81,10 +78,7 @@ def _world(part: Part, shape: Shape, places: int, substeps: int, hulls: bool) ->
     spec, rollers = part.spec.copy(), part.touching
     alone = spec.compile()
     (robot,) = roles.find(alone)
-    pair, impratio = contact.RIGID, contact.RIGID_FRICTION_STIFFER
-    if shape.wheels.creep == "on":
-        pair = contact.creeping(alone, robot.rollers.ravel(), shape.body.mass_kg / len(robot.wheels))
-        impratio = contact.FRICTION_STIFFER
+    pair = contact.creeping(alone, robot.rollers.ravel(), shape.body.mass_kg / len(robot.wheels))
     if shape.wheels.model == "two-rollers":
         two_rollers.reduce(spec, alone, robot)
         left = {geom.name for geom in spec.geoms}
@@ -92,10 +86,7 @@ def _world(part: Part, shape: Shape, places: int, substeps: int, hulls: bool) ->
     for name in _SCENES:
         setattr(spec, name, getattr(field, name))
     if hulls and not part.hull:
-        raise OmniError(
-            f"{part.file}: no hull; robots that share a world meet with their geoms of the class 'hull', or those "
-            "that 'hull' names"
-        )
+        raise OmniError(f"{part.file}: no hull; robots that share a world meet with their geoms of the class 'hull'")
     for name in part.hull if hulls else ():
         spec.geom(name).contype = spec.geom(name).conaffinity = 1
     for place in range(places):
@@ -106,7 +97,7 @@ def _world(part: Part, shape: Shape, places: int, substeps: int, hulls: bool) ->
             _add_load_sensor(field, prefix(place) + alone.body(rim).name)
     if places == 1:  # what touches is one island, of which to make a list costs 7 % of a step
         field.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
-    field.option.impratio = impratio
+    field.option.impratio = contact.FRICTION_STIFFER
     field.option.timestep = field.option.timestep / substeps
     try:
         model = field.compile()

@@ -1,11 +1,11 @@
 """What rollers and carpet do to each other, as MuJoCo's contacts.
 
-**Wheels that creep.** A contact that slides under MuJoCo's elliptic cone is pushed out of the carpet: the constraint's
-reference acceleration of the tangential directions acts on the normal one too, which then seeks a lift of friction x
-b_t v / k (b_t, k: tangential damping and normal stiffness per mass), 72 mm at 1.5 m/s with what wheels without creep
-have. So these contacts never slide: their friction is out of reach, and what rubber does between sticking and sliding
-happens on a hinge between hub and rim (`omni_mj.robot.carpet`). Normal to the carpet a contact is a spring and a
-damper, with a mass that keeps it soft enough for the solver,
+A contact that slides under MuJoCo's elliptic cone is pushed out of the carpet: the constraint's reference acceleration
+of the tangential directions acts on the normal one too, which then seeks a lift of friction x b_t v / k (b_t, k:
+tangential damping and normal stiffness per mass), 72 mm at 1.5 m/s with a spring of 50 Hz, half damped, and friction
+that acts within 3.5 ms. So these contacts never slide: their friction is out of reach, and what rubber does between
+sticking and sliding happens on a hinge between hub and rim (`omni_mj.robot.carpet`). Normal to the carpet a contact is
+a spring and a damper, with a mass that keeps it soft enough for the solver,
 
     f = -K r - c r' - m r'',    K = 1e5 N/m,  m = 1 kg,  c = 2 zeta sqrt(K (M + m)),  zeta = 0.2,
 
@@ -13,9 +13,6 @@ M being a quarter of the robot: assumptions, since nobody measured a carpet; the
 constraint is r'' + R f = -b r' - k r with R = (1 - d)/d A, where A is the inverse of the mass that the two bodies show
 the contact, so that R = 1/m, k = K/m, b = c/m, d = A/(A + 1/m). Friction is a damper alone, with the time constant
 1.7 ms, in which a roller that comes down takes on the speed of the carpet.
-
-**Wheels that do not** are those of a contact that slides: 0.1 mm soft, a spring of 50 Hz, half damped, whose friction
-acts within 3.5 ms. They hop where they slide.
 """
 
 import math
@@ -31,15 +28,6 @@ FRICTION_RATE_HZ = 604.8  # 1/s
 FRICTION_STIFFER = 45.0  # than the carpet normal to it: MuJoCo's impratio
 NEVER_SLIDES = 5.0
 STIFFEST = 0.9999  # the highest impedance d that MuJoCo has
-
-
-RIGID_FRICTION_STIFFER = 10.0  # of wheels without creep
-RIGID: dict[str, Any] = {  # contacts of wheels without creep
-    "solref": [0.02, 0.5],
-    "solreffriction": [0.0035, 1.0],
-    "solimp": [0.9, 0.95, 0.001, 0.5, 2.0],
-    "friction": [1.0, 1.0, 0.005, 0.0001, 0.0001],
-}
 
 
 def damping(wheel_load_kg: float) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.mjcf.geometry import composite, spread, weigh
-from omni_mj.mjcf.own import Part
+from omni_mj.mjcf.own import Part, hull
 from omni_mj.scenarios import resolve
 from omni_mj.scenarios.checking import in_one
 from omni_mj.scenarios.robot_settings import BodySettings, ModelSettings, WheelSettings
@@ -61,8 +61,6 @@ def part_of(shape: Shape) -> Part:
     own = resolve.read_model(shape.model)
     motor = {"gear": shape.gear, "rotor_inertia_kg_m2": shape.rotor_inertia}
     in_one(resolve.contradictions({"body": shape.body, "wheels": shape.wheels, "motor": motor}, own))
-    if shape.wheels.creep == "off":
-        raise OmniError(f"wheels.creep = off needs the robot that comes along, not {own.file}; take on")
     if shape.wheels.model == "two-rollers" and not own.uniform:
         raise OmniError(
             f"{own.file}: wheels.model = two-rollers needs rollers that are all alike, in one row, of one geom each; "
@@ -82,8 +80,7 @@ def _ours(shape: Shape) -> Part:
     for key in list(spec.keys):  # of another size than the world's
         spec.delete(key)
     rollers = tuple(geom.name for geom in spec.geoms if geom.parent.name.startswith("roller_"))
-    hull = tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
-    return Part(path.name, spec, rollers, hull)
+    return Part(path.name, spec, rollers, hull(spec))
 
 
 def _write_wheels(root: Element, shape: Shape) -> None:
@@ -101,11 +98,8 @@ def _write_wheels(root: Element, shape: Shape) -> None:
 
 
 def _write_rollers(frame: Element, wheels: WheelSettings) -> None:
-    """Make the rollers of a wheel close its circle; without creep, the rim is part of the hub."""
-    rim = _child(frame, "body/body")
-    if wheels.creep == "off":
-        rim.remove(_child(rim, "joint"))
-    rollers = _child(rim, "replicate")
+    """Make the rollers of a wheel close its circle."""
+    rollers = _child(frame, "body/body/replicate")
     rollers.set("count", str(wheels.rollers))
     rollers.set("euler", f"{360 / wheels.rollers!r} 0 0")
     roller = _child(rollers, "body")

@@ -129,7 +129,7 @@ def test_a_wheel_slides_that_slips_faster_than_it_can_creep(speed: float, fricti
     So a wheel whose centre drives at that speed slips by speed times friction over stiffness there, and does not slide.
     """
     own = RECT.replace(carpet={"friction": friction})
-    stiff = own.replace(wheels={"creep": "off"})
+    stiff = own.replace(drive={"creep_stiffness": 1000.0})
     pose = np.zeros((60, 1, 3))
     pose[:, 0, 0] = speed * T * np.arange(60)
     creep = speed * friction / own.drive.creep_stiffness

@@ -40,8 +40,6 @@ LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
     ("'m_drive_[abc]' must be driven by a voltage, with motorconst", 3,
      [("<dcmotor m", '<dcmotor inductance="1e-4" m')]),
     ("'drive_a' has a range or a spring; a wheel turns freely", 1, [('<joint name="drive_a"', r'\g<0> stiffness="1"')]),
-    ("no geom 'shell', which 'hull' names", 1,
-     [("<custom></custom>", '<custom><text name="hull" data="shell"/></custom>')]),
     ("<compiler settotalmass> scales what is compiled alone", 1, [("<compiler ", '<compiler settotalmass="3" ')]),
     ("XML parse error", 1, [("</mujoco>", "")]),
 ]  # fmt: skip

@@ -71,7 +71,6 @@ def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:
         ({"kind": "delay", "at": 1, "to": 1.5}, {}, "a valid integer (0 to 600 frames)"),
         ({"kind": "delay", "at": 1, "to": 1}, {"radio": {"jitter_frames": 2}}, "radio.jitter_frames"),
         ({"kind": "motor-weak", "at": 1, "wheel": 5, "to": 0.5}, {}, "the robot has 4"),
-        ({"kind": "friction", "at": 1, "to": 0.5}, {"wheels": {"creep": "off"}}, "wheels.creep"),
         ({"kind": "push", "at": 1, "force_n": 1}, {"plant": "kinematic"}, "the plant kinematic has no push"),
         ({"kind": "alpha", "at": 1, "to": 1}, {}, "the plant mujoco has no alpha"),
     ],

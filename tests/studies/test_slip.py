@@ -107,16 +107,6 @@ def test_robots_slip_and_roll_out_as_the_law_says(name: str) -> None:
     assert told["deviation_percent"] == pytest.approx(100 * (told["measured"] / told["published"] - 1))
 
 
-def test_without_creep_wheels_do_not_slip() -> None:
-    """But for the rollers' effective radius, 0.2 %, and friction that acts within 3.5 ms, over a metre per second."""
-    rigid = om.scenario("rect", wheels={"model": "rollers", "creep": "off"})
-    (robot,) = om.slip([rigid], MOVES[:2]).robots.values()
-    for axis in ("forward", "sideways"):
-        assert robot.law[f"gain_{axis}"] == 1
-        assert robot.measured[f"gain_{axis}"] == pytest.approx(1, abs=0.004)
-        assert robot.measured[f"time_{axis}"] == pytest.approx(0, abs=0.003)
-
-
 def test_the_moves_are_those_that_were_published() -> None:
     """Ends 3 m apart: the way of the commands is that, less what is left to roll."""
     every = moves.identification()

@@ -15,13 +15,13 @@ WHEEL = """
         </body>
       </frame>"""
 ROBOT = """<mujoco model="mine">
-  <custom>{custom}</custom>
   <compiler autolimits="true"/>
   <option timestep="0.002" integrator="implicitfast"/>
   <visual><map znear="0.2"/></visual>
   <statistic extent="2"/>
   <size memory="10M"/>
   <default>
+    <default class="hull"/>
     <default class="wheel"><geom type="cylinder" size="0.018 0.004" euler="0 90 0"/></default>
     <default class="roller">
       <joint axis="0 1 0"/>
@@ -54,7 +54,6 @@ def written(
     mass: float = 2.2,
     outward: bool = False,
     raised: float = 0.0,
-    custom: str = "",
     more: str = "",
     extra_motors: str = "",
 ) -> str:
@@ -68,7 +67,6 @@ def written(
         mass: of all but the wheels, kg.
         outward: whether axes of wheels point away from the robot.
         raised: height of the chassis' frame above the carpet, m.
-        custom: within <custom>.
         more: within the chassis.
         extra_motors: within <actuator>, before the others.
     """
@@ -81,7 +79,7 @@ def written(
         for azimuth, name in zip(azimuths, names, strict=True)
     )  # fmt: skip
     return ROBOT.format(
-        custom=custom, roller=roller, half=sqrt(radius * roller), roller_kg=ROLLER_KG, gear=gear, base=raised,
+        roller=roller, half=sqrt(radius * roller), roller_kg=ROLLER_KG, gear=gear, base=raised,
         plate=0.05 - raised, mass=mass, wheels=wheels, more=more,
         motors=extra_motors + "".join(f'<dcmotor name="m_{name}" joint="{name}"/>' for name in names),
         encoders="".join(f'<jointpos name="e_{name}" joint="{name}"/>' for name in names),

@@ -122,7 +122,7 @@ class Body:
             "scale": 1.0,
             "arm": 1.0,
             "compass_rad": 0.0,
-            "creep": 1 / settings.drive.creep_stiffness if settings.wheels.creep == "on" else 0.0,
+            "creep": 1 / settings.drive.creep_stiffness,
             "pile": settings.carpet.pile,
             "roller_friction": settings.drive.roller_friction,
             "lean_x_m_s2": 0.0,
