@@ -1,12 +1,10 @@
 """Figures of a run, of each controller's first row: path, output, errors, motor correction factor."""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 from scipy.spatial import KDTree
 
 from omni_control.kinematics import Array
@@ -20,7 +18,6 @@ TURNED_DEG = 0.06  # error of heading from which on a robot turns
 PAPER_ALPHA = (0.7, 1.0)  # section 2
 HALF_WIDTH, MIN_HALF_M = 1.25, 0.005  # of a square, in deviations; at least
 COLUMNS = 4  # squares in a row
-CORNERS = (1, 1), (-1, 1), (-1, -1), (1, -1)
 STEP_M = 0.0005  # of points on the path, to which distances are measured
 
 
@@ -44,13 +41,10 @@ def draw_paths(robots: Sequence[Robot], failed: Collection[str], figure: Figure)
         axes = figure.add_subplot(grid[1 + i // columns, i % columns])
         _draw(axes, robots, reference, centre, 100)
         limits = (-100 * half, 100 * half)
-        axes.set(xlim=limits, ylim=limits, xlabel=f"{100 * deviation:.3g} cm off", title=f"{i + 1} {robot.name}")
-        axes.spines[:].set_visible(True)
-        overview.add_patch(Rectangle(tuple(centre - half), 2 * half, 2 * half, fill=False, ec=colour, lw=1, zorder=7))
-        right, top = CORNERS[i % len(CORNERS)]  # numbers of squares that overlap stand apart
-        place: dict[str, Any] = {"ha": "left" if right > 0 else "right", "va": "bottom" if top > 0 else "top"}
-        corner = centre[0] + right * half, centre[1] + top * half
-        overview.annotate(str(i + 1), corner, color=colour, weight="bold", zorder=8, **place)
+        axes.set(xlim=limits, ylim=limits, xlabel=f"{100 * deviation:.3g} cm off", title=robot.name)
+        axes.spines[:].set(visible=True, color=colour, linewidth=1.5)
+        # Squares at one place are around each other, so that none hides another.
+        overview.plot(*centre, "s", mfc="none", mec=colour, ms=9 + 3 * i, mew=1.5, zorder=7)
     overview.margins(0.06)
     overview.set(xlabel="x in m", ylabel="y in m")
     canvas.add_legend(figure, [overview])
