@@ -113,7 +113,7 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
             )
             look = style.line(slots[name]) | {"linestyle": "none", "label": name + " (informed)" * (name in informed)}
             axes.errorbar(values, [height for height, _ in points], xerr=half, elinewidth=1.2, **look)
-            smallest = min(smallest, *values[np.isfinite(values)], np.inf)
+            smallest = np.nanmin(values, initial=smallest)
         for top in tops[1:-1]:
             axes.axhline(top, color="#DDDDDD", lw=0.8, zorder=0)
         axes.margins(x=0.08)

@@ -23,14 +23,14 @@ TIE_M = 5e-4  # from a robot up to the next: of robots at one place, one must hi
 LIGHTER = 110  # of 255
 SHOWN_GROUPS = 3  # as in MuJoCo's viewer: geoms of group 3 and above (hulls) are hidden
 _UP = np.array([0.0, 0.0, 1.0])
-# Kind of geom -> its rerun shape, from sizes (n, 3), centres (n, 3) and further arguments.
+# Kind of geom -> its rerun shape, from sizes (n, 3) and further arguments.
 _SHAPES: dict[str, Callable[..., Any]] = {
-    "CYLINDER": lambda size, at, **look: rr.Cylinders3D(radii=size[:, 0], lengths=2 * size[:, 1], centers=at, **look),
-    "BOX": lambda size, at, **look: rr.Boxes3D(half_sizes=size, centers=at, **look),
-    "ELLIPSOID": lambda size, at, **look: rr.Ellipsoids3D(half_sizes=size, centers=at, **look),
+    "CYLINDER": lambda size, **look: rr.Cylinders3D(radii=size[:, 0], lengths=2 * size[:, 1], **look),
+    "BOX": lambda size, **look: rr.Boxes3D(half_sizes=size, **look),
+    "ELLIPSOID": lambda size, **look: rr.Ellipsoids3D(half_sizes=size, **look),
+    "SPHERE": lambda size, **look: rr.Ellipsoids3D(radii=size[:, 0], **look),
 }
 _SHAPES["CAPSULE"] = _SHAPES["CYLINDER"]
-_SHAPES["SPHERE"] = lambda size, at, **look: _SHAPES["ELLIPSOID"](size[:, :1].repeat(3, axis=1), at, **look)
 
 
 def indexes(frames: Frames) -> list[rr.TimeColumn]:
@@ -152,8 +152,8 @@ def log_robot(stream: rr.RecordingStream, entity: str, cover: style.Rgb, setting
             ids = np.flatnonzero((model.geom_type == getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) & shown)
             if ids.size:
                 quaternions = data.geom_xquat[ids][:, [1, 2, 3, 0]]  # MuJoCo's wxyz to rerun's xyzw
-                look = {"quaternions": quaternions, "colors": colours[ids], "fill_mode": "solid"}
-                geoms = shape(model.geom_size[ids], places[ids], **look)
+                look = {"centers": places[ids], "quaternions": quaternions, "colors": colours[ids]}
+                geoms = shape(model.geom_size[ids], fill_mode="solid", **look)
                 stream.log(f"{entity}/{part}/{kind.lower()}s", geoms, static=True)
         for geom in np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & shown):
             mesh = model.mesh(model.geom_dataid[geom])
