@@ -16,9 +16,10 @@ COMPILE := $(BIN)/uv pip compile -q pyproject.toml --universal --python-version 
 run: $(VENV)/.installed
 	$(BIN)/python -m omni_mj.run --scenario rect --controller flc --controller comp-flc --controller adaptive-comp-flc
 
-# A process for each core, whose matrices are small: threads of their own only wait for each other.
+# A process for each core, whose matrices are small: threads of their own only wait for each other. Files in their order:
+# those with the fewest tests, which would be last, are not the shortest.
 test: $(VENV)/.installed-test
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 check: $(VENV)/.installed-test
 	$(BIN)/ruff check .

@@ -112,5 +112,5 @@ REFUSALS = [
 
 @pytest.mark.parametrize(("options", "reason"), REFUSALS, ids=[next(iter(options)) for options, _ in REFUSALS])
 def test_what_cannot_be_driven_is_said(options: dict[str, object], reason: str) -> None:
-    with peer("--patience", 0.02, **options) as there, pytest.raises(ValueError, match=reason):
+    with peer("--patience", 0.01, **options) as there, pytest.raises(ValueError, match=reason):
         driven(on_wire("flc"), there)
