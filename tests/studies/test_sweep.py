@@ -14,7 +14,6 @@ import pyarrow.parquet as pq
 import pytest
 from benches import studies as bench
 from commands import invoke
-from distributed import Client, LocalCluster
 
 import omni_mj as om
 
@@ -115,6 +114,8 @@ def test_a_killed_process_loses_no_shard_that_was_done(
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     """The address of a scheduler, and two workers, processes of their own that share nothing with this one."""
+    from distributed import Client, LocalCluster  # here, since each process of the tests imports this file
+
     command = [sys.executable, "-m", "distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1", "--no-dashboard"]
     local = LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50)
     with local as scheduler:
@@ -132,6 +133,8 @@ def test_a_cluster_of_which_a_worker_is_killed_and_processes_find_the_same(
     whole: bench.Sweep, cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
 ) -> None:
     """Killed when two of twelve shards are done and others are on their way."""
+    from distributed import Client
+
     done: list[int] = []
     address, processes = cluster
 
