@@ -21,11 +21,18 @@ from omni_mj.measure.table import DASH, Table, number, table, where
 from omni_mj.scenarios.settings import every_setting
 from omni_mj.show import compare_table
 
-TEMPLATES = Path(__file__).parent / "templates"
 FIGURES = ("path", "output", "error", "alpha", "seeds", "compare")  # in the order in which they are shown
 STATISTICS = {"max": "maximum", "p99": "99th percentile", "mean": "mean", "rms": "root mean square"}
 PEAKS = {"peak_voltage_v": "peak, V", "peak_current_a": "peak, A", "peak_winding_c": "winding, °C"}
 Summary = dict[str, Any]
+ENVIRONMENT = jinja2.Environment(  # compiles a template once
+    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+    autoescape=True,
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+ENVIRONMENT.filters |= {"number": number}
 
 
 def write(folders: Sequence[Path], out: Path) -> None:
@@ -68,13 +75,8 @@ def _page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> str:
         with TemporaryDirectory() as folder:
             figures.save_comparison(whole, Path(folder) / "compare")
             page["figures"] = _images(Path(folder))
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters |= {"number": number}
     page |= {"statistics": STATISTICS, "causes": causes.NAMES, "peaks": PEAKS}
-    return environment.get_template("report.html.j2").render(page)
+    return ENVIRONMENT.get_template("report.html.j2").render(page)
 
 
 def _merged(summaries: Mapping[str, Summary]) -> Summary:
