@@ -1,8 +1,9 @@
 """`omni-mj sweep`: how often does it fail, and where; one scenario under many settings and seeds."""
 
+from contextlib import nullcontext
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -33,6 +34,7 @@ OUTPUTS = ("sweep.json", "scenario.toml", "rows.parquet", "summary.json", "sweep
     "--at-once", type=int, default=128, metavar="N", help="Robots simulated at once; memory grows with them. [128]"
 )
 @click.option("--jobs", type=int, default=1, metavar="N", help="Processes of this machine that run it. [1]")
+@click.option("--cluster", metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster whose workers run it.")
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="Where it goes, and goes on. [runs/sweep-<UTC time>]")
 @options.QUIET
 @options.choice
@@ -44,6 +46,7 @@ def command(
     out: Path | None,
     quiet: bool,
     jobs: int,
+    cluster: str | None,
 ) -> None:
     """Run a scenario under all combinations of settings: failure rates and errors with confidence, as table and map.
 
@@ -51,18 +54,22 @@ def command(
     folder as --out, and computes nothing twice. Numbers that are drawn (--set carpet.friction='{uniform = [0.4, 0.9]}')
     are drawn for each seed.
     """
+    from omni_mj.studies.sweep import workers
     from omni_mj.studies.sweep.plan import Plan, axes, parse_axis
 
     if name is None:
         raise OmniError("--scenario is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8")
     plan = Plan(choice.load(name), axes(map(parse_axis, varied)), at_once)
     plan.check(jobs)  # before there is a folder
+    if cluster and jobs > 1:
+        raise OmniError("give --jobs, which are processes of this machine, or a --cluster")
     if out is None or not (out / OUTPUTS[0]).exists():
         out = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
-    _run(plan, out, quiet, jobs)
+    with workers.cluster(cluster) if cluster else nullcontext() as executor:
+        _run(plan, out, quiet, jobs=jobs, executor=executor)
 
 
-def _run(plan: "Plan", folder: Path, quiet: bool, jobs: int) -> None:
+def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
     from omni_mj.show import sweep_figure, sweep_table
     from omni_mj.studies.sweep import study
 
@@ -75,7 +82,7 @@ def _run(plan: "Plan", folder: Path, quiet: bool, jobs: int) -> None:
                 done = next(shards) * plan.frames
                 return console.checked(interrupts.check, lambda frame: show(done + frame))
 
-            result = study.run(plan, folder, before_shard=before_shard, check=interrupts.check, jobs=jobs)
+            result = study.run(plan, folder, before_shard=before_shard, check=interrupts.check, **how)
         done = f"{result.done} of {len(plan.jobs)} shards are"
         if result.done:
             sweep_table.save(result, folder / "sweep.md")

@@ -32,6 +32,16 @@ def swept(folder: Path, **how: Any) -> bench.Sweep:
     return bench.sweep(scenario(), VARY, NAMES, range(3), out=folder, **how)
 
 
+def words(folder: Path) -> list[str]:
+    """The command of the same sweep."""
+    return [
+        "sweep", "--quiet", *ROUTE,
+        "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--at-once", "2", "--out", str(folder),
+        "--vary", "radio.delay_frames=0:4:4", "--vary", "kinematic.alpha_low=0.7,0.9", "--controller", "p",
+        "--controller", "flc",
+    ]  # fmt: skip
+
+
 def bits(table: pa.Table) -> dict[str, list[str]]:
     """All of a table; of numbers every bit, and what is none equal to what is none."""
     return {name: list(map(repr, table[name].to_pylist())) for name in table.column_names}
@@ -91,20 +101,14 @@ def test_a_killed_process_loses_no_shard_that_was_done(
 ) -> None:
     """Killed as soon as two shards are on the disk; another process, this one, goes on."""
     folder = tmp_path / "sweep"
-    words = [
-        "sweep", "--quiet", *ROUTE,
-        "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--at-once", "2", "--out", str(folder),
-        "--vary", "radio.delay_frames=0:4:4", "--vary", "kinematic.alpha_low=0.7,0.9", "--controller", "p",
-        "--controller", "flc",
-    ]  # fmt: skip
-    process = subprocess.Popen([sys.executable, "-m", "omni_mj.cli.main", *words])
+    process = subprocess.Popen([sys.executable, "-m", "omni_mj.cli.main", *words(folder)])
     deadline = time.monotonic() + 120
     while len(list(folder.glob("shards/*.parquet"))) < 2 and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.002)
     process.kill()
     process.wait()
     assert len(list(folder.glob("shards/*.parquet"))) >= 2
-    assert invoke(*words) == 0
+    assert invoke(*words(folder)) == 0
     assert capsys.readouterr() == ("", "")
     assert bits(pq.read_table(folder / "rows.parquet")) == bits(whole.rows())
     assert (folder / "sweep.png").stat().st_size > 10_000
@@ -150,6 +154,22 @@ def test_a_cluster_of_which_a_worker_is_killed_and_processes_find_the_same(
     assert sorted(done) == [job.number for job in found.plan.jobs] == list(range(12))
     assert bits(found.rows()) == bits(whole.rows())
     assert bits(swept(tmp_path / "jobs", at_once=8, jobs=2).rows()) == bits(whole.rows())
+    assert invoke(*words(tmp_path / "command"), "--cluster", address) == 0
+    assert bits(pq.read_table(tmp_path / "command" / "rows.parquet")) == bits(whole.rows())
+    with Client(address) as client, pytest.MonkeyPatch.context() as patch:
+        true = bench.workers.dependencies()
+        patch.setattr(bench.workers, "dependencies", lambda: {**true, "mujoco": "1.2.3"})
+        with pytest.raises(om.OmniError, match=r"other versions.*mujoco 4\S*, not 1\.2\.3"):
+            swept(tmp_path / "other", executor=client.get_executor(pure=False))
+
+
+def test_a_cluster_that_does_not_answer_is_said_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for cluster, said in (
+        (("nonsense",), "no Dask scheduler answers at nonsense"),
+        (("tcp://127.0.0.1:9", "--jobs", "2"), "processes of this machine, or a --cluster"),
+    ):
+        assert invoke(*words(tmp_path / "none"), "--cluster", *cluster) == 2
+        assert said in capsys.readouterr().err
 
 
 def test_what_is_not_allowed_is_said_in_a_line(tmp_path: Path) -> None:

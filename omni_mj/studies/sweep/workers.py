@@ -1,4 +1,4 @@
-"""Processes of this machine that run shards side by side: tables come back, files are written here alone."""
+"""Shards run side by side, on this machine or a Dask cluster: tables come back, files are written here alone."""
 
 import multiprocessing
 import signal
@@ -7,15 +7,19 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError
+from omni_mj.measure.summary import versions
+from omni_mj.provenance.record import source_digest
 from omni_mj.studies.sweep.plan import Job, Plan
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 LOOK_S = 0.2  # between two looks at whether it shall stop
+ANSWER_S = 10.0  # that a scheduler may take
 Shard = Callable[[Plan, Job], "pa.Table"]
 
 
@@ -25,16 +29,16 @@ def tables(
     """Have shards run, and yield their tables, each as soon as it is there.
 
     Args:
-        executor: Of processes that run them.
+        executor: Of processes that run them, here or elsewhere.
         shard: Runs one.
         plan: Of the sweep.
         jobs: Its shards.
         check: Called a few times a second; what it raises ends this.
 
     Raises:
-        OmniError: A shard cannot be run, or a process was killed.
+        OmniError: A shard cannot be run, a process was killed, or a worker has other versions than are here.
     """
-    waiting = {executor.submit(shard, plan, job): job for job in jobs}
+    waiting = {executor.submit(_run, shard, plan, job, dependencies()): job for job in jobs}
     while waiting:
         check()
         for future in wait(waiting, LOOK_S, FIRST_COMPLETED).done:
@@ -51,6 +55,44 @@ def tables(
             except Exception as error:
                 reason = f"{type(error).__name__}: {error}"
                 raise OmniError(f"a worker could not run shard {job.number}: {reason}") from error
+
+
+def _run(shard: Shard, plan: Plan, job: Job, expected: dict[str, str]) -> "pa.Table":
+    """Return a shard's table; on a worker."""
+    present = dependencies()
+    differ = [f"{name} {present.get(name)}, not {v}" for name, v in expected.items() if present.get(name) != v]
+    if differ:
+        raise OmniError(f"a worker has other versions than are here, and may find other numbers: {'; '.join(differ)}")
+    return shard(plan, job)
+
+
+@cache
+def dependencies() -> dict[str, str]:
+    """Return what must be the same everywhere for the same numbers: versions, and the hash of the package's source."""
+    return versions() | {"source": source_digest()[:12]}
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """Give an executor of the workers of a Dask scheduler, tcp://host:port.
+
+    Raises:
+        OmniError: Dask is not installed, no scheduler answers, or it has no workers.
+    """
+    try:
+        import distributed
+    except ModuleNotFoundError:
+        raise OmniError("--cluster needs the package distributed: pip install 'omni-mj[cluster]'") from None
+    connect: Any = distributed.Client
+    try:
+        client = connect(address, timeout=ANSWER_S)
+    except (OSError, ValueError, TypeError) as error:
+        reason = str(error).splitlines()[0]
+        raise OmniError(f"no Dask scheduler answers at {address}: {reason}") from None
+    with client:
+        if not client.scheduler_info()["workers"]:
+            raise OmniError(f"the scheduler at {address} has no workers: start some with `dask worker`")
+        yield client.get_executor(pure=False)
 
 
 @contextmanager

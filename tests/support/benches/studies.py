@@ -26,7 +26,7 @@ from omni_mj.studies.loop.response import find_margins, measure_step
 from omni_mj.studies.outcome import StoppedError, nothing
 from omni_mj.studies.slip import PUBLISHED, fits, moves
 from omni_mj.studies.slip.moves import Move, straight
-from omni_mj.studies.sweep import Plan, Sweep, axes, parse_axis, sweep
+from omni_mj.studies.sweep import Plan, Sweep, axes, parse_axis, sweep, workers
 
 PRIOR = DepartureModel.prior
 Model = DepartureModel
