@@ -27,6 +27,7 @@ SECTIONS = {  # heading -> command -> what it is for, at most what fits a line o
     "What came of it": {
         "report": "one page about a run, or several",
         "film": "a run as a film: GIF or WebP",
+        "picture": "what the viewer shows of a recording",
         "verify": "whether a run gives the same again, here",
     },
     "What there is": {

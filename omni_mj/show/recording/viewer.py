@@ -1,4 +1,4 @@
-"""Rerun viewers, which are processes of their own."""
+"""Rerun viewers as processes of their own."""
 
 import os
 import re
@@ -25,6 +25,59 @@ QUIET |= {name.upper(): value for name, value in QUIET.items()}
 QUIET |= {"XDG_CONFIG_HOME": str(Path(__file__).parent / "quiet")}
 
 
+class Viewer:
+    """A viewer that was started; it listens on this machine alone, and asks nothing of any other.
+
+    Args:
+        options: Options of the command `rerun`.
+        file: File to read from its standard input, with the option `-`.
+
+    Attributes:
+        url: Its address.
+
+    Raises:
+        OmniError: It cannot show its window, or draw without one.
+    """
+
+    def __init__(self, *options: str, file: Path | None = None) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = str(free.getsockname()[1])
+        self.url = f"rerun+http://127.0.0.1:{port}/proxy"
+        command = [sys.executable, "-m", "rerun", *options, "--bind", "127.0.0.1", "--port", port]
+        self._output = output = tempfile.TemporaryFile("w+")  # noqa: SIM115 (as long as the viewer)
+        with open(file or os.devnull, "rb") as stdin:
+            # In a session of its own, which outlives this process and is ended as a whole.
+            self._process = subprocess.Popen(
+                command, stdin=stdin, stdout=output, stderr=output, start_new_session=True, env=os.environ | QUIET
+            )
+        deadline = time.monotonic() + START_S
+        while not self._shows():
+            if self._process.poll() is not None or time.monotonic() > deadline:
+                self.stop()
+                raise OmniError(f"the rerun viewer does not start: {self.complaint()}")
+            time.sleep(0.05)
+
+    def complaint(self) -> str:
+        """Return why it ended, in its own words."""
+        self._output.seek(0)
+        match = re.search(r"(?:Error: |panicked at ')(.*)", self._output.read())
+        return match[1] if match else "it does not answer"
+
+    def stop(self) -> None:
+        """End it."""
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGTERM)
+        self._process.wait()
+
+    def _shows(self) -> bool:
+        """Return whether its window answers, not only its server."""
+        try:
+            return answers(self.url) and bool(ViewerClient.connect(self.url).get_state())
+        except (RuntimeError, OSError):
+            return False
+
+
 def answers(url: str) -> bool:
     """Return whether anybody listens at an address like rerun+http://127.0.0.1:9876/proxy."""
     address = urlsplit(url)
@@ -49,41 +102,9 @@ def check(url: str) -> str:
 def open_viewer() -> str:
     """Open a viewer's window, which outlives this process, and return the viewer's address.
 
-    The viewer listens on this machine alone, and asks nothing of any other.
-
     Raises:
         OmniError: There is no display, or the viewer cannot use it.
     """
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise OmniError("--view needs a display, and there is none; the recording can be opened where there is one")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = str(free.getsockname()[1])
-    url = f"rerun+http://127.0.0.1:{port}/proxy"
-    command = [sys.executable, "-m", "rerun", "--expect-data-soon", "--bind", "127.0.0.1", "--port", port]
-    with tempfile.TemporaryFile("w+") as output:
-        # In a session of its own, which is ended as a whole.
-        process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True,
-            env=os.environ | QUIET,
-        )  # fmt: skip
-        deadline = time.monotonic() + START_S
-        while not _shows(url):
-            if process.poll() is not None or time.monotonic() > deadline:
-                if process.poll() is None:
-                    os.killpg(process.pid, signal.SIGTERM)
-                process.wait()
-                output.seek(0)
-                match = re.search(r"(?:Error: |panicked at ')(.*)", output.read())
-                reason = match[1] if match else "it does not answer"
-                raise OmniError(f"the rerun viewer does not start: {reason}")
-            time.sleep(0.05)
-    return url
-
-
-def _shows(url: str) -> bool:
-    """Return whether a viewer's window answers, not only its server."""
-    try:
-        return answers(url) and bool(ViewerClient.connect(url).get_state())
-    except (RuntimeError, OSError):
-        return False
+    return Viewer("--expect-data-soon").url
