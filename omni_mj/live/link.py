@@ -78,7 +78,7 @@ class Link:
         Returns:
             What vision saw, and its age; see `Vision.at`. How many frames went by since the last tick.
         """
-        before = self._tick
+        before, rate = self._tick, 1.0
         if self.leader is None:
             now = before + PERIOD_S
             self._tick = now = time.monotonic() if now < time.monotonic() - PERIOD_S else now
@@ -89,14 +89,14 @@ class Link:
             camera = self.vision.cameras[self.leader]
             self._await_frame(camera, on_silence)
             if camera.sent_s > before:
-                now, self._tick = camera.arrival_s, camera.sent_s
+                now, rate, self._tick = camera.clock.ours(camera.sent_s), camera.clock.rate, camera.sent_s
             else:
                 self.leader, now = None, time.monotonic()
                 before, self._tick = now - LOST_S, now
         elapsed = min(self._tick - before, LOST_S) if math.isfinite(before) else PERIOD_S
         skipped = max(round(elapsed / PERIOD_S) - 1, 0)
         self.skipped += skipped
-        return *self.vision.at(now, expected), skipped
+        return *self.vision.at(now, rate, expected), skipped
 
     def _await_frame(self, camera: VisionCamera, on_silence: Callable[[], None]) -> None:
         """Wait for the leading camera's next frame, and for those of the others, unless it is lost."""

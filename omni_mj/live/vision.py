@@ -5,6 +5,7 @@ from collections import defaultdict, deque
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.live.sockets import Notes
@@ -13,7 +14,8 @@ from omni_mj.live.wire.league_pb2 import DetectedRobot, Detection, VisionPacket
 
 Colour = Literal["blue", "yellow"]
 
-WINDOW_FRAMES = 600  # of statistics
+WINDOW_FRAMES, FIT_FRAMES = 600, 30  # to which a clock is fitted, and after which again
+RATES = 0.2, 5.0  # between which a peer's clock is found
 MAX_AGE_S = 0.25  # between capture and tick, or sending; more, or less than none, is of two clocks
 MAX_DISTANCE_M = 1e3  # from the field's centre
 STORED_FRAMES = 300  # detections of each robot by each camera
@@ -21,19 +23,58 @@ STD_OF_MEDIAN = 1.4826  # standard deviation over median magnitude of normal num
 STD_OF_DIFFERENCES = math.sqrt(6.0)  # standard deviation of a second difference, 1 -2 1, of independent numbers
 
 
+class Clock:
+    """Offset and rate between a peer's clock and ours, from time stamps and arrivals of packets.
+
+    Packets take a while, but none takes less than the least delay, which cannot be observed and counts as none. The
+    clocks' line is below all arrivals over their stamps, and nearest to them (Moon, Skelly and Towsley, "Estimation and
+    removal of clock skew from network delay measurements", INFOCOM 1999).
+    """
+
+    def __init__(self) -> None:
+        self._packets = deque[tuple[float, float]](maxlen=WINDOW_FRAMES)
+        self._slope, self._n_packets = 1.0, 0
+
+    @property
+    def rate(self) -> float:
+        """Seconds of the peer's clock per second of ours."""
+        return 1 / self._slope
+
+    def ours(self, stamp: float) -> float:
+        """Return our time, s, of a time of the peer's."""
+        return self._arrival + self._slope * (stamp - self._stamp)
+
+    def add(self, stamp: float, arrival: float) -> None:
+        """Add a packet, s of each clock."""
+        if not self._packets:
+            self._stamp, self._arrival = stamp, arrival
+        self._packets.append((stamp, arrival))
+        self._arrival -= max(self.ours(stamp) - arrival, 0.0)  # faster than any before
+        self._n_packets += 1
+        if self._n_packets % FIT_FRAMES == 0:
+            stamps, arrivals = (np.array(self._packets) - (stamp, arrival)).T
+            fit = minimize_scalar(
+                lambda slope: (arrivals - slope * stamps).mean() - (arrivals - slope * stamps).min(),
+                bounds=RATES,
+                method="bounded",
+                options={"xatol": 1e-7},
+            )
+            self._slope, self._stamp = float(fit.x), stamp
+            self._arrival = arrival + float((arrivals - self._slope * stamps).min())
+
+
 class VisionCamera:
     """Statistics of one camera.
 
     Attributes:
+        clock: Of its time stamps.
         frames: How many came, none twice.
         sent_s: Stamp of the newest, s of its clock.
-        arrival_s: When the newest came, s of our clock.
-        captured_s: When it was taken, s of our clock, as if packets took no time.
     """
 
     def __init__(self) -> None:
-        self.frames, self.sent_s, self.arrival_s = 0, -math.inf, -math.inf
-        self._ages, self._intervals = deque[float](maxlen=WINDOW_FRAMES), deque[Array](maxlen=WINDOW_FRAMES)
+        self.clock, self.frames, self.sent_s = Clock(), 0, -math.inf
+        self._ages, self._intervals = deque[float](maxlen=WINDOW_FRAMES), deque[float](maxlen=WINDOW_FRAMES)
 
     def add(self, detection: Detection, arrival: float) -> bool:
         """Add a frame. Return whether it is new: neither late nor a repetition."""
@@ -42,9 +83,10 @@ class VisionCamera:
         sent_s = detection.t_capture + age
         if sent_s <= self.sent_s:
             return False
-        self._intervals.append(np.array([sent_s - self.sent_s, arrival - self.arrival_s]))
+        self._intervals.append(sent_s - self.sent_s)
         self._ages.append(age)
-        self.sent_s, self.arrival_s, self.captured_s = sent_s, arrival, arrival - age
+        self.clock.add(sent_s, arrival)
+        self.sent_s = sent_s
         self.frames += 1
         return True
 
@@ -54,15 +96,9 @@ class VisionCamera:
         return float(np.mean(self._ages))
 
     @property
-    def rates_hz(self) -> tuple[float, float]:
-        """Frames per second of its clock and of ours by median intervals, whatever stalled in between; 0 if unknown."""
-        own, ours = 1 / np.median(self._intervals, axis=0)
-        return float(own), float(ours)
-
-    @property
     def rate_hz(self) -> float:
-        """Frames per second of its own clock; see `rates_hz`."""
-        return self.rates_hz[0]
+        """Frames per second of its own clock by the median interval, whatever stalled in between; 0 if unknown."""
+        return 1 / float(np.median(self._intervals))
 
 
 class Vision:
@@ -105,13 +141,14 @@ class Vision:
                 self.sightings[colour, robot.robot_id, detection.camera_id].append(_robot_pose(robot))
         return True
 
-    def at(self, now: float, expected: Array) -> tuple[Array, Array]:
+    def at(self, now: float, rate: float, expected: Array) -> tuple[Array, Array]:
         """Return what was seen of the robots since the last tick, and its age.
 
         Of several detections of one number the one nearest to the expected place counts.
 
         Args:
             now: Our time, s.
+            rate: Of the clock by which ages count, over ours.
             expected: Poses, shape (n, 3).
 
         Returns:
@@ -120,7 +157,7 @@ class Vision:
         poses, ages = np.full((len(self.ids), 3), np.nan), np.zeros(len(self.ids))
         for i, number in enumerate(self.ids):
             candidates = [
-                (_robot_pose(robot), now - self.cameras[camera].captured_s)
+                (_robot_pose(robot), now - self.cameras[camera].clock.ours(detection.t_capture))
                 for camera, detection in self._newest.items()
                 for robot in _team_robots(detection, self.colour)
                 if robot.robot_id == number
@@ -128,7 +165,7 @@ class Vision:
             if candidates:
                 distances = [math.dist(pose[:2], expected[i, :2]) for pose, _ in candidates]
                 poses[i], age = candidates[int(np.argmin(distances))]
-                ages[i] = min(max(age, 0.0), MAX_AGE_S)
+                ages[i] = min(max(age * rate, 0.0), MAX_AGE_S)
         self._newest.clear()
         return poses, ages
 
@@ -156,8 +193,8 @@ class Vision:
     def describe(self) -> list[str]:
         """Return a line for each camera, and for each robot that a camera sees, and how often what was noted."""
         lines = [
-            "camera {}: {:.2f} frames a second of its clock, {:.2f} of ours".format(number, *camera.rates_hz)
-            + f"; sent {1e3 * camera.mean_age_s:.1f} ms after capture"
+            f"camera {number}: {camera.rate_hz:.2f} frames a second of its clock,"
+            f" {camera.rate_hz * camera.clock.rate:.2f} of ours; sent {1e3 * camera.mean_age_s:.1f} ms after capture"
             for number, camera in sorted(self.cameras.items())
         ]
         for (colour, number, camera), poses in sorted(self.sightings.items()):

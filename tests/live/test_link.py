@@ -1,4 +1,4 @@
-"""From packets to what is seen at a tick: capture times, several cameras, bad packets; sockets."""
+"""From packets to what is seen at a tick: capture times, several cameras, bad packets; clocks, sockets."""
 
 import math
 import socket
@@ -7,10 +7,12 @@ import time
 import numpy as np
 import pytest
 from benches import live_link as link
-from benches.live_link import PERIOD_S, Address, Camera, Receiver
+from benches.live_link import PERIOD_S, Address, Camera, Clock, Receiver
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from serving import LOOPBACK, RobotSeen
+
+JITTER_S = 0.003  # mean of what packets take above the least, exponentially distributed
 
 
 @given(age=st.floats(0, 0.04), later=st.floats(0, 0.03), offset=st.floats(-1e3, 1e3))
@@ -63,6 +65,43 @@ def test_places_that_are_none_are_bad_packets(robot: RobotSeen) -> None:
     assert camera.vision.notes == {"bad packet": 3}
     (said,) = camera.said
     assert "somebody" in said
+
+
+def fed(offset: float, rate: float, seconds: float, seed: int = 0) -> tuple[Clock, float]:
+    """A clock that has heard packets of a peer whose clock is `rate` times ours, and our time at the end."""
+    rng, clock = np.random.default_rng(seed), Clock()
+    for k in range(round(seconds / PERIOD_S)):
+        ours = 100.0 + k * PERIOD_S
+        arrival = ours + rng.exponential(JITTER_S)
+        clock.add(offset + rate * ours, arrival)
+        assert clock.ours(offset + rate * ours) <= arrival + 1e-6  # no packet arrives before it was sent
+    return clock, ours
+
+
+@given(st.floats(-1e6, 2e9), st.floats(0.8, 1.25), st.integers(0, 1000))
+@settings(max_examples=25)
+def test_offset_and_rate_of_a_clock_are_found_through_jitter(offset: float, rate: float, seed: int) -> None:
+    """Of 15 packets in each quarter of a second the fastest is JITTER_S / 15 late, with as much spread.
+
+    Over the 40 of ten seconds a line's value at its end has twice the spread over the root of 40; ten times that is
+    allowed, and that the line lies below the fastest of all, by five times the spread of one. Their times' variance is
+    8.3 s^2: the rate's spread is 1.1e-5, of which ten times is allowed.
+    """
+    clock, now = fed(offset, rate, 10.0, seed)
+    spread = JITTER_S / 15
+    resolution = 1e-6 if abs(offset) > 1e7 else 1e-9  # of numbers as large as times since 1970
+    allowed = 6 * spread + 20 * spread / np.sqrt(40) + resolution
+    assert clock.ours(offset + rate * now) == pytest.approx(now, abs=allowed)
+    assert clock.rate == pytest.approx(rate, rel=1.1e-4)
+
+
+def test_packets_that_were_held_up_are_not_followed() -> None:
+    """When this computer was busy for 0.3 s, packets that waited arrive at one time, and the line stays."""
+    clock, now = fed(0.0, 1.0, 5.0)
+    before = clock.ours(now)
+    for k in range(60):
+        clock.add(now + k * PERIOD_S, now + max(0.3, k * PERIOD_S))
+    assert clock.ours(now) == pytest.approx(before, abs=1e-4)
 
 
 def test_nothing_leaves_this_computer_unasked() -> None:
