@@ -46,23 +46,14 @@ class Telemetry:
         """A part, by its name."""
         if name not in NAMES:
             raise AttributeError(f"telemetry has no {name!r}")
-        part: Array = self.columns[:, places(_wheels(self.columns))[name]]
+        wheels = (self.columns.shape[1] - len(_SINGLE)) // _EACH_WHEEL
+        part: Array = self.columns[:, places(wheels)[name]]
         return part
-
-    @classmethod
-    def of(cls, **parts: Array) -> "Telemetry":
-        """Of all its parts, by their names."""
-        columns = [parts[name] if parts[name].ndim == 2 else parts[name][:, None] for name in NAMES]
-        return cls(np.concatenate(columns, axis=1))
 
     @classmethod
     def of_no_wheels(cls, n: int, wheels: int = 4) -> "Telemetry":
         """That of n robots on a plant that has no wheels, in the columns of a robot that has."""
         return cls(np.full((n, _EACH_WHEEL * wheels + len(_SINGLE)), np.nan))
-
-    def named(self) -> dict[str, Array]:
-        """All parts by their names."""
-        return {name: self.columns[:, place] for name, place in places(_wheels(self.columns)).items()}
 
 
 NAMES = tuple(Telemetry.__annotations__)
@@ -79,10 +70,6 @@ def places(wheels: int) -> dict[str, slice | int]:
         found[name] = column if name in _SINGLE else slice(column, column + width)
         column += width
     return found
-
-
-def _wheels(columns: Array) -> int:
-    return (columns.shape[1] - len(_SINGLE)) // _EACH_WHEEL
 
 
 class Plant(Protocol):

@@ -15,19 +15,6 @@ from omni_mj.worlds.shape import Shape
 _ALLOWED_DEPTH_M = 1e-3  # in which robots may start in each other or in a wall: that of a hard contact
 
 
-def places(rows: Sequence[Row]) -> int:
-    """Robots per world.
-
-    Raises:
-        OmniError: not every world has as many, one after the other.
-    """
-    count = max(row.place for row in rows) + 1
-    worlds = [row.world for row in rows[::count]]
-    if [(row.world, row.place) for row in rows] != [(world, place) for world in worlds for place in range(count)]:
-        raise OmniError("the rows of a batch must be those of one world after the other, all with as many places")
-    return count
-
-
 def check(rows: Sequence[Row]) -> None:
     """Check what the rows' robots are made of.
 

@@ -67,8 +67,10 @@ class Faults:
         self._change_inputs(Active([]))
         seeds = [row.noise_seed for row in rows]
         self._chance = Noise(seeds, Stream.ENCODER_FAULTS, lambda rng, count: rng.random((count, len(self._wheels))))
-        own = [[fault for fault in row.faults if isinstance(fault, faults.FrictionPatch)] for row in rows]
-        self._patches = max(len(row.settings.carpet.patches) for row in rows) + max(map(len, own))
+        self._patches = max(
+            len(row.settings.carpet.patches) + sum(isinstance(fault, faults.FrictionPatch) for fault in row.faults)
+            for row in rows
+        )
 
     def begin(self) -> None:
         """Let begin what begins in the next frame, and end what ends."""

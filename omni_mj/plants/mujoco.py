@@ -70,7 +70,7 @@ class MujocoPlant(WheeledPlant):
         threads: int | None = None,
         hulls: bool | None = None,
     ) -> None:
-        settings, places = [row.settings for row in rows], batches.places(rows)
+        settings, places = [row.settings for row in rows], max(row.place for row in rows) + 1
         batches.check(rows)
         n, worlds = len(rows), len(rows) // places
         self._places, self.substeps = places, settings[0].physics.substeps
@@ -187,6 +187,16 @@ class MujocoPlant(WheeledPlant):
         """Headings in (-pi, pi], however robots are tilted, (n,) rad."""
         w, x, y, z = self._at.pose.get()[3:]
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+    def know_heading(self, robot: int, heading: float) -> None:
+        """Have a robot, which somebody has put down, know its heading (rad) and forget what was before."""
+        loops, chosen = self.onboard.loops, np.arange(len(self._rows)) == robot
+        loops = loops._replace(
+            heading=np.where(chosen, heading, loops.heading),
+            past_headings=np.where(chosen, heading, loops.past_headings),
+            gyro_bias=np.where(chosen, 0.0, loops.gyro_bias),
+        )
+        self.onboard = self.onboard._replace(loops=loops)
 
     # What faults change; see `omni_mj.plants.faults.Faulty`.
 

@@ -82,10 +82,6 @@ class PlanarPlant(WheeledPlant):
         """State of what robots carry."""
         return self._kernel.state.onboard
 
-    @onboard.setter
-    def onboard(self, onboard: Any) -> None:
-        self._kernel.state = self._kernel.state._replace(onboard=onboard)
-
     def pose(self) -> Array:
         """See `Plant`."""
         return self._pose

@@ -48,6 +48,7 @@ from omni_mj.scenarios.settings import Settings, column
 from omni_mj.worlds.build import World
 from omni_mj.worlds.contact import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STIFFER, STIFFNESS_N_M, damping
 
+TURNING = "cost", "cost_fades", "lift", "lift_fades", "ripple", "ripple_grows"  # what `_stand` returns last
 GRAVITY = 9.81  # by which the damping of contacts scales with the load
 SPEEDS = 50.0, 100.0  # of a wheel at which turning is computed, rad/s
 _LOADS_N = 2.0 ** np.arange(-2, 6, 0.25)  # between which is interpolated
@@ -134,7 +135,7 @@ class PlanarBodies:
         drive = [s.drive for s in settings]
         wheels, friction = settings[0].wheels, column(drive, "roller_damping_nm_s")[:, 0]
         log_load = np.log(np.maximum(load, _LOADS_N[0]))
-        lever, count, inverse_square, inverse_square_down, cost, cost_fades, lift, lift_fades, ripple, ripple_grows = (
+        lever, count, inverse_square, inverse_square_down, *turning = (
             np.interp(log_load, np.log(_LOADS_N), values) for values in _standing_wheels(wheels).T
         )
         lever = lever - self._wear.T
@@ -171,12 +172,7 @@ class PlanarBodies:
             bearing=friction * count * inverse_square,
             spin_up=braked * (inverse_square + inverse_square_down) / 2 * wheels.rollers / (2 * np.pi),
             spun_at=SPIN_RATE_HZ * count * (inverse_square / inverse_square_down) ** 2 * 2 * np.pi / wheels.rollers,
-            cost=cost,
-            cost_fades=cost_fades,
-            lift=lift,
-            lift_fades=lift_fades,
-            ripple=ripple,
-            ripple_grows=ripple_grows,
+            **dict(zip(TURNING, turning, strict=True)),
             passing=np.full(len(settings), CYCLE_S * wheels.rollers / (2 * np.pi)),
             middle_x=-whole.centre[:, 0],
             middle_y=-whole.centre[:, 1],

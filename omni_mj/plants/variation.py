@@ -60,7 +60,10 @@ class Drawn:
 
     def columns(self) -> dict[str, Array]:
         """Numbers of each row, name -> (n,); none if robots are all alike."""
-        columns = {
+        numbers, usual = (self.friction, self.wear, self.strength, self.mass, self.centre), (1, 0, 1, 1, 0)
+        if all((values == usual).all() for values, usual in zip(numbers, usual, strict=True)):
+            return {}
+        return {
             **{f"friction_{wheel}": values for wheel, values in enumerate(self.friction.T, 1)},
             **{f"wear_{wheel}_m": values for wheel, values in enumerate(self.wear.T, 1)},
             **{f"motor_constant_{wheel}": values for wheel, values in enumerate(self.strength.T, 1)},
@@ -68,8 +71,6 @@ class Drawn:
             "centre_x_m": self.centre[:, 0],
             "centre_y_m": self.centre[:, 1],
         }
-        typical = dict.fromkeys(columns, 0.0) | dict.fromkeys((n for n in columns if not n.endswith("_m")), 1.0)
-        return columns if any((values != typical[name]).any() for name, values in columns.items()) else {}
 
 
 def _normal(uniform: Array) -> Array:

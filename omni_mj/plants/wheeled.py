@@ -27,11 +27,9 @@ class WheeledPlant(Faulty):
     Attributes:
         geometry: Of the wheels, as they are when new.
         drawn: What the robots' seeds drew for them.
-        onboard: State of what robots carry.
     """
 
     geometry: Kinematics | None
-    onboard: OnboardState
     remembered_frames = 0  # for which robots remember their headings at least; vision may be that late
 
     def __init__(self, rows: Sequence[Row], kinematics: Kinematics, drawn: Drawn, heading: Array) -> None:
@@ -63,16 +61,6 @@ class WheeledPlant(Faulty):
                 all. With none, a robot rolls out.
         """
         self._held = None if current is None or np.isnan(current).all() else np.array(current, float).T
-
-    def know_heading(self, robot: int, heading: float) -> None:
-        """Have a robot, which somebody has put down, know its heading (rad) and forget what was before."""
-        loops, chosen = self.onboard.loops, np.arange(len(self._rows)) == robot
-        loops = loops._replace(
-            heading=np.where(chosen, heading, loops.heading),
-            past_headings=np.where(chosen, heading, loops.past_headings),
-            gyro_bias=np.where(chosen, 0.0, loops.gyro_bias),
-        )
-        self.onboard = self.onboard._replace(loops=loops)
 
     def _command(self, received: Received) -> Command:
         n = len(self._rows)

@@ -11,7 +11,7 @@ import math
 import os
 from collections.abc import Callable
 from functools import cache
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ NUMPY_FRAME_S, NUMPY_ROBOT_S = 3e-3, 2e-5  # that a frame of `planar` takes, and
 JAX_START_S = 5.0  # import and compilation
 COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}  # one robot compiles in half the time, and runs as fast
 Function = Callable[..., tuple[Any, Any]]
+Unpack = Callable[[Any], Any]  # an array (numbers,) -> NamedTuples of arrays
 
 
 def choose_kernel(setting: str, plant: str, robots: int, frames: int) -> str:
@@ -76,35 +77,33 @@ class NumpyKernel:
         return outputs
 
 
-class Structure:
-    """What unpacks NamedTuples of arrays of certain shapes from one array.
+@cache
+def unpacker(tree: Any, kinds: tuple[tuple[tuple[int, ...], Any], ...]) -> Unpack:
+    """Return what unpacks NamedTuples of arrays from one array; the same function for the same arguments.
 
     Args:
         tree: JAX's description of the NamedTuples.
         kinds: Shape and type of each array.
     """
+    ends = [0, *accumulate(math.prod(shape) for shape, _ in kinds)]
 
-    def __init__(self, tree: Any, kinds: tuple[tuple[tuple[int, ...], Any], ...]) -> None:
-        self._tree = tree
-        ends = [0, *accumulate(math.prod(shape) for shape, _ in kinds)]
-        self._parts = [(slice(*ends[i : i + 2]), *kind) for i, kind in enumerate(kinds)]
+    def unpack(packed: Any) -> Any:
+        parts = (packed[slice(*span)] for span in pairwise(ends))
+        leaves = [
+            part.reshape(shape).astype(kind, copy=False) for part, (shape, kind) in zip(parts, kinds, strict=True)
+        ]
+        return tree.unflatten(leaves)
 
-    def unpack(self, packed: Any) -> Any:
-        """Return the NamedTuples in an array (numbers,)."""
-        leaves = [packed[place].reshape(shape).astype(kind, copy=False) for place, shape, kind in self._parts]
-        return self._tree.unflatten(leaves)
-
-
-structure_of = cache(Structure)  # the same object for equal structures, so that `compiled` finds it
+    return unpack
 
 
-def pack(tree: Any, xp: Any = np) -> tuple[Any, Structure]:
+def pack(tree: Any, xp: Any = np) -> tuple[Any, Unpack]:
     """Put the arrays of NamedTuples one after the other, (numbers,); return also what unpacks them."""
     import jax
 
     leaves, tree = jax.tree.flatten(tree)
-    structure = structure_of(tree, tuple((leaf.shape, np.dtype(leaf.dtype)) for leaf in leaves))
-    return xp.concatenate([xp.zeros(0), *(leaf.ravel().astype(float, copy=False) for leaf in leaves)]), structure
+    unpack = unpacker(tree, tuple((leaf.shape, np.dtype(leaf.dtype)) for leaf in leaves))
+    return xp.concatenate([xp.zeros(0), *(leaf.ravel().astype(float, copy=False) for leaf in leaves)]), unpack
 
 
 class JaxKernel:
@@ -129,31 +128,31 @@ class JaxKernel:
         import jax
 
         self._parameters = parameters
-        packed, self._parameter_structure = self._pack(parameters)
+        packed, self._unpack_parameters = self._pack(parameters)
         with jax.enable_x64(True):
             self._packed_parameters = jax.device_put(packed)
 
     @property
     def state(self) -> Any:
         """See `NumpyKernel`."""
-        return self._cut(self._state_structure.unpack(np.asarray(self._packed_state)))
+        return self._cut(self._unpack_state(np.asarray(self._packed_state)))
 
     @state.setter
     def state(self, state: Any) -> None:
-        self._packed_state, self._state_structure = self._pack(state)
+        self._packed_state, self._unpack_state = self._pack(state)
 
     def run(self, function: Function, *inputs: Any) -> Any:
         """See `NumpyKernel`."""
         import jax
 
-        packed, structure = self._pack(inputs)
-        program = compiled(function, structure, self._parameter_structure, self._state_structure)
+        packed, unpack = self._pack(inputs)
+        run, after = compiled(function, unpack, self._unpack_parameters, self._unpack_state)
         with jax.enable_x64(True):
-            self._packed_state, outputs = program.run(self._packed_parameters, self._packed_state, packed)
-        self._state_structure = program.state_structure
+            self._packed_state, outputs = run(self._packed_parameters, self._packed_state, packed)
+        (self._unpack_state,) = after
         return self._cut(outputs)
 
-    def _pack(self, tree: Any) -> tuple[Any, Structure]:
+    def _pack(self, tree: Any) -> tuple[Any, Unpack]:
         """Fill arrays up with copies of the last robot, and pack them."""
         import jax
 
@@ -168,30 +167,26 @@ class JaxKernel:
         return jax.tree.map(lambda leaf: np.asarray(leaf)[..., : self._robots] if leaf.ndim else leaf, tree)
 
 
-class Program:
-    """A function compiled for packed inputs, parameters and state.
+@cache
+def compiled(function: Function, inputs: Unpack, parameters: Unpack, state: Unpack) -> tuple[Function, list[Unpack]]:
+    """Compile a function for packed inputs, parameters and state, when it is first run.
 
-    Attributes:
-        run: Takes packed parameters, state and inputs; returns the packed state, and the outputs.
-        state_structure: Of the state that it returns, known after the first run.
+    Returns:
+        Takes packed parameters, state and inputs; returns the packed state, and the outputs.
+        What unpacks this state, known after the first run.
     """
+    import jax
 
-    state_structure: Structure
+    after: list[Unpack] = []
 
-    def __init__(self, function: Function, inputs: Structure, parameters: Structure, state: Structure) -> None:
-        import jax
+    def run(parameter_array: Any, state_array: Any, input_array: Any) -> tuple[Any, Any]:
+        new, outputs = function(parameters(parameter_array), state(state_array), *inputs(input_array))
+        packed, unpack = pack(new, jax.numpy)
+        after[:] = [unpack]
+        return packed, outputs
 
-        def packed(parameter_array: Any, state_array: Any, input_array: Any) -> tuple[Any, Any]:
-            arguments = parameters.unpack(parameter_array), state.unpack(state_array), *inputs.unpack(input_array)
-            after, outputs = function(*arguments)
-            state_after, self.state_structure = pack(after, jax.numpy)
-            return state_after, outputs
-
-        options = COMPILER_OPTIONS if jax.default_backend() == "cpu" else None
-        self.run = jax.jit(packed, compiler_options=options)
-
-
-compiled = cache(Program)  # for each function and structure once
+    options = COMPILER_OPTIONS if jax.default_backend() == "cpu" else None
+    return jax.jit(run, compiler_options=options), after
 
 
 @cache

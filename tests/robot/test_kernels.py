@@ -13,6 +13,7 @@ from benches.robot import programs_of
 
 import omni_mj as om
 from omni_control.errors import OmniError
+from omni_mj.plants import NAMES
 
 # It is imported where it is needed: each process of the tests imports all files.
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="jax is an extra")
@@ -35,7 +36,7 @@ def path(kernel: str, robots: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     plant = planar([with_settings(physics={"kernel": kernel}, **COMMON)] * robots)
     ends = np.linspace(-1, 1, robots)[:, None] * [2.5, 1.0, 3.0] + [0.5, 0.0, 0.0]
     plant.hold(np.array([[np.nan, np.nan, np.nan, 0.5]] * robots))
-    return drive(plant, ramp(ends, 6.0, 30)), plant.telemetry().named()
+    return drive(plant, ramp(ends, 6.0, 30)), {name: getattr(plant.telemetry(), name) for name in NAMES}
 
 
 @pytest.mark.parametrize("robots", [1, 20])
