@@ -1,6 +1,5 @@
 """`omni-mj list` and `show`: what there is to name, and one of it in full."""
 
-
 import click
 
 from omni_control.errors import OmniError, choose
