@@ -12,6 +12,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.mjcf.geometry import spread
 from omni_mj.mjcf.roles import Ids
+from omni_mj.plants.faults import Faulty
 from omni_mj.plants.variation import Drawn
 from omni_mj.robot.motors import Motor
 from omni_mj.scenarios.settings import Settings, column
@@ -48,7 +49,7 @@ class Entries:
         self._flat[self._at] = values
 
 
-class Bound:
+class Bound(Faulty):
     """Live numbers of n robots with W wheels, each of the shape (k, n).
 
     Args:
@@ -64,6 +65,7 @@ class Bound:
         resistance, constant: Of the dcmotors, (W, n).
         wrench: Force and torque on the chassis, world frame, (6, n).
         load: Of the wheels, (W, n) N.
+        centre: Of mass of the chassis, from the middle of the wheels' contacts, (3, n) m.
         slip_angle, slip_speed, slip_limit, slip_impedance: Of the hinges of rims, (W, n) rad, rad/s, N m and 1.
         roller_speeds: Of a wheel's rollers at the bottom and next to it, (W, n) rad/s each.
     """
@@ -107,6 +109,8 @@ class Bound:
         self._entries("dof_frictionloss", hubs).set(dry.T)
         self._entries("dof_damping", hubs).set(column(motors, "wheel_viscous").T)
         self._entries("dof_damping", rollers).set(column(drive, "roller_damping_nm_s").T)
+        chassis = self._world.robots[0].chassis
+        self.centre = self._world.model.body_ipos[chassis][:, None] + np.append(drawn.centre, 0 * drawn.mass, 1).T
         if drawn.wear.any():
             self._wear_down(drawn.wear.T)
         if (drawn.mass != 1).any() or drawn.centre.any():
@@ -149,7 +153,7 @@ class Bound:
         self.roller_speeds[0].set(np.where(past == 0, bottom, np.where(past == 1, following, 0.0)))
         self.roller_speeds[1].set(np.where(past == 0, following, np.where(past == -1, bottom, 0.0)))
 
-    # What faults change; see `omni_mj.plants.faults.Faulty`. It starts from robots as they were when a fault first did.
+    # What faults change starts from robots as they were when a fault first did.
 
     @cached_property
     def _empty(self) -> list[tuple[Entries, Array]]:
@@ -163,8 +167,8 @@ class Bound:
         hubs = self._entries("dof_frictionloss", self._ids("wheel_dofs"))
         return hubs, hubs.get()
 
-    def carry(self, loads: Iterable[tuple[int, float, float]]) -> Array:
-        """Carry loads; return by how much each chassis' centre of mass is off that without any, (3, n) m."""
+    def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
+        """See `Faulty`."""
         empty = [values for _, values in self._empty]
         mass, subtree, centre, inertia, axes = (values.copy() for values in empty)
         for row, load, height in loads:
@@ -179,7 +183,7 @@ class Bound:
                 inertia[:, row], axes[:, row] = _joined(inertia[:, row], axes[:, row], more)
         for (field, _), values in zip(self._empty, (mass, subtree, centre, inertia, axes), strict=True):
             field.set(values)
-        return centre - empty[2]
+        self.centre = centre
 
     def lean(self, along: Array) -> None:
         """Turn gravity in the world's axes, on every body, wheels and rollers too."""

@@ -23,9 +23,7 @@ TO, NONE = attrgetter("to"), lambda fault: 0.0  # factors by which faults of a k
 
 
 class Faulty(ABC):
-    """What faults change of n robots: parameters with the fields `onboard` and `carpet`, and bodies."""
-
-    parameters: Any
+    """Bodies of n robots, which faults change."""
 
     @abstractmethod
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
@@ -49,17 +47,18 @@ class Faults:
 
     Args:
         rows: Of the robots, those of one world one after the other.
-        plant: That they drive on.
+        plant: That they drive on; it has `parameters` with the fields `onboard` and `carpet`.
+        bodies: Of the robots.
 
     Attributes:
         push: Forces on the chassis at their centres of mass, world frame, (n, 2) N.
         gyro_bias: (n, 1) rad/s.
-        off_current: Currents of motors whose drivers are off, 0 A, (W, n); NaN of others; None if all stay on.
+        off_current: Currents of motors whose drivers are off, 0 A, (W, n); NaN of others.
         inputs: Fields of `omni_mj.robot.onboard.FrameInputs` that faults set.
     """
 
-    def __init__(self, rows: Sequence[Row], plant: Faulty) -> None:
-        self._rows, self._plant, self._base = rows, plant, plant.parameters
+    def __init__(self, rows: Sequence[Row], plant: Any, bodies: Faulty) -> None:
+        self._rows, self._plant, self._base, self._bodies = rows, plant, plant.parameters, bodies
         self._kinds = {type(fault) for row in rows for fault in row.faults}
         self._schedule, self._frame = Schedule([row.faults for row in rows], faults.OnWheels, faults.Kidnap), 0
         self._robots, self._wheels = np.ones(len(rows)), np.ones(plant.parameters.carpet.grip.shape)
@@ -103,13 +102,13 @@ class Faults:
     def _change_bodies(self, active: Active) -> None:
         """Load, lean, block and move robots."""
         if faults.Payload in self._kinds:
-            self._plant.carry([(row, load.mass_kg, load.height_m) for row, load in active.of(faults.Payload)])
+            self._bodies.carry([(row, load.mass_kg, load.height_m) for row, load in active.of(faults.Payload)])
         if faults.Tilt in self._kinds:
-            self._plant.lean(_join(active, faults.Tilt, self._none, _slope, add))
+            self._bodies.lean(_join(active, faults.Tilt, self._none, _slope, add))
         if faults.MotorBlocked in self._kinds:
-            self._plant.block(_join(active, faults.MotorBlocked, self._wheels, NONE) == 0)
+            self._bodies.block(_join(active, faults.MotorBlocked, self._wheels, NONE) == 0)
         for row, hand in active.begun(faults.Kidnap):
-            self._plant.put(row, hand.moved)
+            self._bodies.put(row, hand.moved)
 
     def _change_inputs(self, active: Active) -> None:
         """Change pushes, sensors, drivers, processors and supplies."""
@@ -126,8 +125,7 @@ class Faults:
         }
         driven = _join(active, faults.MotorDead, wheels, NONE)
         driven *= _join(active, faults.Reboot, robots, lambda reboot: reboot.motors == "brake")
-        drops = not self._kinds.isdisjoint((faults.MotorDead, faults.Reboot))
-        self.off_current = np.where(driven, np.nan, 0.0) if drops else None
+        self.off_current = np.where(driven, np.nan, 0.0)
 
 
 def _join(

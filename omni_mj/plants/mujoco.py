@@ -1,7 +1,7 @@
 """The physical plant: robots of models/ in worlds of one or several, stepped on all cores, driven by their firmware."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -42,7 +42,6 @@ class MujocoParameters(NamedTuple):
 
     onboard: OnboardParameters
     carpet: CarpetParameters
-    centre: Array  # of mass of the chassis, from the middle of the wheels' contacts, (3, n) m
 
 
 class MujocoPlant(WheeledPlant):
@@ -91,7 +90,6 @@ class MujocoPlant(WheeledPlant):
         inertia = world.model.dof_invweight0[robot.slip_dofs][:, None]
         carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
         carpet = carpet._replace(creep=carpet.creep / (world.model.opt.timestep * inertia))
-        self._centre = world.model.body_ipos[robot.chassis][:, None] + np.vstack([drawn.centre.T, np.zeros(n)])
         wheels = settings[0].wheels
         self._pitch = 2 * np.pi / wheels.rollers if wheels.model == "two-rollers" else None
         self._failed = np.zeros(n, bool)
@@ -100,14 +98,14 @@ class MujocoPlant(WheeledPlant):
         if places > 1 and hulls is None:
             batches.check_start(rows, world.model, self._batch.bind("qpos"))
         p, s = self._onboard
-        self.parameters = MujocoParameters(p, carpet, self._centre)
+        self.parameters = MujocoParameters(p, carpet)
         count = np.floor(self._sensed[1] * p.loops.counts_per_rad)
         self.onboard = s._replace(loops=s.loops._replace(last_count=count))
         self._drag: Drag
         self._cycle, self._records = 0, list[CycleRecord]()
         self._nothing: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
         self._heard: tuple[Array, np.ndarray] = self._nothing
-        self._start_faults()
+        self._start_faults(self._at)
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -198,24 +196,6 @@ class MujocoPlant(WheeledPlant):
         )
         self.onboard = self.onboard._replace(loops=loops)
 
-    # What faults change; see `omni_mj.plants.faults.Faulty`.
-
-    def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
-        """Carry these loads and no others."""
-        self.parameters = self.parameters._replace(centre=self._centre + self._at.carry(loads))
-
-    def lean(self, along: Array) -> None:
-        """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
-        self._at.lean(along)
-
-    def block(self, stuck: np.ndarray) -> None:
-        """Have these wheels stuck, (W, n), and no others."""
-        self._at.block(stuck)
-
-    def put(self, robot: int, moved: tuple[float, float, float]) -> None:
-        """Put a robot as far from where it is, m, m and rad in the world, at rest."""
-        self._at.put(robot, moved)
-
     def _accept(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
         self.onboard = hear(self.parameters.onboard, self.onboard, self._command(received))
@@ -247,7 +227,7 @@ class MujocoPlant(WheeledPlant):
         """Return the wrench of drag and pushes on the chassis, world frame, (6, n) N and N m."""
         drag, inputs = self._drag, self.onboard.inputs
         x, y = rotate(drag.ahead, drag.aside, motion.cosine, motion.sine)
-        centre_x, centre_y, height = self.parameters.centre
+        centre_x, centre_y, height = self._at.centre
         moment = drag.moment - centre_x * drag.aside + centre_y * drag.ahead
         return np.stack([x + inputs.push_x, y + inputs.push_y, 0 * moment, height * y, -height * x, moment])
 

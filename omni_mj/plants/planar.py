@@ -9,6 +9,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
 from omni_mj.plants import Telemetry
+from omni_mj.plants.faults import Faulty
 from omni_mj.plants.planar_parameters import PlanarBodies
 from omni_mj.plants.variation import Drawn
 from omni_mj.plants.wheeled import WheeledPlant, by_wheel
@@ -29,7 +30,7 @@ from omni_mj.worlds import build
 STUCK_NM = 1e3  # dry friction of a hub that is stuck
 
 
-class PlanarPlant(WheeledPlant):
+class PlanarPlant(WheeledPlant, Faulty):
     """Robots with roller wheels on carpet, each alone in its world, without a contact solver.
 
     Args:
@@ -58,7 +59,7 @@ class PlanarPlant(WheeledPlant):
         parameters = PlanarParameters(onboard, carpet, body)
         kernel = JaxKernel if settings[0].physics.kernel == "jax" else NumpyKernel
         self._kernel: JaxKernel | NumpyKernel = kernel(parameters, state)
-        self._start_faults()
+        self._start_faults(self)
         self._stopped = np.zeros(len(rows), bool)
         self._pose, self._twist = np.array(start, float), np.zeros((len(rows), 3))
         self._report: FrameReport | None = None

@@ -21,7 +21,7 @@ from omni_mj.robot.wheel_loops import Command
 from omni_mj.scenarios.rows import Row
 
 
-class WheeledPlant(Faulty):
+class WheeledPlant:
     """Robots with roller wheels on carpet, driven by their firmware.
 
     Attributes:
@@ -48,10 +48,10 @@ class WheeledPlant(Faulty):
             (frames, is_faulty, is_faulty),
         )
 
-    def _start_faults(self) -> None:
+    def _start_faults(self, bodies: Faulty) -> None:
         """Let faults act on robots as they are now."""
         if any(row.faults for row in self._rows):
-            self._faults = Faults(self._rows, self)
+            self._faults = Faults(self._rows, self, bodies)
 
     def hold(self, current: Array | None) -> None:
         """Have drivers hold currents from the next frame on, whatever the firmware commands.
@@ -79,10 +79,9 @@ class WheeledPlant(Faulty):
             faults = self._faults
             faults.begin()
             push, gyro_bias, extra = push + faults.push, gyro_bias + faults.gyro_bias, faults.inputs
-            if (off := faults.off_current) is not None:
-                held = off if held is None else np.where(np.isnan(off), held, off)
-        if stopped.any():
-            push = np.where(stopped[:, None], 0.0, push)
+            off = faults.off_current
+            held = off if held is None else np.where(np.isnan(off), held, off)
+        push = np.where(stopped[:, None], 0.0, push)
         inputs = FrameInputs(
             seen_heading=seen_heading,
             age=np.asarray(age),
@@ -93,7 +92,7 @@ class WheeledPlant(Faulty):
             held_current=held,
             is_stopped=stopped if stopped.any() else None,
         )
-        return inputs._replace(**extra) if extra else inputs
+        return inputs._replace(**extra)
 
     def _telemetry(self, state: OnboardState, angle: Array, speed: Array, slip: Array) -> Telemetry:
         """Return telemetry of the frame just past, or at the start, from angles, speeds and slips (W, n)."""

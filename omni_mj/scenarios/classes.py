@@ -11,7 +11,7 @@ from typing import Any
 
 from omni_control import controllers
 from omni_control.controllers import checked_parameters
-from omni_control.controllers.base import Controller
+from omni_control.controllers.base import Controller, error_place
 from omni_control.errors import OmniError, choose, printable
 from omni_control.registry import CONTROLLERS
 from omni_mj.scenarios.checking import in_one
@@ -56,7 +56,20 @@ def find_plant(name: str) -> type[Any]:
         return kind
     if not names_class(name):
         raise OmniError(f"unknown plant {name!r}; {choose(name, PLANTS)}, or a class of yours: file.py:Class")
-    return find_class(name, f"with the calls {', '.join(_CALLS)}", lambda found: all(hasattr(found, c) for c in _CALLS))
+    fits = find_class(name, f"with the calls {', '.join(_CALLS)}", lambda found: all(hasattr(found, c) for c in _CALLS))
+    return type(fits.__name__, (fits,), {call: _guarded(fits, call) for call in ("__init__", *_CALLS)})
+
+
+def _guarded(plant: type[Any], call: str) -> Callable[..., Any]:
+    """Return a call of a user's plant, of which exceptions are a line: where in its file, and what it says."""
+
+    def guarded(*arguments: Any, **keywords: Any) -> Any:
+        try:
+            return getattr(plant, call)(*arguments, **keywords)
+        except Exception as error:
+            raise OmniError(f"the plant {plant.__name__}{error_place(plant, error)}") from error
+
+    return guarded
 
 
 def label(kind: Kind) -> str:

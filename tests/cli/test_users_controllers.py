@@ -131,6 +131,13 @@ def test_a_controller_that_fails_at_once_leaves_its_scenario_and_the_reason(
     assert not Path("out/trajectory.parquet").exists()
 
 
+def test_a_plant_that_fails_is_a_line_that_says_where(capsys: pytest.CaptureFixture[str]) -> None:
+    start = "    def __init__(self, rows, start):\n        raise ValueError('stuck')\n"
+    Path("plant.py").write_text(f"class Bad:\n    pose = twist = advance = telemetry = None\n\n{start}")
+    assert invoke("run", "--scenario", "rect", "--plant", "plant.py:Bad", "--quiet") == 2
+    assert capsys.readouterr().err == "error: the plant Bad (plant.py, line 5): ValueError: stuck\n"
+
+
 def test_mistakes_in_names_and_files_are_lines_and_leave_no_folder(capsys: pytest.CaptureFixture[str]) -> None:
     Path("broken.py").write_text("import nothing_there\n")
     for kind, says in (

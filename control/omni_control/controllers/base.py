@@ -212,8 +212,8 @@ def record_of(controller: Controller, n: int) -> dict[str, Array]:
     return record
 
 
-def error_place(kind: type[Controller], error: Exception) -> str:
-    """Return where in a controller's file an exception was raised, and what it says."""
+def error_place(kind: type, error: Exception) -> str:
+    """Return where in the file of a class an exception was raised, and what it says."""
     try:
         file = inspect.getfile(kind)
     except (TypeError, OSError):  # made without a file

@@ -162,7 +162,7 @@ def numbers(plant: MujocoPlant) -> list[NDArray]:
     """What faults change of robots and worlds, each with robots first."""
     names = ("body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity")
     p = plant.parameters
-    onboard = [p.carpet.friction, p.carpet.grip.T, p.centre.T, p.onboard.motors.cold_constant.T]
+    onboard = [p.carpet.friction, p.carpet.grip.T, plant._at.centre.T, p.onboard.motors.cold_constant.T]
     return [np.array(each) for each in (*(plant._batch.expand(name) for name in names), *onboard)]
 
 
