@@ -102,13 +102,12 @@ class Bound(Faulty):
         Constants that MuJoCo derives from masses stay: these scale contacts and slip hinges, which shall be the same
         for all.
         """
-        places, drive = len(self._world.robots), [s.drive for s in settings]
         motors, hubs = [Motor.of(s.motor) for s in settings], self._ids("wheel_dofs")
-        rollers = self._ids("roller_dofs").reshape(places, -1)
-        dry = column(motors, "wheel_dry") + column(drive, "gear_friction_nm")
+        rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
+        dry = column(motors, "wheel_dry") + column(settings, "drive.gear_friction_nm")
         self._entries("dof_frictionloss", hubs).set(dry.T)
         self._entries("dof_damping", hubs).set(column(motors, "wheel_viscous").T)
-        self._entries("dof_damping", rollers).set(column(drive, "roller_damping_nm_s").T)
+        self._entries("dof_damping", rollers).set(column(settings, "drive.roller_damping_nm_s").T)
         chassis = self._world.robots[0].chassis
         self.centre = self._world.model.body_ipos[chassis][:, None] + np.append(drawn.centre, 0 * drawn.mass, 1).T
         if drawn.wear.any():

@@ -26,11 +26,10 @@ class KinematicPlant:
 
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
         seeds = [row.noise_seed for row in rows]
-        kinematic = [row.settings.kinematic for row in rows]
-        self._low, self._high = column(kinematic, "alpha_low"), column(kinematic, "alpha_high")
-        self._quantile = _AlphaQuantiles(column(kinematic, "alpha_time_s"), seeds)
+        self._low, self._high = (column(rows, f"settings.kinematic.alpha_{end}") for end in ("low", "high"))
+        self._quantile = _AlphaQuantiles(column(rows, "settings.kinematic.alpha_time_s"), seeds)
         self._noise = Noise(seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2)))
-        self._amplitude = column([row.settings.disturbance for row in rows], "velocity_m_s")
+        self._amplitude = column(rows, "settings.disturbance.velocity_m_s")
         self._pose = np.array(start, float)
         self._twist, self._disturbance = np.zeros((2, *self._pose.shape))
         self._schedule, self._frame = Schedule([row.faults for row in rows], Alpha, Kidnap), 0

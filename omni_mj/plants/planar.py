@@ -51,8 +51,8 @@ class PlanarPlant(WheeledPlant, Faulty):
         super().__init__(rows, world.kinematics, drawn, heading)
         self._bodies = PlanarBodies(settings, drawn, world)
         self._loads: list[tuple[int, float, float]] = []
-        self._slope: Array | None = None
-        body, (onboard, onboard_state) = self._bodies.parameters(), self._onboard
+        self._slope = np.zeros((len(rows), 2))
+        body, (onboard, onboard_state) = self._bodies.parameters(self._loads, self._slope), self._onboard
         carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
         self._stuck = np.zeros(body.hub_dry.shape, bool)  # hubs
         state = PlanarState(onboard_state, body_at_rest(body, x, y, heading))

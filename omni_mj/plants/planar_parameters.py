@@ -100,8 +100,8 @@ class PlanarBodies:
         self._roller = float(model.body_inertia[robot.rollers[0, 0]].min())
         self._gravity = -float(model.opt.gravity[2])
 
-        body = [s.body for s in settings]
-        mass, height, ahead = (column(body, name)[:, 0] for name in ("mass_kg", "centre_height_m", "centre_x_m"))
+        names = "mass_kg", "centre_height_m", "centre_x_m", "yaw_inertia_kg_m2"
+        mass, height, ahead, inertia = (column(settings, f"body.{name}")[:, 0] for name in names)
         wheels_mass, wheels_centre, wheels_inertia = composite(
             model, [i for i in range(1, model.nbody) if i != robot.chassis]
         )
@@ -109,31 +109,27 @@ class PlanarBodies:
             raise OmniError(
                 f"body.mass_kg must be more than the {wheels_mass:.3f} kg of the wheels, not {mass.min():g}"
             )
-        whole = Mass(mass, np.column_stack([ahead, np.zeros(n), height]), column(body, "yaw_inertia_kg_m2")[:, 0])
+        whole = Mass(mass, np.column_stack([ahead, np.zeros(n), height]), inertia)
         wheels = Mass(np.full(n, wheels_mass), np.tile(wheels_centre, (n, 1)), np.full(n, wheels_inertia[2, 2]))
         chassis = whole.joined(Mass(-wheels.mass, wheels.centre, -wheels.inertia))
         shift, factor = np.column_stack([drawn.centre, np.zeros(n)]), drawn.mass[:, 0]
         self._chassis = Mass(chassis.mass * factor, chassis.centre + shift, chassis.inertia * factor)
         self._empty = self._chassis.joined(wheels)
 
-    def parameters(
-        self, payloads: Iterable[tuple[int, float, float]] = (), slope: Array | None = None
-    ) -> BodyParameters:
+    def parameters(self, payloads: Iterable[tuple[int, float, float]], slope: Array) -> BodyParameters:
         """Return the parameters of robots that carry loads on a slope.
 
         Args:
             payloads: Row, mass in kg, and height above the carpet in m, or 0 for that of the chassis' centre of mass.
-            slope: Shares of gravity along the world's x and y, positive downhill, (n, 2). [none]
+            slope: Shares of gravity along the world's x and y, positive downhill, (n, 2).
         """
         whole = self._loaded(payloads)
-        along = np.zeros((len(whole.mass), 2)) if slope is None else slope
         settings, (axle_x, axle_y) = self._settings, self._axle
         contact_x, contact_y = self._contact[0] - whole.centre[:, 0], self._contact[1] - whole.centre[:, 1]
         weight = whole.mass * self._gravity
         shares = _load_shares(contact_x, contact_y)
-        load = shares[0] * weight * np.sqrt(np.maximum(1 - (along**2).sum(1), 0.0))
-        drive = [s.drive for s in settings]
-        wheels, friction = settings[0].wheels, column(drive, "roller_damping_nm_s")[:, 0]
+        load = shares[0] * weight * np.sqrt(np.maximum(1 - (slope**2).sum(1), 0.0))
+        wheels, friction = settings[0].wheels, column(settings, "drive.roller_damping_nm_s")[:, 0]
         log_load = np.log(np.maximum(load, _LOADS_N[0]))
         lever, count, inverse_square, inverse_square_down, *turning = (
             np.interp(log_load, np.log(_LOADS_N), values) for values in _standing_wheels(wheels).T
@@ -154,8 +150,8 @@ class PlanarBodies:
             np.stack([contact_x, contact_y])[:, np.roll(order, -1)] - np.stack([contact_x, contact_y])[:, order]
         )
         pushed = self._chassis.centre - whole.centre
-        downhill = weight[:, None] * along
-        dry = column(motors, "wheel_dry") + column(drive, "gear_friction_nm")
+        downhill = weight[:, None] * slope
+        dry = column(motors, "wheel_dry") + column(settings, "drive.gear_friction_nm")
         return BodyParameters(
             contact_x=contact_x,
             contact_y=contact_y,

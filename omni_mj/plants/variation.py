@@ -94,14 +94,13 @@ class Chance:
     """
 
     def __init__(self, rows: Sequence[Row]) -> None:
-        settings, seeds = [row.settings for row in rows], [row.noise_seed for row in rows]
-        self.force = column([s.disturbance for s in settings], "force_n")
+        seeds = [row.noise_seed for row in rows]
+        self.force = column(rows, "settings.disturbance.force_n")
         self._pushed = bool(self.force.any())
         self._pushes = Noise(seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2)))
-        sensors = [s.sensors for s in settings]
         bias = Noise(seeds, Stream.GYRO_BIAS, lambda rng, count: rng.standard_normal((count, 1))).next()
-        self.gyro_bias: Array = column(sensors, "gyro_bias_rad_s") * bias
-        self._gyro_sigma = column(sensors, "gyro_noise_rad_s")
+        self.gyro_bias: Array = column(rows, "settings.sensors.gyro_bias_rad_s") * bias
+        self._gyro_sigma = column(rows, "settings.sensors.gyro_noise_rad_s")
         self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1)))
 
     def push(self) -> Array:

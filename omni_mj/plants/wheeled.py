@@ -37,7 +37,8 @@ class WheeledPlant:
         self._chance = Chance(rows)
         self._held: Array | None = None
         self._faults: Faults | None = None
-        self._record: CycleRecord | None = None  # of the frame just past
+        none = np.zeros((1, *drawn.strength.T.shape))
+        self._record = CycleRecord(none, none, none, none, none[:, 0], none[:, 0])  # of the frame just past
         frames = max(*(longest(row.settings.radio, row.settings.fault) for row in rows), self.remembered_frames) + 1
         is_faulty = any(row.faults for row in rows)
         self._onboard: tuple[OnboardParameters, OnboardState] = onboard(
@@ -96,11 +97,7 @@ class WheeledPlant:
 
     def _telemetry(self, state: OnboardState, angle: Array, speed: Array, slip: Array) -> Telemetry:
         """Return telemetry of the frame just past, or at the start, from angles, speeds and slips (W, n)."""
-        record = self._record
-        if record is None:
-            none, no = np.zeros((1, *angle.shape)), np.zeros((1, angle.shape[1]))
-            record = CycleRecord(none, none, none, none, no, no)
-        return Telemetry(telemetry_rows(state, record, angle, speed, slip).T)
+        return Telemetry(telemetry_rows(state, self._record, angle, speed, slip).T)
 
 
 def by_wheel(values: Array) -> Array:

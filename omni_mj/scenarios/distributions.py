@@ -50,11 +50,6 @@ class Distribution:
         return self.values[2:] if self.kind == "normal" else self.values
 
     @property
-    def plain(self) -> dict[str, list[Any]]:
-        """Its form in a file."""
-        return {self.kind: list(self.values)}
-
-    @property
     def options(self) -> Sequence[Value]:
         """The values of a discrete one, each of the same share; empty if it is continuous."""
         if self.kind == "uniform" and self.whole:

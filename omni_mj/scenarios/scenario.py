@@ -86,7 +86,7 @@ class Scenario(Checked):
         sections = self.settings.plain()
         for name, each in self.distributions.items():
             section, field = name.split(".")
-            sections[section][field] = each.plain
+            sections[section][field] = {each.kind: list(each.values)}
         return sections
 
     def to_toml(self) -> str:

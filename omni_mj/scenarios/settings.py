@@ -1,6 +1,7 @@
 """Every number a scenario can set: small frozen models whose fields carry unit, bounds and meaning."""
 
 from collections.abc import Iterator, Sequence
+from operator import attrgetter
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -37,8 +38,9 @@ FULL_CELL_V = 4.2  # of a LiPo cell
 
 
 def column(settings: Sequence[Any], name: str) -> Array:
-    """Return a field of one section per robot as an array (n, 1)."""
-    return np.array([[float(getattr(each, name))] for each in settings])
+    """Return a field, such as `body.mass_kg` of all settings, of one object per robot as an array (n, 1)."""
+    field = attrgetter(name)
+    return np.array([[float(field(each))] for each in settings])
 
 
 class ReferenceSettings(Checked):
