@@ -150,6 +150,8 @@ def _made(name: str, given: Mapping[str, Any]) -> Distribution:
     kind, values = next(iter(given.items()), ("", ()))
     if len(given) != 1 or kind not in KINDS:
         raise OmniError(f"{name} must be a value, or one of {', '.join(KINDS)}, not {shown(dict(given))}")
+    if known[name].kind is tuple:
+        raise OmniError(f"{name} is a list, which cannot be drawn")
     if kind != "choice" and not known[name].number:
         raise OmniError(f"{name} is no number: draw it by {{choice = [...]}}, not {kind}")
     numbers = tuple(values) if isinstance(values, (list, tuple)) else ()

@@ -78,6 +78,7 @@ def test_a_seeds_draws_depend_on_nothing_else_and_are_in_result_and_file(tmp_pat
         ({"wheels": {"model": {"uniform": [1, 2]}}}, "choice"),
         ({"wheels": {"model": {"choice": ["rollers", "square"]}}}, "wheels.model must be"),
         ({"carpet": {"friction": {"choice": []}}}, "choice ="),
+        ({"world": {"places": {"choice": [[[0, 0, 0]]]}}}, "world.places is a list"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(sections: dict[str, Any], words: str) -> None:
