@@ -1,4 +1,6 @@
-"""`omni-mj list` and `show`: what there is to name, and one of it in full."""
+"""`omni-mj list`, `show` and `schema`: what there is to name, one of it in full, what editors check."""
+
+import json
 
 import click
 
@@ -35,3 +37,11 @@ def show(name: str, robot: str | None, overrides: tuple[str, ...]) -> None:
     controller, what it does and its parameters.
     """
     print(listing.in_full(name, overrides, robot), end="")
+
+
+@click.command("schema")
+def schema() -> None:
+    """Print the JSON Schema of scenario files."""
+    from omni_mj.scenarios.scenario import schema
+
+    print(json.dumps(schema(), indent=2))

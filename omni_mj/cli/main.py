@@ -33,6 +33,7 @@ SECTIONS = {  # heading -> command -> what it is for, at most what fits a line o
     "What there is": {
         "list": "scenarios, controllers, plants, robots, settings",
         "show": "a scenario, a robot or a controller in full",
+        "schema": "the JSON Schema of scenario files, for editors",
     },
 }
 COMMANDS = {name: what for commands in SECTIONS.values() for name, what in commands.items()}
@@ -61,6 +62,7 @@ docs/python.md tells how to do all this from Python.
 
 SHARED = {
     "show": "list",
+    "schema": "list",
     "alpha": "studies",
     "identify": "studies",
     "limit": "studies",

@@ -250,3 +250,30 @@ def _toml(value: Any) -> str:
 
 def _key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema of a scenario's file, by which editors of TOML complete, explain and check it.
+
+    Plants, robots and controllers are open, since they may be a user's own; numbers may be drawn.
+    """
+    scenario = Scenario.model_json_schema()
+    definitions = scenario.pop("$defs")
+    settings = definitions.pop("Settings")["properties"]
+    definitions["Fault"]["properties"] |= {"kind": {"enum": list(faults.KINDS)}}
+    for kind in faults.KINDS.values():
+        definitions["Fault"]["properties"] |= kind.model_json_schema()["properties"]
+    for name, section in definitions.items():
+        if name != "Fault":
+            section.pop("required", None)
+            for field in section["properties"].values():
+                if field.get("type") in ("number", "integer"):  # or a distribution, of which numbers have bounds
+                    field["type"] = [field["type"], "object"]
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "a scenario of omni-mj",
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {name: scenario["properties"][name] for name in HEAD} | settings,
+        "$defs": definitions,
+    }

@@ -35,6 +35,7 @@ def test_help_version_and_lists_import_nothing_heavy() -> None:
         (("list", "scenarios"), set()),
         (("run", "--help"), set()),
         (("list",), {"numpy", "pydantic"}),
+        (("schema",), {"numpy", "pydantic", "scipy"}),
     ):
         done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
         assert (done.returncode, done.stderr) == (0, ""), words

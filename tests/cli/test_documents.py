@@ -15,7 +15,7 @@ DOCUMENTS = {
     "docs/tour.md": {"runs.html": "late", "compared/compare.md": "Gentle"},
     "docs/python.md": {"runs/mine/summary.json": "comp-flc"},
     "docs/commands.md": {"late/scenario.toml": "delay_frames = 9", "own/summary.json": "Steady"},
-    "docs/robots.md": {"three/provenance.json": "three.xml"},
+    "docs/robots.md": {"robot.schema.json": "azimuths_deg", "three/provenance.json": "three.xml"},
     "CONTRIBUTING.md": {
         "mine/summary.json": "Mine",
         "toy/summary.json": "toy.py:Toy",

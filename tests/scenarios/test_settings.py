@@ -1,17 +1,20 @@
-"""Settings as their schema lists them: their bounds, what is refused and how, all at once, and files that read back."""
+"""Settings as the schema lists them: their bounds, what is refused and how, all at once, and files that read back."""
 
+import io
+import json
 import math
+from contextlib import redirect_stdout
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import invoke
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import omni_mj as om
-from omni_mj.scenarios.settings import Settings
 
 LINE = 4000  # longest line of a message
 # What a setting at its bounds needs of another.
@@ -36,9 +39,16 @@ SHEET += ("nominal_rpm", "nominal_current_a")
 
 
 @cache
+def schema() -> dict[str, Any]:
+    out = io.StringIO()
+    with redirect_stdout(out):
+        assert invoke("schema") == 0
+    return json.loads(out.getvalue())
+
+
 def declared() -> dict[str, dict[str, Any]]:
     """Return the schema of every setting by `section.field`."""
-    whole, found = Settings.model_json_schema(), {}
+    whole, found = schema(), {}
     for section, node in whole["properties"].items():
         if "$ref" in node:
             fields = whole["$defs"][node["$ref"].rpartition("/")[2]]["properties"]
@@ -48,7 +58,8 @@ def declared() -> dict[str, dict[str, Any]]:
 
 def numbers() -> dict[str, dict[str, Any]]:
     """Return the schema of every number."""
-    return {name: field for name, field in declared().items() if field.get("type") in ("number", "integer")}
+    fields = {name: field for name, field in declared().items() if isinstance(field.get("type"), list)}
+    return {name: field | {"type": field["type"][0]} for name, field in fields.items()}
 
 
 def sections(values: dict[str, Any]) -> dict[str, dict[str, Any]]:

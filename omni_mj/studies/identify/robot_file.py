@@ -58,7 +58,8 @@ def write_changes(start: str, made: Mapping[tuple[str, str], str], logs: Sequenc
         key = re.match(r"\s*([\w-]+)\s*=", line)
         if key and (change := made.get((section, key[1]))):
             line = f"{key[1]} = {change}; was {line.split('#')[0].split('=')[1].strip()}"
-        lines.append(line)
+        if not line.startswith("#:schema"):
+            lines.append(line)
         if head := re.match(r"\s*\[\s*([\w.-]+)\s*\]", line):
             section = head[1]
             lines += [f"{k} = {v}" for (of, k), v in made.items() if of == section and k not in present[section]]
