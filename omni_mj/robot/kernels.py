@@ -2,8 +2,8 @@
 
 A kernel holds parameters and state of n robots, and runs functions (parameters, state, *inputs) -> (state, outputs).
 Handing an array to a compiled program costs 1 to 3 us, and a state has sixty. So JAX gets parameters, state and inputs
-packed into one array each, and returns the state packed as well: a frame of one robot takes half the time. Batches are
-filled up with copies of the last robot to a few sizes, because every new size compiles anew.
+packed into one array each, and returns state and outputs packed as well: a frame of one robot takes half the time.
+Batches are filled up with copies of the last robot to a few sizes, because every new size compiles anew.
 """
 
 import importlib.util
@@ -149,8 +149,8 @@ class JaxKernel:
         run, after = compiled(function, unpack, self._unpack_parameters, self._unpack_state)
         with jax.enable_x64(True):
             self._packed_state, outputs = run(self._packed_parameters, self._packed_state, packed)
-        (self._unpack_state,) = after
-        return self._cut(outputs)
+        self._unpack_state, unpack_outputs = after
+        return self._cut(unpack_outputs(np.asarray(outputs)))
 
     def _pack(self, tree: Any) -> tuple[Any, Unpack]:
         """Fill arrays up with copies of the last robot, and pack them."""
@@ -164,7 +164,9 @@ class JaxKernel:
         """Return arrays of the robots alone."""
         import jax
 
-        return jax.tree.map(lambda leaf: np.asarray(leaf)[..., : self._robots] if leaf.ndim else leaf, tree)
+        if len(self._filled) == self._robots:
+            return tree
+        return jax.tree.map(lambda leaf: leaf[..., : self._robots] if leaf.ndim else leaf, tree)
 
 
 @cache
@@ -172,8 +174,8 @@ def compiled(function: Function, inputs: Unpack, parameters: Unpack, state: Unpa
     """Compile a function for packed inputs, parameters and state, when it is first run.
 
     Returns:
-        Takes packed parameters, state and inputs; returns the packed state, and the outputs.
-        What unpacks this state, known after the first run.
+        Takes packed parameters, state and inputs; returns the packed state, and the packed outputs.
+        What unpacks these two, known after the first run.
     """
     import jax
 
@@ -181,9 +183,9 @@ def compiled(function: Function, inputs: Unpack, parameters: Unpack, state: Unpa
 
     def run(parameter_array: Any, state_array: Any, input_array: Any) -> tuple[Any, Any]:
         new, outputs = function(parameters(parameter_array), state(state_array), *inputs(input_array))
-        packed, unpack = pack(new, jax.numpy)
-        after[:] = [unpack]
-        return packed, outputs
+        (packed, unpack), (packed_outputs, unpack_outputs) = (pack(tree, jax.numpy) for tree in (new, outputs))
+        after[:] = [unpack, unpack_outputs]
+        return packed, packed_outputs
 
     options = COMPILER_OPTIONS if jax.default_backend() == "cpu" else None
     return jax.jit(run, compiler_options=options), after
