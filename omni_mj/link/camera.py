@@ -25,7 +25,7 @@ from omni_mj.scenarios.faults import (
     VisionWrongId,
     span,
 )
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, VisionSettings, column
+from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, VisionSettings, gather
 
 _SAME_S = 1e-9  # times that differ by less are the same
 
@@ -44,9 +44,9 @@ class Camera:
     def __init__(
         self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]] = ()
     ) -> None:
-        noise = [column(settings, name) for name in ("position_noise_m", "position_noise_m", "heading_noise_rad")]
-        self._sigma = np.concatenate(noise, axis=1)
-        self._miss, self._gap = (column(settings, name)[:, 0] for name in ("miss_probability", "miss_frames"))
+        noise = [gather(settings, name) for name in ("position_noise_m", "position_noise_m", "heading_noise_rad")]
+        self._sigma = np.stack(noise, axis=1)
+        self._miss, self._gap = (gather(settings, name) for name in ("miss_probability", "miss_frames"))
         self._errors = Noise(seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3)))
         self._misses = uniform(seeds, Stream.VISION_MISSES)
         # Drawn for each image whatever goes on, so that a fault changes nothing of another.
@@ -109,7 +109,7 @@ class Timing:
         self, settings: Sequence[VisionSettings], seeds: Sequence[Seed], faults: Sequence[Sequence[Fault]]
     ) -> None:
         self._usual, self._jitter, self._loss = (
-            column(settings, name)[:, 0] for name in ("delay_s", "jitter_s", "loss_probability")
+            gather(settings, name) for name in ("delay_s", "jitter_s", "loss_probability")
         )
         self._late, self._lost, self._chance = (
             uniform(seeds, stream) for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES, Stream.CAMERA_LATE)

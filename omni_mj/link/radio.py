@@ -10,7 +10,7 @@ from omni_control.kinematics import Array
 from omni_mj.link.noise import Seed, Stream, uniform
 from omni_mj.link.schedule import Schedule
 from omni_mj.scenarios.faults import Delay, Fault, RadioBursts, RadioDuplicates, RadioLoss, RadioReorder
-from omni_mj.scenarios.settings import RadioSettings, column
+from omni_mj.scenarios.settings import RadioSettings, gather
 
 
 class Received(NamedTuple):
@@ -87,9 +87,9 @@ class Radio:
         nothing: Sequence[float] = (0.0, 0.0, 0.0, np.nan),
     ) -> None:
         n = len(seeds)
-        self._usual = column(settings, "delay_frames")[:, 0].astype(int) * ticks
-        self._jitter = column(settings, "jitter_frames")[:, 0].astype(int) * ticks
-        self._loss = column(settings, "loss_probability")[:, 0]
+        self._usual = gather(settings, "delay_frames").astype(int) * ticks
+        self._jitter = gather(settings, "jitter_frames").astype(int) * ticks
+        self._loss = gather(settings, "loss_probability")
         # Drawn for each packet, or each frame, whatever goes on, so that a fault changes nothing of another.
         self._late, self._losses, self._steps = (
             uniform(seeds, stream) for stream in (Stream.RADIO_JITTER, Stream.RADIO_LOSSES, Stream.RADIO_BURSTS)

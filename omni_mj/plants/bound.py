@@ -15,7 +15,7 @@ from omni_mj.mjcf.roles import Ids
 from omni_mj.plants.faults import Faulty
 from omni_mj.plants.variation import Drawn
 from omni_mj.robot.motors import Motor
-from omni_mj.scenarios.settings import Settings, column
+from omni_mj.scenarios.settings import Settings, gather
 from omni_mj.worlds.build import World
 
 STUCK_NM = 100.0  # dry friction of a hub that is stuck: more than motor and carpet can turn
@@ -104,10 +104,10 @@ class Bound(Faulty):
         """
         motors, hubs = [Motor.of(s.motor) for s in settings], self._ids("wheel_dofs")
         rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
-        dry = column(motors, "wheel_dry") + column(settings, "drive.gear_friction_nm")
-        self._entries("dof_frictionloss", hubs).set(dry.T)
-        self._entries("dof_damping", hubs).set(column(motors, "wheel_viscous").T)
-        self._entries("dof_damping", rollers).set(column(settings, "drive.roller_damping_nm_s").T)
+        dry = gather(motors, "wheel_dry") + gather(settings, "drive.gear_friction_nm")
+        self._entries("dof_frictionloss", hubs).set(dry)
+        self._entries("dof_damping", hubs).set(gather(motors, "wheel_viscous"))
+        self._entries("dof_damping", rollers).set(gather(settings, "drive.roller_damping_nm_s"))
         chassis = self._world.robots[0].chassis
         self.centre = self._world.model.body_ipos[chassis][:, None] + np.append(drawn.centre, 0 * drawn.mass, 1).T
         if drawn.wear.any():

@@ -11,7 +11,7 @@ from omni_mj.link.schedule import Schedule
 from omni_mj.plants import Telemetry
 from omni_mj.scenarios.faults import Alpha, Kidnap
 from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.settings import PERIOD_S, column
+from omni_mj.scenarios.settings import PERIOD_S, gather
 
 
 class KinematicPlant:
@@ -26,10 +26,10 @@ class KinematicPlant:
 
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
         seeds = [row.noise_seed for row in rows]
-        self._low, self._high = (column(rows, f"settings.kinematic.alpha_{end}") for end in ("low", "high"))
-        self._quantile = _AlphaQuantiles(column(rows, "settings.kinematic.alpha_time_s"), seeds)
+        self._low, self._high = (gather(rows, f"settings.kinematic.alpha_{end}")[:, None] for end in ("low", "high"))
+        self._quantile = _AlphaQuantiles(gather(rows, "settings.kinematic.alpha_time_s")[:, None], seeds)
         self._noise = Noise(seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2)))
-        self._amplitude = column(rows, "settings.disturbance.velocity_m_s")
+        self._amplitude = gather(rows, "settings.disturbance.velocity_m_s")[:, None]
         self._pose = np.array(start, float)
         self._twist, self._disturbance = np.zeros((2, *self._pose.shape))
         self._schedule, self._frame = Schedule([row.faults for row in rows], Alpha, Kidnap), 0

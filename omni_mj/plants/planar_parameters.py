@@ -44,7 +44,7 @@ from omni_mj.robot.motors import Motor
 from omni_mj.robot.planar_body import BodyParameters
 from omni_mj.robot.wheel_loops import CYCLE_S
 from omni_mj.scenarios.robot_settings import WheelSettings
-from omni_mj.scenarios.settings import Settings, column
+from omni_mj.scenarios.settings import Settings, gather
 from omni_mj.worlds.build import World
 from omni_mj.worlds.contact import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STIFFER, STIFFNESS_N_M, damping
 
@@ -92,7 +92,7 @@ class PlanarBodies:
         self._contact = kinematics.arm * self._axle[0], kinematics.arm * self._axle[1]
         self._next_wheel = np.argsort(azimuths[:, 0])
         motors = [Motor.of(s.motor) for s in settings]
-        turning = column(motors, "inertia")[:, 0] * column(motors, "gear")[:, 0] ** 2
+        turning = gather(motors, "inertia") * gather(motors, "gear") ** 2
         self._hub = float(model.body_inertia[robot.wheels[0]].max()) + turning
         _, _, rim = composite(model, [int(robot.rims[0]), *robot.rollers[0].tolist()])
         axle = np.array([self._axle[0][0, 0], self._axle[1][0, 0], 0.0])
@@ -101,7 +101,7 @@ class PlanarBodies:
         self._gravity = -float(model.opt.gravity[2])
 
         names = "mass_kg", "centre_height_m", "centre_x_m", "yaw_inertia_kg_m2"
-        mass, height, ahead, inertia = (column(settings, f"body.{name}")[:, 0] for name in names)
+        mass, height, ahead, inertia = (gather(settings, f"body.{name}") for name in names)
         wheels_mass, wheels_centre, wheels_inertia = composite(
             model, [i for i in range(1, model.nbody) if i != robot.chassis]
         )
@@ -129,7 +129,7 @@ class PlanarBodies:
         weight = whole.mass * self._gravity
         shares = _load_shares(contact_x, contact_y)
         load = shares[0] * weight * np.sqrt(np.maximum(1 - (slope**2).sum(1), 0.0))
-        wheels, friction = settings[0].wheels, column(settings, "drive.roller_damping_nm_s")[:, 0]
+        wheels, friction = settings[0].wheels, gather(settings, "drive.roller_damping_nm_s")
         log_load = np.log(np.maximum(load, _LOADS_N[0]))
         lever, count, inverse_square, inverse_square_down, *turning = (
             np.interp(log_load, np.log(_LOADS_N), values) for values in _standing_wheels(wheels).T
@@ -151,7 +151,7 @@ class PlanarBodies:
         )
         pushed = self._chassis.centre - whole.centre
         downhill = weight[:, None] * slope
-        dry = column(motors, "wheel_dry") + column(settings, "drive.gear_friction_nm")
+        dry = gather(motors, "wheel_dry") + gather(settings, "drive.gear_friction_nm")
         return BodyParameters(
             contact_x=contact_x,
             contact_y=contact_y,
@@ -161,8 +161,8 @@ class PlanarBodies:
             inertia=(body + rolling) / CYCLE_S,
             rolling_inertia=rolling[:, :2],
             hub_gain=CYCLE_S / self._hub,
-            hub_viscous=column(motors, "wheel_viscous")[:, 0],
-            hub_dry=dry[:, 0] * np.ones_like(load),
+            hub_viscous=gather(motors, "wheel_viscous"),
+            hub_dry=dry * np.ones_like(load),
             contact_softness=1 / (CONTACT_DAMPING_N_S_M * count * lever**2),
             lever=lever,
             bearing=friction * count * inverse_square,

@@ -17,7 +17,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.link.noise import Noise, Stream
 from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.settings import column
+from omni_mj.scenarios.settings import gather
 
 CUT = 3.0  # deviations
 
@@ -43,19 +43,19 @@ class Drawn:
     @classmethod
     def of(cls, rows: Sequence[Row]) -> "Drawn":
         """What the seeds of these rows, which have as many wheels each, draw for them."""
-        varied = [row.settings.variation for row in rows]
+        fields = "friction", "wear_m", "motor_constant", "mass", "centre_m"
+        varied = {name: gather(rows, f"settings.variation.{name}")[:, None] for name in fields}
         wheels = len(rows[0].settings.wheels.azimuths_deg)
         seeds = [row.noise_seed for row in rows]
         uniform = Noise(seeds, Stream.VARIATION, lambda rng, count: rng.random((count, 3 + 3 * wheels))).next()
-        spread = [column(varied, name) for name in ("friction", "motor_constant", "mass", "centre_m")]
-        normal = _normal(uniform) if np.any(spread) else np.zeros_like(uniform)
+        normal = _normal(uniform) if np.any(list(varied.values())) else np.zeros_like(uniform)
         body, friction, motors, wear = np.split(np.arange(3 + 3 * wheels), 3 + wheels * np.arange(3))
         return cls(
-            friction=1 + column(varied, "friction") * normal[:, friction],
-            wear=column(varied, "wear_m") * uniform[:, wear],
-            strength=1 + column(varied, "motor_constant") * normal[:, motors],
-            mass=1 + column(varied, "mass") * normal[:, body[:1]],
-            centre=column(varied, "centre_m") * normal[:, body[1:]],
+            friction=1 + varied["friction"] * normal[:, friction],
+            wear=varied["wear_m"] * uniform[:, wear],
+            strength=1 + varied["motor_constant"] * normal[:, motors],
+            mass=1 + varied["mass"] * normal[:, body[:1]],
+            centre=varied["centre_m"] * normal[:, body[1:]],
         )
 
     def columns(self) -> dict[str, Array]:
@@ -95,12 +95,12 @@ class Chance:
 
     def __init__(self, rows: Sequence[Row]) -> None:
         seeds = [row.noise_seed for row in rows]
-        self.force = column(rows, "settings.disturbance.force_n")
+        self.force = gather(rows, "settings.disturbance.force_n")[:, None]
         self._pushed = bool(self.force.any())
         self._pushes = Noise(seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2)))
         bias = Noise(seeds, Stream.GYRO_BIAS, lambda rng, count: rng.standard_normal((count, 1))).next()
-        self.gyro_bias: Array = column(rows, "settings.sensors.gyro_bias_rad_s") * bias
-        self._gyro_sigma = column(rows, "settings.sensors.gyro_noise_rad_s")
+        self.gyro_bias: Array = gather(rows, "settings.sensors.gyro_bias_rad_s")[:, None] * bias
+        self._gyro_sigma = gather(rows, "settings.sensors.gyro_noise_rad_s")[:, None]
         self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1)))
 
     def push(self) -> Array:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_mj.robot.array_namespace import Array, clip, namespace, total
-from omni_mj.scenarios.settings import PERIOD_S, Settings, column
+from omni_mj.scenarios.settings import PERIOD_S, Settings, gather
 
 # Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
 CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
@@ -44,7 +44,7 @@ class BatteryState(NamedTuple):
 def battery_parameters(settings: Sequence[Settings]) -> tuple[BatteryParameters, BatteryState]:
     """Return parameters and the state at the start of n robots' batteries."""
     cells, capacity, resistance, cut_off, charge = (
-        column([s.battery for s in settings], name)[:, 0]
+        gather(settings, f"battery.{name}")
         for name in ("cells", "capacity_ah", "resistance_ohm", "cut_off_v", "charge")
     )
     p = BatteryParameters(cells, capacity * 3600, resistance, cut_off)

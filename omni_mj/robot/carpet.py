@@ -34,7 +34,7 @@ import numpy as np
 
 from omni_control.kinematics import Kinematics
 from omni_mj.robot.array_namespace import Array, namespace, root, rotate, total
-from omni_mj.scenarios.settings import Settings, column
+from omni_mj.scenarios.settings import Settings, gather
 
 DRAG_CYCLES = 4  # of the wheel loops, between two computations of drag
 AT_REST_M_S = 0.01  # below it, dry drag fades
@@ -95,20 +95,20 @@ def carpet_parameters(
         grip: Friction of each wheel over the carpet's, (W, n).
         wear: What each wheel has lost of its radius, (W, n) m.
     """
-    carpet, drive = [s.carpet for s in settings], [s.drive for s in settings]
-    pile, nap, direction, friction = (column(carpet, name)[:, 0] for name in ("pile", "nap", "nap_deg", "friction"))
+    names = "pile", "nap", "nap_deg", "friction"
+    pile, nap, direction, friction = (gather(settings, f"carpet.{name}") for name in names)
     radius, azimuths = kinematics.radius - wear, kinematics.azimuths[:, None] * np.ones(len(settings))
     return CarpetParameters(
         friction=friction,
-        patches=covered([s.patches for s in carpet]),
+        patches=covered([s.carpet.patches for s in settings]),
         pile=pile,
         nap=nap if nap.any() else None,
         fibre_x=np.cos(np.radians(direction)),
         fibre_y=np.sin(np.radians(direction)),
         grip=grip,
         gap=None,
-        bearing=column(drive, "roller_friction")[:, 0],
-        creep=1 / (radius**2 * column(drive, "creep_stiffness")[:, 0]),
+        bearing=gather(settings, "drive.roller_friction"),
+        creep=1 / (radius**2 * gather(settings, "drive.creep_stiffness")),
         radius=radius,
         arm=np.full(len(settings), kinematics.arm),
         axle_x=np.cos(azimuths),

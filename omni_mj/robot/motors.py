@@ -17,7 +17,7 @@ import numpy as np
 
 from omni_mj.robot.array_namespace import Array, any_true, clip, namespace
 from omni_mj.scenarios.motor_settings import MotorSettings
-from omni_mj.scenarios.settings import PERIOD_S, Settings, column
+from omni_mj.scenarios.settings import PERIOD_S, Settings, gather
 
 REFERENCE_C = 25.0  # at which the data sheet states resistance and torque constant
 
@@ -108,7 +108,7 @@ def motor_parameters(settings: Sequence[Settings], strength: Array) -> MotorPara
     sheets, motors = [s.motor for s in settings], [Motor.of(s.motor) for s in settings]
 
     def values(name: str, of: Sequence[object] = motors) -> Array:
-        return column(of, name)[:, 0]
+        return gather(of, name)
 
     solutions = {sheet: conduction(sheet, PERIOD_S) for sheet in set(sheets)}
     return MotorParameters(
@@ -116,7 +116,7 @@ def motor_parameters(settings: Sequence[Settings], strength: Array) -> MotorPara
         cold_resistance=values("resistance"),
         cold_constant=values("constant") * strength,
         commutation=values("commutation") * values("gear"),
-        current_limit=values("current_limit_a", [s.firmware for s in settings]),
+        current_limit=values("firmware.current_limit_a", settings),
         dry=values("wheel_dry"),
         viscous=values("wheel_viscous"),
         copper=values("copper_per_k", sheets),

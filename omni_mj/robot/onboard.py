@@ -38,7 +38,7 @@ from omni_mj.robot.wheel_loops import (
     restart_processors,
     run_wheel_loops,
 )
-from omni_mj.scenarios.settings import Settings, column
+from omni_mj.scenarios.settings import Settings, gather
 
 
 class OnboardParameters(NamedTuple):
@@ -107,8 +107,7 @@ def onboard(
     """
     loops, motors = loop_parameters(settings, kinematics), motor_parameters(settings, strength)
     battery, battery_state = battery_parameters(settings)
-    sheets = [s.motor for s in settings]
-    winding, housing = (column(sheets, name)[:, 0] * np.ones_like(strength) for name in ("winding_c", "housing_c"))
+    winding, housing = (gather(settings, f"motor.{name}_c") * np.ones_like(strength) for name in ("winding", "housing"))
     frames, restarts, misleads = options
     state = OnboardState(
         cycle=np.array(0),

@@ -17,7 +17,7 @@ import numpy as np
 from omni_control.kinematics import Kinematics
 from omni_mj.robot.array_namespace import Array, any_true, clip, floor, namespace, rotate, select, small_rotation
 from omni_mj.robot.motors import Motor
-from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings, column
+from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings, gather
 
 CYCLE_S = 1 / CYCLE_RATE_HZ
 CYCLES = round(PERIOD_S * CYCLE_RATE_HZ)  # in a camera frame
@@ -88,18 +88,17 @@ class LoopState(NamedTuple):
 
 def loop_parameters(settings: Sequence[Settings], kinematics: Kinematics) -> LoopParameters:
     """Return the parameters of n robots with one geometry of wheels."""
-    firmware, motors = [s.firmware for s in settings], [Motor.of(s.motor) for s in settings]
+    motors = [Motor.of(s.motor) for s in settings]
 
     def values(name: str) -> Array:
-        return column(firmware, name)[:, 0]
+        return gather(settings, f"firmware.{name}")
 
     cycles = np.maximum(1.0, np.rint(1 / (values("rate_hz") * CYCLE_S)))
     timeout = values("timeout_s")
-    back_emf, gear = column(motors, "speed_constant")[:, 0], column(motors, "gear")[:, 0]
+    back_emf, gear = gather(motors, "speed_constant"), gather(motors, "gear")
     integrates = bool(values("ki").any() or values("kd").any())
     derates = values("derate").astype(bool)
-    sheet = [s.motor for s in settings]
-    limit = np.where(derates, column(sheet, "limit_c")[:, 0], np.inf)
+    limit = np.where(derates, gather(settings, "motor.limit_c"), np.inf)
     per_wheel = (kinematics.matrix.T / kinematics.radius)[..., None] * np.ones(len(settings))
     return LoopParameters(
         cycles_per_run=cycles if (cycles > 1).any() else None,
@@ -108,16 +107,16 @@ def loop_parameters(settings: Sequence[Settings], kinematics: Kinematics) -> Loo
         heading_gain=values("heading_gain") * PERIOD_S,
         bias_gain=values("bias_gain") * PERIOD_S,
         turn_gain=values("turn_gain"),
-        counts_per_rad=column([s.sensors for s in settings], "encoder_counts")[:, 0] * gear / (2 * np.pi),
+        counts_per_rad=gather(settings, "sensors.encoder_counts") * gear / (2 * np.pi),
         kp=values("kp"),
         ki=values("ki") if integrates else None,
         kd=values("kd") if integrates else None,
         feed_forward=values("feed_forward") * back_emf,
         sheet_back_emf=back_emf,
-        sheet_resistance=column(motors, "resistance")[:, 0],
+        sheet_resistance=gather(motors, "resistance"),
         nominal_voltage=values("nominal_voltage_v"),
         limit_c=limit if derates.any() else None,
-        derated_current=DERATED_SHARE * column(sheet, "nominal_current_a")[:, 0],
+        derated_current=DERATED_SHARE * gather(settings, "motor.nominal_current_a"),
         forward=per_wheel[0],
         sideways=per_wheel[1],
         turn=per_wheel[2],

@@ -37,10 +37,10 @@ from omni_mj.scenarios.robot_settings import (
 FULL_CELL_V = 4.2  # of a LiPo cell
 
 
-def column(settings: Sequence[Any], name: str) -> Array:
-    """Return a field, such as `body.mass_kg` of all settings, of one object per robot as an array (n, 1)."""
+def gather(settings: Sequence[Any], name: str) -> Array:
+    """Return a field, such as `body.mass_kg` of all settings, of one object per robot as an array (n,)."""
     field = attrgetter(name)
-    return np.array([[float(field(each))] for each in settings])
+    return np.array([float(field(each)) for each in settings])
 
 
 class ReferenceSettings(Checked):
