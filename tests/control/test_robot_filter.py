@@ -81,7 +81,7 @@ def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
     found = identify(Told(T, 6, geometry=WHEELS, **KNOWN), Creeping(np.zeros((20, 3)), **truth), 480)  # type: ignore[arg-type]
     sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
     actual = np.array([1 / 0.98, 1 / 0.92, 1 / 0.95, 7.0, 0.075])
-    columns = [9, 10, 11, LATENCY, CREEP]
+    columns = [11, 12, 13, LATENCY, CREEP]
     off = (found.state[:, columns] - actual) / sigma[:, columns]
     assert (np.sqrt((off**2).mean(0)) < 2.5).all()
     assert (np.abs(found.state[:, columns] - actual).mean(0) < [0.03, 0.04, 0.03, 0.8, 0.02]).all()
@@ -92,7 +92,7 @@ def test_what_is_not_shown_is_forgotten() -> None:
     told, away = Told(T, 6, geometry=WHEELS, **KNOWN), []  # type: ignore[arg-type]
     for tail in (10, 730):
         found = identify(told, Creeping(np.zeros((1, 3)), alpha=(1.05, 1.0, 1.0)), 240 + tail, tail=tail)
-        away.append(abs(found.state[0, 9] - 1 / 0.92))
+        away.append(abs(found.state[0, 11] - 1 / 0.92))
     assert away[1] == pytest.approx(away[0] * math.exp(-1), rel=0.15)
 
 

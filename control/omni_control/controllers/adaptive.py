@@ -54,7 +54,7 @@ class InverseFlc(Controller):
         return self.track(frame, seen, state)
 
     def track(self, frame: int, seen: Seen, state: Array) -> Array:
-        """Return the commands (n, 3) for robots whose states will be (n, 16) when these act."""
+        """Return the commands (n, 3) for robots whose states will be (n, 18) when these act."""
         period, model = self.told.period, self.filter
         poses, twists = self.around(frame + model.latency, HORIZON_FRAMES)
         velocities, headings = self.expected(poses, twists, state)
@@ -88,7 +88,7 @@ class InverseFlc(Controller):
         Args:
             poses: of the reference, from the frame before the one in which the command acts, (frames, n, 3).
             twists: same.
-            state: of robots when it begins to act, (n, 16).
+            state: of robots when it begins to act, (n, 18).
 
         Returns:
             Velocities (frames - 1, n, 3), and headings of all frames but the first and last, (frames - 2, n).

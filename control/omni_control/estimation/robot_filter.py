@@ -10,6 +10,9 @@ Per axis i of the body (forward, to the left, turning), with u the command that 
     c   speed that dry friction costs, against the direction of motion n
     b   disturbance: whatever else acts like a command (a push, a slope, a biased gyro)
 
+What the velocity lacks of the command, u - v, turns the robot: by how wheels give way (`Compliance`), less the
+coupling k (u - v), which is what is left of that: a wheel is weak or slides, the centre of mass is off the middle.
+
 A command acts `latency` frames after it was sent. Creep, lag and friction are estimated forward; those of
 the other axes are in proportion, by the directions of the wheels.
 """
@@ -22,8 +25,9 @@ from omni_control.estimation.compliance import Compliance
 from omni_control.estimation.tracking import Step
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 
-POSE, VELOCITY, DISTURBANCE, GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
-LATENCY, CREEP, LAG, FRICTION, SIZE = 12, 13, 14, 15, 16
+POSE, VELOCITY, DISTURBANCE, COUPLING, GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11), slice(11, 14)
+LATENCY, CREEP, LAG, FRICTION, SIZE = 14, 15, 16, 17, 18
+TURNED = slice(8, 11)  # what turns robots besides commands: disturbance and couplings
 
 # Wheels of most robots of the league, for robots of which nobody knows them.
 LEAGUE_WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.08, 0.0285)
@@ -32,12 +36,13 @@ GYRO_SHARE = 0.5  # of a disturbance of the turn rate, left by a loop on the gyr
 UNKNOWN_ALPHA, YAW_ALPHA = (0.91, 0.91), 0.98  # priors where nobody knows better
 LAG_SHARE, FRICTION_SHARE = 0.75, 0.8  # forward, of the lag and friction known as means
 MIN_LAG_S = 5e-3  # vision of 60 Hz cannot tell shorter lags from each other
-GAIN_SIGMA, UNKNOWN_GAIN_SIGMA, YAW_GAIN_SIGMA = 0.07, 0.12, 0.05
+# Standard deviations of gains, and of creep, lag and friction, relative to those known.
+KNOWN_SIGMA, UNKNOWN_SIGMA = (0.07, 0.2, 0.35, 0.3), (0.12, 0.35, 0.5, 0.4)
+ZERO_SIGMA = 0.04, 0.01, 0.02  # of creep, lag and friction where none is given, s^2/m, s, m/s
+YAW_GAIN_SIGMA = 0.05
 GAINS_ALIKE = 0.5  # correlation of forward and sideways
-CREEP_SHARE, UNKNOWN_CREEP_SHARE, CREEP_SIGMA = 0.2, 0.35, 0.04  # relative; s^2/m where none is given
-LAG_RELATIVE, UNKNOWN_LAG_RELATIVE, LAG_SIGMA = 0.35, 0.5, 0.01  # relative; s where none is given
-FRICTION_RELATIVE, UNKNOWN_FRICTION_RELATIVE, FRICTION_SIGMA = 0.3, 0.4, 0.02  # relative; m/s
 LATENCY_SIGMA = 1.2  # frames
+COUPLING_SIGMA = 0.1  # rad/m
 DISTURBANCE_SIGMA = 0.02, 0.02, 0.05  # m/s and rad/s
 DISTURBANCE_TIME_S, PARAMETER_TIME_S = (0.5, 0.5, 1.0), 12.0  # after which they return to the prior
 MAX_LATENCY_BELOW, MAX_LATENCY_ABOVE = 9, 6  # frames from the known one
@@ -45,9 +50,10 @@ ACCELERATION_M_S2, ACCELERATION_SHARE, TURN_ACCELERATION_RAD_S2 = 0.35, 0.3, 1.5
 INNOVATION_FRAMES, MAX_INNOVATION, MAX_NOISE_SCALE = 10, 50.0, 30.0
 TRUSTED_INNOVATION = 1.5  # up to which parameters are learned at full rate
 EVIDENT_M_S = 0.1  # below it, dry friction may hold a robot, and its parameters do not show
+STEADY_M_S2 = 2.0  # above it, wheels may slide, and gains do not show
 MAX_BRAKING_M_S2 = 9.81
 # A robot is unresponsive if its motion is less than this share of the commanded one for a while.
-RESPONSE_FRAMES, MIN_RESPONSE, SILENT_FRAMES = 8, 0.3, 5
+RESPONSE_FRAMES, MIN_RESPONSE, SILENT_FRAMES = 8, 0.4, 5
 SLOW_M_S = 0.05  # below which dry friction is in proportion to the speed
 DIFFERENCE = 1e-5  # of states, for the Jacobian
 
@@ -62,8 +68,9 @@ class RobotFilter:
         learns: whether disturbance and parameters are estimated, or held at the nominal model.
 
     Attributes:
-        state: pose, velocity, disturbance, inverse gains, latency, creep, lag, friction, (n, 16).
-        covariance: of these, (n, 16, 16).
+        state: pose, velocity, disturbance, couplings, inverse gains, latency, creep, lag, friction,
+            (n, 18).
+        covariance: of these, (n, 18, 18).
         innovation: running mean of normalized innovations squared, (n,); 1 for one that keeps to the law.
         memory_frames: commands that must be stored.
     """
@@ -83,9 +90,8 @@ class RobotFilter:
         self._friction_ratios = np.array([1.0, ratio, GYRO_SHARE / self.arm * forward / mean_direction])
         self._compliance = Compliance(wheels, GYRO_SHARE if told.geometry else 0.0)
 
-        known, alpha = told.alpha is not None, told.alpha or UNKNOWN_ALPHA
         self.prior = np.zeros(SIZE)
-        self.prior[GAIN] = 1 / np.array([*alpha, YAW_ALPHA])
+        self.prior[GAIN] = 1 / np.array([*(told.alpha or UNKNOWN_ALPHA), YAW_ALPHA])
         self.prior[LATENCY:] = (
             told.delay_frames,
             told.creep_s2_m,
@@ -93,22 +99,18 @@ class RobotFilter:
             FRICTION_SHARE * told.drag_m_s,
         )
         sigma, alike = np.zeros(SIZE), np.eye(SIZE)
-        alike[9, 10] = alike[10, 9] = GAINS_ALIKE
+        alike[11, 12] = alike[12, 11] = GAINS_ALIKE
         if learns:
-            gain = GAIN_SIGMA if known else UNKNOWN_GAIN_SIGMA
-            relative = [CREEP_SHARE, LAG_RELATIVE, FRICTION_RELATIVE]
-            if not known:
-                relative = [UNKNOWN_CREEP_SHARE, UNKNOWN_LAG_RELATIVE, UNKNOWN_FRICTION_RELATIVE]
+            gain, *relative = KNOWN_SIGMA if told.alpha else UNKNOWN_SIGMA
             given = told.creep_s2_m, told.lag_s, told.drag_m_s
-            absolute = np.array([CREEP_SIGMA, LAG_SIGMA, FRICTION_SIGMA])
             sigma[DISTURBANCE] = DISTURBANCE_SIGMA
             sigma[GAIN] = gain, gain, YAW_GAIN_SIGMA
-            sigma[LATENCY] = LATENCY_SIGMA
-            sigma[CREEP:] = np.where(np.equal(given, 0), absolute, relative * self.prior[CREEP:])
+            sigma[COUPLING], sigma[LATENCY] = COUPLING_SIGMA, LATENCY_SIGMA
+            sigma[CREEP:] = np.where(np.equal(given, 0), ZERO_SIGMA, relative * self.prior[CREEP:])
         below, above = told.delay_frames - MAX_LATENCY_BELOW, told.delay_frames + MAX_LATENCY_ABOVE
-        self._low = np.minimum([*3 * [0.8], max(below, 0), 0, MIN_LAG_S, 0], self.prior[9:])
-        self._high = np.maximum([*3 * [1.9], above, 0.2, 0.1, 0.15], self.prior[9:])
-        times = np.array([*DISTURBANCE_TIME_S, *7 * [PARAMETER_TIME_S]])
+        self._low = np.minimum([-1, -1, *3 * [0.8], max(below, 0), 0, MIN_LAG_S, 0], self.prior[9:])
+        self._high = np.maximum([1, 1, *3 * [1.9], above, 0.2, 0.1, 0.15], self.prior[9:])
+        times = np.array([*DISTURBANCE_TIME_S, *9 * [PARAMETER_TIME_S]])
         self._keep = np.append(np.ones(6), np.exp(-self.period / times))
         self._prior_covariance = alike * np.outer(sigma, sigma)
         renewed = np.sqrt(1 - self._keep**2)
@@ -136,7 +138,7 @@ class RobotFilter:
         return self._lag_ratios * state[..., LAG, None] / gain + creep * travel
 
     def step(self, state: Array, command: Array, duration: Array | float) -> Array:
-        """Return the states (..., n, 16) after commands (..., n, 3) that act for durations (..., n), s."""
+        """Return the states (..., n, 18) after commands (..., n, 3) that act for durations (..., n), s."""
         duration = np.asarray(duration, float)[..., None]
         heading = state[..., 2] + state[..., 5] * duration[..., 0] / 2
         gain = state[..., GAIN]
@@ -144,9 +146,7 @@ class RobotFilter:
         target = world_to_body(command + state[..., DISTURBANCE], heading)
         late = self.lateness(state, self._travel(velocity))
         acceleration = (target / gain - velocity) / late
-        target[..., 2] += self._compliance.turned(
-            velocity, acceleration, target - velocity, state[..., LAG], state[..., CREEP]
-        )
+        target[..., 2] += self._turned(state, velocity, acceleration, target - velocity)
         decay = np.exp(-duration / late)
         free = velocity + (1 - decay) * (target / gain - velocity)
         final = (target - self._friction(state, free)) / gain
@@ -169,7 +169,7 @@ class RobotFilter:
         decay = np.exp(-self.period / self.lateness(state, self._travel(before)))
         command = (after - decay * before) / (1 - decay) * gain + self._friction(state, (before + after) / 2)
         shortfall, acceleration = command - before, (after - before) / self.period
-        command[..., 2] -= self._compliance.turned(before, acceleration, shortfall, state[:, LAG], state[:, CREEP])
+        command[..., 2] -= self._turned(state, before, acceleration, shortfall)
         return body_to_world(command, heading)
 
     def observe(self, seen: Seen) -> None:
@@ -186,7 +186,7 @@ class RobotFilter:
         self._update(seen.measured, seen.sent, last)
 
     def predict(self, seen: Seen) -> Array:
-        """Return the states (n, 16) when the command of this frame begins to act."""
+        """Return the states (n, 18) when the command of this frame begins to act."""
         latency = self.latency + (seen.steps[-1].behind if seen.steps else 0.0)
         count = int(np.ceil(latency.max()))
         state = self.state
@@ -200,6 +200,11 @@ class RobotFilter:
         """Return how fast wheels travel for each axis (..., n, 3): driving, driving, and turning too, m/s."""
         speed = np.hypot(velocity[..., 0], velocity[..., 1])
         return np.stack([speed, speed, np.hypot(speed, self.arm * velocity[..., 2])], axis=-1)
+
+    def _turned(self, state: Array, velocity: Array, acceleration: Array, shortfall: Array) -> Array:
+        """Return the turn rates (..., n) by which driving turns robots; see `Compliance.turned`."""
+        turned = self._compliance.turned(velocity, acceleration, shortfall, state[..., LAG], state[..., CREEP])
+        return turned - (state[..., COUPLING] * shortfall[..., :2]).sum(-1)
 
     def _friction(self, state: Array, velocity: Array) -> Array:
         """Return the speeds (..., n, 3) that dry friction costs robots that go at these velocities."""
@@ -218,20 +223,26 @@ class RobotFilter:
         transition = np.moveaxis((above - below) / (2 * DIFFERENCE), 0, -1)
 
         speed = np.hypot(state[:, 3], state[:, 4])
-        evidence = np.minimum(speed / EVIDENT_M_S, 1) ** 2 * np.minimum(TRUSTED_INNOVATION / self.innovation, 1) ** 2
-        responsive = self._silent < SILENT_FRAMES
-        transition[:, :6, [9, 10, *range(LATENCY, SIZE)]] *= (evidence * responsive)[:, None, None]
-        transition[:, :6, [6, 7, 8, 11]] *= responsive[:, None, None]
+        # Poses and velocities show parameters by the speed of their own axis.
+        speeds = np.stack(2 * [speed, speed, self.arm * np.abs(state[:, 5])], 1)
+        shown = np.minimum(speeds / EVIDENT_M_S, 1) ** 2
+        change = np.hypot(*(after[:, 3:5] - state[:, 3:5]).T)
+        trust = np.minimum(TRUSTED_INNOVATION / self.innovation, 1)[:, None, None]
+        transition[:, :6, 11:] *= trust
+        transition[:, :6, [11, 12, *range(LATENCY, SIZE)]] *= shown[..., None] * trust
+        transition[:, :6, 11:13] /= 1 + (change[:, None, None] / (STEADY_M_S2 * period)) ** 2
         transition *= self._keep[:, None]
         predicted = self._keep * after + (1 - self._keep) * self.prior
         covariance = transition @ self.covariance @ transition.swapaxes(1, 2)
-        change = np.hypot(*(after[:, 3:5] - state[:, 3:5]).T)
+        responsive = (self._silent < SILENT_FRAMES)[:, None, None]
+        covariance[:, :6, 6:] *= responsive
+        covariance[:, 6:, :6] *= responsive
         scale = np.clip(self.innovation, 1, MAX_NOISE_SCALE)
-        noise = np.zeros((len(state), 6))
-        noise[:, 3] = scale * ((ACCELERATION_M_S2 * period) ** 2 + (ACCELERATION_SHARE * change) ** 2)
-        noise[:, 4], noise[:, 5] = noise[:, 3], scale * (TURN_ACCELERATION_RAD_S2 * period) ** 2
+        unknown = (ACCELERATION_M_S2 * period) ** 2 + (ACCELERATION_SHARE * change) ** 2
+        covariance[:, [3, 4], [3, 4]] += (scale * unknown)[:, None]
+        covariance[:, 5, 5] += scale * (TURN_ACCELERATION_RAD_S2 * period) ** 2
         covariance += self._renewed
-        covariance[:, range(6), range(6)] += noise
+        covariance[:, TURNED, TURNED] += (np.sqrt(scale[:, None, None]) - 1) * self._renewed[TURNED, TURNED]
         self.state = np.where(step.held[:, None], state, predicted)
         self.covariance = np.where(step.held[:, None, None], self.covariance, covariance)
         if measured is not None:
