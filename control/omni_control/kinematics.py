@@ -15,13 +15,11 @@ A pose is [x, y, heading] in m, m, rad; a twist is [vx, vy, w] in m/s, m/s, rad/
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-Number = Any  # a float, or an array of floats: for laws that hold for both
 
 _PAST_HALF_A_TURN = np.nextafter(-np.pi, 0)
 

@@ -36,17 +36,12 @@ class Schedule:
     Args:
         faults: Of each row.
         kinds: The kinds that matter.
-
-    Attributes:
-        kinds: Those of them that happen to any row.
     """
 
     def __init__(self, faults: Sequence[Sequence[Fault]], *kinds: type[Fault]) -> None:
         self._spans = [
             (row, fault, *span(fault)) for row, own in enumerate(faults) for fault in own if isinstance(fault, kinds)
         ]
-        present = {type(fault) for _, fault, *_ in self._spans}
-        self.kinds = tuple(kind for kind in kinds if kind in present)
         self._changes = sorted({frame for *_, start, end in self._spans for frame in (start, end)}, reverse=True)
         self._last = -1
 

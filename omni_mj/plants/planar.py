@@ -196,5 +196,5 @@ def _check(rows: Sequence[Row]) -> None:
             )
         if settings.model.file:
             raise OmniError("the plant planar knows no models of a user's own (model.file); take the plant mujoco")
-        if settings.wheels.kinematics != rows[0].settings.wheels.kinematics:
-            raise OmniError(f"rows 0 and {number} differ in wheels: one batch has one geometry")
+        if settings.wheels != rows[0].settings.wheels:
+            raise OmniError(f"rows 0 and {number} differ in wheels, which must be alike in a batch of the plant planar")

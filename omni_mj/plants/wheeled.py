@@ -40,13 +40,12 @@ class WheeledPlant:
         none = np.zeros((1, *drawn.strength.T.shape))
         self._record = CycleRecord(none, none, none, none, none[:, 0], none[:, 0])  # of the frame just past
         frames = max(*(longest(row.settings.radio, row.settings.fault) for row in rows), self.remembered_frames) + 1
-        is_faulty = any(row.faults for row in rows)
         self._onboard: tuple[OnboardParameters, OnboardState] = onboard(
             [row.settings for row in rows],
             kinematics,
             heading,
             by_wheel(drawn.strength),
-            (frames, is_faulty, is_faulty),
+            (frames, any(row.faults for row in rows)),
         )
 
     def _start_faults(self, bodies: Faulty) -> None:

@@ -94,7 +94,7 @@ def onboard(
     kinematics: Kinematics,
     heading: Array,
     strength: Array,
-    options: tuple[int, bool, bool],
+    options: tuple[int, bool],
 ) -> tuple[OnboardParameters, OnboardState]:
     """Return parameters and the state at the start of n robots.
 
@@ -103,16 +103,16 @@ def onboard(
         kinematics: Of their wheels.
         heading: At the start, (n,) rad.
         strength: Of each motor's magnets over the data sheet's, a factor, (W, n).
-        options: Frames for which headings are remembered, whether processors may fail, and whether encoders may.
+        options: Frames for which headings are remembered, and whether processors and encoders may fail.
     """
     loops, motors = loop_parameters(settings, kinematics), motor_parameters(settings, strength)
     battery, battery_state = battery_parameters(settings)
     winding, housing = (gather(settings, f"motor.{name}_c") * np.ones_like(strength) for name in ("winding", "housing"))
-    frames, restarts, misleads = options
+    frames, fails = options
     state = OnboardState(
         cycle=np.array(0),
         frame=np.array(0),
-        loops=loops_at_rest(loops, heading, frames, restarts, misleads),
+        loops=loops_at_rest(loops, heading, frames, fails),
         motors=motors_at(motors, winding, housing),
         battery=battery_state,
         source=source_of(battery, battery_state, np.ones(len(settings))),

@@ -123,15 +123,14 @@ def loop_parameters(settings: Sequence[Settings], kinematics: Kinematics) -> Loo
     )
 
 
-def loops_at_rest(p: LoopParameters, heading: Array, frames: int, restarts: bool, misleads: bool) -> LoopState:
+def loops_at_rest(p: LoopParameters, heading: Array, frames: int, fails: bool) -> LoopState:
     """Return the state of robots that are switched on, with wheels at the angle zero.
 
     Args:
         p: Parameters.
         heading: At the start, (n,) rad.
         frames: For which estimates of the heading are remembered.
-        restarts: Whether processors may fail in this run.
-        misleads: Whether encoders may.
+        fails: Whether processors and encoders may fail in this run.
     """
     zero, still = np.zeros_like(p.forward), np.zeros_like(heading)
     no = np.zeros(len(heading), bool)
@@ -150,11 +149,11 @@ def loops_at_rest(p: LoopParameters, heading: Array, frames: int, restarts: bool
         integral=None if p.ki is None else zero,
         last_error=None if p.ki is None else zero,
         duty=zero,
-        encoder_scale=np.ones_like(zero) if misleads else None,
-        encoder_shift=zero if misleads else None,
-        is_off=no if restarts else None,
-        is_lost=no if restarts else None,
-        ignores=no if restarts else None,
+        encoder_scale=np.ones_like(zero) if fails else None,
+        encoder_shift=zero if fails else None,
+        is_off=no if fails else None,
+        is_lost=no if fails else None,
+        ignores=no if fails else None,
     )
 
 

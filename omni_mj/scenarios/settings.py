@@ -142,21 +142,21 @@ class ControlSettings(Checked):
     lag_s: float = setting(
         None,
         "s",
-        "MuJoCo plant: what it believes the wheel loops' lag to be; by default that of its gains; 0: not known",
+        "Plants with wheels: what it believes the wheel loops' lag to be; by default that of its gains; 0: not known",
         0,
         1,
     )
     drag_m_s: float = setting(
         None,
         "m/s",
-        "MuJoCo plant: what it believes dry friction costs of the speed; by default by its gains; 0: not known",
+        "Plants with wheels: what it believes dry friction costs of the speed; by default by its gains; 0: not known",
         0,
         1,
     )
     creep_s2_m: float = setting(
         None,
         "s^2/m",
-        "MuJoCo plant: what it believes wheels to creep, forward (TIGERs: 0.038 to 0.06); 0: not known",
+        "Plants with wheels: what it believes wheels to creep, forward (TIGERs: 0.038 to 0.06); 0: not known",
         0,
         1,
     )
@@ -164,7 +164,7 @@ class ControlSettings(Checked):
     alpha_forward: float = setting(
         None,
         "",
-        "MuJoCo plant: what it believes robots to reach of a command ahead; by default by that law; 0: not known",
+        "Plants with wheels: what it believes robots to reach of a command ahead; by default by that law; 0: not known",
         0,
         2,
     )

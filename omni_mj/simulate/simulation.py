@@ -26,7 +26,7 @@ from omni_mj.simulate.log import Log
 from omni_mj.simulate.teams import Follow, assemble
 from omni_mj.worlds.shape import Shape
 
-_OF_MODEL = {"body", "wheels", "motor", "model", "physics"}  # sections that a key of `mujoco` looks into
+_OF_PLANT = {"mujoco": {"body", "wheels", "motor", "model", "physics"}, "planar": {"wheels"}}  # sections that keys see
 
 
 class See(Protocol):
@@ -269,11 +269,14 @@ def _check_delays(table: Sequence[Row], ways: Sequence[SampledReference]) -> Non
 
 
 def alike(plant: str, settings: Settings) -> Hashable:
-    """Return a key; rows of a plant with equal keys can share a simulation: on `mujoco`, those of one model."""
+    """Return a key; rows of a plant with equal keys can share a simulation: those of one model, or of one wheel."""
     n_places = len(settings.world.places)
-    return (Shape.of(settings), settings.physics, n_places) if plant == "mujoco" else n_places
+    if plant == "mujoco":
+        return Shape.of(settings), settings.physics, n_places
+    return (settings.wheels, n_places) if plant == "planar" else n_places
 
 
 def all_alike(scenario: Scenario) -> bool:
     """Return whether all seeds of a scenario can share a simulation, whatever they draw."""
-    return scenario.plant != "mujoco" or not any(name.split(".")[0] in _OF_MODEL for name in scenario.distributions)
+    shared = set(_OF_PLANT.get(scenario.plant, ()))
+    return shared.isdisjoint(name.split(".")[0] for name in scenario.distributions)

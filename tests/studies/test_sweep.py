@@ -68,6 +68,17 @@ def test_each_run_is_what_it_is_alone(whole: bench.Sweep) -> None:
             assert own[name] == alone[name], name
 
 
+def test_robots_on_other_wheels_are_not_simulated_together(tmp_path: Path) -> None:
+    """On planar all rows of a simulation have the first one's wheels."""
+    alone = [om.run(om.scenario("rect", plant="planar", reference=SHORT, wheels={"rollers": n}), "p") for n in (12, 16)]
+    found = bench.sweep(
+        om.scenario("rect", plant="planar", reference=SHORT), {"wheels.rollers": [12, 16]}, ["p"], 1, out=tmp_path / "x"
+    )
+    assert found.rows()["distance_max_m"].to_pylist() == [
+        result.rows()["distance_max_m"][0].as_py() for result in alone
+    ]
+
+
 @pytest.mark.parametrize("at_once", [1, 5])
 def test_results_do_not_depend_on_how_many_run_at_once(whole: bench.Sweep, tmp_path: Path, at_once: int) -> None:
     again = swept(tmp_path / "sweep", at_once=at_once)

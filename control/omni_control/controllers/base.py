@@ -143,8 +143,7 @@ class Seen:
         if not isinstance(self.delay_frames, np.ndarray):
             return self.sent.last(self.delay_frames)
         longest = int(self.delay_frames.max())
-        age = np.arange(longest, 0, -1)[:, None, None]
-        return np.where(age <= self.delay_frames[:, None], self.sent.last(longest), 0.0)
+        return self.sent.ahead(self.delay_frames[:, None], longest) * self.sent.last(longest)
 
     @property
     def arriving(self) -> Array:

@@ -190,7 +190,7 @@ class RobotFilter:
         latency = self.latency + (seen.steps[-1].behind if seen.steps else 0.0)
         count = int(np.ceil(latency.max()))
         state = self.state
-        shares = np.clip(latency - np.arange(count - 1, -1, -1)[:, None], 0, 1)
+        shares = seen.sent.ahead(latency[:, None], count)[..., 0]
         for command, share in zip(seen.sent.last(count), shares, strict=True):
             after = self.step(state, command, share * self.period)
             state = np.where(share[:, None] > 0, after, state)
