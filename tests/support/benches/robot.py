@@ -37,7 +37,7 @@ def carried(settings: list[Settings], heading: float = 0.0, restarts: bool = Fal
     """What robots carry, switched on at a heading."""
     n, wheels = len(settings), settings[0].wheels.kinematics
     strength = np.ones((len(wheels.azimuths), n))
-    return onboard.onboard(settings, wheels, np.full(n, heading), strength, (30, restarts, False))
+    return onboard.onboard(settings, wheels, np.full(n, heading), strength, (30, restarts))
 
 
 def command(x: float = 0.0, y: float = 0.0, turn: float = 0.0, n: int = 1, **more: Any) -> wheel_loops.Command:
