@@ -85,6 +85,14 @@ class Kinematics:
         matrix.flags.writeable = False
         return matrix
 
+    @cached_property
+    def axles(self) -> Array:
+        """Matrix (wheels, 3): speeds of wheels along their axles, outwards (m/s), from a body twist."""
+        theta = self.azimuths
+        axles = np.stack([np.cos(theta), np.sin(theta), np.zeros_like(theta)], axis=-1)
+        axles.flags.writeable = False
+        return axles
+
     def wheel_speeds(self, twist: ArrayLike) -> Array:
         """Return the wheel speeds (..., wheels) in rad/s of rolling without slip at a body twist (..., 3)."""
         # A sum over broadcast products, not a matrix product: BLAS may round one row of a batch

@@ -158,11 +158,11 @@ class WheelLimits:
 
     def _drag(self, travel: Array) -> Array:
         """What the carpet does to the body, [ax, ay, moment per mass] (n, 3), against its travel at twists (n, 3)."""
-        along, across = travel @ self.kinematics.matrix.T, travel @ self._axles.T
+        along, across = travel @ self.kinematics.matrix.T, travel @ self.kinematics.axles.T
         load, speed = GRAVITY * self._loads[0], np.hypot(along, across)
         pile = np.divide(self.pile, speed, out=np.zeros_like(speed), where=speed > 0)
         against = pile * across + self.roller_friction * np.sign(across)
-        return -(load * pile * along) @ self.kinematics.matrix - (load * against) @ self._axles
+        return -(load * pile * along) @ self.kinematics.matrix - (load * against) @ self.kinematics.axles
 
     @cached_property
     def _faces(self) -> tuple[Array, Array]:
@@ -189,15 +189,9 @@ class WheelLimits:
     def _dragged(self) -> Array:
         """The most that drag takes of what each face allows (faces,), every wheel going the worst way."""
         pushed = self._faces[1]
-        along, across = np.abs(pushed @ self.kinematics.matrix.T), np.abs(pushed @ self._axles.T)
+        along, across = np.abs(pushed @ self.kinematics.matrix.T), np.abs(pushed @ self.kinematics.axles.T)
         taken = self.pile * np.hypot(along, across) + self.roller_friction * across
         return np.asarray(taken @ (GRAVITY * self._loads[0]))
-
-    @cached_property
-    def _axles(self) -> Array:
-        """What forces along the axles, outwards, do to the body: (wheels, 3) as the rims' in `Kinematics.matrix`."""
-        azimuths = self.kinematics.azimuths
-        return np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros_like(azimuths)], axis=1)
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
@@ -207,16 +201,21 @@ class WheelLimits:
 def loads(kinematics: Kinematics, centre_height: float) -> tuple[Array, Array]:
     """Shares of the weight (wheels,) that wheels bear at rest, and what accelerations add, (wheels, 3) per mass.
 
-    Equal springs under a rigid body: of all loads in balance those with the least squares.
-
     Args:
         kinematics: of the wheels; the centre of mass is over their middle.
         centre_height: of it, m.
     """
-    azimuths = kinematics.azimuths
-    levers = kinematics.arm * np.stack([np.cos(azimuths), np.sin(azimuths)])
-    spread = np.linalg.pinv(np.vstack([np.ones(len(azimuths)), levers]))
-    return spread[:, 0], np.pad(-centre_height * spread[:, 1:], ((0, 0), (0, 1)))
+    shares = load_shares(kinematics)
+    return shares[:, 0], np.pad(-centre_height * shares[:, 1:], ((0, 0), (0, 1)))
+
+
+def load_shares(kinematics: Kinematics) -> Array:
+    """What wheels bear (wheels, 3) of a force down, and per moments of forces times their places x and y, 1/m.
+
+    Equal springs under a rigid body: of all loads in balance those with the least squares.
+    """
+    places = np.insert(kinematics.arm * kinematics.axles[:, :2], 0, 1.0, axis=1)
+    return np.asarray(np.linalg.pinv(places.T))
 
 
 def around(dragged: Array, ends: Literal["edge", "wrap"]) -> Array:

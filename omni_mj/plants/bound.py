@@ -104,8 +104,7 @@ class Bound(Faulty):
         """
         motors, hubs = [Motor.of(s.motor) for s in settings], self._ids("wheel_dofs")
         rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
-        dry = gather(motors, "wheel_dry") + gather(settings, "drive.gear_friction_nm")
-        self._entries("dof_frictionloss", hubs).set(dry)
+        self._entries("dof_frictionloss", hubs).set(gather(settings, "hub_friction_nm"))
         self._entries("dof_damping", hubs).set(gather(motors, "wheel_viscous"))
         self._entries("dof_damping", rollers).set(gather(settings, "drive.roller_damping_nm_s"))
         chassis = self._world.robots[0].chassis

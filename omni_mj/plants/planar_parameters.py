@@ -37,6 +37,7 @@ from scipy.optimize import brentq
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_control.traction import GRAVITY
 from omni_mj.mjcf.geometry import composite
 from omni_mj.plants.variation import Drawn
 from omni_mj.robot.array_namespace import total
@@ -49,7 +50,6 @@ from omni_mj.worlds.build import World
 from omni_mj.worlds.contact import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STIFFER, STIFFNESS_N_M, damping
 
 TURNING = "cost", "cost_fades", "lift", "lift_fades", "ripple", "ripple_grows"  # what `_stand` returns last
-GRAVITY = 9.81  # by which the damping of contacts scales with the load
 SPEEDS = 50.0, 100.0  # of a wheel at which turning is computed, rad/s
 _LOADS_N = 2.0 ** np.arange(-2, 6, 0.25)  # between which is interpolated
 CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ  # of a roller's contact along the carpet
@@ -87,15 +87,14 @@ class PlanarBodies:
     def __init__(self, settings: Sequence[Settings], drawn: Drawn, world: World) -> None:
         n, model, robot, kinematics = len(settings), world.model, world.robots[0], world.kinematics
         self._settings, self._wear = settings, drawn.wear
-        azimuths = kinematics.azimuths[:, None] * np.ones(n)
-        self._axle = np.cos(azimuths), np.sin(azimuths)
+        self._axle = kinematics.axles.T[:2, :, None] * np.ones(n)
         self._contact = kinematics.arm * self._axle[0], kinematics.arm * self._axle[1]
-        self._next_wheel = np.argsort(azimuths[:, 0])
+        self._next_wheel = np.argsort(kinematics.azimuths)
         motors = [Motor.of(s.motor) for s in settings]
         turning = gather(motors, "inertia") * gather(motors, "gear") ** 2
         self._hub = float(model.body_inertia[robot.wheels[0]].max()) + turning
         _, _, rim = composite(model, [int(robot.rims[0]), *robot.rollers[0].tolist()])
-        axle = np.array([self._axle[0][0, 0], self._axle[1][0, 0], 0.0])
+        axle = kinematics.axles[0]
         self._rim = float(axle @ rim @ axle)
         self._roller = float(model.body_inertia[robot.rollers[0, 0]].min())
         self._gravity = -float(model.opt.gravity[2])
@@ -151,7 +150,6 @@ class PlanarBodies:
         )
         pushed = self._chassis.centre - whole.centre
         downhill = weight[:, None] * slope
-        dry = gather(motors, "wheel_dry") + gather(settings, "drive.gear_friction_nm")
         return BodyParameters(
             contact_x=contact_x,
             contact_y=contact_y,
@@ -162,7 +160,7 @@ class PlanarBodies:
             rolling_inertia=rolling[:, :2],
             hub_gain=CYCLE_S / self._hub,
             hub_viscous=gather(motors, "wheel_viscous"),
-            hub_dry=dry * np.ones_like(load),
+            hub_dry=gather(settings, "hub_friction_nm") * np.ones_like(load),
             contact_softness=1 / (CONTACT_DAMPING_N_S_M * count * lever**2),
             lever=lever,
             bearing=friction * count * inverse_square,

@@ -97,7 +97,7 @@ def carpet_parameters(
     """
     names = "pile", "nap", "nap_deg", "friction"
     pile, nap, direction, friction = (gather(settings, f"carpet.{name}") for name in names)
-    radius, azimuths = kinematics.radius - wear, kinematics.azimuths[:, None] * np.ones(len(settings))
+    radius, (axle_x, axle_y, _) = kinematics.radius - wear, kinematics.axles.T[..., None] * np.ones(len(settings))
     return CarpetParameters(
         friction=friction,
         patches=covered([s.carpet.patches for s in settings]),
@@ -111,8 +111,8 @@ def carpet_parameters(
         creep=1 / (radius**2 * gather(settings, "drive.creep_stiffness")),
         radius=radius,
         arm=np.full(len(settings), kinematics.arm),
-        axle_x=np.cos(azimuths),
-        axle_y=np.sin(azimuths),
+        axle_x=axle_x,
+        axle_y=axle_y,
     )
 
 

@@ -291,6 +291,11 @@ class Settings(Checked):
                 f"{battery.cells} when full ({FULL_CELL_V} V a cell): it would never give power"
             )
 
+    @property
+    def hub_friction_nm(self) -> float:
+        """Dry friction of a motor and its gear, at the wheel."""
+        return self.motor.dry_friction_nm * self.motor.gear + self.drive.gear_friction_nm
+
     def replace(self, **sections: Any) -> Self:
         """Return a copy with other values: `settings.replace(radio={"delay_frames": 9}, carpet=CarpetSettings())`.
 

@@ -40,11 +40,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_control.traction import GRAVITY, load_shares
 
 if TYPE_CHECKING:
     from omni_mj.scenarios.settings import Settings
 
-GRAVITY_M_S2 = 9.81
 # Where a loop integrates there is no single lag, and nothing that friction costs for good: a guess. It overshoots, so
 # that what it reaches is not known either.
 INTEGRATING = {"lag_s": 0.02, "drag_m_s": 0.04, "alpha_forward": 0.0, "alpha_sideways": 0.0}
@@ -98,10 +98,17 @@ def follows(settings: "Settings", believed_creep: float | None = None) -> dict[s
 
 def hold(settings: "Settings") -> Array:
     """Return the force per missing speed ahead and aside, (2,) N s/m: that of the loops' gain and of back-EMF."""
-    motor = settings.motor
-    torque = motor.gear * motor.constant_nm_a
-    rim = torque * (settings.firmware.kp + torque) / (motor.resistance_ohm * settings.wheels.radius_m**2)
-    return np.asarray(rim * (_cosines(settings) ** 2).sum(0))
+    return np.asarray((_cosines(settings) ** 2).sum(0) / rim_softness(settings))
+
+
+def rim_softness(settings: "Settings") -> float:
+    """Return by how much a rim is slower than told per force that it pulls with, m/s / N.
+
+    A loop of proportional gain k_p with a motor of speed constant k gives way by R r^2 / (k (k_p + k)).
+    """
+    motor, firmware = settings.motor, settings.firmware
+    constant = motor.gear * motor.constant_nm_a
+    return motor.resistance_ohm * settings.wheels.radius_m**2 / (constant * (firmware.kp + constant))
 
 
 def lag(settings: "Settings") -> Array:
@@ -115,11 +122,11 @@ def drag(settings: "Settings") -> Array:
     It is that of pile, of gears and motors, tau / r at a wheel's rim, and of rollers, which turn by the motion's part
     along their wheel's axle.
     """
-    motor, drive, cosines = settings.motor, settings.drive, _cosines(settings)
-    weight = settings.body.mass_kg * GRAVITY_M_S2
-    rubbing = motor.gear * motor.constant_nm_a * motor.no_load_current_a * motor.dry_share + drive.gear_friction_nm
-    rollers = drive.roller_friction * weight * np.sqrt(np.maximum(1 - cosines**2, 0.0)).mean(0)
-    force = settings.carpet.pile * weight + rollers + rubbing / settings.wheels.radius_m * cosines.sum(0)
+    cosines, weight = _cosines(settings), settings.body.mass_kg * GRAVITY
+    rollers = settings.drive.roller_friction * weight * np.sqrt(np.maximum(1 - cosines**2, 0.0)).mean(0)
+    force = (
+        settings.carpet.pile * weight + rollers + settings.hub_friction_nm / settings.wheels.radius_m * cosines.sum(0)
+    )
     return np.asarray(force / hold(settings))
 
 
@@ -128,7 +135,7 @@ def creep(settings: "Settings") -> Creep:
     wheels, body = settings.wheels.kinematics, settings.body
     load, directions, arms = loads(settings), wheels.matrix, np.array([1.0, 1.0, wheels.arm])
     inertia = np.array([body.mass_kg, body.mass_kg, body.yaw_inertia_kg_m2])
-    bearing = settings.drive.roller_friction * (load[:, None] * np.abs(_axles(wheels.azimuths))).sum(0)
+    bearing = settings.drive.roller_friction * (load[:, None] * np.abs(wheels.axles[:, :2])).sum(0)
     resistance = settings.carpet.pile * load.sum() * arms + np.append(bearing, 0.0)
     softness = np.linalg.inv(directions.T @ (load[:, None] * directions)) / settings.drive.creep_stiffness
     time = inertia * np.diag(softness)
@@ -138,16 +145,9 @@ def creep(settings: "Settings") -> Creep:
 
 def loads(settings: "Settings") -> Array:
     """Return the loads of the wheels at rest, (W,) N."""
-    wheels, body = settings.wheels.kinematics, settings.body
-    places = np.column_stack([np.ones(len(wheels.azimuths)), wheels.arm * _axles(wheels.azimuths)])
-    balance = body.mass_kg * GRAVITY_M_S2 * np.array([1.0, body.centre_x_m, 0.0])
-    share: Array = places @ np.linalg.solve(places.T @ places, balance)
-    return share
-
-
-def _axles(azimuths: Array) -> Array:
-    """Return the directions of the axles, outward, (W, 2)."""
-    return np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)
+    body = settings.body
+    share: Array = load_shares(settings.wheels.kinematics) @ [1.0, body.centre_x_m, 0.0]
+    return body.mass_kg * GRAVITY * share
 
 
 def _cosines(settings: "Settings") -> Array:

@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_control.traction import traction_limits
+from omni_control.traction import GRAVITY, traction_limits
 from omni_mj.scenarios import robots, told
 from omni_mj.scenarios.resolve import Robot, resolve
 from omni_mj.scenarios.robot_settings import support
@@ -57,7 +57,7 @@ def _facts(settings: Settings) -> Mapping[str, float]:
         "lag_{}_s": told.lag(settings),
         "drag_{}_m_s": told.drag(settings),
     }
-    facts = {"mass_kg": body.mass_kg, "tips_at_m_s2": inside / body.centre_height_m * told.GRAVITY_M_S2}
+    facts = {"mass_kg": body.mass_kg, "tips_at_m_s2": inside / body.centre_height_m * GRAVITY}
     for name, values in of_axes.items():
         facts |= {name.format(axis): float(value) for axis, value in zip(("ahead", "aside"), values, strict=True)}
     return MappingProxyType(facts)

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import approx_fprime
 
 from omni_control.kinematics import Array
+from omni_control.traction import GRAVITY
 from omni_mj.scenarios import told
 from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.scenarios.told import GRAVITY_M_S2
 from omni_mj.studies.identify.fit import RANGES, Fit
 from omni_mj.studies.identify.law import LATE, Body
 
@@ -190,7 +190,7 @@ def numbers(body: Body, settings: Settings, p: Mapping[str, float], by_wheels: b
     result |= {"gain_forward": scale * forward, "gain_sideways": scale * sideways, "gain_turning": gain_turning}
     for i, axis in enumerate(AXES):
         result |= {f"creep_{axis}_s2_m": scale * float(law.time[i]), f"drag_{axis}_m_s2": float(drag[i])}
-    return result | {f"slope_{axis}_rad": p[f"lean_{axis}_m_s2"] / GRAVITY_M_S2 for axis in "xy"}
+    return result | {f"slope_{axis}_rad": p[f"lean_{axis}_m_s2"] / GRAVITY for axis in "xy"}
 
 
 def _lawless(fitted: Fit) -> str | None:

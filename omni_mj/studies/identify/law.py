@@ -25,16 +25,16 @@ from typing import Self
 import numpy as np
 
 from omni_control.kinematics import Array, body_to_world, world_to_body
+from omni_control.traction import GRAVITY, loads
+from omni_mj.robot.carpet import AT_REST_M_S
 from omni_mj.robot.motors import Motor
 from omni_mj.scenarios import told
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
-from omni_mj.scenarios.told import GRAVITY_M_S2
 from omni_mj.studies.identify.stretches import Stretches
 
 Parameters = dict[str, float]
 LATE = "latency_s"  # the parameter by which inputs act late
 ROLLER_KG = 0.0015  # models/ssl_robot.xml; mass that turns with the rims, 1 to 2 % of the robot's
-AT_REST_M_S = 0.01  # speed below which dry drag fades, as on the plant
 RUBBED_M_S = 0.05  # wheel speed above which the dry friction of wheel and motor is complete
 # Two rollers touch around each handover; rollers spin up before they carry; rubber is pressed. Measured on the plant
 # without dry drag: three robots, 0.6 to 1.9 m/s, three directions, within 0.04 N.
@@ -85,9 +85,6 @@ class Body:
         """Return the body that the settings describe."""
         body, wheels, motor = settings.body, settings.wheels, Motor.of(settings.motor)
         along, radius, centre, kg = wheels.kinematics.matrix, wheels.radius_m, body.centre_x_m, body.mass_kg
-        axles = np.stack([along[:, 1], -along[:, 0], np.zeros(len(along))], 1)
-        places = np.column_stack([np.ones(len(along)), wheels.arm_m * axles[:, :2]])
-        spread = np.linalg.pinv(places).T  # of a force, and moments about the middle
         count, roller = wheels.rollers, wheels.roller_radius_m
         rims = count * ROLLER_KG * (1 - roller / radius) ** 2  # mass of a wheel's rollers as seen at its rim
         mass = np.array([[1, 0, 0], [0, 1, centre], [0, centre, body.yaw_inertia_kg_m2 / kg + centre**2]])
@@ -96,12 +93,12 @@ class Body:
         gain = settings.firmware.kp + motor.speed_constant
         return cls(
             along=along,
-            axles=axles,
+            axles=wheels.kinematics.axles,
             radius=radius,
             centre=centre,
             mass=mass + rims / kg * along.T @ along,
             loads=told.loads(settings) / kg,
-            shift=-body.centre_height_m * spread[:, 1:].T,
+            shift=loads(wheels.kinematics, body.centre_height_m)[1][:, :2].T,
             viscous=BOTH_TOUCH * settings.drive.roller_damping_nm_s / roller**2 / kg,
             spun=SPUN_EARLY * count / (2 * np.pi * radius) * 0.4 * ROLLER_KG * (roller / turning) ** 2 / kg,
             commutation=motor.commutation * motor.gear / (motor.resistance * radius),
@@ -112,11 +109,7 @@ class Body:
         )
 
     def parameters(self, settings: Settings, by_wheels: bool) -> Parameters:
-        """Return the parameters that the settings say, for wheel speeds or for commands as the input.
-
-        A wheel loop of proportional gain k_p and feed-forward f on a motor of speed constant k gives way by R r^2 / (k
-        (k_p + k)) per force.
-        """
+        """Return the parameters that the settings say, for wheel speeds or for commands as the input."""
         known = {
             LATE: 0.0,
             "scale": 1.0,
@@ -133,11 +126,11 @@ class Body:
             return known | {"give_s": 0.0, "friction_m_s": 0.0, "turn_gain": 0.0}
         motor, firmware = Motor.of(settings.motor), settings.firmware
         constant, gain = motor.speed_constant, firmware.kp + motor.speed_constant
-        softness = motor.resistance * self.radius**2 / (constant * gain)
+        softness = told.rim_softness(settings)
         return known | {
             "scale": 1 - (1 - firmware.feed_forward) * constant / gain,
             "give_s": settings.body.mass_kg * softness,
-            "friction_m_s": (settings.drive.gear_friction_nm + motor.wheel_dry) / self.radius * softness,
+            "friction_m_s": settings.hub_friction_nm / self.radius * softness,
             "turn_gain": firmware.turn_gain,
         }
 
@@ -179,7 +172,7 @@ def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Ar
         speed = np.hypot(rolling, across)
         down = world_to_body(lean, axes)
         down[..., 2] = body.centre * down[..., 1]
-        load = np.maximum(body.loads + (pull - down)[..., :2] @ body.shift, 0.02 * GRAVITY_M_S2)
+        load = np.maximum(body.loads + (pull - down)[..., :2] @ body.shift, 0.02 * GRAVITY)
         compliance = p["creep"] * speed / load
         if by_wheels:
             rim = p["scale"] * body.radius * inputs[:, :, k]

@@ -140,7 +140,7 @@ def roll_out_decelerations(settings: Settings) -> Array:
     wheels, body, motor = settings.wheels.kinematics, settings.body, Motor.of(settings.motor)
     inertia = np.array([body.mass_kg, body.mass_kg, body.yaw_inertia_kg_m2])
     turning = np.abs(wheels.matrix) / wheels.radius * ROLLING  # of the wheels, rad/s
-    friction = settings.drive.gear_friction_nm + motor.wheel_dry + motor.wheel_viscous * turning
+    friction = settings.hub_friction_nm + motor.wheel_viscous * turning
     hubs = (np.abs(wheels.matrix) * friction).sum(0) / wheels.radius
     rotors = motor.inertia * motor.gear**2 / wheels.radius**2 * (wheels.matrix**2).sum(0)
     return np.asarray((told.creep(settings).drag + hubs) / (inertia + rotors))
