@@ -12,13 +12,12 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.mjcf.geometry import spread
 from omni_mj.mjcf.roles import Ids
-from omni_mj.plants.faults import Faulty
+from omni_mj.plants.faults import STUCK_NM, Faulty
 from omni_mj.plants.variation import Drawn
 from omni_mj.robot.motors import Motor
 from omni_mj.scenarios.settings import Settings, gather
 from omni_mj.worlds.build import World
 
-STUCK_NM = 100.0  # dry friction of a hub that is stuck: more than motor and carpet can turn
 _BODY = "body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat"
 
 

@@ -19,6 +19,7 @@ from omni_mj.robot.carpet import covered
 from omni_mj.scenarios import faults
 from omni_mj.scenarios.rows import Row
 
+STUCK_NM = 100.0  # dry friction of a hub that is stuck: more than motor and carpet can turn
 TO, NONE = attrgetter("to"), lambda fault: 0.0  # factors by which faults of a kind multiply
 
 

@@ -200,10 +200,7 @@ class MujocoPlant(WheeledPlant):
         """Take over commands, and keep vision's headings until the next frame begins."""
         self.onboard = hear(self.parameters.onboard, self.onboard, self._command(received))
         (seen, age), missing = self._heard, np.isnan(received.heading)
-        if np.count_nonzero(missing):
-            self._heard = np.where(missing, seen, received.heading), np.where(missing, age, received.age)
-        else:
-            self._heard = received.heading, received.age
+        self._heard = np.where(missing, seen, received.heading), np.where(missing, age, received.age)
 
     def _begin(self) -> None:
         """Begin a frame: what changes from frame to frame."""

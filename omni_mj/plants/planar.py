@@ -9,7 +9,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.link.radio import Received
 from omni_mj.plants import Telemetry
-from omni_mj.plants.faults import Faulty
+from omni_mj.plants.faults import STUCK_NM, Faulty
 from omni_mj.plants.planar_parameters import PlanarBodies
 from omni_mj.plants.variation import Drawn
 from omni_mj.plants.wheeled import WheeledPlant, by_wheel
@@ -26,8 +26,6 @@ from omni_mj.robot.planar_body import (
 )
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds import build
-
-STUCK_NM = 1e3  # dry friction of a hub that is stuck
 
 
 class PlanarPlant(WheeledPlant, Faulty):
