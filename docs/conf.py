@@ -49,7 +49,6 @@ NAVIGATION = {
         "docs/physics",
         "docs/slip",
         "docs/planar",
-        "docs/planar-agreement",
         "docs/performance",
         "models/README",
         "docs/architecture",
