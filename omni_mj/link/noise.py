@@ -55,8 +55,8 @@ class Noise:
     def next(self) -> Array:
         """The next value of each row, (n, k)."""
         if self._used == BLOCK:
-            block = np.stack([self._sample(rng, BLOCK) for rng in self._generators], axis=1)
-            self._block, self._used = block[:, self._rows], 0
+            drawn = [self._sample(rng, BLOCK) for rng in self._generators]
+            self._block, self._used = np.stack([drawn[number] for number in self._rows], axis=1), 0
         self._used += 1
         return self._block[self._used - 1]
 
