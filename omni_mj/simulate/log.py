@@ -23,7 +23,7 @@ OWN = "own_"  # before the names of channels of a controller's own
 def channels(wheels: int) -> dict[str, tuple[str, ...]]:
     """Channel -> its columns in a table, for robots with as many wheels.
 
-    A row of the table describes the instant of a frame; `applied` acts from there to the next frame, the peaks and
+    A line of the table describes the instant of a frame; `applied` acts from there to the next frame, the peaks and
     means are those since the frame before, `current_limited` a share of that time.
     """
     each = [str(i + 1) for i in range(wheels)]
@@ -55,7 +55,7 @@ def channels(wheels: int) -> dict[str, tuple[str, ...]]:
 
 
 class Log:
-    """Channels of n rows over the frames so far.
+    """Channels of n rows, a simulated robot each, over the frames so far.
 
     Args:
         rows: one per robot.
@@ -107,12 +107,12 @@ class Log:
     def write(
         self, recorded: np.ndarray, own: Mapping[str, Array], telemetry: Array | None = None, **values: np.ndarray
     ) -> None:
-        """Record a frame of the rows that are `recorded` (n,).
+        """Append a frame.
 
         Args:
-            recorded: which rows; of the others nothing is.
+            recorded: which rows go on, (n,); the others get NaN.
             own: channels of controllers' own, name -> (n, k).
-            telemetry: the channels of `Telemetry`, its columns.
+            telemetry: the channels of `plants.NAMES` side by side in that order, (n, their columns).
             values: other channels, (n, columns) or (n,), or what broadcasts to it; of those not given nothing is
                 recorded.
         """
@@ -163,7 +163,7 @@ class Log:
         return pa.table({"controller": labels} | columns)
 
     def save(self, path: Path) -> None:
-        """Write the table as Parquet, some lines after the others; the file appears whole or not at all."""
+        """Write the table as Parquet, a part at a time to save memory; the file appears whole or not at all."""
         firsts = range(0, max(int(self.lengths.sum()), 1), parquet.GROUP_ROWS)
         parquet.write((self.table(first, first + parquet.GROUP_ROWS) for first in firsts), path)
 

@@ -13,8 +13,8 @@ Per axis i of the body (forward, to the left, turning), with u the command that 
 What the velocity lacks of the command, u - v, turns the robot: by how wheels give way (`Compliance`), less the
 coupling k (u - v), which is what is left of that: a wheel is weak or slides, the centre of mass is off the middle.
 
-A command acts `latency` frames after it was sent. Creep, lag and friction are estimated forward; those of
-the other axes are in proportion, by the directions of the wheels.
+A command acts `latency` frames after it was sent. Of creep, lag and friction only those of driving forward
+are states; those of the other axes are in proportion, by the directions of the wheels.
 """
 
 import numpy as np
@@ -68,8 +68,8 @@ class RobotFilter:
         learns: whether disturbance and parameters are estimated, or held at the nominal model.
 
     Attributes:
-        state: pose, velocity, disturbance, couplings, inverse gains, latency, creep, lag, friction,
-            (n, 18).
+        state: pose, velocity and disturbance in the world frame, couplings, inverse gains, latency, creep, lag,
+            friction, (n, 18).
         covariance: of these, (n, 18, 18).
         innovation: running mean of normalized innovations squared, (n,); 1 for one that keeps to the law.
         memory_frames: commands that must be stored.
@@ -138,7 +138,7 @@ class RobotFilter:
         return self._lag_ratios * state[..., LAG, None] / gain + creep * travel
 
     def step(self, state: Array, command: Array, duration: Array | float) -> Array:
-        """Return the states (..., n, 18) after commands (..., n, 3) that act for durations (..., n), s."""
+        """Return the states (..., n, 18) after commands (..., n, 3), world frame, acting for durations (..., n), s."""
         duration = np.asarray(duration, float)[..., None]
         heading = state[..., 2] + state[..., 5] * duration[..., 0] / 2
         gain = state[..., GAIN]
@@ -157,7 +157,9 @@ class RobotFilter:
         return result
 
     def invert(self, before: Array, after: Array, heading: Array) -> Array:
-        """Return the commands (..., n, 3) that lead from velocities to others in a frame: `step` inverted.
+        """Return the commands (..., n, 3) that lead from velocities to others in a frame, without disturbance.
+
+        It inverts `step`, but for friction, which is that at the mean velocity.
 
         Args:
             before: velocities at the beginning of the frame (..., n, 3), world frame.
@@ -173,7 +175,7 @@ class RobotFilter:
         return body_to_world(command, heading)
 
     def observe(self, seen: Seen) -> None:
-        """Take in a frame."""
+        """Go through the steps of a frame, and correct the states by its vision after the last one."""
         if not self._started:
             self._started = True
             self.state[:] = self.prior
@@ -212,7 +214,7 @@ class RobotFilter:
         return np.asarray(self._friction_ratios * state[..., FRICTION, None] * direction)
 
     def _update(self, measured: Array | None, sent: CommandsInFlight, step: Step) -> None:
-        """Take in a frame, of which vision reports poses (n, 3); None on the way to such a frame."""
+        """Go on by a step; correct the states by poses (n, 3), which vision reports for the last step only."""
         state, period = self.state, self.period
         latency = (self.latency + step.behind)[:, None]
         latencies = np.maximum(latency + np.array([0, -1, 1])[:, None, None], 0)
@@ -223,7 +225,10 @@ class RobotFilter:
         transition = np.moveaxis((above - below) / (2 * DIFFERENCE), 0, -1)
 
         speed = np.hypot(state[:, 3], state[:, 4])
-        # Poses and velocities show parameters by the speed of their own axis.
+        # How much poses and velocities may teach. Less where innovations are large: of gains, latency, creep, lag
+        # and friction, by the square but for the gain of turning. Less where their own axis is slow, so that dry
+        # friction may hold it: of all these but that gain. Less at high acceleration, where wheels may slide: of
+        # the gains of driving.
         speeds = np.stack(2 * [speed, speed, self.arm * np.abs(state[:, 5])], 1)
         shown = np.minimum(speeds / EVIDENT_M_S, 1) ** 2
         change = np.hypot(*(after[:, 3:5] - state[:, 3:5]).T)

@@ -46,7 +46,7 @@ def _borne(way: Way, poses: Array, limits: MotionLimits, period: float) -> Array
         return poses
     start, end = np.array(way)
     plan = partial(_in_step, start, end, limits, limits.wheels)
-    poses = driven_on_wheels(partial(_between, start, end), plan, limits, limits.wheels, period)
+    poses = driven_on_wheels(partial(_poses_at, start, end), plan, limits, limits.wheels, period)
     return np.concatenate([poses, np.repeat(end[None], 2 if limits.jerk or limits.turn_jerk else 1, axis=0)])
 
 
@@ -86,7 +86,7 @@ def _gentlest(start: Array, end: Array, limits: MotionLimits, period: float) -> 
         way, heading = move(frames), rotate(frames)
         if way is None or heading is None:
             return None
-        poses = _between(start, end, np.stack([way, way, heading], axis=1))
+        poses = _poses_at(start, end, np.stack([way, way, heading], axis=1))
         return poses if limits.excess(poses, period) <= 1 + ROUNDING else None
 
     most = 1
@@ -134,7 +134,7 @@ def _in_step(start: Array, end: Array, limits: MotionLimits, wheels: WheelLimits
     return Timetable.of_rates(1 / _CELLS, np.sqrt(np.minimum(squares, slowest**-2.0)))
 
 
-def _between(start: Array, end: Array, share: Array) -> Array:
+def _poses_at(start: Array, end: Array, share: Array) -> Array:
     """Poses (frames, 3) at shares of the way (frames,), or of the way of each coordinate (frames, 3)."""
     share = share if share.ndim == 2 else share[:, None]
     return np.where(share == 1, end, start + share * (end - start))
