@@ -24,7 +24,7 @@ from omni_mj.robot.carpet import (
     limit_torque,
 )
 from omni_mj.robot.onboard import CycleRecord, OnboardParameters, begin_frame, end_frame, hear, run_cycle
-from omni_mj.robot.wheel_loops import CYCLES
+from omni_mj.robot.wheel_loops import CYCLES, set_heading
 from omni_mj.scenarios.rows import Row
 from omni_mj.worlds import build
 
@@ -188,13 +188,8 @@ class MujocoPlant(WheeledPlant):
 
     def know_heading(self, robot: int, heading: float) -> None:
         """Have a robot, which somebody has put down, know its heading (rad) and forget what was before."""
-        loops, chosen = self.onboard.loops, np.arange(len(self._rows)) == robot
-        loops = loops._replace(
-            heading=np.where(chosen, heading, loops.heading),
-            past_headings=np.where(chosen, heading, loops.past_headings),
-            gyro_bias=np.where(chosen, 0.0, loops.gyro_bias),
-        )
-        self.onboard = self.onboard._replace(loops=loops)
+        chosen, headings = np.arange(len(self._rows)) == robot, np.full(len(self._rows), heading)
+        self.onboard = self.onboard._replace(loops=set_heading(self.onboard.loops, chosen, headings))
 
     def _accept(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""

@@ -216,6 +216,18 @@ def restart_processors(
     )
 
 
+def set_heading(s: LoopState, chosen: Array, heading: Array) -> LoopState:
+    """Have chosen robots (n,) take a heading, (n,) rad, for theirs, and forget what was before."""
+    xp = namespace(s.heading)
+    return s._replace(
+        heading=xp.where(chosen, heading, s.heading),
+        cosine=xp.where(chosen, xp.cos(heading), s.cosine),
+        sine=xp.where(chosen, xp.sin(heading), s.sine),
+        past_headings=xp.where(chosen, heading, s.past_headings),
+        gyro_bias=xp.where(chosen, 0.0, s.gyro_bias),
+    )
+
+
 def correct_heading(
     p: LoopParameters, s: LoopState, frame: Array, seen: Array, age: Array, is_deaf: Array
 ) -> LoopState:
@@ -235,13 +247,8 @@ def correct_heading(
     xp, frames = namespace(seen), len(s.past_headings)
     if s.is_lost is not None:
         found = s.is_lost & ~xp.isnan(seen)
-        s = s._replace(
-            heading=xp.where(found, seen, s.heading),
-            past_headings=xp.where(found, seen, s.past_headings),
-            gyro_bias=xp.where(found, 0.0, s.gyro_bias),
-            is_lost=s.is_lost & ~found,
-            ignores=xp.where(found, is_deaf, s.ignores),
-        )
+        s = set_heading(s, found, seen)
+        s = s._replace(is_lost=s.is_lost & ~found, ignores=xp.where(found, is_deaf, s.ignores))
         seen = xp.where(found | s.is_off, np.nan, seen)
     now = xp.arange(frames)[:, None] == frame % frames
     past = xp.where(now, s.heading, s.past_headings)

@@ -40,6 +40,18 @@ def test_wheels_at_rest_get_the_gains_share_of_what_equation_3_asks(heading: flo
     np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], duties(np.full(4, 7.0), 0.1))
 
 
+@pytest.mark.parametrize("heading", [0.0, 0.7, -2.5])
+def test_a_robot_that_is_put_down_drives_by_its_new_heading_at_once(heading: float) -> None:
+    """As one that was switched on there, not only from the next frame on."""
+    moved, there = Firmware([settings()], 2.0), Firmware([settings()], heading)
+    moved.hear()
+    moved.run(0.0, 0.0)
+    moved.put_down(heading)
+    for firmware in (moved, there):
+        firmware.hear(x=0.4, y=-0.2)
+    np.testing.assert_allclose(moved.run(0.0, 0.0), there.run(0.0, 0.0), atol=1e-12)
+
+
 def test_a_pid_loop_sums_integrates_and_differentiates_and_does_not_wind_up() -> None:
     period = 1 / 960
     firmware = Firmware([settings(ki=4.0, kd=2e-4)])

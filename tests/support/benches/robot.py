@@ -63,6 +63,10 @@ class Firmware:
         """Accept a command."""
         self._s = wheel_loops.accept_command(self._p, self._s, self.cycle, command(n=self.n, **values))
 
+    def put_down(self, heading: float) -> None:
+        """Tell all robots the heading at which somebody has put them down."""
+        self._s = wheel_loops.set_heading(self._s, np.ones(self.n, bool), np.full(self.n, heading))
+
     def begin(self, seen: ArrayLike = np.nan, age: int = 0, off: bool | None = None) -> None:
         """Begin a frame in which vision's heading arrives, and processors may be off."""
         deaf = np.zeros(self.n, bool)
