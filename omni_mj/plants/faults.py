@@ -47,7 +47,7 @@ class Faults:
     """Faults of n robots with W wheels.
 
     Args:
-        rows: Of the robots, those of one world one after the other.
+        rows: Of the robots.
         plant: That they drive on; it has `parameters` with the fields `onboard` and `carpet`.
         bodies: Of the robots.
 

@@ -144,10 +144,8 @@ class PlanarBodies:
         body[0, 0] = body[1, 1] = whole.mass
         body[2, 2] = whole.inertia
         motors, order = [Motor.of(s.motor) for s in settings], self._next_wheel
-        edges = np.zeros((2, *load.shape))
-        edges[:, order] = (
-            np.stack([contact_x, contact_y])[:, np.roll(order, -1)] - np.stack([contact_x, contact_y])[:, order]
-        )
+        contact, edges = np.stack([contact_x, contact_y]), np.zeros((2, *load.shape))
+        edges[:, order] = contact[:, np.roll(order, -1)] - contact[:, order]
         pushed = self._chassis.centre - whole.centre
         downhill = weight[:, None] * slope
         return BodyParameters(

@@ -106,22 +106,18 @@ def motor_parameters(settings: Sequence[Settings], strength: Array) -> MotorPara
         strength: Of the magnets over the data sheet's, a factor, (W, n).
     """
     sheets, motors = [s.motor for s in settings], [Motor.of(s.motor) for s in settings]
-
-    def values(name: str, of: Sequence[object] = motors) -> Array:
-        return gather(of, name)
-
     solutions = {sheet: conduction(sheet, PERIOD_S) for sheet in set(sheets)}
     return MotorParameters(
-        gear=values("gear"),
-        cold_resistance=values("resistance"),
-        cold_constant=values("constant") * strength,
-        commutation=values("commutation") * values("gear"),
-        current_limit=values("firmware.current_limit_a", settings),
-        dry=values("wheel_dry"),
-        viscous=values("wheel_viscous"),
-        copper=values("copper_per_k", sheets),
-        magnet=values("magnet_per_k", sheets),
-        ambient=values("ambient_c", sheets),
+        gear=gather(motors, "gear"),
+        cold_resistance=gather(motors, "resistance"),
+        cold_constant=gather(motors, "constant") * strength,
+        commutation=gather(motors, "commutation") * gather(motors, "gear"),
+        current_limit=gather(settings, "firmware.current_limit_a"),
+        dry=gather(motors, "wheel_dry"),
+        viscous=gather(motors, "wheel_viscous"),
+        copper=gather(sheets, "copper_per_k"),
+        magnet=gather(sheets, "magnet_per_k"),
+        ambient=gather(sheets, "ambient_c"),
         conduction=np.stack([solutions[sheet] for sheet in sheets], axis=-1),
     )
 

@@ -79,9 +79,9 @@ class LoopState(NamedTuple):
     swing: Array = None  # how far a motor's voltage may be from its back-EMF, (W, n) V; None without derating
     integral: Array = None  # (W, n) rad; None without integral part
     last_error: Array = None  # (W, n) rad/s; None as integral
-    encoder_scale: Array = None  # angle that encoders show over the wheel's angle, (W, n); None if encoders are sound
+    encoder_scale: Array = None  # angle that encoders show over the wheel's angle, (W, n); None if no robot has faults
     encoder_shift: Array = None  # angle that they show besides, (W, n) rad
-    is_off: Array = None  # whether the processor is off; None if no robot has such a fault
+    is_off: Array = None  # whether the processor is off; None as encoder_scale
     is_lost: Array = None  # whether it started again and does not know its heading yet; None as is_off
     ignores: Array = None  # whether it ignores commands; None as is_off
 

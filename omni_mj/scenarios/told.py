@@ -58,8 +58,8 @@ class Creep(NamedTuple):
 
     Attributes:
         drag: Through the contacts, N, N and N m.
-        gain: K as TIGERs fit it; 1 without creep.
-        time: T, s^2/m; 0 without creep.
+        gain: K as TIGERs fit it.
+        time: T, s^2/m.
     """
 
     drag: Array

@@ -35,7 +35,7 @@ def markdown(summary: Summary) -> str:
     for statistic, name in {"max": "Maximum", "mean": "Mean"}.items():
         blocks += [f"## {name} error in the plane in cm", _matrix(summary, statistic)]
     blocks += ["## Errors, effort and settling", tables.markdown(errors.headings, errors.rows) if errors.rows else ""]
-    blocks += ["## Definitions", _list(f"**{name}**: {text}" for name, text in summary["definitions"].items())]
+    blocks += ["## Definitions", _list(f"**{name}**: {what}" for name, what in summary["definitions"].items())]
     blocks += [", ".join(f"{name} {number}" for name, number in summary["versions"].items())]
     return "\n\n".join(block for block in blocks if block) + "\n"
 

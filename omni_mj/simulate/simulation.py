@@ -278,5 +278,4 @@ def alike(plant: str, settings: Settings) -> Hashable:
 
 def all_alike(scenario: Scenario) -> bool:
     """Return whether all seeds of a scenario can share a simulation, whatever they draw."""
-    shared = set(_OF_PLANT.get(scenario.plant, ()))
-    return shared.isdisjoint(name.split(".")[0] for name in scenario.distributions)
+    return _OF_PLANT.get(scenario.plant, set()).isdisjoint(name.split(".")[0] for name in scenario.distributions)

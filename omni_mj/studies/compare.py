@@ -50,8 +50,8 @@ def compare(
     """
     started = time.perf_counter()
     given = usual() if scenarios is None else scenarios
-    numbers = counted(seeds)
-    all_chosen = [chosen(each, available() if controllers is None else controllers) for each in given]
+    kinds, numbers = available() if controllers is None else controllers, counted(seeds)
+    all_chosen = [chosen(each, kinds) for each in given]
     check(all_chosen, subject)
     result = Result([Outcome.not_run(each) for each in all_chosen], seeds=numbers, subject=subject)
     if all_chosen:

@@ -100,7 +100,7 @@ class CurveReference(SampledReference):
             raise OmniError(f"a curve must be driven at least once, not {laps} times")
         path = partial(_poses, curve, tangent)
         poses = driven(path, _timetable(curve, limits, laps, tangent), limits, period)
-        if limits.wheels is not None and not bearable(poses, limits, period):
+        if limits.wheels is not None and not bearable(poses, limits.wheels, period):
             plan = partial(_timetable_on_wheels, curve, limits, limits.wheels, laps, tangent)
             poses = driven_on_wheels(path, plan, limits, limits.wheels, period)
         super().__init__(np.concatenate([poses, np.repeat(poses[-1:], settle_frames, axis=0)]), period)

@@ -42,7 +42,7 @@ def legs(ways: Sequence[Way], limits: MotionLimits, period: float) -> list[Array
 
 def _borne(way: Way, poses: Array, limits: MotionLimits, period: float) -> Array:
     """Return the same poses, or others where wheels could not drive these."""
-    if limits.wheels is None or bearable(poses, limits, period):
+    if limits.wheels is None or bearable(poses, limits.wheels, period):
         return poses
     start, end = np.array(way)
     plan = partial(_in_step, start, end, limits, limits.wheels)

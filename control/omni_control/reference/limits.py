@@ -94,7 +94,7 @@ class MotionLimits:
             math.cbrt(turn_jerk / (self.turn_jerk or np.inf)),
         )
 
-    def eased(self, acceleration: float, speed: float = 1.0) -> "MotionLimits":
+    def eased(self, acceleration: float, speed: float) -> "MotionLimits":
         """The same with accelerations and speeds, of turning too, that are so many times as high."""
         aside = self.side_acceleration and self.side_acceleration * acceleration
         return replace(

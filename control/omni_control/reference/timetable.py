@@ -96,9 +96,9 @@ def driven_on_wheels(
     raise OmniError(f"on a carpet of friction {wheels.friction:g} wheels hardly do more than pull what drags them")
 
 
-def bearable(poses: Array, limits: MotionLimits, period: float) -> bool:
-    """Whether wheels can do at once what a drive asks, if they are regarded."""
-    return limits.wheels is None or max(limits.wheels.shares(poses, period)) <= 1 + ROUNDING
+def bearable(poses: Array, wheels: WheelLimits, period: float) -> bool:
+    """Whether wheels can do at once what a drive asks."""
+    return max(wheels.shares(poses, period)) <= 1 + ROUNDING
 
 
 def _windows(limits: MotionLimits, period: float) -> list[int]:

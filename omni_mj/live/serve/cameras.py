@@ -13,14 +13,7 @@ from omni_control.kinematics import Array
 from omni_mj.link.camera import Camera, Timing
 from omni_mj.link.noise import Noise, Seed, Stream
 from omni_mj.live.wire import MM_PER_M
-from omni_mj.live.wire.league_pb2 import (
-    Calibration,
-    Detection,
-    FieldSize,
-    Point,
-    Shape,
-    Team,
-)
+from omni_mj.live.wire.league_pb2 import Calibration, Detection, FieldSize, Point, Shape, Team
 from omni_mj.scenarios.rows import Row
 from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
 from omni_mj.worlds import field

@@ -171,7 +171,7 @@ def numbers(body: Body, settings: Settings, p: Mapping[str, float], by_wheels: b
     changes = {
         "drive": {"creep_stiffness": stiffness, "roller_friction": p["roller_friction"]},
         "carpet": {"pile": p["pile"]},
-        "wheels": {"creep": "on", "arm_m": arm},
+        "wheels": {"arm_m": arm},
     }
     sections = {name: getattr(settings, name).model_copy(update=fields) for name, fields in changes.items()}
     law = told.creep(settings.model_copy(update=sections))
