@@ -8,7 +8,7 @@ from importlib.metadata import version as installed
 from itertools import groupby
 from typing import Any
 
-from omni_mj.show import listing
+from omni_mj.viz import catalog
 
 project = "omni-mj"
 author = copyright = "the omni-mj authors"
@@ -72,16 +72,18 @@ templates_path = ["site"]
 def navigation() -> str:
     """The tables of contents that the side bar shows."""
     return "".join(
-        f"\n```{{toctree}}\n:hidden:\n:caption: {heading}\n\n" + "\n".join(f"/{page}" for page in pages) + "\n```\n"
+        f"\n```{{toctree}}\n:hidden:\n:caption: {heading}\n\n"
+        + "\n".join(f"/{page}" for page in pages)
+        + "\n```\n"
         for heading, pages in NAVIGATION.items()
     )
 
 
 def settings() -> str:
     """The lists of settings and faults as tables, the settings by section."""
-    sections = groupby(listing.rows("settings"), lambda line: line[0].partition(".")[0])
+    sections = groupby(catalog.rows("settings"), lambda line: line[0].partition(".")[0])
     tables = [f"\n## [{section}]\n\n" + _table(lines) for section, lines in sections]
-    return "".join(tables) + "\n## Faults: [[fault]]\n\n" + _table(listing.faults())
+    return "".join(tables) + "\n## Faults: [[fault]]\n\n" + _table(catalog.faults())
 
 
 def _table(lines: Iterable[list[str]]) -> str:
@@ -91,7 +93,12 @@ def _table(lines: Iterable[list[str]]) -> str:
         for name, default, unit, allowed, meaning in lines
     ]
     whole = [["", "default", "allowed", "meaning"], ["---"] * 4, *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in whole) + "\n"
+    return (
+        "\n".join(
+            "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in whole
+        )
+        + "\n"
+    )
 
 
 def setup(app: Any) -> None:

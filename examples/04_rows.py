@@ -3,7 +3,7 @@
 import numpy as np
 
 import omni_mj as om
-from omni_mj.scenarios.rows import Row
+from omni_mj.config.rows import Row
 
 rect = om.scenario("rect", plant="kinematic")
 settings = [rect.settings.replace(radio={"delay_frames": delay}) for delay in range(0, 16, 2)]

@@ -4,8 +4,14 @@ import numpy as np
 
 import omni_mj as om
 
-places = [[0, 0, 0], [0, 2.0, 0], [2.5, 0.5, np.pi / 2]]  # x, y, heading by which each one's route is displaced
-rect = om.scenario("rect", reference={"waypoints": [[-1, -0.75], [0, -0.75]]}, world={"places": places})
+places = [
+    [0, 0, 0],
+    [0, 2.0, 0],
+    [2.5, 0.5, np.pi / 2],
+]  # x, y, heading by which each one's route is displaced
+rect = om.scenario(
+    "rect", reference={"waypoints": [[-1, -0.75], [0, -0.75]]}, world={"places": places}
+)
 sim = om.Simulation(rect, ["comp-flc"])
 log = sim.run()
 

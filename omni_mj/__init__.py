@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from omni_control.controllers.base import Controller, Seen
     from omni_control.errors import OmniError
-    from omni_mj.measure.result import Result
-    from omni_mj.provenance.repeat import verify
-    from omni_mj.scenarios.scenario import Scenario, scenario
-    from omni_mj.simulate.simulation import Simulation
+    from omni_mj.config.scenario import Scenario, scenario
+    from omni_mj.results.result import Result
+    from omni_mj.results.verify import verify
+    from omni_mj.simulation.simulation import Simulation
     from omni_mj.studies.alpha import alpha
     from omni_mj.studies.compare import compare
     from omni_mj.studies.identify import identify
     from omni_mj.studies.limit import limit
-    from omni_mj.studies.robot import robot
+    from omni_mj.studies.robot_facts import robot
     from omni_mj.studies.run import run
     from omni_mj.studies.slip import slip
     from omni_mj.studies.sweep import sweep
@@ -36,20 +36,20 @@ if TYPE_CHECKING:
 _HOMES = {
     "Controller": "omni_control.controllers.base",
     "OmniError": "omni_control.errors",
-    "Result": "omni_mj.measure.result",
-    "Scenario": "omni_mj.scenarios.scenario",
+    "Result": "omni_mj.results.result",
+    "Scenario": "omni_mj.config.scenario",
     "Seen": "omni_control.controllers.base",
-    "Simulation": "omni_mj.simulate.simulation",
+    "Simulation": "omni_mj.simulation.simulation",
     "alpha": "omni_mj.studies.alpha",
     "compare": "omni_mj.studies.compare",
     "identify": "omni_mj.studies.identify",
     "limit": "omni_mj.studies.limit",
-    "robot": "omni_mj.studies.robot",
+    "robot": "omni_mj.studies.robot_facts",
     "run": "omni_mj.studies.run",
-    "scenario": "omni_mj.scenarios.scenario",
+    "scenario": "omni_mj.config.scenario",
     "slip": "omni_mj.studies.slip",
     "sweep": "omni_mj.studies.sweep",
-    "verify": "omni_mj.provenance.repeat",
+    "verify": "omni_mj.results.verify",
 }
 __all__ = [
     "Controller",

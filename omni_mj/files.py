@@ -72,4 +72,6 @@ def check_room(folder: Path, needed_b: float) -> None:
     """
     disk = shutil.disk_usage(folder)
     if disk.total and disk.free < needed_b + SPARE_B:  # some file systems say nothing
-        raise OmniError(f"the {disk.free / 1e6:.1f} MB that are left on the disk are for the numbers")
+        raise OmniError(
+            f"the {disk.free / 1e6:.1f} MB that are left on the disk are for the numbers"
+        )

@@ -13,7 +13,9 @@ from omni_mj.files import whole
 if TYPE_CHECKING:
     import pyarrow as pa
 
-GROUP_ROWS = 20_000  # of a file that is written in parts, of which some things stay in memory until the end
+GROUP_ROWS = (
+    20_000  # of a file that is written in parts, of which some things stay in memory until the end
+)
 
 
 def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
@@ -28,7 +30,9 @@ def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
     """
     import pyarrow.parquet as pq
 
-    with _opened(path) as file:  # without threads: where there is no memory for one, Arrow waits for it for ever
+    with _opened(
+        path
+    ) as file:  # without threads: where there is no memory for one, Arrow waits for it for ever
         table = pq.ParquetFile(file, pre_buffer=False)
         if missing := [name for name in columns or () if name not in table.schema_arrow.names]:
             raise OmniError(f"{path} cannot be read: it has no column {missing[0]}")
@@ -59,7 +63,10 @@ def _opened(path: Path) -> "Iterator[pa.NativeFile]":
     import pyarrow as pa
 
     try:
-        with path.open("rb"), pa.OSFile(os.fsencode(path), "rb") as file:  # the first tells of errors in words
+        with (
+            path.open("rb"),
+            pa.OSFile(os.fsencode(path), "rb") as file,
+        ):  # the first tells of errors in words
             yield file
     except (OSError, pa.ArrowException, UnicodeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)

@@ -15,14 +15,14 @@ import numpy as np
 from mujoco import MjData, mj_step
 from mujoco.batch import Batch
 
-from omni_mj.link.radio import Received
+from omni_mj.config import scenario
+from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import PERIOD_S
+from omni_mj.mjcf import world_builder
+from omni_mj.network.radio import Received
 from omni_mj.plants import mujoco
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.scenarios import scenario
-from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.simulate.simulation import Simulation
-from omni_mj.worlds import build
+from omni_mj.simulation.simulation import Simulation
 
 ROUNDS = 3  # the fastest of these counts: other work on the machine only ever adds time
 THREAD_ROUNDS, STEPPED = 12, 1600  # of so many steps of a robot
@@ -73,7 +73,9 @@ def report(robots: int, wheels: str) -> dict[str, float]:
     sets = [*(SHORT if robots >= 16 else DRIVE), f"wheels.model={wheels}"]
     chosen = {
         kernel: scenario.load(
-            "rect", [*sets, f"physics.kernel={kernel}"], {"seeds": robots, "controllers": ("comp-flc",)}
+            "rect",
+            [*sets, f"physics.kernel={kernel}"],
+            {"seeds": robots, "controllers": ("comp-flc",)},
         )
         for kernel in ("numpy",)
     }
@@ -86,7 +88,9 @@ def report(robots: int, wheels: str) -> dict[str, float]:
     commands = [Received.at_once(command) for command in log.channel("applied")]
 
     def bare() -> Callable[[], object]:
-        step, ctrl = _alone(chosen["numpy"]) if robots == 1 else _standing(chosen["numpy"], robots, 1)
+        step, ctrl = (
+            _alone(chosen["numpy"]) if robots == 1 else _standing(chosen["numpy"], robots, 1)
+        )
 
         def work() -> None:
             for voltage in tape.voltages:
@@ -115,7 +119,9 @@ def report_planar(robots: int) -> dict[str, float]:
     commands = [Received.at_once(command) for command in log.channel("applied")]
 
     simulated = len(commands) * PERIOD_S * robots
-    return {name: simulated / used for name, used in fastest(_works(chosen, commands), ROUNDS).items()}
+    return {
+        name: simulated / used for name, used in fastest(_works(chosen, commands), ROUNDS).items()
+    }
 
 
 def report_frames(controller: str) -> dict[str, float]:
@@ -129,11 +135,16 @@ def report_frames(controller: str) -> dict[str, float]:
     return {name: 1e3 * used / frames for name, used in fastest(works, ROUNDS).items()}
 
 
-def _works(chosen: dict[str, Scenario], commands: Sequence[Received]) -> dict[str, Callable[[], Callable[[], object]]]:
+def _works(
+    chosen: dict[str, Scenario], commands: Sequence[Received]
+) -> dict[str, Callable[[], Callable[[], object]]]:
     """What is timed, by name: the plant alone under these commands, and the loop around it, by each kernel."""
     works: dict[str, Callable[[], Callable[[], object]]] = {}
     for kernel, own in chosen.items():
-        works |= {f"plant, {kernel}": partial(_plant, own, commands), f"loop, {kernel}": partial(_whole, own)}
+        works |= {
+            f"plant, {kernel}": partial(_plant, own, commands),
+            f"loop, {kernel}": partial(_whole, own),
+        }
     return works
 
 
@@ -153,15 +164,17 @@ def _whole(chosen: Scenario) -> Callable[[], object]:
 
 def _alone(chosen: Scenario) -> tuple[Callable[[], object], np.ndarray]:
     """What steps a robot that stands, and the voltages that it is told: a batch of one takes 7 % longer."""
-    one = build.world(chosen.settings)
+    one = world_builder.world(chosen.settings)
     data = MjData(one.model)
     data.qpos[:] = one.standing
     return partial(mj_step, one.model, data), data.ctrl
 
 
-def _standing(chosen: Scenario, robots: int, threads: int) -> tuple[Callable[[], object], np.ndarray]:
+def _standing(
+    chosen: Scenario, robots: int, threads: int
+) -> tuple[Callable[[], object], np.ndarray]:
     """What steps a batch of standing robots, and the voltages that it is told."""
-    one = build.world(chosen.settings)
+    one = world_builder.world(chosen.settings)
     batch = Batch(one.model, robots, threads)
     batch.qpos[:] = one.standing
     return batch.step, batch.bind("ctrl")
@@ -204,9 +217,13 @@ def report_controllers(robots: int) -> dict[str, float]:
     """Compare controllers with the bare steps of the robots that they drive, in the same run, both in CPU time."""
     found = {}
     for name in CONTROLLERS:
-        chosen = scenario.load("rect", DRIVE if robots == 1 else SHORT, {"seeds": robots, "controllers": (name,)})
+        chosen = scenario.load(
+            "rect", DRIVE if robots == 1 else SHORT, {"seeds": robots, "controllers": (name,)}
+        )
         times = []
-        for _ in range(ROUNDS if robots == 1 else 1):  # many take long enough for other work to be averaged out
+        for _ in range(
+            ROUNDS if robots == 1 else 1
+        ):  # many take long enough for other work to be averaged out
             simulation = Simulation(chosen)
             (controller,) = simulation.team.controllers
             assert isinstance(simulation.plant, MujocoPlant)
@@ -226,10 +243,23 @@ def machine() -> dict[str, str | int | None]:
     """What this was measured on."""
     cpu = platform.processor()
     if (info := Path("/proc/cpuinfo")).exists():
-        cpu = next((line.split(":")[1].strip() for line in info.read_text().splitlines() if "model name" in line), cpu)
+        cpu = next(
+            (
+                line.split(":")[1].strip()
+                for line in info.read_text().splitlines()
+                if "model name" in line
+            ),
+            cpu,
+        )
     versions = {name: version(name) for name in ("mujoco", "numpy", "jax")}
     python = platform.python_version()
-    return {"cpu": cpu, "cores": os.cpu_count(), "system": platform.platform(), "python": python, **versions}
+    return {
+        "cpu": cpu,
+        "cores": os.cpu_count(),
+        "system": platform.platform(),
+        "python": python,
+        **versions,
+    }
 
 
 def main() -> None:
@@ -241,7 +271,9 @@ def main() -> None:
         results[title] = found
         print(f"{title:24s}", *(f"{value:14.3g}" for value in found.values()), flush=True)
 
-    print("CPU time over that of bare steps of the same model, and how many robot-seconds these simulate in one")
+    print(
+        "CPU time over that of bare steps of the same model, and how many robot-seconds these simulate in one"
+    )
     print(f"{'robots, wheels':24s} {'bare':>14s}", *(f"{what + 'numpy':>14s}" for what in WHAT))
     for robots, wheels in CASES:
         show(f"{robots}, {wheels}", report(robots, wheels))

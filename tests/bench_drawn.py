@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 import omni_mj as om
-from omni_mj.measure.table import Table, text
-from omni_mj.scenarios.robots import builtin as robots
+from omni_mj.config.robot_files import builtin as robots
+from omni_mj.results.result_tables import Table, text
 
 SUBJECT = "adaptive-comp-flc"
 CONTROLLERS = (SUBJECT, "comp-flc", "comp-flc-lag")
@@ -41,7 +41,12 @@ def drawn(seed: int, number: int, plant: str) -> om.Scenario:
         "friction": friction * (rng.uniform(1.0, 1.2) if beyond else 1.0),
         "wheel_share": 1.0 if beyond else rng.uniform(0.7, 0.85),
     }
-    weak = {"kind": "motor-weak", "at": 0.0, "wheel": int(rng.integers(1, 5)), "to": rng.uniform(0.6, 0.9)}
+    weak = {
+        "kind": "motor-weak",
+        "at": 0.0,
+        "wheel": int(rng.integers(1, 5)),
+        "to": rng.uniform(0.6, 0.9),
+    }
     pushes = [_push(rng), _push(rng)]
     has = {"beyond": beyond} | {trait: rng.random() < share for trait, share in TRAITS.items()}
     return om.scenario(
@@ -69,7 +74,10 @@ def _route(rng: np.random.Generator) -> tuple[str, dict[str, Any]]:
     length, width = rng.uniform(1, 5), rng.uniform(1, 3)
     if kind == 1:
         size = {"length_m": length, "width_m": width}
-        return "waypoints", size | {"count": int(rng.integers(4, 9)), "seed": int(rng.integers(1_000_000))}
+        return "waypoints", size | {
+            "count": int(rng.integers(4, 9)),
+            "seed": int(rng.integers(1_000_000)),
+        }
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * (length / 2, width / 2)
     turns = rng.uniform(-pi, pi, len(corners)) * (rng.random() < 0.5)
     points = np.column_stack([corners[:: int(rng.choice([-1, 1]))], turns])
@@ -87,10 +95,17 @@ def ahead(entries: dict[str, Any]) -> Iterator[list[str]]:
     """Yield how often the subject is ahead of each rival, by each statistic."""
     for rival in CONTROLLERS[1:]:
         for statistic in ("max", "mean"):
-            pairs = [entry["verdict"]["errors"][statistic]["against"][rival] for entry in entries.values()]
+            pairs = [
+                entry["verdict"]["errors"][statistic]["against"][rival]
+                for entry in entries.values()
+            ]
             ratio = np.array([np.inf if pair["ratio"] is None else pair["ratio"] for pair in pairs])
             sure = np.array([bool(pair["beyond_chance"]) for pair in pairs])
-            counts = [(side & certain).sum() for side in (ratio < 1, ratio >= 1) for certain in (True, sure)]
+            counts = [
+                (side & certain).sum()
+                for side in (ratio < 1, ratio >= 1)
+                for certain in (True, sure)
+            ]
             quantiles = np.quantile(ratio, [0, 0.5, 0.9, 1], method="higher")
             yield [f"{rival}, {statistic}", *map(str, counts), *(f"{x:.2f}" for x in quantiles)]
 
@@ -101,8 +116,15 @@ def headings(entries: dict[str, Any]) -> Iterator[list[str]]:
     for entry in entries.values():
         results = entry["results"]
         slides = results[SUBJECT]["why"]["sliding_share"]["max"] > SLIDES
-        part = "beyond friction" if "beyond" in entry["description"] else f"wheels {'slide' if slides else 'hold'}"
-        worst = [np.degrees(results[label]["error_rad"]["heading"]["max"]["max"]) for label in CONTROLLERS]
+        part = (
+            "beyond friction"
+            if "beyond" in entry["description"]
+            else f"wheels {'slide' if slides else 'hold'}"
+        )
+        worst = [
+            np.degrees(results[label]["error_rad"]["heading"]["max"]["max"])
+            for label in CONTROLLERS
+        ]
         parts.setdefault(part, []).append(worst)
     for part, rows in sorted(parts.items()):
         off, medians = (np.array(rows) > HEADING_DEG).sum(0), np.median(rows, axis=0)
@@ -123,8 +145,20 @@ def main() -> None:
     if options.out:
         result.save(options.out)
     entries = result.summary()["scenarios"]
-    columns = ["", "ahead", "beyond chance", "behind", "beyond chance", "least ratio", "median", "9 in 10", "most"]
-    print(text(Table(f"{SUBJECT}, means over seeds, over those of", columns, list(ahead(entries)), 1)))
+    columns = [
+        "",
+        "ahead",
+        "beyond chance",
+        "behind",
+        "beyond chance",
+        "least ratio",
+        "median",
+        "9 in 10",
+        "most",
+    ]
+    print(
+        text(Table(f"{SUBJECT}, means over seeds, over those of", columns, list(ahead(entries)), 1))
+    )
     title = f"headings beyond {HEADING_DEG:g} degrees in a seed, and median of the greatest"
     print(text(Table(title, ["", "scenarios", *CONTROLLERS], list(headings(entries)), 1)))
 

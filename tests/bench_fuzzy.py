@@ -15,7 +15,9 @@ MANY, SOME = 10_000, 200
 
 def main() -> None:
     """Time both in turn, so that they meet the same machine, and print the ratios."""
-    warnings.simplefilter("ignore", DeprecationWarning)  # scikit-fuzzy 0.5 calls numpy as numpy no longer likes it
+    warnings.simplefilter(
+        "ignore", DeprecationWarning
+    )  # scikit-fuzzy 0.5 calls numpy as numpy no longer likes it
     controller = FuzzyLaw(0.1, 1.0)
     single, array = (scikit_flc.controller(201, 0.1, 1.0) for _ in range(2))
     errors = np.random.default_rng(0).uniform(-0.11, 0.11, (MANY, 2))
@@ -43,7 +45,9 @@ def main() -> None:
     print(f"one evaluation                         {scikit / one:8.0f}")
     print(f"one over each of {MANY} in an array    {scikit / many:8.0f}")
     print(f"each in an array over the same         {scikit_array / many:8.0f}")
-    print(f"outputs differ by at most {apart:.0e} m/s; {1e3 * scikit:.1f} ms, {1e6 * one:.1f} us, {1e6 * many:.2f} us")
+    print(
+        f"outputs differ by at most {apart:.0e} m/s; {1e3 * scikit:.1f} ms, {1e6 * one:.1f} us, {1e6 * many:.2f} us"
+    )
 
 
 if __name__ == "__main__":

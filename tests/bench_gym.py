@@ -34,7 +34,9 @@ def speed(plant: str, robots: int, kernel: str) -> float:
 
 def main() -> None:
     """Measure and print."""
-    given = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    given = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     given.add_argument("--robots", type=int, nargs="+", default=[1, 64, 1024])
     given.add_argument("--plant", nargs="+", default=["kinematic", "planar", "mujoco"])
     chosen = given.parse_args()
@@ -43,7 +45,9 @@ def main() -> None:
     for plant in chosen.plant:
         for kernel in ("numpy",) if plant == "kinematic" else ("numpy", "jax"):
             found = [
-                f"{speed(plant, robots, kernel):10.0f}" if plant != "mujoco" or robots <= MOST_ON_MUJOCO else " " * 10
+                f"{speed(plant, robots, kernel):10.0f}"
+                if plant != "mujoco" or robots <= MOST_ON_MUJOCO
+                else " " * 10
                 for robots in chosen.robots
             ]
             print(f"{plant + ', ' + kernel:24s}", *found, flush=True)

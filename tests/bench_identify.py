@@ -20,13 +20,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.measure.table import DASH, Table, text
-from omni_mj.scenarios import robots
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.scenario import scenario
-from omni_mj.scenarios.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
-from omni_mj.scenarios.told import creep
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.config import robot_files
+from omni_mj.config.rows import Row
+from omni_mj.config.scenario import scenario
+from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
+from omni_mj.config.team_model import creep
+from omni_mj.results.result_tables import DASH, Table, text
+from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies import run
 from omni_mj.studies.identify import (
     RADIUS_SHARE,
@@ -38,10 +38,12 @@ from omni_mj.studies.identify import (
     robot_file,
 )
 from omni_mj.studies.identify.logs import read
-from omni_mj.studies.outcome import drive
+from omni_mj.studies.study_runner import drive
 
 ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam-twente")
-COUNTS_PER_RAD = -1024 * 12 / (2 * np.pi)  # omni3's encoder and gear; its wheels turn the other way than ours
+COUNTS_PER_RAD = (
+    -1024 * 12 / (2 * np.pi)
+)  # omni3's encoder and gear; its wheels turn the other way than ours
 OMNI3 = {  # mass, inertias, height and rollers are guesses
     ("body", "mass_kg"): "10.0",
     ("body", "centre_x_m"): "0.0",
@@ -65,7 +67,12 @@ COLUMNS = {  # number -> unit in the table
 def write_robot(path: Path, robot: str, changes: Mapping[tuple[str, str], object]) -> str:
     """Write a robot's file with other numbers and return its path."""
     values = {place: f"{value} # a guess" for place, value in changes.items()}
-    path.write_text(robot_file.write_changes(robots.robot_path(robot).read_text("utf-8"), values, ["a guess"]), "utf-8")
+    path.write_text(
+        robot_file.write_changes(
+            robot_files.robot_path(robot).read_text("utf-8"), values, ["a guess"]
+        ),
+        "utf-8",
+    )
     return str(path)
 
 
@@ -73,9 +80,15 @@ def draw_robot(base: Settings, number: int) -> Settings:
     """Return the settings of the robot that drives log `number`, with its moves."""
     rng = np.random.default_rng([number, 0])
     creep, rollers, pile, gain = np.exp(rng.uniform(-0.35, 0.35, 4))
-    moves = np.array(base.reference.waypoints[1::2]).reshape(LENGTHS, -1, 3)  # by length and direction
+    moves = np.array(base.reference.waypoints[1::2]).reshape(
+        LENGTHS, -1, 3
+    )  # by length and direction
     half = LENGTHS // 2
-    chosen = [moves[k, i] for i in range(moves.shape[1]) for k in (rng.integers(half), half + rng.integers(half))]
+    chosen = [
+        moves[k, i]
+        for i in range(moves.shape[1])
+        for k in (rng.integers(half), half + rng.integers(half))
+    ]
     turn = rng.uniform(-np.pi, np.pi)
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     points = [[0.0, 0.0, turn]]
@@ -90,7 +103,10 @@ def draw_robot(base: Settings, number: int) -> Settings:
         carpet={"pile": base.carpet.pile * pile},
         firmware={"kp": base.firmware.kp * gain},
         radio={"delay_frames": int(rng.integers(2, 9))},
-        vision={"position_noise_m": rng.uniform(0.5e-3, 2e-3), "heading_noise_rad": rng.uniform(0.003, 0.01)},
+        vision={
+            "position_noise_m": rng.uniform(0.5e-3, 2e-3),
+            "heading_noise_rad": rng.uniform(0.003, 0.01),
+        },
         reference={"waypoints": points, "max_acceleration_m_s2": rng.uniform(1.6, 2.2)},
     )
 
@@ -132,7 +148,9 @@ def true_numbers(settings: Settings) -> dict[str, float]:
     return numbers
 
 
-def identify_drawn(robot: str, numbers: range, folder: Path) -> list[tuple[Identified, dict[str, float]]]:
+def identify_drawn(
+    robot: str, numbers: range, folder: Path
+) -> list[tuple[Identified, dict[str, float]]]:
     """Drive logs of a robot in one batch, unless the folder has them, and identify each."""
     base = scenario("identify", robot=robot)
     base = base.replace(settings=base.settings.replace(wheels={"model": "two-rollers"}))
@@ -148,7 +166,9 @@ def identify_drawn(robot: str, numbers: range, folder: Path) -> list[tuple[Ident
     logs = read(drives / "trajectory.parquet")
     return [
         (
-            identify_logs([log], scenario("rect", robot=write_start_file(drawn, robot, number, folder))),
+            identify_logs(
+                [log], scenario("rect", robot=write_start_file(drawn, robot, number, folder))
+            ),
             true_numbers(drawn),
         )
         for number, log, drawn in zip(numbers, logs, settings, strict=True)
@@ -169,34 +189,50 @@ def coverage(logs: int, folder: Path) -> Table:
     ]
     rows = []
     for name in results[0][1]:
-        estimates = [(told(result)[name], truth[name]) for result, truth in results if name in told(result)]
+        estimates = [
+            (told(result)[name], truth[name]) for result, truth in results if name in told(result)
+        ]
         if estimates:
-            value, error, low, high, truth = np.array([[e.value, e.error, e.low, e.high, t] for e, t in estimates]).T
+            value, error, low, high, truth = np.array(
+                [[e.value, e.error, e.low, e.high, t] for e, t in estimates]
+            ).T
             unit = np.where(truth == 0, 1.0, np.abs(truth))
             deviation, ratio = (value - truth) / unit, (value - truth) / error
-            figures = deviation.mean(), deviation.std(), (error / unit).mean(), np.sqrt((ratio**2).mean())
+            figures = (
+                deviation.mean(),
+                deviation.std(),
+                (error / unit).mean(),
+                np.sqrt((ratio**2).mean()),
+            )
             held = f"{100 * np.mean((low <= truth) & (truth <= high)):.0f} %"
             rows.append([name, *(f"{x:.2g}" for x in figures), held, str(len(estimates))])
     misfits = sum(bool(result.misfits) for result, _ in results)
     headings = ["", "mean error", "spread", "std. error", "error / std.", "hold the truth", "told"]
-    return Table(f"{logs} logs, {misfits} misfits; over the truth where that is not 0", headings, rows, 1)
+    return Table(
+        f"{logs} logs, {misfits} misfits; over the truth where that is not 0", headings, rows, 1
+    )
 
 
 def measured(runs: Path, folder: Path) -> Table:
     """Return what each run of omni3 tells."""
-    robot = write_robot(folder / "omni3.toml", robots.DEFAULT, OMNI3)
+    robot = write_robot(folder / "omni3.toml", robot_files.DEFAULT, OMNI3)
     rows = []
     for path in sorted(runs.glob("*_run-*.csv")):
         data = np.loadtxt(path, delimiter=",")
         columns = np.column_stack([data[:, :4], np.cumsum(data[:, 4:], axis=0) / COUNTS_PER_RAD])
         header = "time_s,x_m,y_m,heading_rad,wheel_1_rad,wheel_2_rad,wheel_3_rad"
-        np.savetxt(folder / path.name, columns, fmt="%.9g", delimiter=",", header=header, comments="")
+        np.savetxt(
+            folder / path.name, columns, fmt="%.9g", delimiter=",", header=header, comments=""
+        )
         try:
             result = identify([folder / path.name], robot)
         except OmniError as error:
             rows.append([path.stem, str(error), *[""] * len(COLUMNS)])
             continue
-        cells = [format_estimate(told(result).get(f"wheels.{name}"), unit) for name, unit in COLUMNS.items()]
+        cells = [
+            format_estimate(told(result).get(f"wheels.{name}"), unit)
+            for name, unit in COLUMNS.items()
+        ]
         lasting = result.fits["wheels"].residuals["positions"].lasting
         rows.append([path.stem, *cells, f"{1e3 * lasting:.2g}"])
     headings = ["run", "wheel, mm", "K fwd", "K side", "arm, mm", "later, ms", "creep", "lasts, mm"]
@@ -215,7 +251,9 @@ def format_estimate(estimate: Estimate | None, unit: float) -> str:
 
 def main() -> None:
     """Run the program."""
-    parser = argparse.ArgumentParser(description="Check omni-mj identify on robots with known numbers.")
+    parser = argparse.ArgumentParser(
+        description="Check omni-mj identify on robots with known numbers."
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     drawn = commands.add_parser("coverage")
     drawn.add_argument("--logs", type=int, default=100)

@@ -25,12 +25,12 @@ from pathlib import Path
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.measure.metrics import row_metrics
-from omni_mj.measure.statistics import confidence
-from omni_mj.scenarios import scenario
-from omni_mj.scenarios.robots import builtin as builtin_robots
-from omni_mj.scenarios.toml_files import builtin as builtin_scenarios
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.config import scenario
+from omni_mj.config.robot_files import builtin as builtin_robots
+from omni_mj.config.toml_files import builtin as builtin_scenarios
+from omni_mj.results.metrics import row_metrics
+from omni_mj.results.statistics import confidence
+from omni_mj.simulation.simulation import Simulation
 
 CONTROLLERS = "comp-flc", "adaptive-comp-flc", "lqr"
 SEEDS = 5  # at a time; with three controllers fewer robots than those for which the full plant takes several threads
@@ -64,7 +64,10 @@ class Runs:
     def run(self, cell: Cell, plant: str, controllers: Iterable[str], seeds: Iterable[int]) -> None:
         """Run what is not known yet."""
         wanted = [
-            (name, seed) for name in controllers for seed in seeds if (*cell, plant, name, seed) not in self.found
+            (name, seed)
+            for name in controllers
+            for seed in seeds
+            if (*cell, plant, name, seed) not in self.found
         ]
         if not wanted:
             return
@@ -88,12 +91,19 @@ class Runs:
 
     def seeds(self, cell: Cell, controller: str, *plants: str) -> list[int]:
         """Those known of all of these plants."""
-        known = ({run[4] for run in self.found if run[:4] == (*cell, plant, controller)} for plant in plants)
+        known = (
+            {run[4] for run in self.found if run[:4] == (*cell, plant, controller)}
+            for plant in plants
+        )
         return sorted(set.intersection(*known))
 
     def values(self, cell: Cell, plant: str, controller: str, seeds: Iterable[int]) -> Array:
         """Distances, m, and shares of sliding, (2, seeds)."""
-        return np.array([self.found[(*cell, plant, controller, seed)] for seed in seeds]).reshape(-1, 2).T
+        return (
+            np.array([self.found[(*cell, plant, controller, seed)] for seed in seeds])
+            .reshape(-1, 2)
+            .T
+        )
 
 
 @dataclass(frozen=True)
@@ -118,7 +128,9 @@ class Agreement:
     def of(cls, runs: Runs, cell: Cell, controller: str) -> "Agreement":
         """By what is known."""
         seeds = runs.seeds(cell, controller, FULL, PLANAR)
-        (full, slides), (planar, _) = (runs.values(cell, plant, controller, seeds) for plant in (FULL, PLANAR))
+        (full, slides), (planar, _) = (
+            runs.values(cell, plant, controller, seeds) for plant in (FULL, PLANAR)
+        )
         both = np.isfinite(full) & np.isfinite(planar)
         again = runs.seeds(cell, controller, FULL, FINER)
         before, finer = (runs.values(cell, plant, controller, again)[0] for plant in (FULL, FINER))
@@ -167,15 +179,24 @@ def ratio(one: Array, other: Array) -> tuple[float, float]:
     return float(100 * np.expm1(mean)), float(100 * np.expm1(half))
 
 
-def study(runs: Runs, cells: Sequence[Cell], controllers: Sequence[str], most: int, finer: bool) -> None:
+def study(
+    runs: Runs, cells: Sequence[Cell], controllers: Sequence[str], most: int, finer: bool
+) -> None:
     """Run both plants: all cells with the first seeds, then those again of which more must be known."""
     for first, cell in itertools.product(range(0, most, SEEDS), cells):
         seeds = range(first, min(first + SEEDS, most))
-        left = [name for name in controllers if not first or not Agreement.of(runs, cell, name).decided]
+        left = [
+            name for name in controllers if not first or not Agreement.of(runs, cell, name).decided
+        ]
         for plant in (FULL, PLANAR):
             runs.run(cell, plant, left, seeds)
         if finer and not first:
-            runs.run(cell, FINER, [name for name in left if Agreement.of(runs, cell, name).sliding], seeds)
+            runs.run(
+                cell,
+                FINER,
+                [name for name in left if Agreement.of(runs, cell, name).sliding],
+                seeds,
+            )
 
 
 def table(found: dict[Cell, dict[str, Agreement]], controllers: Sequence[str]) -> Iterator[str]:
@@ -197,8 +218,13 @@ def verdicts(runs: Runs, found: dict[Cell, dict[str, Agreement]]) -> Iterator[st
         within, sure = len(own) - len(beyond), sum(each.decided for each in beyond)
         yield f"Where {where}, {within} of {len(own)} differences are within; {sure} are beyond by no chance."
     pairs = [(cell, pair) for cell, of in found.items() for pair in itertools.combinations(of, 2)]
-    orders = {(cell, pair): [_apart(runs, cell, pair, plant) for plant in (FULL, PLANAR)] for cell, pair in pairs}
-    swapped = {pair: (full, planar) for pair, (full, planar) in orders.items() if full[0] * planar[0] < 0}
+    orders = {
+        (cell, pair): [_apart(runs, cell, pair, plant) for plant in (FULL, PLANAR)]
+        for cell, pair in pairs
+    }
+    swapped = {
+        pair: (full, planar) for pair, (full, planar) in orders.items() if full[0] * planar[0] < 0
+    }
     yield f"Of {len(pairs)} pairs of controllers {len(swapped)} are in another order."
     for ((scene, robot), (one, other)), apart in swapped.items():
         said = " and ".join(f"{_said(difference)} %" for difference in apart)

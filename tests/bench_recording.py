@@ -5,18 +5,23 @@ import tempfile
 import time
 from pathlib import Path
 
-from omni_mj.scenarios import scenario
-from omni_mj.show.recording import Recording
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.config import scenario
+from omni_mj.simulation.simulation import Simulation
+from omni_mj.viz.recording import Recording
 
 LAPS, PARTS, LIMIT = 40, 4, 1.5
 
 
 def main() -> int:
     """Print the cost of a frame in each quarter of a run; 1 if the last costs `LIMIT` times what the second does."""
-    simulation = Simulation(scenario.load("rect", [f"reference.laps={LAPS}"], {"plant": "kinematic"}), ["flc"])
+    simulation = Simulation(
+        scenario.load("rect", [f"reference.laps={LAPS}"], {"plant": "kinematic"}), ["flc"]
+    )
     frames, spent = max(reference.frames for reference in simulation.references), [0.0] * PARTS
-    with tempfile.TemporaryDirectory() as folder, Recording(Path(folder) / "long.rrd", simulation) as recording:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Recording(Path(folder) / "long.rrd", simulation) as recording,
+    ):
 
         def after_frame(frame: int) -> None:
             began = time.process_time()

@@ -13,7 +13,12 @@ from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import Address
 
 PERIOD_S, SECONDS = 1 / 60, 8.0
-CASES = ("1", "0", "rollers"), ("1", "0", "two-rollers"), ("6", "6", "two-rollers"), ("6", "6", "rollers")
+CASES = (
+    ("1", "0", "rollers"),
+    ("1", "0", "two-rollers"),
+    ("6", "6", "two-rollers"),
+    ("6", "6", "rollers"),
+)
 
 
 def command_robots(ports: list[int], counts: tuple[int, int]) -> None:
@@ -22,7 +27,9 @@ def command_robots(ports: list[int], counts: tuple[int, int]) -> None:
     while True:
         velocity = 0.4 * math.cos(frame / 60), 0.4 * math.sin(frame / 60)
         for port, count in zip(ports, counts, strict=True):
-            sender.sendto(b"".join(local(i, *velocity, 0.5) for i in range(count)), (LOOPBACK, port))
+            sender.sendto(
+                b"".join(local(i, *velocity, 0.5) for i in range(count)), (LOOPBACK, port)
+            )
         frame, tick = frame + 1, tick + PERIOD_S
         time.sleep(max(tick - time.monotonic(), 0.0))
 
@@ -31,7 +38,9 @@ def serve(blue: str, yellow: str, wheels: str) -> np.ndarray:
     """CPU time of each frame, s. A client commands all robots 60 times a second."""
     field = Field(f"wheels.model={wheels}", blue=blue, yellow=yellow)
     server = Server(field.pitch, (0, 0, 0), Address(LOOPBACK, 10020))
-    client = Process(target=command_robots, args=(server.ports[1:], (int(blue), int(yellow))), daemon=True)
+    client = Process(
+        target=command_robots, args=(server.ports[1:], (int(blue), int(yellow))), daemon=True
+    )
     client.start()
     used = list[float]()
     try:

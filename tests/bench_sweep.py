@@ -34,7 +34,9 @@ def measured(plant: str, runs: int, given: argparse.Namespace) -> tuple[float, f
 
 def main() -> None:
     """Measure and print."""
-    given = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    given = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     given.add_argument("--plant", nargs="+", default=["kinematic", "planar"])
     given.add_argument("--runs", type=int, nargs="+", default=[1000, 10_000])
     given.add_argument("--controller", default="comp-flc")
@@ -46,7 +48,10 @@ def main() -> None:
         for runs in chosen.runs:
             cpu, memory, size = measured(plant, runs, chosen)
             hours = cpu / runs * 1e6 / 3600
-            print(f"{plant:10s} {runs:8d} {cpu:8.1f} {memory:11.2f} {size:12.0f} {hours:23.1f}", flush=True)
+            print(
+                f"{plant:10s} {runs:8d} {cpu:8.1f} {memory:11.2f} {size:12.0f} {hours:23.1f}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

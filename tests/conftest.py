@@ -22,7 +22,9 @@ def pytest_collection() -> None:
 
 def pytest_collection_finish() -> None:
     gc.freeze()
-    gc.set_threshold(10_000)  # rather than a few hundred objects, most of which are small arrays' and no cycles
+    gc.set_threshold(
+        10_000
+    )  # rather than a few hundred objects, most of which are small arrays' and no cycles
     gc.enable()
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from omni_control.controllers.base import Controller, Seen, Told
-    from omni_control.delay import CommandsInFlight
+    from omni_control.delay_compensation import CommandsInFlight
     from omni_control.errors import ControllerError, OmniError
     from omni_control.kinematics import Kinematics
     from omni_control.reference import (

@@ -16,7 +16,10 @@ class ControllerError(OmniError):
 
 def printable(text: str, most: int = 500) -> str:
     """A text of whoever it is as a message shows it: in one line, without control characters, not too long."""
-    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(text.split()))
+    line = "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode()
+        for c in " ".join(text.split())
+    )
     return line if len(line) <= most else f"{line[:most]}..."
 
 

@@ -48,7 +48,9 @@ PEAKS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None, None]
 _CROSSINGS = (PEAKS[1:] + PEAKS[:-1]) / 2
 _LEFT, _RIGHT = np.array([0, 1, 2, 3, 4, 0, 1, 2, 3]), np.array([0, 1, 2, 3, 4, 1, 2, 3, 4])
 _TOP = np.repeat([1.0, 0.5], [5, 4])[:, None, None]
-_LINEAR, _QUADRATIC, _CUBIC = np.zeros((3, 2, 9, 1, 1))  # coefficients of [area, moment] of the nine triangles
+_LINEAR, _QUADRATIC, _CUBIC = np.zeros(
+    (3, 2, 9, 1, 1)
+)  # coefficients of [area, moment] of the nine triangles
 _LINEAR[0, :, 0, 0] = [0.5, 1, 1, 1, 0.5, *[-0.5] * 4]
 _QUADRATIC[0, :, 0, 0] = [-0.25, -0.5, -0.5, -0.5, -0.25, *[0.5] * 4]
 _LINEAR[1], _QUADRATIC[1] = np.concatenate([PEAKS, _CROSSINGS]) * [_LINEAR[0], _QUADRATIC[0]]

@@ -28,7 +28,9 @@ def wrap_angle(angle: ArrayLike) -> Array:
     """Return `angle` (rad, any shape) mapped into (-pi, pi]."""
     angle = np.asarray(angle, float)
     near = angle - 2 * np.pi * np.ceil(angle / (2 * np.pi) - 0.5)
-    return np.minimum(np.maximum(near, _PAST_HALF_A_TURN), np.pi)  # rounding may have led just past the ends
+    return np.minimum(
+        np.maximum(near, _PAST_HALF_A_TURN), np.pi
+    )  # rounding may have led just past the ends
 
 
 def body_to_world(twist: ArrayLike, heading: ArrayLike) -> Array:

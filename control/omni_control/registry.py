@@ -11,14 +11,16 @@ CONTROLLERS: dict[str, str] = {
     "comp-flc-lag": "omni_control.controllers.flc:CompFlcLag",
     "inverse-flc": "omni_control.controllers.adaptive:InverseFlc",
     "adaptive-comp-flc": "omni_control.controllers.adaptive:AdaptiveCompFlc",
-    "p": "omni_control.controllers.classic:Proportional",
-    "smith": "omni_control.controllers.classic:Smith",
-    "lqr": "omni_control.controllers.classic:Lqr",
+    "p": "omni_control.controllers.baselines:Proportional",
+    "smith": "omni_control.controllers.baselines:Smith",
+    "lqr": "omni_control.controllers.baselines:Lqr",
     "mpc": "omni_control.controllers.mpc:Mpc",
     "oracle": "omni_control.controllers.adaptive:Oracle",
 }
 
-NEEDS = {"mpc": "piqp"}  # packages that controllers need, which the extra of the controller's name brings
+NEEDS = {
+    "mpc": "piqp"
+}  # packages that controllers need, which the extra of the controller's name brings
 
 
 def missing(name: str) -> str | None:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omni_control.controllers.base import RECORDED, Controller, Seen, error_place, record_of
-from omni_control.delay import CommandsInFlight, Rows
+from omni_control.delay_compensation import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
-from omni_control.estimation.gate import Gate
-from omni_control.estimation.tracking import MOST_FRAMES, Tracker
+from omni_control.estimation.outlier_gate import Gate
+from omni_control.estimation.vision_tracker import MOST_FRAMES, Tracker
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
 
@@ -36,7 +36,10 @@ class CommandLimits:
         speed, turn_rate, acceleration, turn_acceleration = np.array(
             [[s.speed, s.turn_rate, s.acceleration, s.turn_acceleration] for s in limits]
         ).T[..., None]
-        self._highest, self._step = (speed, turn_rate), (acceleration * period, turn_acceleration * period)
+        self._highest, self._step = (
+            (speed, turn_rate),
+            (acceleration * period, turn_acceleration * period),
+        )
 
     def __call__(self, command: Array, last: Array) -> Array:
         """Return the commands (n, 3) that may be sent, given those wanted and those sent before."""
@@ -83,7 +86,9 @@ class Team:
         *,
         on_failure: OnFailure | None = None,
     ) -> None:
-        self.controllers = [controllers] if isinstance(controllers, Controller) else list(controllers)
+        self.controllers = (
+            [controllers] if isinstance(controllers, Controller) else list(controllers)
+        )
         pose = np.array(start, float)
         if pose.ndim != 2 or pose.shape[1] != 3 or not np.isfinite(pose).all():
             raise OmniError(f"the start must be finite poses (n, 3), not of shape {pose.shape}")
@@ -97,7 +102,9 @@ class Team:
             of_robot[part] = controller.told
         told = list(of_robot)
         if len({t.period for t in told}) > 1:
-            raise OmniError("controllers that are called together must be told frames of the same length")
+            raise OmniError(
+                "controllers that are called together must be told frames of the same length"
+            )
         period = told[0].period
         delays = np.array([t.delay_frames for t in told])
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
@@ -106,10 +113,16 @@ class Team:
         self._limits = CommandLimits(limits, period)
         self._tracker = Tracker(pose, noise, latency, period, Gate(noise, limits, period))
         self.filter = self._tracker.filter
-        self._memory = [max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers]
-        self._sent = CommandsInFlight(self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES)
+        self._memory = [
+            max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers
+        ]
+        self._sent = CommandsInFlight(
+            self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES
+        )
         self.knows_truth = any(type(c).knows_truth for c in self.controllers)
-        self._records = [record_of(c, n) for c, n in zip(self.controllers, self._sizes, strict=True)]
+        self._records = [
+            record_of(c, n) for c, n in zip(self.controllers, self._sizes, strict=True)
+        ]
 
         self.twist = self._tracker.twist
         self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
@@ -137,11 +150,15 @@ class Team:
         """
         reported = _numbers(measured, (self.n, 3), "what vision reports")
         reported[self.failed] = np.nan
-        ages = np.zeros(self.n) if age is None else _numbers(age, (self.n,), "ages, in s from 0 on,")
+        ages = (
+            np.zeros(self.n) if age is None else _numbers(age, (self.n,), "ages, in s from 0 on,")
+        )
         if np.count_nonzero(ages >= 0) < self.n:
             raise OmniError(f"ages must be ({self.n},) finite numbers of s from 0 on, not {age!r}")
         if self.knows_truth and truth is None:
-            raise OmniError("a controller of this team knows the truth, which must be given with what vision reports")
+            raise OmniError(
+                "a controller of this team knows the truth, which must be given with what vision reports"
+            )
 
         self.frame += 1
         self._sent.push(self.last)
@@ -151,10 +168,15 @@ class Team:
         period = self.controllers[0].told.period
         for values in (now.pose, now.twist, believed, ages):
             values.flags.writeable = False
-        self._seen = Seen(now.pose, now.twist, believed, self._sent, period, self._delay, ages, now.steps)
+        self._seen = Seen(
+            now.pose, now.twist, believed, self._sent, period, self._delay, ages, now.steps
+        )
         if self.knows_truth and truth is not None:
             true, twist = (_numbers(values, (self.n, 3), "the truth") for values in truth)
-            true[self.failed], twist[self.failed] = now.pose[self.failed], 0.0  # which may be no numbers
+            true[self.failed], twist[self.failed] = (
+                now.pose[self.failed],
+                0.0,
+            )  # which may be no numbers
             self._true = Seen(true, twist, true, self._sent, period, self._delay)
         return self._seen
 
@@ -217,7 +239,9 @@ class Team:
         if np.count_nonzero(finite := np.isfinite(wanted)) < finite.size:
             wrong = np.asarray(~finite.all(1))
             reason = f"{name} returned commands that are not finite in frame {self.frame}"
-            self._fail(robots[wrong], ControllerError(f"{reason}; {wanted.shape} finite are needed"))
+            self._fail(
+                robots[wrong], ControllerError(f"{reason}; {wanted.shape} finite are needed")
+            )
             wanted = np.where(wrong[:, None], 0.0, wanted)
         return wanted
 
@@ -248,7 +272,9 @@ class Team:
     @property
     def channels(self) -> dict[str, Array]:
         """What else controllers record, by name: (n, k); not a number for rows without it."""
-        names = dict.fromkeys(name for record in self._records for name in record if name not in RECORDED)
+        names = dict.fromkeys(
+            name for record in self._records for name in record if name not in RECORDED
+        )
         return {name: self._together(name) for name in names}
 
     def _together(self, name: str) -> Array:
@@ -266,23 +292,39 @@ def _command(controller: Controller, frame: int, seen: Seen) -> Array:
     """Return a controller's commands, of the shape of the poses, not necessarily finite."""
     wanted = np.asarray(controller.command(frame, seen))
     if wanted.shape != seen.pose.shape or wanted.dtype.kind == "c":
-        raise OmniError(f"commands of shape {wanted.shape}, {wanted.dtype}; {seen.pose.shape} finite are needed")
+        raise OmniError(
+            f"commands of shape {wanted.shape}, {wanted.dtype}; {seen.pose.shape} finite are needed"
+        )
     return wanted.astype(float, copy=False)
 
 
-def _rows_of_controllers(sizes: Sequence[int], rows: Sequence[ArrayLike] | None, n: int) -> list[Rows]:
+def _rows_of_controllers(
+    sizes: Sequence[int], rows: Sequence[ArrayLike] | None, n: int
+) -> list[Rows]:
     """Return the rows of each controller among n robots, as slices where possible: those are not copied.
 
     Raises:
         OmniError: robots have no controller, or two.
     """
-    parts = np.split(np.arange(n), np.cumsum(sizes)[:-1]) if rows is None else [np.asarray(part, int) for part in rows]
+    parts = (
+        np.split(np.arange(n), np.cumsum(sizes)[:-1])
+        if rows is None
+        else [np.asarray(part, int) for part in rows]
+    )
     all_rows = sorted(np.concatenate([[], *parts]))
-    if [len(part) for part in parts] != list(sizes) or all_rows != list(range(n)) or 0 in sizes or not n:
+    if (
+        [len(part) for part in parts] != list(sizes)
+        or all_rows != list(range(n))
+        or 0 in sizes
+        or not n
+    ):
         raise OmniError(
             f"{n} robots need one controller each; there are controllers for {sizes} robots, in rows {rows}"
         )
-    return [slice(int(part[0]), int(part[-1]) + 1) if (np.diff(part) == 1).all() else part for part in parts]
+    return [
+        slice(int(part[0]), int(part[-1]) + 1) if (np.diff(part) == 1).all() else part
+        for part in parts
+    ]
 
 
 def _numbers(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:

@@ -26,7 +26,9 @@ _NEAR = 2  # cells either way
 _PARALLEL = 1e-9  # two wheels that do the same span no face
 
 
-def traction_limits(kinematics: Kinematics, friction: float, centre_height: float = 0.0) -> tuple[float, float]:
+def traction_limits(
+    kinematics: Kinematics, friction: float, centre_height: float = 0.0
+) -> tuple[float, float]:
     """Highest acceleration (forward, sideways) in m/s^2, along the body's x and y axes, for speeding up and braking.
 
     The ellipse through them, as `MotionLimits` keeps it, is more than friction allows in between: see `traction`.
@@ -41,12 +43,15 @@ def traction_limits(kinematics: Kinematics, friction: float, centre_height: floa
         OmniError: the robot does not stand on these wheels.
     """
     ahead, back, left, right = (
-        traction(kinematics, friction, bearing, centre_height) for bearing in (0.0, math.pi, math.pi / 2, -math.pi / 2)
+        traction(kinematics, friction, bearing, centre_height)
+        for bearing in (0.0, math.pi, math.pi / 2, -math.pi / 2)
     )
     return min(ahead, back), min(left, right)
 
 
-def traction(kinematics: Kinematics, friction: float, bearing: float, centre_height: float = 0.0) -> float:
+def traction(
+    kinematics: Kinematics, friction: float, bearing: float, centre_height: float = 0.0
+) -> float:
     """Highest acceleration without turning towards `bearing` (rad from the body's x axis), m/s^2; 0 if there is none.
 
     The centre of mass is over the middle of the wheels. Motors are taken to be strong enough, and drag is neglected.
@@ -100,10 +105,14 @@ class WheelLimits:
         """
         for name in ("friction", "gyration", "rim_speed"):
             if not getattr(self, name) > 0:
-                raise OmniError(f"the {name.replace('_', ' ')} of wheels must be positive, not {getattr(self, name)}")
+                raise OmniError(
+                    f"the {name.replace('_', ' ')} of wheels must be positive, not {getattr(self, name)}"
+                )
         for name in ("centre_height", "pile", "roller_friction"):
             if not getattr(self, name) >= 0:
-                raise OmniError(f"the {name.replace('_', ' ')} of wheels must not be below 0: {getattr(self, name)}")
+                raise OmniError(
+                    f"the {name.replace('_', ' ')} of wheels must not be below 0: {getattr(self, name)}"
+                )
         if self.drag_share >= 1:
             raise OmniError(
                 f"on a carpet of friction {self.friction:g} wheels cannot pull what drags them, "
@@ -127,7 +136,9 @@ class WheelLimits:
         velocity = np.pad(velocity, ((1, 1), (0, 0)))
         asked = world_to_body(np.diff(velocity, axis=0) / period, heading)
         travel = world_to_body((velocity[1:] + velocity[:-1]) / 2, heading)
-        return float(self.friction_share(asked, travel).max()), float(rims.max(initial=0) / self.rim_speed)
+        return float(self.friction_share(asked, travel).max()), float(
+            rims.max(initial=0) / self.rim_speed
+        )
 
     def friction_share(self, acceleration: Array, travel: Array) -> Array:
         """How much of their friction wheels need (n,) for body accelerations (n, 3), travelling at twists (n, 3)."""
@@ -142,7 +153,9 @@ class WheelLimits:
         allowed, pushed = self._faces
         return allowed * [1.0, 1.0, self.gyration**2], -self._drag(travel) @ pushed.T
 
-    def spare(self, acceleration: float, side_acceleration: float, turn_acceleration: float) -> float:
+    def spare(
+        self, acceleration: float, side_acceleration: float, turn_acceleration: float
+    ) -> float:
         """How many times these wheels can do at once, whatever the directions, while anything drags them.
 
         The accelerations in m/s^2 are those ahead and aside, with the ellipse between them, that in rad/s^2 either way.
@@ -162,7 +175,10 @@ class WheelLimits:
         load, speed = GRAVITY * self._loads[0], np.hypot(along, across)
         pile = np.divide(self.pile, speed, out=np.zeros_like(speed), where=speed > 0)
         against = pile * across + self.roller_friction * np.sign(across)
-        return -(load * pile * along) @ self.kinematics.matrix - (load * against) @ self.kinematics.axles
+        return (
+            -(load * pile * along) @ self.kinematics.matrix
+            - (load * against) @ self.kinematics.axles
+        )
 
     @cached_property
     def _faces(self) -> tuple[Array, Array]:
@@ -174,7 +190,9 @@ class WheelLimits:
         """
         pushes, (standing, shifting) = self.kinematics.matrix, self._loads
         if standing.min() <= 0:
-            raise OmniError("the wheels do not stand around the robot's centre, so that it would topple")
+            raise OmniError(
+                "the wheels do not stand around the robot's centre, so that it would topple"
+            )
         spanned = np.array([np.cross(*pair) for pair in combinations(pushes, 2)])
         spanned = spanned[np.linalg.norm(spanned, axis=1) > _PARALLEL]
         normals = np.concatenate([spanned, -spanned])
@@ -189,7 +207,10 @@ class WheelLimits:
     def _dragged(self) -> Array:
         """The most that drag takes of what each face allows (faces,), every wheel going the worst way."""
         pushed = self._faces[1]
-        along, across = np.abs(pushed @ self.kinematics.matrix.T), np.abs(pushed @ self.kinematics.axles.T)
+        along, across = (
+            np.abs(pushed @ self.kinematics.matrix.T),
+            np.abs(pushed @ self.kinematics.axles.T),
+        )
         taken = self.pile * np.hypot(along, across) + self.roller_friction * across
         return np.asarray(taken @ (GRAVITY * self._loads[0]))
 
@@ -224,4 +245,6 @@ def around(dragged: Array, ends: Literal["edge", "wrap"]) -> Array:
     Where a path crosses the direction of an axle, rollers' bearings drag the other way, which may be within a frame.
     """
     padded = np.pad(dragged, ((_NEAR, _NEAR), (0, 0)), mode=ends)
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEAR + 1, axis=0).max(-1))
+    return np.asarray(
+        np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEAR + 1, axis=0).max(-1)
+    )

@@ -40,7 +40,10 @@ def main(words: Sequence[str]) -> int:
             path.write_text(after, encoding="utf-8")
         elif after != before:
             differ += 1
-            print(f"{path} does not say what its program prints; see docs/lessons/run.py", file=sys.stderr)
+            print(
+                f"{path} does not say what its program prints; see docs/lessons/run.py",
+                file=sys.stderr,
+            )
     return differ
 
 

@@ -12,11 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 
 import omni_mj as om
+from omni_mj.config.rows import Row
 from omni_mj.plants.planar import PlanarPlant
+from omni_mj.robot.firmware import Command
 from omni_mj.robot.onboard import quiet_inputs
 from omni_mj.robot.planar_body import PlanarParameters, PlanarState, advance_frame
-from omni_mj.robot.wheel_loops import Command
-from omni_mj.scenarios.rows import Row
 
 FRAMES, TRUE_STIFFNESS = 60, 2.0
 
@@ -29,7 +29,9 @@ def robot() -> tuple[PlanarParameters, PlanarState]:
     return parameters, state
 
 
-def travel(parameters: PlanarParameters, state: PlanarState, stiffness: float | jax.Array) -> jax.Array:
+def travel(
+    parameters: PlanarParameters, state: PlanarState, stiffness: float | jax.Array
+) -> jax.Array:
     """Return how far the robot is ahead after a second at a rising speed, m."""
     carpet = parameters.carpet
     soft = 1 / (carpet.radius**2 * stiffness)
@@ -54,7 +56,9 @@ def main() -> None:
         stiffness = 3.5
         for step in range(6):
             value, slope = value_and_slope(stiffness)
-            print(f"step {step}: creep stiffness {stiffness:.4f}, {1e3 * (value - measured):+.3f} mm off")
+            print(
+                f"step {step}: creep stiffness {stiffness:.4f}, {1e3 * (value - measured):+.3f} mm off"
+            )
             stiffness = float(stiffness + (measured - value) / slope)
     print(f"found {stiffness:.3f}, true {TRUE_STIFFNESS:.3f}")
 

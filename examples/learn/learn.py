@@ -13,7 +13,9 @@ import numpy as np
 import omni_mj as om
 import omni_mj.gym
 
-given = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+given = argparse.ArgumentParser(
+    description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+)
 given.add_argument("--scenario", default="rect")
 given.add_argument("--generations", type=int, default=25)
 given.add_argument("--plant", default="mujoco")
@@ -21,8 +23,12 @@ given = given.parse_args()
 
 MEMORY, POLICIES, BEST = 9, 64, 12
 HIGHEST = np.array([3.7, 3.7, 26.0])  # m/s and rad/s that an action of 1 means
-USED = slice(0, 12)  # the ways and twists of an observation; the way to where the commands in flight lead says of these
-START = np.array([2.0] * 6 + [0.5] * 6)[:, None] * np.ones(3)  # how far to look for weights of ways, 1/s, and of twists
+USED = slice(
+    0, 12
+)  # the ways and twists of an observation; the way to where the commands in flight lead says of these
+START = np.array([2.0] * 6 + [0.5] * 6)[:, None] * np.ones(
+    3
+)  # how far to look for weights of ways, 1/s, and of twists
 random = np.random.default_rng(0)
 
 
@@ -32,7 +38,12 @@ def act(weights, seen):
 
 
 many = gymnasium.make_vec(
-    "omni_mj/Track-v0", POLICIES, scenario=given.scenario, plant="planar", memory=MEMORY, autoreset_mode="Disabled"
+    "omni_mj/Track-v0",
+    POLICIES,
+    scenario=given.scenario,
+    plant="planar",
+    memory=MEMORY,
+    autoreset_mode="Disabled",
 )
 middle, spread = np.zeros_like(START), START
 for generation in range(given.generations):
@@ -61,4 +72,6 @@ class Learned(om.Controller):
 
 
 names = ["p", "comp-flc", "adaptive-comp-flc", Learned]
-print(om.run(om.scenario(given.scenario, plant=given.plant), names, seeds=range(1000, 1004)).table())
+print(
+    om.run(om.scenario(given.scenario, plant=given.plant), names, seeds=range(1000, 1004)).table()
+)

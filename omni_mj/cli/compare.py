@@ -6,13 +6,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import console, options, output_folders
 
 if TYPE_CHECKING:
-    from omni_mj.measure.result import Outcome, Result
+    from omni_mj.results.result import Outcome, Result
 
 OUTPUTS = ("summary.json", "compare.md", "compare.png", "compare.svg")
-KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *folders.PROVENANCE)
+KEPT = (
+    "scenarios",
+    "trajectories",
+    "scenario.toml",
+    "trajectory.parquet",
+    *output_folders.PROVENANCE,
+)
 
 
 @click.command("compare")
@@ -24,11 +30,17 @@ KEPT = ("scenarios", "trajectories", "scenario.toml", "trajectory.parquet", *fol
 @options.PLANT
 @options.ROBOT
 @options.MODEL
-@click.option("--seeds", type=int, metavar="N", default=10, help="How many seeds, from the first on. [10]")
-@click.option("--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]")
+@click.option(
+    "--seeds", type=int, metavar="N", default=10, help="How many seeds, from the first on. [10]"
+)
+@click.option(
+    "--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]"
+)
 @options.SUBJECT
 @options.SETTINGS
-@click.option("--trajectories", is_flag=True, help="Keep all frames: DIR/trajectories/<scenario>.parquet.")
+@click.option(
+    "--trajectories", is_flag=True, help="Keep all frames: DIR/trajectories/<scenario>.parquet."
+)
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/compare-<UTC time>]")
 @options.OVERWRITE
 @options.QUIET
@@ -48,23 +60,28 @@ def command(
     """
     from omni_control.registry import available
     from omni_mj.files import write
-    from omni_mj.show import compare_table, figures
     from omni_mj.studies import compare
+    from omni_mj.studies.compare import compare_table
+    from omni_mj.viz import figures
 
     plant = choice.plant or "mujoco"
     choice = replace(choice, controllers=choice.controllers or available(), plant=plant)
     names = names or compare.usual(plant)
     chosen = [choice.load(name) for name in names]
     compare.check(chosen, subject)
-    folder = folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
+    folder = output_folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 
     def save(result: "Result") -> None:
         result.repeat = console.command_line()
         result.save_summary(folder)
         write(folder / "compare.md", compare_table.markdown(result.summary()))
 
-    with console.writing(folder), console.Interrupts() as interrupts, console.progress(quiet) as begin:
-        folders.begin_record(folder, "compare", console.command_line(), chosen, trajectories)
+    with (
+        console.writing(folder),
+        console.Interrupts() as interrupts,
+        console.progress(quiet) as begin,
+    ):
+        output_folders.begin_record(folder, "compare", console.command_line(), chosen, trajectories)
 
         def after(result: "Result", outcome: "Outcome") -> None:
             save(result)
@@ -83,6 +100,12 @@ def command(
         compare_table.show(summary)
         print(f"{console.results(folder, (*OUTPUTS, *KEPT))} after {result.wall_s:.0f} s")
     status = [outcome.entry["status"] for outcome in result.outcomes]
-    interrupts.end(result.stopped, f"{status.count('done')} of {len(chosen)} scenarios are in {folder}")
-    errors = [f"{o.scenario.name}: {o.entry['reason']}" for o in result.outcomes if o.entry["status"] == "failed"]
+    interrupts.end(
+        result.stopped, f"{status.count('done')} of {len(chosen)} scenarios are in {folder}"
+    )
+    errors = [
+        f"{o.scenario.name}: {o.entry['reason']}"
+        for o in result.outcomes
+        if o.entry["status"] == "failed"
+    ]
     console.fail_rows(result.outcomes, errors)

@@ -15,7 +15,7 @@ import click
 from omni_control.errors import OmniError, printable
 
 if TYPE_CHECKING:
-    from omni_mj.measure.result import Outcome, Result
+    from omni_mj.results.result import Outcome, Result
 
 BAD_INPUT, FAILED = 2, 1
 ENDED = {  # what a signal did, in words
@@ -30,7 +30,9 @@ MESSAGE = 4000  # characters of a line, at most
 def program(command: click.Command) -> NoReturn:
     """Run a click command by what was typed, as a program of its own, and exit; see `invoke`."""
     words = sys.argv[1:]
-    sys.stdout, sys.stderr = (stream or io.StringIO() for stream in (sys.stdout, sys.stderr))  # closed ones
+    sys.stdout, sys.stderr = (
+        stream or io.StringIO() for stream in (sys.stdout, sys.stderr)
+    )  # closed ones
     if "film" not in words:  # nothing else draws by MuJoCo, which looks for libraries of windows
         os.environ.setdefault("MUJOCO_GL", "disable")
     invoke(command, words)
@@ -89,7 +91,9 @@ def fail_rows(outcomes: Sequence["Outcome"], errors: Iterable[str] = ()) -> None
         errors: what else went wrong.
     """
     several = len(outcomes) > 1
-    lines = [f"{o.scenario.name}: " * several + str(failure) for o in outcomes for failure in o.failures]
+    lines = [
+        f"{o.scenario.name}: " * several + str(failure) for o in outcomes for failure in o.failures
+    ]
     lines = [" ".join(line.split()) for line in (*lines, *errors)]
     if lines:
         fail("\n".join(dict.fromkeys(lines)), FAILED)
@@ -167,7 +171,9 @@ def print_events(entry: Mapping[str, Any]) -> None:
     """Print the first events of a summary's entry, but for faults, which have a table, and rows that failed."""
     events = [event for event in entry["events"] if event["kind"] not in ("stopped", "fault")]
     for event in events[:EVENTS_SHOWN]:
-        print(f"note: {event['time_s']:.2f} s, {event['controller']}, seed {event['seed']}: {event['text']}")
+        print(
+            f"note: {event['time_s']:.2f} s, {event['controller']}, seed {event['seed']}: {event['text']}"
+        )
     if (more := len(events) - EVENTS_SHOWN) > 0:
         print(f"note: {more} more events are in summary.json")
 
@@ -186,7 +192,7 @@ class Interrupts:
 
     def check(self) -> None:
         """Raise `StoppedError` if a signal has come."""
-        from omni_mj.studies.outcome import StoppedError
+        from omni_mj.studies.study_runner import StoppedError
 
         if self._received:
             raise StoppedError(ENDED[signal.Signals(self._received)])

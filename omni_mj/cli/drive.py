@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import console, options, output_folders
 from omni_mj.cli import run as run_command
 
 if TYPE_CHECKING:
-    from omni_mj.live.link import Link
+    from omni_mj.config.scenario import Scenario
+    from omni_mj.live.frame_clock import Link
     from omni_mj.live.session import Options
-    from omni_mj.scenarios.scenario import Scenario
 
 CONTROLLER = "adaptive-comp-flc"
 ALPHAS = "alpha_forward", "alpha_sideways"  # zero: not known
@@ -30,19 +30,47 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 @options.ROBOT
 @click.option("--team", "colour", type=click.Choice(["blue", "yellow"]), default="blue")
 @click.option(
-    "--id", "ids", type=click.IntRange(0, 255), multiple=True, help="A robot's number; may be repeated. [lowest seen]"
+    "--id",
+    "ids",
+    type=click.IntRange(0, 255),
+    multiple=True,
+    help="A robot's number; may be repeated. [lowest seen]",
 )
 @click.option("--vision", metavar="ADDRESS[:PORT]", default="224.5.23.2:10020")
-@click.option("--commands", metavar="HOST[:PORT]", help="[127.0.0.1:10301 for blue, 10302 for yellow]")
-@click.option("--interface", metavar="ADDRESS", default="127.0.0.1", help="Own address on their net.")
-@click.option("--rate", "pace", type=click.Choice(["auto", "60", "vision"]), default="auto", help="What gives ticks.")
-@click.option("--radio", metavar="FILE.py:Class", help="A radio of your own. [ssl-simulation-protocol]")
-@click.option("--wait", "wait_s", type=click.FloatRange(0, 1e5), default=10.0, help="How long vision is waited for, s.")
-@click.option("--duration", "duration_s", type=DURATION, help="End after so many seconds. [the whole route]")
-@click.option("--pulse/--no-pulse", default=True, help="Measure dead time first: robots turn to and fro.")
+@click.option(
+    "--commands", metavar="HOST[:PORT]", help="[127.0.0.1:10301 for blue, 10302 for yellow]"
+)
+@click.option(
+    "--interface", metavar="ADDRESS", default="127.0.0.1", help="Own address on their net."
+)
+@click.option(
+    "--rate",
+    "pace",
+    type=click.Choice(["auto", "60", "vision"]),
+    default="auto",
+    help="What gives ticks.",
+)
+@click.option(
+    "--radio", metavar="FILE.py:Class", help="A radio of your own. [ssl-simulation-protocol]"
+)
+@click.option(
+    "--wait",
+    "wait_s",
+    type=click.FloatRange(0, 1e5),
+    default=10.0,
+    help="How long vision is waited for, s.",
+)
+@click.option(
+    "--duration", "duration_s", type=DURATION, help="End after so many seconds. [the whole route]"
+)
+@click.option(
+    "--pulse/--no-pulse", default=True, help="Measure dead time first: robots turn to and fro."
+)
 @click.option("--dry-run", is_flag=True, help="Only listen: rates, cameras, robots, noise.")
 @options.SETTINGS
-@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/drive-<scenario>-<UTC time>]")
+@click.option(
+    "--out", type=options.FOLDER, metavar="DIR", help="[runs/drive-<scenario>-<UTC time>]"
+)
 @options.OVERWRITE
 @options.RECORD
 @options.VIEW
@@ -60,30 +88,36 @@ def command(
     **values: Any,
 ) -> None:
     """Drive robots that SSL-Vision sees, and tell how late and how well they answer."""
+    from omni_mj.config import scenario
+    from omni_mj.config.robot_files import DEFAULT
+    from omni_mj.config.toml_files import builtin
     from omni_mj.live import session
-    from omni_mj.scenarios import scenario
-    from omni_mj.scenarios.robots import DEFAULT
-    from omni_mj.scenarios.toml_files import builtin
-    from omni_mj.studies.outcome import StoppedError
+    from omni_mj.studies.study_runner import StoppedError
 
     out, overwrite, dry_run = map(values.pop, ("out", "overwrite", "dry_run"))
     connection = session.Options(overrides=overrides, **values)
     if dry_run:
-        with _connected(connection, "vision had not been listened to for long enough to say anything") as (link, _):
+        with _connected(
+            connection, "vision had not been listened to for long enough to say anything"
+        ) as (link, _):
             with suppress(StoppedError):
                 link.listen(connection.duration_s or float("inf"))
             print("\n".join(link.vision.describe()))
         return
     if name is None:
-        raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
-    head = {"controllers": (controller,), "plant": "live", "seeds": 1} | ({"robot": robot} if robot else {})
+        raise OmniError(
+            f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file"
+        )
+    head = {"controllers": (controller,), "plant": "live", "seeds": 1} | (
+        {"robot": robot} if robot else {}
+    )
     chosen = scenario.load(name, overrides, head)
     if robot is None and chosen.robot == DEFAULT:  # nobody said which robot is out there
         unknown = {alpha: 0.0 for alpha in ALPHAS if not connection.fixes(f"control.{alpha}")}
         chosen = chosen.replace(settings=chosen.settings.replace(control=unknown))
     session.check(chosen, connection)
     viewers = run_command.viewers(outputs.view, outputs.connect)
-    folder = folders.prepare(out, f"drive-{chosen.name}", OUTPUTS, overwrite)
+    folder = output_folders.prepare(out, f"drive-{chosen.name}", OUTPUTS, overwrite)
     try:
         with console.writing(folder):
             _drive(chosen, connection, folder, outputs, viewers, quiet)
@@ -97,7 +131,7 @@ def _connected(connection: "Options", failure: str) -> Iterator[tuple["Link", co
     """Listen to vision until the end of the block. A signal that ends it prints `failure`."""
     from omni_mj.live import session
     from omni_mj.live.sockets import Notes
-    from omni_mj.studies.outcome import StoppedError
+    from omni_mj.studies.study_runner import StoppedError
 
     with console.Interrupts() as interrupts:
         try:
@@ -117,7 +151,7 @@ def _drive(
     quiet: bool,
 ) -> None:
     from omni_mj.files import write
-    from omni_mj.live import report, session
+    from omni_mj.live import latency_fit, session
 
     def show(text: str) -> None:
         if not quiet:
@@ -130,9 +164,11 @@ def _drive(
             show(f"robots {', '.join(map(str, live.ids))} at 60 frames a second of {clock}")
             gc.collect()
             gc.freeze()  # a collection through everything imported would hold up robots
-            result = run_command.recorded(live, folder, outputs.record, viewers, interrupts, quiet, "drive")
-    summary = report.summarize(live)
+            result = run_command.recorded(
+                live, folder, outputs.record, viewers, interrupts, quiet, "drive"
+            )
+    summary = latency_fit.summarize(live)
     write(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     run_command.shown(result, folder, outputs.draw, quiet)
-    show("\n".join([*report.describe(summary), *link.vision.describe()]))
+    show("\n".join([*latency_fit.describe(summary), *link.vision.describe()]))
     run_command.ended(result, folder, interrupts)

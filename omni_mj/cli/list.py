@@ -6,11 +6,11 @@ import click
 
 from omni_control.errors import OmniError, choose
 from omni_mj.cli import options
-from omni_mj.show import listing
+from omni_mj.viz import catalog
 
 
 @click.command("list")
-@click.argument("what", required=False, metavar=f"[{'|'.join(listing.TITLES)}]")
+@click.argument("what", required=False, metavar=f"[{'|'.join(catalog.TITLES)}]")
 @click.argument("word", required=False, metavar="[WORD]")
 def command(what: str | None, word: str | None) -> None:
     """List scenarios, controllers, plants, robots, settings and faults: all, one list, or what has WORD in it.
@@ -18,10 +18,10 @@ def command(what: str | None, word: str | None) -> None:
     omni-mj list settings friction prints the settings in whose name or meaning that word stands; omni-mj list friction
     looks for it in all lists.
     """
-    only = next((title for title in listing.TITLES if what in (title, title[:-1])), None)
+    only = next((title for title in catalog.TITLES if what in (title, title[:-1])), None)
     if only is None and word is not None:
-        raise OmniError(f"there is no list {what!r}; {choose(what, listing.TITLES)}")
-    listing.show(only, (word if only else what) or "")
+        raise OmniError(f"there is no list {what!r}; {choose(what, catalog.TITLES)}")
+    catalog.show(only, (word if only else what) or "")
 
 
 @click.command("show")
@@ -36,12 +36,12 @@ def show(name: str, robot: str | None, overrides: tuple[str, ...]) -> None:
     as they do for omni-mj run. Of a robot that is a file for --robot, with what follows from its numbers; of a
     controller, what it does and its parameters.
     """
-    print(listing.in_full(name, overrides, robot), end="")
+    print(catalog.in_full(name, overrides, robot), end="")
 
 
 @click.command("schema")
 def schema() -> None:
     """Print the JSON Schema of scenario files."""
-    from omni_mj.scenarios.scenario import schema
+    from omni_mj.config.scenario import schema
 
     print(json.dumps(schema(), indent=2))

@@ -27,18 +27,22 @@ def command(kind: str, name: str, overwrite: bool) -> None:
     """
     path = Path(name if name.endswith(ENDINGS[kind]) else name + ENDINGS[kind])
     if not re.fullmatch(r"[A-Za-z][\w-]*", path.stem, re.ASCII):
-        raise OmniError(f"the name of a {kind} must be a letter and then letters, digits, _ or -, unlike {path.stem!r}")
+        raise OmniError(
+            f"the name of a {kind} must be a letter and then letters, digits, _ or -, unlike {path.stem!r}"
+        )
     if path.exists() and not overwrite:
         raise OmniError(f"there is a file {path}; give another name, or --overwrite to replace it")
     class_name = "".join(word[:1].upper() + word[1:] for word in re.split(r"[_-]", path.stem))
     text = (Path(__file__).parent / "starters" / f"{kind}.txt").read_text(encoding="utf-8")
     text = text.replace("CLASS", class_name).replace("NAME", path.stem)
     if kind == "robot":
-        from omni_mj.scenarios import robots
-        from omni_mj.scenarios.resolve import resolve
-        from omni_mj.show import listing
+        from omni_mj.config import robot_files
+        from omni_mj.config.resolve import resolve
+        from omni_mj.viz import catalog
 
-        text += listing.sections(resolve({}, robots.DEFAULT), robots.sections(robots.DEFAULT))
+        text += catalog.sections(
+            resolve({}, robot_files.DEFAULT), robot_files.sections(robot_files.DEFAULT)
+        )
     try:
         write(path, text)
     except OSError as error:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from omni_mj.scenarios.scenario import Scenario
+    from omni_mj.config.scenario import Scenario
 
 
 SCENARIO = click.option("--scenario", "name", metavar="NAME|FILE.toml", help="What to drive.")
@@ -28,16 +28,24 @@ MODEL = click.option(
     help="Your robot's MJCF; the robot's file says the rest. [ours]",
 )  # fmt: skip
 ROBOT = click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
-RECORD = click.option("--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer.")
+RECORD = click.option(
+    "--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer."
+)
 VIEW = click.option("--view", is_flag=True, help="Watch the run in a rerun viewer of its own.")
-CONNECT = click.option("--connect", metavar="URL", help="Watch the run in a rerun viewer that is running.")
+CONNECT = click.option(
+    "--connect", metavar="URL", help="Watch the run in a rerun viewer that is running."
+)
 FIGURES = click.option("--figures/--no-figures", "draw", default=True, help="Draw the figures.")
 SVG = click.option("--svg", is_flag=True, help="Draw the figures as SVG too.")
 SUBJECT = click.option("--subject", metavar="NAME", help="A controller whose verdict is asked for.")
 ALLOW_CODE = click.option(
-    "--allow-code", is_flag=True, help="Run controllers and plants of your own that the scenario's file names."
+    "--allow-code",
+    is_flag=True,
+    help="Run controllers and plants of your own that the scenario's file names.",
 )
-OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace the files of an earlier run in --out.")
+OVERWRITE = click.option(
+    "--overwrite", is_flag=True, help="Replace the files of an earlier run in --out."
+)
 QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 FOLDER = click.Path(path_type=Path)
 
@@ -58,7 +66,11 @@ class Choice:
     @property
     def settings(self) -> tuple[str, ...]:
         """What --set and --model say, as --set would."""
-        model = () if self.model is None else (f"model.file={json.dumps(self.model, ensure_ascii=False)}",)
+        model = (
+            ()
+            if self.model is None
+            else (f"model.file={json.dumps(self.model, ensure_ascii=False)}",)
+        )
         return (*self.overrides, *model)
 
     def load(self, name: str, *usual: str) -> "Scenario":
@@ -69,9 +81,9 @@ class Choice:
             usual: settings of the command, before those of the user.
 
         Raises:
-            OmniError: see `omni_mj.scenarios.scenario.load`.
+            OmniError: see `omni_mj.config.scenario.load`.
         """
-        from omni_mj.scenarios import scenario
+        from omni_mj.config import scenario
 
         head = {key: getattr(self, key) for key in ("plant", "robot", "seed", "seeds")}
         given = {key: value for key, value in head.items() if value is not None}
@@ -97,7 +109,9 @@ def _packed(kind: type, name: str) -> Callable[[Callable[..., None]], Callable[.
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
         def with_packed(**given: Any) -> None:
-            own = {field.name: given.pop(field.name) for field in fields(kind) if field.name in given}
+            own = {
+                field.name: given.pop(field.name) for field in fields(kind) if field.name in given
+            }
             command(**given, **{name: kind(**own)})
 
         return with_packed

@@ -21,10 +21,22 @@ T = TypeVar("T")
 @click.command("picture")
 @click.argument("recording", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path))
-@click.option("--time", "time_s", default=0.0, metavar="S", help="Where the time cursor stands. [0]")
-@click.option("--tab", "tabs", multiple=True, metavar="NAME", help="A tab to show, such as wheels; may be repeated.")
-@click.option("--size", default="1600x900", callback=pixels, metavar="WxH", help="Of the window. [1600x900]")
-def command(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], size: tuple[int, int]) -> None:
+@click.option(
+    "--time", "time_s", default=0.0, metavar="S", help="Where the time cursor stands. [0]"
+)
+@click.option(
+    "--tab",
+    "tabs",
+    multiple=True,
+    metavar="NAME",
+    help="A tab to show, such as wheels; may be repeated.",
+)
+@click.option(
+    "--size", default="1600x900", callback=pixels, metavar="WxH", help="Of the window. [1600x900]"
+)
+def command(
+    recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], size: tuple[int, int]
+) -> None:
     """Draw RECORDING.rrd as the viewer shows it, and save the picture as OUT.png.
 
     It needs no display, but something that Vulkan draws with: Debian's mesa-vulkan-drivers will do.
@@ -32,7 +44,7 @@ def command(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], si
     from rerun.experimental import ViewerClient
 
     from omni_mj.files import whole
-    from omni_mj.show.recording.viewer import Viewer
+    from omni_mj.viz.recording.viewer import Viewer
 
     # From its standard input a viewer loads all of a recording; of a file that it opens, only what is in sight.
     viewer = Viewer("-", "--headless", "--window-size", f"{size[0]}x{size[1]}", file=recording)
@@ -40,7 +52,9 @@ def command(recording: Path, out: Path, time_s: float, tabs: tuple[str, ...], si
         image = _take(ViewerClient.connect(viewer.url), time_s, tabs)
     except (RuntimeError, OSError):
         reason = f"the rerun viewer cannot draw: {viewer.complaint()}"
-        raise OmniError(f"{reason}; without a graphics card it needs Debian's mesa-vulkan-drivers") from None
+        raise OmniError(
+            f"{reason}; without a graphics card it needs Debian's mesa-vulkan-drivers"
+        ) from None
     finally:
         viewer.stop()
     with whole(out) as file:
@@ -53,7 +67,11 @@ def _take(viewer: "ViewerClient", time_s: float, tabs: tuple[str, ...]) -> bytes
     Raises:
         OmniError: There is no such tab, or the picture keeps changing.
     """
-    _still(lambda: [line.end for recording in viewer.get_state().recordings for line in recording.timelines])
+    _still(
+        lambda: [
+            line.end for recording in viewer.get_state().recordings for line in recording.timelines
+        ]
+    )
     viewer.set_time("time", duration=time_s, play_state="paused")
     if tabs:
         _show(viewer, tabs)
@@ -65,7 +83,9 @@ def _still(look: Callable[[], T]) -> T:
     deadline, before = time.monotonic() + PATIENCE_S, None
     while not (now := look()) or now != before:
         if time.monotonic() > deadline:
-            raise OmniError(f"the rerun viewer shows no recording, or one that never rests, for {PATIENCE_S:.0f} s")
+            raise OmniError(
+                f"the rerun viewer shows no recording, or one that never rests, for {PATIENCE_S:.0f} s"
+            )
         time.sleep(STILL_S)
         before = now
     return now
@@ -77,7 +97,9 @@ def _show(viewer: "ViewerClient", tabs: tuple[str, ...]) -> None:
     parts = {path: part for path, archetypes in blueprint.items() for part in archetypes.values()}
     containers = [part for part in parts.values() if part.get("container_kind") == "Tabs"]
     names = [
-        (parts[path]["display_name"], path, container) for container in containers for path in container["contents"]
+        (parts[path]["display_name"], path, container)
+        for container in containers
+        for path in container["contents"]
     ]
     for tab in tabs:
         if tab not in (known := {name for name, _, _ in names}):

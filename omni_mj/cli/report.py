@@ -10,7 +10,10 @@ from omni_control.errors import OmniError
 @click.command("report")
 @click.argument("folders", metavar="DIR...", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
-    "--out", type=click.Path(path_type=Path), metavar="FILE.html", help="[DIR/report.html or comparison.html]"
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FILE.html",
+    help="[DIR/report.html or comparison.html]",
 )
 def command(folders: tuple[Path, ...], out: Path | None) -> None:
     """Write a report about a run, or one that compares several."""
@@ -20,7 +23,7 @@ def command(folders: tuple[Path, ...], out: Path | None) -> None:
         out = folders[0] / "report.html" if len(folders) == 1 else Path("comparison.html")
     if out.suffix.lower() not in (".html", ".htm"):
         raise OmniError(f"--out {out} must be a file whose name ends in .html")
-    from omni_mj.show import report
+    from omni_mj.viz import report
 
     try:
         report.write(folders, out)

@@ -9,14 +9,21 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import console, options, output_folders
 
 if TYPE_CHECKING:
-    from omni_mj.measure.result import Result
-    from omni_mj.simulate.simulation import Simulation
+    from omni_mj.results.result import Result
+    from omni_mj.simulation.simulation import Simulation
 
-RESULTS = ("summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html")
-OUTPUTS = (*RESULTS, *folders.PROVENANCE)
+RESULTS = (
+    "summary.json",
+    "trajectory.parquet",
+    "recording.rrd",
+    "scenario.toml",
+    "figures",
+    "report.html",
+)
+OUTPUTS = (*RESULTS, *output_folders.PROVENANCE)
 
 
 @click.command("run")
@@ -26,7 +33,9 @@ OUTPUTS = (*RESULTS, *folders.PROVENANCE)
 @options.ROBOT
 @options.MODEL
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
-@click.option("--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]")
+@click.option(
+    "--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]"
+)
 @options.SETTINGS
 @click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/<scenario>-<UTC time>]")
 @options.ALLOW_CODE
@@ -48,15 +57,17 @@ def command(
     quiet: bool,
 ) -> None:
     """Run a scenario with one or several controllers and compare them."""
-    from omni_mj.scenarios.toml_files import builtin
+    from omni_mj.config.toml_files import builtin
     from omni_mj.studies import run
 
     if name is None:
-        raise OmniError(f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file")
+        raise OmniError(
+            f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file"
+        )
     chosen = choice.load(name)
     simulation = run.prepare(chosen)
     shown_by = viewers(outputs.view, outputs.connect)
-    folder = folders.prepare(out, chosen.name, OUTPUTS, overwrite)
+    folder = output_folders.prepare(out, chosen.name, OUTPUTS, overwrite)
     with console.writing(folder):
         with console.Interrupts() as interrupts:  # Ctrl-C and SIGTERM end it between two frames
             result = recorded(simulation, folder, outputs.record, shown_by, interrupts, quiet)
@@ -86,17 +97,17 @@ def recorded(
     """
     from omni_mj.files import write
     from omni_mj.studies import run
-    from omni_mj.studies.outcome import drive, total_frames
+    from omni_mj.studies.study_runner import drive, total_frames
 
     console.quiet_mujoco()
     scenario = simulation.scenario
-    folders.begin_record(folder, study, console.command_line(), [scenario])
+    output_folders.begin_record(folder, study, console.command_line(), [scenario])
     write(folder / "scenario.toml", scenario.to_toml())
     targets: list[Path | str] = [*shown_by, *[folder / "recording.rrd"] * record]
     with ExitStack() as stack:
         recordings: list[Any] = []
         if targets:
-            from omni_mj.show.recording import Recording
+            from omni_mj.viz.recording import Recording
 
             recordings = [stack.enter_context(Recording(target, simulation)) for target in targets]
         begin = stack.enter_context(console.progress(quiet))
@@ -125,10 +136,10 @@ def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = F
     """Draw the figures, if they are wanted, write the report, print the tables and what is there."""
     try:
         if draw:
-            from omni_mj.show import figures
+            from omni_mj.viz import figures
 
             figures.save_all(result.outcomes[0], folder / "figures", svg)
-        from omni_mj.show import report
+        from omni_mj.viz import report
 
         report.write([folder], folder / "report.html")
     finally:
@@ -147,14 +158,16 @@ def viewers(view: bool, connect: str | None) -> list[str]:
     """The addresses of the viewers in which the run is watched."""
     if not view and connect is None:
         return []
-    from omni_mj.show.recording import viewer
+    from omni_mj.viz.recording import viewer
 
-    return ([] if connect is None else [viewer.check(connect)]) + ([viewer.open_viewer()] if view else [])
+    return ([] if connect is None else [viewer.check(connect)]) + (
+        [viewer.open_viewer()] if view else []
+    )
 
 
 def _print_tables(result: "Result") -> None:
     """Print the tables, and what happened."""
-    from omni_mj.measure.table import recovery_table, table, text, why_table
+    from omni_mj.results.result_tables import recovery_table, table, text, why_table
 
     summary = result.summary()
     if result.outcomes[0].entry["results"]:
@@ -168,8 +181,14 @@ def _print_files(result: "Result", folder: Path) -> None:
     """Print what is in the folder."""
     (outcome,) = result.outcomes
     by = " by JAX" if outcome.scenario.settings.physics.kernel == "jax" else ""
-    print(f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s{by}; results in {folder}/")
-    for what, name in (("numbers", "summary.json"), ("figures", "figures"), ("report", "report.html")):
+    print(
+        f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s{by}; results in {folder}/"
+    )
+    for what, name in (
+        ("numbers", "summary.json"),
+        ("figures", "figures"),
+        ("report", "report.html"),
+    ):
         if (folder / name).exists():
             print(f"  {what:10} {folder / name}")
     print(f"  repeat     {result.repeat}")

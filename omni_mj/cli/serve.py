@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from omni_mj.cli import console, folders, options, run
+from omni_mj.cli import console, options, output_folders, run
 
 if TYPE_CHECKING:
     from omni_mj.live.serve.server import Server
 
-OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", *folders.PROVENANCE)
+OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", *output_folders.PROVENANCE)
 
 PORT = click.IntRange(0, 65_535)
 DURATION = click.FloatRange(min=0, min_open=True)
@@ -30,15 +30,30 @@ DURATION = click.FloatRange(min=0, min_open=True)
 @click.option("--seed", type=int, metavar="S", help="Of the random numbers. [0]")
 @click.option("--blue", metavar="N|IDS", default="1", help="Robots: how many, or their numbers.")
 @click.option("--yellow", metavar="N|IDS", default="0", help="Same.")
-@click.option("--speed", type=click.FloatRange(0, 1000), default=1.0, help="Times as fast as real time; 0: paused.")
-@click.option("--lockstep", is_flag=True, help="Time goes by commands: an image of a camera for each packet to a team.")
+@click.option(
+    "--speed",
+    type=click.FloatRange(0, 1000),
+    default=1.0,
+    help="Times as fast as real time; 0: paused.",
+)
+@click.option(
+    "--lockstep",
+    is_flag=True,
+    help="Time goes by commands: an image of a camera for each packet to a team.",
+)
 @click.option("--control-port", type=PORT, default=10300, help="Of the simulator; 0: any.")
 @click.option("--blue-port", type=PORT, default=10301, help="Of the blue robots.")
 @click.option("--yellow-port", type=PORT, default=10302, help="Of the yellow robots.")
-@click.option("--vision", metavar="HOST:PORT", default="224.5.23.2:10020", help="Detections go there.")
+@click.option(
+    "--vision", metavar="HOST:PORT", default="224.5.23.2:10020", help="Detections go there."
+)
 @click.option("--interface", metavar="ADDRESS", default="127.0.0.1", help="By which they go.")
-@click.option("--for", "until_s", type=DURATION, default=math.inf, help="End after so much simulated time, s.")
-@click.option("--out", type=options.FOLDER, metavar="DIR", help="Record there. [nothing is recorded]")
+@click.option(
+    "--for", "until_s", type=DURATION, default=math.inf, help="End after so much simulated time, s."
+)
+@click.option(
+    "--out", type=options.FOLDER, metavar="DIR", help="Record there. [nothing is recorded]"
+)
 @options.OVERWRITE
 @options.RECORD
 @options.VIEW
@@ -55,22 +70,26 @@ def command(
 ) -> None:
     """Simulate robots for software that speaks the league's protocols."""
     from omni_mj.files import write
-    from omni_mj.live.serve import line_up
-    from omni_mj.live.serve.pitch import Pitch
+    from omni_mj.live.serve import initial_setup
+    from omni_mj.live.serve.served_world import Pitch
     from omni_mj.live.serve.server import Server
     from omni_mj.live.sockets import Notes, address
     from omni_mj.live.wire import VISION_PORT
-    from omni_mj.provenance import record as provenance
-    from omni_mj.studies.outcome import StoppedError
+    from omni_mj.results import provenance as provenance
+    from omni_mj.studies.study_runner import StoppedError
 
     target = address(values["vision"], VISION_PORT, values["interface"])
     head = {option: values[option] for option in ("robot", "seed") if values[option] is not None}
-    scenario = line_up.load(name, overrides, head)
-    poses = line_up.poses(*(line_up.numbers(values[team], f"--{team}") for team in ("blue", "yellow")))
+    scenario = initial_setup.load(name, overrides, head)
+    poses = initial_setup.poses(
+        *(initial_setup.numbers(values[team], f"--{team}") for team in ("blue", "yellow"))
+    )
     targets: list[str | Path] = [*run.viewers(values["view"], values["connect"])]
-    folder = None if out is None else folders.prepare(out, scenario.name, OUTPUTS, overwrite)
+    folder = None if out is None else output_folders.prepare(out, scenario.name, OUTPUTS, overwrite)
     console.quiet_mujoco()
-    pitch = Pitch(scenario, poses, Notes(lambda text: None if quiet else click.echo(text, err=True)))
+    pitch = Pitch(
+        scenario, poses, Notes(lambda text: None if quiet else click.echo(text, err=True))
+    )
     ports = [values[f"{port}_port"] for port in ("control", "blue", "yellow")]
     server = Server(pitch, ports, target, values["interface"], values["speed"], values["lockstep"])
     with ExitStack() as stack:
@@ -100,7 +119,9 @@ def command(
     interrupts.end(reason, f"{pitch.time_s:.1f} s were simulated{left}")
 
 
-def _record(stack: ExitStack, server: "Server", folder: Path | None, targets: Sequence[str | Path]) -> None:
+def _record(
+    stack: ExitStack, server: "Server", folder: Path | None, targets: Sequence[str | Path]
+) -> None:
     """Record what is served in `folder`, and show it in `targets` for rerun, until the end of `stack`."""
     from omni_mj.live.serve.recorder import Recorder
 
@@ -108,7 +129,7 @@ def _record(stack: ExitStack, server: "Server", folder: Path | None, targets: Se
         return
     sinks, row = [], server.pitch.rows[0]
     for target in targets:
-        from omni_mj.show.recording.served import ServedRecording
+        from omni_mj.viz.recording.served_recording import ServedRecording
 
         recording = stack.enter_context(ServedRecording(target, row.settings))
         sinks.append(recording.send)
@@ -119,12 +140,16 @@ def _record(stack: ExitStack, server: "Server", folder: Path | None, targets: Se
 
 def _introduction(server: "Server") -> str:
     """Return who is served where, in a line each."""
-    from omni_mj.live.serve.requests import label
+    from omni_mj.live.serve.simulation_requests import label
 
     pitch, (control, blue, yellow) = server.pitch, server.ports
     row = pitch.rows[0]
     settings, timeout_s = row.settings, row.settings.firmware.timeout_s
-    pace = "in lockstep with commands" if server.lockstep else f"{server.speed:g} times as fast as real time"
+    pace = (
+        "in lockstep with commands"
+        if server.lockstep
+        else f"{server.speed:g} times as fast as real time"
+    )
     stop = f"robots stop {timeout_s:g} s after" if timeout_s else "robots never forget"
     return f"""serving {", ".join(map(label, pitch.names))}: {row.robot}
   ports      simulator {control}, blue {blue}, yellow {yellow}; vision to {server.vision}

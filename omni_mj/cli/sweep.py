@@ -8,34 +8,61 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console, folders, options
+from omni_mj.cli import console, options, output_folders
 
 if TYPE_CHECKING:
-    from omni_mj.studies.outcome import AfterFrame
+    from omni_mj.studies.study_runner import AfterFrame
     from omni_mj.studies.sweep import Plan
     from omni_mj.studies.sweep.plan import Job
 
-OUTPUTS = ("sweep.json", "scenario.toml", "rows.parquet", "summary.json", "sweep.md", "sweep.png", "shards")
+OUTPUTS = (
+    "sweep.json",
+    "scenario.toml",
+    "rows.parquet",
+    "summary.json",
+    "sweep.md",
+    "sweep.png",
+    "shards",
+)
 
 
 @click.command("sweep")
 @options.SCENARIO
 @click.option(
-    "--vary", "varied", multiple=True, metavar="SECTION.FIELD=VALUES", help="LOW:HIGH:N, or A,B,C; repeatable."
+    "--vary",
+    "varied",
+    multiple=True,
+    metavar="SECTION.FIELD=VALUES",
+    help="LOW:HIGH:N, or A,B,C; repeatable.",
 )
 @options.CONTROLLER
 @options.PLANT
 @options.ROBOT
 @options.MODEL
 @click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
-@click.option("--seeds", type=int, metavar="N", help="How many seeds at each point. [the scenario's]")
+@click.option(
+    "--seeds", type=int, metavar="N", help="How many seeds at each point. [the scenario's]"
+)
 @options.SETTINGS
 @click.option(
-    "--at-once", type=int, default=128, metavar="N", help="Robots simulated at once; memory grows with them. [128]"
+    "--at-once",
+    type=int,
+    default=128,
+    metavar="N",
+    help="Robots simulated at once; memory grows with them. [128]",
 )
-@click.option("--jobs", type=int, default=1, metavar="N", help="Processes of this machine that run it. [1]")
-@click.option("--cluster", metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster whose workers run it.")
-@click.option("--out", type=options.FOLDER, metavar="DIR", help="Where it goes, and goes on. [runs/sweep-<UTC time>]")
+@click.option(
+    "--jobs", type=int, default=1, metavar="N", help="Processes of this machine that run it. [1]"
+)
+@click.option(
+    "--cluster", metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster whose workers run it."
+)
+@click.option(
+    "--out",
+    type=options.FOLDER,
+    metavar="DIR",
+    help="Where it goes, and goes on. [runs/sweep-<UTC time>]",
+)
 @options.QUIET
 @options.choice
 def command(
@@ -58,20 +85,21 @@ def command(
     from omni_mj.studies.sweep.plan import Plan, axes, parse_axis
 
     if name is None:
-        raise OmniError("--scenario is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8")
+        raise OmniError(
+            "--scenario is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8"
+        )
     plan = Plan(choice.load(name), axes(map(parse_axis, varied)), at_once)
     plan.check(jobs)  # before there is a folder
     if cluster and jobs > 1:
         raise OmniError("give --jobs, which are processes of this machine, or a --cluster")
     if out is None or not (out / OUTPUTS[0]).exists():
-        out = folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
+        out = output_folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
     with workers.cluster(cluster) if cluster else nullcontext() as executor:
         _run(plan, out, quiet, jobs=jobs, executor=executor)
 
 
 def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
-    from omni_mj.show import sweep_figure, sweep_table
-    from omni_mj.studies.sweep import study
+    from omni_mj.studies.sweep import study, sweep_figure, sweep_table
 
     with console.writing(folder):
         with console.Interrupts() as interrupts, console.progress(quiet) as begin:
@@ -82,7 +110,9 @@ def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
                 done = next(shards) * plan.frames
                 return console.checked(interrupts.check, lambda frame: show(done + frame))
 
-            result = study.run(plan, folder, before_shard=before_shard, check=interrupts.check, **how)
+            result = study.run(
+                plan, folder, before_shard=before_shard, check=interrupts.check, **how
+            )
         done = f"{result.done} of {len(plan.jobs)} shards are"
         if result.done:
             sweep_table.save(result, folder / "sweep.md")

@@ -12,10 +12,12 @@ from omni_mj.cli import console, options
 @options.QUIET
 def command(folder: Path, quiet: bool) -> None:
     """Run again what a folder holds, wherever it is now, and compare bit for bit."""
-    from omni_mj.provenance import repeat
+    from omni_mj.results import verify
 
     with console.progress(quiet) as begin:
-        found = repeat.verify(folder, lambda title, count: console.checked(lambda: None, begin(title, count)))
+        found = verify.verify(
+            folder, lambda title, count: console.checked(lambda: None, begin(title, count))
+        )
     if not found.repeats:
         console.fail(f"{folder} {found}", console.FAILED)
     if not quiet:

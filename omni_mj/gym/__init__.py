@@ -15,11 +15,15 @@ except ModuleNotFoundError as error:
     if error.name != "gymnasium":
         raise
     get = "pip install 'omni-mj[gym]'"
-    raise ImportError(f"omni_mj.gym needs the package gymnasium, which is not installed: {get}") from None
+    raise ImportError(
+        f"omni_mj.gym needs the package gymnasium, which is not installed: {get}"
+    ) from None
 
 from omni_mj.gym.frames import AHEAD, command, observation, size
 
 __all__ = ["AHEAD", "command", "observation", "size"]
 
 _HOME = "omni_mj.gym.environments"
-gymnasium.register("omni_mj/Track-v0", entry_point=f"{_HOME}:Track", vector_entry_point=f"{_HOME}:Tracks")
+gymnasium.register(
+    "omni_mj/Track-v0", entry_point=f"{_HOME}:Track", vector_entry_point=f"{_HOME}:Tracks"
+)

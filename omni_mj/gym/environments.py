@@ -15,12 +15,12 @@ from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import EachReference
+from omni_mj.config.rows import Row
+from omni_mj.config.scenario import Scenario
+from omni_mj.config.scenario import scenario as made
+from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, Settings
 from omni_mj.gym import frames
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.scenario import scenario as made
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S, Settings
-from omni_mj.simulate.simulation import Simulation, alike
+from omni_mj.simulation.simulation import Simulation, alike
 
 ARM_M = 0.09  # the league's largest radius of a robot: so far its hull is off per radian of heading
 LOST_M = 1.0
@@ -53,7 +53,9 @@ class Batch:
         self.reference = own[0] if all(each is own[0] for each in own) else EachReference(own)
         self.last = np.array([each.frames - 1 for each in own])
         control = [row.settings.control for row in simulation.rows]
-        self.limits = np.array([[c.max_speed_m_s, c.max_speed_m_s, c.max_turn_rate_rad_s] for c in control])
+        self.limits = np.array(
+            [[c.max_speed_m_s, c.max_speed_m_s, c.max_turn_rate_rad_s] for c in control]
+        )
 
 
 class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
@@ -90,7 +92,9 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             raise OmniError("autoreset_mode must be NextStep or Disabled")
         if isinstance(scenario, Scenario) and changes:
-            raise OmniError(f"{', '.join(changes)}: changes are made to a scenario that is named; make them in yours")
+            raise OmniError(
+                f"{', '.join(changes)}: changes are made to a scenario that is named; make them in yours"
+            )
         chosen = scenario if isinstance(scenario, Scenario) else made(scenario, **changes)
         if len(chosen.settings.world.places) > 1:
             raise OmniError("world.places: an environment is one robot; leave one place")
@@ -113,7 +117,10 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
         self._random: list[np.random.Generator | None] = [None] * num_envs
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Numbers, dict[str, Any]]:
         """Begin an episode of each robot, or of those where `options["reset_mask"]`, (num_envs,), says so.
 
@@ -138,7 +145,9 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
         """
         given = np.asarray(actions, float)
         if given.shape != (self.num_envs, 3):
-            raise OmniError(f"actions must be finite numbers {(self.num_envs, 3)}, not of shape {given.shape}")
+            raise OmniError(
+                f"actions must be finite numbers {(self.num_envs, 3)}, not of shape {given.shape}"
+            )
         before = self.terminated | self.truncated
         reward, distance, turned = np.zeros((3, self.num_envs))
         self._batches = [batch for batch in self._batches if self._going(batch).any()]
@@ -153,7 +162,11 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
             cost = np.minimum(np.where(failed, self.lost_m, off + ARM_M * angle), self.lost_m)
             cost += np.where(terminated, self.lost_m * (batch.last - simulation.frame), 0.0)
             robots = batch.robots[going]
-            reward[robots], distance[robots], turned[robots] = -cost[going], off[going], angle[going]
+            reward[robots], distance[robots], turned[robots] = (
+                -cost[going],
+                off[going],
+                angle[going],
+            )
             self.terminated[robots] = terminated[going]
             self.truncated[robots] = ((simulation.frame >= batch.last) & ~terminated)[going]
             self._observe(batch, going)
@@ -191,7 +204,9 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
 
     def _observe(self, batch: Batch, going: Bools | slice = slice(None)) -> None:
         simulation = batch.simulation
-        found = frames.observation(simulation.frame, simulation.observe(), batch.reference, self.memory)
+        found = frames.observation(
+            simulation.frame, simulation.observe(), batch.reference, self.memory
+        )
         self.seen[batch.robots[going]] = found[going]
 
 
@@ -236,6 +251,8 @@ def _memory(scenario: Scenario) -> int:
     control, radio = scenario.settings.control, scenario.settings.radio
     drawn = scenario.distributions.get("radio.delay_frames")
     if drawn is not None and not drawn.ends:
-        raise OmniError("radio.delay_frames is drawn from a distribution without ends: give it some, or give memory=")
+        raise OmniError(
+            "radio.delay_frames is drawn from a distribution without ends: give it some, or give memory="
+        )
     longest = radio.delay_frames if drawn is None else max(drawn.ends)
     return int(longest) + radio.jitter_frames + math.ceil(control.lag_s / PERIOD_S) + 1

@@ -65,6 +65,12 @@ def command(action: ArrayLike, seen: Seen, limits: MotionLimits | Array) -> Arra
     """
     given, shape = np.asarray(action, float), seen.pose.shape
     if given.shape != shape or not np.isfinite(given).all():
-        raise OmniError(f"actions must be finite numbers {shape}, not {given.dtype} of shape {given.shape}")
-    highest = np.array([limits.speed, limits.speed, limits.turn_rate]) if isinstance(limits, MotionLimits) else limits
+        raise OmniError(
+            f"actions must be finite numbers {shape}, not {given.dtype} of shape {given.shape}"
+        )
+    highest = (
+        np.array([limits.speed, limits.speed, limits.turn_rate])
+        if isinstance(limits, MotionLimits)
+        else limits
+    )
     return body_to_world(given * highest, seen.pose[:, 2])

@@ -9,17 +9,17 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.live.drive import Live
-from omni_mj.live.link import Link, Pace
-from omni_mj.live.radio import PORTS, Line, Radio, SimulatorRadio
-from omni_mj.live.report import measure_pulse
+from omni_mj.config import distributions, plugins, reference_factory
+from omni_mj.config.plugins import label
+from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import FRAME_RATE_HZ
+from omni_mj.live.command_senders import PORTS, Line, Radio, SimulatorRadio
+from omni_mj.live.frame_clock import Link, Pace
+from omni_mj.live.latency_fit import measure_pulse
+from omni_mj.live.live_loop import Live
 from omni_mj.live.sockets import LOOPBACK, Address, Notes, Receiver, address
-from omni_mj.live.vision import Colour, Vision
+from omni_mj.live.ssl_vision import Colour, Vision
 from omni_mj.live.wire import VISION_GROUP, VISION_PORT
-from omni_mj.scenarios import classes, distributions, references
-from omni_mj.scenarios.classes import label
-from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import FRAME_RATE_HZ
 
 LISTEN_S = 1.5  # at first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
 MAX_ROBOTS = 12
@@ -69,7 +69,9 @@ class Options:
         """Where the radio leads; it raises `OmniError` if there is no such address."""
         interface = "" if self.radio else self.interface
         target = address(self.commands, PORTS[self.colour], interface) if self.commands else None
-        both = self.pace != "vision"  # a simulation that waits for commands would take an empty packet for one
+        both = (
+            self.pace != "vision"
+        )  # a simulation that waits for commands would take an empty packet for one
         return Line(target, self.colour, self.interface, both)
 
     def fixes(self, name: str) -> bool:
@@ -87,9 +89,11 @@ def check(scenario: Scenario, options: Options) -> None:
     _ = options.vision_address, options.line  # each raises if it is none
     errors = list[str]()
     (controller,) = scenario.controllers
-    if classes.find_controller(controller).knows_truth:
+    if plugins.find_controller(controller).knows_truth:
         name = label(controller)
-        errors.append(f"{name} must be given the true pose, which nobody knows of robots outside of this program")
+        errors.append(
+            f"{name} must be given the true pose, which nobody knows of robots outside of this program"
+        )
     if scenario.settings.fault:
         errors.append(
             "nothing can be made to happen to robots outside of this program: the scenario must have no [[fault]]"
@@ -101,7 +105,9 @@ def check(scenario: Scenario, options: Options) -> None:
 
 
 @contextmanager
-def listening(options: Options, notes: Notes, check_stop: Callable[[], None] = lambda: None) -> Iterator[Link]:
+def listening(
+    options: Options, notes: Notes, check_stop: Callable[[], None] = lambda: None
+) -> Iterator[Link]:
     """Listen to vision until the end of the block.
 
     Args:
@@ -138,13 +144,17 @@ def ready(scenario: Scenario, options: Options, link: Link) -> Iterator[Live]:
     link.choose_ticks(options.pace)
     radio_type = SimulatorRadio if options.radio is None else _find_radio(options.radio)
     with closing(radio_type(options.line, vision.notes)) as radio:
-        chosen = _with_measured(_displaced(scenario, vision.resting_poses()), options, vision.noise())
+        chosen = _with_measured(
+            _displaced(scenario, vision.resting_poses()), options, vision.noise()
+        )
         if options.pulse and not options.fixes(DEAD_TIME):
             settle_s = chosen.settings.reference.settle_s + PULSE_S
             longer = chosen.settings.replace(reference={"settle_s": settle_s})
             trial = Live(chosen.replace(settings=longer), link, radio, vision.ids)
             chosen = _with_measured(chosen, options, {DEAD_TIME: _dead_time(trial)})
-        max_frames = np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
+        max_frames = (
+            np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
+        )
         live = Live(chosen, link, radio, vision.ids, max_frames)
         live.team.step(vision.resting_poses())  # what controllers make at first, before robots wait
         live.reset()
@@ -160,7 +170,11 @@ def _dead_time(trial: Live) -> int:
         responses = measure_pulse(trial)
     finally:
         trial.stop()
-    silent = [str(number) for number, each in zip(trial.ids, responses, strict=True) if not each.gain >= MIN_GAIN]
+    silent = [
+        str(number)
+        for number, each in zip(trial.ids, responses, strict=True)
+        if not each.gain >= MIN_GAIN
+    ]
     if silent:
         raise OmniError(
             f"robots {', '.join(silent)} do not turn as they are told: --team and --commands say"
@@ -190,13 +204,15 @@ def _chosen_ids(scenario: Scenario, options: Options, seen: Sequence[int]) -> li
     if missing or not ids or (len(ids) < places and not options.ids):
         visible = f"of {options.colour}, it sees {', '.join(map(str, seen)) or 'none'}"
         robots = f"robots {missing}" if missing else f"as many robots as there are places, {places}"
-        raise OmniError(f"vision does not see {robots}; {visible}: --team and --id say who is driven")
+        raise OmniError(
+            f"vision does not see {robots}; {visible}: --team and --id say who is driven"
+        )
     return ids
 
 
 def _displaced(scenario: Scenario, poses: Array) -> Scenario:
     """Return the scenario with each robot's route moved and turned to begin where the robot is."""
-    x, y, heading = references.timed(scenario.settings).poses[0]
+    x, y, heading = reference_factory.timed(scenario.settings).poses[0]
     turn = wrap_angle(poses[:, 2] - heading)
     c, s = np.cos(turn), np.sin(turn)
     places = np.column_stack([poses[:, 0] - (c * x - s * y), poses[:, 1] - (s * x + c * y), turn])
@@ -209,6 +225,10 @@ def _find_radio(name: str) -> type[Radio]:
     Raises:
         OmniError: There is no such class.
     """
-    if not classes.names_class(name):
+    if not plugins.names_class(name):
         raise OmniError(f"--radio must be file.py:Class, not {name!r}")
-    return classes.find_class(name, "derived from omni_mj.live.radio.Radio", lambda kind: issubclass(kind, Radio))
+    return plugins.find_class(
+        name,
+        "derived from omni_mj.live.command_senders.Radio",
+        lambda kind: issubclass(kind, Radio),
+    )

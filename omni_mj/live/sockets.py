@@ -60,11 +60,15 @@ def address(text: str, default_port: int, interface: str = "") -> Address:
     host, colon, port = text.strip().partition(":")
     port = port if colon else str(default_port)
     if not host or not port.isdecimal() or not 0 < int(port) < 65_536:
-        raise OmniError(f"{text!r} is no address: write HOST:PORT, such as 127.0.0.1:10020, ports from 1 to 65535")
+        raise OmniError(
+            f"{text!r} is no address: write HOST:PORT, such as 127.0.0.1:10020, ports from 1 to 65535"
+        )
     try:
         number = ipaddress.ip_address(socket.gethostbyname(host))
     except (OSError, UnicodeError):
-        raise OmniError(f"nobody knows the host {host!r}; give an IPv4 address, such as 127.0.0.1") from None
+        raise OmniError(
+            f"nobody knows the host {host!r}; give an IPv4 address, such as 127.0.0.1"
+        ) from None
     if interface == LOOPBACK and not (number.is_loopback or number.is_multicast):
         raise OmniError(
             f"{host} is another computer, and packets stay on this one: name the interface that leads there,"
@@ -81,8 +85,12 @@ def sender(interface: str = LOOPBACK) -> socket.socket:
     """
     connection = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        connection.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(interface))
-        connection.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, int(interface != LOOPBACK))
+        connection.setsockopt(
+            socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(interface)
+        )
+        connection.setsockopt(
+            socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, int(interface != LOOPBACK)
+        )
         connection.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
         connection.bind((interface, 0))
         connection.setblocking(False)
@@ -111,7 +119,9 @@ class Receiver(socket.socket):
         try:
             self.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
             if ipaddress.ip_address(where.host).is_multicast:
-                self.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # many listen to one group
+                self.setsockopt(
+                    socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
+                )  # many listen to one group
                 self.bind(where)
                 member = socket.inet_aton(where.host) + socket.inet_aton(interface)
                 self.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
@@ -120,7 +130,9 @@ class Receiver(socket.socket):
             self.setblocking(False)
         except OSError as error:
             self.close()
-            raise OmniError(f"cannot listen to {where} by the interface {interface!r}: {reason(error)}") from None
+            raise OmniError(
+                f"cannot listen to {where} by the interface {interface!r}: {reason(error)}"
+            ) from None
         self.address = Address(*self.getsockname())
 
     def wait(self, until: float) -> bool:

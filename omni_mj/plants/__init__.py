@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
-from omni_mj.link.radio import Received
+from omni_mj.network.radio import Received
 
 
 class Telemetry:
@@ -57,7 +57,12 @@ class Telemetry:
 
 
 NAMES = tuple(Telemetry.__annotations__)
-_SINGLE = {"duty_peak", "voltage_peak", "current_peak", "battery"}  # of a robot, the others of each of its wheels
+_SINGLE = {
+    "duty_peak",
+    "voltage_peak",
+    "current_peak",
+    "battery",
+}  # of a robot, the others of each of its wheels
 _EACH_WHEEL = len(NAMES) - len(_SINGLE)
 
 

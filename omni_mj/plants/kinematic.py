@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
-from omni_mj.link.noise import Noise, Seed, Stream
-from omni_mj.link.radio import Received
-from omni_mj.link.schedule import Schedule
+from omni_mj.config.faults import Alpha, Kidnap
+from omni_mj.config.rows import Row
+from omni_mj.config.settings import PERIOD_S, gather
+from omni_mj.network.fault_schedule import Schedule
+from omni_mj.network.radio import Received
+from omni_mj.network.random_streams import Noise, Seed, Stream
 from omni_mj.plants import Telemetry
-from omni_mj.scenarios.faults import Alpha, Kidnap
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.settings import PERIOD_S, gather
 
 
 class KinematicPlant:
@@ -26,15 +26,25 @@ class KinematicPlant:
 
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
         seeds = [row.noise_seed for row in rows]
-        self._low, self._high = (gather(rows, f"settings.kinematic.alpha_{end}")[:, None] for end in ("low", "high"))
-        self._quantile = _AlphaQuantiles(gather(rows, "settings.kinematic.alpha_time_s")[:, None], seeds)
-        self._noise = Noise(seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2)))
+        self._low, self._high = (
+            gather(rows, f"settings.kinematic.alpha_{end}")[:, None] for end in ("low", "high")
+        )
+        self._quantile = _AlphaQuantiles(
+            gather(rows, "settings.kinematic.alpha_time_s")[:, None], seeds
+        )
+        self._noise = Noise(
+            seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2))
+        )
         self._amplitude = gather(rows, "settings.disturbance.velocity_m_s")[:, None]
         self._pose = np.array(start, float)
         self._twist, self._disturbance = np.zeros((2, *self._pose.shape))
         self._schedule, self._frame = Schedule([row.faults for row in rows], Alpha, Kidnap), 0
-        self._given: Array | None = None  # alpha where a fault gives it, otherwise not a number, (n, 1)
-        self._telemetry = Telemetry.of_no_wheels(len(rows), len(rows[0].settings.wheels.azimuths_deg))
+        self._given: Array | None = (
+            None  # alpha where a fault gives it, otherwise not a number, (n, 1)
+        )
+        self._telemetry = Telemetry.of_no_wheels(
+            len(rows), len(rows[0].settings.wheels.azimuths_deg)
+        )
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -46,7 +56,9 @@ class KinematicPlant:
 
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`; what it moves in are world coordinates, whatever the heading."""
-        alpha = np.clip(self._low + (self._high - self._low) * self._quantile.next(), self._low, self._high)
+        alpha = np.clip(
+            self._low + (self._high - self._low) * self._quantile.next(), self._low, self._high
+        )
         if (active := self._schedule.at(self._frame)) is not None:
             self._given = np.full((len(alpha), 1), np.nan)
             for row, fault in active.of(Alpha):

@@ -8,11 +8,13 @@ import mujoco
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.link.radio import Received
-from omni_mj.plants import Telemetry, batches
-from omni_mj.plants.bound import Bound
-from omni_mj.plants.variation import Drawn
-from omni_mj.plants.wheeled import WheeledPlant, by_wheel
+from omni_mj.config.rows import Row
+from omni_mj.mjcf import world_builder
+from omni_mj.network.radio import Received
+from omni_mj.plants import Telemetry, world_batch
+from omni_mj.plants.domain_randomization import Drawn
+from omni_mj.plants.mjdata_views import Bound
+from omni_mj.plants.wheeled_plant import WheeledPlant, by_wheel
 from omni_mj.robot.array_namespace import rotate, stack_records
 from omni_mj.robot.carpet import (
     DRAG_CYCLES,
@@ -23,13 +25,22 @@ from omni_mj.robot.carpet import (
     compute_drag,
     limit_torque,
 )
-from omni_mj.robot.onboard import CycleRecord, OnboardParameters, begin_frame, end_frame, hear, run_cycle
-from omni_mj.robot.wheel_loops import CYCLES, set_heading
-from omni_mj.scenarios.rows import Row
-from omni_mj.worlds import build
+from omni_mj.robot.firmware import CYCLES, set_heading
+from omni_mj.robot.onboard import (
+    CycleRecord,
+    OnboardParameters,
+    begin_frame,
+    end_frame,
+    hear,
+    run_cycle,
+)
 
-THREADED = 16  # robots from which several threads gain more in a step than they lose by meeting at its end
-TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2  # sine squared of half the tilt: x^2 + y^2 of the quaternion
+THREADED = (
+    16  # robots from which several threads gain more in a step than they lose by meeting at its end
+)
+TOPPLED = (
+    np.sin(np.deg2rad(45) / 2) ** 2
+)  # sine squared of half the tilt: x^2 + y^2 of the quaternion
 UNSTABLE = [  # MuJoCo resets an unstable simulation silently after one of these
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
@@ -70,15 +81,17 @@ class MujocoPlant(WheeledPlant):
         hulls: bool | None = None,
     ) -> None:
         settings, places = [row.settings for row in rows], max(row.place for row in rows) + 1
-        batches.check(rows)
+        world_batch.check(rows)
         n, worlds = len(rows), len(rows) // places
         self._places, self.substeps = places, settings[0].physics.substeps
-        self._world = world = build.world(settings[0], places, hulls=hulls)
+        self._world = world = world_builder.world(settings[0], places, hulls=hulls)
         if threads is None:
             threads = 1 if n < THREADED else os.cpu_count() or 1
-        self._batch = batches.made(world, worlds, min(threads, worlds))
+        self._batch = world_batch.made(world, worlds, min(threads, worlds))
         first, last = int(UNSTABLE[0]), int(UNSTABLE[-1])
-        self._warnings = np.asarray(self._batch.warning)[:, first : last + 1, 1]  # (worlds, 3), live
+        self._warnings = np.asarray(self._batch.warning)[
+            :, first : last + 1, 1
+        ]  # (worlds, 3), live
         drawn = Drawn.of(rows)
         self._at = Bound(self._batch, world)
         self._at.write_robots(settings, drawn)
@@ -88,7 +101,9 @@ class MujocoPlant(WheeledPlant):
 
         robot = world.robots[0]
         inertia = world.model.dof_invweight0[robot.slip_dofs][:, None]
-        carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
+        carpet = carpet_parameters(
+            settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear)
+        )
         carpet = carpet._replace(creep=carpet.creep / (world.model.opt.timestep * inertia))
         wheels = settings[0].wheels
         self._pitch = 2 * np.pi / wheels.rollers if wheels.model == "two-rollers" else None
@@ -96,7 +111,7 @@ class MujocoPlant(WheeledPlant):
         self._living: np.ndarray | None = None  # worlds that are stepped; None for all
         self._stand(np.arange(worlds))
         if places > 1 and hulls is None:
-            batches.check_start(rows, world.model, self._batch.bind("qpos"))
+            world_batch.check_start(rows, world.model, self._batch.bind("qpos"))
         p, s = self._onboard
         self.parameters = MujocoParameters(p, carpet)
         count = np.floor(self._sensed[1] * p.loops.counts_per_rad)
@@ -168,7 +183,9 @@ class MujocoPlant(WheeledPlant):
 
     def _after_step(self, is_first: bool, is_last: bool) -> None:
         """See to what follows a physics step, the first or last of a cycle."""
-        if is_first:  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
+        if (
+            is_first
+        ):  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
             self._sense()
         if self._pitch is not None:
             self._at.hand_over(self._pitch)
@@ -189,13 +206,18 @@ class MujocoPlant(WheeledPlant):
     def know_heading(self, robot: int, heading: float) -> None:
         """Have a robot, which somebody has put down, know its heading (rad) and forget what was before."""
         chosen, headings = np.arange(len(self._rows)) == robot, np.full(len(self._rows), heading)
-        self.onboard = self.onboard._replace(loops=set_heading(self.onboard.loops, chosen, headings))
+        self.onboard = self.onboard._replace(
+            loops=set_heading(self.onboard.loops, chosen, headings)
+        )
 
     def _accept(self, received: Received) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
         self.onboard = hear(self.parameters.onboard, self.onboard, self._command(received))
         (seen, age), missing = self._heard, np.isnan(received.heading)
-        self._heard = np.where(missing, seen, received.heading), np.where(missing, age, received.age)
+        self._heard = (
+            np.where(missing, seen, received.heading),
+            np.where(missing, age, received.age),
+        )
 
     def _begin(self) -> None:
         """Begin a frame: what changes from frame to frame."""
@@ -221,7 +243,9 @@ class MujocoPlant(WheeledPlant):
         x, y = rotate(drag.ahead, drag.aside, motion.cosine, motion.sine)
         centre_x, centre_y, height = self._at.centre
         moment = drag.moment - centre_x * drag.aside + centre_y * drag.ahead
-        return np.stack([x + inputs.push_x, y + inputs.push_y, 0 * moment, height * y, -height * x, moment])
+        return np.stack(
+            [x + inputs.push_x, y + inputs.push_y, 0 * moment, height * y, -height * x, moment]
+        )
 
     def _limit_slips(self, load: Array) -> None:
         """Write limits and impedances of slip hinges under a load (W, n) in N; see `omni_mj.robot.carpet`."""
@@ -258,7 +282,10 @@ class MujocoPlant(WheeledPlant):
         for warning, counts in zip(UNSTABLE, self._warnings.T, strict=True):
             broken = np.repeat(counts > 0, self._places) & ~self._failed
             causes = (
-                dict.fromkeys(np.flatnonzero(broken).tolist(), f"became unstable (MuJoCo: {warning.name})") | causes
+                dict.fromkeys(
+                    np.flatnonzero(broken).tolist(), f"became unstable (MuJoCo: {warning.name})"
+                )
+                | causes
             )
         unstable = list(causes)
         toppled = np.flatnonzero(self._toppled() & ~self._failed)

@@ -7,12 +7,14 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.link.radio import Received
+from omni_mj.config.rows import Row
+from omni_mj.mjcf import world_builder
+from omni_mj.network.radio import Received
 from omni_mj.plants import Telemetry
-from omni_mj.plants.faults import STUCK_NM, Faulty
+from omni_mj.plants.domain_randomization import Drawn
+from omni_mj.plants.fault_effects import STUCK_NM, Faulty
 from omni_mj.plants.planar_parameters import PlanarBodies
-from omni_mj.plants.variation import Drawn
-from omni_mj.plants.wheeled import WheeledPlant, by_wheel
+from omni_mj.plants.wheeled_plant import WheeledPlant, by_wheel
 from omni_mj.robot.array_namespace import rotate, select
 from omni_mj.robot.carpet import carpet_parameters
 from omni_mj.robot.kernels import JaxKernel, NumpyKernel
@@ -24,8 +26,6 @@ from omni_mj.robot.planar_body import (
     PlanarState,
     advance_frame,
 )
-from omni_mj.scenarios.rows import Row
-from omni_mj.worlds import build
 
 
 class PlanarPlant(WheeledPlant, Faulty):
@@ -43,15 +43,20 @@ class PlanarPlant(WheeledPlant, Faulty):
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
         _check(rows)
         settings = [row.settings for row in rows]
-        world = build.world(settings[0])
+        world = world_builder.world(settings[0])
         x, y, heading = np.array(start, float).T
         drawn = Drawn.of(rows)
         super().__init__(rows, world.kinematics, drawn, heading)
         self._bodies = PlanarBodies(settings, drawn, world)
         self._loads: list[tuple[int, float, float]] = []
         self._slope = np.zeros((len(rows), 2))
-        body, (onboard, onboard_state) = self._bodies.parameters(self._loads, self._slope), self._onboard
-        carpet = carpet_parameters(settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear))
+        body, (onboard, onboard_state) = (
+            self._bodies.parameters(self._loads, self._slope),
+            self._onboard,
+        )
+        carpet = carpet_parameters(
+            settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear)
+        )
         self._stuck = np.zeros(body.hub_dry.shape, bool)  # hubs
         state = PlanarState(onboard_state, body_at_rest(body, x, y, heading))
         parameters = PlanarParameters(onboard, carpet, body)
@@ -103,7 +108,8 @@ class PlanarPlant(WheeledPlant, Faulty):
             for row in np.flatnonzero(report.topples & ~self._stopped)
         }
         causes |= {
-            int(row): "became unstable: its pose is not a number" for row in np.flatnonzero(broken & ~self._stopped)
+            int(row): "became unstable: its pose is not a number"
+            for row in np.flatnonzero(broken & ~self._stopped)
         }
         self._stopped = self._stopped | broken | report.topples
         self._rest(self._stopped, before)
@@ -117,7 +123,7 @@ class PlanarPlant(WheeledPlant, Faulty):
         return Telemetry(self._report.telemetry.T)
 
     def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
-        """See `omni_mj.plants.faults.Faulty`. The middles of the robots stay where they are."""
+        """See `omni_mj.plants.fault_effects.Faulty`. The middles of the robots stay where they are."""
         self._loads = list(loads)
         before, after = self.parameters.body, self._rebuild()
         x, y = before.middle_x - after.middle_x, before.middle_y - after.middle_y
@@ -125,20 +131,22 @@ class PlanarPlant(WheeledPlant, Faulty):
         body, (ahead, aside, rate) = state.body, state.body.twist
         world_x, world_y = rotate(x, y, body.cosine, body.sine)
         twist = np.stack([ahead - rate * y, aside + rate * x, rate])
-        self._kernel.state = state._replace(body=body._replace(x=body.x + world_x, y=body.y + world_y, twist=twist))
+        self._kernel.state = state._replace(
+            body=body._replace(x=body.x + world_x, y=body.y + world_y, twist=twist)
+        )
 
     def lean(self, along: Array) -> None:
-        """See `omni_mj.plants.faults.Faulty`."""
+        """See `omni_mj.plants.fault_effects.Faulty`."""
         self._slope = along
         self._rebuild()
 
     def block(self, stuck: np.ndarray) -> None:
-        """See `omni_mj.plants.faults.Faulty`."""
+        """See `omni_mj.plants.fault_effects.Faulty`."""
         self._stuck = stuck
         self._rebuild()
 
     def put(self, robot: int, moved: tuple[float, float, float]) -> None:
-        """See `omni_mj.plants.faults.Faulty`."""
+        """See `omni_mj.plants.fault_effects.Faulty`."""
         pose = self._pose.copy()
         pose[robot] += moved
         self._rest(np.arange(len(pose)) == robot, pose)
@@ -154,7 +162,9 @@ class PlanarPlant(WheeledPlant, Faulty):
         """Put some robots (n,) to rest at their poses, as rows of (n, 3)."""
         state: Any = self._kernel.state
         still = body_at_rest(self.parameters.body, *pose.T)
-        still = still._replace(hub_angle=state.body.hub_angle, encoder_angle=state.body.encoder_angle)
+        still = still._replace(
+            hub_angle=state.body.hub_angle, encoder_angle=state.body.encoder_angle
+        )
         still = BodyState(*(np.where(np.isfinite(value), value, 0.0) for value in still))
         self._kernel.state = state._replace(body=select(robots, still, state.body))
         self._pose = np.where(robots[:, None], pose, self._pose)
@@ -163,7 +173,12 @@ class PlanarPlant(WheeledPlant, Faulty):
 
 def body_at_rest(p: BodyParameters, x: Array, y: Array, heading: Array) -> BodyState:
     """Return bodies at rest, the middles of their wheels at x and y (n,) m with a heading (n,) in rad."""
-    cosine, sine, still, wheels = np.cos(heading), np.sin(heading), np.zeros_like(x), np.zeros_like(p.weight)
+    cosine, sine, still, wheels = (
+        np.cos(heading),
+        np.sin(heading),
+        np.zeros_like(x),
+        np.zeros_like(p.weight),
+    )
     middle_x, middle_y = rotate(p.middle_x, p.middle_y, cosine, sine)
     return BodyState(
         x=x - middle_x,
@@ -193,6 +208,10 @@ def _check(rows: Sequence[Row]) -> None:
                 "the plant planar has one robot in a world, since nothing collides in it; take the plant mujoco"
             )
         if settings.model.file:
-            raise OmniError("the plant planar knows no models of a user's own (model.file); take the plant mujoco")
+            raise OmniError(
+                "the plant planar knows no models of a user's own (model.file); take the plant mujoco"
+            )
         if settings.wheels != rows[0].settings.wheels:
-            raise OmniError(f"rows 0 and {number} differ in wheels, which must be alike in a batch of the plant planar")
+            raise OmniError(
+                f"rows 0 and {number} differ in wheels, which must be alike in a batch of the plant planar"
+            )

@@ -1,6 +1,6 @@
 """Masses, inertias and wheels of robots on the plant `planar`, from their settings.
 
-**Rollers on a carpet that gives way.** The full plant has what they do from its contacts (`omni_mj.worlds.contact`);
+**Rollers on a carpet that gives way.** The full plant has what they do from its contacts (`omni_mj.mjcf.contact_parameters`);
 here it is what they come to. A roller at the angle phi from the bottom, a barrel of the radius r and the half length
 sqrt(R r) on a wheel of the radius R, is as far below the axle as its support function says,
 
@@ -38,21 +38,36 @@ from scipy.optimize import brentq
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.traction import GRAVITY
-from omni_mj.mjcf.geometry import composite
-from omni_mj.plants.variation import Drawn
+from omni_mj.config.robot_settings import WheelSettings
+from omni_mj.config.settings import Settings, gather
+from omni_mj.mjcf.contact_parameters import (
+    ADDED_MASS_KG,
+    FRICTION_RATE_HZ,
+    FRICTION_STIFFER,
+    STIFFNESS_N_M,
+    damping,
+)
+from omni_mj.mjcf.robot_geometry import composite
+from omni_mj.mjcf.world_builder import World
+from omni_mj.plants.domain_randomization import Drawn
 from omni_mj.robot.array_namespace import total
+from omni_mj.robot.firmware import CYCLE_S
 from omni_mj.robot.motors import Motor
 from omni_mj.robot.planar_body import BodyParameters
-from omni_mj.robot.wheel_loops import CYCLE_S
-from omni_mj.scenarios.robot_settings import WheelSettings
-from omni_mj.scenarios.settings import Settings, gather
-from omni_mj.worlds.build import World
-from omni_mj.worlds.contact import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STIFFER, STIFFNESS_N_M, damping
 
-TURNING = "cost", "cost_fades", "lift", "lift_fades", "ripple", "ripple_grows"  # what `_stand` returns last
+TURNING = (
+    "cost",
+    "cost_fades",
+    "lift",
+    "lift_fades",
+    "ripple",
+    "ripple_grows",
+)  # what `_stand` returns last
 SPEEDS = 50.0, 100.0  # of a wheel at which turning is computed, rad/s
 _LOADS_N = 2.0 ** np.arange(-2, 6, 0.25)  # between which is interpolated
-CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ  # of a roller's contact along the carpet
+CONTACT_DAMPING_N_S_M = (
+    ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ
+)  # of a roller's contact along the carpet
 # At which rollers take on the carpet's speed, in steps of a cycle, as contacts act on the full plant.
 SPIN_RATE_HZ = -np.log(1 - CYCLE_S * FRICTION_RATE_HZ) / CYCLE_S
 
@@ -67,9 +82,13 @@ class Mass(NamedTuple):
     def joined(self, other: "Mass") -> "Mass":
         """Both together: about the common centre two bodies turn as their reduced mass does at their distance."""
         mass = self.mass + other.mass
-        centre = (self.mass[:, None] * self.centre + other.mass[:, None] * other.centre) / mass[:, None]
+        centre = (self.mass[:, None] * self.centre + other.mass[:, None] * other.centre) / mass[
+            :, None
+        ]
         apart = ((self.centre - other.centre)[:, :2] ** 2).sum(1)
-        return Mass(mass, centre, self.inertia + other.inertia + self.mass * other.mass / mass * apart)
+        return Mass(
+            mass, centre, self.inertia + other.inertia + self.mass * other.mass / mass * apart
+        )
 
 
 class PlanarBodies:
@@ -109,13 +128,21 @@ class PlanarBodies:
                 f"body.mass_kg must be more than the {wheels_mass:.3f} kg of the wheels, not {mass.min():g}"
             )
         whole = Mass(mass, np.column_stack([ahead, np.zeros(n), height]), inertia)
-        wheels = Mass(np.full(n, wheels_mass), np.tile(wheels_centre, (n, 1)), np.full(n, wheels_inertia[2, 2]))
+        wheels = Mass(
+            np.full(n, wheels_mass),
+            np.tile(wheels_centre, (n, 1)),
+            np.full(n, wheels_inertia[2, 2]),
+        )
         chassis = whole.joined(Mass(-wheels.mass, wheels.centre, -wheels.inertia))
         shift, factor = np.column_stack([drawn.centre, np.zeros(n)]), drawn.mass[:, 0]
-        self._chassis = Mass(chassis.mass * factor, chassis.centre + shift, chassis.inertia * factor)
+        self._chassis = Mass(
+            chassis.mass * factor, chassis.centre + shift, chassis.inertia * factor
+        )
         self._empty = self._chassis.joined(wheels)
 
-    def parameters(self, payloads: Iterable[tuple[int, float, float]], slope: Array) -> BodyParameters:
+    def parameters(
+        self, payloads: Iterable[tuple[int, float, float]], slope: Array
+    ) -> BodyParameters:
         """Return the parameters of robots that carry loads on a slope.
 
         Args:
@@ -124,7 +151,10 @@ class PlanarBodies:
         """
         whole = self._loaded(payloads)
         settings, (axle_x, axle_y) = self._settings, self._axle
-        contact_x, contact_y = self._contact[0] - whole.centre[:, 0], self._contact[1] - whole.centre[:, 1]
+        contact_x, contact_y = (
+            self._contact[0] - whole.centre[:, 0],
+            self._contact[1] - whole.centre[:, 1],
+        )
         weight = whole.mass * self._gravity
         shares = _load_shares(contact_x, contact_y)
         load = shares[0] * weight * np.sqrt(np.maximum(1 - (slope**2).sum(1), 0.0))
@@ -134,12 +164,18 @@ class PlanarBodies:
             np.interp(log_load, np.log(_LOADS_N), values) for values in _standing_wheels(wheels).T
         )
         lever = lever - self._wear.T
-        away = 2 * np.pi / SPEEDS[0]  # s for which a roller's bearing brakes it until it comes down again
-        braked = (self._roller - friction / FRICTION_RATE_HZ) * (1 - np.exp(-friction / self._roller * away))
+        away = (
+            2 * np.pi / SPEEDS[0]
+        )  # s for which a roller's bearing brakes it until it comes down again
+        braked = (self._roller - friction / FRICTION_RATE_HZ) * (
+            1 - np.exp(-friction / self._roller * away)
+        )
         jacobian = np.stack([-axle_y, axle_x, contact_x * axle_x + contact_y * axle_y]) / lever
         along_axle = np.stack([axle_x, axle_y, contact_x * axle_y - contact_y * axle_x])
         rolling = self._rim * jacobian[:, None] * jacobian
-        rolling = total(rolling + self._roller * count * inverse_square * along_axle[:, None] * along_axle)
+        rolling = total(
+            rolling + self._roller * count * inverse_square * along_axle[:, None] * along_axle
+        )
         body = np.zeros_like(rolling)
         body[0, 0] = body[1, 1] = whole.mass
         body[2, 2] = whole.inertia
@@ -162,8 +198,17 @@ class PlanarBodies:
             contact_softness=1 / (CONTACT_DAMPING_N_S_M * count * lever**2),
             lever=lever,
             bearing=friction * count * inverse_square,
-            spin_up=braked * (inverse_square + inverse_square_down) / 2 * wheels.rollers / (2 * np.pi),
-            spun_at=SPIN_RATE_HZ * count * (inverse_square / inverse_square_down) ** 2 * 2 * np.pi / wheels.rollers,
+            spin_up=braked
+            * (inverse_square + inverse_square_down)
+            / 2
+            * wheels.rollers
+            / (2 * np.pi),
+            spun_at=SPIN_RATE_HZ
+            * count
+            * (inverse_square / inverse_square_down) ** 2
+            * 2
+            * np.pi
+            / wheels.rollers,
             **dict(zip(TURNING, turning, strict=True)),
             passing=np.full(len(settings), CYCLE_S * wheels.rollers / (2 * np.pi)),
             middle_x=-whole.centre[:, 0],

@@ -20,7 +20,9 @@ LEAST_SQUARE = 1e-24  # under a square root, so that its derivative stays finite
 
 def namespace(array: Array) -> Any:
     """Return the module whose functions take this array: numpy or jax.numpy."""
-    return np if type(array) is np.ndarray else array.__array_namespace__()  # that call costs 0.3 us
+    return (
+        np if type(array) is np.ndarray else array.__array_namespace__()
+    )  # that call costs 0.3 us
 
 
 def is_numpy(array: Array) -> bool:
@@ -97,7 +99,9 @@ def floor(x: Array) -> Array:
     return x + lax.stop_gradient(namespace(x).floor(x) - x)
 
 
-def repeat(step: Callable[[Any], tuple[Any, Any]], state: Any, times: int, like: Array) -> tuple[Any, Any]:
+def repeat(
+    step: Callable[[Any], tuple[Any, Any]], state: Any, times: int, like: Array
+) -> tuple[Any, Any]:
     """Take a step a number of times.
 
     Args:
@@ -121,7 +125,9 @@ def repeat(step: Callable[[Any], tuple[Any, Any]], state: Any, times: int, like:
     return state, stack_records(steps)
 
 
-def refine(step: Callable[[Any], Any], state: Any, is_unfinished: Callable[[Any], Array], times: int) -> Any:
+def refine(
+    step: Callable[[Any], Any], state: Any, is_unfinished: Callable[[Any], Array], times: int
+) -> Any:
     """Take a step as long as a state is unfinished anywhere, but at most a number of times."""
     if not times:
         return state

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omni_mj.config.settings import PERIOD_S, Settings, gather
 from omni_mj.robot.array_namespace import Array, clip, namespace, total
-from omni_mj.scenarios.settings import PERIOD_S, Settings, gather
 
 # Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
 CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
@@ -37,7 +37,9 @@ class BatteryState(NamedTuple):
 
     charge: Array  # 1 is full
     average: Array  # voltage that the protection sees, V
-    is_alive: Array  # whether the protection lets power through; without power the motors are shorted
+    is_alive: (
+        Array  # whether the protection lets power through; without power the motors are shorted
+    )
     voltage: Array  # at the terminals, V
 
 
@@ -64,7 +66,9 @@ def source_of(p: BatteryParameters, s: BatteryState, share: Array) -> Source:
     return Source(open_circuit(p, s), s.is_alive * p.resistance, barrier, share)
 
 
-def load_battery(s: BatteryState, source: Source, voltage: Array, current: Array) -> tuple[BatteryState, Array]:
+def load_battery(
+    s: BatteryState, source: Source, voltage: Array, current: Array
+) -> tuple[BatteryState, Array]:
     """Let batteries sag under motors.
 
     Drivers pass power without loss, and braking motors charge the battery. A driver burns what a motor generates beyond
@@ -81,7 +85,9 @@ def load_battery(s: BatteryState, source: Source, voltage: Array, current: Array
     """
     duty = clip(voltage / (s.voltage + source.barrier), -1.0, 1.0)
     drawn = total(duty * current)
-    return s._replace(voltage=source.share * (source.open_voltage - source.resistance * drawn)), drawn
+    return s._replace(
+        voltage=source.share * (source.open_voltage - source.resistance * drawn)
+    ), drawn
 
 
 def discharge(p: BatteryParameters, s: BatteryState, drawn: Array) -> BatteryState:

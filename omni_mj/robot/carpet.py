@@ -33,8 +33,8 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Kinematics
+from omni_mj.config.settings import Settings, gather
 from omni_mj.robot.array_namespace import Array, namespace, root, rotate, total
-from omni_mj.scenarios.settings import Settings, gather
 
 DRAG_CYCLES = 4  # of the wheel loops, between two computations of drag
 AT_REST_M_S = 0.01  # below it, dry drag fades
@@ -97,7 +97,10 @@ def carpet_parameters(
     """
     names = "pile", "nap", "nap_deg", "friction"
     pile, nap, direction, friction = (gather(settings, f"carpet.{name}") for name in names)
-    radius, (axle_x, axle_y, _) = kinematics.radius - wear, kinematics.axles.T[..., None] * np.ones(len(settings))
+    radius, (axle_x, axle_y, _) = (
+        kinematics.radius - wear,
+        kinematics.axles.T[..., None] * np.ones(len(settings)),
+    )
     return CarpetParameters(
         friction=friction,
         patches=covered([s.carpet.patches for s in settings]),
@@ -145,11 +148,15 @@ def compute_drag(p: CarpetParameters, motion: Motion, load: Array, wheel_angle: 
     speed = root(axle * axle + along * along)
     fade = 1 / xp.maximum(speed, AT_REST_M_S)
     way_axle, way_along = axle * fade, along * fade
-    held = xp.minimum(p.bearing, friction) / xp.maximum(abs(axle), AT_REST_M_S) * axle  # on ice rollers slide first
+    held = (
+        xp.minimum(p.bearing, friction) / xp.maximum(abs(axle), AT_REST_M_S) * axle
+    )  # on ice rollers slide first
     pile = p.pile
     if p.nap is not None:
         x, y = rotate(p.fibre_x, p.fibre_y, motion.cosine, -motion.sine)
-        lean = (way_axle * p.axle_x - way_along * p.axle_y) * x + (way_axle * p.axle_y + way_along * p.axle_x) * y
+        lean = (way_axle * p.axle_x - way_along * p.axle_y) * x + (
+            way_axle * p.axle_y + way_along * p.axle_x
+        ) * y
         pile = p.pile * (1 + p.nap * lean)
     on_axle, on_rim = load * (pile * way_axle + held), load * (pile * way_along)
     return Drag(

@@ -22,7 +22,9 @@ from omni_control.errors import OmniError
 SIZES = 1, 16, 64  # robots that compiled programs take, and then multiples of the last
 NUMPY_FRAME_S, NUMPY_ROBOT_S = 3e-3, 2e-5  # that a frame of `planar` takes, and a robot in it
 JAX_START_S = 5.0  # import and compilation
-COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}  # one robot compiles in half the time, and runs as fast
+COMPILER_OPTIONS = {
+    "xla_cpu_use_fusion_emitters": False
+}  # one robot compiles in half the time, and runs as fast
 Function = Callable[..., tuple[Any, Any]]
 Unpack = Callable[[Any], Any]  # an array (numbers,) -> NamedTuples of arrays
 
@@ -43,7 +45,9 @@ def choose_kernel(setting: str, plant: str, robots: int, frames: int) -> str:
         OmniError: JAX is set for a plant that it does not compute, or is not installed.
     """
     if setting == "jax" and plant in ("mujoco", "kinematic"):
-        raise OmniError(f"physics.kernel = jax computes the plant planar only, not {plant}; take numpy or auto")
+        raise OmniError(
+            f"physics.kernel = jax computes the plant planar only, not {plant}; take numpy or auto"
+        )
     if setting == "jax" and not has_jax():
         raise OmniError(
             "physics.kernel = jax needs the package jax, which is not installed: pip install 'omni-mj[fast]'; or take "
@@ -90,7 +94,8 @@ def unpacker(tree: Any, kinds: tuple[tuple[tuple[int, ...], Any], ...]) -> Unpac
     def unpack(packed: Any) -> Any:
         parts = (packed[slice(*span)] for span in pairwise(ends))
         leaves = [
-            part.reshape(shape).astype(kind, copy=False) for part, (shape, kind) in zip(parts, kinds, strict=True)
+            part.reshape(shape).astype(kind, copy=False)
+            for part, (shape, kind) in zip(parts, kinds, strict=True)
         ]
         return tree.unflatten(leaves)
 
@@ -103,7 +108,9 @@ def pack(tree: Any, xp: Any = np) -> tuple[Any, Unpack]:
 
     leaves, tree = jax.tree.flatten(tree)
     unpack = unpacker(tree, tuple((leaf.shape, np.dtype(leaf.dtype)) for leaf in leaves))
-    return xp.concatenate([xp.zeros(0), *(leaf.ravel().astype(float, copy=False) for leaf in leaves)]), unpack
+    return xp.concatenate(
+        [xp.zeros(0), *(leaf.ravel().astype(float, copy=False) for leaf in leaves)]
+    ), unpack
 
 
 class JaxKernel:
@@ -114,7 +121,10 @@ class JaxKernel:
         import jax
 
         self._robots = int(jax.tree.leaves(parameters)[0].shape[-1])
-        size = next((size for size in SIZES if size >= self._robots), -(-self._robots // SIZES[-1]) * SIZES[-1])
+        size = next(
+            (size for size in SIZES if size >= self._robots),
+            -(-self._robots // SIZES[-1]) * SIZES[-1],
+        )
         self._filled = np.minimum(np.arange(size), self._robots - 1)
         self.parameters, self.state = parameters, state
 
@@ -170,7 +180,9 @@ class JaxKernel:
 
 
 @cache
-def compiled(function: Function, inputs: Unpack, parameters: Unpack, state: Unpack) -> tuple[Function, list[Unpack]]:
+def compiled(
+    function: Function, inputs: Unpack, parameters: Unpack, state: Unpack
+) -> tuple[Function, list[Unpack]]:
     """Compile a function for packed inputs, parameters and state, when it is first run.
 
     Returns:
@@ -182,8 +194,12 @@ def compiled(function: Function, inputs: Unpack, parameters: Unpack, state: Unpa
     after: list[Unpack] = []
 
     def run(parameter_array: Any, state_array: Any, input_array: Any) -> tuple[Any, Any]:
-        new, outputs = function(parameters(parameter_array), state(state_array), *inputs(input_array))
-        (packed, unpack), (packed_outputs, unpack_outputs) = (pack(tree, jax.numpy) for tree in (new, outputs))
+        new, outputs = function(
+            parameters(parameter_array), state(state_array), *inputs(input_array)
+        )
+        (packed, unpack), (packed_outputs, unpack_outputs) = (
+            pack(tree, jax.numpy) for tree in (new, outputs)
+        )
         after[:] = [unpack, unpack_outputs]
         return packed, packed_outputs
 

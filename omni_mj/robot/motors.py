@@ -15,9 +15,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from omni_mj.config.motor_settings import MotorSettings
+from omni_mj.config.settings import PERIOD_S, Settings, gather
 from omni_mj.robot.array_namespace import Array, any_true, clip, namespace
-from omni_mj.scenarios.motor_settings import MotorSettings
-from omni_mj.scenarios.settings import PERIOD_S, Settings, gather
 
 REFERENCE_C = 25.0  # at which the data sheet states resistance and torque constant
 
@@ -138,13 +138,17 @@ def conduction(s: MotorSettings, period: float) -> Array:
     """
     inner, outer = 1 / s.winding_housing_k_w, 1 / s.housing_ambient_k_w
     root = np.sqrt([s.winding_j_k, s.housing_j_k])
-    rates, modes = np.linalg.eigh(np.array([[inner, -inner], [-inner, inner + outer]]) / np.outer(root, root))
+    rates, modes = np.linalg.eigh(
+        np.array([[inner, -inner], [-inner, inner + outer]]) / np.outer(root, root)
+    )
     remaining = modes * np.exp(-rates * period) @ modes.T * (root / root[:, None])
     received = modes * (-np.expm1(-rates * period) / rates) @ modes.T / np.outer(root, root)
     return np.hstack([remaining, received])
 
 
-def drive_motors(p: MotorParameters, s: MotorState, voltage: Array, speed: Array) -> tuple[Array, Array, Array]:
+def drive_motors(
+    p: MotorParameters, s: MotorState, voltage: Array, speed: Array
+) -> tuple[Array, Array, Array]:
     """Apply voltages (W, n) in V to motors whose wheels turn at speeds (W, n) in rad/s.
 
     Returns:
@@ -162,7 +166,9 @@ def drive_motors(p: MotorParameters, s: MotorState, voltage: Array, speed: Array
     return voltage, current, is_limited
 
 
-def hold_current(p: MotorParameters, s: MotorState, duty: Array, held: Array, speed: Array, supply: Array) -> Array:
+def hold_current(
+    p: MotorParameters, s: MotorState, duty: Array, held: Array, speed: Array, supply: Array
+) -> Array:
     """Return duties that drive a current, as far as the battery's voltage does.
 
     Args:
@@ -197,7 +203,9 @@ def warm_motors(p: MotorParameters, s: MotorState, currents: Array, speeds: Arra
     def conduct(node: int, resistance: Array) -> Array:
         c = p.conduction[node]
         inside, outside = s.winding - p.ambient, s.housing - p.ambient
-        return p.ambient + (c[0] * inside + c[1] * outside + c[2] * (square * resistance) + c[3] * outer)
+        return p.ambient + (
+            c[0] * inside + c[1] * outside + c[2] * (square * resistance) + c[3] * outer
+        )
 
     after = motors_at(p, conduct(0, s.resistance), s.housing)
     # The resistance rises during the frame: with its mean the step is exact to second order.

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Kinematics
+from omni_mj.config.settings import Settings, gather
 from omni_mj.robot.array_namespace import Array, namespace, total
 from omni_mj.robot.battery import (
     BatteryParameters,
@@ -16,16 +17,7 @@ from omni_mj.robot.battery import (
     load_battery,
     source_of,
 )
-from omni_mj.robot.motors import (
-    MotorParameters,
-    MotorState,
-    drive_motors,
-    hold_current,
-    motor_parameters,
-    motors_at,
-    warm_motors,
-)
-from omni_mj.robot.wheel_loops import (
+from omni_mj.robot.firmware import (
     Command,
     LoopParameters,
     LoopState,
@@ -38,7 +30,15 @@ from omni_mj.robot.wheel_loops import (
     restart_processors,
     run_wheel_loops,
 )
-from omni_mj.scenarios.settings import Settings, gather
+from omni_mj.robot.motors import (
+    MotorParameters,
+    MotorState,
+    drive_motors,
+    hold_current,
+    motor_parameters,
+    motors_at,
+    warm_motors,
+)
 
 
 class OnboardParameters(NamedTuple):
@@ -58,12 +58,18 @@ class FrameInputs(NamedTuple):
     push_x: Array  # force on the chassis, world frame, N
     push_y: Array
     power_share: Array  # share of the battery's voltage that its contacts pass
-    gyro_scale: Array = None  # turn rate that the gyro shows over the true one; None if no robot has faults
-    encoder_scale: Array = None  # angle that encoders show over the true one, (W, n); None as gyro_scale
+    gyro_scale: Array = (
+        None  # turn rate that the gyro shows over the true one; None if no robot has faults
+    )
+    encoder_scale: Array = (
+        None  # angle that encoders show over the true one, (W, n); None as gyro_scale
+    )
     held_current: Array = None  # that drivers hold, (W, n) A; NaN where the firmware drives; None if it does everywhere
     is_deaf: Array = None  # robots that ignore commands; None as gyro_scale
     is_off: Array = None  # robots whose processors are off; None as gyro_scale
-    is_stopped: Array = None  # robots that have failed, whose drivers short the motors; None if all go on
+    is_stopped: Array = (
+        None  # robots that have failed, whose drivers short the motors; None if all go on
+    )
 
 
 class OnboardState(NamedTuple):
@@ -107,7 +113,10 @@ def onboard(
     """
     loops, motors = loop_parameters(settings, kinematics), motor_parameters(settings, strength)
     battery, battery_state = battery_parameters(settings)
-    winding, housing = (gather(settings, f"motor.{name}_c") * np.ones_like(strength) for name in ("winding", "housing"))
+    winding, housing = (
+        gather(settings, f"motor.{name}_c") * np.ones_like(strength)
+        for name in ("winding", "housing")
+    )
     frames, fails = options
     state = OnboardState(
         cycle=np.array(0),
@@ -132,7 +141,9 @@ def hear(p: OnboardParameters, s: OnboardState, command: Command) -> OnboardStat
     return s._replace(loops=accept_command(p.loops, s.loops, s.cycle, command))
 
 
-def begin_frame(p: OnboardParameters, s: OnboardState, inputs: FrameInputs, wheel_angle: Array) -> OnboardState:
+def begin_frame(
+    p: OnboardParameters, s: OnboardState, inputs: FrameInputs, wheel_angle: Array
+) -> OnboardState:
     """Let a frame begin.
 
     Args:
@@ -145,8 +156,12 @@ def begin_frame(p: OnboardParameters, s: OnboardState, inputs: FrameInputs, whee
     if inputs.encoder_scale is not None:
         loops = mislead_encoders(loops, inputs.encoder_scale, wheel_angle)
     if inputs.is_off is not None:
-        loops = restart_processors(p.loops, loops, s.cycle, inputs.is_deaf, inputs.is_off, wheel_angle)
-    loops = correct_heading(p.loops, loops, s.frame, inputs.seen_heading, inputs.age, inputs.is_deaf)
+        loops = restart_processors(
+            p.loops, loops, s.cycle, inputs.is_deaf, inputs.is_off, wheel_angle
+        )
+    loops = correct_heading(
+        p.loops, loops, s.frame, inputs.seen_heading, inputs.age, inputs.is_deaf
+    )
     motors = motors_at(p.motors, s.motors.winding, s.motors.housing)
     return s._replace(
         frame=s.frame + 1,
@@ -194,7 +209,9 @@ def end_frame(p: OnboardParameters, s: OnboardState, record: CycleRecord) -> Onb
     )
 
 
-def telemetry_rows(s: OnboardState, record: CycleRecord, wheel_angle: Array, wheel_speed: Array, slip: Array) -> Array:
+def telemetry_rows(
+    s: OnboardState, record: CycleRecord, wheel_angle: Array, wheel_speed: Array, slip: Array
+) -> Array:
     """Return the columns of `omni_mj.plants.Telemetry` as rows, (10 W + 4, n).
 
     Args:
@@ -207,7 +224,11 @@ def telemetry_rows(s: OnboardState, record: CycleRecord, wheel_angle: Array, whe
     xp = namespace(wheel_angle)
     voltages, supply = abs(record.voltage), record.supply[:, None]
     duties = xp.where(supply > 0, voltages / xp.where(supply > 0, supply, 1.0), 0.0)
-    peaks = (xp.minimum(duties.max((0, 1)), 1.0), voltages.max((0, 1)), abs(record.current).max((0, 1)))
+    peaks = (
+        xp.minimum(duties.max((0, 1)), 1.0),
+        voltages.max((0, 1)),
+        abs(record.current).max((0, 1)),
+    )
     rows = [
         *(wheel_angle, wheel_speed, record.voltage[-1], record.current[-1]),
         *(record.voltage.sum(0) / len(voltages), record.current.sum(0) / len(voltages)),

@@ -34,7 +34,15 @@ from omni_mj.robot.array_namespace import (
     small_rotation,
     total,
 )
-from omni_mj.robot.carpet import DRAG_CYCLES, CarpetParameters, Drag, Motion, compute_drag, limit_torque
+from omni_mj.robot.carpet import (
+    DRAG_CYCLES,
+    CarpetParameters,
+    Drag,
+    Motion,
+    compute_drag,
+    limit_torque,
+)
+from omni_mj.robot.firmware import CYCLE_S, CYCLES, Command
 from omni_mj.robot.onboard import (
     CycleRecord,
     FrameInputs,
@@ -46,10 +54,11 @@ from omni_mj.robot.onboard import (
     run_cycle,
     telemetry_rows,
 )
-from omni_mj.robot.wheel_loops import CYCLE_S, CYCLES, Command
 
 SLIDING_PASSES = 3  # a wheel that is found to slide may let others slide; more than two are rare
-REST_SHARE = 1 - 400.0 * CYCLE_S  # of its speed a hub keeps in a cycle if dry friction stops it; models/ssl_robot.xml
+REST_SHARE = (
+    1 - 400.0 * CYCLE_S
+)  # of its speed a hub keeps in a cycle if dry friction stops it; models/ssl_robot.xml
 
 
 class BodyParameters(NamedTuple):
@@ -61,7 +70,9 @@ class BodyParameters(NamedTuple):
     edge_y: Array
     jacobian: Array  # speed of each rim for the body's twist, (3, W, n) 1/m, 1/m, 1
     inertia: Array  # of body, rims and rollers over a cycle, (3, 3, n) kg/s and kg m^2/s
-    rolling_inertia: Array  # of rims and rollers alone, two columns of the matrix, (3, 2, n) kg and kg m
+    rolling_inertia: (
+        Array  # of rims and rollers alone, two columns of the matrix, (3, 2, n) kg and kg m
+    )
     hub_gain: Array  # speed per torque that a hub gains in a cycle, rad/s / (N m)
     hub_viscous: Array  # friction, N m s/rad
     hub_dry: Array  # friction, (W, n) N m
@@ -148,7 +159,9 @@ def advance_frame(
 ) -> tuple[PlanarState, FrameReport]:
     """Advance by a frame of 1/60 s, in 16 cycles of the wheel loops."""
     xp = namespace(s.body.x)
-    onboard = begin_frame(p.onboard, hear(p.onboard, s.onboard, command), inputs, s.body.encoder_angle)
+    onboard = begin_frame(
+        p.onboard, hear(p.onboard, s.onboard, command), inputs, s.body.encoder_angle
+    )
     cosine, sine = xp.cos(s.body.heading), xp.sin(s.body.heading)
     body = s.body._replace(cosine=cosine, sine=sine, tilt=s.body.tilt * 0.0)
 
@@ -162,10 +175,14 @@ def advance_frame(
     return s, report(p, s, record)
 
 
-def advance_cycle(p: PlanarParameters, s: PlanarState, slow: SlowForces) -> tuple[PlanarState, CycleRecord]:
+def advance_cycle(
+    p: PlanarParameters, s: PlanarState, slow: SlowForces
+) -> tuple[PlanarState, CycleRecord]:
     """Advance by a cycle of 1/960 s."""
     body = s.body
-    onboard, record = run_cycle(p.onboard, s.onboard, body.gyro_rate, body.encoder_angle, body.hub_speed)
+    onboard, record = run_cycle(
+        p.onboard, s.onboard, body.gyro_rate, body.encoder_angle, body.hub_speed
+    )
     motor_torque = onboard.motors.back_emf * record.current
     return PlanarState(onboard, move_body(p.body, body, slow, motor_torque)), record
 
@@ -211,7 +228,9 @@ def move_body(p: BodyParameters, s: BodyState, slow: SlowForces, motor_torque: A
     free, give = free_hub(p, s, motor_torque, softness)
     ahead, aside, rate = s.twist
     own = p.rolling_inertia
-    momentum = (p.inertia * s.twist).sum(1) + rate * (own[:, 1] * ahead - own[:, 0] * aside) + slow.force
+    momentum = (
+        (p.inertia * s.twist).sum(1) + rate * (own[:, 1] * ahead - own[:, 0] * aside) + slow.force
+    )
     twist, rim, torque = solve_traction(p, momentum, free, 1 / (softness + give), limit)
     hub_speed = free - give * torque
     tilting = p.height * total(torque * p.jacobian[:2]) + slow.tilting
@@ -239,7 +258,9 @@ def move_body(p: BodyParameters, s: BodyState, slow: SlowForces, motor_torque: A
     )
 
 
-def free_hub(p: BodyParameters, s: BodyState, motor_torque: Array, softness: Array) -> tuple[Array, Array]:
+def free_hub(
+    p: BodyParameters, s: BodyState, motor_torque: Array, softness: Array
+) -> tuple[Array, Array]:
     """Return the speed of hubs after the cycle without rubber, and speed per torque that rubber takes off it.
 
     A hub rests if dry friction could bring it to rest within the cycle. A hub that slows takes its rim along: rubber
@@ -288,7 +309,9 @@ def solve_traction(
 
     held = pull * 0.0
     state = pull, held, *solve(pull, held)
-    state = refine(slide, state, lambda state: (abs(state[-1]) > limit) & (state[0] > 0), SLIDING_PASSES)
+    state = refine(
+        slide, state, lambda state: (abs(state[-1]) > limit) & (state[0] > 0), SLIDING_PASSES
+    )
     _, _, twist, rim, torque = state
     return twist, rim, clip(torque, -limit, limit)
 
@@ -301,7 +324,10 @@ def load_wheels(p: BodyParameters, raised: Array, tilting: Array) -> Array:
         raised: What turning wheels take over, with its ripple, (W, n) N.
         tilting: Moments that tilt the robot, (2, n) N m.
     """
-    moment_x, moment_y = total(p.contact_x * raised) + tilting[0], total(p.contact_y * raised) + tilting[1]
+    moment_x, moment_y = (
+        total(p.contact_x * raised) + tilting[0],
+        total(p.contact_y * raised) + tilting[1],
+    )
     shared = p.shares[0] * total(raised) + p.shares[1] * moment_x + p.shares[2] * moment_y
     return namespace(tilting).maximum(p.weight + raised - shared, 0.0)
 
@@ -331,7 +357,9 @@ def report(p: PlanarParameters, s: PlanarState, record: CycleRecord) -> FrameRep
 def topples(p: BodyParameters, s: BodyState) -> Array:
     """Return whether the point that balances weight and forces left the polygon of the wheels, on a frame's mean."""
     weight = total(p.weight) * CYCLES
-    outside = p.edge_x * (s.tilt[1] + p.contact_y * weight) > p.edge_y * (s.tilt[0] + p.contact_x * weight)
+    outside = p.edge_x * (s.tilt[1] + p.contact_y * weight) > p.edge_y * (
+        s.tilt[0] + p.contact_x * weight
+    )
     return outside.any(0)
 
 

@@ -4,12 +4,12 @@ from collections.abc import Iterable, Sequence
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, choose
-from omni_mj.measure.result import Outcome, Result
+from omni_mj.config.reference_factory import timed
+from omni_mj.config.scenario import Scenario, load
+from omni_mj.results.result import Outcome, Result
 from omni_mj.robot.kernels import choose_kernel
-from omni_mj.scenarios.references import timed
-from omni_mj.scenarios.scenario import Scenario, load
-from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, check_memory, drive, informed, nothing
+from omni_mj.simulation.simulation import Simulation
+from omni_mj.studies.study_runner import AfterFrame, check_memory, drive, informed, nothing
 
 
 def run(
@@ -72,7 +72,9 @@ def chosen(
 def check_subject(scenario: Scenario, subject: str | None) -> None:
     """Raise OmniError if the controller of which a verdict is asked for is not run."""
     if subject not in (None, *scenario.labels):
-        raise OmniError(f"the subject {subject!r} is not among the controllers; {choose(subject, scenario.labels)}")
+        raise OmniError(
+            f"the subject {subject!r} is not among the controllers; {choose(subject, scenario.labels)}"
+        )
 
 
 def with_kernel(scenario: Scenario, robots: int) -> Scenario:

@@ -13,7 +13,12 @@ from commands import invoke, listed, strict
 import omni_mj as om
 
 ROOT = Path(__file__).parents[2]
-SHORT = ("--set", "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "--set", "reference.settle_s=0.1")
+SHORT = (
+    "--set",
+    "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]",
+    "--set",
+    "reference.settle_s=0.1",
+)
 HEAVY = ("mujoco", "scipy", "pyarrow", "rerun", "matplotlib", "jinja2", "numpy", "pydantic")
 
 
@@ -37,18 +42,32 @@ def test_help_version_and_lists_import_nothing_heavy() -> None:
         (("list",), {"numpy", "pydantic"}),
         (("schema",), {"numpy", "pydantic", "scipy"}),
     ):
-        done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
+        done = subprocess.run(
+            [sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60
+        )
         assert (done.returncode, done.stderr) == (0, ""), words
         assert set(done.stdout.splitlines()[-1].split()[1:]) <= allowed, words
 
 
-def test_help_names_every_command_and_its_examples_parse(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_names_every_command_and_its_examples_parse(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """Each command has help; what an example names is there, or the example before writes it."""
     out = printed(capsys, "--help")
     assert printed(capsys) == out
     assert printed(capsys, "--version") == f"omni-mj {om.__version__}\n"
     commands = re.findall(r"^  ([a-z]+)  ", out, re.MULTILINE)
-    assert {"run", "compare", "sweep", "limit", "identify", "serve", "drive", "verify", "list"} <= set(commands)
+    assert {
+        "run",
+        "compare",
+        "sweep",
+        "limit",
+        "identify",
+        "serve",
+        "drive",
+        "verify",
+        "list",
+    } <= set(commands)
     for name in commands:
         assert printed(capsys, name, "--help").startswith(f"Usage: omni-mj {name}")
     examples = re.findall(r"^  (omni-mj [a-z]+ .*)$", out, re.MULTILINE)
@@ -80,7 +99,9 @@ def test_help_names_every_command_and_its_examples_parse(capsys: pytest.CaptureF
         (["new", "scenario", "no/where"], "cannot write no"),
     ],
 )
-def test_what_is_mistyped_is_told_in_a_line(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_mistyped_is_told_in_a_line(
+    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert invoke(*words) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
@@ -89,7 +110,15 @@ def test_what_is_mistyped_is_told_in_a_line(words: list[str], says: str, capsys:
 
 def test_a_word_finds_the_lines_of_a_list(capsys: pytest.CaptureFixture[str]) -> None:
     whole = printed(capsys, "list")
-    for name in ("rect-noise", "comp-flc", "kinematic", "tigers-v2016", "radio.delay_frames", "V s/rad", "0.826"):
+    for name in (
+        "rect-noise",
+        "comp-flc",
+        "kinematic",
+        "tigers-v2016",
+        "radio.delay_frames",
+        "V s/rad",
+        "0.826",
+    ):
         assert name in whole
     assert max(map(len, whole.splitlines())) <= 140
     found = printed(capsys, "list", "settings", "FRICTION")
@@ -97,7 +126,11 @@ def test_a_word_finds_the_lines_of_a_list(capsys: pytest.CaptureFixture[str]) ->
         re.findall(r"^  (\S+)", found, re.MULTILINE)
     )
     assert "radio.delay_frames" not in found
-    kinds = [line.split()[:3] for line in printed(capsys, "list", "faults", "push").splitlines()[1:] if line.strip()]
+    kinds = [
+        line.split()[:3]
+        for line in printed(capsys, "list", "faults", "push").splitlines()[1:]
+        if line.strip()
+    ]
     assert ["kind", "=", "push"] in kinds
     assert "push.force_n" in (name for name, *_ in kinds)
 
@@ -111,7 +144,9 @@ def test_a_scenario_that_is_shown_is_the_scenario(
     assert printed(capsys, "show", str(tmp_path / "shown.toml")) == text
 
 
-def test_robots_changes_and_controllers_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_robots_changes_and_controllers_are_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for name in listed("robots"):
         (tmp_path / "shown.toml").write_text(text := printed(capsys, "show", name))
         assert om.robot(tmp_path / "shown.toml").settings == om.robot(name).settings
@@ -125,21 +160,31 @@ def test_robots_changes_and_controllers_are_shown(tmp_path: Path, capsys: pytest
         assert printed(capsys, "show", name).splitlines()[0]
 
 
-def test_starters_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_starters_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A scenario, also with what is commented out; a controller, by the command that it names; the default robot."""
     monkeypatch.chdir(tmp_path)
     bare = ("--plant", "kinematic", "--no-figures", "--no-record", "--quiet")
     assert invoke("new", "scenario", "track.toml") == 0
     assert invoke("run", "--scenario", "track.toml", *bare, "--out", "track") == 0
     text = re.sub(r"^# (?=\w+ = |\[)", "", Path("track.toml").read_text(), flags=re.MULTILINE)
-    Path("all.toml").write_text(text.replace('plant = "kinematic"', "").replace(', "mine.py:Mine"', ""))
+    Path("all.toml").write_text(
+        text.replace('plant = "kinematic"', "").replace(', "mine.py:Mine"', "")
+    )
     scenario = om.scenario("all.toml")
-    assert (scenario.robot, scenario.seeds, scenario.settings.reference.shape) == ("tigers-v2020", 5, "circle")
+    assert (scenario.robot, scenario.seeds, scenario.settings.reference.shape) == (
+        "tigers-v2020",
+        5,
+        "circle",
+    )
     assert [fault.kind for fault in scenario.settings.fault] == ["push"]
 
     drive = printed(capsys, "new", "controller", "my_first-one").partition("omni-mj ")[2].split()
     assert " ".join(drive) in Path("my_first-one.py").read_text()
-    assert "--set controller.MyFirstOne.gain=4.0\n" in printed(capsys, "show", "my_first-one.py:MyFirstOne")
+    assert "--set controller.MyFirstOne.gain=4.0\n" in printed(
+        capsys, "show", "my_first-one.py:MyFirstOne"
+    )
     assert invoke(*drive, *SHORT, *bare, "--out", "out") == 0
     found = strict(tmp_path / "out" / "summary.json")["scenarios"]["rect"]["results"]["MyFirstOne"]
     assert 0 < found["error_m"]["distance"]["max"]["mean"] < 0.2  # m: it follows a route of 0.22 m
@@ -177,7 +222,10 @@ def test_output_that_goes_nowhere_is_no_fault_and_one_that_is_lost_is_said(
         (("slip", "--robot", "tigers"), "unknown robot 'tigers'"),
         (("loop", "--controller", "pp"), "unknown controller 'pp'"),
         (("loop", "--scenario", "rekt"), "unknown scenario 'rekt'"),
-        (("compare", "--scenario", "rect", "--scenario", "rect"), "two scenarios are called 'rect'"),
+        (
+            ("compare", "--scenario", "rect", "--scenario", "rect"),
+            "two scenarios are called 'rect'",
+        ),
         (("compare", "--subject", "comp-fcl"), "did you mean 'comp-flc'"),
         (("compare", "--seeds", "0"), "1 to 100000"),
     ],

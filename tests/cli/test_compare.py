@@ -10,7 +10,15 @@ from matplotlib.image import imread
 
 SEEDS, FIRST = 3, 7
 CONTROLLERS = ("flc", "comp-flc")
-FILES = {"summary.json", "compare.md", "compare.png", "compare.svg", "provenance.json", "sources", "scenarios"}
+FILES = {
+    "summary.json",
+    "compare.md",
+    "compare.png",
+    "compare.svg",
+    "provenance.json",
+    "sources",
+    "scenarios",
+}
 SCENARIOS = {
     "there": '[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.5\n',
     "bend": '[reference]\nwaypoints = [[0, 0], [0.15, 0], [0.15, 0.15]]\n\n[radio]\ndelay_frames = 4\n',
@@ -39,7 +47,17 @@ def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         Path(f"{name}.toml").write_text(text)
     Path("own.py").write_text(OWN)
     words = [word for name in (*CONTROLLERS, "own.py:Cheat") for word in ("--controller", name)]
-    return [*words, "--plant", "kinematic", "--seeds", str(SEEDS), "--seed", str(FIRST), "--subject", "comp-flc"]
+    return [
+        *words,
+        "--plant",
+        "kinematic",
+        "--seeds",
+        str(SEEDS),
+        "--seed",
+        str(FIRST),
+        "--subject",
+        "comp-flc",
+    ]
 
 
 def test_it_leaves_the_same_numbers_and_figures_again_and_a_row_that_fails_is_a_line(
@@ -73,13 +91,28 @@ def test_it_leaves_the_same_numbers_and_figures_again_and_a_row_that_fails_is_a_
     assert Path("first/compare.svg").read_bytes() == Path("second/compare.svg").read_bytes()
     for name, entry in result["scenarios"].items():
         whole = SEEDS * (2 if name == "late" else 3)
-        assert pq.read_table(f"second/trajectories/{name}.parquet").num_rows == whole * entry["frames"]
+        assert (
+            pq.read_table(f"second/trajectories/{name}.parquet").num_rows == whole * entry["frames"]
+        )
 
 
-def test_a_signal_leaves_what_was_done(options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    Path("endless.toml").write_text("[reference]\nwaypoints = [[0, 0], [1, 0], [0, 0]]\nlaps = 1000\n")
+def test_a_signal_leaves_what_was_done(
+    options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("endless.toml").write_text(
+        "[reference]\nwaypoints = [[0, 0], [1, 0], [0, 0]]\nlaps = 1000\n"
+    )
     with signalled(signal.SIGTERM, Path("out/compare.md")):  # after the first scenario
-        code = invoke("compare", *options, "--scenario", "there.toml", "--scenario", "endless.toml", "--out", "out")
+        code = invoke(
+            "compare",
+            *options,
+            "--scenario",
+            "there.toml",
+            "--scenario",
+            "endless.toml",
+            "--out",
+            "out",
+        )
     assert code == 143
     assert "1 of 2 scenarios are in out" in capsys.readouterr().err.splitlines()[-1]
     result = strict(Path("out/summary.json"))

@@ -28,7 +28,9 @@ DOCUMENTS = {
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_every_block_of_a_document_works(document: str, tmp_path: Path) -> None:
     """Blocks with a file's name are written to it, the others run; each must succeed."""
-    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    environment = os.environ | {
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    }
     blocks = BLOCK.findall((ROOT / document).read_text(encoding="utf-8"))
     for language, name, text in blocks:
         if name:
@@ -36,7 +38,13 @@ def test_every_block_of_a_document_works(document: str, tmp_path: Path) -> None:
             continue
         program = ["bash", "-e", "-c"] if language == "sh" else [sys.executable, "-c"]
         done = subprocess.run(
-            [*program, text], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False
+            [*program, text],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
         )
         assert done.returncode == 0, f"{text}\n{done.stderr}"
     for file, holds in DOCUMENTS[document].items():
@@ -52,8 +60,15 @@ def test_files_that_the_documents_name_exist() -> None:
     ):
         document = path.relative_to(ROOT)
         text = (ROOT / document).read_text(encoding="utf-8")
-        linked = [target for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text) if "://" not in target]
-        assert all(((ROOT / document).parent / target).exists() for target in linked), (document, linked)
+        linked = [
+            target
+            for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
+            if "://" not in target
+        ]
+        assert all(((ROOT / document).parent / target).exists() for target in linked), (
+            document,
+            linked,
+        )
         named = re.findall(r"`((?:omni_mj|control|tests|models|docs|examples)/[^`\s]*\.\w+)`", text)
         assert all((ROOT / target).exists() for target in named), (document, named)
 
@@ -64,7 +79,12 @@ def test_examples_are_short_and_run(example: Path, tmp_path: Path) -> None:
     """At most 30 lines each; what it prints is not checked, but it prints something."""
     assert len(example.read_text(encoding="utf-8").splitlines()) <= 30
     done = subprocess.run(
-        [sys.executable, example], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, example],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout

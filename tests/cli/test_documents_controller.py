@@ -34,7 +34,9 @@ def test_the_example_keeps_a_robot_that_does_as_told_on_the_reference(tmp_path: 
         "--controller", f"mine.py:{name[1]}", "--no-record", "--no-figures", "--out", "out",
     ]  # fmt: skip
     command += [word for setting in exact for word in ("--set", setting)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")
     entry = json.loads((tmp_path / "out" / "summary.json").read_text())["scenarios"]["rect"]
     error = entry["results"][name[1]]["error_m"]

@@ -66,10 +66,22 @@ def test_gaps_and_lines_without_a_pose_are_passed_over(log: Path, tmp_path: Path
 
 def test_our_own_recording_of_our_own_robot(tmp_path: Path) -> None:
     """Eight seconds of the plant: creep stiffness within four standard errors, gains of wheels below 1."""
-    route = {"waypoints": [[0, 0], [1.2, 0], [0.4, 0.7], [0.4, -0.5], [0, 0]], "max_acceleration_m_s2": 2.0}
+    route = {
+        "waypoints": [[0, 0], [1.2, 0], [0.4, 0.7], [0.4, -0.5], [0, 0]],
+        "max_acceleration_m_s2": 2.0,
+    }
     rect = om.scenario("rect", plant="planar", reference=route | {"settle_s": 0.5})
     om.run(rect, ["comp-flc"], seeds=[0]).save(tmp_path / "run")
-    assert invoke("identify", tmp_path / "run" / "trajectory.parquet", "--out", tmp_path / "out", "--quiet") == 0
+    assert (
+        invoke(
+            "identify",
+            tmp_path / "run" / "trajectory.parquet",
+            "--out",
+            tmp_path / "out",
+            "--quiet",
+        )
+        == 0
+    )
     found = strict(tmp_path / "out" / "identify.json")
     creep = found["estimates"]["wheels.creep_stiffness"]
     truth = rect.settings.drive.creep_stiffness

@@ -9,7 +9,16 @@ from commands import invoke, strict
 from matplotlib.image import imread
 
 SEEDS, FIRST = 2, 3
-COMMON = ("--plant", "kinematic", "--set", "reference.settle_s=0.1", "--seeds", SEEDS, "--seed", FIRST)
+COMMON = (
+    "--plant",
+    "kinematic",
+    "--set",
+    "reference.settle_s=0.1",
+    "--seeds",
+    SEEDS,
+    "--seed",
+    FIRST,
+)
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +37,15 @@ def limited(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
     return out, printed.getvalue()
 
 
-def test_the_limit_is_a_command(limited: tuple[Path, str], tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_limit_is_a_command(
+    limited: tuple[Path, str], tiny: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """It prints a table, and leaves numbers, frames, the scenario and a picture."""
     out, printed = limited
-    assert [line.split("  ")[0] for line in printed.splitlines()[2:4]] == ["limit", "limit without noise"]
+    assert [line.split("  ")[0] for line in printed.splitlines()[2:4]] == [
+        "limit",
+        "limit without noise",
+    ]
     files = {"summary.json", "scenario.toml", "trajectory.parquet", "provenance.json", "sources"}
     assert {path.name for path in out.iterdir()} == files | {"limit.png", "limit.svg"}
     summary = strict(out / "summary.json")

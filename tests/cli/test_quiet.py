@@ -7,7 +7,14 @@ from pathlib import Path
 
 import pytest
 
-SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1", "--plant", "kinematic")
+SHORT = (
+    "--set",
+    "reference.waypoints=[[0, 0], [0.1, 0]]",
+    "--set",
+    "reference.settle_s=0.1",
+    "--plant",
+    "kinematic",
+)
 RUN = ("run", "--scenario", "rect", *SHORT, "--controller", "flc", "--no-figures", "--quiet")
 
 
@@ -18,7 +25,14 @@ def test_a_run_makes_no_connection(tmp_path: Path) -> None:
     options = "-f", "--seccomp-bpf", "-o", calls  # only the calls that are traced stop the program
     if strace is None or subprocess.run([strace, *options, "true"], capture_output=True).returncode:
         pytest.skip("needs strace, and to be let")
-    words = [strace, *options, "-e", "trace=connect,bind,sendto,sendmsg,sendmmsg", sys.executable, "-m"]
+    words = [
+        strace,
+        *options,
+        "-e",
+        "trace=connect,bind,sendto,sendmsg,sendmmsg",
+        sys.executable,
+        "-m",
+    ]
     subprocess.run([*words, "omni_mj", *RUN, "--out", tmp_path / "out"], check=True, timeout=300)
     assert (tmp_path / "out" / "recording.rrd").exists()
     assert [line for line in calls.read_text().splitlines() if "AF_INET" in line] == []

@@ -16,7 +16,14 @@ PROGRAM = [sys.executable, "-m", "omni_mj.run"]
 SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1")
 KINEMATIC = ("run", "--scenario", "rect", "--plant", "kinematic", *SHORT, "--controller", "flc")
 BARE = ("--quiet", "--no-record", "--no-figures")
-FILES = {"summary.json", "trajectory.parquet", "recording.rrd", "scenario.toml", "figures", "report.html"}
+FILES = {
+    "summary.json",
+    "trajectory.parquet",
+    "recording.rrd",
+    "scenario.toml",
+    "figures",
+    "report.html",
+}
 FILES |= {"provenance.json", "sources"}
 
 
@@ -30,7 +37,11 @@ def is_whole(folder: Path) -> bool:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 def test_a_run_prints_the_table_and_where_its_files_are(
@@ -54,18 +65,36 @@ def test_a_run_prints_the_table_and_where_its_files_are(
     assert is_whole(folder)
 
 
-def test_the_effective_scenario_repeats_the_run_bit_for_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_effective_scenario_repeats_the_run_bit_for_bit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """And quiet prints nothing, switches leave files out."""
-    options = ("--seed", 7, "--seeds", 2, "--controller", "comp-flc", "--set", "radio.delay_frames=3")
+    options = (
+        "--seed",
+        7,
+        "--seeds",
+        2,
+        "--controller",
+        "comp-flc",
+        "--set",
+        "radio.delay_frames=3",
+    )
     for plant in ("kinematic", "mujoco"):
         a, b = tmp_path / plant / "a", tmp_path / plant / "b"
-        assert invoke("--scenario", "rect-noise", *SHORT, "--plant", plant, *options, *BARE, "--out", a) == 0
+        assert (
+            invoke(
+                "--scenario", "rect-noise", *SHORT, "--plant", plant, *options, *BARE, "--out", a
+            )
+            == 0
+        )
         assert invoke("--scenario", a / "scenario.toml", *BARE, "--out", b) == 0
         assert {p.name for p in a.iterdir()} == FILES - {"recording.rrd", "figures"}
         first, second = (pq.read_table(folder / "trajectory.parquet") for folder in (a, b))
         assert first.num_rows > 0
         # Compared as bytes, since NaN is not equal to itself.
-        bits = ([c.combine_chunks().buffers()[-1] for c in table.columns] for table in (first, second))
+        bits = (
+            [c.combine_chunks().buffers()[-1] for c in table.columns] for table in (first, second)
+        )
         assert next(bits) == next(bits)
         assert (a / "scenario.toml").read_text() == (b / "scenario.toml").read_text()
     assert capsys.readouterr() == ("", "")
@@ -75,9 +104,23 @@ def test_faults_are_told_in_table_summary_report_and_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     faults = '[[fault]]\nkind = "vision-out"\nat = 0.2\nfor = 0.1\n\n[[fault]]\nkind = "delay"\nat = 0.4\nto = 9\n'
-    (tmp_path / "met.toml").write_text('plant = "kinematic"\n[reference]\nwaypoints = [[0, 0], [0.2, 0]]\n\n' + faults)
+    (tmp_path / "met.toml").write_text(
+        'plant = "kinematic"\n[reference]\nwaypoints = [[0, 0], [0.2, 0]]\n\n' + faults
+    )
     out = tmp_path / "out"
-    assert invoke("run", "--scenario", tmp_path / "met.toml", "--controller", "flc", "--no-figures", "--out", out) == 0
+    assert (
+        invoke(
+            "run",
+            "--scenario",
+            tmp_path / "met.toml",
+            "--controller",
+            "flc",
+            "--no-figures",
+            "--out",
+            out,
+        )
+        == 0
+    )
     printed = capsys.readouterr().out
     assert "worst, cm" in printed
     assert "delay (to = 9), from 0.4 s on" in printed
@@ -86,19 +129,33 @@ def test_faults_are_told_in_table_summary_report_and_recording(
         ["begins:", "vision-out"], ["ends:", "vision-out"], ["begins:", "delay"],
     ]  # fmt: skip
     assert "begins: delay" in (out / "report.html").read_text()
-    batches = [chunk.to_record_batch() for chunk in RrdReader(out / "recording.rrd").stream().to_chunks()]
-    columns = [batch.column(name) for batch in batches for name in batch.schema.names if name.startswith("Text")]
+    batches = [
+        chunk.to_record_batch() for chunk in RrdReader(out / "recording.rrd").stream().to_chunks()
+    ]
+    columns = [
+        batch.column(name)
+        for batch in batches
+        for name in batch.schema.names
+        if name.startswith("Text")
+    ]
     assert any("begins: delay" in str(text) for column in columns for text in column.to_pylist())
 
 
-def test_bad_input_is_a_line_each_that_says_what_is_allowed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_is_a_line_each_that_says_what_is_allowed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for arguments, *says in (
         ("", "--scenario is missing"),
         ("--scenario rekt", "did you mean 'rect'"),
         ("--scenario missing.toml", "missing.toml"),
         ("--scenario rect --seeds many", "not a valid integer"),
         ("--scenario rect --set radio.delay_frames", "section.field=value"),
-        ("--scenario rect --set carpet.friction=9 --seeds 0 --plant x", "carpet.friction", "seeds", "plant"),
+        (
+            "--scenario rect --set carpet.friction=9 --seeds 0 --plant x",
+            "carpet.friction",
+            "seeds",
+            "plant",
+        ),
         ("--scenario rect --set fault.at=3", "fault"),
         ("--scenario rect --sead 3", "--seed"),
     ):
@@ -114,7 +171,15 @@ def test_bad_input_is_a_line_each_that_says_what_is_allowed(tmp_path: Path, caps
 
 # What ends it.
 
-ENDLESS = ("--scenario", "rect", "--plant", "kinematic", "--set", "reference.laps=60", "--no-figures")
+ENDLESS = (
+    "--scenario",
+    "rect",
+    "--plant",
+    "kinematic",
+    "--set",
+    "reference.laps=60",
+    "--no-figures",
+)
 
 
 def keeps_what_it_recorded(out: Path, stderr: str) -> None:
@@ -134,7 +199,9 @@ def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
+        preexec_fn=lambda: signal.signal(
+            signal.SIGINT, signal.SIG_DFL
+        ),  # a background job ignores it
     )
     assert appears(tmp_path / "out" / "recording.rrd")
     process.send_signal(signal.SIGINT)
@@ -174,10 +241,22 @@ def test_a_killed_run_says_that_it_is_unfinished_and_can_be_made_again(
 def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
     """A limit on file sizes stands in for a full disk: the recording does not fit."""
     route = "reference.waypoints=[[0, 0], [1, 0], [0, 0]]"
-    options = ["--scenario", "rect", "--plant", "kinematic", "--set", route, "--controller", "flc", "--quiet"]
+    options = [
+        "--scenario",
+        "rect",
+        "--plant",
+        "kinematic",
+        "--set",
+        route,
+        "--controller",
+        "flc",
+        "--quiet",
+    ]
     options += ["--no-figures", "--out", str(tmp_path / "run")]
     limited = 'ulimit -f 150; exec "$0" "$@"'  # units of 1 KiB
-    done = subprocess.run(["bash", "-c", limited, *PROGRAM, *options], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        ["bash", "-c", limited, *PROGRAM, *options], capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     # rerun's own writer complains too, in lines that begin with a time.
@@ -188,7 +267,10 @@ def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("error", "code", "says"),
-    [(KeyboardInterrupt(), 130, "interrupted; what could"), (OSError(28, "no space"), 1, "cannot write to")],
+    [
+        (KeyboardInterrupt(), 130, "interrupted; what could"),
+        (OSError(28, "no space"), 1, "cannot write to"),
+    ],
 )
 def test_drawing_costs_no_numbers(
     error: BaseException, code: int, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
@@ -199,7 +281,7 @@ def test_drawing_costs_no_numbers(
     def fails(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("omni_mj.show.figures.save_all", fails)
+    monkeypatch.setattr("omni_mj.viz.figures.save_all", fails)
     assert invoke(*KINEMATIC, "--no-record", "--out", tmp_path / "out") == code
     printed = capsys.readouterr()
     assert "plane, cm" in printed.out
@@ -265,12 +347,16 @@ def test_overwriting_removes_what_the_run_left(tmp_path: Path) -> None:
     assert invoke(*run, "--no-figures", "--overwrite") == 0
     left = contents(out)
     assert {name: left[name] for name in precious} == dict.fromkeys(precious, b"precious")
-    assert set(left) - precious == {n for n in before if not n.startswith("figures/")} - {"sources/mine.py"}
+    assert set(left) - precious == {n for n in before if not n.startswith("figures/")} - {
+        "sources/mine.py"
+    }
     assert (tmp_path / "elsewhere/mine.py").exists()
 
 
 @pytest.mark.parametrize("name", ["a:b", "hdfs:x", "s3:", "%2e", "a b", "ü\u2028"])
-def test_a_folder_of_any_name_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_a_folder_of_any_name_is_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
     """None is taken for an address; what is in it reads back and repeats."""
     monkeypatch.chdir(tmp_path)
     assert invoke(*KINEMATIC, *BARE, "--out", name) == 0

@@ -12,7 +12,12 @@ from rerun.chunk import RrdReader
 import omni_mj as om
 
 FRAME_S = 1 / 60
-SHORT = ("--set", "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "--set", "reference.settle_s=0.1")
+SHORT = (
+    "--set",
+    "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]",
+    "--set",
+    "reference.settle_s=0.1",
+)
 RUN = ("run", "--scenario", "rect", "--plant", "kinematic", "--no-figures", "--out", "out", *SHORT)
 WITH_FLC = (*RUN, "--no-record", "--controller", "flc", "--controller")
 MINE = '''
@@ -53,7 +58,16 @@ def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allo
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Table, summary, recording and scenario name it; what it sent is what its own law says."""
-    given = ("--controller", "flc", "--controller", "mine.py:Mine", "--set", "controller.Mine.gain=4", "--seeds", 2)
+    given = (
+        "--controller",
+        "flc",
+        "--controller",
+        "mine.py:Mine",
+        "--set",
+        "controller.Mine.gain=4",
+        "--seeds",
+        2,
+    )
     assert invoke(*RUN, *given) == 0
     assert "Mine" in capsys.readouterr().out
     assert list(strict(Path("out/summary.json"))["scenarios"]["rect"]["results"]) == ["flc", "Mine"]
@@ -63,15 +77,29 @@ def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allo
     own = table.filter(pa.compute.equal(table["controller"].cast(pa.string()), "Mine"))
     for seed in (0, 1):
         rows = own.filter(pa.compute.equal(own["seed"], seed)).sort_by("frame")
-        for i, (axis, rate) in enumerate((("x_m", "vx_m_s"), ("y_m", "vy_m_s"), ("heading_rad", "w_rad_s")), 1):
+        for i, (axis, rate) in enumerate(
+            (("x_m", "vx_m_s"), ("y_m", "vy_m_s"), ("heading_rad", "w_rad_s")), 1
+        ):
             ref, seen = rows[f"ref_{axis}"].to_numpy(), rows[f"predicted_{axis}"].to_numpy()
             expected = np.append(np.diff(ref) / FRAME_S, 0.0) + 4.0 * (ref - seen)
             # Rounding of numbers of size 1; the loop's limits are far away.
-            np.testing.assert_allclose(rows[f"command_{rate}"].to_numpy(), expected, rtol=0, atol=1e-12)
-            np.testing.assert_allclose(rows[f"own_error_{i}"].to_numpy(), ref - seen, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(
+                rows[f"command_{rate}"].to_numpy(), expected, rtol=0, atol=1e-12
+            )
+            np.testing.assert_allclose(
+                rows[f"own_error_{i}"].to_numpy(), ref - seen, rtol=0, atol=1e-12
+            )
 
     Path("out").rename("first")
-    again = ("--scenario", "first/scenario.toml", "--no-record", "--no-figures", "--quiet", "--out", "out")
+    again = (
+        "--scenario",
+        "first/scenario.toml",
+        "--no-record",
+        "--no-figures",
+        "--quiet",
+        "--out",
+        "out",
+    )
     assert invoke(*again) == 2, "a scenario runs no code unasked"
     assert "--allow-code" in capsys.readouterr().err
     assert not Path("out").exists()
@@ -95,7 +123,9 @@ FAILS = {
 
 
 @pytest.mark.parametrize("body", FAILS)
-def test_a_controller_that_fails_is_a_line_and_the_others_go_on(body: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_controller_that_fails_is_a_line_and_the_others_go_on(
+    body: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     """In frame 9: that many frames of it are kept, and what it was and why is in the summary."""
     code = f"    def command(self, frame, seen):\n        if frame == 9:\n            {body}\n"
     name = add("Wrong", f"{code}        return super().command(frame, seen)")
@@ -133,12 +163,16 @@ def test_a_controller_that_fails_at_once_leaves_its_scenario_and_the_reason(
 
 def test_a_plant_that_fails_is_a_line_that_says_where(capsys: pytest.CaptureFixture[str]) -> None:
     start = "    def __init__(self, rows, start):\n        raise ValueError('stuck')\n"
-    Path("plant.py").write_text(f"class Bad:\n    pose = twist = advance = telemetry = None\n\n{start}")
+    Path("plant.py").write_text(
+        f"class Bad:\n    pose = twist = advance = telemetry = None\n\n{start}"
+    )
     assert invoke("run", "--scenario", "rect", "--plant", "plant.py:Bad", "--quiet") == 2
     assert capsys.readouterr().err == "error: the plant Bad (plant.py, line 5): ValueError: stuck\n"
 
 
-def test_mistakes_in_names_and_files_are_lines_and_leave_no_folder(capsys: pytest.CaptureFixture[str]) -> None:
+def test_mistakes_in_names_and_files_are_lines_and_leave_no_folder(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     Path("broken.py").write_text("import nothing_there\n")
     for kind, says in (
         ("mine.py:Mime", "it has Mine"),

@@ -20,7 +20,12 @@ from own_robot import written
 
 import omni_mj as om
 
-SHORT = ("--set", "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "--set", "reference.settle_s=0.1")
+SHORT = (
+    "--set",
+    "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]",
+    "--set",
+    "reference.settle_s=0.1",
+)
 BARE = ("--no-record", "--no-figures", "--quiet")
 MINE = '''
 import omni_mj as om
@@ -95,10 +100,32 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (there / "toy.py").write_text(TOY)
     text = om.robot("tigers-v2016").path.read_text().replace("arm_m = ", "arm_m = 0.09 # was ", 1)
     (there / "robot.toml").write_text(text)
-    given = ("--plant", "toy.py:Toy", "--robot", "robot.toml", "--controller", "flc", "--controller", "mine.py:Mine")
+    given = (
+        "--plant",
+        "toy.py:Toy",
+        "--robot",
+        "robot.toml",
+        "--controller",
+        "flc",
+        "--controller",
+        "mine.py:Mine",
+    )
     more = ("--set", "controller.Mine.share=0.75", "--seeds", "2", "--out", "out")
-    command = [sys.executable, "-m", "omni_mj", "run", "--scenario", "rect-noise", *SHORT, *given, *more, *BARE]
-    done = subprocess.run(command, cwd=there, capture_output=True, text=True, timeout=60, check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "omni_mj",
+        "run",
+        "--scenario",
+        "rect-noise",
+        *SHORT,
+        *given,
+        *more,
+        *BARE,
+    ]
+    done = subprocess.run(
+        command, cwd=there, capture_output=True, text=True, timeout=60, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")
     folder = tmp_path_factory.mktemp("elsewhere") / "moved"
     shutil.move(there / "out", folder)
@@ -127,7 +154,11 @@ def test_a_folder_holds_what_was_run_and_repeats_without_the_users_files(
     said = record["scenarios"]["rect-noise"]
     assert said["controllers"][1]["parameters"] == {"share": 0.75}
     files = [said["plant"], said["robot"], said["controllers"][1]]
-    assert [each["file"] for each in files] == ["sources/toy.py", "sources/robot.toml", "sources/mine.py"]
+    assert [each["file"] for each in files] == [
+        "sources/toy.py",
+        "sources/robot.toml",
+        "sources/mine.py",
+    ]
     for each in files:
         assert sha256((made / each["file"]).read_bytes()).hexdigest() == each["sha256"]
     assert {"python", "mujoco", "numpy", "scipy", "rerun-sdk"} <= set(record["versions"])
@@ -143,10 +174,14 @@ def test_a_folder_holds_what_was_run_and_repeats_without_the_users_files(
     assert sorted(made.rglob("*")) == before, "it leaves nothing"
 
 
-def test_a_value_that_differs_is_named_with_frame_and_channel(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_value_that_differs_is_named_with_frame_and_channel(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """By its last bit, in the second seed of Mine; frame and row are found again by counting lines."""
     table = pq.read_table(folder / "trajectory.parquet")
-    mine = np.array([str(each) == "Mine" for each in table["controller"]]) & (table["seed"].to_numpy() == 1)
+    mine = np.array([str(each) == "Mine" for each in table["controller"]]) & (
+        table["seed"].to_numpy() == 1
+    )
     line = int(np.flatnonzero(mine)[7])
     for name, later in (("command_vy_m_s", 0), ("x_m", 2)):
         values = table[name].to_numpy().copy()
@@ -174,7 +209,9 @@ def test_what_is_not_as_it_was_is_told(folder: Path, capsys: pytest.CaptureFixtu
         assert text in out
 
 
-def test_what_cannot_be_repeated_is_one_line_that_says_why(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_repeated_is_one_line_that_says_why(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     def put(name: str, old: str, new: str) -> Callable[[], object]:
         def change() -> None:
             text = (folder / name).read_text()
@@ -185,9 +222,15 @@ def test_what_cannot_be_repeated_is_one_line_that_says_why(folder: Path, capsys:
 
     cases: tuple[tuple[Callable[[], object], str], ...] = (
         (put("sources/mine.py", "4.0 *", "2 *"), "sources/mine.py is missing, or not what was run"),
-        (lambda: (folder / "sources/mine.py").unlink(), "sources/mine.py is missing, or not what was run"),
+        (
+            lambda: (folder / "sources/mine.py").unlink(),
+            "sources/mine.py is missing, or not what was run",
+        ),
         (put("provenance.json", '"format": 1', '"format": 9'), "is of format 9"),
-        (put("provenance.json", '"study": "run"', '"study": "slip"'), "repeat it as a whole: omni-mj run"),
+        (
+            put("provenance.json", '"study": "run"', '"study": "slip"'),
+            "repeat it as a whole: omni-mj run",
+        ),
         (put("provenance.json", '"robot": {', '"rob": {'), "not as a run leaves it"),
         (lambda: (folder / "trajectory.parquet").unlink(), "trajectory.parquet cannot be read"),
         (lambda: (folder / "scenario.toml").unlink(), "scenario.toml"),
@@ -209,7 +252,9 @@ def test_a_run_that_was_stopped_repeats_up_to_there_and_chance_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Ctrl-C comes in frame 20, and is pressed by nobody when it is repeated."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job's would be ignored
+    before = signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a background job's would be ignored
     (tmp_path / "odd.py").write_text(ODD)
     (tmp_path / "press").touch()
     monkeypatch.chdir(tmp_path)
@@ -230,19 +275,39 @@ def test_a_run_that_was_stopped_repeats_up_to_there_and_chance_does_not(
 def test_a_comparison_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each scenario with the seeds that it was run with: its frames, or else the summary's numbers."""
     out = tmp_path / "out"
-    words = ("--plant", "kinematic", "--scenario", "rect", "--scenario", "rect-noise", *SHORT, "--controller", "flc")
+    words = (
+        "--plant",
+        "kinematic",
+        "--scenario",
+        "rect",
+        "--scenario",
+        "rect-noise",
+        *SHORT,
+        "--controller",
+        "flc",
+    )
     assert invoke("compare", *words, "--seeds", 6, "--quiet", "--trajectories", "--out", out) == 0
     entries = strict(out / "summary.json")["scenarios"].values()
-    rows, frames = (sum(len(e["seeds"]) * (e["frames"] if each else 1) for e in entries) for each in (False, True))
+    rows, frames = (
+        sum(len(e["seeds"]) * (e["frames"] if each else 1) for e in entries)
+        for each in (False, True)
+    )
     assert invoke("verify", out) == 0
-    assert capsys.readouterr().out == f"repeats: {rows} rows, {frames} frames identical bit for bit\n"
+    assert (
+        capsys.readouterr().out == f"repeats: {rows} rows, {frames} frames identical bit for bit\n"
+    )
     shutil.rmtree(out / "trajectories")
     edited(out / "provenance.json", lambda record: record.update(frames_kept=False))
     assert invoke("verify", out) == 0
     assert capsys.readouterr().out == f"repeats: {rows} rows, the summary's numbers identical\n"
-    edited(out / "summary.json", lambda s: s["scenarios"]["rect"]["results"]["flc"].update(effort_m_s2=None))
+    edited(
+        out / "summary.json",
+        lambda s: s["scenarios"]["rect"]["results"]["flc"].update(effort_m_s2=None),
+    )
     assert invoke("verify", out) == 1
-    assert "rect: summary.json: results.flc.effort_m_s2 is None in the run" in capsys.readouterr().err
+    assert (
+        "rect: summary.json: results.flc.effort_m_s2 is None in the run" in capsys.readouterr().err
+    )
 
 
 def model(folder: Path, meshes: str = "../meshes") -> Path:
@@ -282,7 +347,17 @@ def test_a_users_model_is_kept_with_all_its_files_or_said_to_be_missing(
     (elsewhere / said["parts"][0]["file"]).unlink()
     assert invoke("verify", elsewhere) == 2
     assert "is missing, or not what was run" in capsys.readouterr().err
-    assert invoke(*words, model(tmp_path, str(tmp_path / "meshes")), "--plant", "kinematic", "--out", "out") == 0
+    assert (
+        invoke(
+            *words,
+            model(tmp_path, str(tmp_path / "meshes")),
+            "--plant",
+            "kinematic",
+            "--out",
+            "out",
+        )
+        == 0
+    )
     capsys.readouterr()
     assert invoke("verify", "out") == 2
     assert "by an absolute path" in capsys.readouterr().err
@@ -320,7 +395,9 @@ def test_results_from_python_repeat_or_say_what_is_missing(tmp_path: Path) -> No
     assert str(found).startswith(f"repeats: 4 rows, {found.frames} frames identical bit for bit")
     with pytest.raises(om.OmniError, match=r"^Here is not defined at the top level of a file"):
         om.verify(str(tmp_path / "bad"))
-    short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.1})
+    short = om.scenario(
+        "rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.1}
+    )
     om.compare([short, short.replace(name="again")], ["flc", "p"], seeds=2).save(tmp_path / "both")
     assert om.verify(tmp_path / "both").repeats
     names: dict[str, type] = {"__name__": "nowhere"}  # type: ignore[dict-item]

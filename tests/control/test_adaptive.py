@@ -27,8 +27,12 @@ def errors(record: dict[str, Array], route: TimedReference = ROUTE) -> tuple[Arr
     return np.hypot(off[..., 0], off[..., 1]), np.abs(off[..., 2])
 
 
-def driven(name: str, robots: Creeping | None = None, delay: int = 6, **known: object) -> tuple[Array, Array]:
-    return errors(loop(team(name, delay, **known), robots or Creeping(np.zeros((1, 3))), ROUTE.frames))
+def driven(
+    name: str, robots: Creeping | None = None, delay: int = 6, **known: object
+) -> tuple[Array, Array]:
+    return errors(
+        loop(team(name, delay, **known), robots or Creeping(np.zeros((1, 3))), ROUTE.frames)
+    )
 
 
 def test_what_knowledge_is_worth_and_what_learning_is_worth() -> None:
@@ -55,7 +59,9 @@ def test_inverse_flc_learns_nothing() -> None:
 def test_zeros_told_of_lag_creep_and_friction_are_unknown_not_none() -> None:
     """The creep is found from nothing; errors are then a third of those of one that takes zeros for granted."""
     known = UNKNOWN | {"alpha": None}
-    record = loop(team("adaptive-comp-flc", **known), Creeping(np.zeros((1, 3)), creep=0.08), ROUTE.frames)
+    record = loop(
+        team("adaptive-comp-flc", **known), Creeping(np.zeros((1, 3)), creep=0.08), ROUTE.frames
+    )
     distance, _ = errors(record)
     assert record["creep"][-SECOND, 0, 0] > 0.02
     assert distance.max() < 0.02
@@ -66,7 +72,10 @@ def test_nothing_is_learned_of_a_robot_that_does_not_respond() -> None:
     """The radio is silent for a second on the way: no bias winds up, and the heading does not swing afterwards."""
     silent = range(100, 160)
     record = loop(
-        team("adaptive-comp-flc"), Creeping(np.zeros((1, 3))), ROUTE.frames, hears=lambda frame: frame not in silent
+        team("adaptive-comp-flc"),
+        Creeping(np.zeros((1, 3))),
+        ROUTE.frames,
+        hears=lambda frame: frame not in silent,
     )
     until = slice(silent.start, silent.stop + 12)
     assert np.abs(record["disturbance"][until, 0, 2]).max() < 0.25
@@ -82,13 +91,17 @@ def test_a_frozen_image_does_not_reverse_the_heading(name: str) -> None:
     """Frozen for 1.4 s while robots start from a corner, from where they turn by more than a right angle."""
     square = [[0.0, 0.0, 0.0], [0.6, 0.0, 1.5], [0.6, 0.6, 3.0], [0.0, 0.6, 4.5]]
     route = TimedReference(square, MotionLimits(1.5, 1.5, 6.0, 12.0), T, settle_frames=2 * SECOND)
-    corner = next(k for k in range(5, route.frames) if np.hypot(*(route.poses[k] - square[1])[:2]) < 1e-9)
+    corner = next(
+        k for k in range(5, route.frames) if np.hypot(*(route.poses[k] - square[1])[:2]) < 1e-9
+    )
     begins = corner + np.array([-2, 1, 4])[:, None]
     record = loop(
         team(name, route=route, n=3),
         Creeping(np.zeros((3, 3))),
         route.frames,
-        sees=lambda frame, image, last: np.where((begins < frame) & (frame < begins + 84), last, image),
+        sees=lambda frame, image, last: np.where(
+            (begins < frame) & (frame < begins + 84), last, image
+        ),
     )
     distance, heading = errors(record, route)
     assert heading.max() < np.radians(45)
@@ -112,7 +125,9 @@ def test_robots_told_wrong_are_found_out_and_tracked() -> None:
     n, rng = 13, np.random.default_rng(0)
     alpha, drag = rng.uniform(0.6, 1.1, (n, 1)) * np.ones(3), rng.uniform(0, 0.03, (n, 1))
     plant = Creeping(np.zeros((n, 3)), np.linspace(3, 9, n), 0.01, 0.0, drag, alpha)
-    distance, turned = errors(loop(team("adaptive-comp-flc", n=n, **NONE), plant, vision(rng, ROUTE.frames, n)))
+    distance, turned = errors(
+        loop(team("adaptive-comp-flc", n=n, **NONE), plant, vision(rng, ROUTE.frames, n))
+    )
     late = LEAD + 2 * SECOND
     assert (distance.max(), distance[late:].max()) < (0.04, 0.015)
     assert turned.max() < 0.5
@@ -123,11 +138,22 @@ def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
     """Iterated from the predicted pose it has no timetable; robots pass near every way-point and stop at the last."""
     n, path, delay = 3, np.array(PATH), 12
     reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
-    plant = Creeping(np.repeat(path[:1], n, axis=0), delay, 0.01, 0.0, 0.01, np.outer([1.0, 0.8, 0.6], np.ones(3)))
+    plant = Creeping(
+        np.repeat(path[:1], n, axis=0),
+        delay,
+        0.01,
+        0.0,
+        0.01,
+        np.outer([1.0, 0.8, 0.6], np.ones(3)),
+    )
     noise = vision(np.random.default_rng(0), 6 * SECOND, n)
     record = loop(team("adaptive-comp-flc", delay, reference, n, **NONE), plant, noise)
     for point in path[1:]:
         # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
-        assert np.hypot(*np.moveaxis(record["pose"][..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
-    np.testing.assert_allclose(record["pose"][-1], np.repeat(path[-1:], n, axis=0), rtol=0, atol=0.01)
+        assert (
+            np.hypot(*np.moveaxis(record["pose"][..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
+        )
+    np.testing.assert_allclose(
+        record["pose"][-1], np.repeat(path[-1:], n, axis=0), rtol=0, atol=0.01
+    )
     assert np.abs(record["command"][-1]).max() < 0.3

@@ -25,8 +25,12 @@ def project(folder: Path) -> dict:
 
 def test_the_example_drives_a_robot_there_and_back_without_a_simulator() -> None:
     """As a script, and as it is printed in the README; at most 30 lines."""
-    script = f"import runpy, sys; runpy.run_path({str(EXAMPLE)!r}); assert 'omni_mj' not in sys.modules"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    script = (
+        f"import runpy, sys; runpy.run_path({str(EXAMPLE)!r}); assert 'omni_mj' not in sys.modules"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")
     found = re.fullmatch(r"arrived within (\d+) mm of the start, alpha is (.*)\n", done.stdout)
     assert found, done.stdout
@@ -52,6 +56,8 @@ def test_both_distributions_say_the_same() -> None:
     alone, whole = project(ROOT / "control"), project(ROOT)
     for key in ("version", "requires-python", "license"):
         assert alone[key] == whole[key]
-    assert [name for name in whole["dependencies"] if name.startswith(("numpy", "scipy"))] == alone["dependencies"]
+    assert [name for name in whole["dependencies"] if name.startswith(("numpy", "scipy"))] == alone[
+        "dependencies"
+    ]
     assert (ROOT / "control" / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()
     assert (ROOT / "control" / "omni_control" / "py.typed").exists()

@@ -41,7 +41,9 @@ def test_the_error_shrinks_by_the_weight_of_the_old_value(
     commands = np.random.default_rng(seed).uniform(-2, 2, (80, 1, 3))
     values = estimate(travelled(commands, np.array(alpha), delay), commands, window, delay)
     passed = travelled(commands, np.ones(2), delay)
-    displacement = passed - np.concatenate([np.repeat(passed[:1], window, axis=0), passed])[: len(passed)]
+    displacement = (
+        passed - np.concatenate([np.repeat(passed[:1], window, axis=0), passed])[: len(passed)]
+    )
     left = np.cumprod(CONFIDENCE_M**2 / (CONFIDENCE_M**2 + displacement**2), axis=0)
     # Positions of up to 1 m are rounded at 1e-16, hundredfold where a displacement of 1 cm divides them.
     np.testing.assert_allclose(values, alpha + (1 - np.array(alpha)) * left, rtol=0, atol=1e-12)
@@ -71,10 +73,14 @@ def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> No
     commands = np.zeros((driven + stood, 2, 3))
     commands[:driven] = rng.uniform(0.5, 2, (driven, 2, 3))
     positions = travelled(commands, np.array([0.7, 0.9]), delay)
-    positions[driven + delay + window :] += rng.normal(0, 0.005, positions[driven + delay + window :].shape)
+    positions[driven + delay + window :] += rng.normal(
+        0, 0.005, positions[driven + delay + window :].shape
+    )
     values = estimate(positions, commands, window, delay)
     settled = values[driven + delay + window]
-    np.testing.assert_allclose(settled, [[0.7, 0.9]] * 2, atol=1e-9)  # The drive contracts the error as above.
+    np.testing.assert_allclose(
+        settled, [[0.7, 0.9]] * 2, atol=1e-9
+    )  # The drive contracts the error as above.
     # rho times the value, over rho: two roundings that may repeat in each of 200 frames.
     np.testing.assert_allclose(
         values[driven + delay + window :], np.broadcast_to(settled, (185 - delay, 2, 2)), atol=1e-13

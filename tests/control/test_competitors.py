@@ -42,8 +42,12 @@ def test_stable_on_robots_that_are_weaker_and_slower_or_faster_than_told(
 @each_identifying
 @settings(max_examples=3)
 @of_other_robots
-def test_those_that_identify_are_stable_on_them_too(name: str, delay: int, wrong: int, lag: float, seed: int) -> None:
-    check_stable(name, 1 if name == "mpc" else 4, delay, wrong, lag, seed)  # programs are solved one by one
+def test_those_that_identify_are_stable_on_them_too(
+    name: str, delay: int, wrong: int, lag: float, seed: int
+) -> None:
+    check_stable(
+        name, 1 if name == "mpc" else 4, delay, wrong, lag, seed
+    )  # programs are solved one by one
 
 
 def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: int) -> None:
@@ -103,7 +107,10 @@ def test_the_truth_is_never_worse_than_noise() -> None:
     for name in ("oracle", ADAPTIVE):
         controller = make(name, told(6, noisy=True), path, n)
         start = np.zeros((n, 3))
-        off = loop(Team(controller, start), Lagged(start, 6, 0.02, alpha), noise)["pose"] - path.poses[:, None]
+        off = (
+            loop(Team(controller, start), Lagged(start, 6, 0.02, alpha), noise)["pose"]
+            - path.poses[:, None]
+        )
         error[name] = np.hypot(off[..., 0], off[..., 1])
     assert (error["oracle"].mean(0) < error[ADAPTIVE].mean(0)).all()
     assert ((error["oracle"] ** 2).mean(0) < (error[ADAPTIVE] ** 2).mean(0)).all()

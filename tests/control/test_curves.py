@@ -19,7 +19,9 @@ shapes = st.sampled_from(list(CURVES))
 sizes = st.tuples(st.floats(0.5, 6), st.floats(0.5, 6))
 
 
-def drive(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int = 1, tangent: bool = False) -> Array:
+def drive(
+    shape: str, size: tuple[float, float], limit: MotionLimits, laps: int = 1, tangent: bool = False
+) -> Array:
     """Poses (frames, 3)."""
     return CurveReference(CURVES[shape](*size), limit, T, laps, tangent).poses
 
@@ -28,7 +30,9 @@ def drive(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int 
 
 
 @given(shapes, sizes, limits, st.integers(1, 3))
-def test_every_pose_is_on_the_curve(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int) -> None:
+def test_every_pose_is_on_the_curve(
+    shape: str, size: tuple[float, float], limit: MotionLimits, laps: int
+) -> None:
     """The curve's equation without its parameter holds: an ellipse, and the quartic of Gerono's lemniscate."""
     poses = drive(shape, size, limit, laps)
     x, y = 2 * poses[:, 0] / size[0], 2 * poses[:, 1] / size[1]
@@ -38,16 +42,23 @@ def test_every_pose_is_on_the_curve(shape: str, size: tuple[float, float], limit
 
 
 @given(shapes, sizes, limits, st.integers(1, 3))
-def test_the_heading_follows_the_path(shape: str, size: tuple[float, float], limit: MotionLimits, laps: int) -> None:
+def test_the_heading_follows_the_path(
+    shape: str, size: tuple[float, float], limit: MotionLimits, laps: int
+) -> None:
     """Square to the gradient of the curve's equation, and ahead; a circle turns once a lap, an eight not at all."""
     poses = drive(shape, size, limit, laps, tangent=True)
     facing = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     x, y = 2 * poses[:, 0] / size[0], 2 * poses[:, 1] / size[1]
-    gradient = {"circle": [x / size[0], y / size[1]], "eight": [(8 * x**3 - 4 * x) / size[0], y / size[1]]}[shape]
+    gradient = {
+        "circle": [x / size[0], y / size[1]],
+        "eight": [(8 * x**3 - 4 * x) / size[0], y / size[1]],
+    }[shape]
     # As above; the gradient is at most 8 / 0.5, and where the eight crosses itself it is zero.
     np.testing.assert_allclose((np.array(gradient) * facing).sum(0), 0, rtol=0, atol=1e-12)
     assert (np.diff(poses[:, :2], axis=0) * facing.T[:-1]).sum(1).min() > 0
-    assert poses[-1, 2] - poses[0, 2] == pytest.approx({"circle": 2 * math.pi * laps, "eight": 0}[shape], abs=1e-12)
+    assert poses[-1, 2] - poses[0, 2] == pytest.approx(
+        {"circle": 2 * math.pi * laps, "eight": 0}[shape], abs=1e-12
+    )
     assert (drive(shape, size, limit, laps)[:, 2] == 0).all()
 
 
@@ -56,7 +67,9 @@ def test_the_heading_follows_the_path(shape: str, size: tuple[float, float], lim
 
 @settings(max_examples=12)
 @given(curves, limits | smooth_limits, st.integers(1, 2), st.booleans())
-def test_a_drive_keeps_its_limits(curve: Curve, limit: MotionLimits, laps: int, tangent: bool) -> None:
+def test_a_drive_keeps_its_limits(
+    curve: Curve, limit: MotionLimits, laps: int, tangent: bool
+) -> None:
     """Along and across the path, with the ellipse and without, facing ahead or along it, whatever limit counts."""
     assert_keeps(CurveReference(curve, limit, T, laps, tangent).poses, limit)
 
@@ -68,10 +81,16 @@ def assert_takes(poses: Array, seconds: float, tolerance: float) -> None:
 
 
 @given(st.floats(0.2, 3), st.floats(0.3, 4), st.floats(0.3, 6), st.integers(1, 3))
-def test_a_circle_takes_the_closed_form_time(radius: float, speed: float, acceleration: float, laps: int) -> None:
+def test_a_circle_takes_the_closed_form_time(
+    radius: float, speed: float, acceleration: float, laps: int
+) -> None:
     """Speeding up on a circle, v^2 = a r sin(2 s / r), until that is at its top or v at its limit; then uniform."""
     end = math.asin(min(1, speed**2 / (acceleration * radius)))
-    ramp = math.sqrt(radius / acceleration) / 2 * quad(lambda angle: math.sin(angle) ** -0.5, 0, end)[0]
+    ramp = (
+        math.sqrt(radius / acceleration)
+        / 2
+        * quad(lambda angle: math.sin(angle) ** -0.5, 0, end)[0]
+    )
     rest = 2 * math.pi * radius * laps - 2 * radius * end / 2
     top = min(speed, math.sqrt(acceleration * radius))
     # Both ramps are made of whole cells of 1/1000 lap: if one ends within its first, that takes up to twice its time.
@@ -79,7 +98,9 @@ def test_a_circle_takes_the_closed_form_time(radius: float, speed: float, accele
     assert_takes(poses, 2 * ramp + rest / top, 2e-3)
 
 
-def geometry(shape: str, size: tuple[float, float]) -> Callable[[Array], tuple[Array, Array, Array]]:
+def geometry(
+    shape: str, size: tuple[float, float]
+) -> Callable[[Array], tuple[Array, Array, Array]]:
     """Metres per parameter, signed curvature (1/m) and bearing (rad) of the curves, written out from x and y."""
     a, b = size[0] / 2, size[1] / 2
     m, shift = {"circle": (1, -np.pi / 2), "eight": (2, 0.0)}[shape]
@@ -93,7 +114,8 @@ def geometry(shape: str, size: tuple[float, float]) -> Callable[[Array], tuple[A
 
 
 @pytest.mark.parametrize(
-    ("shape", "size"), [("eight", (2.0, 1.0)), ("eight", (1.0, 3.0)), ("circle", (4.0, 1.0)), ("circle", (2.0, 3.0))]
+    ("shape", "size"),
+    [("eight", (2.0, 1.0)), ("eight", (1.0, 3.0)), ("circle", (4.0, 1.0)), ("circle", (2.0, 3.0))],
 )
 def test_a_curve_takes_the_time_of_the_phase_plane(shape: str, size: tuple[float, float]) -> None:
     """The lowest of the curves z' = +-2 sqrt(a^2 - k^2 z^2) from both ends and every peak of the curvature k."""
@@ -107,13 +129,21 @@ def test_a_curve_takes_the_time_of_the_phase_plane(shape: str, size: tuple[float
     def solve(start: float, end: float, z: float) -> Callable[[Array], Array]:
         sign = np.sign(end - start)
         solution = solve_ivp(
-            lambda u, z: sign * steepest(u, z), (start, end), [z], max_step=0.1, rtol=1e-8, dense_output=True
+            lambda u, z: sign * steepest(u, z),
+            (start, end),
+            [z],
+            max_step=0.1,
+            rtol=1e-8,
+            dense_output=True,
         )
         return lambda u: solution.sol(u)[0]
 
     grid = np.linspace(0, 2 * np.pi, 20001)
     bend = np.abs(at(grid)[1])
-    peaks = [*grid[1:-1][(bend[1:-1] >= bend[:-2]) & (bend[1:-1] > bend[2:])], *([0.0] if bend[0] > bend[1] else [])]
+    peaks = [
+        *grid[1:-1][(bend[1:-1] >= bend[:-2]) & (bend[1:-1] > bend[2:])],
+        *([0.0] if bend[0] > bend[1] else []),
+    ]
     forwards, backwards = [(0.0, solve(0, 2 * np.pi, 0.0))], [(2 * np.pi, solve(2 * np.pi, 0, 0.0))]
     for peak in peaks:
         top = acceleration / float(np.abs(at(np.array(peak))[1]))
@@ -122,7 +152,9 @@ def test_a_curve_takes_the_time_of_the_phase_plane(shape: str, size: tuple[float
             backwards.append((peak, solve(peak, 0, top)))
 
     def slowness(u: float) -> float:
-        bounds = [f(u) for start, f in forwards if u >= start] + [f(u) for start, f in backwards if u <= start]
+        bounds = [f(u) for start, f in forwards if u >= start] + [
+            f(u) for start, f in backwards if u <= start
+        ]
         return float(at(np.array(u))[0] / math.sqrt(min(bounds)))
 
     corners = np.linspace(0, 2 * np.pi, 33)

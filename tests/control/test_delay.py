@@ -37,7 +37,9 @@ def test_frame_by_frame_table_of_three_frames_dead_time() -> None:
 
 
 @given(st.integers(0, 12), st.integers(0, 20), st.integers(1, 4), st.integers(0, 2**32 - 1))
-def test_the_compensated_pose_is_where_the_plant_will_be(delay: int, spare: int, n: int, seed: int) -> None:
+def test_the_compensated_pose_is_where_the_plant_will_be(
+    delay: int, spare: int, n: int, seed: int
+) -> None:
     """Equation 7, x(k+1) = x(k) + alpha T u(k - k_d), reaches in k + k_d what equation 10 predicts in frame k."""
     rng = np.random.default_rng(seed)
     frames = 40
@@ -63,9 +65,13 @@ def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -
     """A robot that obeys, in each eighth of a frame, what was commanded a latency of so many eighths before."""
     ticks = np.array(eighths).reshape(2, 3)
     commands = np.random.default_rng(seed).uniform(-3, 3, (15, 2, 3))
-    by_eighths = np.repeat(commands, 8, axis=0)  # the command sent in frame k stands from its first eighth on
+    by_eighths = np.repeat(
+        commands, 8, axis=0
+    )  # the command sent in frame k stands from its first eighth on
     queue = sent_before(15, commands, length=14)
-    now = 8 * 15  # the frame just past are the eighths from now - 8 on; the last command is sent at its start
+    now = (
+        8 * 15
+    )  # the frame just past are the eighths from now - 8 on; the last command is sent at its start
     for robot in range(2):
         for axis in range(3):
             start = now - 8 - ticks[robot, axis]
@@ -108,6 +114,8 @@ def test_what_was_handed_out_stays_and_can_only_be_read() -> None:
 def test_where_dead_times_differ_each_robot_arrives_after_its_own() -> None:
     """What is seen of robots with dead times of 0, 2 and 3 frames: commands that have acted are zero."""
     queue = sent_before(3, np.array([1.0, 2.0, 4.0])[:, None, None] * np.ones((1, 3, 3)), length=4)
-    seen = Seen(np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), queue, 0.5, np.array([0, 2, 3]))
+    seen = Seen(
+        np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), queue, 0.5, np.array([0, 2, 3])
+    )
     assert seen.in_flight[..., 0].tolist() == [[0, 0, 1], [0, 2, 2], [0, 4, 4]]
     assert seen.arriving[:, 1].tolist() == [0, 3, 3.5]

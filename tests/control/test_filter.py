@@ -13,7 +13,9 @@ seeds = st.integers(0, 2**32 - 1)
 def filtered(measured: Array, displacement: Array, start: Array) -> dict[str, Array]:
     """What the filter says in each frame, (frames, n, 3) each, by the names of its attributes."""
     kalman = vision_filter.KalmanFilter(start, T, NOISE)
-    said: dict[str, list[Array]] = {name: [] for name in ("pose", "twist", "drift", "sigma", "normalised")}
+    said: dict[str, list[Array]] = {
+        name: [] for name in ("pose", "twist", "drift", "sigma", "normalised")
+    }
     for m, q in zip(measured, displacement, strict=True):
         kalman.update(m, q)
         for name, values in said.items():
@@ -28,7 +30,9 @@ def filtered_as_stated(measured: Array, displacement: Array, start: Array) -> di
         return filtered(measured, displacement, start)
 
 
-def textbook(measured: Array, displacement: Array, start: float, noise: float, wander: float) -> dict[str, Array]:
+def textbook(
+    measured: Array, displacement: Array, start: float, noise: float, wander: float
+) -> dict[str, Array]:
     """The Kalman filter of one robot's axis in matrices: predict, then correct in Joseph's form."""
     f, h = np.array([[1, T], [0, np.exp(-T / DRIFT_TIME_S)]]), np.array([[1.0, 0.0]])
     x, p = np.array([start, 0.0]), np.diag([noise**2, 0.0])
@@ -45,7 +49,9 @@ def textbook(measured: Array, displacement: Array, start: float, noise: float, w
             joseph = np.eye(2) - k @ h
             p = joseph @ p @ joseph.T + k @ k.T * noise**2
         said.append((x[0], q / T + x[1], x[1], np.sqrt(p[0, 0]), normalised))
-    return dict(zip(("pose", "twist", "drift", "sigma", "normalised"), np.array(said).T, strict=True))
+    return dict(
+        zip(("pose", "twist", "drift", "sigma", "normalised"), np.array(said).T, strict=True)
+    )
 
 
 @given(seeds, st.floats(0, 0.9))
@@ -55,9 +61,13 @@ def test_it_is_the_textbooks_kalman_filter(seed: int, missed: float) -> None:
     start = np.zeros((2, 3))
     said = filtered_as_stated(measured, displacement, start)
     for axis in range(3):
-        expected = textbook(measured[:, 1, axis], displacement[:, 1, axis], 0.0, NOISE[axis], DRIFT[axis])
+        expected = textbook(
+            measured[:, 1, axis], displacement[:, 1, axis], 0.0, NOISE[axis], DRIFT[axis]
+        )
         for name, values in expected.items():
-            np.testing.assert_allclose(said[name][:, 1, axis], values, rtol=1e-9, atol=1e-9, err_msg=name)
+            np.testing.assert_allclose(
+                said[name][:, 1, axis], values, rtol=1e-9, atol=1e-9, err_msg=name
+            )
 
 
 @given(seeds, st.floats(0, 0.9))

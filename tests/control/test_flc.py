@@ -50,7 +50,9 @@ def test_without_dead_time_both_controllers_are_the_same() -> None:
     for kind in KINDS:
         rng = np.random.default_rng(0)
         start, noise = rng.uniform(-0.1, 0.1, (4, 3)), rng.normal(0, 0.01, (FRAMES, 4, 3))
-        flc, comp_flc = (follow(make(name, Told(T, 0), along(kind, 4), 4), start, 0, noise) for name in FUZZY)
+        flc, comp_flc = (
+            follow(make(name, Told(T, 0), along(kind, 4), 4), start, 0, noise) for name in FUZZY
+        )
         assert np.array_equal(flc.sent, comp_flc.sent)
         assert np.array_equal(flc.predicted, comp_flc.predicted)
 
@@ -58,14 +60,18 @@ def test_without_dead_time_both_controllers_are_the_same() -> None:
 @both_references
 @settings(max_examples=12)
 @given(start=starts, delay=st.integers(0, 12))
-def test_compensation_takes_the_dead_time_out_of_the_loop(kind: str, start: tuple[float, ...], delay: int) -> None:
+def test_compensation_takes_the_dead_time_out_of_the_loop(
+    kind: str, start: tuple[float, ...], delay: int
+) -> None:
     """The law of the Smith predictor: a perfect robot with dead time does what one without it does k_d frames later.
 
     Nothing moves it in the first k_d frames. From then on it goes, under comp-FLC, the way of a robot without dead
     time that starts at k_d under FLC.
     """
     late = follow(make("comp-flc", Told(T, delay), along(kind), 1), [start], delay)
-    prompt = follow(make("flc", Told(T, 0), along(kind), 1), [start], 0, FRAMES - delay, first_frame=delay)
+    prompt = follow(
+        make("flc", Told(T, 0), along(kind), 1), [start], 0, FRAMES - delay, first_frame=delay
+    )
     assert (late.pose[:delay] == start).all()
     # Poses of size 3 round at 4e-16; the loop's gain of at most 15 / s forgets them, but near the steep ends of the
     # fuzzy sets, where the gain is larger, they may grow for some frames.
@@ -81,7 +87,9 @@ def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
     """On a perfect plant x_p of frame k is x(k + k_d), also when limits cut what the controller asked for."""
     run = follow(make("comp-flc", Told(T, delay), along(kind), 1), [start], delay, highest=highest)
     # Twelve additions to poses of size 3; the estimate of alpha is 1 to 1e-12.
-    np.testing.assert_allclose(run.predicted[: FRAMES - delay], run.pose[delay:], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        run.predicted[: FRAMES - delay], run.pose[delay:], rtol=0, atol=1e-12
+    )
 
 
 def fuzzy_velocity(error: float) -> float:
@@ -130,7 +138,9 @@ def test_the_heading_returns_the_short_way_at_the_gain() -> None:
     for name in FUZZY:
         gain = 5.0
         reference = TimedReference([[0, 0, 3.0]], LIMITS, T)
-        run = follow(make(name, Told(T, 0, heading_gain=gain), reference, 1), [[0.0, 0.0, -3.0]], 0, 60)
+        run = follow(
+            make(name, Told(T, 0, heading_gain=gain), reference, 1), [[0.0, 0.0, -3.0]], 0, 60
+        )
         error = (2 * np.pi - 6) * (1 - gain * T) ** np.arange(60)
         # Roundings of angles of size 6.
         np.testing.assert_allclose(run.pose[:, 0, 2], 3 - 2 * np.pi + error, rtol=0, atol=1e-14)

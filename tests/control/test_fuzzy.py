@@ -28,10 +28,18 @@ def centre(heights: dict[str, float]) -> float:
     """Centre of gravity of the union of clipped triangles, exact between the points where any sides cross."""
     peaks = {label: k / 2 - 1 for k, label in enumerate(LABELS)}
     levels = {0.0, 0.5, 1.0, *heights.values()}
-    z = {peak + side * (1 - level) / 2 for peak in peaks.values() for side in (-1, 1) for level in levels}
+    z = {
+        peak + side * (1 - level) / 2
+        for peak in peaks.values()
+        for side in (-1, 1)
+        for level in levels
+    }
     points = np.array(sorted(x for x in z if -1 <= x <= 1))
     points = np.sort(np.concatenate([points, (points[1:] + points[:-1]) / 2]))  # Simpson's rule
-    degrees = [np.minimum(height, 1 - 2 * np.abs(points - peaks[label])) for label, height in heights.items()]
+    degrees = [
+        np.minimum(height, 1 - 2 * np.abs(points - peaks[label]))
+        for label, height in heights.items()
+    ]
     mu, step = np.max([*degrees, 0 * points], axis=0), np.diff(points)[::2]
     area, moment = (((f[:-1:2] + 4 * f[1::2] + f[2::2]) * step).sum() for f in (mu, points * mu))
     return float(moment / area)
@@ -52,11 +60,15 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
     """The size of a batch does not show in the last bit."""
     rows = np.random.default_rng(3).uniform(-0.11, 0.11, (1001, 2))
     batch = FLC(rows)
-    assert all(np.array_equal(FLC(row), velocity) for row, velocity in zip(rows[:50], batch, strict=False))
+    assert all(
+        np.array_equal(FLC(row), velocity) for row, velocity in zip(rows[:50], batch, strict=False)
+    )
     assert np.array_equal(FLC(rows[7:20]), batch[7:20])
 
 
-@pytest.mark.filterwarnings("ignore:Passing more than 2 positional arguments")  # of scikit-fuzzy 0.5 to numpy
+@pytest.mark.filterwarnings(
+    "ignore:Passing more than 2 positional arguments"
+)  # of scikit-fuzzy 0.5 to numpy
 def test_the_controller_agrees_with_scikit_fuzzy() -> None:
     """The same sets and 25 rules, on a grid from beyond one end of the range to beyond the other."""
     axis = np.linspace(-0.11, 0.11, 25)
@@ -86,7 +98,9 @@ def test_the_correction_points_back_to_the_reference(error: tuple[float, float])
 
 
 @given(errors, st.floats(1e-3, 0.1))
-def test_a_larger_error_is_never_corrected_more_slowly(error: tuple[float, float], more: float) -> None:
+def test_a_larger_error_is_never_corrected_more_slowly(
+    error: tuple[float, float], more: float
+) -> None:
     """The velocity of an axis does not fall while its own error grows and the other stays."""
     # At saturation both sides are the same number but for roundings.
     assert FLC([error[0] + more, error[1]])[0] >= FLC(error)[0] - 1e-14
@@ -100,7 +114,9 @@ def test_velocities_saturate_at_five_sixths_of_the_range(error: tuple[float, flo
 
 
 @given(errors, st.floats(0.01, 1), st.floats(0.1, 4))
-def test_the_ranges_only_scale_the_axes(error: tuple[float, float], range_m: float, speed: float) -> None:
+def test_the_ranges_only_scale_the_axes(
+    error: tuple[float, float], range_m: float, speed: float
+) -> None:
     """Velocity over its range is one function of error over its range."""
     scaled = FuzzyLaw(range_m, speed)(np.multiply(error, range_m / RANGE_M))
     # One rounding of the scaled error times the steepest slope of the controller, 2 * 15 / 10 of the ranges' ratio.

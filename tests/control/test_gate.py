@@ -46,7 +46,9 @@ def test_another_robot_is_not_taken_for_this_one(seed: int, away: float, directi
     for _ in range(100):
         mistaken = not mistaken and rng.random() < 0.5
         pose = NOISE * rng.standard_normal((1, 3))
-        np.testing.assert_array_equal(believes(pose + mistaken * other), np.nan if mistaken else pose)
+        np.testing.assert_array_equal(
+            believes(pose + mistaken * other), np.nan if mistaken else pose
+        )
 
 
 @given(seeds, st.floats(-np.pi, np.pi), st.floats(-20, 20))
@@ -54,7 +56,9 @@ def test_headings_seen_backwards_are_turned_back(seed: int, heading: float, rate
     """In any images but the first, up to nine in a row, of robots that turn: to rounding."""
     rng, believes, in_a_row = np.random.default_rng(seed), gate_of(1), 0
     for k in range(100):
-        true = np.array([[0, 0, wrap_angle(heading + rate * T * k)]]) + NOISE * rng.standard_normal((1, 3))
+        true = np.array([[0, 0, wrap_angle(heading + rate * T * k)]]) + NOISE * rng.standard_normal(
+            (1, 3)
+        )
         backwards = k > 0 and in_a_row < DOUBTED - 1 and rng.random() < 0.5
         in_a_row = in_a_row + 1 if backwards else 0
         image = true.copy()
@@ -64,7 +68,11 @@ def test_headings_seen_backwards_are_turned_back(seed: int, heading: float, rate
         assert abs(wrap_angle(found[0, 2] - true[0, 2])) < 1e-14
 
 
-@given(seeds, st.floats(0, 1), st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-np.pi, np.pi)))
+@given(
+    seeds,
+    st.floats(0, 1),
+    st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-np.pi, np.pi)),
+)
 def test_whatever_was_seen_a_robot_is_believed_within_ten_images(
     seed: int, missed: float, place: tuple[float, float, float]
 ) -> None:
@@ -93,7 +101,9 @@ def test_a_robot_may_come_out_of_a_frozen_image_as_far_as_it_has_driven() -> Non
 
 
 @given(st.floats(0.0, 3.5), st.floats(-np.pi, np.pi))
-def test_what_was_too_fast_to_stand_is_not_seen_to_stand_for_a_second(speed: float, direction: float) -> None:
+def test_what_was_too_fast_to_stand_is_not_seen_to_stand_for_a_second(
+    speed: float, direction: float
+) -> None:
     """Images that differed by 1 cm/s show a robot that moves, or noise. One that may stand is believed at once.
 
     Where the image goes on, after however many repeats, it is believed.
@@ -126,7 +136,11 @@ def test_a_team_drives_on_as_if_nothing_had_been_mistaken(seed: int, share: floa
     missed[wrong] = np.nan
     told, start = Told(T, 4), starts(n)
     driven = [
-        loop(Team(make("comp-flc", told, along(TIMED, n), n), start), Lagged(start, 4, alpha=0.9), each)
+        loop(
+            Team(make("comp-flc", told, along(TIMED, n), n), start),
+            Lagged(start, 4, alpha=0.9),
+            each,
+        )
         for each in (lied, missed)
     ]
     for name, values in driven[0].items():

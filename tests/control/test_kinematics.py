@@ -16,7 +16,9 @@ twists = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-30, 30))
 angles = st.floats(-1e4, 1e4)
 # Wheels at most 20 deg from the nominal azimuths: any such four have a well-conditioned matrix.
 robots = st.builds(
-    lambda shift, arm, radius: Kinematics(np.radians(np.add([60.0, 135.0, 225.0, 300.0], shift)), arm, radius),
+    lambda shift, arm, radius: Kinematics(
+        np.radians(np.add([60.0, 135.0, 225.0, 300.0], shift)), arm, radius
+    ),
     st.tuples(*[st.floats(-20, 20)] * 4),
     st.floats(0.05, 0.12),
     st.floats(0.02, 0.04),
@@ -31,11 +33,15 @@ def test_wheel_speeds_of_pure_motions_are_those_of_the_unit_circle() -> None:
         ((0, 0, 1), [ARM, ARM, ARM, ARM]),
     ]:
         # A handful of roundings of numbers of size 1 / RADIUS = 37.
-        np.testing.assert_allclose(ROBOT.wheel_speeds(twist), np.array(rim) / RADIUS, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(
+            ROBOT.wheel_speeds(twist), np.array(rim) / RADIUS, rtol=0, atol=1e-13
+        )
 
 
 @given(robots, twists)
-def test_a_wheel_rolls_at_the_velocity_of_its_contact_point(robot: Kinematics, twist: tuple[float, ...]) -> None:
+def test_a_wheel_rolls_at_the_velocity_of_its_contact_point(
+    robot: Kinematics, twist: tuple[float, ...]
+) -> None:
     """Rigid body in the complex plane: the point p moves at v + i w p, and the wheel drives along i p / |p|."""
     spoke = np.exp(1j * robot.azimuths)
     point_velocity = complex(twist[0], twist[1]) + 1j * twist[2] * robot.arm * spoke
@@ -45,7 +51,9 @@ def test_a_wheel_rolls_at_the_velocity_of_its_contact_point(robot: Kinematics, t
 
 
 @given(robots, st.tuples(*[st.floats(-300, 300)] * 4))
-def test_slipping_wheels_give_the_least_squares_twist(robot: Kinematics, speeds: tuple[float, ...]) -> None:
+def test_slipping_wheels_give_the_least_squares_twist(
+    robot: Kinematics, speeds: tuple[float, ...]
+) -> None:
     """Four wheels over-determine three unknowns; an independent solver finds the same best fit."""
     spoke = np.exp(1j * robot.azimuths)
     rolling = np.stack([-spoke.imag, spoke.real, np.full(4, robot.arm)], axis=1)
@@ -55,13 +63,19 @@ def test_slipping_wheels_give_the_least_squares_twist(robot: Kinematics, speeds:
 
 
 @given(twists, angles)
-def test_the_world_frame_is_a_rotation_of_the_body_frame(twist: tuple[float, ...], heading: float) -> None:
+def test_the_world_frame_is_a_rotation_of_the_body_frame(
+    twist: tuple[float, ...], heading: float
+) -> None:
     """A planar vector turned by phi is its product with exp(i phi); the turn rate is the same in both frames."""
     velocity = complex(twist[0], twist[1])
     turned, back = velocity * np.exp(1j * heading), velocity * np.exp(-1j * heading)
     # Two products and a sum of numbers of size 5.
-    np.testing.assert_allclose(body_to_world(twist, heading), [turned.real, turned.imag, twist[2]], rtol=0, atol=4e-15)
-    np.testing.assert_allclose(world_to_body(twist, heading), [back.real, back.imag, twist[2]], rtol=0, atol=4e-15)
+    np.testing.assert_allclose(
+        body_to_world(twist, heading), [turned.real, turned.imag, twist[2]], rtol=0, atol=4e-15
+    )
+    np.testing.assert_allclose(
+        world_to_body(twist, heading), [back.real, back.imag, twist[2]], rtol=0, atol=4e-15
+    )
 
 
 @given(angles)
@@ -91,12 +105,22 @@ def test_wrapped_angles_never_leave_the_half_open_interval() -> None:
 def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
     """No function lets a row's last bit depend on how many rows there are."""
     rng = np.random.default_rng(0)
-    pose, twist, speeds = rng.normal(size=(37, 3)), rng.normal(size=(37, 3)), rng.normal(size=(37, 4))
+    pose, twist, speeds = (
+        rng.normal(size=(37, 3)),
+        rng.normal(size=(37, 3)),
+        rng.normal(size=(37, 4)),
+    )
 
     def everything(rows: slice) -> Array:
-        world, body = body_to_world(twist[rows], pose[rows, 2]), world_to_body(twist[rows], pose[rows, 2])
+        world, body = (
+            body_to_world(twist[rows], pose[rows, 2]),
+            world_to_body(twist[rows], pose[rows, 2]),
+        )
         wheels = ROBOT.wheel_speeds(twist[rows])
-        return np.concatenate([world, body, wheels, ROBOT.body_twist(speeds[rows]), wrap_angle(9 * pose[rows])], axis=1)
+        return np.concatenate(
+            [world, body, wheels, ROBOT.body_twist(speeds[rows]), wrap_angle(9 * pose[rows])],
+            axis=1,
+        )
 
     batch = everything(slice(None))
     assert all(np.array_equal(everything(slice(i, i + 1))[0], batch[i]) for i in range(37))

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from omni_control import Controller, MotionLimits, OmniError, Team, TimedReference, Told
 
 
-def estimated(measured: Array, displacement: Array, start: Array, age: Array) -> tuple[Array, Array]:
+def estimated(
+    measured: Array, displacement: Array, start: Array, age: Array
+) -> tuple[Array, Array]:
     """Poses and twists (frames, n, 3) that a team believes in, of robots without dead time; ages are (frames, n)."""
     told = Told(T, 0, lag_s=0.0, position_noise_m=NOISE[0], heading_noise_rad=NOISE[2])
     team, seen = Team(Controller(told, None, len(start)), start), []  # type: ignore[arg-type]
@@ -20,7 +22,9 @@ def estimated(measured: Array, displacement: Array, start: Array, age: Array) ->
     return np.array([one.pose for one in seen]), np.array([one.twist for one in seen])
 
 
-def best(measured: Array, displacement: Array, late: int, start: float, noise: float, wander: float) -> Array:
+def best(
+    measured: Array, displacement: Array, late: int, start: float, noise: float, wander: float
+) -> Array:
     """The optimal filter of one robot's axis, seen `late` frames ago: the positions of those frames are states too."""
     count = late + 2  # position, drift, and the positions of one to `late` frames ago
     f = np.zeros((count, count))
@@ -46,7 +50,10 @@ def test_what_is_seen_late_serves_as_well_as_it_can(late: int) -> None:
     seen = np.full_like(measured, np.nan)
     seen[late:] = measured[:-late]
     poses, _ = estimated(seen, displacement, true[0], np.full((300, 20), late * T))
-    optimal = [best(seen[:, i, 0], displacement[:, i, 0], late, true[0, i, 0], NOISE[0], DRIFT[0]) for i in range(20)]
+    optimal = [
+        best(seen[:, i, 0], displacement[:, i, 0], late, true[0, i, 0], NOISE[0], DRIFT[0])
+        for i in range(20)
+    ]
     ours, theirs = ((values - true[..., 0])[20:] for values in (poses[..., 0], np.array(optimal).T))
     assert np.sqrt((ours**2).mean()) < 1.03 * np.sqrt((theirs**2).mean())
 
@@ -62,7 +69,9 @@ def test_a_perfect_robot_seen_late_is_tracked_exactly(seed: int, longest: float)
     displacement = rng.uniform(-0.05, 0.05, (40, 3, 3))
     displacement[0] = 0
     poses = np.cumsum(displacement, axis=0)
-    taken = np.maximum.accumulate(np.maximum(frames - rng.uniform(0, longest / T, (40, 3)), 0), axis=0)  # frames
+    taken = np.maximum.accumulate(
+        np.maximum(frames - rng.uniform(0, longest / T, (40, 3)), 0), axis=0
+    )  # frames
     index, row = taken.astype(int), np.arange(3)
     share = (taken - index)[..., None]
     seen = (1 - share) * poses[index, row] + share * poses[np.minimum(index + 1, 39), row]
@@ -92,10 +101,17 @@ def test_a_velocity_that_was_believed_does_not_confirm_itself(late: float) -> No
 def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
     """To the bit, whatever the ages of the others are: each robot's filters make its own steps."""
     rng, frames = np.random.default_rng(5), 60
-    ages = np.where(rng.random((frames, 3)) < 0.3, 0.0, rng.uniform(0, 0.1, (frames, 3))) * [1, 0.3, 0]
+    ages = np.where(rng.random((frames, 3)) < 0.3, 0.0, rng.uniform(0, 0.1, (frames, 3))) * [
+        1,
+        0.3,
+        0,
+    ]
     seen = 0.01 * np.cumsum(rng.standard_normal((frames, 3, 3)), axis=0)
     seen[rng.random((frames, 3)) < 0.1] = np.nan
-    told, way = Told(T, 3), TimedReference([[0, 0, 0], [0.5, 0.3, 1]], MotionLimits(1.0, 1.0, 3.0, 6.0), T)
+    told, way = (
+        Told(T, 3),
+        TimedReference([[0, 0, 0], [0.5, 0.3, 1]], MotionLimits(1.0, 1.0, 3.0, 6.0), T),
+    )
 
     def commanded(rows: list[int]) -> Array:
         team = Team(AdaptiveCompFlc(told, way, len(rows)), np.zeros((len(rows), 3)))

@@ -48,10 +48,16 @@ def test_limits_hold_for_any_sequence(commands: list[tuple[float, float, float]]
 
 
 @given(st.lists(st.tuples(*[st.floats(-1, 1)] * 3), min_size=1, max_size=40))
-def test_commands_within_the_limits_pass_unchanged(directions: list[tuple[float, float, float]]) -> None:
+def test_commands_within_the_limits_pass_unchanged(
+    directions: list[tuple[float, float, float]],
+) -> None:
     # Steps of at most 0.7 of the limit per axis are 0.99 as a vector, and 40 of them stay below both speed limits.
-    walk = np.cumsum(np.array(directions) * [0.7 * STEP_M_S, 0.7 * STEP_M_S, 0.49 * STEP_RAD_S], axis=0)
-    np.testing.assert_allclose(played(walk), walk, rtol=0, atol=1e-14)  # last + (wanted - last) rounds
+    walk = np.cumsum(
+        np.array(directions) * [0.7 * STEP_M_S, 0.7 * STEP_M_S, 0.49 * STEP_RAD_S], axis=0
+    )
+    np.testing.assert_allclose(
+        played(walk), walk, rtol=0, atol=1e-14
+    )  # last + (wanted - last) rounds
 
 
 def test_a_wish_is_approached_straight_and_as_fast_as_allowed() -> None:
@@ -60,4 +66,6 @@ def test_a_wish_is_approached_straight_and_as_fast_as_allowed() -> None:
         sent = played(np.tile([*(5.0 * direction), 0.0], (60, 1)))
         # From rest in steps of a T up to the highest speed, along the wish: limits per axis would bend the path.
         expected = np.minimum(STEP_M_S * np.arange(1, 61), 2.0)
-        np.testing.assert_allclose(sent[:, :2], expected[:, None] * direction, atol=1e-12)  # sums of 40 steps
+        np.testing.assert_allclose(
+            sent[:, :2], expected[:, None] * direction, atol=1e-12
+        )  # sums of 40 steps

@@ -20,7 +20,12 @@ LITTLE = 2.0**-10
 
 def augmented(delay: int, lag: float) -> tuple[Array, Array, Array, float]:
     """A, B, Q, r of the state [position, velocity, commands in flight, oldest first], with the default weights."""
-    equation = np.array([[0, 1], [0, -1 / lag]]), np.array([[0], [1 / lag]]), np.eye(2), np.zeros((2, 1))
+    equation = (
+        np.array([[0, 1], [0, -1 / lag]]),
+        np.array([[0], [1 / lag]]),
+        np.eye(2),
+        np.zeros((2, 1)),
+    )
     transition, effect, *_ = cont2discrete(equation, T, "zoh")
     size = 2 + delay
     a, b = np.eye(size, k=1), np.zeros((size, 1))
@@ -49,12 +54,16 @@ def gain_of(delay: int, lag: float) -> Array:
             np.zeros((2 + delay, 1, 3)),
         )  # none, last to act, in flight
         if part:
-            commands[part] = LITTLE / (1 - robot.keep) if part == 1 else LITTLE  # brings a robot from rest to a mm/s
+            commands[part] = (
+                LITTLE / (1 - robot.keep) if part == 1 else LITTLE
+            )  # brings a robot from rest to a mm/s
         for command in commands[:-1]:
             sent.push(command)
             controller.command(0, seen_at(controller.told, pose, sent))
         if part == 1:
-            pose = (T - robot.slide) * commands[1]  # where it is then, so that there is no disturbance
+            pose = (T - robot.slide) * commands[
+                1
+            ]  # where it is then, so that there is no disturbance
         sent.push(commands[-1])
         answer = -controller.command(0, seen_at(controller.told, pose, sent))[0] / LITTLE
         assert (answer == answer[0]).all(), "the same for all axes"
@@ -78,12 +87,17 @@ def test_its_answer_is_the_optimal_gain_of_the_model_with_dead_time() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=12)
 @given(start=starts, delay=delays, lag=st.sampled_from([0.0, 0.02, 0.1]))
-def test_the_dead_time_is_taken_out_of_the_loop(kind: str, start: tuple[float, ...], delay: int, lag: float) -> None:
+def test_the_dead_time_is_taken_out_of_the_loop(
+    kind: str, start: tuple[float, ...], delay: int, lag: float
+) -> None:
     """A nominal robot does what one without dead time does, k_d frames later."""
 
     def follow(delay: int, frames: int, first_frame: int) -> Array:
         return drive(
-            Lqr(told(delay, lag), along(kind), 1), Lagged([start], delay, lag), frames, first_frame=first_frame
+            Lqr(told(delay, lag), along(kind), 1),
+            Lagged([start], delay, lag),
+            frames,
+            first_frame=first_frame,
         ).pose
 
     late, prompt = follow(delay, 60, 0), follow(0, 60 - delay, delay)
@@ -99,7 +113,9 @@ def test_with_a_lag_it_follows_a_constant_acceleration_exactly() -> None:
             plant = Lagged(np.zeros((1, 3)), delay, lag_frames * T)
             run = drive(Lqr(told(delay, lag_frames * T), reference, 1), plant, 220)
             # Poles of 0.87 and less have forgotten the start after 200 frames.
-            np.testing.assert_allclose(run.pose[210:, 0], reference.poses[210:220], rtol=0, atol=1e-11)
+            np.testing.assert_allclose(
+                run.pose[210:, 0], reference.poses[210:220], rtol=0, atol=1e-11
+            )
 
 
 def test_a_weak_robot_has_no_lasting_error_at_constant_speed() -> None:

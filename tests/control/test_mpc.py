@@ -21,7 +21,11 @@ def program(seed: int, n: int, frames: int, asked: float) -> tuple[Array, Array,
     planned = np.cumsum(0.08 * asked * rng.normal(size=(frames + 1, n, 2)), axis=0)
     angles = rng.uniform(0, 7, (frames, n))
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return hessian, 0.1 * asked * rng.normal(size=(n, 2 * frames)), Limits(planned[0], planned[1:], ways, 0.08, 0.3)
+    return (
+        hessian,
+        0.1 * asked * rng.normal(size=(n, 2 * frames)),
+        Limits(planned[0], planned[1:], ways, 0.08, 0.3),
+    )
 
 
 def excess(limits: Limits, robot: int, w: Array) -> Array:
@@ -59,7 +63,9 @@ def test_programs_are_solved_as_by_another_solver(seed: int) -> None:
             options={"ftol": 1e-13, "maxiter": 500},
         )  # fmt: skip
         found = best[i].ravel()
-        assert excess(limits, i, found).max() < 1e-8, "piqp keeps to limits as exactly as it is asked to, 1e-9"
+        assert excess(limits, i, found).max() < 1e-8, (
+            "piqp keeps to limits as exactly as it is asked to, 1e-9"
+        )
         # Curvature is at least 1: a cost that is 1e-8 too high is a way of at most 1.5e-4 off.
         assert abs(cost(found) - other.fun) < 1e-8
         np.testing.assert_allclose(found, other.x, rtol=0, atol=2e-4)
@@ -76,7 +82,13 @@ def test_a_program_is_its_own_whatever_others_are_solved_with_it() -> None:
     assert 0 < bound.sum() < len(bound)
     for i in range(8):
         one = slice(i, i + 1)
-        own = Limits(limits.last[one], limits.planned[:, one], limits.directions[:, one], limits.step, limits.speed)
+        own = Limits(
+            limits.last[one],
+            limits.planned[:, one],
+            limits.directions[:, one],
+            limits.step,
+            limits.speed,
+        )
         alone, _ = minimize(hessian[one], gradient[one], own)
         assert np.array_equal(alone[0], best[i])
 
@@ -84,7 +96,9 @@ def test_a_program_is_its_own_whatever_others_are_solved_with_it() -> None:
 def test_there_is_a_solution_however_fast_the_last_command_was() -> None:
     """One of somebody else's, beyond all limits: it can be gone on with, and is slowed down from."""
     hessian, gradient, limits = program(3, 4, 12, 0.1)
-    fast = limits._replace(last=limits.last + np.array([5.0, 0.0]), directions=np.tile([1.0, 0.0], (12, 4, 1)))
+    fast = limits._replace(
+        last=limits.last + np.array([5.0, 0.0]), directions=np.tile([1.0, 0.0], (12, 4, 1))
+    )
     best, bound = minimize(hessian, gradient, fast)
     assert bound.all()
     first = fast.planned[0] + best[:, 0]
@@ -105,7 +119,9 @@ def test_what_is_not_solved_is_not_a_number_and_stops_that_robot_only() -> None:
 def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:
     """On a way that asks for more. What the octagon gives away of speed, it may exceed where it was exceeded before."""
     limits = MotionLimits(1.0, 4.7, 26.0, 50.8)
-    reference = TimedReference([[0, 0, 0], [1.5, 0, 0], [1.5, 1.0, 0]], MotionLimits(1.2, 4.5), T).after_rest(15)
+    reference = TimedReference(
+        [[0, 0, 0], [1.5, 0, 0], [1.5, 1.0, 0]], MotionLimits(1.2, 4.5), T
+    ).after_rest(15)
     told = Told(T, 4, lag_s=0.02, position_noise_m=0, heading_noise_rad=0, limits=limits)
     wanted, fastest = [], []
 
@@ -116,7 +132,9 @@ def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:
 
     plant = Lagged(np.zeros((1, 3)), 4, alpha=0.9)
     run = drive(make("mpc", told, reference, 1), plant, reference.frames, limits=noted)
-    assert max(wanted) < 4.7 + 1e-5  # 1e-9 m/s to which programs are solved, in a frame of 1/60 s, and some rounding
+    assert (
+        max(wanted) < 4.7 + 1e-5
+    )  # 1e-9 m/s to which programs are solved, in a frame of 1/60 s, and some rounding
     assert max(wanted) > 4.6, "the limit counts"
     assert 0.99 < max(fastest) < 1.0 / np.cos(np.pi / 8)
     assert np.isfinite(run.sent).all()
@@ -127,7 +145,9 @@ def test_without_piqp_it_says_in_a_line_how_to_get_it_and_the_others_go_on() -> 
     hidden = "import sys; sys.modules['piqp'] = None; "
     cli = "from omni_mj.cli.main import main; sys.argv = ['omni-mj', {}]; main()"
     run = hidden + cli.format("'--scenario', 'rect', '--controller', 'mpc', '--no-figures'")
-    done = subprocess.run([sys.executable, "-c", run], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", run], capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
         "error: controller 'mpc' needs the package piqp, which is not installed; get it by pip install 'omni-mj[mpc]'"
@@ -136,6 +156,8 @@ def test_without_piqp_it_says_in_a_line_how_to_get_it_and_the_others_go_on() -> 
         "from omni_control.registry import CONTROLLERS, available; "
         "assert set(CONTROLLERS) - set(available()) == {'mpc'}; " + cli.format("'list'")
     )
-    done = subprocess.run([sys.executable, "-c", others], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", others], capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert "pip install 'omni-mj[mpc]'" in " ".join(done.stdout.split())

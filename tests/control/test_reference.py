@@ -10,7 +10,17 @@ import pytest
 from benches.control import OmniError
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from routes import SNAP_M, T, assert_keeps, ellipse_share, fastest_time, limits, paths, poses, smooth_limits
+from routes import (
+    SNAP_M,
+    T,
+    assert_keeps,
+    ellipse_share,
+    fastest_time,
+    limits,
+    paths,
+    poses,
+    smooth_limits,
+)
 from ruckig import InputParameter, Ruckig, Trajectory
 
 from omni_control import IteratedReference, MotionLimits, TimedReference
@@ -28,7 +38,9 @@ def test_a_timed_reference_keeps_its_limits(path: Path, limit: MotionLimits, dwe
 
 
 @given(paths, limits, st.integers(0, 5), st.integers(0, 5))
-def test_a_timed_reference_rests_on_every_way_point(path: Path, limit: MotionLimits, dwell: int, settle: int) -> None:
+def test_a_timed_reference_rests_on_every_way_point(
+    path: Path, limit: MotionLimits, dwell: int, settle: int
+) -> None:
     """Every way-point is met exactly, in order, with one frame of rest and the dwell; the last also with settling.
 
     Who starts on the first pose and obeys each frame's twist is on the reference in every frame.
@@ -98,7 +110,9 @@ def test_a_leg_with_limited_jerk_takes_ruckigs_time(
 
 @settings(max_examples=12)
 @given(paths, limits)
-def test_a_perfect_robot_is_led_past_every_way_point_to_rest_on_the_last(path: Path, limit: MotionLimits) -> None:
+def test_a_perfect_robot_is_led_past_every_way_point_to_rest_on_the_last(
+    path: Path, limit: MotionLimits
+) -> None:
     """It passes within the arrival radius of each, in order, and ends on the last with nothing left to cover."""
     timed, iterated = TimedReference(path, limit, T), IteratedReference(path, limit, T, n=1)
     pose, reached, twist = np.array([path[0]]), 0, np.zeros((1, 3))
@@ -107,7 +121,10 @@ def test_a_perfect_robot_is_led_past_every_way_point_to_rest_on_the_last(path: P
     overrun = limit.speed / weakest + limit.turn_rate / limit.turn_acceleration
     for frame in range(timed.frames + len(path) * math.ceil(overrun / T)):
         _, twist = iterated.at(frame, pose)
-        if reached < len(path) and np.hypot(*(pose[0] - path[reached])[:2]) < iterated.arrival_radius:
+        if (
+            reached < len(path)
+            and np.hypot(*(pose[0] - path[reached])[:2]) < iterated.arrival_radius
+        ):
             reached += 1
         pose = pose + twist * T
     assert reached == len(path)
@@ -139,7 +156,9 @@ def test_an_iterated_reference_keeps_its_limits_for_a_disturbed_robot(
 
 @pytest.mark.parametrize("points", [[], [[0, 0]], [[0, 0, np.nan]]])
 @pytest.mark.parametrize("kind", [TimedReference, lambda *known: IteratedReference(*known, n=1)])
-def test_way_points_that_cannot_be_are_refused(kind: Callable[..., object], points: list[list[float]]) -> None:
+def test_way_points_that_cannot_be_are_refused(
+    kind: Callable[..., object], points: list[list[float]]
+) -> None:
     with pytest.raises(OmniError, match="way-point"):
         kind(points, MotionLimits(), T)
 

@@ -89,7 +89,8 @@ def test_a_controller_that_cannot_be_made_says_where() -> None:
             raise KeyError("gain")
 
     with pytest.raises(
-        ControllerError, match=r"Broken cannot be made \(test_registry.py, line \d+\): KeyError: 'gain'"
+        ControllerError,
+        match=r"Broken cannot be made \(test_registry.py, line \d+\): KeyError: 'gain'",
     ):
         make(Broken, TOLD, TIMED, 1)
     with pytest.raises(ControllerError, match="Forgetful cannot be made"):
@@ -98,7 +99,10 @@ def test_a_controller_that_cannot_be_made_says_where() -> None:
 
 def test_what_is_told_is_checked_and_can_be_compared() -> None:
     """By content, wheels included, so that robots of which the same is told can share a controller."""
-    four, three = (Kinematics(np.radians(angles), 0.08, 0.03) for angles in ([60, 135, 225, 300], [0, 120, 240]))
+    four, three = (
+        Kinematics(np.radians(angles), 0.08, 0.03)
+        for angles in ([60, 135, 225, 300], [0, 120, 240])
+    )
     again = Kinematics(np.radians([60.0, 135, 225, 300]), 0.08, 0.03)
     tolds = [Told(T, 6, geometry=geometry) for geometry in (four, again, three, None)]
     assert tolds[0] == tolds[1]
@@ -128,7 +132,9 @@ for name in CONTROLLERS: find(name)
 heavy = {name.split(".")[0] for name in sys.modules} & {"scipy", "mujoco", "omni_mj", "matplotlib"}
 assert not heavy, heavy
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
+    )
     assert (done.returncode, done.stderr) == (0, "")
     lazy = "import sys, omni_control.errors; assert 'numpy' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", lazy], timeout=60, check=False).returncode == 0

@@ -17,7 +17,9 @@ delays, lags = st.integers(0, 9), st.sampled_from([0.0, 1e-4, 0.02, 2 * T, 0.1])
 
 
 @given(delay=delays, lag=st.sampled_from([1e-4, 0.02, 0.1]), seed=st.integers(0, 99))
-def test_the_nominal_robot_is_its_differential_equation_sampled(delay: int, lag: float, seed: int) -> None:
+def test_the_nominal_robot_is_its_differential_equation_sampled(
+    delay: int, lag: float, seed: int
+) -> None:
     """Displacement in the last frame, and state at the end of the dead time, are those of scipy's discretisation."""
     commands = np.random.default_rng(seed).uniform(-3, 3, (20, 1, 3))
     robot = NominalRobot(told(delay, lag), 1)
@@ -25,7 +27,12 @@ def test_the_nominal_robot_is_its_differential_equation_sampled(delay: int, lag:
     for command in commands:
         queue.push(command)
         robot.advance(queue)
-    equation = np.array([[0, 1], [0, -1 / lag]]), np.array([[0], [1 / lag]]), np.eye(2), np.zeros((2, 1))
+    equation = (
+        np.array([[0, 1], [0, -1 / lag]]),
+        np.array([[0], [1 / lag]]),
+        np.eye(2),
+        np.zeros((2, 1)),
+    )
     transition, effect, *_ = cont2discrete(equation, T, "zoh")
     state, before = np.zeros((2, 3)), np.zeros(3)
     for k, command in enumerate(commands):
@@ -80,12 +87,17 @@ def test_p_returns_to_rest_along_the_poles_of_its_loop() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=12)
 @given(start=starts, delay=delays, lag=lags)
-def test_smith_takes_the_dead_time_out_of_the_loop(kind: str, start: tuple[float, ...], delay: int, lag: float) -> None:
+def test_smith_takes_the_dead_time_out_of_the_loop(
+    kind: str, start: tuple[float, ...], delay: int, lag: float
+) -> None:
     """The law of the Smith predictor: a nominal robot does what one without dead time does, k_d frames later."""
 
     def follow(delay: int, frames: int, first_frame: int) -> np.ndarray:
         return drive(
-            Smith(told(delay, lag), along(kind), 1), Lagged([start], delay, lag), frames, first_frame=first_frame
+            Smith(told(delay, lag), along(kind), 1),
+            Lagged([start], delay, lag),
+            frames,
+            first_frame=first_frame,
         ).pose
 
     late, prompt = follow(delay, 120, 0), follow(0, 120 - delay, delay)

@@ -4,7 +4,18 @@ import math
 
 import numpy as np
 import pytest
-from benches.control import CREEP, DISTURBANCE, GAIN, HEIGHT_M, LAG, LATENCY, Array, Compliance, RobotFilter, anticipate
+from benches.control import (
+    CREEP,
+    DISTURBANCE,
+    GAIN,
+    HEIGHT_M,
+    LAG,
+    LATENCY,
+    Array,
+    Compliance,
+    RobotFilter,
+    anticipate,
+)
 from closed_loop import NOISE, WHEELS, Creeping, T
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,7 +25,9 @@ from scipy.optimize import brentq
 from omni_control import CommandsInFlight, Kinematics, Seen, Told
 
 KNOWN = {"lag_s": 0.0267, "creep_s2_m": 0.06, "drag_m_s": 0.0375, "alpha": (0.92, 0.87)}
-PLAIN = Told(T, 6, lag_s=0.04, creep_s2_m=0.06, drag_m_s=0.0, alpha=(0.9, 0.8))  # no geometry, no coupling of turning
+PLAIN = Told(
+    T, 6, lag_s=0.04, creep_s2_m=0.06, drag_m_s=0.0, alpha=(0.9, 0.8)
+)  # no geometry, no coupling of turning
 number = st.floats(-1, 1)
 
 
@@ -31,7 +44,9 @@ def test_a_step_is_the_solution_of_the_law(drawn: tuple[float, ...]) -> None:
     gain, ratio = model.prior[GAIN], np.array([1.0, 5 / 3])
 
     def law(_: float, z: Array) -> Array:
-        late = model.prior[LAG] * ratio + gain[:2] ** 2 * model.prior[CREEP] * ratio * np.hypot(*z[2:])
+        late = model.prior[LAG] * ratio + gain[:2] ** 2 * model.prior[CREEP] * ratio * np.hypot(
+            *z[2:]
+        )
         return np.concatenate([z[2:], (command[0, :2] - gain[:2] * z[2:]) / late])
 
     true = solve_ivp(law, (0, T), [0, 0, *state[0, 3:5]], rtol=1e-10, atol=1e-12).y[:, -1]
@@ -57,19 +72,25 @@ def test_the_inverse_leads_from_one_velocity_to_another(drawn: tuple[float, ...]
     assert abs(reached[2]) < 0.02
 
 
-def identify(told: Told, robots: Creeping, frames: int, seed: int = 0, tail: int = 0) -> RobotFilter:
+def identify(
+    told: Told, robots: Creeping, frames: int, seed: int = 0, tail: int = 0
+) -> RobotFilter:
     """What is found of robots that weave about, each its own way; in the last `tail` frames nothing is asked."""
     n, rng = len(robots.pose), np.random.default_rng(seed)
     model = filter_of(told, n)
     sent = CommandsInFlight(n, model.memory_frames)
     phase, rate = rng.uniform(0, 2 * np.pi, (2, 1, n, 3)) * [1, 1, 1]
-    commands = np.array([1.0, 1.0, 2.0]) * np.sin(phase + 0.4 * rate * T * np.arange(frames)[:, None, None])
+    commands = np.array([1.0, 1.0, 2.0]) * np.sin(
+        phase + 0.4 * rate * T * np.arange(frames)[:, None, None]
+    )
     commands *= np.minimum(np.arange(frames) / 30, 1)[:, None, None]
     commands[frames - tail :] = 0
     for command in commands:
         image = robots.pose + NOISE * rng.standard_normal(robots.pose.shape)
         image[:, 2] = np.angle(np.exp(1j * image[:, 2]))
-        model.observe(Seen(robots.pose, np.zeros((n, 3)), image, sent.of(slice(None)), T, told.delay_frames))
+        model.observe(
+            Seen(robots.pose, np.zeros((n, 3)), image, sent.of(slice(None)), T, told.delay_frames)
+        )
         sent.push(command)
         robots.advance(command)
     return model
@@ -78,7 +99,9 @@ def identify(told: Told, robots: Creeping, frames: int, seed: int = 0, tail: int
 def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
     """Robots that differ from what is told, within twice the standard deviations that the filter states, on average."""
     truth = {"delay": 7, "creep": 0.075, "lag": 0.025, "alpha": (0.98, 0.92, 0.95)}
-    found = identify(Told(T, 6, geometry=WHEELS, **KNOWN), Creeping(np.zeros((20, 3)), **truth), 480)  # type: ignore[arg-type]
+    found = identify(
+        Told(T, 6, geometry=WHEELS, **KNOWN), Creeping(np.zeros((20, 3)), **truth), 480
+    )  # type: ignore[arg-type]
     sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
     actual = np.array([1 / 0.98, 1 / 0.92, 1 / 0.95, 7.0, 0.075])
     columns = [11, 12, 13, LATENCY, CREEP]
@@ -91,7 +114,9 @@ def test_what_is_not_shown_is_forgotten() -> None:
     """At rest parameters go back to what is told, with a time constant of 12 s."""
     told, away = Told(T, 6, geometry=WHEELS, **KNOWN), []  # type: ignore[arg-type]
     for tail in (10, 730):
-        found = identify(told, Creeping(np.zeros((1, 3)), alpha=(1.05, 1.0, 1.0)), 240 + tail, tail=tail)
+        found = identify(
+            told, Creeping(np.zeros((1, 3)), alpha=(1.05, 1.0, 1.0)), 240 + tail, tail=tail
+        )
         away.append(abs(found.state[0, 11] - 1 / 0.92))
     assert away[1] == pytest.approx(away[0] * math.exp(-1), rel=0.15)
 
@@ -117,7 +142,10 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
 
     def found(rows: list[int]) -> Array:
         rng, model = np.random.default_rng(0), filter_of(told, len(rows))
-        sent, images = CommandsInFlight(len(rows), model.memory_frames), rng.normal(0, 0.01, (40, 3, 3))
+        sent, images = (
+            CommandsInFlight(len(rows), model.memory_frames),
+            rng.normal(0, 0.01, (40, 3, 3)),
+        )
         images[rng.random((40, 3)) < 0.1] = np.nan
         for image in images:
             pose = np.zeros((len(rows), 3))
@@ -135,12 +163,19 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
     drawn: tuple[float, ...], lag: float, creep: float
 ) -> None:
     """Each wheel gives way by (tau + T |V| / n) f; loads n are those that the weight's lever over four feet leaves."""
-    v, w, a, e = 2 * complex(*drawn[:2]), 5 * drawn[2], 2 * complex(*drawn[3:5]), complex(*drawn[5:])
+    v, w, a, e = (
+        2 * complex(*drawn[:2]),
+        5 * drawn[2],
+        2 * complex(*drawn[3:5]),
+        complex(*drawn[5:]),
+    )
     feet = 0.083 * np.exp(1j * WHEELS.azimuths)
 
     def moment(lacking: float) -> float:
         balance = np.array([np.ones(4), feet.real, feet.imag])
-        loads = np.linalg.lstsq(balance, [4, -4 * HEIGHT_M / 9.81 * a.real, -4 * HEIGHT_M / 9.81 * a.imag], rcond=None)
+        loads = np.linalg.lstsq(
+            balance, [4, -4 * HEIGHT_M / 9.81 * a.real, -4 * HEIGHT_M / 9.81 * a.imag], rcond=None
+        )
         total = 0.0
         for azimuth, load in zip(WHEELS.azimuths, loads[0], strict=True):
             rim = complex(-math.sin(azimuth), math.cos(azimuth))
@@ -156,13 +191,19 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
 def test_wheels_at_right_angles_turn_nothing_at_a_steady_pace() -> None:
     square = Compliance(Kinematics(np.radians([45.0, 135.0, 225.0, 315.0]), 0.083, 0.0285), 1.0)
     turned = square.turned(
-        np.array([[0.7, 0.4, 0]]), np.zeros((1, 3)), np.array([[0.4, 1, 0]]), np.array([0.02]), np.array([0.05])
+        np.array([[0.7, 0.4, 0]]),
+        np.zeros((1, 3)),
+        np.array([[0.4, 1, 0]]),
+        np.array([0.02]),
+        np.array([0.05]),
     )
     assert turned[0] == pytest.approx(0, abs=1e-12)
 
 
 STEP = 0.1  # m/s a frame
-paths = st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=12).map(np.array)
+paths = st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=12).map(
+    np.array
+)
 
 
 @given(paths)
@@ -181,4 +222,7 @@ def test_along_a_line_no_command_misses_less(along: list[float], angle: float) -
     def missed(one: float) -> float:
         return float((np.abs(path - one) - STEP * np.arange(len(path))).max())
 
-    assert missed(command @ direction) <= min(missed(other) for other in np.linspace(-3, 3, 601)) + 1e-9
+    assert (
+        missed(command @ direction)
+        <= min(missed(other) for other in np.linspace(-3, 3, 601)) + 1e-9
+    )

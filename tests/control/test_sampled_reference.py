@@ -49,13 +49,18 @@ def test_robots_with_references_of_their_own_are_told_what_each_would_be() -> No
     for frame in (0, 2.4, -3.0, 1e3, rng.uniform(-2, 12, n)):
         own = [frame if np.ndim(frame) == 0 else frame[i : i + 1] for i in range(n)]
         for found, expected in (
-            (together.at(frame, pose), [one.at(at, pose[:1]) for one, at in zip(each, own, strict=True)]),
+            (
+                together.at(frame, pose),
+                [one.at(at, pose[:1]) for one, at in zip(each, own, strict=True)],
+            ),
             (
                 together.preview(frame, pose, 4),
                 [one.preview(at, pose[:1], 4) for one, at in zip(each, own, strict=True)],
             ),
         ):
             for part in (0, 1):
-                np.testing.assert_array_equal(found[part], np.concatenate([e[part] for e in expected], axis=-2))
+                np.testing.assert_array_equal(
+                    found[part], np.concatenate([e[part] for e in expected], axis=-2)
+                )
     with pytest.raises(OmniError, match="same length"):
         EachReference([REFERENCE, SampledReference(POSES, 2 * T)])

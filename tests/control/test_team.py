@@ -14,7 +14,10 @@ from omni_control import CommandsInFlight, Controller, OmniError, Seen, Team, To
 def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Array:
     """Commands (frames, n, 3): queue, filter, controllers with n robots in all, limits, each as it stands."""
     told, n, sent = controllers[0].told, noise.shape[1], np.zeros((noise.shape[1], 3))
-    kalman, limits = KalmanFilter(plant.pose, T, told.vision_noise), CommandLimits([told.limits] * n, T)
+    kalman, limits = (
+        KalmanFilter(plant.pose, T, told.vision_noise),
+        CommandLimits([told.limits] * n, T),
+    )
     queue, commands = CommandsInFlight(n, 40), []
     for frame, error in enumerate(noise):
         measured = reported(plant.pose + error)
@@ -24,7 +27,9 @@ def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Ar
         for controller in controllers:
             rows = slice(first, first := first + len(controller.predicted))
             known = (
-                (plant.pose, plant.twist, plant.pose) if controller.knows_truth else (estimate, kalman.twist, measured)
+                (plant.pose, plant.twist, plant.pose)
+                if controller.knows_truth
+                else (estimate, kalman.twist, measured)
             )
             seen = Seen(*(values[rows] for values in known), queue.of(rows), T, told.delay_frames)
             wanted.append(controller.command(frame, seen))
@@ -40,8 +45,12 @@ def test_it_is_the_loop_written_by_hand() -> None:
     for kind in KINDS:
         made = [[make(name, told, along(kind, 2), 2) for name in CONTROLLERS] for _ in range(2)]
         expected = by_hand(made[0], plant_of(start), noise_of(len(start)))
-        assert np.array_equal(loop(Team(made[1], start), plant_of(start), noise_of(len(start)))["command"], expected)
-        assert np.hypot(*np.moveaxis(expected[..., :2], -1, 0)).max() == pytest.approx(0.25), "the limits count"
+        assert np.array_equal(
+            loop(Team(made[1], start), plant_of(start), noise_of(len(start)))["command"], expected
+        )
+        assert np.hypot(*np.moveaxis(expected[..., :2], -1, 0)).max() == pytest.approx(0.25), (
+            "the limits count"
+        )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -58,7 +67,9 @@ def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
         batch = run(0, 1, 2, 3)
         for rows in ((3,), (1, 2)):
             for what, values in run(*rows).items():
-                np.testing.assert_array_equal(batch[what][:, rows], values, err_msg=f"{name}: {what}")
+                np.testing.assert_array_equal(
+                    batch[what][:, rows], values, err_msg=f"{name}: {what}"
+                )
 
 
 def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> None:
@@ -78,14 +89,18 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
             for i in range(1, told.delay_frames + 1):  # the commands of k - k_d to k - 1
                 way += T * commands[-i][rows]
             # A sum of five commands of size 1, in two orders.
-            np.testing.assert_allclose(seen[-1].arriving[rows], team.estimate[rows] + way, rtol=0, atol=1e-15)
+            np.testing.assert_allclose(
+                seen[-1].arriving[rows], team.estimate[rows] + way, rtol=0, atol=1e-15
+            )
         commands.append(team.command())
         plant.advance(commands[-1])
     for controller, rows in zip(made, (slice(0, 2), slice(2, 3), slice(3, 6)), strict=True):
         for k, own in enumerate(controller.saw):
             delay, memory = controller.told.delay_frames, controller.memory_frames
             known = (
-                (*true[k], true[k][0]) if controller.knows_truth else (seen[k].pose, seen[k].twist, seen[k].measured)
+                (*true[k], true[k][0])
+                if controller.knows_truth
+                else (seen[k].pose, seen[k].twist, seen[k].measured)
             )
             for got, expected in zip((own.pose, own.twist, own.measured), known, strict=True):
                 np.testing.assert_array_equal(got, expected[rows])

@@ -38,7 +38,11 @@ class Failing(Straight):
 
 
 FAILURES: dict[str, tuple[int, list[int], str]] = {  # the frame, the rows, what is said
-    "raise": (5, [2, 3, 4], r"Failing failed in frame 5 \(test_team_failures.py, line \d+\): KeyError: 'no way'"),
+    "raise": (
+        5,
+        [2, 3, 4],
+        r"Failing failed in frame 5 \(test_team_failures.py, line \d+\): KeyError: 'no way'",
+    ),
     "shape": (5, [2, 3, 4], r"in frame 5: commands of shape \(3, 2\), float64; \(3, 3\) finite"),
     "record": (5, [2, 3, 4], r"in frame 5: alpha_hat has the shape \(2,\)"),
     "channel": (5, [2, 3, 4], r"in frame 5: channel 'odd' has the shape \(7,\)"),
@@ -50,7 +54,11 @@ FAILURES: dict[str, tuple[int, list[int], str]] = {  # the frame, the rows, what
 
 def team_with(how: str, on_failure: Callable[..., None] | None = None) -> Team:
     told = Told(T, 2)
-    made = [Straight(told, TIMED, 2), make(Failing, told, TIMED, 3, {"how": how}), Knowing(told, TIMED, 1)]
+    made = [
+        Straight(told, TIMED, 2),
+        make(Failing, told, TIMED, 3, {"how": how}),
+        Knowing(told, TIMED, 1),
+    ]
     return Team(made, starts(6), on_failure=on_failure)
 
 
@@ -60,7 +68,9 @@ def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
     for how, (frame, rows, says) in FAILURES.items():
         told: list[tuple[int, list[int]]] = []
 
-        def handle(failed: Array, reason: ControllerError, told: list[Any] = told, says: str = says) -> None:
+        def handle(
+            failed: Array, reason: ControllerError, told: list[Any] = told, says: str = says
+        ) -> None:
             assert not told, "once"
             told.append(failed.tolist())
             with pytest.raises(ControllerError, match=says):

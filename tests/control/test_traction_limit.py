@@ -31,7 +31,9 @@ def test_of_the_default_wheels_the_limits_are_closed_forms(friction: float, heig
     # The solver is exact to 1e-7 of its bounds.
     assert forward == pytest.approx(min(level / (1 + shifts), topples), rel=1e-6)
     assert sideways == pytest.approx(friction * G / 2, rel=1e-6)
-    assert traction(ROBOT, friction, math.pi, height) == pytest.approx(min(level / (1 - shifts), topples), rel=1e-6)
+    assert traction(ROBOT, friction, math.pi, height) == pytest.approx(
+        min(level / (1 - shifts), topples), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("wheels", [3, 5, 6])

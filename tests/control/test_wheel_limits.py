@@ -10,14 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from routes import TIGERS, G, most, vectors, wheels
 
-from omni_control import (
-    OmniError,
-    WheelLimits,
-)
+from omni_control import OmniError, WheelLimits
 
 
 @given(wheels, vectors, vectors)
-def test_no_forces_give_more(robot: WheelLimits, asked: tuple[float, ...], travel: tuple[float, ...]) -> None:
+def test_no_forces_give_more(
+    robot: WheelLimits, asked: tuple[float, ...], travel: tuple[float, ...]
+) -> None:
     """At so many times the acceleration as forces of single wheels can give at best, the whole friction is needed."""
     times = most(robot, np.array(asked), np.array(travel))
     share = robot.friction_share(times * np.array([asked]), np.array([travel]))
@@ -42,19 +41,29 @@ def test_what_is_spared_for_all_at_once_is_enough_for_each(
     spare = robot.spare(ahead, aside, turning)
     angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     for sign in (1, -1):
-        asked = spare * np.stack([ahead * np.cos(angles), aside * np.sin(angles), np.full(48, sign * turning)], axis=1)
+        asked = spare * np.stack(
+            [ahead * np.cos(angles), aside * np.sin(angles), np.full(48, sign * turning)], axis=1
+        )
         for way in (
-            np.stack([np.cos(angles + lag), np.sin(angles + lag), 10 * np.cos(lag + 0 * angles)], 1) for lag in range(6)
+            np.stack([np.cos(angles + lag), np.sin(angles + lag), 10 * np.cos(lag + 0 * angles)], 1)
+            for lag in range(6)
         ):
             assert robot.friction_share(asked, way).max() <= 1 + 1e-9
 
 
 def test_numbers_that_cannot_be_are_refused() -> None:
-    for name, bad in (("friction", 0.0), ("gyration", -1.0), ("rim_speed", math.nan), ("pile", -0.1)):
+    for name, bad in (
+        ("friction", 0.0),
+        ("gyration", -1.0),
+        ("rim_speed", math.nan),
+        ("pile", -0.1),
+    ):
         with pytest.raises(OmniError, match=f"the {name.replace('_', ' ')} of wheels must"):
             replace(TIGERS, **{name: bad})
 
 
 def test_wheels_that_cannot_pull_what_drags_them_are_refused() -> None:
-    with pytest.raises(OmniError, match=r"friction 0.2 wheels cannot pull what drags them, 1\.\d+ times"):
+    with pytest.raises(
+        OmniError, match=r"friction 0.2 wheels cannot pull what drags them, 1\.\d+ times"
+    ):
         replace(TIGERS, friction=0.2)

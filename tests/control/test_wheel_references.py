@@ -11,13 +11,7 @@ from hypothesis import strategies as st
 from routes import TIGERS, T, drag, limits, paths, smooth_limits, statics, wheels
 from scipy.optimize import linprog
 
-from omni_control import (
-    CURVES,
-    CurveReference,
-    MotionLimits,
-    TimedReference,
-    WheelLimits,
-)
+from omni_control import CURVES, CurveReference, MotionLimits, TimedReference, WheelLimits
 
 # --- references within it ---
 
@@ -33,14 +27,22 @@ def differences(poses: Array) -> tuple[Array, Array, Array]:
 
     halfway = np.exp(-0.5j * (poses[1:, 2] + poses[:-1, 2]))
     rolling = body(velocity[1:-1], halfway)
-    return rolling, body(np.diff(velocity, axis=0) / T, turned), body((velocity[1:] + velocity[:-1]) / 2, turned)
+    return (
+        rolling,
+        body(np.diff(velocity, axis=0) / T, turned),
+        body((velocity[1:] + velocity[:-1]) / 2, turned),
+    )
 
 
 def assert_within(robot: WheelLimits, poses: Array) -> None:
     rolling, asked, travel = differences(poses)
     # A snap of a nm at a way-point is 4e-6 m/s^2, of 3 at least that friction gives.
     assert robot.friction_share(asked, travel).max() <= 1 + 1e-5
-    rims = rolling @ [-np.sin(robot.kinematics.azimuths), np.cos(robot.kinematics.azimuths), [robot.kinematics.arm] * 4]
+    rims = rolling @ [
+        -np.sin(robot.kinematics.azimuths),
+        np.cos(robot.kinematics.azimuths),
+        [robot.kinematics.arm] * 4,
+    ]
     assert np.abs(rims).max(initial=0) <= robot.rim_speed * (1 + 1e-6)
 
 
@@ -56,11 +58,15 @@ def test_a_way_stays_within_what_wheels_can(
 
 
 @settings(max_examples=12)
-@given(st.sampled_from(list(CURVES)), st.floats(0.7, 1), limits | smooth_limits, wheels, st.booleans())
+@given(
+    st.sampled_from(list(CURVES)), st.floats(0.7, 1), limits | smooth_limits, wheels, st.booleans()
+)
 def test_a_curve_stays_within_what_wheels_can(
     shape: str, length: float, limit: MotionLimits, robot: WheelLimits, tangent: bool
 ) -> None:
-    reference = CurveReference(CURVES[shape](length, 1.0), replace(limit, wheels=robot), T, 1, tangent)
+    reference = CurveReference(
+        CURVES[shape](length, 1.0), replace(limit, wheels=robot), T, 1, tangent
+    )
     assert_within(robot, reference.poses)
     assert limit.excess(reference.poses, T) <= 1 + 1e-8
 
@@ -68,7 +74,9 @@ def test_a_curve_stays_within_what_wheels_can(
 # --- as fast as that allows ---
 
 
-def most_along(robot: WheelLimits, gain: Array, offset: Array, travel: Array, top: Array, worth: Array) -> Array:
+def most_along(
+    robot: WheelLimits, gain: Array, offset: Array, travel: Array, top: Array, worth: Array
+) -> Array:
     """What x (n,), from 0 to `top`, is worth most, if body accelerations of each cell come from forces of its wheels.
 
     These are [ax, ay, b] = gain (cells, 3, n) times x, plus offset (cells, 3).
@@ -77,7 +85,9 @@ def most_along(robot: WheelLimits, gain: Array, offset: Array, travel: Array, to
     (standing, shifting), spoke = statics(robot), np.exp(1j * robot.kinematics.azimuths)
     grip = math.sqrt(robot.friction**2 - robot.roller_friction**2)
     gives = np.array([(1j * spoke).real, (1j * spoke).imag, np.full(4, robot.kinematics.arm)])
-    drags = np.array([drag(robot, way) if np.abs(way).max() > 1e-9 else np.zeros(3) for way in travel])
+    drags = np.array(
+        [drag(robot, way) if np.abs(way).max() > 1e-9 else np.zeros(3) for way in travel]
+    )
     n = gain.shape[-1]
     shifts = -grip * np.einsum("wx,cxn->cwn", shifting, gain[:, :2]).reshape(4 * cells, n)
     borne = np.tile(grip * (standing + offset[:, :2] @ shifting.T).ravel(), 2)

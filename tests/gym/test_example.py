@@ -14,7 +14,9 @@ def test_the_example_learns_and_drives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """On a way of a quarter of a metre; of three generations the last is off by less than half of what the first is."""
-    tmp_path.joinpath("short.toml").write_text("[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.1\n")
+    tmp_path.joinpath("short.toml").write_text(
+        "[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.1\n"
+    )
     monkeypatch.chdir(tmp_path)
     asked = ["--scenario", "short.toml", "--generations", "3", "--plant", "kinematic"]
     monkeypatch.setattr(sys, "argv", ["learn.py", *asked])
@@ -26,5 +28,7 @@ def test_the_example_learns_and_drives(
 
 
 def test_the_lines_of_the_document_run() -> None:
-    for text in re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "gym.md").read_text(), re.MULTILINE | re.DOTALL):
+    for text in re.findall(
+        r"^```python\n(.*?)^```", (ROOT / "docs" / "gym.md").read_text(), re.MULTILINE | re.DOTALL
+    ):
         exec(text, {"__name__": "printed"})

@@ -35,7 +35,9 @@ def track(scenario: om.Scenario | str = "rect", **more: Any) -> gymnasium.Env:
     return gymnasium.make("omni_mj/Track-v0", scenario=scenario, **more).unwrapped
 
 
-def tracks(num_envs: int = 1, scenario: om.Scenario | str = "rect", **more: Any) -> gymnasium.vector.VectorEnv:
+def tracks(
+    num_envs: int = 1, scenario: om.Scenario | str = "rect", **more: Any
+) -> gymnasium.vector.VectorEnv:
     """Return a vector of environments."""
     return gymnasium.make_vec("omni_mj/Track-v0", num_envs, scenario=scenario, **more)
 
@@ -97,7 +99,9 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
     seen, _ = env.reset(seed=0)
     step = 1 / 60
     forward = np.array([np.cos(1.0), np.sin(1.0)])
-    reference = om.Simulation(om.scenario("rect", reference=route), ["p"]).references[0].poses[:, :2]
+    reference = (
+        om.Simulation(om.scenario("rect", reference=route), ["p"]).references[0].poses[:, :2]
+    )
     sent = [0.0] * (memory + delay)
     for frame in range(1, 20):
         sent.append(min(sent[-1] + most * step, speed))
@@ -106,8 +110,12 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
         own = np.stack([forward, [-forward[1], forward[0]]])
         # Vision is exact, but the filter believes it to 1.3 mm: it lags by less than that.
         np.testing.assert_allclose(seen[:2], own @ (reference[frame] - felt * forward), atol=1.3e-3)
-        np.testing.assert_allclose(seen[3:5], own @ (reference[frame + delay] - all_sent * forward), atol=1.3e-3)
-        np.testing.assert_allclose(seen[-3 * memory :].reshape(memory, 3)[:, 0], sent[-memory:], atol=1e-3)
+        np.testing.assert_allclose(
+            seen[3:5], own @ (reference[frame + delay] - all_sent * forward), atol=1.3e-3
+        )
+        np.testing.assert_allclose(
+            seen[-3 * memory :].reshape(memory, 3)[:, 0], sent[-memory:], atol=1e-3
+        )
         np.testing.assert_allclose(seen[-3 * memory :].reshape(memory, 3)[:, 1:], 0, atol=1e-3)
 
 
@@ -116,7 +124,9 @@ def test_many_are_what_one_by_one_they_are(mode: AutoresetMode) -> None:
     """To the bit, against Gymnasium's own vector of single ones: episodes that end apart, others begun after them."""
     n, lost = 4, 0.12
     many = tracks(n, "rect", lost_m=lost, autoreset_mode=mode, **DRAWN)
-    ones = SyncVectorEnv([lambda: track("rect", lost_m=lost, **DRAWN) for _ in range(n)], autoreset_mode=mode)
+    ones = SyncVectorEnv(
+        [lambda: track("rect", lost_m=lost, **DRAWN) for _ in range(n)], autoreset_mode=mode
+    )
     random = np.random.default_rng(0)
     same(many.reset(seed=3), ones.reset(seed=3))
     assert many.metadata["autoreset_mode"] is mode
@@ -156,7 +166,10 @@ def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> No
         _, reward, terminated, truncated, info = env.step([-1.0, 0.0, 0.0])
         assert not truncated
         rewards.append(reward)
-    frames = om.Simulation(om.scenario("rect", plant="kinematic", reference=SHORT)).references[0].frames - 1
+    frames = (
+        om.Simulation(om.scenario("rect", plant="kinematic", reference=SHORT)).references[0].frames
+        - 1
+    )
     assert info["distance_m"] > 0.2
     assert sum(rewards) == pytest.approx(sum(rewards[:-1]) - 0.2 * (frames - len(rewards) + 1))
     assert env.step([0.0, 0.0, 0.0])[1:4] == (0.0, True, False)
@@ -195,7 +208,9 @@ def test_what_is_not_allowed_is_said_in_a_line(given: dict[str, Any], words: str
 
 def test_a_scenario_of_a_controller_with_parameters_will_do() -> None:
     """Of any scenario; who drives in it otherwise does not matter."""
-    other = om.scenario("rect", plant="kinematic", controllers=[Policy, Tuned], controller={"Tuned": {"gain": 2.0}})
+    other = om.scenario(
+        "rect", plant="kinematic", controllers=[Policy, Tuned], controller={"Tuned": {"gain": 2.0}}
+    )
     seen, _ = track(other).reset(seed=0)
     np.testing.assert_array_equal(seen, track("rect", plant="kinematic").reset(seed=0)[0])
 
@@ -215,8 +230,16 @@ def test_actions_that_are_none_are_refused() -> None:
 def test_gymnasium_imports_what_a_name_asks_for() -> None:
     """Nobody else has to import this package; and without Gymnasium one line names the extra."""
     for code, words in (
-        ("import gymnasium; print(gymnasium.make_vec('omni_mj.gym:omni_mj/Track-v0', 2, plant='kinematic'))", "Tracks"),
-        ("import sys; sys.modules['gymnasium'] = None; import omni_mj.gym", "pip install 'omni-mj[gym]'"),
+        (
+            "import gymnasium; print(gymnasium.make_vec('omni_mj.gym:omni_mj/Track-v0', 2, plant='kinematic'))",
+            "Tracks",
+        ),
+        (
+            "import sys; sys.modules['gymnasium'] = None; import omni_mj.gym",
+            "pip install 'omni-mj[gym]'",
+        ),
     ):
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, timeout=60
+        )
         assert words in (done.stdout + done.stderr).splitlines()[-1]

@@ -10,7 +10,9 @@ import pytest
 from benches.drive import NOBODY, driven, in_process, on_wire, peer, summary
 
 
-@pytest.mark.parametrize(("controller", "delay"), [("comp-flc", 0), ("comp-flc", 4), ("inverse-flc", 2)])
+@pytest.mark.parametrize(
+    ("controller", "delay"), [("comp-flc", 0), ("comp-flc", 4), ("inverse-flc", 2)]
+)
 def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -> None:
     """A pulse finds the delay; then errors are those of the in-process loop with as many `delay_frames`.
 
@@ -52,9 +54,24 @@ def test_what_vision_gets_wrong_costs_little() -> None:
     have gone on for so long, which one of a peer that waits has not: by 4 and 14 cm in two of some 35 runs beside six
     busy processes. It has three chances to have time.
     """
-    wrong = ("--cameras", 2, "--bias", 0.01, "--swap", 0.03, "--mirror", 0.03, "--junk", 0.1, "--noise", 0.0005)
+    wrong = (
+        "--cameras",
+        2,
+        "--bias",
+        0.01,
+        "--swap",
+        0.03,
+        "--mirror",
+        0.03,
+        "--junk",
+        0.1,
+        "--noise",
+        0.0005,
+    )
     for _ in range(3):
-        with peer("--delay", 2, *wrong, "--start", 0.1, 0.2, 0.3, -0.6, -0.4, 1.2, ids=(0, 1)) as options:
+        with peer(
+            "--delay", 2, *wrong, "--start", 0.1, 0.2, 0.3, -0.6, -0.4, 1.2, ids=(0, 1)
+        ) as options:
             live = driven(on_wire("comp-flc"), options)
         assert live.notes["bad packet"]
         error = np.abs(live.log.channel("pose") - live.log.channel("ref"))
@@ -82,7 +99,7 @@ def test_robots_start_where_they_are() -> None:
 
 
 RADIO = """
-from omni_mj.live.radio import Radio
+from omni_mj.live.command_senders import Radio
 from serving import local, udp
 
 
@@ -103,14 +120,19 @@ def test_a_radio_of_ones_own(tmp_path: Path) -> None:
 
 
 REFUSALS = [
-    ({"colour": "yellow"}, "does not see as many robots as there are places, 1; of yellow, it sees none"),
+    (
+        {"colour": "yellow"},
+        "does not see as many robots as there are places, 1; of yellow, it sees none",
+    ),
     ({"ids": (4,)}, "does not see robots 4; of blue, it sees 0"),
     ({"commands": NOBODY}, "robots 0 do not turn as they are told"),
     ({"radio": "radio.py"}, "--radio must be file.py:Class"),
 ]
 
 
-@pytest.mark.parametrize(("options", "reason"), REFUSALS, ids=[next(iter(options)) for options, _ in REFUSALS])
+@pytest.mark.parametrize(
+    ("options", "reason"), REFUSALS, ids=[next(iter(options)) for options, _ in REFUSALS]
+)
 def test_what_cannot_be_driven_is_said(options: dict[str, object], reason: str) -> None:
     with peer("--patience", 0.01, **options) as there, pytest.raises(ValueError, match=reason):
         driven(on_wire("flc"), there)

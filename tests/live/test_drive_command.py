@@ -24,7 +24,9 @@ def drive(folder: Path, ports: tuple[int, int], *options: object) -> "subprocess
     """The command, which hears vision at the first port and commands at the second."""
     where = "--vision", f"127.0.0.1:{ports[0]}", "--commands", f"127.0.0.1:{ports[1]}"
     command = [sys.executable, "-m", "omni_mj", "drive", *where, *map(str, options)]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
 
 
 def wait_for(process: "subprocess.Popen[str]", text: str) -> None:
@@ -38,7 +40,13 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
 ) -> None:
     """All that `run` leaves is there, and the table. What was live is not repeated, which is said."""
     ports = free_port(), free_port()
-    known = "--no-pulse", "--set", "radio.delay_frames=1", "--set", "reference.waypoints=[[0, 0], [1.2, 0]]"
+    known = (
+        "--no-pulse",
+        "--set",
+        "radio.delay_frames=1",
+        "--set",
+        "reference.waypoints=[[0, 0], [1.2, 0]]",
+    )
     with started(ports, "--delay", 1, "--loss", 0.05, "--tell", 75) as peer:
         process = drive(tmp_path, ports, *OUT, *known)
         wait_for(peer, "heard")
@@ -48,7 +56,14 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
     assert re.search(r"robot 0: answers \d\.\d\d frames", out)
     folder = tmp_path / "drive"
     left = {path.name for path in folder.iterdir()}
-    assert {"summary.json", "trajectory.parquet", "recording.rrd", "report.html", "scenario.toml", "link.json"} <= left
+    assert {
+        "summary.json",
+        "trajectory.parquet",
+        "recording.rrd",
+        "report.html",
+        "scenario.toml",
+        "link.json",
+    } <= left
     assert json.loads((folder / "link.json").read_text())["cameras"]["0"]["frames"] > 100
     assert pq.read_table(folder / "trajectory.parquet").num_rows >= 60
     assert invoke("verify", folder) == 2
@@ -58,7 +73,9 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
 def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
     ports = free_port(), free_port()
     with started(ports, "--tell", 75) as peer:
-        process = drive(tmp_path, ports, *OUT, "--no-pulse", "--no-record", "--set", "reference.laps=20")
+        process = drive(
+            tmp_path, ports, *OUT, "--no-pulse", "--no-record", "--set", "reference.laps=20"
+        )
         wait_for(peer, "heard")
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=PATIENCE_S)
@@ -77,7 +94,9 @@ def test_listening_only(tmp_path: Path) -> None:
     noise = re.findall(r"blue 0: at .*noise (\d\.\d\d) mm", out)
     assert len(noise) == 2
     for each in noise:
-        assert 0.8 < float(each) < 1.2  # 1 mm by 100 detections and more, whose median is known to a tenth
+        assert (
+            0.8 < float(each) < 1.2
+        )  # 1 mm by 100 detections and more, whose median is known to a tenth
     assert "bad packet" in out
     assert err.count("is skipped") == 1
 
@@ -108,7 +127,20 @@ def test_what_cannot_be_is_said_in_a_line(
 def test_nobody_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It says where it listened, and leaves no folder behind; a run on the live plant names `drive`."""
     where = f"127.0.0.1:{free_port()}"
-    assert invoke("drive", "--scenario", "rect", "--vision", where, "--wait", 0.2, "--out", tmp_path / "out") == 2
+    assert (
+        invoke(
+            "drive",
+            "--scenario",
+            "rect",
+            "--vision",
+            where,
+            "--wait",
+            0.2,
+            "--out",
+            tmp_path / "out",
+        )
+        == 2
+    )
     assert f"no vision came to {where}" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     assert invoke("run", "--scenario", "rect", "--plant", "live", "--out", tmp_path / "out") == 2
@@ -116,7 +148,9 @@ def test_nobody_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 @pytest.mark.parametrize("what", ["--dry-run", "--no-record"])
-def test_one_signal_ends_the_wait_for_vision(tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str) -> None:
+def test_one_signal_ends_the_wait_for_vision(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str
+) -> None:
     before = signal.getsignal(signal.SIGTERM)
 
     def end() -> None:
@@ -125,7 +159,14 @@ def test_one_signal_ends_the_wait_for_vision(tmp_path: Path, capsys: pytest.Capt
         os.kill(os.getpid(), signal.SIGTERM)
 
     threading.Thread(target=end, daemon=True).start()
-    where = ("--vision", f"127.0.0.1:{free_port()}", "--wait", PATIENCE_S, "--out", tmp_path / "out")
+    where = (
+        "--vision",
+        f"127.0.0.1:{free_port()}",
+        "--wait",
+        PATIENCE_S,
+        "--out",
+        tmp_path / "out",
+    )
     assert invoke("drive", "--scenario", "rect", what, *where) == 128 + signal.SIGTERM
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: terminated; ")

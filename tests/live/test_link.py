@@ -50,7 +50,9 @@ def test_of_several_robots_of_a_number_the_one_counts_that_is_near() -> None:
 
 def test_frames_that_are_late_or_came_before_count_once_and_others_are_not_ours() -> None:
     camera = Camera(0)
-    assert [frame for frame in (0, 2, 1, 2, 3) if camera.see(frame, [(0, 0.0, 0.0, 0.0)], at=0.1)] == [0, 2, 3]
+    assert [
+        frame for frame in (0, 2, 1, 2, 3) if camera.see(frame, [(0, 0.0, 0.0, 0.0)], at=0.1)
+    ] == [0, 2, 3]
     assert camera.vision.cameras[0].frames == 3
     yellow = Camera(0, colour="yellow")
     yellow.see(0, [(0, 1.0, 1.0, 0.0)])
@@ -58,7 +60,9 @@ def test_frames_that_are_late_or_came_before_count_once_and_others_are_not_ours(
     assert yellow.vision.seen_ids() == []
 
 
-@pytest.mark.parametrize("robot", [(0, math.nan, 0.0, 0.0), (0, 1e6, 0.0, 0.0), (0, 0.0, 0.0, math.inf)], ids=str)
+@pytest.mark.parametrize(
+    "robot", [(0, math.nan, 0.0, 0.0), (0, 1e6, 0.0, 0.0), (0, 0.0, 0.0, math.inf)], ids=str
+)
 def test_places_that_are_none_are_bad_packets(robot: RobotSeen) -> None:
     camera = Camera(0)
     assert not any(camera.see(frame, [robot]) for frame in range(3))
@@ -74,13 +78,17 @@ def fed(offset: float, rate: float, seconds: float, seed: int = 0) -> tuple[Cloc
         ours = 100.0 + k * PERIOD_S
         arrival = ours + rng.exponential(JITTER_S)
         clock.add(offset + rate * ours, arrival)
-        assert clock.ours(offset + rate * ours) <= arrival + 1e-6  # no packet arrives before it was sent
+        assert (
+            clock.ours(offset + rate * ours) <= arrival + 1e-6
+        )  # no packet arrives before it was sent
     return clock, ours
 
 
 @given(st.floats(-1e6, 2e9), st.floats(0.8, 1.25), st.integers(0, 1000))
 @settings(max_examples=25)
-def test_offset_and_rate_of_a_clock_are_found_through_jitter(offset: float, rate: float, seed: int) -> None:
+def test_offset_and_rate_of_a_clock_are_found_through_jitter(
+    offset: float, rate: float, seed: int
+) -> None:
     """Of 15 packets in each quarter of a second the fastest is JITTER_S / 15 late, with as much spread.
 
     Over the 40 of ten seconds a line's value at its end has twice the spread over the root of 40; ten times that is

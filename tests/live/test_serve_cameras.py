@@ -58,11 +58,19 @@ def test_each_camera_takes_images_by_a_clock_of_its_own() -> None:
 def test_cameras_that_see_a_robot_differ_by_how_they_are_set_up_and_their_noise() -> None:
     """A robot in the middle of four, at rest: the mean of what each sees is its own offset, the deviation the noise."""
     offset, noise = 0.02, 0.002
-    sets = "vision.cameras=4", f"vision.camera_offset_m={offset}", f"vision.position_noise_m={noise}", FAST
+    sets = (
+        "vision.cameras=4",
+        f"vision.camera_offset_m={offset}",
+        f"vision.position_noise_m={noise}",
+        FAST,
+    )
     bench = Field(*QUIET[1:], *sets)
     assert bench.put(0, 0.05, -0.05, 0.0) == []
     taken = bench.cycles(2880)
-    by_camera = [[i.poses[0, :2] for i in taken if i.detection.camera_id == number][:170] for number in range(4)]
+    by_camera = [
+        [i.poses[0, :2] for i in taken if i.detection.camera_id == number][:170]
+        for number in range(4)
+    ]
     seen = np.array(by_camera)
     assert np.isfinite(seen).all()
     errors = seen.mean(1) - bench.poses[0, :2]
@@ -72,7 +80,9 @@ def test_cameras_that_see_a_robot_differ_by_how_they_are_set_up_and_their_noise(
     np.testing.assert_allclose(seen.std(1), noise, rtol=5 / np.sqrt(2 * 170))
 
 
-def test_faults_concern_the_robots_whose_numbers_they_name_and_cameras_as_a_whole(tmp_path: Path) -> None:
+def test_faults_concern_the_robots_whose_numbers_they_name_and_cameras_as_a_whole(
+    tmp_path: Path,
+) -> None:
     """Blue 1 and 3: one is seen elsewhere, the other stands; stamps are behind by the rate times time."""
     file = tmp_path / "served.toml"
     file.write_text(FAULTS, encoding="utf-8")
@@ -89,7 +99,9 @@ def test_faults_concern_the_robots_whose_numbers_they_name_and_cameras_as_a_whol
     speeds = np.hypot(*bench.twists[:, :2].T)
     assert speeds[0] > 0.3
     assert speeds[1] < 0.02
-    assert bench.put(7, 2.0, 2.0, 0.0) == []  # the world is made anew, and times of faults count from then
+    assert (
+        bench.put(7, 2.0, 2.0, 0.0) == []
+    )  # the world is made anew, and times of faults count from then
     (image,) = bench.look()
     assert image.detection.t_capture == pytest.approx(bench.time_s)
 
@@ -100,7 +112,11 @@ def test_the_geometry_is_that_of_division_b() -> None:
         geometry = client.packet("geometry").geometry
     size = geometry.field
     assert (size.field_length, size.field_width, size.goal_width) == (9000, 6000, 1000)
-    assert (size.boundary_width, size.penalty_area_depth, size.penalty_area_width) == (700, 1000, 2000)
+    assert (size.boundary_width, size.penalty_area_depth, size.penalty_area_width) == (
+        700,
+        1000,
+        2000,
+    )
     assert len({line.name for line in size.field_lines}) == 12
     assert [camera.camera_id for camera in geometry.calib] == [0, 1, 2]
     # SSL-Vision's pinhole: turned by half a turn about x, (x, y, z) is (x + tx, -y + ty, tz) for the camera.

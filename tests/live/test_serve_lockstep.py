@@ -11,7 +11,12 @@ from omni_mj.live.wire.league_pb2 import RobotCommand, RobotControl, RobotContro
 
 STEPS = 40
 FLOAT32_M = 4e-7  # what a place of up to 4 m loses on the wire, in mm as a 32-bit number: 2^-24 of it, and rounding
-NOISY = "vision.cameras=2", "radio.jitter_frames=2", "radio.loss_probability=0.1", "firmware.timeout_s=0.05"
+NOISY = (
+    "vision.cameras=2",
+    "radio.jitter_frames=2",
+    "radio.loss_probability=0.1",
+    "firmware.timeout_s=0.05",
+)
 
 
 def taped(client: Client) -> list[bytes]:
@@ -58,10 +63,16 @@ def test_the_loop_in_one_process_is_reproduced_over_the_wire(delay: int) -> None
     noise of 0.01 rad, by a gain of 2/s at 60 Hz, is 0.01 sqrt(2/60/2) = 1.3 mrad, times the 0.67 m of the route 0.9 mm.
     """
     route = {"waypoints": [[0, 0, 0], [0.6, 0.3, 0.5]], "settle_s": 0}
-    chosen = om.scenario("rect", controllers=["comp-flc"], reference=route, radio={"delay_frames": delay})
+    chosen = om.scenario(
+        "rect", controllers=["comp-flc"], reference=route, radio={"delay_frames": delay}
+    )
     log, team = om.Simulation(chosen).run(), om.Simulation(chosen).team
     seen = np.full((log.length, 3), np.nan)
-    sets = f"reference.waypoints={route['waypoints']}", "reference.settle_s=0", f"radio.delay_frames={delay}"
+    sets = (
+        f"reference.waypoints={route['waypoints']}",
+        "reference.settle_s=0",
+        f"radio.delay_frames={delay}",
+    )
     field = Field(*sets, scenario="rect")
     assert field.put(0, 0.0, 0.0, 0.0) == []
     with here(field) as (client, _):
@@ -87,6 +98,9 @@ def test_packets_to_the_simulator_repeat_the_last_image_and_kicks_are_ignored() 
         assert client.codes(0, serving.control(simulation_speed=2.0)) == ["SPEED"]
         kick = RobotControl(robot_commands=[RobotCommand(id=7, kick_speed=5.0)]).SerializeToString()
         answer = RobotControlResponse.FromString(client.ask(1, kick + local(2, 0.1)))
-        assert [(robot.id, robot.dribbler_ball_contact) for robot in answer.feedback] == [(7, False), (2, False)]
+        assert [(robot.id, robot.dribbler_ball_contact) for robot in answer.feedback] == [
+            (7, False),
+            (2, False),
+        ]
         assert not answer.errors
         assert server.notes["kicks"] == 1

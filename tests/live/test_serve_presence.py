@@ -11,7 +11,9 @@ from serving import BLUE, YELLOW, local
 from omni_mj.live.wire.league_pb2 import FieldSize, Geometry, SimulatorCommand, SimulatorConfig
 
 REFUSED_FIELD = Geometry(
-    field=FieldSize(field_length=8000, field_width=6000, goal_width=1000, goal_depth=180, boundary_width=300)
+    field=FieldSize(
+        field_length=8000, field_width=6000, goal_width=1000, goal_depth=180, boundary_width=300
+    )
 )
 
 
@@ -21,7 +23,9 @@ def test_robots_come_and_go() -> None:
         assert client.codes(0, serving.teleport(1, BLUE, present=False)) == []
         assert list(client.after(local(0, 0.0))) == [("blue", 0)]
         assert client.codes(1, local(1, 1.0)) == ["UNKNOWN_ROBOT"]
-        assert client.codes(0, serving.teleport(0, BLUE, x=-0.5, y=0.75)) == []  # where the other stood
+        assert (
+            client.codes(0, serving.teleport(0, BLUE, x=-0.5, y=0.75)) == []
+        )  # where the other stood
         assert client.codes(0, serving.teleport(1, BLUE, None, x=1.0, y=1.0)) == ["ABSENT"]
         assert client.codes(0, serving.teleport(1, BLUE)) == ["ABSENT"]
         assert client.codes(0, serving.teleport(1, BLUE, x=1.0, y=1.0, orientation=0.5)) == []
@@ -38,12 +42,18 @@ def test_robots_come_and_go() -> None:
 
 def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
     with here(Field(*QUIET, FAST, blue="2", yellow="1")) as (client, _):
-        both = serving.teleport(0, BLUE, x=1.0, y=0.0) + serving.teleport(1, BLUE, x=1.05, y=0.0)  # one message, merged
+        both = serving.teleport(0, BLUE, x=1.0, y=0.0) + serving.teleport(
+            1, BLUE, x=1.05, y=0.0
+        )  # one message, merged
         assert client.codes(0, both) == ["OCCUPIED", "OCCUPIED"]
-        config = SimulatorConfig(geometry=REFUSED_FIELD, robot_specs=[b"1"], realism_config=b"", vision_port=70_000)
+        config = SimulatorConfig(
+            geometry=REFUSED_FIELD, robot_specs=[b"1"], realism_config=b"", vision_port=70_000
+        )
         packet = SimulatorCommand(config=config).SerializeToString()
         assert client.codes(0, packet) == ["CONFIG"] * 4
-        assert client.codes(0, serving.teleport(0, BLUE, x=5.15, y=0.0)) == ["OCCUPIED"]  # the wall is at 5.2 m
+        assert client.codes(0, serving.teleport(0, BLUE, x=5.15, y=0.0)) == [
+            "OCCUPIED"
+        ]  # the wall is at 5.2 m
         assert client.codes(0, serving.teleport(0, BLUE, x=5.1, y=0.0)) == []
         for ball in ({"x": 0.0, "vx": 3.0}, {"x": float("inf")}):
             assert client.codes(0, serving.control(teleport_ball=ball)) == ["BALL"]
@@ -90,8 +100,13 @@ def test_whatever_is_teleported_nobody_stands_in_another_and_the_world_goes_on(s
     field, rng = Field(*QUIET, FAST, blue="3", yellow="1"), np.random.default_rng(seed)
     robots = [(0, BLUE), (1, BLUE), (2, BLUE), (0, YELLOW)]
     for _ in range(3):
-        before, wanted = field.poses, rng.uniform(-1, 1, 2) * [5.3, 3.8] + rng.uniform(-0.5, 0.5, (4, 2))
-        packets = [serving.teleport(*name, x=x, y=y) for name, (x, y) in zip(robots, wanted, strict=True)]
+        before, wanted = (
+            field.poses,
+            rng.uniform(-1, 1, 2) * [5.3, 3.8] + rng.uniform(-0.5, 0.5, (4, 2)),
+        )
+        packets = [
+            serving.teleport(*name, x=x, y=y) for name, (x, y) in zip(robots, wanted, strict=True)
+        ]
         refused = " ".join(field.teleport(*packets))
         for name, old, place, new in zip(field.names, before, wanted, field.poses, strict=True):
             expected = old[:2] if f"{name} would" in refused else place

@@ -48,19 +48,30 @@ def test_a_pause_holds_robots_and_the_next_speed_lets_them_go_on() -> None:
 
 def test_bad_packets_are_counted_and_skipped_and_the_rest_is_obeyed() -> None:
     """Thousands that are random, cut off or turned about; then the robots are where they were, and still drive."""
-    rng, good = random.Random(0), [serving.teleport(0, 2, x=1.0, y=1.0), local(0, 1.0) + local(1, 0.5, 0.2)]
+    rng, good = (
+        random.Random(0),
+        [serving.teleport(0, 2, x=1.0, y=1.0), local(0, 1.0) + local(1, 0.5, 0.2)],
+    )
     with here(Field(*QUIET, FAST, blue="2")) as (client, server):
         with serving.udp() as hostile:
             for number in range(3000):
-                packet = bytearray(good[number % 2] if rng.random() < 0.5 else rng.randbytes(1 + rng.randrange(100)))
+                packet = bytearray(
+                    good[number % 2]
+                    if rng.random() < 0.5
+                    else rng.randbytes(1 + rng.randrange(100))
+                )
                 for _ in range(rng.randrange(4)):
                     packet[rng.randrange(len(packet))] = rng.randrange(256)
-                hostile.sendto(packet[: rng.randrange(len(packet) + 1)], (LOOPBACK, client.ports[number % 2]))
+                hostile.sendto(
+                    packet[: rng.randrange(len(packet) + 1)], (LOOPBACK, client.ports[number % 2])
+                )
         start = client.after(local(1, 1.0))["blue", 1]
         for _ in range(30):
             seen = client.after(local(1, 1.0))["blue", 1]
         assert np.hypot(*np.subtract(seen, start)[:2]) > 0.1
-        assert server.notes["bad packets"] > 10  # how many come through is up to the system's buffers
+        assert (
+            server.notes["bad packets"] > 10
+        )  # how many come through is up to the system's buffers
 
 
 def test_either_side_is_killed_and_comes_back_and_what_ends_it_ends_it_cleanly(
@@ -89,7 +100,12 @@ def test_either_side_is_killed_and_comes_back_and_what_ends_it_ends_it_cleanly(
 
 MISTAKES = {
     ("--blue", "x"): "--blue takes how many robots",
-    ("--blue", "0", "--yellow", "0"): "a world has 1 to 12 robots, --blue and --yellow together, not 0",
+    (
+        "--blue",
+        "0",
+        "--yellow",
+        "0",
+    ): "a world has 1 to 12 robots, --blue and --yellow together, not 0",
     ("--blue", "1,16"): "which are from 0 to 15",
     ("--plant", "kinematic"): "No such option",
     ("--speed", "-1"): "-1.0 is not in the range 0<=x<=1000",
@@ -100,7 +116,9 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("options", MISTAKES, ids=" ".join)
-def test_mistakes_are_told_in_a_line(options: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+def test_mistakes_are_told_in_a_line(
+    options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert invoke("serve", *options) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert MISTAKES[options] in line
@@ -123,7 +141,10 @@ def test_robots_that_come_and_go_are_recorded_frame_by_frame(tmp_path: Path) -> 
     field.finish()
     assert [path.name for path in tmp_path.iterdir()] == ["trajectory.parquet"]
     table = pl.read_parquet(tmp_path / "trajectory.parquet")
-    counts = {key: len(rows) for key, rows in table.partition_by("controller", "place", as_dict=True).items()}
+    counts = {
+        key: len(rows)
+        for key, rows in table.partition_by("controller", "place", as_dict=True).items()
+    }
     assert counts == {("blue", 0): 650, ("blue", 1): 40, ("yellow", 0): 650, ("yellow", 9): 605}
     blue = table.filter((pl.col("controller") == "blue") & (pl.col("place") == 0)).sort("frame")
     assert blue["frame"].to_list() == list(range(1, 651))
@@ -135,7 +156,17 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, client = tmp_path / "run", Client()
-    options = "--lockstep", "--set", FAST, "--yellow", "1", "--robot", "tigers-v2020", "--out", str(out)
+    options = (
+        "--lockstep",
+        "--set",
+        FAST,
+        "--yellow",
+        "1",
+        "--robot",
+        "tigers-v2020",
+        "--out",
+        str(out),
+    )
     with served(*options, client=client) as process:
         for _ in range(45):
             client.step(local(0, 0.5))
@@ -148,7 +179,9 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
     files = {"trajectory.parquet", "recording.rrd", "scenario.toml", "provenance.json"}
     assert files <= {path.name for path in out.iterdir()}
     times = {path.name: path.stat().st_mtime_ns for path in out.iterdir() if path.is_file()}
-    assert times["provenance.json"] == min(times.values()), "by which --overwrite knows a folder, whenever it is killed"
+    assert times["provenance.json"] == min(times.values()), (
+        "by which --overwrite knows a folder, whenever it is killed"
+    )
     assert om.scenario(out / "scenario.toml").robot == "tigers-v2020"
     assert len(pl.read_parquet(out / "trajectory.parquet")) == 2 * 45
     for command in ("verify", "report"):

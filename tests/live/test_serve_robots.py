@@ -11,7 +11,9 @@ from serving import local, wheels, world
 import omni_mj as om
 
 RADIUS_M = 0.09  # of the rules' envelope
-HEADING_RAD = 1e-7  # by which one command more or less, and the heading with it, changes a pose, rad and m
+HEADING_RAD = (
+    1e-7  # by which one command more or less, and the heading with it, changes a pose, rad and m
+)
 SOFT_M = 0.004  # by which hulls, which give way within milliseconds, sink into each other and walls at 3 m/s
 
 
@@ -59,7 +61,9 @@ def test_a_command_acts_in_the_next_cycle_after_the_dead_time(delay: int) -> Non
     assert field.voltage() > 2
 
 
-@pytest.mark.parametrize("sets", [(), ("vision.rate_hz=75", "vision.delay_s=0.03", "radio.delay_frames=3")])
+@pytest.mark.parametrize(
+    "sets", [(), ("vision.rate_hz=75", "vision.delay_s=0.03", "radio.delay_frames=3")]
+)
 def test_a_robot_that_spins_drives_where_the_field_s_velocity_leads(sets: tuple[str, ...]) -> None:
     """Its own heading is corrected by images that are old when they arrive, and come between frames.
 
@@ -105,6 +109,9 @@ def test_a_teleport_gives_the_velocity_it_says() -> None:
     field.drive(20, local(0, 1.5))
     assert field.put(0, 2.0, -1.0, 2.5, v_x=-0.8, v_y=0.6) == []
     np.testing.assert_allclose(field.poses[0], [2.0, -1.0, 2.5], atol=1e-12)
-    forward, left = np.array([[np.cos(2.5), np.sin(2.5)], [-np.sin(2.5), np.cos(2.5)]]) @ [-0.8, 0.6]
+    forward, left = np.array([[np.cos(2.5), np.sin(2.5)], [-np.sin(2.5), np.cos(2.5)]]) @ [
+        -0.8,
+        0.6,
+    ]
     field.drive(6, local(0, forward, left))
     np.testing.assert_allclose(field.poses[0, :2] - [2.0, -1.0], [-0.08, 0.06], atol=0.01)

@@ -52,13 +52,25 @@ def test_messages_have_the_fields_of_the_protocols() -> None:
     assert {name: wire.table(name) for name in wire.MESSAGES} == TABLES
     sizes = {"Shape": 14, "Team": 3}
     assert {name: list(range(size)) for name, size in sizes.items()} == {
-        name: sorted(value.number for value in kind.values) for name, kind in wire.ENUMERATIONS.items()
+        name: sorted(value.number for value in kind.values)
+        for name, kind in wire.ENUMERATIONS.items()
     }
 
 
 def test_bytes_by_hand_are_read_and_written() -> None:
     """(field << 3 | wire type), value; zeros that are required are written, which ER-Force's simulator insists on."""
-    stand = bytes.fromhex("0a15" + "0800" + "1211" + "120f" + "0d" + "00000000" + "15" + "0000c0bf" + "1d" + "00000000")
+    stand = bytes.fromhex(
+        "0a15"
+        + "0800"
+        + "1211"
+        + "120f"
+        + "0d"
+        + "00000000"
+        + "15"
+        + "0000c0bf"
+        + "1d"
+        + "00000000"
+    )
     control = wire.read("RobotControl", stand)
     move = control.robot_commands[0].move_command
     assert (move.local_velocity.forward, move.local_velocity.left) == (0.0, -1.5)
@@ -67,5 +79,17 @@ def test_bytes_by_hand_are_read_and_written() -> None:
 
 def test_a_message_without_a_required_field_is_refused() -> None:
     """Velocities of a robot without its number; a robot's velocity without its turn rate."""
-    assert wire.read("RobotControl", bytes.fromhex("0a13" + "1211" + "120f" + "0d00000000150000c0bf1d00000000")) is None
-    assert wire.read("RobotControl", bytes.fromhex("0a10" + "0800" + "120c" + "120a" + "0d00000000150000c0bf")) is None
+    assert (
+        wire.read(
+            "RobotControl",
+            bytes.fromhex("0a13" + "1211" + "120f" + "0d00000000150000c0bf1d00000000"),
+        )
+        is None
+    )
+    assert (
+        wire.read(
+            "RobotControl",
+            bytes.fromhex("0a10" + "0800" + "120c" + "120a" + "0d00000000150000c0bf"),
+        )
+        is None
+    )

@@ -13,7 +13,11 @@ from own_robot import ROLLER_KG, written
 
 import omni_mj as om
 
-WAY = {"waypoints": [[0, 0, 0], [0.3, 0.0, 0.5], [0, 0.1, 0]], "settle_s": 0.1, "max_acceleration_m_s2": 2.0}
+WAY = {
+    "waypoints": [[0, 0, 0], [0.3, 0.0, 0.5], [0, 0.1, 0]],
+    "settle_s": 0.1,
+    "max_acceleration_m_s2": 2.0,
+}
 ROBOT = Path(om.__file__).parents[1] / "models" / "ssl_robot.xml"
 FROM_MODEL = {"body": None, "wheels": None, "motor": ("gear", "rotor_inertia_kg_m2")}
 FOUR, THREE = (50, 130, 230, 310), (60, 180, 300)
@@ -55,7 +59,13 @@ def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
     """And drives its paths, but for the nine digits of the file and, saved by MuJoCo, the six of that."""
     expected = path()
     text = ROBOT.read_text()
-    for old, new in (("wheel", "axle"), ("motor_", "m"), ("encoder", "counter"), ("rim", "ring"), ("roller", "bead")):
+    for old, new in (
+        ("wheel", "axle"),
+        ("motor_", "m"),
+        ("encoder", "counter"),
+        ("rim", "ring"),
+        ("roller", "bead"),
+    ):
         text = re.sub(rf'"([a-z_]*){old}', rf'"\g<1>{new}', text)
     text = text.replace('"chassis"', '"robby"').replace('name="gyro"', 'name="rate"')
     saved = mujoco.MjSpec.from_string(text)
@@ -65,7 +75,9 @@ def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
         numbers, settings = numbers_of(file), om.scenario("rect").settings.plain()
         for section, fields in numbers.items():
             for name, value in fields.items():
-                np.testing.assert_allclose(value, settings[section][name], rtol=1e-5, atol=1e-6, err_msg=name)
+                np.testing.assert_allclose(
+                    value, settings[section][name], rtol=1e-5, atol=1e-6, err_msg=name
+                )
         np.testing.assert_allclose(path(model=file), expected, atol=tolerance)
 
 
@@ -92,7 +104,9 @@ def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
     assert wheels["azimuths_deg"] == pytest.approx(azimuths)
     found = [wheels[name] for name in ("arm_m", "radius_m", "roller_radius_m", "rollers")]
     assert found == pytest.approx([given[name] for name in ("arm", "radius", "roller", "rollers")])
-    assert body["mass_kg"] == pytest.approx(2.2 + len(azimuths) * (0.044 + given["rollers"] * ROLLER_KG))
+    assert body["mass_kg"] == pytest.approx(
+        2.2 + len(azimuths) * (0.044 + given["rollers"] * ROLLER_KG)
+    )
     # A disc of 80 mm about its axis, and wheels as points at their arm, which leave out 1 %.
     yaw = 2.2 * 0.08**2 / 2 + (body["mass_kg"] - 2.2) * given["arm"] ** 2
     assert body["yaw_inertia_kg_m2"] == pytest.approx(yaw, rel=0.02)
@@ -100,7 +114,9 @@ def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
     by_model, by_numbers = path(model=file), path(**numbers)
     assert np.abs(by_numbers).max(0)[0] > 0.28, "it has driven"
     assert np.abs(by_model - by_numbers).max() < 1e-3
-    assert om.scenario("rect", model=file).settings.wheels.azimuths_deg == tuple(wheels["azimuths_deg"])
+    assert om.scenario("rect", model=file).settings.wheels.azimuths_deg == tuple(
+        wheels["azimuths_deg"]
+    )
 
 
 def test_all_rollers_and_rollers_off_the_bottom_drive_as_well(write: Write) -> None:
@@ -126,7 +142,9 @@ def test_several_share_a_world_and_meet(write: Write) -> None:
     with pytest.raises(om.OmniError, match=r"no hull; .* class 'hull'"):
         om.Simulation(om.scenario("rect", model=write(written(THREE)), world=places), ["flc"])
     file = write(written(THREE).replace('name="plate"', 'class="hull"'))
-    frames = om.run(om.scenario("rect", model=file, world=places, reference=WAY), ["comp-flc"]).frames()
+    frames = om.run(
+        om.scenario("rect", model=file, world=places, reference=WAY), ["comp-flc"]
+    ).frames()
     off = [np.subtract(frames[name], frames[f"ref_{name}"]) for name in ("x_m", "y_m")]
     assert np.hypot(*off).max() < 0.05
 

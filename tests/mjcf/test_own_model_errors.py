@@ -57,7 +57,10 @@ def test_what_a_model_lacks_is_named_with_its_file(tmp_path: Path) -> None:
             om.scenario("rect", model=str(file))
         said = str(error.value).splitlines()
         assert len(said) == lines, said
-        assert all(line.startswith("mine.xml") and re.search(says, line) for line in said), (says, said)
+        assert all(line.startswith("mine.xml") and re.search(says, line) for line in said), (
+            says,
+            said,
+        )
 
 
 def test_what_is_given_beside_it_must_not_contradict_it(tmp_path: Path) -> None:
@@ -65,9 +68,17 @@ def test_what_is_given_beside_it_must_not_contradict_it(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
     file.write_text(TEXT)
     with pytest.raises(om.OmniError) as error:
-        om.scenario("rect", model=str(file), body={"mass_kg": 3.0}, wheels={"arm_m": 0.07}, motor={"gear": 3.2})
+        om.scenario(
+            "rect",
+            model=str(file),
+            body={"mass_kg": 3.0},
+            wheels={"arm_m": 0.07},
+            motor={"gear": 3.2},
+        )
     first, second = str(error.value).splitlines()
-    assert first.startswith("body.mass_kg = 3.0 contradicts mine.xml, which has 2.3995; change the model")
+    assert first.startswith(
+        "body.mass_kg = 3.0 contradicts mine.xml, which has 2.3995; change the model"
+    )
     assert second.startswith("wheels.arm_m = 0.07 contradicts mine.xml, which has 0.08; ")
     chosen = om.scenario("rect", model=str(file), robot="ssl-a-team")
     again = chosen.replace(settings=chosen.settings.replace(body={"mass_kg": 2.0}))
@@ -81,13 +92,29 @@ def test_the_command_line_takes_it_and_tells(
     monkeypatch.chdir(tmp_path)
     Path("mine.xml").write_text(TEXT)
     assert invoke("run", "--scenario", "rect", "--model", "none.xml") == 2
-    assert capsys.readouterr().err == "error: there is no model none.xml; give the path of a robot's MJCF: robot.xml\n"
+    assert (
+        capsys.readouterr().err
+        == "error: there is no model none.xml; give the path of a robot's MJCF: robot.xml\n"
+    )
     assert invoke("run", "--scenario", "rect", "--robot", "mine.xml") == 2
     assert "unknown robot 'mine.xml'" in capsys.readouterr().err
-    assert invoke("run", "--scenario", "rect", "--model", "mine.xml", "--set", "wheels.rollers=16") == 2
+    assert (
+        invoke("run", "--scenario", "rect", "--model", "mine.xml", "--set", "wheels.rollers=16")
+        == 2
+    )
     assert "wheels.rollers = 16 contradicts mine.xml, which has 15" in capsys.readouterr().err
     short = ("--set", "reference.waypoints=[[0, 0], [0.05, 0]]", "--set", "reference.settle_s=0")
-    words = ("--scenario", "rect", *short, "--model", "mine.xml", "--controller", "flc", "--out", "out")
+    words = (
+        "--scenario",
+        "rect",
+        *short,
+        "--model",
+        "mine.xml",
+        "--controller",
+        "flc",
+        "--out",
+        "out",
+    )
     assert invoke("run", *words, "--no-record", "--no-figures") == 0
     text = Path("out/scenario.toml").read_text()
     assert 'file = "mine.xml"' in text
@@ -102,7 +129,11 @@ def test_a_robots_file_may_name_it_and_leave_out_what_it_says(tmp_path: Path) ->
     for section in ("motor", "battery", "sensors", "firmware", "drive", "carpet"):
         lines += [
             f"[{section}]",
-            *(f"{k} = {v}" for k, v in ours[section].items() if k not in ("gear", "rotor_inertia_kg_m2")),
+            *(
+                f"{k} = {v}"
+                for k, v in ours[section].items()
+                if k not in ("gear", "rotor_inertia_kg_m2")
+            ),
         ]
     (tmp_path / "mine.toml").write_text("\n".join(lines))
     robot = om.robot(tmp_path / "mine.toml")

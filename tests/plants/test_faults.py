@@ -21,7 +21,7 @@ from benches.plant import (
 )
 from benches.plant import mujoco as plant_of
 
-from omni_mj.scenarios.settings import Settings
+from omni_mj.config.settings import Settings
 
 PlantOf = Callable[[list[Settings]], Any]
 EVERYTHING: list[dict[str, Any]] = [
@@ -32,7 +32,15 @@ EVERYTHING: list[dict[str, Any]] = [
     {"kind": "motor-weak", "at": 0.0, "for": 0.2, "wheel": 3, "to": 0.6},
     {"kind": "gyro-bias", "at": 0.05, "for": 0.1, "rad_s": 0.5},
     {"kind": "kidnap", "at": 0.1, "for": 0.1, "x_m": 0.05, "heading_deg": 20.0},
-    {"kind": "friction-patch", "at": 0.05, "for": 0.1, "x_m": 0.1, "y_m": 0.0, "radius_m": 1.0, "to": 0.1},
+    {
+        "kind": "friction-patch",
+        "at": 0.05,
+        "for": 0.1,
+        "x_m": 0.1,
+        "y_m": 0.0,
+        "radius_m": 1.0,
+        "to": 0.1,
+    },
     {"kind": "motor-dead", "at": 0.05, "for": 0.15, "wheel": 1},
     {"kind": "motor-blocked", "at": 0.05, "for": 0.15, "wheel": 4},
     {"kind": "wheel-worn", "at": 0.0, "for": 0.2, "wheel": 2, "to": 0.2},
@@ -50,9 +58,14 @@ EVERYTHING: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize(
     ("model", "happening"),
-    [("rollers", [[], EVERYTHING]), ("two-rollers", [[], EVERYTHING, *([each] for each in EVERYTHING)])],
+    [
+        ("rollers", [[], EVERYTHING]),
+        ("two-rollers", [[], EVERYTHING, *([each] for each in EVERYTHING)]),
+    ],
 )
-def test_what_happens_to_a_row_concerns_no_other(model: str, happening: list[list[dict[str, Any]]]) -> None:
+def test_what_happens_to_a_row_concerns_no_other(
+    model: str, happening: list[list[dict[str, Any]]]
+) -> None:
     """To the last bit: all together, and those with nothing and with everything alone, the others by themselves."""
     own = [with_settings(wheels={"model": model}, fault=each) for each in happening]
     commands = ramp([[1.5, 0.3, 2.0]] * len(own), 3.0, 16)
@@ -77,7 +90,9 @@ def test_what_happens_to_a_row_concerns_no_other_on_the_planar_plant_either() ->
 
 def test_a_fault_that_has_ended_leaves_nothing_behind() -> None:
     """Every field of the model, friction, motors and forces are those of a robot that met nothing."""
-    plant = plant_of([with_settings(fault=EVERYTHING), with_settings(variation={"mass": 0.1, "centre_m": 0.005})])
+    plant = plant_of(
+        [with_settings(fault=EVERYTHING), with_settings(variation={"mass": 0.1, "centre_m": 0.005})]
+    )
     before = numbers(plant)
     standing(plant, 7)
     during = numbers(plant)
@@ -91,7 +106,11 @@ def test_a_fault_that_has_ended_leaves_nothing_behind() -> None:
 
 def test_a_robot_that_failed_is_pushed_no_more() -> None:
     """In a world that another robot, which is, keeps going."""
-    plant = plant_of([meets({"kind": "push", "at": 0.0, "force_n": 9.0}, **ICE)] * 2, [[0, 0, 0], [1, 0, 0]], places=2)
+    plant = plant_of(
+        [meets({"kind": "push", "at": 0.0, "force_n": 9.0}, **ICE)] * 2,
+        [[0, 0, 0], [1, 0, 0]],
+        places=2,
+    )
     stop(plant, 0)
     standing(plant, 10)
     assert plant.pose()[0, 0] < STILL < 0.03 < plant.pose()[1, 0] - 1

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from benches.plant import FRAME_S, ON_WHEELS, constant, drive, held_heading, meets, ramp
 
-from omni_mj.link.radio import Received
-from omni_mj.scenarios.settings import Settings
+from omni_mj.config.settings import Settings
+from omni_mj.network.radio import Received
 
 PlantOf = Callable[[list[Settings]], Any]
 TWIST = np.array([1.0, 0.4, 0.0])
@@ -28,7 +28,10 @@ def test_a_firmware_that_times_out_does_as_one_that_is_told_to_stand(plant_of: P
     commands[START + LASTS, 1] = 0.0  # it listens again, and waits for the next packet
     poses = drive(plant, commands)
     np.testing.assert_allclose(poses[:, 0], poses[:, 1], atol=1e-9)
-    rests = np.linalg.norm(np.diff(poses[START + LASTS - 4 : START + LASTS, 0, :2], axis=0), axis=1) / FRAME_S
+    rests = (
+        np.linalg.norm(np.diff(poses[START + LASTS - 4 : START + LASTS, 0, :2], axis=0), axis=1)
+        / FRAME_S
+    )
     assert rests.max() < 0.02
     assert np.linalg.norm(plant.twist()[0, :2]) > 0.8 * np.linalg.norm(TWIST)
 
@@ -68,17 +71,23 @@ def test_a_robot_that_starts_anew_coasts_or_brakes_as_its_drivers_do(plant_of: P
     speeds = told.wheel_speed[1]
     resistance = motor.resistance_ohm + motor.commutation_ohm_s * motor.gear * np.abs(speeds)
     shorted = -motor.constant_nm_a * motor.gear * speeds / resistance
-    np.testing.assert_allclose(told.current[1], shorted, rtol=0.1, atol=0.02)  # of a cycle before: wheels brake
+    np.testing.assert_allclose(
+        told.current[1], shorted, rtol=0.1, atol=0.02
+    )  # of a cycle before: wheels brake
     drive(plant, constant(TWIST, LASTS - 4, 2))
     coasted, braked = np.linalg.norm((plant.pose() - before)[:, :2], axis=1)
     assert coasted > 1.5 * braked
 
 
 @ON_WHEELS
-def test_a_robot_that_has_started_anew_believes_the_first_heading_that_it_is_told(plant_of: PlantOf) -> None:
+def test_a_robot_that_has_started_anew_believes_the_first_heading_that_it_is_told(
+    plant_of: PlantOf,
+) -> None:
     """It stands until then, has forgotten its gyro's bias and what its loops were at, and then goes on."""
     blind = {"heading_gain": 0.0, "bias_gain": 0.0}
-    own = meets(fault("reboot"), {"kind": "gyro-bias", "at": 0.0, "for": 0.3, "rad_s": 2.0}, firmware=blind)
+    own = meets(
+        fault("reboot"), {"kind": "gyro-bias", "at": 0.0, "for": 0.3, "rad_s": 2.0}, firmware=blind
+    )
     plant, none = plant_of([own, meets(firmware=blind)]), np.zeros(2, int)
     drive(plant, ramp([TWIST] * 2, 3.0, START + LASTS))
     assert held_heading(plant)[0] > 0.3  # of the bias, which has gone

@@ -30,7 +30,8 @@ def chassis_of(plant: MujocoPlant, row: int) -> tuple[float, NDArray, NDArray]:
     """Mass, centre of mass, and inertia about it in its own axes, as the batch has them."""
     body = plant._world.robots[0].chassis
     mass, centre, moments, turned = (
-        plant._batch.expand(name)[row, body] for name in ("body_mass", "body_ipos", "body_inertia", "body_iquat")
+        plant._batch.expand(name)[row, body]
+        for name in ("body_mass", "body_ipos", "body_inertia", "body_iquat")
     )
     axes = np.zeros(9)
     mujoco.mju_quat2Mat(axes, turned)
@@ -55,10 +56,16 @@ def test_a_load_is_a_point_mass_on_the_chassis(loads: list[tuple[float, float]])
     loaded, beside = chassis_of(plant, 0), chassis_of(plant, 1)
     points = [(m, np.array([*empty[1][:2], h])) for m, h in loads]
     assert loaded[0] == pytest.approx(empty[0] + sum(m for m, _ in points))
-    np.testing.assert_allclose(loaded[0] * loaded[1], empty[0] * empty[1] + sum(m * r for m, r in points), atol=1e-12)
+    np.testing.assert_allclose(
+        loaded[0] * loaded[1], empty[0] * empty[1] + sum(m * r for m, r in points), atol=1e-12
+    )
     zero = np.zeros(3)
-    expected = inertia_about(zero, empty) + sum(inertia_about(zero, (m, r, np.zeros((3, 3)))) for m, r in points)
-    np.testing.assert_allclose(inertia_about(zero, loaded), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    expected = inertia_about(zero, empty) + sum(
+        inertia_about(zero, (m, r, np.zeros((3, 3)))) for m, r in points
+    )
+    np.testing.assert_allclose(
+        inertia_about(zero, loaded), expected, rtol=0, atol=1e-12 * np.abs(expected).max()
+    )
     np.testing.assert_array_equal(beside[2], empty[2])
     subtree = plant._batch.expand("body_subtreemass")[0, plant._world.robots[0].chassis]
     assert subtree == pytest.approx(MASS_KG + sum(m for m, _ in points))
@@ -67,7 +74,10 @@ def test_a_load_is_a_point_mass_on_the_chassis(loads: list[tuple[float, float]])
 def test_wheels_bear_a_load_and_its_inertia() -> None:
     """Weight on the wheels, their middle below the common centre of mass on a slope, and what a push does on ice."""
     mass, height = 1.2, 0.12
-    load, more = {"kind": "payload", "mass_kg": mass, "height_m": height}, {"kind": "payload", "mass_kg": mass}
+    load, more = (
+        {"kind": "payload", "mass_kg": mass, "height_m": height},
+        {"kind": "payload", "mass_kg": mass},
+    )
     tilt = {"kind": "tilt", "angle_deg": 5.0}
     own = [meets(*each, **FAST) for each in ((load,), (more,), (load, tilt), (tilt,))]
     plant = plant_of([*own, quiet(**FAST)])
@@ -90,4 +100,6 @@ def test_wheels_bear_a_load_and_its_inertia() -> None:
     ratio = (MASS_KG + ROLLING_KG[1]) / (MASS_KG + mass + ROLLING_KG[1])
     # Friction of ice is 2.5 % of this push, and as much more as the mass; 1 %: rollers that come down.
     held = 0.01 * GRAVITY / 12.0
-    assert heavy / light == pytest.approx(ratio * (1 - (MASS_KG + mass) * held) / (1 - MASS_KG * held), rel=0.01)
+    assert heavy / light == pytest.approx(
+        ratio * (1 - (MASS_KG + mass) * held) / (1 - MASS_KG * held), rel=0.01
+    )

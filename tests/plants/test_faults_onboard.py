@@ -16,16 +16,21 @@ from benches.plant import (
 )
 from benches.plant import mujoco as plant_of
 
+from omni_mj.config.settings import Settings
 from omni_mj.plants.kinematic import KinematicPlant
-from omni_mj.scenarios.settings import Settings
 
 
 def test_a_weak_motor_pulls_and_turns_by_its_constant() -> None:
     """At full voltage, free of load: w = V / K, of the one wheel that is weak; and after that as before."""
     share, motor = 0.6, {"no_load_current_a": 0.0}
-    slick = {"carpet": {"friction": 0.01}, "drive": {"gear_friction_nm": 0.0, "roller_friction": 0.0}}
+    slick = {
+        "carpet": {"friction": 0.01},
+        "drive": {"gear_friction_nm": 0.0, "roller_friction": 0.0},
+    }
     fault = {"kind": "motor-weak", "at": 0.0, "for": 0.7, "wheel": 2, "to": share}
-    plant = plant_of([meets(fault, motor=motor, **slick, **FAST), quiet(motor=motor, **slick, **FAST)])
+    plant = plant_of(
+        [meets(fault, motor=motor, **slick, **FAST), quiet(motor=motor, **slick, **FAST)]
+    )
     expected = np.ones((2, 4))
     sheet = Settings().motor
     for weak in (share, 1.0):
@@ -45,7 +50,9 @@ def test_a_gyros_bias_turns_what_a_robot_holds_for_its_heading() -> None:
     plant = plant_of([meets(fault, firmware=blind), quiet(firmware=blind)])
     standing(plant, SETTLE + frames + 10)
     drift = held_heading(plant) - plant.pose()[:, 2]
-    np.testing.assert_allclose(drift, [bias * frames * FRAME_S, 0.0], atol=1e-4)  # the gyro is a cycle late
+    np.testing.assert_allclose(
+        drift, [bias * frames * FRAME_S, 0.0], atol=1e-4
+    )  # the gyro is a cycle late
 
 
 def test_alpha_takes_the_place_of_what_is_drawn() -> None:
@@ -57,6 +64,8 @@ def test_alpha_takes_the_place_of_what_is_drawn() -> None:
     moved = np.diff(poses, axis=0)
     np.testing.assert_allclose(moved[10:22, 0], 0.3 * FRAME_S * commands[10:22, 0], atol=1e-12)
     others = [*range(10), *range(22, 30)]
-    np.testing.assert_allclose((moved / commands)[others, 0], (moved / commands)[others, 1], rtol=1e-9)
+    np.testing.assert_allclose(
+        (moved / commands)[others, 0], (moved / commands)[others, 1], rtol=1e-9
+    )
     alone = drive(KinematicPlant(rows(chosen[:1], [3]), np.zeros((1, 3))), commands[:, :1])
     np.testing.assert_array_equal(alone[:, 0], poses[:, 0])

@@ -21,7 +21,7 @@ from benches.plant import (
     standing,
 )
 
-from omni_mj.scenarios.settings import Settings
+from omni_mj.config.settings import Settings
 
 PlantOf = Callable[[list[Settings]], Any]
 SIGMAS = 5
@@ -30,7 +30,9 @@ BLIND = {"heading_gain": 0.0, "bias_gain": 0.0, "turn_gain": 0.0}
 
 @ON_WHEELS
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_encoders_that_count_otherwise_have_the_robot_drive_otherwise(plant_of: PlantOf, factor: float) -> None:
+def test_encoders_that_count_otherwise_have_the_robot_drive_otherwise(
+    plant_of: PlantOf, factor: float
+) -> None:
     """Loops that integrate bring what they see to what is asked: wheels turn at w / factor."""
     scales = [{"kind": "encoder-scale", "wheel": w, "to": factor, "at": 0.0} for w in (1, 2, 3, 4)]
     plant, twist = plant_of([meets(*scales, firmware=STIFF)]), np.array([0.5, 0.3, 0.0])
@@ -39,7 +41,9 @@ def test_encoders_that_count_otherwise_have_the_robot_drive_otherwise(plant_of: 
     drive(plant, constant(twist, 30, 1))
     turned = (plant.telemetry().wheel_angle - turned)[0]
     wanted = TANGENTS @ twist[:2] / RADIUS_M * 30 * FRAME_S
-    np.testing.assert_allclose(turned * factor, wanted, atol=0.02 * wanted.max())  # the robot turns a little
+    np.testing.assert_allclose(
+        turned * factor, wanted, atol=0.02 * wanted.max()
+    )  # the robot turns a little
 
 
 @ON_WHEELS
@@ -54,17 +58,28 @@ def test_a_loose_encoder_stands_still_in_as_many_frames_as_said(plant_of: PlantO
         counts, angles = encoder_angles(plant), plant.telemetry().wheel_angle
         drive(plant, constant([0.8, 0.0, 0.0], 1, 1))
         turned = (plant.telemetry().wheel_angle - angles)[0]
-        stands.append((np.abs((encoder_angles(plant) - counts)[0]) < 0.5 * np.abs(turned)) & (np.abs(turned) > 0.05))
+        stands.append(
+            (np.abs((encoder_angles(plant) - counts)[0]) < 0.5 * np.abs(turned))
+            & (np.abs(turned) > 0.05)
+        )
     part = np.mean(stands, axis=0)
     assert part[3] == pytest.approx(share, abs=SIGMAS * np.sqrt(share * (1 - share) / frames))
     assert not part[:3].any()
 
 
 @ON_WHEELS
-def test_a_gyro_of_another_scale_turns_what_a_robot_holds_for_its_heading(plant_of: PlantOf) -> None:
+def test_a_gyro_of_another_scale_turns_what_a_robot_holds_for_its_heading(
+    plant_of: PlantOf,
+) -> None:
     """By its factor times the true turn; one that shows nothing leaves it as it was."""
-    own = [{"kind": "gyro-scale", "to": 0.7}, {"kind": "gyro-scale", "to": 1.5}, {"kind": "gyro-scale", "to": 0.0}]
-    plant = plant_of([*(meets({**each, "at": 0.0}, firmware=BLIND) for each in own), meets(firmware=BLIND)])
+    own = [
+        {"kind": "gyro-scale", "to": 0.7},
+        {"kind": "gyro-scale", "to": 1.5},
+        {"kind": "gyro-scale", "to": 0.0},
+    ]
+    plant = plant_of(
+        [*(meets({**each, "at": 0.0}, firmware=BLIND) for each in own), meets(firmware=BLIND)]
+    )
     drive(plant, ramp([[0.0, 0.0, 2.0]] * 4, 4.0, 30))
     turned, held = plant.pose()[:, 2], held_heading(plant)
     assert (turned > 0.4).all()

@@ -5,9 +5,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, ON_WHEELS, RADIUS_M, ROLLERS, TANGENTS, constant, drive, meets, ramp
+from benches.plant import (
+    FRAME_S,
+    ON_WHEELS,
+    RADIUS_M,
+    ROLLERS,
+    TANGENTS,
+    constant,
+    drive,
+    meets,
+    ramp,
+)
 
-from omni_mj.scenarios.settings import Settings
+from omni_mj.config.settings import Settings
 
 PlantOf = Callable[[list[Settings]], Any]
 AHEAD = np.array([1.0, 0.0, 0.0])
@@ -20,17 +30,27 @@ def all_wheels(kind: str, **values: Any) -> list[dict[str, Any]]:
 @ON_WHEELS
 def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> None:
     """At its terminals there is its back-EMF; its wheel turns as the robot goes. After that it pulls again."""
-    smooth: dict[str, Any] = {"motor": {"no_load_current_a": 0.0}, "drive": {"gear_friction_nm": 0.0}}
-    plant = plant_of([meets({"kind": "motor-dead", "wheel": 2, "for": 20 * FRAME_S}, **smooth), meets(**smooth)])
+    smooth: dict[str, Any] = {
+        "motor": {"no_load_current_a": 0.0},
+        "drive": {"gear_friction_nm": 0.0},
+    }
+    plant = plant_of(
+        [meets({"kind": "motor-dead", "wheel": 2, "for": 20 * FRAME_S}, **smooth), meets(**smooth)]
+    )
     drive(plant, ramp([AHEAD] * 2, 2.0, 32))
     told, motor = plant.telemetry(), Settings().motor
     assert abs(told.current_mean[0, 1]) < 1e-9
     assert abs(told.current_mean[1, 1]) > 1e-3
     back_emf = motor.constant_nm_a * motor.gear * told.wheel_speed[0, 1]
-    assert told.voltage[0, 1] == pytest.approx(back_emf, rel=0.02)  # of a cycle before, and magnets that warm up
+    assert told.voltage[0, 1] == pytest.approx(
+        back_emf, rel=0.02
+    )  # of a cycle before, and magnets that warm up
     x, y, turn = plant.twist()[0]
     heading = plant.pose()[0, 2]
-    body = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]]) @ (x, y)
+    body = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]]) @ (
+        x,
+        y,
+    )
     rolls = (TANGENTS[1] @ body + Settings().wheels.arm_m * turn) / RADIUS_M
     # Nothing brakes it but what its own inertia and its rollers take: 3 % of its speed.
     assert told.wheel_speed[0, 1] == pytest.approx(rolls, rel=0.03)
@@ -41,7 +61,9 @@ def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> 
 @ON_WHEELS
 def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -> None:
     """I = V / R; it slides as fast as the carpet passes. After that it turns as before."""
-    plant = plant_of([meets({"kind": "motor-blocked", "wheel": 3, "at": 0.0, "for": 20 * FRAME_S}), meets()])
+    plant = plant_of(
+        [meets({"kind": "motor-blocked", "wheel": 3, "at": 0.0, "for": 20 * FRAME_S}), meets()]
+    )
     drive(plant, ramp([AHEAD] * 2, 2.0, 20))
     told, motor = plant.telemetry(), Settings().motor
     assert abs(told.wheel_speed[0, 2]) < 0.02
@@ -50,7 +72,10 @@ def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -
     assert np.abs(told.current[0, 2]) > 1
     x, y, turn = plant.twist()[0]
     heading = plant.pose()[0, 2]
-    body = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]]) @ (x, y)
+    body = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]]) @ (
+        x,
+        y,
+    )
     passes = abs(TANGENTS[2] @ body + Settings().wheels.arm_m * turn)
     assert told.slip[0, 2] == pytest.approx(passes, rel=0.03, abs=0.01)
     drive(plant, constant(AHEAD, 40, 2))
@@ -58,11 +83,15 @@ def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -
 
 
 @ON_WHEELS
-def test_wheels_that_are_worn_alike_are_a_carpet_of_as_much_less_friction(plant_of: PlantOf) -> None:
+def test_wheels_that_are_worn_alike_are_a_carpet_of_as_much_less_friction(
+    plant_of: PlantOf,
+) -> None:
     """To the bit; friction is a factor of both."""
     friction, worn = 0.8, 0.5
     one = meets(*all_wheels("wheel-worn", to=worn), carpet={"friction": friction})
-    other = meets({"kind": "friction", "at": 0.0, "to": friction * worn}, carpet={"friction": friction})
+    other = meets(
+        {"kind": "friction", "at": 0.0, "to": friction * worn}, carpet={"friction": friction}
+    )
     poses = drive(plant_of([one, other, meets()]), constant([3.0, 0.5, 2.0], 15, 3))
     np.testing.assert_array_equal(poses[:, 0], poses[:, 1])
     assert poses[-1, 0, 0] < 0.9 * poses[-1, 2, 0]
@@ -76,7 +105,9 @@ def test_wheels_without_half_of_their_rollers_pull_half_as_much(plant_of: PlantO
         "drive": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0},
         "firmware": {"turn_gain": 0.0},
     }
-    plant = plant_of([meets(*all_wheels("wheel-roller", rollers=ROLLERS // 2), **slick), meets(**slick)])
+    plant = plant_of(
+        [meets(*all_wheels("wheel-roller", rollers=ROLLERS // 2), **slick), meets(**slick)]
+    )
     drive(plant, constant([5.0, 0.0, 0.0], 30, 2))
     half, whole = plant.twist()[:, 0]
     # 5 %: the first turns, of wheels that speed up, and rollers that are spun up.

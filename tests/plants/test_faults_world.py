@@ -35,8 +35,8 @@ from benches.plant import mujoco as plant_of
 from benches.steps import Tape
 
 from omni_control.errors import OmniError
+from omni_mj.config.settings import Settings
 from omni_mj.plants.kinematic import KinematicPlant
-from omni_mj.scenarios.settings import Settings
 
 # --- pushes ---
 
@@ -44,8 +44,14 @@ from omni_mj.scenarios.settings import Settings
 def test_a_push_gives_momentum_and_ends() -> None:
     """M v = F t less what ice holds, whatever heading and direction; then the speed stays."""
     force, frames, bearings = 20.0, 6, (0.0, 90.0, -125.0)
-    pushes = [{"kind": "push", "for": frames * FRAME_S, "force_n": force, "direction_deg": b} for b in bearings]
-    plant = plant_of([meets(each, **ICE) for each in pushes] + [quiet(**ICE)], [[0, 0, h] for h in (0, 0, 0.7, 0)])
+    pushes = [
+        {"kind": "push", "for": frames * FRAME_S, "force_n": force, "direction_deg": b}
+        for b in bearings
+    ]
+    plant = plant_of(
+        [meets(each, **ICE) for each in pushes] + [quiet(**ICE)],
+        [[0, 0, h] for h in (0, 0, 0.7, 0)],
+    )
     standing(plant)
     standing(plant, frames)
     mass = MASS_KG + ROLLING_KG.mean()  # the same in all directions within 0.2 %
@@ -68,7 +74,9 @@ def test_on_ice_a_slope_accelerates_by_g_sin() -> None:
     """Between two slopes, so that Coulomb's friction, which is the same but for 1 % of it, falls out."""
     frames, angles = 9, np.radians([4.0, 8.0])
     chosen = [
-        meets({"kind": "tilt", "angle_deg": np.degrees(a), "direction_deg": d}, **ICE) for d in (0, 90) for a in angles
+        meets({"kind": "tilt", "angle_deg": np.degrees(a), "direction_deg": d}, **ICE)
+        for d in (0, 90)
+        for a in angles
     ]
     plant = plant_of(chosen)
     standing(plant)
@@ -76,7 +84,9 @@ def test_on_ice_a_slope_accelerates_by_g_sin() -> None:
     speed = np.array([plant.twist()[:2, 0], plant.twist()[2:, 1]])
     gained = np.diff(speed, axis=1)[:, 0] / (frames * FRAME_S)
     # Rims and rollers turn along. 2 %: rollers that come down take on the speed of the carpet.
-    np.testing.assert_allclose(gained, GRAVITY * np.diff(np.sin(angles)) * MASS_KG / (MASS_KG + ROLLING_KG), rtol=0.02)
+    np.testing.assert_allclose(
+        gained, GRAVITY * np.diff(np.sin(angles)) * MASS_KG / (MASS_KG + ROLLING_KG), rtol=0.02
+    )
 
 
 def test_a_robot_that_stands_on_a_slope_weighs_on_its_wheels_as_statics_says() -> None:
@@ -91,7 +101,9 @@ def test_a_robot_that_stands_on_a_slope_weighs_on_its_wheels_as_statics_says() -
     downhill = np.column_stack([np.cos(bearings), np.sin(bearings)])
     # 1 %: springs that still swing by as much of what the tilt shifts.
     shift = MASS_KG * COM_HEIGHT_M * np.sin(angle)
-    np.testing.assert_allclose(moment[:3] - np.cos(angle) * moment[3], shift * downhill, atol=0.01 * shift)
+    np.testing.assert_allclose(
+        moment[:3] - np.cos(angle) * moment[3], shift * downhill, atol=0.01 * shift
+    )
     assert np.abs(plant.pose()[:, :2]).max() < 1e-3, "gears and wheel loops hold it"
 
 
@@ -114,7 +126,10 @@ def test_a_wheel_that_slides_pulls_by_the_friction_of_the_moment() -> None:
     """Momentum over what the wheels bear, along the rims, before, while and after."""
     usual, other, first, frames = 0.25, 0.5, 4, 7
     fault = {"kind": "friction", "at": first * FRAME_S, "for": frames * FRAME_S, "to": other}
-    free: dict[str, Any] = {"drive": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0}, "firmware": STIFF}
+    free: dict[str, Any] = {
+        "drive": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0},
+        "firmware": STIFF,
+    }
     tape = Tape(plant_of([meets(fault, carpet={"friction": usual, "pile": 0.0}, **free)]))
     tape.drive(constant([3.6, 0.0, 0.0], 18, 1))
     # From some steps after a change on, when the load has swung.
@@ -124,13 +139,22 @@ def test_a_wheel_that_slides_pulls_by_the_friction_of_the_moment() -> None:
         velocity = tape.steps["velocity"][:, 0, 0]
         gained = (MASS_KG + ROLLING_KG[0]) * (velocity[stop - 1] - velocity[start - 1])
         pull = ((-np.sign(slips) * load) @ TANGENTS[:, 0]).sum() / 960
-        assert gained / pull == pytest.approx(friction, rel=0.03), start  # 2 % as in test_sliding.py, and short
+        assert gained / pull == pytest.approx(friction, rel=0.03), (
+            start
+        )  # 2 % as in test_sliding.py, and short
 
 
 def test_a_patch_that_comes_is_one_that_was_there_and_covers_it_until_it_goes() -> None:
     """To the bit; where the robot is not on it, it is none."""
     there = {"friction": 0.8, "patches": [[0, 0, 5.0, 0.3]]}
-    comes = {"kind": "friction-patch", "at": 0.0, "x_m": 0.0, "y_m": 0.0, "radius_m": 5.0, "to": 0.3}
+    comes = {
+        "kind": "friction-patch",
+        "at": 0.0,
+        "x_m": 0.0,
+        "y_m": 0.0,
+        "radius_m": 5.0,
+        "to": 0.3,
+    }
     own = [
         meets(comes, carpet={"friction": 0.8}),
         quiet(carpet=there),
@@ -148,7 +172,9 @@ def test_a_patch_that_comes_is_one_that_was_there_and_covers_it_until_it_goes() 
 # --- hands ---
 
 
-@pytest.mark.parametrize("make", [two_rollers, planar, lambda own: KinematicPlant(rows(own), np.zeros((len(own), 3)))])
+@pytest.mark.parametrize(
+    "make", [two_rollers, planar, lambda own: KinematicPlant(rows(own), np.zeros((len(own), 3)))]
+)
 def test_a_hand_puts_a_robot_elsewhere_at_rest(make: Callable[[list[Settings]], Any]) -> None:
     """As far as it says, of whatever heading, in one frame; whoever is told to stand stays there."""
     hand = {"kind": "kidnap", "x_m": 0.7, "y_m": -0.4, "heading_deg": 150.0}

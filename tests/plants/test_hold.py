@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from benches.plant import constant, drive, mujoco, quiet
 
-SETTINGS = quiet(wheels={"model": "two-rollers"}, carpet={"pile": 0.05}, drive={"roller_friction": 0.05})
+SETTINGS = quiet(
+    wheels={"model": "two-rollers"}, carpet={"pile": 0.05}, drive={"roller_friction": 0.05}
+)
 FORWARD = (1.0, 0.0, 0.0)
 
 

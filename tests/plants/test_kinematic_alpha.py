@@ -8,9 +8,9 @@ from benches.plant import FRAME_S, SIGMAS, rows, with_settings
 from numpy.typing import NDArray
 from scipy import stats
 
-from omni_mj.link.radio import Received
+from omni_mj.config.settings import Settings
+from omni_mj.network.radio import Received
 from omni_mj.plants.kinematic import KinematicPlant
-from omni_mj.scenarios.settings import Settings
 
 
 def alphas(settings: list[Settings], seeds: list[int], frames: int) -> NDArray:
@@ -29,7 +29,9 @@ def remembering(time_s: float, **bounds: float) -> Settings:
 
 
 @pytest.mark.parametrize("time_s", [0.1, 10.0])
-def test_a_remembering_alpha_is_uniform_in_every_frame_and_forgets_exponentially(time_s: float) -> None:
+def test_a_remembering_alpha_is_uniform_in_every_frame_and_forgets_exponentially(
+    time_s: float,
+) -> None:
     seeds, frames, lag = list(range(1500)), 9, 4
     alpha = alphas([remembering(time_s)] * len(seeds), seeds, frames)
     first, later = alpha[0], alpha[lag]

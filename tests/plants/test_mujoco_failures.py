@@ -11,7 +11,7 @@ from benches.plant import quiet, rows, with_settings
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
-from omni_mj.link.radio import Received
+from omni_mj.network.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
 
 # Wheels that grip like this carry the centre of mass over them when they brake; on the league's carpet they slide. And
@@ -26,7 +26,9 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo logs its warnings to a file in the working directory
 
 
-def run(plant: MujocoPlant, fast: tuple[int, ...], frames: int = FRAMES) -> tuple[NDArray, dict[int, tuple[int, str]]]:
+def run(
+    plant: MujocoPlant, fast: tuple[int, ...], frames: int = FRAMES
+) -> tuple[NDArray, dict[int, tuple[int, str]]]:
     """Poses (frames, n, 3) of robots that speed up and brake, `fast` ones hard; rows that failed, when and why."""
     n, poses, failed = len(plant.pose()), [], {}
     top = np.where(np.isin(np.arange(n), fast), 3.0, 0.6)
@@ -42,7 +44,9 @@ def run(plant: MujocoPlant, fast: tuple[int, ...], frames: int = FRAMES) -> tupl
 
 @pytest.mark.parametrize("wheels", ["rollers", "two-rollers"])
 def test_a_robot_that_topples_leaves_the_others_bits_alone(wheels: str) -> None:
-    ordinary, gripping = (quiet(wheels={"model": wheels}, **sections) for sections in (ORDINARY, GRIPPING))
+    ordinary, gripping = (
+        quiet(wheels={"model": wheels}, **sections) for sections in (ORDINARY, GRIPPING)
+    )
     together, failed = run(plant_of([ordinary, gripping, ordinary], seeds=[1, 2, 3]), (1,))
     alone, none = run(plant_of([ordinary] * 2, seeds=[1, 3]), ())
     assert none == {}
@@ -50,7 +54,9 @@ def test_a_robot_that_topples_leaves_the_others_bits_alone(wheels: str) -> None:
     ((row, (frame, cause)),) = failed.items()
     assert (row, cause) == (1, "toppled over")
     assert BRAKES < frame < FRAMES - 5
-    np.testing.assert_array_equal(together[frame + 1 :, 1], together[[frame + 1] * (FRAMES - frame - 1), 1])
+    np.testing.assert_array_equal(
+        together[frame + 1 :, 1], together[[frame + 1] * (FRAMES - frame - 1), 1]
+    )
 
 
 def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_off() -> None:
@@ -67,7 +73,10 @@ def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_o
     # It lies on the carpet, on its hull, not in it: no contact of the world is deeper than a hard one.
     model, data = plant._batch.get_model(0), plant._batch.get_data(0)
     mujoco.mj_forward(model, data)
-    assert {model.geom(g).name for contact in data.contact for g in contact.geom} >= {"carpet", "robot_2/hull"}
+    assert {model.geom(g).name for contact in data.contact for g in contact.geom} >= {
+        "carpet",
+        "robot_2/hull",
+    }
     assert min(contact.dist for contact in data.contact) > -5e-3
     # The other drives as it does alone, to the solver's tolerance (see test_meeting), which is one for the world: the
     # forces on a robot that falls make it coarse. With a tolerance of 1e-10 in place of 1e-8, the two differ by 1e-9.
@@ -76,7 +85,9 @@ def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_o
 
 
 @pytest.mark.parametrize("x", [math.nan, 1e11], ids=["not a number", "too far"])
-def test_an_unstable_robot_is_named_with_mujocos_warning_and_leaves_the_others_bits_alone(x: float) -> None:
+def test_an_unstable_robot_is_named_with_mujocos_warning_and_leaves_the_others_bits_alone(
+    x: float,
+) -> None:
     start = np.array([[0.3, 0, 0], [x, 0, 0], [0, 0, 1]])
     together, failed = run(plant_of([quiet(**ORDINARY)] * 3, start, [1, 2, 3]), (), 12)
     alone, _ = run(plant_of([quiet(**ORDINARY)] * 2, start[[0, 2]], [1, 3]), (), 12)
@@ -87,7 +98,9 @@ def test_an_unstable_robot_is_named_with_mujocos_warning_and_leaves_the_others_b
 
 def test_an_unstable_world_stops_all_its_robots_and_no_other_world() -> None:
     start = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]] * 2
-    plant, calm = (plant_of([quiet(**ORDINARY)] * 4, start, [1, 1, 2, 2], places=2) for _ in range(2))
+    plant, calm = (
+        plant_of([quiet(**ORDINARY)] * 4, start, [1, 1, 2, 2], places=2) for _ in range(2)
+    )
     plant._batch.bind("qvel")[0, 80] = math.nan
     poses, failed = run(plant, (), 12)
     cause = "became unstable (MuJoCo: mjWARN_BADQVEL)"

@@ -18,9 +18,11 @@ from benches.plant import (
 )
 from benches.plant import mujoco as plant_of
 
-from omni_mj.scenarios.settings import Settings
+from omni_mj.config.settings import Settings
 
-STARTS = np.array([[0, 0, 0], [1.5, -2, 1], [-3, 0.5, math.pi], [0, 0, -math.pi + 1e-3], [4, 3, 10], [0, 1, -7.0]])
+STARTS = np.array(
+    [[0, 0, 0], [1.5, -2, 1], [-3, 0.5, math.pi], [0, 0, -math.pi + 1e-3], [4, 3, 10], [0, 1, -7.0]]
+)
 
 
 def test_robots_start_where_they_are_told_with_any_heading() -> None:
@@ -51,7 +53,10 @@ def test_motion_does_not_depend_on_place_or_heading() -> None:
 
 def test_heading_counts_full_turns() -> None:
     spin_up, start, turn_rate = 20, 3.0, 10.0
-    plant, commands = plant_of([quiet()] * 2, [[0, 0, start]] * 2), [[0, 0, turn_rate], [0, 0, -turn_rate]]
+    plant, commands = (
+        plant_of([quiet()] * 2, [[0, 0, start]] * 2),
+        [[0, 0, turn_rate], [0, 0, -turn_rate]],
+    )
     heading = drive(plant, constant(commands, spin_up, 2))[..., 2]
     begun = plant.telemetry().wheel_angle.mean(1)
     heading = np.append(heading, drive(plant, constant(commands, 85, 2))[1:, :, 2], axis=0)
@@ -72,7 +77,9 @@ def test_nothing_drives_faster_than_the_carpets_friction_allows() -> None:
     # Nothing but that friction: pile and bearings of the robot would take more than it gives.
     free = {"roller_friction": 0.0}
     plant = plant_of([quiet(carpet={"friction": mu, "pile": 0.0}, drive=free) for mu in friction])
-    distance = np.linalg.norm(drive(plant, constant(np.tile(directions, (3, 1)), frames, 9))[-1, :, :2], axis=1)
+    distance = np.linalg.norm(
+        drive(plant, constant(np.tile(directions, (3, 1)), frames, 9))[-1, :, :2], axis=1
+    )
     bound = 0.5 * friction * GRAVITY * (frames * FRAME_S) ** 2
     assert (distance <= bound).all()
     # The wheels' share of it is at least that of driving to the left, 0.586 (see test_wheels), less what two of the
@@ -100,7 +107,11 @@ def test_disturbing_force_pushes_a_sliding_robot_by_newtons_law() -> None:
 
 def test_neither_threads_nor_the_batch_change_a_bit() -> None:
     """Robots that slip, saturate and are pushed, each otherwise, on any number of threads and alone."""
-    settings, seeds, start = with_settings(disturbance={"force_n": 10.0}), [3, 1, 4, 1, 5], STARTS[:5]
+    settings, seeds, start = (
+        with_settings(disturbance={"force_n": 10.0}),
+        [3, 1, 4, 1, 5],
+        STARTS[:5],
+    )
     commands = np.random.default_rng(1).normal(scale=1.5, size=(15, 5, 3))
     serial = drive(plant_of([settings] * 5, start, seeds, threads=1), commands)
     for threads in (2, 3, None):

@@ -30,8 +30,8 @@ from scipy.integrate import solve_ivp
 
 import omni_mj as om
 from omni_control.errors import OmniError
-from omni_mj.link.radio import Received
-from omni_mj.scenarios.settings import Settings
+from omni_mj.config.settings import Settings
+from omni_mj.network.radio import Received
 
 STIFFNESS = 2.5
 NOTHING = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
@@ -120,10 +120,14 @@ def test_a_turning_robot_rolls_on_as_lagrange_says() -> None:
 
     plant.hold(np.zeros((1, 4)))
     drive(plant, constant([0, 0, 0], 30, 1))
-    ahead, aside, rate, turned = solve_ivp(rates, (0, 30 * FRAME_S), [*start, 0.0], rtol=1e-9).y[:, -1]
+    ahead, aside, rate, turned = solve_ivp(rates, (0, 30 * FRAME_S), [*start, 0.0], rtol=1e-9).y[
+        :, -1
+    ]
     x, y, turning = plant.twist()[0]
     # Creep, and steps of a cycle. Were rims mass that keeps its way in the world, it would be 0.022 rad.
-    assert np.angle((x + 1j * y) / ((ahead + 1j * aside) * np.exp(1j * turned))) == pytest.approx(0, abs=0.006)
+    assert np.angle((x + 1j * y) / ((ahead + 1j * aside) * np.exp(1j * turned))) == pytest.approx(
+        0, abs=0.006
+    )
     assert turning == pytest.approx(rate, rel=0.005)
 
 
@@ -133,7 +137,9 @@ def test_a_robot_that_would_topple_stops_and_leaves_the_others_alone() -> None:
     plant = planar([quiet(fault=[push, load]), quiet()])
     causes: dict[int, str] = {}
     for _ in range(10):
-        causes |= plant.advance(Received.at_once(np.array([[0.0, 0, 0], [0.5, 0, 0]]), plant.pose()[:, 2]))
+        causes |= plant.advance(
+            Received.at_once(np.array([[0.0, 0, 0], [0.5, 0, 0]]), plant.pose()[:, 2])
+        )
     assert list(causes) == [0]
     assert "topple" in causes[0]
     assert not plant.twist()[0].any()
@@ -145,7 +151,10 @@ def test_a_robot_that_would_topple_stops_and_leaves_the_others_alone() -> None:
 
 def test_robots_that_could_meet_are_refused() -> None:
     with pytest.raises(OmniError, match=r"plant planar"):
-        om.Simulation(om.scenario("rect", plant="planar", world={"places": [[0, 0, 0], [1, 0, 0]]}), ["comp-flc"])
+        om.Simulation(
+            om.scenario("rect", plant="planar", world={"places": [[0, 0, 0], [1, 0, 0]]}),
+            ["comp-flc"],
+        )
 
 
 @pytest.mark.parametrize("azimuths", [[60, 180, 300], [60, 135, 225, 300]])

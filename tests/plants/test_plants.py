@@ -11,18 +11,22 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from omni_mj.link.radio import Received
+from omni_mj.config.settings import Settings
+from omni_mj.network.radio import Received
 from omni_mj.plants import NAMES
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.scenarios.settings import Settings
 
 # --- kinematic ---
 
 
 @hypothesis_settings(max_examples=50)
-@given(alpha=st.floats(0, 2), frames=st.integers(1, 50), seed=st.integers(0, 2**63 - 1), data=st.data())
-def test_with_a_fixed_alpha_equation_7_is_a_sum(alpha: float, frames: int, seed: int, data: st.DataObject) -> None:
+@given(
+    alpha=st.floats(0, 2), frames=st.integers(1, 50), seed=st.integers(0, 2**63 - 1), data=st.data()
+)
+def test_with_a_fixed_alpha_equation_7_is_a_sum(
+    alpha: float, frames: int, seed: int, data: st.DataObject
+) -> None:
     start = np.array([data.draw(st.tuples(*[st.floats(-10, 10)] * 3))])
     commands = np.random.default_rng(frames).normal(size=(frames, 1, 3))
     settings = with_settings(kinematic={"alpha_low": alpha, "alpha_high": alpha})
@@ -35,7 +39,10 @@ def test_with_a_fixed_alpha_equation_7_is_a_sum(alpha: float, frames: int, seed:
 def test_alpha_is_uniform_between_its_bounds_and_new_in_every_frame_and_axis() -> None:
     frames = 5000
     settings = with_settings(kinematic={"alpha_low": 0.7, "alpha_high": 1.0})
-    poses = drive(KinematicPlant(rows([settings], [4]), np.zeros((1, 3))), constant([1.0, 1.0, 1.0], frames, 1))
+    poses = drive(
+        KinematicPlant(rows([settings], [4]), np.zeros((1, 3))),
+        constant([1.0, 1.0, 1.0], frames, 1),
+    )
     alpha = np.diff(poses[:, 0], axis=0) / FRAME_S
     assert alpha.min() >= 0.7 - 1e-9  # differences of positions of up to 70 m
     assert alpha.max() <= 1.0 + 1e-9
@@ -51,7 +58,10 @@ def test_alpha_is_uniform_between_its_bounds_and_new_in_every_frame_and_axis() -
 def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
     frames, amplitude = 5000, 0.1
     settings = with_settings(disturbance={"velocity_m_s": amplitude})
-    poses = drive(KinematicPlant(rows([settings], [9]), np.zeros((1, 3))), constant([0.0, 0.0, 0.0], frames, 1))
+    poses = drive(
+        KinematicPlant(rows([settings], [9]), np.zeros((1, 3))),
+        constant([0.0, 0.0, 0.0], frames, 1),
+    )
     velocity = np.diff(poses[:, 0], axis=0) / FRAME_S
     assert (velocity[:, 2] == 0).all()  # it acts on the position only
     drift = velocity[:, :2]
@@ -68,7 +78,9 @@ def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
 
 
 @pytest.mark.parametrize("kind", [KinematicPlant, MujocoPlant])
-def test_poses_and_twists_handed_out_do_not_change_afterwards(kind: type[KinematicPlant] | type[MujocoPlant]) -> None:
+def test_poses_and_twists_handed_out_do_not_change_afterwards(
+    kind: type[KinematicPlant] | type[MujocoPlant],
+) -> None:
     plant = kind(rows([Settings()]), np.zeros((1, 3)))
     pose, twist = plant.pose(), plant.twist()
     plant.advance(Received.at_once(np.ones((1, 3)), np.zeros(1)))
@@ -86,7 +98,9 @@ def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
     way = np.zeros((2, 3))
     for frame in range(frames):
         before = plant.twist()
-        plant.advance(Received.at_once(np.tile([0.5 + 0.3 * math.sin(frame / 10), 0.5, 3.0], (2, 1))))
+        plant.advance(
+            Received.at_once(np.tile([0.5 + 0.3 * math.sin(frame / 10), 0.5, 3.0], (2, 1)))
+        )
         way += (before + plant.twist()) / 2 * FRAME_S
     moved = plant.pose() - start
     # The trapezoidal rule over frames: 1 % of the way for what rollers and encoder counts shake within a frame.

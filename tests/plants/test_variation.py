@@ -4,14 +4,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, SIGMAS, constant, drive, quiet, ramp, rows, wheel_loads, with_settings
+from benches.plant import (
+    FRAME_S,
+    SIGMAS,
+    constant,
+    drive,
+    quiet,
+    ramp,
+    rows,
+    wheel_loads,
+    with_settings,
+)
 from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
 from omni_mj import run, scenario
-from omni_mj.plants.variation import Drawn
-from omni_mj.scenarios.robot_settings import VariationSettings
-from omni_mj.scenarios.settings import Settings
+from omni_mj.config.robot_settings import VariationSettings
+from omni_mj.config.settings import Settings
+from omni_mj.plants.domain_randomization import Drawn
 
 MODELS = ["rollers", "two-rollers"]
 ALL = {"friction": 0.1, "wear_m": 0.0005, "motor_constant": 0.05, "mass": 0.1, "centre_m": 0.005}
@@ -69,12 +79,18 @@ def test_spreads_are_those_asked_for() -> None:
 
 def test_a_summary_says_what_was_drawn_for_whom() -> None:
     """Each seed's robot once, though several controllers drive it; no robot on a plant without wheels."""
-    short = scenario("worn", reference={"waypoints": [[0, 0], [0.05, 0]]}, wheels={"model": "two-rollers"})
+    short = scenario(
+        "worn", reference={"waypoints": [[0, 0], [0.05, 0]]}, wheels={"model": "two-rollers"}
+    )
     result = run(short, ["flc", "comp-flc"], seeds=[3, 4])
     (entry,) = result.summary()["scenarios"].values()
     expected = drawn([3, 4], **dict(short.settings.variation)).columns()
     for i, told in enumerate(entry["drawn"]):
-        assert told == {"seed": 3 + i, "place": 0, **{name: values[i] for name, values in expected.items()}}
+        assert told == {
+            "seed": 3 + i,
+            "place": 0,
+            **{name: values[i] for name, values in expected.items()},
+        }
     assert result.rows()["friction_1"].to_pylist() == [*expected["friction_1"]] * 2
     new = short.settings.replace(variation=VariationSettings())
     for alike in (short.replace(plant="kinematic"), short.replace(settings=new)):
@@ -91,8 +107,15 @@ def test_a_summary_says_what_was_drawn_for_whom() -> None:
 @pytest.mark.parametrize("model", MODELS)
 def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) -> None:
     """Without drag, and with rubber that hardly creeps: every wheel's way is its angle times its own radius."""
-    free = {**NO_DRAG, "drive": {"roller_friction": 0.0, "creep_stiffness": 1e3}, "wheels": {"model": model}}
-    plant = plant_of([quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 0.0, 1e-3, 1e-3)], seeds=[0, 0, 1, 2])
+    free = {
+        **NO_DRAG,
+        "drive": {"roller_friction": 0.0, "creep_stiffness": 1e3},
+        "wheels": {"model": model},
+    }
+    plant = plant_of(
+        [quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 0.0, 1e-3, 1e-3)],
+        seeds=[0, 0, 1, 2],
+    )
     commands = ramp([[0.5, 0, 0], [0, 0.5, 0]] * 2, 1.0, 40)
     before = drive(plant, commands)[-1]
     turned, way = -plant.telemetry().wheel_angle, np.zeros((4, 4))
@@ -100,7 +123,9 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
         after = drive(plant, commands[-4:])[-1]
         x, y, angle = (after - before).T
         heading = (after + before)[:, 2] / 2
-        body = np.column_stack([np.cos(heading) * x + np.sin(heading) * y, np.cos(heading) * y - np.sin(heading) * x])
+        body = np.column_stack(
+            [np.cos(heading) * x + np.sin(heading) * y, np.cos(heading) * y - np.sin(heading) * x]
+        )
         way += np.column_stack([body, angle]) @ plant.geometry.matrix.T
         before = after
     turned += plant.telemetry().wheel_angle
@@ -109,7 +134,9 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
     # 0.05 % of the radius between new and worn, which differ by 3 %; both roll at 0.1 % less than their radius, on
     # polygons of rollers.
     np.testing.assert_allclose(radius[2:] - radius[:2], -plant.drawn.wear[2:], atol=5e-4 * 0.0285)
-    standing = plant_of([quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 1e-3)], [[0, 0, 0]] * 2, [0, 1])
+    standing = plant_of(
+        [quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 1e-3)], [[0, 0, 0]] * 2, [0, 1]
+    )
     drive(standing, constant([0, 0, 0], 30, 2))
     new, worn = wheel_loads(standing)
     np.testing.assert_allclose(worn, new, rtol=0.01)  # at rest the springs still swing by less
@@ -121,7 +148,9 @@ def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
     share, mu, frames = 0.3, 0.1, 14
     base = {"firmware": {"kp": 0.4, "turn_gain": 0.0}, "drive": NO_DRAG["drive"]}
     carpet = {"friction": mu, "pile": 0.0}
-    chosen = [quiet(carpet=carpet, variation={"friction": each}, **base) for each in (0.0, *[share] * 4)]
+    chosen = [
+        quiet(carpet=carpet, variation={"friction": each}, **base) for each in (0.0, *[share] * 4)
+    ]
     plant = plant_of(chosen, seeds=range(5))
     drive(plant, constant([0, 0, 0], 30, 5))
     load = wheel_loads(plant)[0]  # at rest
@@ -129,7 +158,9 @@ def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
     assert plant.telemetry().slip.min() > 0.5
     # Second differences: what is gained from frame 4 on, when all wheels slide.
     place, heading = poses[..., 0] + 1j * poses[..., 1], poses[..., 2]
-    moved, turned = (each[-1] - each[4] - (each[4] - each[3]) * (frames - 4) for each in (place, heading))
+    moved, turned = (
+        each[-1] - each[4] - (each[4] - each[3]) * (frames - 4) for each in (place, heading)
+    )
     friction, azimuths = plant.drawn.friction, plant.geometry.azimuths
     # Divided by the new robot's, whose inertia with all that turns along is the same. 1.5 %: the net pull, 0.3 m/s^2 at
     # 45 mm under the centre of mass, moves up to 5 % of a wheel's load to another, and only some of it is turning.
@@ -146,14 +177,23 @@ def test_mass_and_centre_are_carried_by_the_wheels() -> None:
     plant = plant_of([quiet(variation={"mass": 0.1, "centre_m": 0.005})] * 4, seeds=range(4))
     drive(plant, constant([0, 0, 0], 60, 4))
     load, body = wheel_loads(plant), Settings().body
-    wheels = sum(plant._world.model.body_mass) - plant._world.model.body_mass[plant._world.robots[0].chassis]
+    wheels = (
+        sum(plant._world.model.body_mass)
+        - plant._world.model.body_mass[plant._world.robots[0].chassis]
+    )
     chassis = (body.mass_kg - wheels) * plant.drawn.mass[:, 0]
     np.testing.assert_allclose(load.sum(1), (chassis + wheels) * GRAVITY, rtol=1e-3)
-    feet = plant.geometry.arm * np.column_stack([np.cos(plant.geometry.azimuths), np.sin(plant.geometry.azimuths)])
+    feet = plant.geometry.arm * np.column_stack(
+        [np.cos(plant.geometry.azimuths), np.sin(plant.geometry.azimuths)]
+    )
     middle = load @ feet / load.sum(1)[:, None]
-    as_built = (body.mass_kg * np.array([body.centre_x_m, 0]) - wheels * feet.mean(0)) / (body.mass_kg - wheels)
+    as_built = (body.mass_kg * np.array([body.centre_x_m, 0]) - wheels * feet.mean(0)) / (
+        body.mass_kg - wheels
+    )
     moments = chassis[:, None] * (as_built + plant.drawn.centre) + wheels * feet.mean(0)
-    np.testing.assert_allclose(middle, moments / (chassis + wheels)[:, None], atol=5e-5)  # a hundredth of its spread
+    np.testing.assert_allclose(
+        middle, moments / (chassis + wheels)[:, None], atol=5e-5
+    )  # a hundredth of its spread
 
 
 def test_a_robot_on_a_patch_slides_as_on_carpet_of_its_friction_and_brakes_at_its_edge() -> None:

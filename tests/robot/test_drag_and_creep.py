@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from omni_mj.scenarios.settings import Settings
+from omni_mj.config.settings import Settings
 
 ANGLE = st.floats(-4, 4)
 FREE: dict[str, Any] = {"drive": {"roller_friction": 0.0}}
@@ -24,7 +24,12 @@ def test_the_pile_drags_by_the_angle_to_its_fibres(
     """Against the travel, p N (1 + nap cos) in all, whatever the heading."""
     carpets: list[dict[str, Any]] = [{"pile": 0.1, "nap": nap, "nap_deg": fibres}, {"pile": 0.2}]
     load = np.array([[7.0], [5.0], [6.0], [8.0]])
-    found = drag([Settings(carpet=each, **FREE) for each in carpets], speed * direction(way), heading, load=load)
+    found = drag(
+        [Settings(carpet=each, **FREE) for each in carpets],
+        speed * direction(way),
+        heading,
+        load=load,
+    )
     expected = -26 * np.array([0.1 * (1 + nap * np.cos(way - np.radians(fibres))), 0.2])
     np.testing.assert_allclose(found.ahead, expected * np.cos(way - heading), atol=1e-12)
     np.testing.assert_allclose(found.aside, expected * np.sin(way - heading), atol=1e-12)
@@ -62,7 +67,9 @@ def test_friction_is_that_of_the_last_patch_under_a_wheel() -> None:
     for place, expected in ((0.0, [0.8, 0.8, 0.8]), (0.5, [0.8, 0.3, 0.3]), (1.0, [0.8, 0.3, 0.6])):
         found = drag(chosen, [0.0, 0.0], place=[place, 0.0]).rim_friction / RADIUS_M
         np.testing.assert_allclose(found[ahead].mean(0), expected, rtol=1e-9)
-        np.testing.assert_allclose(found[~ahead].mean(0), [0.8, 0.3, 0.6] if place == 1 else 0.8, rtol=1e-9)
+        np.testing.assert_allclose(
+            found[~ahead].mean(0), [0.8, 0.3, 0.6] if place == 1 else 0.8, rtol=1e-9
+        )
 
 
 def test_a_wheel_grips_nothing_where_its_rollers_are_missing() -> None:

@@ -8,7 +8,7 @@ from benches.plant import RADIUS_M, TANGENTS
 from benches.robot import CYCLES, FRAME_S, Firmware
 from numpy.typing import NDArray
 
-from omni_mj.scenarios.settings import Settings
+from omni_mj.config.settings import Settings
 
 PURE: dict[str, Any] = {"turn_gain": 0.0, "feed_forward": 0.0, "kp": 0.1}
 
@@ -67,7 +67,9 @@ def test_a_pid_loop_sums_integrates_and_differentiates_and_does_not_wind_up() ->
     for _ in range(100):
         saturated.run(0.0, 0.0)
     saturated.hear(x=0.0)
-    assert np.abs(saturated.run(0.0, 0.0)).max() == 0, "nothing was integrated while the voltage was at its limit"
+    assert np.abs(saturated.run(0.0, 0.0)).max() == 0, (
+        "nothing was integrated while the voltage was at its limit"
+    )
 
 
 def test_encoders_count_whole_steps() -> None:
@@ -128,7 +130,9 @@ def test_the_turn_rate_loop_adds_its_gains_share_of_the_missing_rate() -> None:
 
 
 @pytest.mark.parametrize(("winding", "share"), [(100.0, np.inf), (120.0, 0.5), (130.0, 0.0)])
-def test_derating_leaves_less_current_the_closer_the_winding_is_to_its_limit(winding: float, share: float) -> None:
+def test_derating_leaves_less_current_the_closer_the_winding_is_to_its_limit(
+    winding: float, share: float
+) -> None:
     """Twice the nominal current 10 K below the limit of 125 degrees, none at it."""
     chosen = Settings(firmware=PURE | {"kp": 5.0, "derate": True}, motor={"limit_c": 125.0})
     firmware = Firmware([chosen])
@@ -143,7 +147,12 @@ def test_derating_leaves_less_current_the_closer_the_winding_is_to_its_limit(win
 def test_a_processor_that_starts_again_stands_until_it_is_told_a_heading() -> None:
     firmware = Firmware([settings()], 0.5, restarts=True)
     firmware.hear(x=0.3)
-    for off, seen, moves in ((False, np.nan, True), (True, 1.0, False), (False, np.nan, False), (False, 2.0, False)):
+    for off, seen, moves in (
+        (False, np.nan, True),
+        (True, 1.0, False),
+        (False, np.nan, False),
+        (False, 2.0, False),
+    ):
         firmware.begin(seen, off=off)
         assert firmware.run(0.0, 0.0).any() == moves
     assert firmware.heading[0] == pytest.approx(2.0)

@@ -36,7 +36,9 @@ def path(kernel: str, robots: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     plant = planar([with_settings(physics={"kernel": kernel}, **COMMON)] * robots)
     ends = np.linspace(-1, 1, robots)[:, None] * [2.5, 1.0, 3.0] + [0.5, 0.0, 0.0]
     plant.hold(np.array([[np.nan, np.nan, np.nan, 0.5]] * robots))
-    return drive(plant, ramp(ends, 6.0, 30)), {name: getattr(plant.telemetry(), name) for name in NAMES}
+    return drive(plant, ramp(ends, 6.0, 30)), {
+        name: getattr(plant.telemetry(), name) for name in NAMES
+    }
 
 
 @pytest.mark.parametrize("robots", [1, 20])
@@ -57,7 +59,9 @@ def test_by_numpy_a_row_has_the_same_bits_in_any_batch() -> None:
         commands = ramp([[2.0, 1.0, 3.0]] * 3, 4.0, 15)
         together = drive(planar(several), commands)
         for i, each in enumerate(several):
-            np.testing.assert_array_equal(drive(planar([each]), commands[:, :1])[:, 0], together[:, i])
+            np.testing.assert_array_equal(
+                drive(planar([each]), commands[:, :1])[:, 0], together[:, i]
+            )
 
 
 def test_a_gradient_is_what_finite_differences_say() -> None:
@@ -65,17 +69,26 @@ def test_a_gradient_is_what_finite_differences_say() -> None:
     import jax
 
     example = runpy.run_path(str(EXAMPLE))
-    fast = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}  # to compile, not to run
+    fast = {
+        "xla_backend_optimization_level": 0,
+        "xla_cpu_use_fusion_emitters": False,
+    }  # to compile, not to run
     with jax.enable_x64(True):
         travel, at, step = partial(example["travel"], *example["robot"]()), 2.5, 1e-3
-        value_and_slope = jax.jit(lambda stiffness: jax.jvp(travel, (stiffness,), (1.0,)), compiler_options=fast)
+        value_and_slope = jax.jit(
+            lambda stiffness: jax.jvp(travel, (stiffness,), (1.0,)), compiler_options=fast
+        )
         _, slope = value_and_slope(at)
         more, less = (float(value_and_slope(at + change)[0]) for change in (step, -step))
     assert float(slope) == pytest.approx((more - less) / (2 * step), rel=0.01)
 
 
 def test_auto_compiles_long_runs_of_planar_only_and_the_scenario_says_what_was_taken() -> None:
-    for plant, laps, kernel in (("planar", 1, "numpy"), ("planar", 300, "jax"), ("mujoco", 300, "numpy")):
+    for plant, laps, kernel in (
+        ("planar", 1, "numpy"),
+        ("planar", 300, "jax"),
+        ("mujoco", 300, "numpy"),
+    ):
         chosen = om.scenario("rect", plant=plant, reference={"laps": laps})
         simulation = om.Simulation(chosen, ["flc"], seeds=[0])
         assert simulation.scenario.settings.physics.kernel == kernel

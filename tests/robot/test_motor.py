@@ -6,7 +6,7 @@ from benches.robot import FRAME_S, MAXON, ROBOTS, RPM, SHEET, drive_motor, heat_
 from scipy.integrate import solve_ivp
 
 import omni_mj as om
-from omni_mj.scenarios.settings import Settings
+from omni_mj.config.settings import Settings
 
 BENCH = Settings(motor=SHEET, firmware={"current_limit_a": 1e3})
 
@@ -27,7 +27,9 @@ def test_every_robots_motor_obeys_ohms_law_with_back_emf_and_commutation(name: s
     robot, speeds = ROBOTS[name], np.linspace(-80, 80, 9)
     settings = om.scenario("rect", robot=name).settings
     volts, amperes = drive_motor(settings.replace(firmware={"current_limit_a": 1e3}), 8.0, speeds)
-    np.testing.assert_allclose(robot.series(speeds) * amperes + robot.back_emf * speeds, volts, rtol=1e-9)
+    np.testing.assert_allclose(
+        robot.series(speeds) * amperes + robot.back_emf * speeds, volts, rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize("speed", [-60.0, 0.0, 60.0])
@@ -48,7 +50,9 @@ def test_copper_resists_more_when_it_is_warm() -> None:
 
 
 @pytest.mark.parametrize(("current", "speed"), [(2.5, 0.0), (4.0, 60.0), (0.5, 120.0)])
-def test_temperatures_are_those_of_the_two_nodes_differential_equation(current: float, speed: float) -> None:
+def test_temperatures_are_those_of_the_two_nodes_differential_equation(
+    current: float, speed: float
+) -> None:
     """C_w T_w' = R(T_w) I^2 - (T_w - T_h) / R_wh; C_h T_h' = losses + (T_w - T_h) / R_wh - (T_h - T_a) / R_ha."""
     s, frames = sheet(winding_c=40.0, housing_c=30.0), 3600
 
@@ -59,5 +63,7 @@ def test_temperatures_are_those_of_the_two_nodes_differential_equation(current: 
         return [(copper - inner) / s.winding_j_k, (inner + outer) / s.housing_j_k]
 
     exact = solve_ivp(rates, (0, frames * FRAME_S), [40.0, 30.0], rtol=1e-10, atol=1e-9).y[:, -1]
-    winding, housing = heat_motor(Settings(motor=s), np.full(frames, current), np.full(frames, speed))
+    winding, housing = heat_motor(
+        Settings(motor=s), np.full(frames, current), np.full(frames, speed)
+    )
     np.testing.assert_allclose([winding[-1], housing[-1]], exact, atol=2e-3)

@@ -57,12 +57,16 @@ def test_creep_alone_takes_what_its_law_says(study: Study) -> None:
     np.testing.assert_allclose(creep["lag_s"], curve * gain**2 * speed / 2, rtol=0.1)
     curve = curve * found.acceleration_m_s2
     slope = (np.sqrt(1 + 4 * curve) - 1) / (2 * curve)
-    np.testing.assert_allclose(study.loop.speeding_up[both] + creep["speeding_up"], slope, atol=0.05)
+    np.testing.assert_allclose(
+        study.loop.speeding_up[both] + creep["speeding_up"], slope, atol=0.05
+    )
 
 
 def test_lag_does_not_depend_on_acceleration_but_the_gain_of_speeding_up_does(study: Study) -> None:
     slow, fast = study.base, study.changed["acceleration_m_s2"].at(0)
-    np.testing.assert_allclose(fast.lag_s[:2], slow.lag_s[:2], rtol=0.05)  # of 60 to 100 ms: rollers ripple
+    np.testing.assert_allclose(
+        fast.lag_s[:2], slow.lag_s[:2], rtol=0.05
+    )  # of 60 to 100 ms: rollers ripple
     np.testing.assert_allclose(fast.steady, slow.steady, atol=0.005)
     assert (fast.speeding_up < slow.speeding_up - 0.02).all()
     assert (fast.speeding_up < fast.steady - 0.02).all()
@@ -85,7 +89,9 @@ def test_more_pile_less_charge_and_heat_cost_what_they_can(study: Study) -> None
 def test_shares_add_up_to_what_all_causes_do(study: Study) -> None:
     for name in NAMES:
         added = sum(study.shares(name).values())
-        np.testing.assert_allclose(added, getattr(study.worn, name) - getattr(study.loop, name), atol=1e-12)
+        np.testing.assert_allclose(
+            added, getattr(study.worn, name) - getattr(study.loop, name), atol=1e-12
+        )
 
 
 @given(st.data())

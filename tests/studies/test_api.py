@@ -50,9 +50,24 @@ def test_the_lines_run_as_printed(
 def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
     """Whatever submodule is imported; and what is not there is said as of any module."""
     assert len(dir(om)) <= 17
-    for module in ("omni_mj.run", "omni_mj.scenarios.scenario", "omni_mj.studies.run", "omni_mj.studies.compare"):
+    for module in (
+        "omni_mj.run",
+        "omni_mj.config.scenario",
+        "omni_mj.studies.run",
+        "omni_mj.studies.compare",
+    ):
         importlib.import_module(module)
-    for name in ("scenario", "robot", "run", "compare", "limit", "alpha", "slip", "verify", "identify"):
+    for name in (
+        "scenario",
+        "robot",
+        "run",
+        "compare",
+        "limit",
+        "alpha",
+        "slip",
+        "verify",
+        "identify",
+    ):
         assert isinstance(getattr(om, name), types.FunctionType)
     for name in ("Controller", "OmniError", "Scenario", "Simulation", "Result"):
         assert isinstance(getattr(om, name), type)
@@ -60,7 +75,9 @@ def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
     with pytest.raises(AttributeError, match="'omni_mj' has no attribute 'simulate_all'"):
         om.simulate_all  # noqa: B018
     code = "import omni_mj.run; import omni_mj as om; print(om.run.__name__, om.run.__module__)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
     assert done.stdout.split() == ["run", "omni_mj.studies.run"]
 
 
@@ -74,8 +91,13 @@ def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
             return np.zeros((len(self.predicted), 3))
 
     short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]})
-    both, alone = (om.run(short, kinds, range(2), subject="flc") for kinds in (["flc", Late], ["flc"]))
-    assert [(f.controller, f.seed, f.time_s) for f in both.failures] == [("Late", 0, 0.5), ("Late", 1, 0.5)]
+    both, alone = (
+        om.run(short, kinds, range(2), subject="flc") for kinds in (["flc", Late], ["flc"])
+    )
+    assert [(f.controller, f.seed, f.time_s) for f in both.failures] == [
+        ("Late", 0, 0.5),
+        ("Late", 1, 0.5),
+    ]
     assert all("out of ideas" in f.cause for f in both.failures)
     entry, other = (result.summary()["scenarios"]["rect"] for result in (both, alone))
     assert entry["results"]["flc"] == other["results"]["flc"]
@@ -86,7 +108,9 @@ def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
 
 
 def test_a_number_of_seeds_counts_from_zero() -> None:
-    short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]}, seed=5)
+    short = om.scenario(
+        "rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]}, seed=5
+    )
     assert om.run(short, ["flc"], 2).seeds == [0, 1]
 
 
@@ -98,8 +122,14 @@ def test_seeds_that_no_scenario_could_repeat_are_refused() -> None:
 
 def test_one_controller_may_be_named_alone_and_a_subject_must_be_run() -> None:
     short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]]})
-    assert om.run(short, "flc").controllers == om.compare([short], "flc", seeds=1).controllers == ["flc"]
-    with pytest.raises(om.OmniError, match="the subject 'p' is not among the controllers; choose from flc"):
+    assert (
+        om.run(short, "flc").controllers
+        == om.compare([short], "flc", seeds=1).controllers
+        == ["flc"]
+    )
+    with pytest.raises(
+        om.OmniError, match="the subject 'p' is not among the controllers; choose from flc"
+    ):
         om.run(short, "flc", subject="p")
     with pytest.raises(om.OmniError, match="unknown scenario '5'"):
         om.run(5)

@@ -40,7 +40,10 @@ def test_csv_in_any_dialect_holds_the_same_numbers(
 ) -> None:  # fmt: skip
     """Bit for bit, as each number is written with all its digits; other columns may be called anything."""
     names = [*(f"{quote}{name.upper() if upper else name}{quote}" for name in HEAD), "Motor 1"]
-    rows = [[repr(float(value)) for value in line] for line in np.stack(list(whole().values()), axis=1)[:40]]
+    rows = [
+        [repr(float(value)) for value in line]
+        for line in np.stack(list(whole().values()), axis=1)[:40]
+    ]
     if comma and separator != ",":
         rows = [[value.replace(".", ",") for value in row] for row in rows]
     lines = ["# " * (hashed and not quote) + separator.join(names)]
@@ -48,8 +51,12 @@ def test_csv_in_any_dialect_holds_the_same_numbers(
     file = tmp_path_factory.mktemp("csv") / "log.csv"
     file.write_bytes(end.join([*lines, ""]).encode("utf-8-sig" if mark else "utf-8"))
     (log,) = read(file)
-    np.testing.assert_array_equal(log.pose[:, :2], np.stack([whole()["x_m"], whole()["y_m"]], 1)[:40])
-    np.testing.assert_array_equal(log.inputs["commands"], np.stack([whole()[name] for name in COMMAND], 1)[:40])
+    np.testing.assert_array_equal(
+        log.pose[:, :2], np.stack([whole()["x_m"], whole()["y_m"]], 1)[:40]
+    )
+    np.testing.assert_array_equal(
+        log.inputs["commands"], np.stack([whole()[name] for name in COMMAND], 1)[:40]
+    )
 
 
 def test_ten_lines_a_second_tell_the_same(tmp_path: Path) -> None:
@@ -63,7 +70,12 @@ def test_ten_lines_a_second_tell_the_same(tmp_path: Path) -> None:
 def test_lines_there_twice_and_poses_held_are_no_new_poses(tmp_path: Path) -> None:
     """A recorder at 240 Hz holds what a camera sees at 60: the same poses at the same times come out."""
     (plain,) = read(write(tmp_path / "log.parquet", whole()))
-    (twice,) = read(write(tmp_path / "log.parquet", {name: np.repeat(values, 2) for name, values in whole().items()}))
+    (twice,) = read(
+        write(
+            tmp_path / "log.parquet",
+            {name: np.repeat(values, 2) for name, values in whole().items()},
+        )
+    )
     np.testing.assert_array_equal(twice.pose, plain.pose)
     held = {name: np.repeat(values, 4) for name, values in whole().items()}
     held["time_s"] = np.arange(len(held["x_m"])) / 240
@@ -88,15 +100,24 @@ def put(line: int, value: float) -> Callable[[Any], Any]:
 
 def test_what_cannot_be_what_it_says_is_one_line(tmp_path: Path) -> None:
     cases: list[tuple[Columns, str]] = [
-        (spoilt("x_m", lambda x: [*map(str, x[:-1]), "lost"]), "column x_m must hold numbers: Failed to parse"),
+        (
+            spoilt("x_m", lambda x: [*map(str, x[:-1]), "lost"]),
+            "column x_m must hold numbers: Failed to parse",
+        ),
         (spoilt("y_m", lambda y: pa.nulls(len(y))), "0 lines with a pose are too few"),
-        (spoilt("time_s", lambda t: pa.array((1e9 * t).astype(int), pa.timestamp("ns"))), "time_s must hold numbers"),
+        (
+            spoilt("time_s", lambda t: pa.array((1e9 * t).astype(int), pa.timestamp("ns"))),
+            "time_s must hold numbers",
+        ),
         (spoilt("time_s", lambda t: (t + 1.7e9).astype(np.float32)), "times are too few"),
         (spoilt("time_s", put(5, np.nan)), "time_s is missing in line 6"),
         (spoilt("time_s", put(5, 0.0)), "does not increase from line 5 to 6"),
         (spoilt(COMMAND[2], put(7, np.nan)), "commands are missing in line 8"),
         ({name: whole()[name] for name in HEAD[:4]}, "neither commands nor wheels"),
-        ({f" {name}": values for name, values in whole().items() if name != "y_m"}, "column y_m is missing"),
+        (
+            {f" {name}": values for name, values in whole().items() if name != "y_m"},
+            "column y_m is missing",
+        ),
     ]
     for columns, says in cases:
         with pytest.raises(om.OmniError) as error:
@@ -123,8 +144,14 @@ def test_what_is_no_table_is_one_line(tmp_path: Path) -> None:
 
 
 @settings(max_examples=100)
-@given(data=st.one_of(st.binary(max_size=200), st.text(alphabet="time_sx_m,;\t\n0.1-e# \"'", max_size=200)))
-def test_no_content_is_a_traceback(data: bytes | str, tmp_path_factory: pytest.TempPathFactory) -> None:
+@given(
+    data=st.one_of(
+        st.binary(max_size=200), st.text(alphabet="time_sx_m,;\t\n0.1-e# \"'", max_size=200)
+    )
+)
+def test_no_content_is_a_traceback(
+    data: bytes | str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     """Nothing that is drawn at random is a log, and all of it is refused in a line."""
     file = tmp_path_factory.mktemp("drawn") / "log.csv"
     file.write_bytes(data.encode() if isinstance(data, str) else data)

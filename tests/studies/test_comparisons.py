@@ -15,7 +15,9 @@ CONTROLLERS = ("flc", "comp-flc", "oracle")
 
 def short(name: str, waypoints: list[list[float]], **sections: dict[str, object]) -> om.Scenario:
     reference = {"waypoints": waypoints, "settle_s": 0.5}
-    return om.scenario("rect", plant="kinematic", reference=reference, **sections).replace(name=name)
+    return om.scenario("rect", plant="kinematic", reference=reference, **sections).replace(
+        name=name
+    )
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +35,9 @@ def same(ours: Any, theirs: Any) -> None:
     """Two Arrow tables, value by value; one missing number is as good as another."""
     assert ours.column_names == theirs.column_names
     for name in ours.column_names:
-        np.testing.assert_array_equal(ours[name].to_pylist(), theirs[name].to_pylist(), err_msg=name)
+        np.testing.assert_array_equal(
+            ours[name].to_pylist(), theirs[name].to_pylist(), err_msg=name
+        )
 
 
 def test_every_outcome_is_that_of_the_run_of_its_scenario(
@@ -41,7 +45,11 @@ def test_every_outcome_is_that_of_the_run_of_its_scenario(
 ) -> None:
     """In the summary, the frames and the files, which are named after their scenarios."""
     found = result.summary()
-    assert (found["controllers"], found["informed"], found["subject"]) == (list(CONTROLLERS), ["oracle"], "comp-flc")
+    assert (found["controllers"], found["informed"], found["subject"]) == (
+        list(CONTROLLERS),
+        ["oracle"],
+        "comp-flc",
+    )
     frames = result.frames()
     for each in scenarios:
         alone = om.run(each, CONTROLLERS, SEEDS, subject="comp-flc")
@@ -49,14 +57,23 @@ def test_every_outcome_is_that_of_the_run_of_its_scenario(
         apart = {"wall_s": 0, "verdict": None}  # which depends on how many other verdicts there are
         assert entry | apart == other | apart
         assert (entry["status"], entry["seeds"]) == ("done", list(SEEDS))
-        pair, of_one = (each["verdict"]["errors"]["max"]["against"]["flc"] for each in (entry, other))
+        pair, of_one = (
+            each["verdict"]["errors"]["max"]["against"]["flc"] for each in (entry, other)
+        )
         assert of_one["p"] == pair["p"] <= of_one["p_adjusted"] <= pair["p_adjusted"]
         assert "oracle" not in entry["verdict"]["errors"]["max"]["against"]
         same(frames.filter([name == each.name for name in frames["scenario"].to_pylist()]).drop(["scenario"]),
              alone.frames())  # fmt: skip
     result.save(tmp_path)
-    names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    assert names >= {"scenarios/there.toml", "trajectories/bend.parquet", "summary.json", "provenance.json"}
+    names = {
+        path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()
+    }
+    assert names >= {
+        "scenarios/there.toml",
+        "trajectories/bend.parquet",
+        "summary.json",
+        "provenance.json",
+    }
     assert om.scenario(tmp_path / "scenarios" / "bend.toml").seed_list == list(SEEDS)
 
 
@@ -73,19 +90,29 @@ def test_what_is_stopped_keeps_what_was_done(scenarios: list[om.Scenario]) -> No
         begin=lambda title, frames: at_frame, after=lambda result, outcome: done.append(outcome),
     )  # fmt: skip
     assert (result.complete, result.stopped) == (False, "interrupted")
-    assert [entry["status"] for entry in result.summary()["scenarios"].values()] == ["done", "not run"]
+    assert [entry["status"] for entry in result.summary()["scenarios"].values()] == [
+        "done",
+        "not run",
+    ]
 
     def at_once(frame: int) -> None:
         raise StoppedError("terminated")
 
     one = om.run(scenarios[0], after_frame=at_once).summary()
-    assert (one["complete"], one["stopped"], one["scenarios"]["there"]["frames"]) == (False, "terminated", 1)
+    assert (one["complete"], one["stopped"], one["scenarios"]["there"]["frames"]) == (
+        False,
+        "terminated",
+        1,
+    )
 
 
 def test_what_cannot_stand_in_one_table_is_refused(scenarios: list[om.Scenario]) -> None:
     for given, words in (
         ({"scenarios": scenarios[:1] * 2}, "two scenarios are called 'there'"),
-        ({"scenarios": scenarios, "controllers": ("flc", "p"), "subject": "lqr"}, "choose from flc, p"),
+        (
+            {"scenarios": scenarios, "controllers": ("flc", "p"), "subject": "lqr"},
+            "choose from flc, p",
+        ),
         ({"scenarios": ["rekt"]}, "did you mean 'rect'"),
     ):
         with pytest.raises(om.OmniError, match=words):

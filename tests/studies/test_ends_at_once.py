@@ -14,5 +14,8 @@ def test_a_program_that_ends_after_reading_is_not_aborted(tmp_path: Path) -> Non
     """By threads of Arrow's that hold Python's file: one in six was, of eight side by side on two cores."""
     file = tmp_path / "wide.parquet"
     pq.write_table(pa.table({f"c{i}": [float(i)] * 8000 for i in range(60)}), file)
-    processes = [subprocess.Popen([sys.executable, "-c", READ, str(file)], stderr=subprocess.PIPE) for _ in range(8)]
+    processes = [
+        subprocess.Popen([sys.executable, "-c", READ, str(file)], stderr=subprocess.PIPE)
+        for _ in range(8)
+    ]
     assert [(each.communicate()[1], each.returncode) for each in processes] == [(b"", 0)] * 8

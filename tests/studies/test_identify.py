@@ -52,7 +52,9 @@ def test_commands_alone_tell_creep_too(tmp_path: Path) -> None:
 def test_what_the_law_lacks_is_a_misfit(tmp_path: Path) -> None:
     """The robot swings by 12 mm at 1.1 Hz, by accelerations of 0.6 m/s^2."""
     log = driven(commands=False)
-    found = identified(log | {"x_m": log["x_m"] + 0.012 * np.sin(2 * np.pi * 1.1 * log["time_s"])}, tmp_path)
+    found = identified(
+        log | {"x_m": log["x_m"] + 0.012 * np.sin(2 * np.pi * 1.1 * log["time_s"])}, tmp_path
+    )
     assert any("lacks something" in line for line in found.misfits)
 
 
@@ -67,7 +69,10 @@ def test_slow_data_do_not_tell_creep(tmp_path: Path) -> None:
 
 def test_motion_along_one_axis_tells_nothing_of_the_other(tmp_path: Path) -> None:
     time = np.arange(360) / 60
-    speed, pose = 0.6 * np.sin(3 * time), np.random.default_rng(0).normal(size=(360, 3)) * [0.0013, 0.0013, 0.003]
+    speed, pose = (
+        0.6 * np.sin(3 * time),
+        np.random.default_rng(0).normal(size=(360, 3)) * [0.0013, 0.0013, 0.003],
+    )
     pose[:, 0] += np.concatenate([[0.0], np.cumsum(speed)[:-1]]) / 60
     wheels = SETTINGS.wheels.kinematics.wheel_speeds(np.stack([speed, 0 * speed, 0 * speed], 1))
     names = ("time_s", *POSE, *(f"{name}_s" for name in WHEELS))
@@ -86,7 +91,10 @@ def slow(seconds: float = 40.0) -> Columns:
     speeds = SETTINGS.wheels.kinematics.wheel_speeds(np.stack([vx, vy, 0.98 * w], 1) / 0.96)
     shown = t + 0.07  # encoders of a line are of then
     noise = np.random.default_rng(0).normal(size=(3, len(t))) * 5e-4
-    poses = [np.interp(t, dense, c) + n for c, n in zip((way.real, way.imag, heading), noise, strict=True)]
+    poses = [
+        np.interp(t, dense, c) + n
+        for c, n in zip((way.real, way.imag, heading), noise, strict=True)
+    ]
     angles = [np.interp(shown, dense, np.cumsum(s) * 1e-3) for s in speeds.T]
     return dict(zip(("time_s", *POSE, *WHEELS), [t, *poses, *angles], strict=True))
 
@@ -114,7 +122,10 @@ WRONG: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "wheel 2": (lambda log: log | {WHEELS[1]: -log[WHEELS[1]]}, "turn as 1, -2, 3, 4 of"),
     "wheels 1 and 2": (lambda log: swapped(log, WHEELS[0], WHEELS[1]), "turn as 2, 1, 3, 4 of"),
     "wheels 1 and 3": (lambda log: swapped(log, WHEELS[0], WHEELS[2]), "turn as 3, 2, 1, 4 of"),
-    "all wheels": (lambda log: log | {name: -log[name] for name in WHEELS}, "turn as -1, -2, -3, -4 of"),
+    "all wheels": (
+        lambda log: log | {name: -log[name] for name in WHEELS},
+        "turn as -1, -2, -3, -4 of",
+    ),
     "a dead encoder": (lambda log: log | {WHEELS[2]: 0 * log[WHEELS[2]]}, "turn as 1, 2, 0, 4 of"),
     "gear": (lambda log: log | {name: 3 * log[name] for name in WHEELS}, "wheels behind the gear"),
     "three wheels": (
@@ -122,23 +133,40 @@ WRONG: dict[str, tuple[Callable[[Columns], Columns], str]] = {
         "3 wheels, but the robot's file has 4",
     ),
     "axes": (lambda log: swapped(log, "x_m", "y_m"), MIRRORED),
-    "headings": (lambda log: log | {"heading_rad": -log["heading_rad"]}, "if headings turn clockwise"),
+    "headings": (
+        lambda log: log | {"heading_rad": -log["heading_rad"]},
+        "if headings turn clockwise",
+    ),
 }
 BAD: dict[str, tuple[Callable[[Columns], Columns], str]] = {
-    "cm": (lambda c: c | {"x_m": 100 * c["x_m"], "y_m": 100 * c["y_m"]}, "times as fast as the commands say"),
-    "degrees": (lambda c: c | {"heading_rad": np.degrees(c["heading_rad"])}, "turns .* as fast as the commands say"),
+    "cm": (
+        lambda c: c | {"x_m": 100 * c["x_m"], "y_m": 100 * c["y_m"]},
+        "times as fast as the commands say",
+    ),
+    "degrees": (
+        lambda c: c | {"heading_rad": np.degrees(c["heading_rad"])},
+        "turns .* as fast as the commands say",
+    ),
     "swapped": (lambda c: swapped(c, *COMMAND[:2]), MIRRORED),
     "mirrored": (lambda c: c | {COMMAND[1]: -c[COMMAND[1]]}, MIRRORED),
     "clockwise": (lambda c: c | {"heading_rad": -c["heading_rad"]}, "headings turn clockwise"),
     "turned": (lambda c: c | {"x_m": -c["x_m"], "y_m": -c["y_m"]}, "turned by -?1[78]. degrees"),
-    "body": (lambda c: {k.replace("world", "body"): v for k, v in c.items()}, "along the field's axes"),
-    "another robot's": (lambda c: c | {name: c[name][::-1] for name in COMMAND}, "are they this robot's"),
+    "body": (
+        lambda c: {k.replace("world", "body"): v for k, v in c.items()},
+        "along the field's axes",
+    ),
+    "another robot's": (
+        lambda c: c | {name: c[name][::-1] for name in COMMAND},
+        "are they this robot's",
+    ),
     "short": (lambda c: {k: v[:100] for k, v in c.items()}, "too few to identify anything"),
     "time in ms": (lambda c: c | {"time_s": 1e3 * c["time_s"]}, "time_s must be in s"),
 }
 
 
-@pytest.mark.parametrize(("cases", "kind"), [*(("wheels", k) for k in WRONG), *(("commands", k) for k in BAD)])
+@pytest.mark.parametrize(
+    ("cases", "kind"), [*(("wheels", k) for k in WRONG), *(("commands", k) for k in BAD)]
+)
 def test_logs_that_are_not_as_stated_are_a_line(cases: str, kind: str, tmp_path: Path) -> None:
     spoil, says = WRONG[kind] if cases == "wheels" else BAD[kind]
     with pytest.raises(om.OmniError, match=says) as error:

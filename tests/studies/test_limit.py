@@ -68,7 +68,9 @@ def test_within_limits_the_plan_is_the_best_there_is() -> None:
     errors[10:, 0] = 0.01 * np.minimum(np.arange(frames - 10) / 10, 1)
     commands, expected = bench.planned(model, limits, errors)
     unit = np.eye(3 * frames)[:, ::3]
-    gain = np.stack([bench.departures(model, column.reshape(-1, 3))[:, 0] for column in unit.T], axis=1)
+    gain = np.stack(
+        [bench.departures(model, column.reshape(-1, 3))[:, 0] for column in unit.T], axis=1
+    )
     step = limits.acceleration * PERIOD_S
     sums = np.tril(np.ones((frames, frames)))  # commands are sums of bounded changes
     effect = gain @ sums
@@ -107,7 +109,9 @@ def test_poses_are_predicted_as_well_as_can_be() -> None:
     frames, n, step, noise = 80, 600, 1e-3, 2e-3
     settings: dict[str, Any] = {
         "vision": {"position_noise_m": noise},
-        "disturbance": {"velocity_m_s": step / PERIOD_S * 3**0.5},  # uniform: its standard deviation is this by root 3
+        "disturbance": {
+            "velocity_m_s": step / PERIOD_S * 3**0.5
+        },  # uniform: its standard deviation is this by root 3
         "kinematic": {"alpha_low": 1.0, "alpha_high": 1.0},
     }
     scenario = om.scenario("rect", plant="kinematic", **settings)
@@ -134,7 +138,9 @@ def test_a_robot_without_lag_is_inverted_exactly() -> None:
 
 def least(result: om.Result, name: str) -> dict[str, float]:
     """Over the seeds, mean of the maximum and the mean of the error in the plane."""
-    error = next(iter(result.summary()["scenarios"].values()))["results"][name]["error_m"]["distance"]
+    error = next(iter(result.summary()["scenarios"].values()))["results"][name]["error_m"][
+        "distance"
+    ]
     return {statistic: error[statistic]["mean"] for statistic in ("max", "mean")}
 
 
@@ -156,7 +162,9 @@ def test_no_controller_gets_below_it(plant: str) -> None:
     assert still["mean"] < limit["mean"]
     attempts = found.summary()["limit"]["attempts"]
     assert attempts[-1]["mean"] <= attempts[0]["mean"]
-    assert still["mean"] == pytest.approx(attempts[-1]["mean"], rel=1e-9), "shown again as it was learned"
+    assert still["mean"] == pytest.approx(attempts[-1]["mean"], rel=1e-9), (
+        "shown again as it was learned"
+    )
     if plant == "kinematic":
         assert om.limit(scenario, SEEDS, iterations=6).table() == found.table()
 

@@ -49,7 +49,11 @@ def predicting(gain: float, delay: int = DELAY) -> control.TransferFunction:
     return control.tf([gain * T], denominator, T)
 
 
-EXACT = {"p": proportional(GAINS["p"]), "smith": predicting(GAINS["smith"]), "comp-flc": predicting(GAINS["comp-flc"])}
+EXACT = {
+    "p": proportional(GAINS["p"]),
+    "smith": predicting(GAINS["smith"]),
+    "comp-flc": predicting(GAINS["comp-flc"]),
+}
 
 
 def gains(system: control.TransferFunction) -> NDArray[np.complex128]:
@@ -84,7 +88,9 @@ def small() -> Iterator[LoopResult]:
 
 @given(gain=st.floats(1.6, 15), delay=st.integers(4, 9), predicts=st.booleans())
 @settings(max_examples=25)
-@pytest.mark.filterwarnings("ignore:(divide by zero|invalid value):RuntimeWarning")  # of an integrator at zero
+@pytest.mark.filterwarnings(
+    "ignore:(divide by zero|invalid value):RuntimeWarning"
+)  # of an integrator at zero
 def test_margins_are_those_of_python_control(gain: float, delay: int, predicts: bool) -> None:
     """Interpolated between the frequencies measured; where they end, a phase that turns later is not seen."""
     if not predicts:
@@ -109,7 +115,9 @@ def test_what_is_measured_is_the_closed_form(small: LoopResult, name: str) -> No
     """
     for case in (REST,) if name == "comp-flc" else (REST, ACROSS):
         found = small.loops[case][name]
-        np.testing.assert_allclose(found.gains, gains(EXACT[name]), rtol=0.02 if name == "comp-flc" else 0.01)
+        np.testing.assert_allclose(
+            found.gains, gains(EXACT[name]), rtol=0.02 if name == "comp-flc" else 0.01
+        )
         most, phase, distance, *_ = control.stability_margins(EXACT[name])
         assert found.margins.phase == pytest.approx(phase, abs=1)
         assert found.margins.gain == pytest.approx(most, rel=0.04)
@@ -119,7 +127,9 @@ def test_what_is_measured_is_the_closed_form(small: LoopResult, name: str) -> No
 def test_p_has_the_margins_of_its_rule(small: LoopResult) -> None:
     """Half a radian less than a right angle, and pi, with the half frame that it counts for a dead time badly known."""
     found = small.loops[REST]["p"].margins
-    assert found.phase - np.degrees(found.crossover * T / 2) == pytest.approx(90 - np.degrees(0.5), abs=0.2)
+    assert found.phase - np.degrees(found.crossover * T / 2) == pytest.approx(
+        90 - np.degrees(0.5), abs=0.2
+    )
     assert found.gain * 6.5 / 7 == pytest.approx(np.pi, rel=0.01)
 
 
@@ -138,7 +148,10 @@ def test_figures_of_a_step_are_those_of_python_control(damping: float, rate: flo
     """Times to a frame: it samples, and counts from another one."""
     system = control.tf([rate**2], [1, 2 * damping * rate, rate**2])
     time = T * np.arange(600)
-    info, found = control.step_info(system, T=time), measure_step(0.05 * control.step_response(system, time)[1], 0.05)
+    info, found = (
+        control.step_info(system, T=time),
+        measure_step(0.05 * control.step_response(system, time)[1], 0.05),
+    )
     assert found.rise == pytest.approx(info["RiseTime"], abs=1.01 * T)
     assert 100 * found.overshoot == pytest.approx(info["Overshoot"], abs=0.2)
     assert found.within_2_percent == pytest.approx(info["SettlingTime"], abs=1.01 * T)
@@ -151,7 +164,10 @@ def test_a_loop_bears_as_much_more_dead_time_as_its_margin_says(small: LoopResul
     frames = small.loops[REST]["p"].margins.delay / T
     assert frames == pytest.approx(15.5, abs=0.1)
     for more, dies_out in ((int(frames), True), (int(frames) + 1, False)):
-        late = ideal(radio={"delay_frames": DELAY + more}, control={**IDEAL["control"], "delay_error_frames": -more})
+        late = ideal(
+            radio={"delay_frames": DELAY + more},
+            control={**IDEAL["control"], "delay_error_frames": -more},
+        )
         drive = Drive(late.replace(controllers=("p",)))
         drive.disturbance[:] = 0
         assert drive.run(stop_at(WARM_UP + 600)) == "interrupted"

@@ -35,14 +35,18 @@ def solved(slope: object) -> NDArray:
 @given(st.floats(0.6, 1.1), st.floats(0.0, 0.3), st.sampled_from([1.0, -1.0]))
 def test_gain_and_time_of_the_law_are_recovered(gain: float, time: float, sign: float) -> None:
     """Solved by LSODA. 1e-4: the fit holds T |u| for a quarter of a frame."""
-    v = solved(lambda t, v: (gain * wheels(t, sign) - v) / (time * np.abs(wheels(t)) + fits.FLOOR_S))
+    v = solved(
+        lambda t, v: (gain * wheels(t, sign) - v) / (time * np.abs(wheels(t)) + fits.FLOOR_S)
+    )
     found = fits.fit_law(wheels(AT, sign), np.abs(wheels(AT)), v)
     assert found == pytest.approx((gain, time), abs=1e-4)
 
 
 @settings(max_examples=10)
 @given(st.floats(0.02, 0.12), st.floats(0.0, 1.5))
-def test_what_is_fitted_to_the_law_of_creep_is_its_closed_form(softness: float, slowing: float) -> None:
+def test_what_is_fitted_to_the_law_of_creep_is_its_closed_form(
+    softness: float, slowing: float
+) -> None:
     """u = v + T0 v (v' + d), solved for v, shows as K = 1 / (1 + T0 d) and T = K^2 T0.
 
     The fit has T |u| where the law has T0 |v|, which differ by the share K T0 a, in opposite senses in speeding up and
@@ -56,7 +60,9 @@ def test_what_is_fitted_to_the_law_of_creep_is_its_closed_form(softness: float, 
     gain = 1 / (1 + softness * slowing)
     square = (gain * softness * 2.0) ** 2
     assert found_gain == pytest.approx(gain, rel=square / 4, abs=1e-4)
-    assert found_time + 0.0016 == pytest.approx(gain**2 * softness * (1 + square / 2), rel=square / 2, abs=2e-4)
+    assert found_time + 0.0016 == pytest.approx(
+        gain**2 * softness * (1 + square / 2), rel=square / 2, abs=2e-4
+    )
 
 
 @pytest.mark.parametrize(("dry", "viscous"), [(0.8, 0.5), (1.6, 0.0), (3.0, 0.2)])
@@ -75,7 +81,11 @@ def test_the_closed_form_of_a_robot_is_the_solution_of_its_wheels() -> None:
     """Here slips are given, and forces follow wheel by wheel; `creep` inverts. Equal loads give W/(g C sum d^2)."""
     robot = Settings()
     closed, load = creep(robot), loads(robot)
-    azimuth, c, mass = np.radians(robot.wheels.azimuths_deg), robot.drive.creep_stiffness, robot.body.mass_kg
+    azimuth, c, mass = (
+        np.radians(robot.wheels.azimuths_deg),
+        robot.drive.creep_stiffness,
+        robot.body.mass_kg,
+    )
     assert load.sum() == pytest.approx(mass * 9.81)
     for axis, direction in enumerate((-np.sin(azimuth), np.cos(azimuth))):
         gap, v = 0.07, 1.2
@@ -100,11 +110,15 @@ def test_robots_slip_and_roll_out_as_the_law_says(name: str) -> None:
         assert gain - 0.014 < robot.measured[f"gain_{axis}"] < gain, axis
         assert 0.95 * time - 0.002 < robot.measured[f"time_{axis}"] < 1.04 * time, axis
     for axis in ("forward", "turning"):
-        assert robot.measured[f"drag_{axis}"] == pytest.approx(robot.law[f"drag_{axis}"], rel=0.08), axis
+        assert robot.measured[f"drag_{axis}"] == pytest.approx(
+            robot.law[f"drag_{axis}"], rel=0.08
+        ), axis
     assert [row["move"] for row in result.rows().to_pylist()] == [move.kind for move in MOVES]
     told = result.summary()["slip"]["robots"][name]["quantities"]["time_forward"]
     assert told["published"] == PUBLISHED[name]["time_forward"]
-    assert told["deviation_percent"] == pytest.approx(100 * (told["measured"] / told["published"] - 1))
+    assert told["deviation_percent"] == pytest.approx(
+        100 * (told["measured"] / told["published"] - 1)
+    )
 
 
 def test_the_moves_are_those_that_were_published() -> None:
@@ -134,4 +148,7 @@ def test_a_robot_that_falls_is_left_out_and_told() -> None:
     result = om.slip([pushed], [straight("forward", 1.5, rolls_out=True)])
     (failure,) = result.failures
     assert failure.cause == "toppled over"
-    assert result.summary()["slip"]["robots"]["tigers-v2016"]["quantities"]["gain_forward"]["measured"] is None
+    assert (
+        result.summary()["slip"]["robots"]["tigers-v2016"]["quantities"]["gain_forward"]["measured"]
+        is None
+    )

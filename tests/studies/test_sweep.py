@@ -63,16 +63,30 @@ def test_each_run_is_what_it_is_alone(whole: bench.Sweep) -> None:
         alone = bits(om.run(scenario(**sections), NAMES, range(3)).rows())
         own = bits(table.filter(pa.compute.equal(table["point"], point)))
         shared = [name for name in alone if name in own and name != "failed_at_s"]
-        assert {"controller", "seed", "settle_s", "distance_p99_m", "heading_rms_rad", "held_back_share"} <= {*shared}
+        assert {
+            "controller",
+            "seed",
+            "settle_s",
+            "distance_p99_m",
+            "heading_rms_rad",
+            "held_back_share",
+        } <= {*shared}
         for name in shared:
             assert own[name] == alone[name], name
 
 
 def test_robots_on_other_wheels_are_not_simulated_together(tmp_path: Path) -> None:
     """On planar all rows of a simulation have the first one's wheels."""
-    alone = [om.run(om.scenario("rect", plant="planar", reference=SHORT, wheels={"rollers": n}), "p") for n in (12, 16)]
+    alone = [
+        om.run(om.scenario("rect", plant="planar", reference=SHORT, wheels={"rollers": n}), "p")
+        for n in (12, 16)
+    ]
     found = bench.sweep(
-        om.scenario("rect", plant="planar", reference=SHORT), {"wheels.rollers": [12, 16]}, ["p"], 1, out=tmp_path / "x"
+        om.scenario("rect", plant="planar", reference=SHORT),
+        {"wheels.rollers": [12, 16]},
+        ["p"],
+        1,
+        out=tmp_path / "x",
     )
     assert found.rows()["distance_max_m"].to_pylist() == [
         result.rows()["distance_max_m"][0].as_py() for result in alone
@@ -80,13 +94,17 @@ def test_robots_on_other_wheels_are_not_simulated_together(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("at_once", [1, 5])
-def test_results_do_not_depend_on_how_many_run_at_once(whole: bench.Sweep, tmp_path: Path, at_once: int) -> None:
+def test_results_do_not_depend_on_how_many_run_at_once(
+    whole: bench.Sweep, tmp_path: Path, at_once: int
+) -> None:
     again = swept(tmp_path / "sweep", at_once=at_once)
     assert len(again.plan.jobs) > len(whole.plan.jobs)
     assert bits(again.rows()) == bits(whole.rows())
 
 
-def test_a_sweep_that_was_stopped_goes_on_and_computes_nothing_twice(whole: bench.Sweep, tmp_path: Path) -> None:
+def test_a_sweep_that_was_stopped_goes_on_and_computes_nothing_twice(
+    whole: bench.Sweep, tmp_path: Path
+) -> None:
     run: list[int] = []
 
     def three_at_most(job: Any) -> object:
@@ -101,7 +119,9 @@ def test_a_sweep_that_was_stopped_goes_on_and_computes_nothing_twice(whole: benc
     assert part.rows().num_rows == sum(len(NAMES) * len(job.runs) for job in part.plan.jobs[:3])
     assert json.loads((folder / "summary.json").read_text())["complete"] is False
     rest: list[int] = []
-    done = swept(folder, at_once=4, before_shard=lambda job: rest.append(job.number) or bench.nothing)
+    done = swept(
+        folder, at_once=4, before_shard=lambda job: rest.append(job.number) or bench.nothing
+    )
     assert sorted(run + rest) == [job.number for job in done.plan.jobs]
     assert bits(done.rows()) == bits(whole.rows())
     swept(folder, at_once=4, before_shard=lambda job: pytest.fail("nothing is left"))
@@ -114,7 +134,11 @@ def test_a_killed_process_loses_no_shard_that_was_done(
     folder = tmp_path / "sweep"
     process = subprocess.Popen([sys.executable, "-m", "omni_mj.cli.main", *words(folder)])
     deadline = time.monotonic() + 120
-    while len(list(folder.glob("shards/*.parquet"))) < 2 and process.poll() is None and time.monotonic() < deadline:
+    while (
+        len(list(folder.glob("shards/*.parquet"))) < 2
+        and process.poll() is None
+        and time.monotonic() < deadline
+    ):
         time.sleep(0.002)
     process.kill()
     process.wait()
@@ -129,13 +153,26 @@ def test_a_killed_process_loses_no_shard_that_was_done(
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     """The address of a scheduler, and two workers, processes of their own that share nothing with this one."""
-    from distributed import Client, LocalCluster  # here, since each process of the tests imports this file
+    from distributed import (  # here, since each process of the tests imports this file
+        Client,
+        LocalCluster,
+    )
 
-    command = [sys.executable, "-m", "distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1", "--no-dashboard"]
+    command = [
+        sys.executable,
+        "-m",
+        "distributed.cli.dask_worker",
+        "--no-nanny",
+        "--nthreads",
+        "1",
+        "--no-dashboard",
+    ]
     local = LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50)
     with local as scheduler:
         address = scheduler.scheduler_address
-        processes = [subprocess.Popen([*command, address], stderr=subprocess.DEVNULL) for _ in range(2)]
+        processes = [
+            subprocess.Popen([*command, address], stderr=subprocess.DEVNULL) for _ in range(2)
+        ]
         with Client(address) as client:
             client.wait_for_workers(2, timeout=120)
         yield address, processes
@@ -174,7 +211,9 @@ def test_a_cluster_of_which_a_worker_is_killed_and_processes_find_the_same(
             swept(tmp_path / "other", executor=client.get_executor(pure=False))
 
 
-def test_a_cluster_that_does_not_answer_is_said_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_cluster_that_does_not_answer_is_said_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for cluster, said in (
         (("nonsense",), "no Dask scheduler answers at nonsense"),
         (("tcp://127.0.0.1:9", "--jobs", "2"), "processes of this machine, or a --cluster"),
@@ -229,10 +268,23 @@ def test_rows_that_cannot_share_a_batch_are_run_apart() -> None:
         assert len({plan.points[point]["wheels.model"] for point, _ in job.runs}) == 1
 
 
-def test_what_matters_and_the_worst_runs_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_matters_and_the_worst_runs_are_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The dead time, not a carpet that this plant lacks; and the command that repeats the worst run, to the bit."""
     folder = tmp_path / "s"
-    words = ("--scenario", "rect", "--plant", "kinematic", "--controller", "p", "--seeds", "12", "--out", folder)
+    words = (
+        "--scenario",
+        "rect",
+        "--plant",
+        "kinematic",
+        "--controller",
+        "p",
+        "--seeds",
+        "12",
+        "--out",
+        folder,
+    )
     drawn = ("radio.delay_frames={uniform = [0, 8]}", "carpet.friction={uniform = [0.4, 0.9]}")
     sets = (word for each in drawn for word in ("--set", each))
     assert invoke("sweep", *words, *ROUTE, *sets) == 0
@@ -243,18 +295,33 @@ def test_what_matters_and_the_worst_runs_are_said(tmp_path: Path, capsys: pytest
     rows = pq.read_table(folder / "rows.parquet").to_pylist()
     worst = summary["worst"][0]
     assert worst["distance_max_m"] == max(row["distance_max_m"] for row in rows)
-    assert invoke(*shlex.split(worst["repeat"])[1:], "--no-figures", "--out", tmp_path / "again") == 0
-    again = json.loads((tmp_path / "again/summary.json").read_text())["scenarios"]["rect"]["results"]["p"]
+    assert (
+        invoke(*shlex.split(worst["repeat"])[1:], "--no-figures", "--out", tmp_path / "again") == 0
+    )
+    again = json.loads((tmp_path / "again/summary.json").read_text())["scenarios"]["rect"][
+        "results"
+    ]["p"]
     assert again["error_m"]["distance"]["max"]["seeds"] == [worst["distance_max_m"]]
 
 
 def test_cells_have_rates_and_medians_of_their_rows_with_intervals(whole: bench.Sweep) -> None:
     """Of three robots none of which failed: a rate of 0 % up to 56 % by Wilson's interval; too few for a median's."""
     cells = whole.summary["cells"]
-    assert [(c["point"], c["controller"]) for c in cells] == [(i, name) for i in range(4) for name in NAMES]
+    assert [(c["point"], c["controller"]) for c in cells] == [
+        (i, name) for i in range(4) for name in NAMES
+    ]
     for cell in cells:
-        own = [row for row in whole.rows().to_pylist() if all(row[key] == cell[key] for key in ("point", "controller"))]
+        own = [
+            row
+            for row in whole.rows().to_pylist()
+            if all(row[key] == cell[key] for key in ("point", "controller"))
+        ]
         assert (cell["robots"], cell["failed"], cell["failure_low"]) == (3, 0, 0.0)
         assert cell["failure_high"] == pytest.approx(0.5615, abs=1e-4)
         errors = sorted(row["distance_max_m"] for row in own)
-        assert cell["distance_max_m"] == {"median": errors[1], "low": None, "high": None, "p90": errors[2]}
+        assert cell["distance_max_m"] == {
+            "median": errors[1],
+            "low": None,
+            "high": None,
+            "p90": errors[2],
+        }

@@ -19,7 +19,9 @@ SIDE = 5 / 3  # creep, lag and friction sideways over those forward, with these 
 def turned(twist: Array, angle: Array) -> Array:
     """Return twists (n, 3) whose translation is rotated by angles (n,)."""
     c, s = np.cos(angle), np.sin(angle)
-    return np.stack([c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1], twist[:, 2]], axis=1)
+    return np.stack(
+        [c * twist[:, 0] - s * twist[:, 1], s * twist[:, 0] + c * twist[:, 1], twist[:, 2]], axis=1
+    )
 
 
 class Plant:
@@ -57,7 +59,9 @@ class Lagged(Plant):
         alpha: Factors, (n, 3) or one for all.
     """
 
-    def __init__(self, start: ArrayLike, delay: ArrayLike, lag: float = 0.0, alpha: ArrayLike = 1.0) -> None:
+    def __init__(
+        self, start: ArrayLike, delay: ArrayLike, lag: float = 0.0, alpha: ArrayLike = 1.0
+    ) -> None:
         super().__init__(start, delay)
         self._lag, self._alpha = lag, np.asarray(alpha, float)
 
@@ -89,7 +93,12 @@ class Creeping(Plant):
         alpha: ArrayLike = (0.92, 0.87, 0.98),
     ) -> None:
         super().__init__(start, delay)
-        self._lag, self._creep, self._friction, self._gain = lag, creep, friction, 1 / np.asarray(alpha)
+        self._lag, self._creep, self._friction, self._gain = (
+            lag,
+            creep,
+            friction,
+            1 / np.asarray(alpha),
+        )
         self._body_twist = np.zeros_like(self.pose)
 
     def advance(self, command: Array) -> None:
@@ -145,7 +154,11 @@ def commands_for(controller: Controller) -> CommandsInFlight:
 
 
 def seen_at(
-    told: Told, pose: ArrayLike, sent: CommandsInFlight, twist: Array | None = None, measured: Array | None = None
+    told: Told,
+    pose: ArrayLike,
+    sent: CommandsInFlight,
+    twist: Array | None = None,
+    measured: Array | None = None,
 ) -> Seen:
     """What is known of robots at `pose` (n, 3), of which nothing else is known unless it is given."""
     pose = np.array(pose, float)
@@ -169,7 +182,10 @@ def drive(
         queue.push(sent)
         seen = plant.pose + error
         sent = limits(
-            controller.command(first_frame + k, seen_at(controller.told, seen, queue, plant.twist, seen)), sent
+            controller.command(
+                first_frame + k, seen_at(controller.told, seen, queue, plant.twist, seen)
+            ),
+            sent,
         )
         rows.append((plant.pose, controller.predicted.copy(), sent))
         plant.advance(sent)
@@ -199,7 +215,10 @@ def loop(
     for frame, error in enumerate(noise):
         image = sees(frame, reported(plant.pose + error), image)
         command = team.step(image, (plant.pose, plant.twist))
-        said = {name: np.array(getattr(team, name)) for name in ("estimate", "predicted", "alpha_hat", "latency_hat")}
+        said = {
+            name: np.array(getattr(team, name))
+            for name in ("estimate", "predicted", "alpha_hat", "latency_hat")
+        }
         record.append({"pose": plant.pose, "command": command, **team.channels, **said})
         plant.advance(command if hears(frame) else np.zeros_like(command))
     return {name: np.array([entry[name] for entry in record]) for name in record[0]}
@@ -208,7 +227,9 @@ def loop(
 GAIN_ERROR, DRIFT, DRIFT_TIME_S = 0.06, (0.1, 0.1, 0.5), 0.5
 
 
-def driven(seed: int, frames: int, n: int, scale: float = 1.0, missed: float = 0.02) -> tuple[Array, Array, Array]:
+def driven(
+    seed: int, frames: int, n: int, scale: float = 1.0, missed: float = 0.02
+) -> tuple[Array, Array, Array]:
     """True poses, poses seen and commanded displacements (frames, n, 3).
 
     The process noise has `scale` times the variance that the filter states; of the poses a share `missed` is not seen.
@@ -216,11 +237,20 @@ def driven(seed: int, frames: int, n: int, scale: float = 1.0, missed: float = 0
     rng = np.random.default_rng(seed)
     # Speeds that change slowly, as under a limit of acceleration.
     phase, rate = rng.uniform(0, 2 * np.pi, (2, 1, n, 3))
-    displacement = T * np.array([1.0, 1.0, 2.0]) * np.sin(phase + T * rate * np.arange(frames)[:, None, None])
+    displacement = (
+        T * np.array([1.0, 1.0, 2.0]) * np.sin(phase + T * rate * np.arange(frames)[:, None, None])
+    )
     pose, drift, poses = rng.uniform(-1, 1, (n, 3)), np.zeros((n, 3)), []
     for q in displacement:
-        pose = pose + q + T * drift + np.sqrt(scale) * GAIN_ERROR * np.abs(q) * rng.standard_normal((n, 3))
-        drift = drift * np.exp(-T / DRIFT_TIME_S) + np.sqrt(scale * T) * np.array(DRIFT) * rng.standard_normal((n, 3))
+        pose = (
+            pose
+            + q
+            + T * drift
+            + np.sqrt(scale) * GAIN_ERROR * np.abs(q) * rng.standard_normal((n, 3))
+        )
+        drift = drift * np.exp(-T / DRIFT_TIME_S) + np.sqrt(scale * T) * np.array(
+            DRIFT
+        ) * rng.standard_normal((n, 3))
         poses.append(pose)
     true = np.array(poses)
     measured = true + np.array(NOISE) * rng.standard_normal(true.shape)

@@ -31,7 +31,9 @@ def listed(what: str) -> list[str]:
     with redirect_stdout(out):
         assert invoke("list", what) == 0
     lines = out.getvalue().splitlines()[1:]
-    return [line.split()[0] for line in lines if line.startswith("  ") and not line.startswith("   ")]
+    return [
+        line.split()[0] for line in lines if line.startswith("  ") and not line.startswith("   ")
+    ]
 
 
 def appears(path: Path) -> bool:
@@ -60,4 +62,6 @@ def signalled(number: int, path: Path) -> Iterator[None]:
 
 def strict(path: Path) -> Any:
     """JSON without NaN and its like."""
-    return json.loads(path.read_text(), parse_constant=lambda name: pytest.fail(f"{name} in {path}"))
+    return json.loads(
+        path.read_text(), parse_constant=lambda name: pytest.fail(f"{name} in {path}")
+    )

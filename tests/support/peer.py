@@ -45,7 +45,9 @@ def options() -> argparse.Namespace:
     parse = argparse.ArgumentParser()
     for name, default in DEFAULTS.items():
         parse.add_argument(f"--{name}", type=type(default), default=default)
-    parse.add_argument("--start", type=float, nargs="+", default=[0.0, 0.0, 0.0], help="x y heading of each robot")
+    parse.add_argument(
+        "--start", type=float, nargs="+", default=[0.0, 0.0, 0.0], help="x y heading of each robot"
+    )
     parse.add_argument("--lockstep", action="store_true")
     return parse.parse_args()
 
@@ -66,7 +68,9 @@ class Robots:
         twist, local = (values.copy() for values in self._queue[-1][1:])
         for command in RobotControl.FromString(packet).robot_commands:
             form = command.move_command.WhichOneof("command")
-            twist[command.id] = [value for _, value in getattr(command.move_command, form).ListFields()]
+            twist[command.id] = [
+                value for _, value in getattr(command.move_command, form).ListFields()
+            ]
             local[command.id] = form == "local_velocity"
         self._queue.append((self._step, twist, local))
 
@@ -113,7 +117,9 @@ class Peer:
             seen[:, :2] += said.bias * (camera == 1)
             seen[:, 2] += np.pi * (self.random.random(n) < said.mirror)
             names = (np.arange(n) + (self.random.random(n) < said.swap)) % n
-            robots = [(name, *place) for name, place in zip(names[visible], seen[visible], strict=True)]
+            robots = [
+                (name, *place) for name, place in zip(names[visible], seen[visible], strict=True)
+            ]
             self.send(vision(frame, robots, camera=camera, captured=now - said.age, sent=now))
         if self.random.random() < said.junk:
             self.send(self.random.bytes(self.random.integers(60)))

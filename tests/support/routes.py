@@ -23,14 +23,20 @@ paths = st.lists(poses, min_size=2, max_size=4)
 positive = st.floats(0.3, 6)
 highest = (st.floats(0.3, 4), positive, st.floats(1, 10), st.floats(3, 40), st.none() | positive)
 limits = st.builds(MotionLimits, *highest)
-smooth_limits = st.builds(MotionLimits, *highest, st.floats(2, 200), st.none() | st.floats(20, 2000))
-curves = st.builds(lambda name, *size: CURVES[name](*size), st.sampled_from(list(CURVES)), *[st.floats(0.5, 6)] * 2)
+smooth_limits = st.builds(
+    MotionLimits, *highest, st.floats(2, 200), st.none() | st.floats(20, 2000)
+)
+curves = st.builds(
+    lambda name, *size: CURVES[name](*size), st.sampled_from(list(CURVES)), *[st.floats(0.5, 6)] * 2
+)
 
 
 def ellipse_share(change: Array, heading: Array, limit: MotionLimits) -> Array:
     """Return accelerations (n, 2 or 3) at headings (n,) over what the ellipse in the body's axes allows."""
     body = (change[:, 0] + 1j * change[:, 1]) * np.exp(-1j * heading)
-    return np.hypot(body.real / limit.acceleration, body.imag / (limit.side_acceleration or limit.acceleration))
+    return np.hypot(
+        body.real / limit.acceleration, body.imag / (limit.side_acceleration or limit.acceleration)
+    )
 
 
 def assert_keeps(poses: Array, limit: MotionLimits, snap: float = 0.0) -> None:
@@ -61,7 +67,9 @@ G, RADIUS = 9.81, 0.0285
 AZIMUTHS = (60.0, 135.0, 225.0, 300.0)
 # Wheels at most 15 deg from these azimuths: they stand around the centre. On the worst carpet drag takes 2/3 of it.
 wheels = st.builds(
-    lambda shift, arm, *rest: WheelLimits(Kinematics(np.radians(np.add(AZIMUTHS, shift)), arm, RADIUS), *rest),
+    lambda shift, arm, *rest: WheelLimits(
+        Kinematics(np.radians(np.add(AZIMUTHS, shift)), arm, RADIUS), *rest
+    ),
     st.tuples(*[st.floats(-15, 15)] * 4),
     st.floats(0.06, 0.1),
     st.floats(0.3, 1.2),
@@ -72,7 +80,9 @@ wheels = st.builds(
     st.floats(0.5, 5),
 )
 vectors = st.tuples(*[st.floats(-1, 1).filter(lambda x: abs(x) > 1e-3)] * 2, st.floats(-20, 20))
-TIGERS = WheelLimits(Kinematics(np.radians(AZIMUTHS), 0.083, RADIUS), 0.45, 0.0695, 0.045, 0.045, 0.09)  # v2016
+TIGERS = WheelLimits(
+    Kinematics(np.radians(AZIMUTHS), 0.083, RADIUS), 0.45, 0.0695, 0.045, 0.045, 0.09
+)  # v2016
 
 
 def spokes(robot: WheelLimits) -> Array:
@@ -94,7 +104,10 @@ def drag(robot: WheelLimits, travel: Array) -> Array:
     arm = robot.kinematics.arm * axle
     v = travel[:2] + travel[2] * np.column_stack([-arm[:, 1], arm[:, 0]])
     across = np.sign((v * axle).sum(axis=1, keepdims=True))
-    push = -load * (robot.pile * v / np.linalg.norm(v, axis=1, keepdims=True) + robot.roller_friction * across * axle)
+    push = -load * (
+        robot.pile * v / np.linalg.norm(v, axis=1, keepdims=True)
+        + robot.roller_friction * across * axle
+    )
     return np.append(push.sum(0), (arm[:, 0] * push[:, 1] - arm[:, 1] * push[:, 0]).sum())
 
 

@@ -22,7 +22,9 @@ def triangles(universe: np.ndarray) -> np.ndarray:
     return np.array([skfuzzy.trimf(universe, abc) for abc in corners])
 
 
-def controller(points: int, error_range_m: float, speed_range_m_s: float) -> "ControlSystemSimulation":
+def controller(
+    points: int, error_range_m: float, speed_range_m_s: float
+) -> "ControlSystemSimulation":
     """25 rules for two inputs, e_x and e_y, and two outputs, v_x and v_y, on universes of so many points."""
     from skfuzzy import control
 

@@ -77,7 +77,14 @@ def vision(
     for team, robots in ((detection.robots_blue, blue), (detection.robots_yellow, yellow)):
         for name, x, y, heading in robots:
             pixel = {"pixel_x": 0, "pixel_y": 0}
-            team.add(confidence=1, robot_id=int(name), x=1000 * x, y=1000 * y, orientation=heading, **pixel)
+            team.add(
+                confidence=1,
+                robot_id=int(name),
+                x=1000 * x,
+                y=1000 * y,
+                orientation=heading,
+                **pixel,
+            )
     return VisionPacket(detection=detection).SerializeToString()
 
 
@@ -156,7 +163,9 @@ def free_port() -> int:
 
 
 @contextmanager
-def served(*options: str, client: Client, ports: Sequence[int] = (0, 0, 0)) -> Iterator[subprocess.Popen]:
+def served(
+    *options: str, client: Client, ports: Sequence[int] = (0, 0, 0)
+) -> Iterator[subprocess.Popen]:
     """`omni-mj serve` as a process that sends its vision to a client; standard output is read up to the ports."""
     names = ("--control-port", "--blue-port", "--yellow-port")
     where = [word for name, port in zip(names, ports, strict=True) for word in (name, str(port))]
@@ -164,7 +173,9 @@ def served(*options: str, client: Client, ports: Sequence[int] = (0, 0, 0)) -> I
     command = [sys.executable, "-m", "omni_mj.cli.main", "serve", *where]
     command += ["--vision", f"{LOOPBACK}:{client.vision_port}", *options]
     environment = os.environ | {"PYTHONPATH": f"{root}:{root / 'control'}", "PYTHONUNBUFFERED": "1"}
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     try:
         assert process.stdout is not None
         for line in process.stdout:

@@ -21,8 +21,17 @@ Columns = dict[str, np.ndarray]
 def _driven(seconds: float, rate: int, speed: float, pull: float, changes: str) -> Columns:
     """The columns of a log; commands change with each line."""
     frames, hold = round(60 * seconds), 60 // rate
-    rest = {"shape": "waypoints", "waypoints": [[0, 0], [0, 0]], "mode": "timed", "settle_s": seconds + 1}
-    usual = {"reference": rest, "world": {"places": [[0, 0, 0]]}, "wheels": {"model": "two-rollers"}}
+    rest = {
+        "shape": "waypoints",
+        "waypoints": [[0, 0], [0, 0]],
+        "mode": "timed",
+        "settle_s": seconds + 1,
+    }
+    usual = {
+        "reference": rest,
+        "world": {"places": [[0, 0, 0]]},
+        "wheels": {"model": "two-rollers"},
+    }
     sim = om.Simulation(om.scenario("rect", **usual, **json.loads(changes)), ["p"])
     rng, command, goal = np.random.default_rng(1), np.zeros((frames, 3)), np.zeros(3)
     steepest = np.array([pull, pull, 15.0]) / rate
@@ -38,7 +47,13 @@ def _driven(seconds: float, rate: int, speed: float, pull: float, changes: str) 
     pose, angles = (sim.log.channel(name)[lines, 0] for name in ("pose", "wheel_angle"))
     pose = pose + rng.normal(size=pose.shape) * [0.0013, 0.0013, 0.003]
     names = ("time_s", *POSE, *COMMAND, *WHEELS)
-    return dict(zip(names, [np.arange(frames)[lines] / 60, *pose.T, *command[lines].T, *angles.T], strict=True))
+    return dict(
+        zip(
+            names,
+            [np.arange(frames)[lines] / 60, *pose.T, *command[lines].T, *angles.T],
+            strict=True,
+        )
+    )
 
 
 def driven(

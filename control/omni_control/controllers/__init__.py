@@ -35,7 +35,9 @@ def find(name: str) -> type[Controller]:
         raise OmniError(f"unknown controller {name!r}; {choose(name, sorted(CONTROLLERS))}")
     if package := missing(name):
         get = f"pip install 'omni-mj[{name}]'"
-        raise OmniError(f"controller {name!r} needs the package {package}, which is not installed; get it by {get}")
+        raise OmniError(
+            f"controller {name!r} needs the package {package}, which is not installed; get it by {get}"
+        )
     module, _, class_name = CONTROLLERS[name].partition(":")
     return getattr(import_module(module), class_name)
 
@@ -95,7 +97,9 @@ def make(
         if not 0 <= controller.memory_frames <= MAX_MEMORY_FRAMES:
             raise OmniError(f"memory_frames must be from 0 to {MAX_MEMORY_FRAMES}")
     except Exception as error:
-        raise ControllerError(f"{found.__name__} cannot be made{error_place(found, error)}") from error
+        raise ControllerError(
+            f"{found.__name__} cannot be made{error_place(found, error)}"
+        ) from error
     return controller
 
 
@@ -105,5 +109,11 @@ def _types(kind: type[Controller]) -> dict[str, type]:
     annotations: dict[str, object] = {}
     for base in reversed(kind.__mro__):
         annotations |= inspect.get_annotations(base)
-    types = {name: named.get(str(getattr(each, "__name__", each))) for name, each in annotations.items()}
-    return {name: kind_ for name, kind_ in types.items() if kind_ and name[0] != "_" and hasattr(kind, name)}
+    types = {
+        name: named.get(str(getattr(each, "__name__", each))) for name, each in annotations.items()
+    }
+    return {
+        name: kind_
+        for name, kind_ in types.items()
+        if kind_ and name[0] != "_" and hasattr(kind, name)
+    }

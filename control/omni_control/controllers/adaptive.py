@@ -17,9 +17,9 @@ from typing import ClassVar
 import numpy as np
 
 from omni_control.controllers.base import Controller, Seen, Told
-from omni_control.estimation import robot_filter
-from omni_control.estimation.robot_filter import DISTURBANCE, GAIN, POSE, VELOCITY, RobotFilter
-from omni_control.estimation.tracking import MOST_FRAMES
+from omni_control.estimation import parameter_ekf
+from omni_control.estimation.parameter_ekf import DISTURBANCE, GAIN, POSE, VELOCITY, RobotFilter
+from omni_control.estimation.vision_tracker import MOST_FRAMES
 from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import IteratedReference, Reference
@@ -60,7 +60,9 @@ class InverseFlc(Controller):
         velocities, headings = self.expected(poses, twists, state)
         planned = model.invert(velocities[:-1], velocities[1:], headings)
         error = poses[1] - state[:, POSE]
-        leading = error[:, :2] + self._lead(velocities[0], velocities[0] - state[:, VELOCITY], headings[0])
+        leading = error[:, :2] + self._lead(
+            velocities[0], velocities[0] - state[:, VELOCITY], headings[0]
+        )
         correction = self.fuzzy(leading)
         size, speed = (np.hypot(*vector.T) for vector in (leading, correction))
         fading = np.exp(-period * speed / np.maximum(size, 1e-12))[:, None]
@@ -108,7 +110,10 @@ class InverseFlc(Controller):
     def _record(self) -> None:
         """Say what was found, and how sure it is."""
         model = self.filter
-        state, sigma = model.state, np.sqrt(np.maximum(np.diagonal(model.covariance, axis1=1, axis2=2), 0))
+        state, sigma = (
+            model.state,
+            np.sqrt(np.maximum(np.diagonal(model.covariance, axis1=1, axis2=2), 0)),
+        )
         lag = model.lateness(state, np.zeros((len(state), 1))) * state[:, GAIN]
         self.alpha_hat = 1 / state[:, GAIN]
         self.latency_hat = model.latency[:, None] + lag / self.told.period
@@ -119,7 +124,7 @@ class InverseFlc(Controller):
             "surprise": model.innovation,
         }
         for name in ("latency", "creep", "friction"):
-            column = getattr(robot_filter, name.upper())
+            column = getattr(parameter_ekf, name.upper())
             self.channels |= {name: state[:, column], f"{name}_sigma": sigma[:, column]}
 
 
@@ -160,7 +165,9 @@ def anticipate(commands: Array, max_step: float) -> Array:
     sizes = np.hypot(changes[..., 0], changes[..., 1])
     worst = (sizes - reach).argmax(0), np.arange(commands.shape[1])
     size = sizes[worst]
-    along = np.where(size[:, None] > 0, changes[worst] / np.maximum(size, 1e-300)[:, None], [1.0, 0.0])
+    along = np.where(
+        size[:, None] > 0, changes[worst] / np.maximum(size, 1e-300)[:, None], [1.0, 0.0]
+    )
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
     result: Array = commands[0].copy()
     for direction in (along, across):

@@ -13,14 +13,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from omni_control.delay import CommandsInFlight, Rows, compensation
+from omni_control.delay_compensation import CommandsInFlight, Rows, compensation
 from omni_control.errors import OmniError, printable
-from omni_control.estimation.tracking import Step
+from omni_control.estimation.vision_tracker import Step
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
 
 RECORDED = ("predicted", "alpha_hat", "latency_hat")
-COMMAND_LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)  # of the league's simulators (ssl-simulation-setup)
+COMMAND_LIMITS = MotionLimits(
+    3.7, 4.7, 26.0, 50.8
+)  # of the league's simulators (ssl-simulation-setup)
 
 
 @dataclass(frozen=True)
@@ -65,13 +67,22 @@ class Told:
 
     def __post_init__(self) -> None:
         """Check the numbers; those of the fuzzy controller are checked where it is made."""
-        given = [(name, value) for name, value in vars(self).items() if isinstance(value, int | float | np.integer)]
+        given = [
+            (name, value)
+            for name, value in vars(self).items()
+            if isinstance(value, int | float | np.integer)
+        ]
         given += [("alpha", value) for value in self.alpha or ()]
-        positive, whole = ("period", "alpha", "alpha_window_frames"), ("delay_frames", "alpha_window_frames")
+        positive, whole = (
+            ("period", "alpha", "alpha_window_frames"),
+            ("delay_frames", "alpha_window_frames"),
+        )
         wrong = [
             f"{name} must be a {'whole ' * (name in whole)}number {'above' if name in positive else 'from'} 0: {value}"
             for name, value in given
-            if not 0 <= value < math.inf or (name in positive and not value) or (name in whole and value % 1)
+            if not 0 <= value < math.inf
+            or (name in positive and not value)
+            or (name in whole and value % 1)
         ]
         if wrong:
             raise OmniError("\n".join(wrong))
@@ -206,7 +217,9 @@ def record_of(controller: Controller, n: int) -> dict[str, Array]:
         if name in RECORDED and value.shape != (n, 3):
             raise OmniError(f"{name} has the shape {value.shape}; {(n, 3)} is needed")
         if value.ndim not in (1, 2) or len(value) != n:
-            raise OmniError(f"channel {name!r} has the shape {value.shape}; ({n},) or ({n}, k) is needed")
+            raise OmniError(
+                f"channel {name!r} has the shape {value.shape}; ({n},) or ({n}, k) is needed"
+            )
         record[name] = value.reshape(n, -1)
     return record
 

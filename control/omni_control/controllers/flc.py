@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from omni_control.controllers.base import Controller, Seen, Told
-from omni_control.delay import CommandsInFlight, compensation
+from omni_control.delay_compensation import CommandsInFlight, compensation
 from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import Reference

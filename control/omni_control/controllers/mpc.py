@@ -30,14 +30,18 @@ from numpy.typing import NDArray
 
 from omni_control.controllers.adaptive import AdaptiveCompFlc
 from omni_control.controllers.base import Seen, Told
-from omni_control.estimation.robot_filter import DISTURBANCE, GAIN, POSE, VELOCITY
+from omni_control.estimation.parameter_ekf import DISTURBANCE, GAIN, POSE, VELOCITY
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import Reference
 
 FRAMES = 20  # N: a third of a second, in which an error falls to exp(-15 / s * 0.33 s) = 0.7 %
-STIFFNESS = 1.5  # in speed ranges per error range: 15/s, the gain of the fuzzy controller at zero error
+STIFFNESS = (
+    1.5  # in speed ranges per error range: 15/s, the gain of the fuzzy controller at zero error
+)
 STILL_M_S = 0.01  # speed of the reference below which its way has no direction
-_NORMALS = np.pi * (np.arange(4) / 4 + 1 / 8)  # of half the octagon's sides; the others are opposite
+_NORMALS = np.pi * (
+    np.arange(4) / 4 + 1 / 8
+)  # of half the octagon's sides; the others are opposite
 _INNER = np.cos(np.pi / 8)  # of the circle about an octagon, in the circle within
 EXACT = 1e-9  # to which piqp solves, of residuals and of the gap between primal and dual
 SLACK_M_S = 1e-8  # by which what is found without limits may miss them
@@ -92,7 +96,9 @@ class Mpc(AdaptiveCompFlc):
         step = limits.acceleration * self.told.period
         sent = planned[..., :2] - disturbance[:, :2]
         best, bound = minimize(
-            hessian, gradient, Limits(seen.sent.last(1)[0, :, :2], sent, directions, step, limits.speed)
+            hessian,
+            gradient,
+            Limits(seen.sent.last(1)[0, :, :2], sent, directions, step, limits.speed),
         )
         self.channels["bound"] = bound.astype(float)
         command = planned[0] - disturbance
@@ -117,7 +123,10 @@ class Mpc(AdaptiveCompFlc):
             the last velocity would still lead, m, and the effect of w on them (n, 2 N + 2, 2 N), s.
         """
         model, period, n = self.filter, self.told.period, len(error)
-        before, after = world_to_body(velocities[:-1], headings), world_to_body(velocities[1:], headings)
+        before, after = (
+            world_to_body(velocities[:-1], headings),
+            world_to_body(velocities[1:], headings),
+        )
         speed = np.hypot(before[..., 0], before[..., 1])
         lag, gain = model.lateness(model.state, speed[..., None]), model.state[:, GAIN]
         decay = np.exp(-period / lag)
@@ -134,15 +143,31 @@ class Mpc(AdaptiveCompFlc):
             return np.asarray((rotation * scales[..., None, :2]) @ rotation.swapaxes(-1, -2))
 
         onwards = np.tile(np.eye(5), (FRAMES, n, 1, 1))  # of e_p, e_v and 1
-        onwards[..., :2, 2:4], onwards[..., 2:4, 2:4], onwards[..., :2, 4] = world(carried), world(decay), missed
-        driven = np.concatenate([world((period - carried) / gain), world((1 - decay) / gain)], axis=-2)
-        table = np.zeros((FRAMES + 1, n, 5, 2 * FRAMES + 1))  # by commands and, in the last column, without
-        table[0, :, :2, -1], table[0, :, 2:4, -1], table[..., 4, -1] = error[:, :2], late[:, :2], 1.0
+        onwards[..., :2, 2:4], onwards[..., 2:4, 2:4], onwards[..., :2, 4] = (
+            world(carried),
+            world(decay),
+            missed,
+        )
+        driven = np.concatenate(
+            [world((period - carried) / gain), world((1 - decay) / gain)], axis=-2
+        )
+        table = np.zeros(
+            (FRAMES + 1, n, 5, 2 * FRAMES + 1)
+        )  # by commands and, in the last column, without
+        table[0, :, :2, -1], table[0, :, 2:4, -1], table[..., 4, -1] = (
+            error[:, :2],
+            late[:, :2],
+            1.0,
+        )
         for k in range(FRAMES):
             np.matmul(onwards[k], table[k], out=table[k + 1])
             table[k + 1, :, :4, 2 * k : 2 * k + 2] = driven[k]
         ends = table[-1, :, :2] + world(lag)[-1] @ table[-1, :, 2:4]
-        errors = np.concatenate([table[1:, :, :2], ends[None]]).swapaxes(0, 1).reshape(n, 2 * FRAMES + 2, -1)
+        errors = (
+            np.concatenate([table[1:, :, :2], ends[None]])
+            .swapaxes(0, 1)
+            .reshape(n, 2 * FRAMES + 2, -1)
+        )
         return errors[:, :, -1], errors[:, :, :-1]
 
 
@@ -212,6 +237,8 @@ def _solve(hessian: Array, gradient: Array, rows: Array, low: Array, high: Array
     solver = piqp.DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = EXACT
     solver.settings.eps_duality_gap_abs = solver.settings.eps_duality_gap_rel = EXACT
-    solver.setup(np.asfortranarray(hessian), gradient, None, None, np.asfortranarray(rows), low, high)
+    solver.setup(
+        np.asfortranarray(hessian), gradient, None, None, np.asfortranarray(rows), low, high
+    )
     solved = solver.solve() == piqp.PIQP_SOLVED
     return np.array(solver.result.x) if solved else np.full(len(gradient), np.nan)

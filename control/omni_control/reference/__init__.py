@@ -2,7 +2,7 @@
 
 from omni_control.reference.curves import CURVES, CurveReference
 from omni_control.reference.iterated import IteratedReference
-from omni_control.reference.limits import MotionLimits
+from omni_control.reference.motion_limits import MotionLimits
 from omni_control.reference.timed import EachReference, Reference, SampledReference, TimedReference
 
 __all__ = [

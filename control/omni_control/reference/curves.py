@@ -22,13 +22,15 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference.limits import MotionLimits
-from omni_control.reference.program import Lap, fastest
+from omni_control.reference.motion_limits import MotionLimits
+from omni_control.reference.time_optimal import Lap, fastest
+from omni_control.reference.time_scaling import Timetable, bearable, driven, driven_on_wheels
 from omni_control.reference.timed import SampledReference
-from omni_control.reference.timetable import Timetable, bearable, driven, driven_on_wheels
 from omni_control.traction import WheelLimits
 
-_CELLS = 1000  # in a lap, times the figure's length over its width: the finer, the sharper its bends
+_CELLS = (
+    1000  # in a lap, times the figure's length over its width: the finer, the sharper its bends
+)
 _STRAIGHT = 1e-9  # 1/m, for a curvature of zero, by which one cannot divide
 _FEWER = 300  # cells where a linear program is solved
 
@@ -56,7 +58,9 @@ class Curve:
         """
         for name in ("length", "width"):
             if not 0 < getattr(self, name) < np.inf:
-                raise OmniError(f"a curve's {name} must be a positive number of metres, not {getattr(self, name)}")
+                raise OmniError(
+                    f"a curve's {name} must be a positive number of metres, not {getattr(self, name)}"
+                )
 
     def __call__(self, u: Array, derivative: int = 0) -> Array:
         """Return x + iy, or a derivative of it by u, at parameters `u`; complex, of the shape of u, in m."""
@@ -103,12 +107,16 @@ class CurveReference(SampledReference):
         if limits.wheels is not None and not bearable(poses, limits.wheels, period):
             plan = partial(_timetable_on_wheels, curve, limits, limits.wheels, laps, tangent)
             poses = driven_on_wheels(path, plan, limits, limits.wheels, period)
-        super().__init__(np.concatenate([poses, np.repeat(poses[-1:], settle_frames, axis=0)]), period)
+        super().__init__(
+            np.concatenate([poses, np.repeat(poses[-1:], settle_frames, axis=0)]), period
+        )
 
 
 def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> Timetable:
     """The fastest drive within the limits of velocity and acceleration."""
-    even = curve if tangent else replace(curve, width=limits.stretch * curve.width)  # where the limit is a circle
+    even = (
+        curve if tangent else replace(curve, width=limits.stretch * curve.width)
+    )  # where the limit is a circle
     cells = _CELLS * math.ceil(max(even.length / even.width, even.width / even.length))
     lap = np.linspace(0, 2 * np.pi, cells + 1)
     first, second = even(lap, 1), even(lap, 2)
@@ -118,20 +126,27 @@ def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> 
     top = (limits.speed * (metres / np.abs(curve(lap, 1)))) ** 2
 
     return _clocked(
-        _fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent), metres, lap[1], laps
+        _fastest(step, curvature, np.minimum(top[:-1], top[1:]), limits, laps, tangent),
+        metres,
+        lap[1],
+        laps,
     )
 
 
 def _clocked(squares: Array, metres: Array, step: float, laps: int) -> Timetable:
     """The timetable of squares of speed (laps * cells + 1,) at parameters a `step` apart."""
-    return Timetable.of_rates(step, np.sqrt(squares) / np.append(np.tile(metres[:-1], laps), metres[0]))
+    return Timetable.of_rates(
+        step, np.sqrt(squares) / np.append(np.tile(metres[:-1], laps), metres[0])
+    )
 
 
 def _timetable_on_wheels(
     curve: Curve, limits: MotionLimits, wheels: WheelLimits, laps: int, tangent: bool, share: float
 ) -> Timetable:
     """The fastest drive that asks for so large a share of what wheels can do at once."""
-    cells = min(_FEWER * math.ceil(max(curve.length / curve.width, curve.width / curve.length)), _CELLS)
+    cells = min(
+        _FEWER * math.ceil(max(curve.length / curve.width, curve.width / curve.length)), _CELLS
+    )
     u = np.linspace(0, 2 * np.pi, cells + 1)
     first, second, middle = curve(u, 1), curve(u, 2), curve((u[:-1] + u[1:]) / 2, 1)
     metres = np.abs(first)
@@ -142,14 +157,18 @@ def _timetable_on_wheels(
     return _clocked(fastest(lap, limits, wheels, share, laps), metres, u[1], laps)
 
 
-def _fastest(step: Array, curvature: Array, top: Array, limits: MotionLimits, laps: int, tangent: bool) -> Array:
+def _fastest(
+    step: Array, curvature: Array, top: Array, limits: MotionLimits, laps: int, tangent: bool
+) -> Array:
     """Highest squares of speed (laps * cells + 1,), m^2/s^2, where cells meet, from rest to rest.
 
     `step` (cells,) is their length in m, `curvature` (cells + 1,) the path's at their ends in 1/m, taken as positive,
     `top` (cells,) the square of the speed limit.
     """
     a = limits.acceleration
-    turn_rate, turn_acceleration = (limits.turn_rate, limits.turn_acceleration) if tangent else (np.inf, np.inf)
+    turn_rate, turn_acceleration = (
+        (limits.turn_rate, limits.turn_acceleration) if tangent else (np.inf, np.inf)
+    )
     aside = limits.stretch if tangent else 1.0  # how much more acceleration across the path counts
     bend = (curvature[:-1] + curvature[1:]) / 2
 
@@ -157,17 +176,28 @@ def _fastest(step: Array, curvature: Array, top: Array, limits: MotionLimits, la
     # Its limits cut a strip out of the circle of radius a in which the acceleration must stay. Where the top of the
     # circle, all acceleration across, is cut off, the highest that is left is the corner, at this angle from the top.
     slope = np.abs(np.diff(curvature)) / (step * bend) / aside
-    corner = np.arccos(np.minimum(turn_acceleration / (a * np.hypot(bend, slope)), 1)) - np.arctan2(bend, slope)
+    corner = np.arccos(np.minimum(turn_acceleration / (a * np.hypot(bend, slope)), 1)) - np.arctan2(
+        bend, slope
+    )
     across = a * np.cos(np.maximum(corner, 0))
 
-    within = np.tile(np.minimum(np.minimum(across / (aside * bend), top), (turn_rate / bend) ** 2), laps)
+    within = np.tile(
+        np.minimum(np.minimum(across / (aside * bend), top), (turn_rate / bend) ** 2), laps
+    )
     highest = np.concatenate([[0], np.minimum(within[:-1], within[1:]), [0]])
     forwards = _reachable(highest, step, curvature, a, aside, turn_acceleration)
-    return _reachable(forwards[::-1], step[::-1], curvature[::-1], a, aside, turn_acceleration)[::-1]
+    return _reachable(forwards[::-1], step[::-1], curvature[::-1], a, aside, turn_acceleration)[
+        ::-1
+    ]
 
 
 def _reachable(
-    highest: Array, step: Array, curvature: Array, acceleration: float, aside: float, turn_acceleration: float
+    highest: Array,
+    step: Array,
+    curvature: Array,
+    acceleration: float,
+    aside: float,
+    turn_acceleration: float,
 ) -> Array:
     """Squares of speed (laps * cells + 1,) up to `highest` that can be reached from those before.
 
@@ -177,7 +207,10 @@ def _reachable(
     """
     bend = (curvature[:-1] + curvature[1:]) / 2
     turn = 2 * bend * step
-    kept, gained = (curvature[:-1] / curvature[1:]) ** 2, turn_acceleration * turn / curvature[1:] ** 2
+    kept, gained = (
+        (curvature[:-1] / curvature[1:]) ** 2,
+        turn_acceleration * turn / curvature[1:] ** 2,
+    )
     lap = np.stack([aside * bend / acceleration, aside * turn, kept, gained], axis=1).tolist()
     z = float(highest[0])
     reached = [z]

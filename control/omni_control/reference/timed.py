@@ -8,8 +8,8 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference.legs import legs
-from omni_control.reference.limits import MotionLimits, checked_waypoints
+from omni_control.reference.motion_limits import MotionLimits, checked_waypoints
+from omni_control.reference.segments import legs
 
 
 class Reference(Protocol):
@@ -83,7 +83,9 @@ class SampledReference:
         if not isinstance(frame, float | int):
             poses, twists = self.preview(frame, pose, 1)
             return poses[0], twists[0]
-        frame = min(max(frame, 0), self.frames - 1)  # of most controllers: arrays of indices take four times as long
+        frame = min(
+            max(frame, 0), self.frames - 1
+        )  # of most controllers: arrays of indices take four times as long
         row = int(frame)
         here, following = self._rows[row], self._rows[min(row + 1, self.frames - 1)]
         rows = np.repeat(here + (frame - row) * (following - here), len(pose) // len(here), axis=0)
@@ -94,7 +96,9 @@ class SampledReference:
         last = self.frames - 1
         frames = np.minimum(np.maximum(frame + np.arange(count)[:, None], 0), last)
         before = frames.astype(int)
-        here, following = (self._rows[i, self._robots] for i in (before, np.minimum(before + 1, last)))
+        here, following = (
+            self._rows[i, self._robots] for i in (before, np.minimum(before + 1, last))
+        )
         rows = here + (frames - before)[..., None] * (following - here)
         rows = np.repeat(rows, len(pose) // rows.shape[1], axis=1)
         return rows[..., :3], rows[..., 3:]
@@ -115,9 +119,13 @@ class EachReference(SampledReference):
 
     def __init__(self, references: Sequence[SampledReference]) -> None:
         if len({reference.period for reference in references}) != 1:
-            raise OmniError("robots that share a controller need references of frames of the same length")
+            raise OmniError(
+                "robots that share a controller need references of frames of the same length"
+            )
         longest = max(reference.frames for reference in references)
-        poses = [np.pad(each.poses, ((0, longest - each.frames), (0, 0)), "edge") for each in references]
+        poses = [
+            np.pad(each.poses, ((0, longest - each.frames), (0, 0)), "edge") for each in references
+        ]
         self._store(np.stack(poses, axis=1), references[0].period)
 
 
@@ -149,4 +157,6 @@ class TimedReference(SampledReference):
         parts = [np.array(waypoints[:1], float)]
         for way in route:
             parts += [planned[way], np.tile(way[1], (dwell_frames, 1))]
-        super().__init__(np.pad(np.concatenate(parts), ((0, settle_frames), (0, 0)), "edge"), period)
+        super().__init__(
+            np.pad(np.concatenate(parts), ((0, settle_frames), (0, 0)), "edge"), period
+        )

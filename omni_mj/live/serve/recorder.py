@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_mj import parquet
-from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, RobotName
-from omni_mj.live.serve.pitch import Pitch
-from omni_mj.live.serve.requests import label
-from omni_mj.scenarios.settings import FRAME_RATE_HZ
-from omni_mj.simulate.log import Log
+from omni_mj.config.settings import FRAME_RATE_HZ
+from omni_mj.live.serve.detections import CYCLES_PER_FRAME, RobotName
+from omni_mj.live.serve.served_world import Pitch
+from omni_mj.live.serve.simulation_requests import label
+from omni_mj.simulation.log import Log
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -48,7 +48,10 @@ class Recorder:
         robots = [pitch.names.index(name) for name in names]
         if names != self._names or self._log.length == BLOCK_FRAMES:
             self._end_block()
-            rows = [replace(pitch.rows[robot], place=name[1]) for robot, name in zip(robots, names, strict=True)]
+            rows = [
+                replace(pitch.rows[robot], place=name[1])
+                for robot, name in zip(robots, names, strict=True)
+            ]
             self._names, self._log = names, Log(rows, self._n_wheels)
             self._log.first_frame = pitch.cycle // CYCLES_PER_FRAME
         command, measured = pitch.held.command[robots], pitch.measured[robots]
@@ -86,7 +89,9 @@ class Recorder:
 
     def _write_part(self) -> None:
         if self._tables and self._path is not None:
-            part = self._path.with_name(f"{self._path.stem}-{len(self._parts):05d}{self._path.suffix}")
+            part = self._path.with_name(
+                f"{self._path.stem}-{len(self._parts):05d}{self._path.suffix}"
+            )
             parquet.write(self._tables, part)
             self._parts.append(part)
             self._tables, self._n_frames = [], 0

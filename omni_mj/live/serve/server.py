@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import cast
 
-from omni_mj.live.serve.cameras import CYCLES_PER_FRAME, Image
-from omni_mj.live.serve.pitch import Pitch
-from omni_mj.live.serve.requests import Refusal
+from omni_mj.config.settings import CYCLE_RATE_HZ
+from omni_mj.live.serve.detections import CYCLES_PER_FRAME, Image
+from omni_mj.live.serve.served_world import Pitch
+from omni_mj.live.serve.simulation_requests import Refusal
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver, reason, sender
 from omni_mj.live.wire import WireError, parse
 from omni_mj.live.wire.league_pb2 import (
@@ -22,7 +23,6 @@ from omni_mj.live.wire.league_pb2 import (
     Team,
     VisionPacket,
 )
-from omni_mj.scenarios.settings import CYCLE_RATE_HZ
 
 SPAN_CYCLES = 4  # simulated at a time while nothing comes and nothing is due
 CHECK_S = 0.1  # for which nothing else is looked after at most
@@ -104,13 +104,19 @@ class Server:
     def _time_of(self, cycle: int) -> float:
         """Return when a cycle is due (`time.monotonic`), s; infinity during a pause."""
         time_s, first_cycle = self._started
-        return time_s + (cycle - first_cycle) / (self.speed * CYCLE_RATE_HZ) if self.speed else math.inf
+        return (
+            time_s + (cycle - first_cycle) / (self.speed * CYCLE_RATE_HZ)
+            if self.speed
+            else math.inf
+        )
 
     def _simulate_due_cycles(self) -> None:
         """Simulate what is due, then wait for packets until more is."""
         pitch, delay = self.pitch, time.monotonic() - self._time_of(self.pitch.cycle)
         if delay > MAX_DELAY_S:
-            self.notes.add("too slow", "this computer is too slow for this speed; simulated time falls behind")
+            self.notes.add(
+                "too slow", "this computer is too slow for this speed; simulated time falls behind"
+            )
             self.notes["ms behind"] += round(1e3 * delay)
             self._set_speed(self.speed)
         self._catch_up()
@@ -195,7 +201,10 @@ class Server:
         """Obey a command to the simulator. Return what is refused."""
         self.notes["simulator commands"] += 1
         errors = self.pitch.teleport(command.control)
-        errors += [Refusal("CONFIG", f"{field.name} {FIXED}").error for field, _ in command.config.ListFields()]
+        errors += [
+            Refusal("CONFIG", f"{field.name} {FIXED}").error
+            for field, _ in command.config.ListFields()
+        ]
         if command.control.HasField("simulation_speed"):
             speed = command.control.simulation_speed
             if not self.lockstep and 0 <= speed <= MAX_SPEED:

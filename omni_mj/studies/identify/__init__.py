@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from omni_control.kinematics import world_to_body
+from omni_mj.config import robot_files
+from omni_mj.config.scenario import Scenario, scenario
 from omni_mj.files import write
-from omni_mj.measure.table import DASH, Table, text
-from omni_mj.scenarios import robots
-from omni_mj.scenarios.scenario import Scenario, scenario
+from omni_mj.results.result_tables import DASH, Table, text
 from omni_mj.studies.identify import checks, robot_file
 from omni_mj.studies.identify.findings import Estimate, estimates, find_lacks
 from omni_mj.studies.identify.fit import Fit, fit_usual
@@ -27,8 +27,14 @@ from omni_mj.studies.identify.stretches import cut
 
 __all__ = ["Estimate", "Identified", "identify", "identify_logs"]
 
-OTHER_RADIUS, SURE = 0.025, 3.0  # and standard errors, from which the radius is not that of the robot's file
-ROLLS, RADIUS_SHARE = 0.9988, 0.002  # rolling radius over the file's (rubber is pressed), and how well it is known
+OTHER_RADIUS, SURE = (
+    0.025,
+    3.0,
+)  # and standard errors, from which the radius is not that of the robot's file
+ROLLS, RADIUS_SHARE = (
+    0.9988,
+    0.002,
+)  # rolling radius over the file's (rubber is pressed), and how well it is known
 CONTACTS = ("creep", "pile", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
 
 
@@ -69,10 +75,16 @@ class Identified:
         """Return all of it as lines of text."""
         rows, missing = [], []
         for e in self.estimates.values():
-            cells = [f"{e.value:.4g}", f"{e.error:.4g}", f"{e.low:.4g} to {e.high:.4g}"] if e.told else [DASH] * 3
+            cells = (
+                [f"{e.value:.4g}", f"{e.error:.4g}", f"{e.low:.4g} to {e.high:.4g}"]
+                if e.told
+                else [DASH] * 3
+            )
             rows.append([e.title, e.source, e.unit, *cells])
             if not e.told:
-                missing.append(f"not identifiable from these data: {e.title} ({e.source}): {e.why_not}")
+                missing.append(
+                    f"not identifiable from these data: {e.title} ({e.source}): {e.why_not}"
+                )
         headings = ["", "from", "unit", "value", "std. error", "95 % interval"]
         title = f"{self.start.robot}, identified from {', '.join(self.logs)}"
         residuals = [
@@ -81,8 +93,13 @@ class Identified:
             for source, fitted in self.fits.items()
             for (what, r), unit in zip(fitted.residuals.items(), ("mm", "mrad"), strict=True)
         ]
-        misfits, notes = (f"misfit: {line}" for line in self.misfits), (f"note: {note}" for note in self.notes)
-        return "\n".join([text(Table(title, headings, rows, 3)), *residuals, *misfits, *missing, *notes])
+        misfits, notes = (
+            (f"misfit: {line}" for line in self.misfits),
+            (f"note: {note}" for note in self.notes),
+        )
+        return "\n".join(
+            [text(Table(title, headings, rows, 3)), *residuals, *misfits, *missing, *notes]
+        )
 
     def report(self) -> dict[str, Any]:
         """Return all of it for JSON."""
@@ -94,7 +111,8 @@ class Identified:
             "misfits": self.misfits,
             "estimates": {name: estimate.report() for name, estimate in self.estimates.items()},
             "fits": {
-                source: {"stretches": len(fitted.stretches)} | {what: vars(r) for what, r in fitted.residuals.items()}
+                source: {"stretches": len(fitted.stretches)}
+                | {what: vars(r) for what, r in fitted.residuals.items()}
                 for source, fitted in self.fits.items()
             },
         }
@@ -104,13 +122,15 @@ class Identified:
         made = robot_file.changes(self.estimates)
         if model := self.start.settings.model.file:
             made["model", "file"] = json.dumps(Path(model).resolve().as_posix())
-        start = robots.robot_path(self.start.robot).read_text("utf-8")
+        start = robot_files.robot_path(self.start.robot).read_text("utf-8")
         write(folder / "robot.toml", robot_file.write_changes(start, made, self.logs))
         write(folder / "identify.json", json.dumps(self.report(), indent=2, allow_nan=False) + "\n")
 
 
 def identify(
-    logs: Sequence[Path | str] | Path | str, robot: str = robots.DEFAULT, model: str | None = None
+    logs: Sequence[Path | str] | Path | str,
+    robot: str = robot_files.DEFAULT,
+    model: str | None = None,
 ) -> Identified:
     """Identify a robot from its logs.
 
@@ -145,7 +165,13 @@ def _add_fit(result: Identified, source: str, logs: Sequence[RobotLog]) -> None:
         OmniError: Wheels or axes are not those of this robot, or there is too little.
     """
     settings, by_wheels = result.start.settings, source == "wheels"
-    body, geometry, inputs, twists, delays = Body.of(settings), settings.wheels.kinematics, [], [], []
+    body, geometry, inputs, twists, delays = (
+        Body.of(settings),
+        settings.wheels.kinematics,
+        [],
+        [],
+        [],
+    )
     for log in logs:
         inputs.append(log.inputs[source])
         twist = checks.wheel_twists(log, geometry) if by_wheels else inputs[-1]
@@ -163,7 +189,9 @@ def _add_fit(result: Identified, source: str, logs: Sequence[RobotLog]) -> None:
     if by_wheels:
         free = [LATE, "scale", "arm", "compass_rad"]
     else:
-        free = [LATE, "scale", "give_s", "friction_m_s", "compass_rad"] + ["turn_gain"] * ("turning" not in lacks)
+        free = [LATE, "scale", "give_s", "friction_m_s", "compass_rad"] + ["turn_gain"] * (
+            "turning" not in lacks
+        )
         start[LATE] = max(start[LATE] - 2 * start["give_s"] / len(body.along), 0.01)
     rolled = result.fits.get("wheels")
     if rolled and "creep" in rolled.free:
@@ -191,14 +219,19 @@ def _believe_radius(fitted: Fit, notes: list[str]) -> Fit:
     Drag that is pulled through creep takes a share of the speed, as a smaller radius does; data know their sum well.
     """
     at = fitted.free.index("scale")
-    parameters, scale, variance = fitted.parameters, fitted.parameters["scale"], fitted.covariance[at, at]
+    parameters, scale, variance = (
+        fitted.parameters,
+        fitted.parameters["scale"],
+        fitted.covariance[at, at],
+    )
     if abs(scale - 1) > max(SURE * variance**0.5, OTHER_RADIUS):
         off = f"{100 * (scale - 1):+.1f} +- {100 * variance**0.5:.1f} %"
         notes.append(f"wheels: their radius is not that of the robot's file: {off}")
         return fitted
     gain = fitted.covariance[at] / (variance + RADIUS_SHARE**2)
     parameters = parameters | {
-        name: float(parameters[name] + g * (ROLLS - scale)) for name, g in zip(fitted.free, gain, strict=True)
+        name: float(parameters[name] + g * (ROLLS - scale))
+        for name, g in zip(fitted.free, gain, strict=True)
     }
     covariance = fitted.covariance - np.outer(gain, fitted.covariance[at])
     return replace(fitted, covariance=covariance, parameters=parameters)

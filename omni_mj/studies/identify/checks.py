@@ -18,10 +18,20 @@ from omni_mj.studies.identify.logs import LEAST_LINES, RobotLog, integrate
 SHORTEST_S, LONGEST_S = 5e-4, 0.5  # between lines
 WINDOW_S, LATEST_S, DELAY_STEP_S, MOST_WINDOWS = 0.1, 0.5, 1 / 120, 2000
 MOVES_M_S, TURNS_RAD_S = 0.05, 0.2  # root mean square below which axes are not checked
-SIZES = {"wheels": (0.5, 2.0), "commands": (0.25, 2.5)}  # of motion over inputs; beyond, units are wrong
-FOLLOWS, BETTER = 0.3, 0.1  # share that inputs must explain; by how much a mistake must explain more
+SIZES = {
+    "wheels": (0.5, 2.0),
+    "commands": (0.25, 2.5),
+}  # of motion over inputs; beyond, units are wrong
+FOLLOWS, BETTER = (
+    0.3,
+    0.1,
+)  # share that inputs must explain; by how much a mistake must explain more
 TURNED_RAD, DOUBT = 0.5, 0.2  # between axes; share by which axes that are turned so explain less
-CORRELATED, SURE, AHEAD = 0.6, 0.8, 0.1  # of wheels; in another order; by how much that must be better
+CORRELATED, SURE, AHEAD = (
+    0.6,
+    0.8,
+    0.1,
+)  # of wheels; in another order; by how much that must be better
 MOVING = 0.3  # expected speed of a wheel over the fastest's, below which it is not missed
 
 
@@ -49,7 +59,9 @@ class Match(NamedTuple):
 def wheel_twists(log: RobotLog, geometry: Kinematics) -> Array:
     """Return the body twists (F, 3) that wheels say, by the geometry of the start robot."""
     if (have := log.inputs["wheels"].shape[1]) != (needed := len(geometry.azimuths)):
-        raise OmniError(f"{log.name}: {have} wheels, but the robot's file has {needed}; name one of {have} by --robot")
+        raise OmniError(
+            f"{log.name}: {have} wheels, but the robot's file has {needed}; name one of {have} by --robot"
+        )
     return geometry.body_twist(log.inputs["wheels"])
 
 
@@ -92,7 +104,10 @@ def starting_delay(log: RobotLog, inputs: Array, source: str, geometry: Kinemati
         f"{mirrored} and {clockwise}": ([1, -1, -1], in_body),
     }
     if not by_wheels:
-        mistakes[f"they are along the {'field' if in_body else 'robot'}'s axes"] = [1, 1, 1], not in_body
+        mistakes[f"they are along the {'field' if in_body else 'robot'}'s axes"] = (
+            [1, 1, 1],
+            not in_body,
+        )
     best, mistake = max(
         (_explain(log.time, log.pose * signs, inputs, frame, by_wheels).score, mistake)
         for mistake, (signs, frame) in mistakes.items()
@@ -131,7 +146,12 @@ def _explain(time: Array, pose: Array, inputs: Array, in_body: bool, by_wheels: 
     best = int(abs(shares[:, moves]).mean(1).argmax())
     ratios = np.where(moves, np.sqrt(power / (powers[best] + 1e-12)), np.nan)
     angle = float(np.angle(products[best, 0])) if moves[0] else np.nan
-    return Match(float(shares[best, moves].mean()), float(delays[best]), angle, (float(ratios[0]), float(ratios[1])))
+    return Match(
+        float(shares[best, moves].mean()),
+        float(delays[best]),
+        angle,
+        (float(ratios[0]), float(ratios[1])),
+    )
 
 
 def _displacements(time: Array, pose: Array, in_body: bool) -> tuple[Array, Array]:
@@ -140,7 +160,9 @@ def _displacements(time: Array, pose: Array, in_body: bool) -> tuple[Array, Arra
     at = np.arange(time[seen][0], time[seen][-1] - WINDOW_S, WINDOW_S / 2)
     at = at[:: 1 + len(at) // MOST_WINDOWS]
     path = make_interp_spline(time[seen], pose[seen], k=1)
-    return at, world_to_body(path(at + WINDOW_S) - path(at), path(at + WINDOW_S / 2)[:, 2] * in_body)
+    return at, world_to_body(
+        path(at + WINDOW_S) - path(at), path(at + WINDOW_S / 2)[:, 2] * in_body
+    )
 
 
 def _check_wheels(log: RobotLog, geometry: Kinematics, late: float) -> None:

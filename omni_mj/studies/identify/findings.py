@@ -9,14 +9,25 @@ from scipy.optimize import approx_fprime
 
 from omni_control.kinematics import Array
 from omni_control.traction import GRAVITY
-from omni_mj.scenarios import told
-from omni_mj.scenarios.settings import PERIOD_S, Settings
+from omni_mj.config import team_model
+from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.studies.identify.fit import RANGES, Fit
 from omni_mj.studies.identify.law import LATE, Body
 
-FAST_M_S, PULLING_M_S2, MOVING_M_S, LONG_ENOUGH_S = 1.0, 1.0, 0.5, 0.2  # what creep needs, and for how long
-DRIVES_M_S, TURNS_RAD_S = 0.1, 0.3  # root mean square along an axis, below which its gain is not told
-LAWLESS = {True: 10.0, False: 2.0}  # by wheels, by commands: residuals over noise, from which nothing is told
+FAST_M_S, PULLING_M_S2, MOVING_M_S, LONG_ENOUGH_S = (
+    1.0,
+    1.0,
+    0.5,
+    0.2,
+)  # what creep needs, and for how long
+DRIVES_M_S, TURNS_RAD_S = (
+    0.1,
+    0.3,
+)  # root mean square along an axis, below which its gain is not told
+LAWLESS = {
+    True: 10.0,
+    False: 2.0,
+}  # by wheels, by commands: residuals over noise, from which nothing is told
 AXES = ("forward", "sideways")
 
 
@@ -58,11 +69,18 @@ for _axis in AXES:
         f"gain_{_axis}": Kind(f"gain K {_axis}", "", _axis, 0.05, 2e-3),
         f"creep_{_axis}_s2_m": Kind(f"creep T {_axis}", "s^2/m", f"{_axis} creep", 0.03, 1e-3),
         f"drag_{_axis}_m_s2": Kind(
-            f"drag through the contacts {_axis}", "m/s^2", f"{_axis} creep", 0.25, 0.025, relative=True
+            f"drag through the contacts {_axis}",
+            "m/s^2",
+            f"{_axis} creep",
+            0.25,
+            0.025,
+            relative=True,
         ),
     }
 for _axis in "xy":
-    KINDS[f"slope_{_axis}_rad"] = Kind(f"slope of the carpet down along {_axis}", "rad", "creep", 0.01, 4e-4)
+    KINDS[f"slope_{_axis}_rad"] = Kind(
+        f"slope of the carpet down along {_axis}", "rad", "creep", 0.01, 4e-4
+    )
 
 
 @dataclass(frozen=True)
@@ -113,7 +131,9 @@ def find_lacks(twists: Sequence[Array], period: float) -> dict[str, str]:
     """
     window = max(1, round(0.1 / period))
     rms = np.sqrt((np.concatenate(twists) ** 2).mean(0))
-    pull = np.concatenate([np.hypot(*(t[window:] - t[:-window]).T[:2]) / (window * period) for t in twists])
+    pull = np.concatenate(
+        [np.hypot(*(t[window:] - t[:-window]).T[:2]) / (window * period) for t in twists]
+    )
     speed = np.concatenate([np.hypot(*t[window:].T[:2]) for t in twists])
     lacks = {}
     if np.hypot(*rms[:2]) < DRIVES_M_S / 2 and rms[2] < TURNS_RAD_S / 2:
@@ -150,7 +170,9 @@ def estimates(fitted: Fit, settings: Settings, lacks: Mapping[str, str]) -> Iter
     errors = np.sqrt(np.einsum("ki,ij,kj->k", gradient, fitted.covariance, gradient))
     for (name, value), error in zip(evaluate(fit).items(), errors, strict=True):
         kind, of_creep = KINDS[name], "creep" in name
-        if not (name == "creep_stiffness" and by_wheels) and (error == 0 or (of_creep and "creep" not in free)):
+        if not (name == "creep_stiffness" and by_wheels) and (
+            error == 0 or (of_creep and "creep" not in free)
+        ):
             continue  # not fitted
         size = abs(value) if kind.relative else 1.0
         error = float(np.hypot(error, kind.law * size))
@@ -159,13 +181,20 @@ def estimates(fitted: Fit, settings: Settings, lacks: Mapping[str, str]) -> Iter
         if not why and (name in fitted.at_bound or (of_creep and "creep" in fitted.at_bound)):
             why = f"the fit stopped at a bound, {value:.3g} {kind.unit}".rstrip()
         if not why and not half <= limit:
-            why = f"its 95 % interval is +-{half:.2g} {kind.unit}".rstrip() + f", wider than +-{limit:.2g}"
+            why = (
+                f"its 95 % interval is +-{half:.2g} {kind.unit}".rstrip()
+                + f", wider than +-{limit:.2g}"
+            )
         source = "wheels" if by_wheels else "commands"
-        yield Estimate(name, kind.title, kind.unit, source, value, error, value - half, value + half, why)
+        yield Estimate(
+            name, kind.title, kind.unit, source, value, error, value - half, value + half, why
+        )
 
 
-def numbers(body: Body, settings: Settings, p: Mapping[str, float], by_wheels: bool) -> dict[str, float]:
-    """Return the numbers of a robot that follows the law with these parameters; see `omni_mj.scenarios.told`."""
+def numbers(
+    body: Body, settings: Settings, p: Mapping[str, float], by_wheels: bool
+) -> dict[str, float]:
+    """Return the numbers of a robot that follows the law with these parameters; see `omni_mj.config.team_model`."""
     give, scale, stiffness = p["give_s"], p["scale"], 1 / max(p["creep"], 1e-9)
     arm = settings.wheels.arm_m * p["arm"]
     changes = {
@@ -173,8 +202,10 @@ def numbers(body: Body, settings: Settings, p: Mapping[str, float], by_wheels: b
         "carpet": {"pile": p["pile"]},
         "wheels": {"arm_m": arm},
     }
-    sections = {name: getattr(settings, name).model_copy(update=fields) for name, fields in changes.items()}
-    law = told.creep(settings.model_copy(update=sections))
+    sections = {
+        name: getattr(settings, name).model_copy(update=fields) for name, fields in changes.items()
+    }
+    law = team_model.creep(settings.model_copy(update=sections))
     (forward, sideways, turning), drag = map(float, law.gain), law.drag / settings.body.mass_kg
     result = {"clock_s" if by_wheels else LATE: p[LATE], "creep_stiffness": stiffness}
     result |= {name: p[name] for name in ("pile", "roller_friction", "compass_rad")}
@@ -186,10 +217,19 @@ def numbers(body: Body, settings: Settings, p: Mapping[str, float], by_wheels: b
         cosines = np.abs(body.along[:, 0])
         squares = (cosines**2).sum()
         result["lag_forward_s"] = float(give * (1 / squares + body.hub))
-        result["friction_forward_m_s"] = float((p["friction_m_s"] * cosines.sum() + give * drag[0]) / squares)
-    result |= {"gain_forward": scale * forward, "gain_sideways": scale * sideways, "gain_turning": gain_turning}
+        result["friction_forward_m_s"] = float(
+            (p["friction_m_s"] * cosines.sum() + give * drag[0]) / squares
+        )
+    result |= {
+        "gain_forward": scale * forward,
+        "gain_sideways": scale * sideways,
+        "gain_turning": gain_turning,
+    }
     for i, axis in enumerate(AXES):
-        result |= {f"creep_{axis}_s2_m": scale * float(law.time[i]), f"drag_{axis}_m_s2": float(drag[i])}
+        result |= {
+            f"creep_{axis}_s2_m": scale * float(law.time[i]),
+            f"drag_{axis}_m_s2": float(drag[i]),
+        }
     return result | {f"slope_{axis}_rad": p[f"lean_{axis}_m_s2"] / GRAVITY for axis in "xy"}
 
 
@@ -198,7 +238,5 @@ def _lawless(fitted: Fit) -> str | None:
     most = LAWLESS[fitted.stretches.are_wheels]
     for what, r in fitted.residuals.items():
         if fitted.misfit and r.rms > most * r.noise:
-            return (
-                f"the law does not describe this motion: residuals of {what} are {r.rms / r.noise:.1f} times the noise"
-            )
+            return f"the law does not describe this motion: residuals of {what} are {r.rms / r.noise:.1f} times the noise"
     return None

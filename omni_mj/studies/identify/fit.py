@@ -39,8 +39,14 @@ RANGES = {
 NUDGES = 0.02 * np.eye(4)  # of first heading and twist, rad, m/s and rad/s
 NEGLIGIBLE = 1e-3  # of a column of first states, over the largest, below which it is not solved for
 LAGS, ALARM = 5, 0.01  # samples over which residuals last; chance of a false alarm
-ALLOWED = {True: (0.3e-3, 2.5e-3), False: (0.6e-3, 4e-3)}  # by wheels, by commands: what lasts of 95 % of our logs
-ODD, MOST_ODD = 3.0, 0.25  # residuals over their median, and share, of stretches that may be left out
+ALLOWED = {
+    True: (0.3e-3, 2.5e-3),
+    False: (0.6e-3, 4e-3),
+}  # by wheels, by commands: what lasts of 95 % of our logs
+ODD, MOST_ODD = (
+    3.0,
+    0.25,
+)  # residuals over their median, and share, of stretches that may be left out
 
 
 @dataclass(frozen=True)
@@ -108,7 +114,9 @@ class Problem:
         metres: Of a residual per unit of x, y and heading, (3,).
     """
 
-    def __init__(self, body: Body, stretches: Stretches, start: Parameters, free: Sequence[str]) -> None:
+    def __init__(
+        self, body: Body, stretches: Stretches, start: Parameters, free: Sequence[str]
+    ) -> None:
         self.body, self.stretches, self.start, self.free = body, stretches, start, free
         self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in free]).T
         noise = np.median(np.abs(_changes(stretches.pose)), axis=(0, 1))
@@ -122,7 +130,10 @@ class Problem:
 
     def residual(self, x: Array) -> Array:
         """Return residuals (S, m, 3) in metres for free parameters."""
-        n, (count, m) = 5 + len(self.free), self.stretches.time.shape  # sets: nominal, four first states, parameters
+        n, (count, m) = (
+            5 + len(self.free),
+            self.stretches.time.shape,
+        )  # sets: nominal, four first states, parameters
         sets = {name: np.full((n, 1), value) for name, value in self.parameters(x).items()}
         for i, name in enumerate(self.free):
             sets[name][5 + i] += self.steps[i]
@@ -131,7 +142,9 @@ class Problem:
         first[:, 1:5, 1] += NUDGES[:, 1:]
         poses = simulate(self.body, self.stretches, sets, first)
         flat = (poses * self.metres).reshape(count, n, 3 * m)
-        slopes = (flat[:, 1:] - flat[:, :1]) / np.concatenate([NUDGES.diagonal(), self.steps])[:, None]
+        slopes = (flat[:, 1:] - flat[:, :1]) / np.concatenate([NUDGES.diagonal(), self.steps])[
+            :, None
+        ]
         places = np.tile(np.eye(3)[:2], m)[None].repeat(count, 0)
         states = np.concatenate([places, slopes[:, :4]], 1)
         wrong = flat[:, :1] - (self.stretches.pose * self.metres).reshape(count, 1, 3 * m)
@@ -203,7 +216,10 @@ def fit_usual(body: Body, stretches: Stretches, start: Parameters, free: Sequenc
 def measure(values: Array, allowed: float) -> Residuals:
     """Measure residuals (S, m, k), of which `allowed` may last."""
     products = [values[:, lag:] * values[:, :-lag] for lag in range(1, LAGS + 1)]
-    power, lasting = float((values**2).mean()), float(np.mean([product.mean() for product in products]))
+    power, lasting = (
+        float((values**2).mean()),
+        float(np.mean([product.mean() for product in products])),
+    )
     error = (power - max(lasting, 0.0)) / sum(product.size for product in products) ** 0.5
     misfit = bool(lasting > allowed**2 + norm.isf(ALARM) * error)
     noise = float((_changes(values) ** 2).mean()) ** 0.5

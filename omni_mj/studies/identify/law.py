@@ -26,10 +26,10 @@ import numpy as np
 
 from omni_control.kinematics import Array, body_to_world, world_to_body
 from omni_control.traction import GRAVITY, loads
+from omni_mj.config import team_model
+from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
 from omni_mj.robot.carpet import AT_REST_M_S
 from omni_mj.robot.motors import Motor
-from omni_mj.scenarios import told
-from omni_mj.scenarios.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
 from omni_mj.studies.identify.stretches import Stretches
 
 Parameters = dict[str, float]
@@ -84,12 +84,26 @@ class Body:
     def of(cls, settings: Settings) -> Self:
         """Return the body that the settings describe."""
         body, wheels, motor = settings.body, settings.wheels, Motor.of(settings.motor)
-        along, radius, centre, kg = wheels.kinematics.matrix, wheels.radius_m, body.centre_x_m, body.mass_kg
+        along, radius, centre, kg = (
+            wheels.kinematics.matrix,
+            wheels.radius_m,
+            body.centre_x_m,
+            body.mass_kg,
+        )
         count, roller = wheels.rollers, wheels.roller_radius_m
-        rims = count * ROLLER_KG * (1 - roller / radius) ** 2  # mass of a wheel's rollers as seen at its rim
-        mass = np.array([[1, 0, 0], [0, 1, centre], [0, centre, body.yaw_inertia_kg_m2 / kg + centre**2]])
-        turning = roller - radius * (1 - np.cos(np.pi / count))  # radius at which a roller is spun up
-        cycles, frame = round(CYCLE_RATE_HZ / settings.firmware.rate_hz), CYCLE_RATE_HZ // FRAME_RATE_HZ
+        rims = (
+            count * ROLLER_KG * (1 - roller / radius) ** 2
+        )  # mass of a wheel's rollers as seen at its rim
+        mass = np.array(
+            [[1, 0, 0], [0, 1, centre], [0, centre, body.yaw_inertia_kg_m2 / kg + centre**2]]
+        )
+        turning = roller - radius * (
+            1 - np.cos(np.pi / count)
+        )  # radius at which a roller is spun up
+        cycles, frame = (
+            round(CYCLE_RATE_HZ / settings.firmware.rate_hz),
+            CYCLE_RATE_HZ // FRAME_RATE_HZ,
+        )
         gain = settings.firmware.kp + motor.speed_constant
         return cls(
             along=along,
@@ -97,10 +111,16 @@ class Body:
             radius=radius,
             centre=centre,
             mass=mass + rims / kg * along.T @ along,
-            loads=told.loads(settings) / kg,
+            loads=team_model.loads(settings) / kg,
             shift=loads(wheels.kinematics, body.centre_height_m)[1][:, :2].T,
             viscous=BOTH_TOUCH * settings.drive.roller_damping_nm_s / roller**2 / kg,
-            spun=SPUN_EARLY * count / (2 * np.pi * radius) * 0.4 * ROLLER_KG * (roller / turning) ** 2 / kg,
+            spun=SPUN_EARLY
+            * count
+            / (2 * np.pi * radius)
+            * 0.4
+            * ROLLER_KG
+            * (roller / turning) ** 2
+            / kg,
             commutation=motor.commutation * motor.gear / (motor.resistance * radius),
             hub=motor.inertia * motor.gear**2 / (radius**2 * kg),
             wait=float(np.mean(-frame * np.arange(cycles) % cycles)) / CYCLE_RATE_HZ,
@@ -126,7 +146,7 @@ class Body:
             return known | {"give_s": 0.0, "friction_m_s": 0.0, "turn_gain": 0.0}
         motor, firmware = Motor.of(settings.motor), settings.firmware
         constant, gain = motor.speed_constant, firmware.kp + motor.speed_constant
-        softness = told.rim_softness(settings)
+        softness = team_model.rim_softness(settings)
         return known | {
             "scale": 1 - (1 - firmware.feed_forward) * constant / gain,
             "give_s": settings.body.mass_kg * softness,
@@ -152,7 +172,9 @@ def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Ar
     """
     late, compass = p[LATE][:, 0], p["compass_rad"][:, 0]
     lean = np.concatenate([p["lean_x_m_s2"], p["lean_y_m_s2"], np.zeros_like(p["grip"])], -1)
-    along = body.along * np.concatenate([np.ones((len(late), 2)), p["arm"]], 1)[:, None]  # (P, W, 3)
+    along = (
+        body.along * np.concatenate([np.ones((len(late), 2)), p["arm"]], 1)[:, None]
+    )  # (P, W, 3)
     cap = np.sqrt(np.maximum(p["grip"] ** 2 - p["roller_friction"] ** 2, 1e-4))
     by_wheels = stretches.are_wheels
     mass = body.mass
@@ -164,7 +186,9 @@ def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Ar
     poses = [pose]
     for k in range(duration.shape[1]):
         h = duration[:, k, None, None]
-        heading = pose[..., 2] + 0.5 * h[..., 0] * (velocity[..., 2] + 0.5 * h[..., 0] * pull[..., 2])
+        heading = pose[..., 2] + 0.5 * h[..., 0] * (
+            velocity[..., 2] + 0.5 * h[..., 0] * pull[..., 2]
+        )
         axes = heading + compass
         before = world_to_body(velocity, axes)
         middle = before + 0.5 * h * pull
@@ -178,7 +202,9 @@ def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Ar
             rim = p["scale"] * body.radius * inputs[:, :, k]
         else:
             command = inputs[:, :, k]
-            command = np.where(stretches.in_body[:, None, None], command, world_to_body(command, heading))
+            command = np.where(
+                stretches.in_body[:, None, None], command, world_to_body(command, heading)
+            )
             command[..., 2] += p["turn_gain"][:, 0] * (command[..., 2] - middle[..., 2])
             rim = _apply(along, command)
             soft = p["give_s"] * (1 + body.commutation * np.abs(rim))
@@ -189,10 +215,20 @@ def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Ar
         pile = p["pile"] * load / np.maximum(speed, AT_REST_M_S)
         bearing = p["roller_friction"] * load / np.maximum(np.abs(across), AT_REST_M_S)
         axle_drag = pile + bearing + body.viscous + body.spun * np.abs(rolling)
-        resisting = _weigh(stiffness + PRESSED_S_M * load + pile, along) + _weigh(axle_drag, body.axles)
+        resisting = _weigh(stiffness + PRESSED_S_M * load + pile, along) + _weigh(
+            axle_drag, body.axles
+        )
         pushing = _apply(along.mT, stiffness * rim) + down
-        if not by_wheels:  # the loop on the gyro; motors, which turn with the rims, and loops that see late
-            gyro = p["turn_gain"] * p["scale"] * p["arm"] * body.along[0, 2] * _apply(along.mT, stiffness)
+        if (
+            not by_wheels
+        ):  # the loop on the gyro; motors, which turn with the rims, and loops that see late
+            gyro = (
+                p["turn_gain"]
+                * p["scale"]
+                * p["arm"]
+                * body.along[0, 2]
+                * _apply(along.mT, stiffness)
+            )
             resisting[..., 2] += gyro
             pushing += gyro * middle[..., 2:]
             inertia = stiffness * (body.hub * soft - np.minimum(body.loop_delay, MOST_DELAY * soft))
@@ -203,7 +239,9 @@ def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Ar
         upper = unit + 0.5 * x
         reach = _apply(upper, gain)
         travel = h * _apply(upper, before) + 0.5 * h * (2 * reach - gain)
-        after, moved = np.moveaxis(np.linalg.solve(unit + x @ upper, np.stack([before + reach, travel], -1)), -1, 0)
+        after, moved = np.moveaxis(
+            np.linalg.solve(unit + x @ upper, np.stack([before + reach, travel], -1)), -1, 0
+        )
         pull = (after - before) / h
         pose, velocity = pose + body_to_world(moved, axes), body_to_world(after, axes)
         if (k + 1) % parts == 0:

@@ -76,7 +76,9 @@ def read(file: Path | str) -> list[RobotLog]:
     named = {"wheels": wheels, "commands": command}
     inputs = {source: _numbers(path, columns, names) for source, names in named.items() if names}
     keys = [columns[key].to_pylist() for key in ("controller", "seed", "place") if key in columns]
-    rows = np.array([" ".join(map(str, row)) for row in zip(*keys, strict=True)] or [""] * len(time), str)
+    rows = np.array(
+        [" ".join(map(str, row)) for row in zip(*keys, strict=True)] or [""] * len(time), str
+    )
     logs = []
     for row in dict.fromkeys(rows.tolist()) or [""]:
         lines = np.flatnonzero(rows == row)
@@ -102,9 +104,13 @@ def _clean(log: RobotLog) -> RobotLog:
         OmniError: There are too few lines, times are wrong, or commands are missing.
     """
     if not np.isfinite(log.time).all():
-        raise OmniError(f"{log.name}: time_s is missing in line {np.argmin(np.isfinite(log.time)) + 1}")
+        raise OmniError(
+            f"{log.name}: time_s is missing in line {np.argmin(np.isfinite(log.time)) + 1}"
+        )
     if (back := np.diff(log.time) < 0).any():
-        raise OmniError(f"{log.name}: time_s does not increase from line {back.argmax() + 1} to {back.argmax() + 2}")
+        raise OmniError(
+            f"{log.name}: time_s does not increase from line {back.argmax() + 1} to {back.argmax() + 2}"
+        )
     new = np.diff(log.time, prepend=-np.inf) > 0
     if new.sum() < LEAST_LINES:
         raise OmniError(f"{log.name}: {new.sum()} times are too few; at least {LEAST_LINES}")
@@ -116,7 +122,9 @@ def _clean(log: RobotLog) -> RobotLog:
     inputs = {source: values[new] for source, values in log.inputs.items()}
     for source, values in inputs.items():
         if not np.isfinite(values).all():
-            raise OmniError(f"{log.name}: {source} are missing in line {np.argmin(np.isfinite(values).all(1)) + 1}")
+            raise OmniError(
+                f"{log.name}: {source} are missing in line {np.argmin(np.isfinite(values).all(1)) + 1}"
+            )
     return replace(log, time=time, pose=pose, inputs=inputs)
 
 
@@ -130,8 +138,14 @@ def _wheel_names(columns: "Columns") -> tuple[bool, list[str]]:
 
 def _mean_speeds(time: Array, values: Array, angles: bool) -> Array:
     """Return mean speeds from each line to the next; the last line repeats the one before."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # lines of the same time are left out later
-        means = np.diff(values, axis=0) / np.diff(time)[:, None] if angles else (values[1:] + values[:-1]) / 2
+    with np.errstate(
+        divide="ignore", invalid="ignore"
+    ):  # lines of the same time are left out later
+        means = (
+            np.diff(values, axis=0) / np.diff(time)[:, None]
+            if angles
+            else (values[1:] + values[:-1]) / 2
+        )
     return np.concatenate([means, means[-1:]])
 
 
@@ -168,7 +182,9 @@ def _read_csv(path: Path) -> "pa.Table":
         return pyarrow.csv.read_csv(
             file,
             parse_options=pa.csv.ParseOptions(delimiter=separator),
-            convert_options=pa.csv.ConvertOptions(decimal_point="," if separator != "," and "," in row else "."),
+            convert_options=pa.csv.ConvertOptions(
+                decimal_point="," if separator != "," and "," in row else "."
+            ),
         )
 
 
@@ -181,5 +197,7 @@ def _numbers(path: Path, columns: "Columns", names: Sequence[str]) -> Array:
         try:
             values.append(columns[name].cast("float64").to_numpy()[:, None])
         except pa.ArrowException as error:
-            raise OmniError(f"{path.name}: column {name} must hold numbers: {printable(str(error), 200)}") from None
+            raise OmniError(
+                f"{path.name}: column {name} must hold numbers: {printable(str(error), 200)}"
+            ) from None
     return np.concatenate(values, axis=1)

@@ -4,7 +4,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 
-from omni_mj.scenarios.settings import PERIOD_S
+from omni_mj.config.settings import PERIOD_S
 from omni_mj.studies.identify.findings import Estimate
 
 Changes = dict[tuple[str, str], str]  # section and field -> value as TOML has it, and a comment
@@ -24,7 +24,11 @@ FIELDS = {
     "commands.gain_sideways": ("control", "alpha_sideways"),
 }
 DRAG = ("wheels.pile", "wheels.roller_friction")
-LEAST = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}  # that settings allow; of all else 0
+LEAST = {
+    "radius_m": 0.01,
+    "arm_m": 0.02,
+    "creep_stiffness": 0.1,
+}  # that settings allow; of all else 0
 
 
 def changes(estimates: Mapping[str, Estimate]) -> Changes:
@@ -53,7 +57,9 @@ def write_changes(start: str, made: Mapping[tuple[str, str], str], logs: Sequenc
         logs: Named in the first line.
     """
     present, section = tomllib.loads(start), ""
-    lines = [f"# omni-mj identify: numbers marked as identified are from {' '.join(', '.join(logs).split())}"]
+    lines = [
+        f"# omni-mj identify: numbers marked as identified are from {' '.join(', '.join(logs).split())}"
+    ]
     for line in start.splitlines():
         key = re.match(r"\s*([\w-]+)\s*=", line)
         if key and (change := made.get((section, key[1]))):
@@ -62,7 +68,15 @@ def write_changes(start: str, made: Mapping[tuple[str, str], str], logs: Sequenc
             lines.append(line)
         if head := re.match(r"\s*\[\s*([\w.-]+)\s*\]", line):
             section = head[1]
-            lines += [f"{k} = {v}" for (of, k), v in made.items() if of == section and k not in present[section]]
+            lines += [
+                f"{k} = {v}"
+                for (of, k), v in made.items()
+                if of == section and k not in present[section]
+            ]
     for name in sorted({of for of, _ in made} - set(present)):
-        lines += ["", f"[{name}]", *(f"{key} = {value}" for (of, key), value in made.items() if of == name)]
+        lines += [
+            "",
+            f"[{name}]",
+            *(f"{key} = {value}" for (of, key), value in made.items() if of == name),
+        ]
     return "\n".join([*lines, ""])

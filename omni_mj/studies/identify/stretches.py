@@ -52,15 +52,21 @@ class Stretches:
             parts: Steps from a sample to the next.
         """
         m = self.time.shape[1]
-        edges = make_interp_spline(np.arange(m), self.time.T, k=1)(np.linspace(0, m - 1, parts * (m - 1) + 1)).T
+        edges = make_interp_spline(np.arange(m), self.time.T, k=1)(
+            np.linspace(0, m - 1, parts * (m - 1) + 1)
+        ).T
         duration, at = np.diff(edges), edges[:, None] - late[:, None]
-        return np.diff(self.total(np.maximum(at, 0.0)), axis=2) / duration[:, None, :, None], duration
+        return np.diff(self.total(np.maximum(at, 0.0)), axis=2) / duration[
+            :, None, :, None
+        ], duration
 
     def estimate_first(self) -> Array:
         """Return pose, velocity and acceleration at the first sample, by a parabola, (S, 3, 3)."""
         near = max(6, round(FIRST_S / self.period))
         time = self.time[:, :near] - self.time[:, :1]
-        fits = [np.polyfit(t, pose, 2)[::-1] for t, pose in zip(time, self.pose[:, :near], strict=True)]
+        fits = [
+            np.polyfit(t, pose, 2)[::-1] for t, pose in zip(time, self.pose[:, :near], strict=True)
+        ]
         return np.array(fits) * [[1], [1], [2]]
 
 
@@ -76,7 +82,9 @@ def cut(logs: Sequence[RobotLog], inputs: Sequence[Array], are_wheels: bool) -> 
         OmniError: There are too few.
     """
     seen = [np.flatnonzero(np.isfinite(log.pose).all(1)) for log in logs]
-    period = float(np.median(np.concatenate([np.diff(log.time[s]) for log, s in zip(logs, seen, strict=True)])))
+    period = float(
+        np.median(np.concatenate([np.diff(log.time[s]) for log, s in zip(logs, seen, strict=True)]))
+    )
     count = max(LEAST_POSES, round(STRETCH_S / period))
     clocks, rows = list[Array](), list[tuple[Array, Array, bool]]()
     for log, lines in zip(logs, seen, strict=True):

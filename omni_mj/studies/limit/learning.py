@@ -15,25 +15,34 @@ import numpy as np
 from omni_control.controllers.base import Controller, Seen
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.scenarios import references
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.scenario import Scenario
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.config import reference_factory
+from omni_mj.config.rows import Row
+from omni_mj.config.scenario import Scenario
+from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.model import DepartureModel, improve
 from omni_mj.studies.limit.tracking import Policy, Tracker
-from omni_mj.studies.outcome import AfterFrame, Begin
+from omni_mj.studies.study_runner import AfterFrame, Begin
 
 Aim = Literal["max", "mean"]
 AIMS: tuple[Aim, ...] = ("max", "mean")
 Leader = Callable[[Array, Array, Array], Array]
 TEACHERS = ("comp-flc", "adaptive-comp-flc")  # whose best run is the first
-TRIES = tuple(product((1.0, 0.3), (0.03, 0.003)))  # share of a planned change, weight of the regulator
+TRIES = tuple(
+    product((1.0, 0.3), (0.03, 0.003))
+)  # share of a planned change, weight of the regulator
 PROBES = 3  # rows that are disturbed, by so much in m/s and rad/s
 PROBE = np.array([0.1, 0.1, 0.5])
 PROBE_WEIGHT = 0.1
-ASTRAY, ASTRAY_M = 4.0, 0.05  # times the best row's maximum: rows beyond both say nothing of runs near it
+ASTRAY, ASTRAY_M = (
+    4.0,
+    0.05,
+)  # times the best row's maximum: rows beyond both say nothing of runs near it
 HEADING_M = 0.01  # per rad: weight of the heading in what is compared
-PATIENCE, PROGRESS, PROGRESS_M = 3, 0.04, 2e-5  # learning ends after so many attempts that gain less
+PATIENCE, PROGRESS, PROGRESS_M = (
+    3,
+    0.04,
+    2e-5,
+)  # learning ends after so many attempts that gain less
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +75,9 @@ class Drives:
 
     def size(self, aim: Aim, heading_m: float = HEADING_M) -> Array:
         """Return the maximum or mean error in the plane, (n,) m, and a little of that of the heading."""
-        error = np.hypot(self.errors[..., 0], self.errors[..., 1]) + heading_m * np.abs(self.errors[..., 2])
+        error = np.hypot(self.errors[..., 0], self.errors[..., 1]) + heading_m * np.abs(
+            self.errors[..., 2]
+        )
         return error.max(0) if aim == "max" else error.mean(0)
 
     @property
@@ -84,9 +95,13 @@ def led(label: str, leader: Leader) -> type[Controller]:
     return type(label, (Controller,), {"command": command})
 
 
-def lead(scenario: Scenario, seeds: Sequence[int], leader: Leader, after_frame: AfterFrame) -> Drives:
+def lead(
+    scenario: Scenario, seeds: Sequence[int], leader: Leader, after_frame: AfterFrame
+) -> Drives:
     """Lead robots, one for each seed and each in its own world, from start to end."""
-    rows = [Row(i, 0, "led", seed, scenario.settings, scenario.robot) for i, seed in enumerate(seeds)]
+    rows = [
+        Row(i, 0, "led", seed, scenario.settings, scenario.robot) for i, seed in enumerate(seeds)
+    ]
     simulation = Simulation(scenario, [led("led", leader)], rows=rows)
     simulation.run(after_frame)
     return Drives.of(simulation)
@@ -105,14 +120,18 @@ def learn(
             frame.
     """
     settings, seed, idle = scenario.settings, scenario.seed, 0
-    reference = references.timed(settings, settings.world.places[0]).poses
-    limits, random = references.motion_limits(settings.control), np.random.default_rng(0)
-    model = DepartureModel.prior(len(reference), settings.radio.delay_frames, 2 * settings.control.lag_s)
+    reference = reference_factory.timed(settings, settings.world.places[0]).poses
+    limits, random = reference_factory.motion_limits(settings.control), np.random.default_rng(0)
+    model = DepartureModel.prior(
+        len(reference), settings.radio.delay_frames, 2 * settings.control.lag_s
+    )
     teachers = Simulation(scenario, TEACHERS, [seed])
     teachers.run(begin("controllers", len(reference)))
     best = Drives.of(teachers).best
     if not np.isfinite(best.merit).all():
-        raise OmniError(f"no controller comes to the end of {scenario.name!r}: there is nothing to learn from")
+        raise OmniError(
+            f"no controller comes to the end of {scenario.name!r}: there is nothing to learn from"
+        )
     policies = [Policy(weight) for _, weight in TRIES] + [Policy(PROBE_WEIGHT)] * PROBES
     shares = np.array([share for share, _ in TRIES] + [0.0] * PROBES)[:, None]
     for number in range(attempts + 1):
@@ -146,5 +165,7 @@ def _fitted(model: DepartureModel, reference: Array, made: Drives) -> DepartureM
     near = rows[farthest[rows] < max(ASTRAY * farthest[rows[0]], ASTRAY_M)]
     if len(near) < 3:
         return model
-    poses, commands = (values[:, near[1:]] - values[:, near[:1]] for values in (made.poses, made.sent))
+    poses, commands = (
+        values[:, near[1:]] - values[:, near[:1]] for values in (made.poses, made.sent)
+    )
     return DepartureModel.fit(reference, model.delay, poses, commands)

@@ -25,14 +25,18 @@ from scipy.sparse.linalg import splu
 
 from omni_control.kinematics import Array, body_to_world
 from omni_control.reference import MotionLimits
-from omni_mj.scenarios.settings import PERIOD_S
+from omni_mj.config.settings import PERIOD_S
 
 SMOOTHING_FRAMES = 11
 TURN_SCALE_RAD_S = 5.0  # turn rate that counts as one in the polynomial
 ARM_M = 0.1  # at which a turn counts as a length: a point of the robot's hull
 STEPS = 400
 RELAXATION = 1.6  # Boyd et al., section 3.4.3
-RHO, PULL_COMMAND, PULL_CHANGE = 2e-8, 2e-5, 2e-4  # s^2; the pulls only decide how fast the method converges
+RHO, PULL_COMMAND, PULL_CHANGE = (
+    2e-8,
+    2e-5,
+    2e-4,
+)  # s^2; the pulls only decide how fast the method converges
 SCALE = np.array([1.0, 1.0, ARM_M])
 
 
@@ -59,7 +63,9 @@ class DepartureModel:
     def prior(cls, frames: int, delay: int, lag_s: float) -> "DepartureModel":
         """Return the model of a robot that follows its commands with a first-order lag."""
         decay = np.exp(-PERIOD_S / lag_s) if lag_s else 0.0
-        carried = lag_s * (1 - decay) / PERIOD_S  # share of a frame's path due to the velocity before
+        carried = (
+            lag_s * (1 - decay) / PERIOD_S
+        )  # share of a frame's path due to the velocity before
         shares = np.array([1 - carried, carried - decay])
         return cls(
             np.tile(decay * np.eye(3), (frames, 1, 1)),
@@ -77,11 +83,16 @@ class DepartureModel:
             poses: Pose differences, (F, n, 3).
             commands: Differences of the sent commands, (F, n, 3).
         """
-        body_axes = body_to_world(np.eye(3), reference[:, 2:]).swapaxes(1, 2)  # in the world frame, (F, 3, 3)
+        body_axes = body_to_world(np.eye(3), reference[:, 2:]).swapaxes(
+            1, 2
+        )  # in the world frame, (F, 3, 3)
         basis = _basis(reference)
         velocity = np.diff(poses, axis=0) / PERIOD_S
         inputs = _delayed(velocity, 1), _delayed(commands, delay), _delayed(commands, delay + 1)
-        in_body = [np.einsum("kji,knj->kni", body_axes[:-1], x[: len(velocity)]) for x in (velocity, *inputs)]
+        in_body = [
+            np.einsum("kji,knj->kni", body_axes[:-1], x[: len(velocity)])
+            for x in (velocity, *inputs)
+        ]
         regressors = np.concatenate(in_body[1:], axis=2)[..., None] * basis[:-1, None, None]
         rows = regressors.reshape(-1, regressors[0, 0].size)
         solution = scipy.linalg.lstsq(rows, in_body[0].reshape(-1, 3), cond=1e-4)[0]
@@ -120,7 +131,9 @@ def _delayed(values: Array, frames: int) -> Array:
     return np.pad(values, [(frames, 0), (0, 0), (0, 0)])
 
 
-def improve(model: DepartureModel, limits: MotionLimits, errors: Array, commands: Array) -> tuple[Array, Array]:
+def improve(
+    model: DepartureModel, limits: MotionLimits, errors: Array, commands: Array
+) -> tuple[Array, Array]:
     """Return better commands for a run, and the errors expected of them.
 
     Args:
@@ -152,4 +165,6 @@ def improve(model: DepartureModel, limits: MotionLimits, errors: Array, commands
         short = vectors[..., :2] * np.minimum(1.0, plane / length)[..., None]
         allowed = np.concatenate([short, np.clip(vectors[..., 2:], -turn, turn)], axis=2).ravel()
         owed = relaxed - allowed
-    return commands + solution[:size].reshape(-1, 3), errors + solution[size : 2 * size].reshape(-1, 3)
+    return commands + solution[:size].reshape(-1, 3), errors + solution[size : 2 * size].reshape(
+        -1, 3
+    )

@@ -8,23 +8,25 @@ from typing import Any
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
-from omni_mj.measure.result import Outcome, Result
-from omni_mj.measure.statistics import ERRORS, plane_error
-from omni_mj.measure.table import Table, plus_minus, text, where
-from omni_mj.scenarios import distributions
-from omni_mj.scenarios.robot_settings import VariationSettings
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.scenario import Scenario
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.config import distributions
+from omni_mj.config.robot_settings import VariationSettings
+from omni_mj.config.rows import Row
+from omni_mj.config.scenario import Scenario
+from omni_mj.results.result import Outcome, Result
+from omni_mj.results.result_tables import Table, plus_minus, text, where
+from omni_mj.results.statistics import ERRORS, plane_error
+from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.learning import AIMS, Aim, lead, learn, led
 from omni_mj.studies.limit.tracking import Policy, Tracker
-from omni_mj.studies.outcome import Begin, StoppedError, begin_nothing, competitors, drive
 from omni_mj.studies.run import chosen, with_kernel
+from omni_mj.studies.study_runner import Begin, StoppedError, begin_nothing, competitors, drive
 
 LIMIT, WITHOUT_NOISE = "limit", "limit without noise"
 SEEDS, ATTEMPTS = 20, 16
 PRACTICE_SEEDS, FIRST_SEED = 5, 1_000_000  # seeds of practice count on from the scenario's
-POLICIES = tuple(Policy(*pair) for pair in product((0.0003, 0.001, 0.003, 0.01, 0.03), (0.1, 0.3, 1.0)))
+POLICIES = tuple(
+    Policy(*pair) for pair in product((0.0003, 0.001, 0.003, 0.01, 0.03), (0.1, 0.3, 1.0))
+)
 DEFINITIONS = {
     "limit": "least error found of robots that know the plant, and see no more than any controller: of information",
     "limit without noise": "least error found of robots that nothing disturbs and that see the truth: of the plant",
@@ -58,7 +60,9 @@ class LimitResult(Result):
             rows.append([label, *errors, "/".join(f"{ratio:.1f}" for ratio in ratios)])
         headings = ["", *(f"{ERRORS[aim]}, cm" for aim in AIMS), "times the limit"]
         title = f"{name}, {where(entry)}: error in the plane, mean of {len(self.seeds)} seeds"
-        first, last = (" / ".join(f"{100 * self.history[i][aim]:.4f}" for aim in AIMS) for i in (0, -1))
+        first, last = (
+            " / ".join(f"{100 * self.history[i][aim]:.4f}" for aim in AIMS) for i in (0, -1)
+        )
         learned = f"without noise, in {len(self.history) - 1} attempts: from {first} to {last} cm"
         return f"{text(Table(title, headings, rows, 1))}\n{learned}"
 
@@ -152,8 +156,16 @@ def _find(result: LimitResult, scenario: Scenario, iterations: int, begin: Begin
     ]
     table = [(LIMIT, seed, scenario) for seed in seeds] + [(WITHOUT_NOISE, seeds[0], calm)]
     table += [(name, seed, scenario) for name in names for seed in seeds]
-    rows = [Row(i, 0, name, seed, each.settings, scenario.robot) for i, (name, seed, each) in enumerate(table)]
-    outcome = drive(Simulation(scenario, kinds, rows=rows), begin("limit and controllers", model.frames))
+    rows = [
+        Row(i, 0, name, seed, each.settings, scenario.robot)
+        for i, (name, seed, each) in enumerate(table)
+    ]
+    outcome = drive(
+        Simulation(scenario, kinds, rows=rows), begin("limit and controllers", model.frames)
+    )
     if outcome.entry["reason"]:
         raise StoppedError(outcome.entry["reason"])
-    result.outcomes, result.controllers = [replace(outcome, scenario=scenario)], list(outcome.entry["results"])
+    result.outcomes, result.controllers = (
+        [replace(outcome, scenario=scenario)],
+        list(outcome.entry["results"]),
+    )

@@ -1,7 +1,7 @@
 """Lead robots along known runs: the learned commands, and feedback on the estimated departure.
 
 A Kalman filter on `DepartureModel` estimates how each robot departs from its run. The firmware's heading has an error
-c and its gyro a bias b of which it knows a part. Both follow known laws (`omni_mj.robot.wheel_loops`):
+c and its gyro a bias b of which it knows a part. Both follow known laws (`omni_mj.robot.firmware`):
 
     c(k+1) = c(k) + T b(k) + T g e(k),    b(k+1) = b(k) + T h e(k),    e(k) = heading sent - heading held then
 
@@ -16,12 +16,19 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.scenarios.faults import ON_WHEELS
-from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import PERIOD_S
+from omni_mj.config.faults import ON_WHEELS
+from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import PERIOD_S
 from omni_mj.studies.limit.model import SCALE, DepartureModel
 
-POSE, SPEED, DRIFT, COMPASS, BIAS, GAIN = slice(0, 3), slice(3, 6), slice(6, 9), 9, 10, slice(11, 14)
+POSE, SPEED, DRIFT, COMPASS, BIAS, GAIN = (
+    slice(0, 3),
+    slice(3, 6),
+    slice(6, 9),
+    9,
+    10,
+    slice(11, 14),
+)
 STATES = 14
 TRANSLATION = np.array([1, 1, 0, 1, 1, 0, 1, 1, 0, 0, 0, 1, 1, 1], bool)
 DRIFT_DECAY = np.exp(-1 / 30.0)  # per frame
@@ -56,10 +63,19 @@ class Tracker:
     """
 
     def __init__(
-        self, model: DepartureModel, commands: Array, poses: Array, scenario: Scenario, policies: Sequence[Policy]
+        self,
+        model: DepartureModel,
+        commands: Array,
+        poses: Array,
+        scenario: Scenario,
+        policies: Sequence[Policy],
     ) -> None:
         n, settings, firmware = len(policies), scenario.settings, scenario.plant in ON_WHEELS
-        self._delay, self._start, end = model.delay, model.delay + 1, [(0, model.delay), (0, 0), (0, 0)]
+        self._delay, self._start, end = (
+            model.delay,
+            model.delay + 1,
+            [(0, model.delay), (0, 0), (0, 0)],
+        )
         self._velocity = np.pad(model.velocity, end, "edge")
         self._push = np.pad(model.command, [(0, 0), *end], "edge")
         self._commands, self._poses = np.pad(commands, [(self._start, 0), (0, 0), (0, 0)]), poses
@@ -67,19 +83,30 @@ class Tracker:
         self._bias_gain = firmware * PERIOD_S * settings.firmware.bias_gain
         self._bias_effect = firmware / (1 + settings.firmware.turn_gain)
         vision = settings.vision
-        position, heading = max(vision.position_noise_m, SMALLEST), max(vision.heading_noise_rad, SMALLEST)
+        position, heading = (
+            max(vision.position_noise_m, SMALLEST),
+            max(vision.heading_noise_rad, SMALLEST),
+        )
         self._vision_covariance = np.diag(np.square([position, position, heading]))
         noise, gain, self._gain_decay = _process_noise(scenario)
-        self._noise = np.array([np.where(TRANSLATION, policy.noise, 1.0) * noise for policy in policies])
-        regulators = {weight: _regulator(model, weight) for weight in {policy.weight for policy in policies}}
+        self._noise = np.array(
+            [np.where(TRANSLATION, policy.noise, 1.0) * noise for policy in policies]
+        )
+        regulators = {
+            weight: _regulator(model, weight) for weight in {policy.weight for policy in policies}
+        }
         self._gains = np.stack([regulators[policy.weight] for policy in policies], axis=1)
         self._inverse = np.linalg.pinv(self._push.sum(0))
         self._state = np.zeros((n, STATES))
         self._covariance = np.zeros((n, STATES, STATES))
         self._covariance[:, BIAS, BIAS] = firmware * settings.sensors.gyro_bias_rad_s**2
         self._covariance[:, GAIN, GAIN] = gain**2 * np.eye(3)
-        self._sent = np.zeros((self._start + model.frames, n, 3))  # before the start too, as of the commands
-        self._headings = np.zeros((model.frames, n))  # that were sent, less the robots' own at that time
+        self._sent = np.zeros(
+            (self._start + model.frames, n, 3)
+        )  # before the start too, as of the commands
+        self._headings = np.zeros(
+            (model.frames, n)
+        )  # that were sent, less the robots' own at that time
         self._frame = -1
 
     def __call__(self, measured: Array, heading: Array, last: Array) -> Array:
@@ -132,7 +159,9 @@ class Tracker:
         speed = state[..., SPEED] @ self._velocity[frame].T + state[..., DRIFT]
         for lag, matrix in enumerate(self._push[:, frame]):
             command = self._sent[frame - lag + 1]  # a dead time, and a lag, before
-            change = command - self._commands[frame - lag + 1] + self._firmware_error(state, command)
+            change = (
+                command - self._commands[frame - lag + 1] + self._firmware_error(state, command)
+            )
             speed = speed + change @ matrix.T
         later = state.copy()
         later[..., SPEED] = speed
@@ -164,7 +193,10 @@ class Tracker:
         surprise[:, 2] = wrap_angle(surprise[:, 2])
         seen = ~np.isnan(surprise[:, 0])
         innovation = self._covariance[:, POSE, POSE] + self._vision_covariance
-        gain = np.linalg.solve(innovation, self._covariance[:, POSE]).swapaxes(1, 2) * seen[:, None, None]
+        gain = (
+            np.linalg.solve(innovation, self._covariance[:, POSE]).swapaxes(1, 2)
+            * seen[:, None, None]
+        )
         self._state = self._state + (gain @ np.nan_to_num(surprise)[..., None])[..., 0]
         covariance = self._covariance - gain @ self._covariance[:, POSE]
         self._covariance = (covariance + covariance.swapaxes(1, 2)) / 2
@@ -184,7 +216,11 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
         return np.hypot(sizes, ON_WHEELS_NOISE), 0.0, 1.0
     kinematic = settings.kinematic
     sizes[SPEED], sizes[DRIFT] = 1e-9 + settings.disturbance.velocity_m_s / 3**0.5, 1e-9
-    gain = (kinematic.alpha_high - kinematic.alpha_low) / (kinematic.alpha_high + kinematic.alpha_low) / 3**0.5
+    gain = (
+        (kinematic.alpha_high - kinematic.alpha_low)
+        / (kinematic.alpha_high + kinematic.alpha_low)
+        / 3**0.5
+    )
     decay = float(np.exp(-PERIOD_S / kinematic.alpha_time_s)) if kinematic.alpha_time_s else 0.0
     sizes[GAIN] = gain * (1 - decay**2) ** 0.5
     return sizes, gain, decay

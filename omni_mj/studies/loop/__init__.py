@@ -12,17 +12,24 @@ import numpy as np
 
 from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array
-from omni_mj.measure.result import Result
-from omni_mj.measure.statistics import plain
-from omni_mj.measure.table import Table, number
-from omni_mj.measure.table import text as aligned
-from omni_mj.scenarios import distributions
-from omni_mj.scenarios.scenario import Scenario
+from omni_mj.config import distributions
+from omni_mj.config.scenario import Scenario
+from omni_mj.results.result import Result
+from omni_mj.results.result_tables import Table, number
+from omni_mj.results.result_tables import text as aligned
+from omni_mj.results.statistics import plain
 from omni_mj.studies.loop import drive as drives
 from omni_mj.studies.loop.drive import CASES, FREQUENCIES, STEP_M, Drive
-from omni_mj.studies.loop.response import Gains, Margins, StepFigures, find_margins, loop_gain, measure_step
-from omni_mj.studies.outcome import Begin, begin_nothing, commanded, competitors, informed
+from omni_mj.studies.loop.response import (
+    Gains,
+    Margins,
+    StepFigures,
+    find_margins,
+    loop_gain,
+    measure_step,
+)
 from omni_mj.studies.run import chosen
+from omni_mj.studies.study_runner import Begin, begin_nothing, commanded, competitors, informed
 
 __all__ = ["Loop", "LoopResult", "loop"]
 
@@ -69,7 +76,10 @@ class Loop(NamedTuple):
     def report(self) -> dict[str, Any]:
         """Return all in plain values, None for what there is none of."""
         figures = {"step": self.step._asdict(), "margins": self.margins._asdict()}
-        report = {name: {key: plain(value) for key, value in each.items()} for name, each in figures.items()}
+        report = {
+            name: {key: plain(value) for key, value in each.items()}
+            for name, each in figures.items()
+        }
         values = {"gain": np.abs(self.gains), "phase_deg": np.degrees(np.angle(self.gains))}
         lists = {name: [plain(value) for value in each] for name, each in values.items()}
         return {"rms_m_s": drives.RMS_M_S, "step_m": STEP_M, **report, **lists}
@@ -93,8 +103,15 @@ class LoopResult(Result):
 
     def summary(self) -> dict[str, Any]:
         """Return that of any result, with the loops as `loop`."""
-        cases = {case: {label: one.report() for label, one in loops.items()} for case, loops in self.loops.items()}
-        report = {"definitions": DEFINITIONS, "frequencies_rad_s": FREQUENCIES.round(6).tolist(), "cases": cases}
+        cases = {
+            case: {label: one.report() for label, one in loops.items()}
+            for case, loops in self.loops.items()
+        }
+        report = {
+            "definitions": DEFINITIONS,
+            "frequencies_rad_s": FREQUENCIES.round(6).tolist(),
+            "cases": cases,
+        }
         return super().summary() | {"loop": report if cases else None}
 
     def table(self) -> str:
@@ -104,10 +121,15 @@ class LoopResult(Result):
             for i, (label, one) in enumerate(loops.items()):
                 figures = (*one.step, *one.margins)
                 cells = [
-                    number(plain(value), factor, n) for value, (_, factor, n) in zip(figures, COLUMNS, strict=True)
+                    number(plain(value), factor, n)
+                    for value, (_, factor, n) in zip(figures, COLUMNS, strict=True)
                 ]
                 rows.append(["" if i else case, label, *cells])
-        return aligned(Table(self.title, ["", "", *(heading for heading, _, _ in COLUMNS)], rows, 2)) if rows else ""
+        return (
+            aligned(Table(self.title, ["", "", *(heading for heading, _, _ in COLUMNS)], rows, 2))
+            if rows
+            else ""
+        )
 
 
 def loop(
@@ -155,6 +177,11 @@ def _find_loops(drive: Drive, labels: Sequence[str]) -> dict[str, dict[str, Loop
 
     def find_loop(i: int, j: int) -> Loop:
         gains = loop_gain(wanted[:, i, j], added[:, i, j])
-        return Loop(gains, moved[:, i, j], measure_step(moved[:, i, j], STEP_M), find_margins(gains))
+        return Loop(
+            gains, moved[:, i, j], measure_step(moved[:, i, j], STEP_M), find_margins(gains)
+        )
 
-    return {case: {label: find_loop(i, j) for i, label in enumerate(labels)} for j, case in enumerate(CASES)}
+    return {
+        case: {label: find_loop(i, j) for i, label in enumerate(labels)}
+        for j, case in enumerate(CASES)
+    }

@@ -17,11 +17,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
-from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, command, resting
+from omni_mj.config.rows import Row
+from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.simulation.simulation import Simulation
+from omni_mj.studies.study_runner import AfterFrame, command, resting
 
 CASES = {  # whether robots drive, and the axis along which they jump and are disturbed: 0 forward, 1 to the left
     "rest, forward": (False, 0),
@@ -38,7 +38,12 @@ TONES = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24])  # sines: how
 FREQUENCIES = 2 * np.pi * TONES / (PERIOD_FRAMES * PERIOD_S)  # rad/s: 1.6 to 38
 RMS_M_S = 0.04  # of the sum of sines
 STEP_M = 0.05  # half the range of the fuzzy controller's input
-WARM_UP, STEP, SWING_IN, MEASURED = 3 * FRAME_RATE_HZ, 3 * FRAME_RATE_HZ, PERIOD_FRAMES, PERIODS * PERIOD_FRAMES
+WARM_UP, STEP, SWING_IN, MEASURED = (
+    3 * FRAME_RATE_HZ,
+    3 * FRAME_RATE_HZ,
+    PERIOD_FRAMES,
+    PERIODS * PERIOD_FRAMES,
+)
 FRAMES = WARM_UP + STEP + SWING_IN + MEASURED
 
 
@@ -53,7 +58,9 @@ def make_multisine(seed: int) -> Array:
 def travel(frame: Array) -> Array:
     """Return how far driving has led robots by `frame` (..., m, 3), without a jump; the same shape, m and rad."""
     time, faster = PERIOD_S * np.maximum(frame, 0), SPEED_M_S / ACCELERATION_M_S2
-    forward = SPEED_M_S * (np.minimum(time, faster) ** 2 / (2 * faster) + np.maximum(time - faster, 0))
+    forward = SPEED_M_S * (
+        np.minimum(time, faster) ** 2 / (2 * faster) + np.maximum(time - faster, 0)
+    )
     rate = 2 * math.pi / (PERIOD_S * WEAVE_FRAMES)
     woven = WEAVE_M_S / rate * (1 - np.cos(rate * time))
     return np.array([1.0, 0.0, 0.0]) * forward + np.array([1.0, 1.0, 0.0]) * woven
@@ -107,18 +114,29 @@ class Drive:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        settings = scenario.settings.replace(reference=resting(FRAMES), world={"places": [[0, 0, 0]]})
+        settings = scenario.settings.replace(
+            reference=resting(FRAMES), world={"places": [[0, 0, 0]]}
+        )
         self._shape = len(scenario.labels), len(CASES), scenario.seeds, 2
         grid = list(itertools.product(scenario.labels, CASES, scenario.seed_list, (1, -1)))
-        rows = [Row(i, 0, label, seed, settings, scenario.robot) for i, (label, _, seed, _) in enumerate(grid)]
+        rows = [
+            Row(i, 0, label, seed, settings, scenario.robot)
+            for i, (label, _, seed, _) in enumerate(grid)
+        ]
         _, names, seeds, signs = zip(*grid, strict=True)
         self.asked = {"case": np.array(names), "sign": np.array(signs)}
         drives, axes = zip(*(CASES[name] for name in names), strict=True)
-        self._motion = SteppedMotion(np.array(drives)[:, None], np.zeros((len(rows), 3)), np.arange(len(rows)))
+        self._motion = SteppedMotion(
+            np.array(drives)[:, None], np.zeros((len(rows), 3)), np.arange(len(rows))
+        )
         self._along = np.arange(len(rows)), np.array(axes)
-        self.simulation = Simulation(scenario, rows=rows, follow=lambda rows: replace(self._motion, rows=rows))
+        self.simulation = Simulation(
+            scenario, rows=rows, follow=lambda rows: replace(self._motion, rows=rows)
+        )
         self.disturbance = np.zeros((FRAMES, len(rows)))
-        self.disturbance[WARM_UP + STEP :] = np.transpose([make_multisine(seed) for seed in seeds]) * signs
+        self.disturbance[WARM_UP + STEP :] = (
+            np.transpose([make_multisine(seed) for seed in seeds]) * signs
+        )
 
     def run(self, after_frame: AfterFrame) -> str | None:
         """Drive; return why that was stopped, or None.
@@ -147,8 +165,12 @@ class Drive:
 
         Their shape is (FRAMES, controllers, cases, seeds); m and m/s.
         """
-        pose, sent = (self.simulation.log.channel(name)[:, *self._along] for name in ("pose", "command"))
-        channels = np.stack([pose, sent - self.disturbance[: len(sent)], self.disturbance[: len(sent)]])
+        pose, sent = (
+            self.simulation.log.channel(name)[:, *self._along] for name in ("pose", "command")
+        )
+        channels = np.stack(
+            [pose, sent - self.disturbance[: len(sent)], self.disturbance[: len(sent)]]
+        )
         grid = channels.reshape(3, -1, *self._shape)
         position, commanded, disturbance = (grid[..., 0] - grid[..., 1]) / 2
         return position, commanded, disturbance

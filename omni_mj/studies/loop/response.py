@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
-from omni_mj.scenarios.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.studies.loop.drive import FREQUENCIES, PERIOD_FRAMES, TONES
 
 Gains = NDArray[np.complex128]
@@ -80,7 +80,11 @@ def _reaches(share: Array, level: float) -> float:
     if not above.size:
         return np.nan
     after = int(above[0])
-    return PERIOD_S * (after - float((share[after] - level) / (share[after] - share[after - 1]))) if after else 0.0
+    return (
+        PERIOD_S * (after - float((share[after] - level) / (share[after] - share[after - 1])))
+        if after
+        else 0.0
+    )
 
 
 def _stays(error: Array, bound: float) -> float:
@@ -97,10 +101,14 @@ def loop_gain(command: Array, disturbance: Array) -> Gains:
         command: What the controller wants, whole periods, (frames, seeds) m/s.
         disturbance: What is added to it, of the same shape.
     """
-    periods = (values.reshape(-1, PERIOD_FRAMES, values.shape[-1]) for values in (command, disturbance))
+    periods = (
+        values.reshape(-1, PERIOD_FRAMES, values.shape[-1]) for values in (command, disturbance)
+    )
     wanted, added = (np.fft.rfft(values, axis=1)[:, TONES] for values in periods)
     with np.errstate(invalid="ignore"):  # of rows that failed
-        gain: Gains = -(wanted * added.conj()).sum((0, 2)) / ((wanted + added) * added.conj()).sum((0, 2))
+        gain: Gains = -(wanted * added.conj()).sum((0, 2)) / ((wanted + added) * added.conj()).sum(
+            (0, 2)
+        )
     return gain
 
 

@@ -19,16 +19,16 @@ from typing import Any
 
 import numpy as np
 
-from omni_mj.measure.result import Outcome, Result
-from omni_mj.measure.statistics import plain
-from omni_mj.measure.table import Table, number, text
-from omni_mj.scenarios import distributions
-from omni_mj.scenarios import resolve as described
-from omni_mj.scenarios.scenario import Scenario, scenario
+from omni_mj.config import distributions
+from omni_mj.config import resolve as described
+from omni_mj.config.scenario import Scenario, scenario
+from omni_mj.results.result import Outcome, Result
+from omni_mj.results.result_tables import Table, number, text
+from omni_mj.results.statistics import plain
 from omni_mj.studies.compare import check
-from omni_mj.studies.outcome import Begin, begin_nothing, commanded
 from omni_mj.studies.slip.fits import SlipFit, fit_moves
 from omni_mj.studies.slip.moves import Move, count_frames, drive, identification
+from omni_mj.studies.study_runner import Begin, begin_nothing, commanded
 
 __all__ = ["PUBLISHED", "QUANTITIES", "SlipResult", "named", "slip"]
 
@@ -49,9 +49,12 @@ ROBOTS = {  # with the masses by which decelerations were turned into forces, kg
     "tigers-v2020-planetary": ("2020, planetary gear", 2.46),
 }
 PUBLISHED = {
-    robot: {name: values[i] for name, (*_, values) in QUANTITIES.items() if values} for i, robot in enumerate(ROBOTS)
+    robot: {name: values[i] for name, (*_, values) in QUANTITIES.items() if values}
+    for i, robot in enumerate(ROBOTS)
 }
-INERTIA_SHARE = 0.55  # yaw inertia over mass and arm squared, with which decelerations were turned into torques
+INERTIA_SHARE = (
+    0.55  # yaw inertia over mass and arm squared, with which decelerations were turned into torques
+)
 DEFINITIONS = {
     "gain, time": "K and T of v' = (K u - v) / (T |u| + 1 ms): least squares over whole moves, mean over moves",
     "u, v": "velocity by encoders, and of the body; in turning T |u| is T l |u|",
@@ -72,7 +75,10 @@ class SlipResult(Result):
 
     def summary(self) -> dict[str, Any]:
         """Return that of any result, with the figures as `slip`."""
-        robots = {name: {"source": _source(name), "quantities": self._quantities(name)} for name in self.robots}
+        robots = {
+            name: {"source": _source(name), "quantities": self._quantities(name)}
+            for name in self.robots
+        }
         return super().summary() | {"slip": {"definitions": DEFINITIONS, "robots": robots}}
 
     def table(self) -> str:
@@ -88,7 +94,9 @@ class SlipResult(Result):
                 "measured": plain(measured),
                 "law": plain(robot.law.get(quantity, np.nan)),
                 "published": published,
-                "deviation_percent": None if published is None else plain(100 * (measured / published - 1)),
+                "deviation_percent": None
+                if published is None
+                else plain(100 * (measured / published - 1)),
             }
         return result
 
@@ -96,12 +104,16 @@ class SlipResult(Result):
         rows = []
         for quantity, figures in self._quantities(name).items():
             title, unit, digits, _ = QUANTITIES[quantity]
-            cells = [number(figures[key], digits=digits) for key in ("measured", "law", "published")]
+            cells = [
+                number(figures[key], digits=digits) for key in ("measured", "law", "published")
+            ]
             deviation = figures["deviation_percent"]
             rows.append([title, unit, *cells, "" if deviation is None else f"{deviation:+.0f}"])
         source = _source(name)
         title = f"{name}; published: {source}" if source else f"{name}; nothing published"
-        return text(Table(title, ["", "unit", "measured", "law", "published", "deviation, %"], rows, 2))
+        return text(
+            Table(title, ["", "unit", "measured", "law", "published", "deviation, %"], rows, 2)
+        )
 
 
 def slip(
@@ -137,10 +149,18 @@ def slip(
                 mass = ROBOTS[name][1]
                 inertia = INERTIA_SHARE * mass * settings.wheels.arm_m**2
             result.robots[name] = fit_moves(settings, driven, record, mass, inertia)
-            columns = {"move": np.array([move.kind for move in driven]), **result.robots[name].fitted}
-            columns |= {key: np.array([getattr(move, key) for move in driven]) for key in ("speed", "rolls_out")}
+            columns = {
+                "move": np.array([move.kind for move in driven]),
+                **result.robots[name].fitted,
+            }
+            columns |= {
+                key: np.array([getattr(move, key) for move in driven])
+                for key in ("speed", "rolls_out")
+            }
         simulation = record.simulation
-        result.outcomes[i] = commanded(simulation.scenario, simulation, started, record.stopped, columns)
+        result.outcomes[i] = commanded(
+            simulation.scenario, simulation, started, record.stopped, columns
+        )
         result.stopped = record.stopped
         if record.stopped:
             break
@@ -154,9 +174,13 @@ def named(robot: Scenario | described.Robot | str) -> Scenario:
     if not isinstance(robot, Scenario):
         robot = scenario("rect", robot=robot, wheels={"model": "two-rollers"})
     distributions.refuse(robot.distributions, "slip")
-    name = re.sub(r"[^\w.-]+", "-", Path(robot.robot).stem if robot.robot.endswith(".toml") else robot.robot)
+    name = re.sub(
+        r"[^\w.-]+", "-", Path(robot.robot).stem if robot.robot.endswith(".toml") else robot.robot
+    )
     return robot.replace(name=name, description="how it slips")
 
 
 def _source(name: str) -> str | None:
-    return f"TIGERs Mannheim, Firmware, robot_impl.c ({ROBOTS[name][0]})" if name in ROBOTS else None
+    return (
+        f"TIGERs Mannheim, Firmware, robot_impl.c ({ROBOTS[name][0]})" if name in ROBOTS else None
+    )

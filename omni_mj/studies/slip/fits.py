@@ -9,7 +9,7 @@ the wheels' radius R and directions d
 
     deceleration = (D_j + sum |d_ij| tau / R) / (m + sum d_ij^2 I / R^2).
 
-Gain and time follow from the law of creep (`omni_mj.scenarios.told`).
+Gain and time follow from the law of creep (`omni_mj.config.team_model`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,9 +20,9 @@ from scipy.linalg import solve_banded
 from scipy.optimize import least_squares
 
 from omni_control.kinematics import Array
+from omni_mj.config import team_model
+from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.robot.motors import Motor
-from omni_mj.scenarios import told
-from omni_mj.scenarios.settings import PERIOD_S, Settings
 from omni_mj.studies.slip.moves import AXES, Move, Record
 
 FLOOR_S = 0.001  # added to T |u| in their law
@@ -53,7 +53,9 @@ class SlipFit:
     body: Array
 
 
-def fit_moves(settings: Settings, moves: Sequence[Move], record: Record, mass: float, inertia: float) -> SlipFit:
+def fit_moves(
+    settings: Settings, moves: Sequence[Move], record: Record, mass: float, inertia: float
+) -> SlipFit:
     """Fit everything that a record tells.
 
     Args:
@@ -65,29 +67,45 @@ def fit_moves(settings: Settings, moves: Sequence[Move], record: Record, mass: f
     """
     kinds = np.array([move.kind for move in moves])
     turning, arm = kinds == "turning", settings.wheels.arm_m
-    axes = np.eye(3)[[AXES.index(kind) for kind in kinds]] * np.sign([[move.speed] for move in moves])
+    axes = np.eye(3)[[AXES.index(kind) for kind in kinds]] * np.sign(
+        [[move.speed] for move in moves]
+    )
     wheels, body = ((values * axes).sum(-1) for values in (record.wheels, record.body))
     failed = {failure.row for failure in record.simulation.failures}
     fitted = {name: np.full(len(moves), np.nan) for name in ("gain", "time", "deceleration")}
-    rolling = np.where(turning, body, np.hypot(record.body[..., 0], record.body[..., 1]))  # a robot let go may turn
+    rolling = np.where(
+        turning, body, np.hypot(record.body[..., 0], record.body[..., 1])
+    )  # a robot let go may turn
     for i, move in enumerate(moves):
         if i in failed:
             continue
         used = slice(move.frames)
         if move.rolls_out:
             at_rest = AT_REST / arm if turning[i] else AT_REST
-            fitted["deceleration"][i] = fit_drag(rolling[used, i], move.is_free(move.frames), at_rest)
+            fitted["deceleration"][i] = fit_drag(
+                rolling[used, i], move.is_free(move.frames), at_rest
+            )
         if turning[i] or not move.rolls_out:
-            speed = np.hypot(*record.wheels[used, i, :2].T) + arm * np.abs(record.wheels[used, i, 2]) * turning[i]
+            speed = (
+                np.hypot(*record.wheels[used, i, :2].T)
+                + arm * np.abs(record.wheels[used, i, 2]) * turning[i]
+            )
             fitted["gain"][i], fitted["time"][i] = fit_law(wheels[used, i], speed, body[used, i])
     law = dict[str, float]()
-    creep, decelerations = told.creep(settings), roll_out_decelerations(settings)
+    creep, decelerations = team_model.creep(settings), roll_out_decelerations(settings)
     weights = {axis: inertia if axis == "turning" else mass for axis in AXES}
     for j, (axis, weight) in enumerate(weights.items()):
         law |= {f"gain_{axis}": float(creep.gain[j]), f"time_{axis}": float(creep.time[j])}
         law[f"drag_{axis}"] = float(weight * decelerations[j])
-    measured = {f"{name}_{axis}": _mean(fitted[name][kinds == axis]) for name in ("gain", "time") for axis in AXES}
-    measured |= {f"drag_{axis}": w * _mean(fitted["deceleration"][kinds == axis]) for axis, w in weights.items()}
+    measured = {
+        f"{name}_{axis}": _mean(fitted[name][kinds == axis])
+        for name in ("gain", "time")
+        for axis in AXES
+    }
+    measured |= {
+        f"drag_{axis}": w * _mean(fitted["deceleration"][kinds == axis])
+        for axis, w in weights.items()
+    }
     return SlipFit(moves, fitted, measured, law, wheels, body)
 
 
@@ -117,7 +135,9 @@ def follow(gain: float, time: float, u: Array, speed: Array) -> Array:
 
 def fit_law(u: Array, speed: Array, v: Array) -> tuple[float, float]:
     """Return K and T by least squares over the whole move, from standing still to standing still; see `follow`."""
-    fit = least_squares(lambda x: follow(x[0], x[1], u, speed) - v, [1.0, 0.1], bounds=(0.0, np.inf))
+    fit = least_squares(
+        lambda x: follow(x[0], x[1], u, speed) - v, [1.0, 0.1], bounds=(0.0, np.inf)
+    )
     return float(fit.x[0]), float(fit.x[1])
 
 
@@ -132,7 +152,11 @@ def fit_drag(v: Array, free: np.ndarray, at_rest: float = AT_REST) -> float:
     rolling = v[free][SETTLING:]
     slow = np.flatnonzero(rolling < at_rest)
     rolling = rolling[: slow[0]] if slow.size else rolling
-    return float((rolling[0] - rolling[-1]) / (len(rolling) - 1) / PERIOD_S) if len(rolling) >= SETTLING else np.nan
+    return (
+        float((rolling[0] - rolling[-1]) / (len(rolling) - 1) / PERIOD_S)
+        if len(rolling) >= SETTLING
+        else np.nan
+    )
 
 
 def roll_out_decelerations(settings: Settings) -> Array:
@@ -143,7 +167,7 @@ def roll_out_decelerations(settings: Settings) -> Array:
     friction = settings.hub_friction_nm + motor.wheel_viscous * turning
     hubs = (np.abs(wheels.matrix) * friction).sum(0) / wheels.radius
     rotors = motor.inertia * motor.gear**2 / wheels.radius**2 * (wheels.matrix**2).sum(0)
-    return np.asarray((told.creep(settings).drag + hubs) / (inertia + rotors))
+    return np.asarray((team_model.creep(settings).drag + hubs) / (inertia + rotors))
 
 
 def _mean(values: Array) -> float:

@@ -13,12 +13,12 @@ import numpy as np
 
 from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array, world_to_body
+from omni_mj.config.rows import Row
+from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import PERIOD_S
 from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, command, standing
+from omni_mj.simulation.simulation import Simulation
+from omni_mj.studies.study_runner import AfterFrame, command, standing
 
 AXES = ("forward", "sideways", "turning")
 SPEEDS_M_S, ACCELERATION_M_S2, WAY_M, ROLL_OUT_S = (0.5, 1.0, 1.25, 1.5), 2.0, 3.0, 0.5
@@ -56,7 +56,9 @@ class Move:
     def frames(self) -> int:
         """Number of frames of the whole move."""
         _, _, let_go, stopped = self.times
-        return int(np.ceil((let_go + ROLLING_S if self.rolls_out else stopped + AFTER_S) / PERIOD_S))
+        return int(
+            np.ceil((let_go + ROLLING_S if self.rolls_out else stopped + AFTER_S) / PERIOD_S)
+        )
 
     def command(self, frames: int) -> Array:
         """Return twists (frames, 3): in each frame what is wanted at its end."""
@@ -88,10 +90,14 @@ class Record:
     stopped: str | None
 
 
-def straight(kind: str, speed: float, rolls_out: bool, acceleration: float = ACCELERATION_M_S2) -> Move:
+def straight(
+    kind: str, speed: float, rolls_out: bool, acceleration: float = ACCELERATION_M_S2
+) -> Move:
     """Return a move over the whole way, or to where a robot is let go."""
     way = WAY_M - (ROLL_OUT_S if rolls_out else abs(speed) / acceleration / 2) * abs(speed)
-    return Move(kind, speed, acceleration, way / abs(speed) - abs(speed) / acceleration / 2, rolls_out)
+    return Move(
+        kind, speed, acceleration, way / abs(speed) - abs(speed) / acceleration / 2, rolls_out
+    )
 
 
 def identification() -> list[Move]:
@@ -125,7 +131,10 @@ def drive(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFrame) ->
     frames = count_frames(moves) + 1
     settings = standing(scenario.settings, frames + 1, reference={"lead_s": 0.0})
     chosen = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
-    rows = [Row(i, 0, Controller.__name__, chosen.seed + i, settings, chosen.robot) for i in range(len(moves))]
+    rows = [
+        Row(i, 0, Controller.__name__, chosen.seed + i, settings, chosen.robot)
+        for i in range(len(moves))
+    ]
     simulation = Simulation(chosen, [Controller], rows=rows)
     plant, kinematics = simulation.plant, settings.wheels.kinematics
     assert isinstance(plant, MujocoPlant)
@@ -143,7 +152,9 @@ def drive(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFrame) ->
     counts = np.diff(np.floor(angle * per_rad), axis=0)
     return Record(
         wheels=kinematics.body_twist(counts / (per_rad * PERIOD_S)),
-        body=world_to_body(np.diff(pose, axis=0) / PERIOD_S, (pose[1:, :, 2] + pose[:-1, :, 2]) / 2),
+        body=world_to_body(
+            np.diff(pose, axis=0) / PERIOD_S, (pose[1:, :, 2] + pose[:-1, :, 2]) / 2
+        ),
         simulation=simulation,
         stopped=stopped,
     )

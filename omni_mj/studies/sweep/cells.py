@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from omni_mj.measure.statistics import CONFIDENCE, plain
-from omni_mj.scenarios.classes import written
+from omni_mj.config.plugins import written
+from omni_mj.results.statistics import CONFIDENCE, plain
 from omni_mj.studies.sweep.plan import Plan
 
 if TYPE_CHECKING:
@@ -37,8 +37,16 @@ def cells(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
         rows = table.take(list(group))
         n_failed = rows.num_rows - rows["cause"].null_count
         rate = binomtest(n_failed, rows.num_rows).proportion_ci(CONFIDENCE, method="wilson")
-        cell = {"point": point, **{name: rows[name][0].as_py() for name in axes}, "controller": controller}
-        cell |= {"robots": rows.num_rows, "failed": n_failed, "failure_rate": n_failed / rows.num_rows}
+        cell = {
+            "point": point,
+            **{name: rows[name][0].as_py() for name in axes},
+            "controller": controller,
+        }
+        cell |= {
+            "robots": rows.num_rows,
+            "failed": n_failed,
+            "failure_rate": n_failed / rows.num_rows,
+        }
         cell |= {"failure_low": float(rate.low), "failure_high": float(rate.high)}
         for name in SHOWN:
             errors = rows[name].to_numpy()
@@ -61,7 +69,9 @@ def correlations(table: "pa.Table") -> list[dict[str, Any]]:
 
     result = []
     for controller in table["controller"].unique().to_pylist():
-        rows = table.take(np.flatnonzero(table["controller"].to_numpy(zero_copy_only=False) == controller))
+        rows = table.take(
+            np.flatnonzero(table["controller"].to_numpy(zero_copy_only=False) == controller)
+        )
         for setting in (name for name in table.column_names if "." in name):
             values = np.array(rows[setting].to_pylist())
             if values.dtype.kind in "if" and np.ptp(values) > 0:
@@ -69,7 +79,9 @@ def correlations(table: "pa.Table") -> list[dict[str, Any]]:
                 for error in SHOWN:
                     errors = rows[error].to_numpy()
                     is_constant = (errors == errors[0]).all()
-                    line[error] = None if is_constant else plain(spearmanr(values, errors).statistic)
+                    line[error] = (
+                        None if is_constant else plain(spearmanr(values, errors).statistic)
+                    )
                 result.append(line)
     return result
 
@@ -86,7 +98,12 @@ def worst(table: "pa.Table", plan: Plan, folder: Path) -> list[dict[str, Any]]:
     keys = [("failed_at_s", "ascending"), (STRAYED, "descending")]
     result = []
     for row in table.sort_by(keys).slice(0, N_WORST).to_pylist():
-        words = ["--scenario", str(folder / "scenario.toml"), "--controller", kinds[row["controller"]]]
+        words = [
+            "--scenario",
+            str(folder / "scenario.toml"),
+            "--controller",
+            kinds[row["controller"]],
+        ]
         words += ["--seed", str(row["seed"]), "--seeds", "1"]
         words += [word for name in plan.axes for word in ("--set", f"{name}={row[name]}")]
         columns = ("point", *plan.axes, "controller", "seed", "cause")

@@ -12,21 +12,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from omni_control.errors import OmniError, choose
-from omni_mj.scenarios.checking import shown
-from omni_mj.scenarios.distributions import put
-from omni_mj.scenarios.references import timed
-from omni_mj.scenarios.scenario import Scenario
-from omni_mj.scenarios.settings import every_setting
-from omni_mj.simulate.simulation import alike, all_alike
-from omni_mj.studies.outcome import check_memory
+from omni_mj.config.distributions import put
+from omni_mj.config.reference_factory import timed
+from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import every_setting
+from omni_mj.config.validation import shown
+from omni_mj.simulation.simulation import alike, all_alike
 from omni_mj.studies.run import with_kernel
+from omni_mj.studies.study_runner import check_memory
 
 Value = int | float | str | bool
 AT_ONCE = 128  # robots that are simulated at once
 MAX_VALUES = 1000  # of an axis
 
 
-def axes(vary: Mapping[str, Iterable[Any]] | Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[Value, ...]]:
+def axes(
+    vary: Mapping[str, Iterable[Any]] | Iterable[tuple[str, Iterable[Any]]],
+) -> dict[str, tuple[Value, ...]]:
     """Return settings, section.field, and their values in order, if these are allowed.
 
     Raises:
@@ -39,7 +41,9 @@ def axes(vary: Mapping[str, Iterable[Any]] | Iterable[tuple[str, Iterable[Any]]]
         if kind is float:
             plain = [float(value) if type(value) is int else value for value in plain]
         if not 1 <= len(plain) <= MAX_VALUES or len(set(plain)) != len(plain):
-            raise OmniError(f"{name} must have 1 to {MAX_VALUES} values, each once, not {shown(plain)}")
+            raise OmniError(
+                f"{name} must have 1 to {MAX_VALUES} values, each once, not {shown(plain)}"
+            )
         if name in result:
             raise OmniError(f"{name} is varied twice; give all of its values at once")
         result[name] = tuple(plain)
@@ -127,8 +131,14 @@ class Plan:
         Raises:
             OmniError: A value is not allowed, there or together with the others.
         """
-        drawn = {name: law for name, law in self.scenario.distributions.items() if name not in self.points[point]}
-        return self.scenario.replace(settings=put(self.scenario.settings, self.points[point]), distributions=drawn)
+        drawn = {
+            name: law
+            for name, law in self.scenario.distributions.items()
+            if name not in self.points[point]
+        }
+        return self.scenario.replace(
+            settings=put(self.scenario.settings, self.points[point]), distributions=drawn
+        )
 
     @cached_property
     def jobs(self) -> list[Job]:

@@ -16,14 +16,14 @@ import numpy as np
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj import parquet
+from omni_mj.config.rows import Row
+from omni_mj.config.rows import table as rows_of
+from omni_mj.config.scenario import Scenario
 from omni_mj.files import write
-from omni_mj.measure.metrics import row_metrics
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.rows import table as rows_of
-from omni_mj.scenarios.scenario import Scenario
-from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import AfterFrame, StoppedError, nothing
+from omni_mj.results.metrics import row_metrics
+from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.run import chosen
+from omni_mj.studies.study_runner import AfterFrame, StoppedError, nothing
 from omni_mj.studies.sweep.cells import cells, correlations, worst
 from omni_mj.studies.sweep.plan import AT_ONCE, Job, Plan, axes
 from omni_mj.studies.sweep.workers import processes, tables
@@ -157,7 +157,11 @@ def run(
 
 def left(plan: Plan, folder: Path) -> list[Job]:
     """Return the shards that are still to be run."""
-    return [] if (folder / ROWS).exists() else [job for job in plan.jobs if not _file(folder, job).exists()]
+    return (
+        []
+        if (folder / ROWS).exists()
+        else [job for job in plan.jobs if not _file(folder, job).exists()]
+    )
 
 
 def simulation(plan: Plan, job: Job) -> Simulation:
@@ -169,7 +173,9 @@ def simulation(plan: Plan, job: Job) -> Simulation:
     there = {point: plan.at(point) for point in dict.fromkeys(point for point, _ in job.runs)}
     rows = list[Row]()
     for point, seed in job.runs:
-        for row in rows_of(there[point].labels, [seed], there[point].settings_of, there[point].robot):
+        for row in rows_of(
+            there[point].labels, [seed], there[point].settings_of, there[point].robot
+        ):
             world = rows[-1].world + (row.place == 0) if rows else 0
             rows.append(Row(world, row.place, row.controller, row.seed, row.settings, row.robot))
     return Simulation(there[job.runs[0][0]], rows=rows)
@@ -202,7 +208,9 @@ def run_shard(plan: Plan, job: Job, after_frame: AfterFrame = nothing) -> "pa.Ta
         "seed": np.array([row.seed for row in driven.rows], np.int64),
         "place": np.array([row.place for row in driven.rows], np.int32),
         "failed_at_s": [failures[i].time_s if i in failures else np.nan for i in range(len(point))],
-        "cause": pa.array([failures[i].cause if i in failures else None for i in range(len(point))], pa.string()),
+        "cause": pa.array(
+            [failures[i].cause if i in failures else None for i in range(len(point))], pa.string()
+        ),
     }
     drawn = sorted(set(plan.scenario.distributions) - set(plan.points[0]))
     columns |= {name: [attrgetter(name)(row.settings) for row in driven.rows] for name in drawn}
@@ -216,7 +224,9 @@ def _gathered(plan: Plan, folder: Path) -> "pa.Table":
     if not files:
         raise OmniError(f"nothing of the sweep in {folder} has been run yet")
     table = pa.concat_tables([parquet.read(file) for file in files], promote_options="permissive")
-    order = pa.array([plan.scenario.labels.index(label) for label in table["controller"].to_pylist()])
+    order = pa.array(
+        [plan.scenario.labels.index(label) for label in table["controller"].to_pylist()]
+    )
     keys = [(name, "ascending") for name in ("point", "order", "seed", "place")]
     return table.append_column("order", order).sort_by(keys).drop_columns("order")
 

@@ -11,8 +11,8 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError
-from omni_mj.measure.summary import versions
-from omni_mj.provenance.record import source_digest
+from omni_mj.results.provenance import source_digest
+from omni_mj.results.summary import versions
 from omni_mj.studies.sweep.plan import Job, Plan
 
 if TYPE_CHECKING:
@@ -60,9 +60,15 @@ def tables(
 def _run(shard: Shard, plan: Plan, job: Job, expected: dict[str, str]) -> "pa.Table":
     """Return a shard's table; on a worker."""
     present = dependencies()
-    differ = [f"{name} {present.get(name)}, not {v}" for name, v in expected.items() if present.get(name) != v]
+    differ = [
+        f"{name} {present.get(name)}, not {v}"
+        for name, v in expected.items()
+        if present.get(name) != v
+    ]
     if differ:
-        raise OmniError(f"a worker has other versions than are here, and may find other numbers: {'; '.join(differ)}")
+        raise OmniError(
+            f"a worker has other versions than are here, and may find other numbers: {'; '.join(differ)}"
+        )
     return shard(plan, job)
 
 
@@ -82,7 +88,9 @@ def cluster(address: str) -> Iterator[Executor]:
     try:
         import distributed
     except ModuleNotFoundError:
-        raise OmniError("--cluster needs the package distributed: pip install 'omni-mj[cluster]'") from None
+        raise OmniError(
+            "--cluster needs the package distributed: pip install 'omni-mj[cluster]'"
+        ) from None
     connect: Any = distributed.Client
     try:
         client = connect(address, timeout=ANSWER_S)
@@ -91,7 +99,9 @@ def cluster(address: str) -> Iterator[Executor]:
         raise OmniError(f"no Dask scheduler answers at {address}: {reason}") from None
     with client:
         if not client.scheduler_info()["workers"]:
-            raise OmniError(f"the scheduler at {address} has no workers: start some with `dask worker`")
+            raise OmniError(
+                f"the scheduler at {address} has no workers: start some with `dask worker`"
+            )
         yield client.get_executor(pure=False)
 
 
@@ -99,7 +109,9 @@ def cluster(address: str) -> Iterator[Executor]:
 def processes(count: int) -> Iterator[Executor]:
     """Give an executor of processes of this machine, which end at once if it is left by an exception."""
     before = multiprocessing.active_children()
-    context = multiprocessing.get_context("spawn")  # forked ones would inherit threads, of which they know nothing
+    context = multiprocessing.get_context(
+        "spawn"
+    )  # forked ones would inherit threads, of which they know nothing
     with ProcessPoolExecutor(count, context, _begin) as executor:
         try:
             yield executor

@@ -3,16 +3,23 @@
 
 from omni_control.controllers import checked_parameters, find, make, parameters
 from omni_control.controllers.adaptive import AdaptiveCompFlc, anticipate
-from omni_control.controllers.classic import Lqr, NominalRobot, Proportional, Smith, simc_gain
+from omni_control.controllers.baselines import Lqr, NominalRobot, Proportional, Smith, simc_gain
 from omni_control.controllers.flc import AlphaEstimator
 from omni_control.controllers.mpc import Limits, minimize
-from omni_control.delay import CommandsInFlight, compensation
+from omni_control.delay_compensation import CommandsInFlight, compensation
 from omni_control.errors import OmniError
-from omni_control.estimation import tracking as vision_filter
-from omni_control.estimation.compliance import HEIGHT_M, Compliance
-from omni_control.estimation.gate import DOUBTED, REPEATED, Gate
-from omni_control.estimation.robot_filter import CREEP, DISTURBANCE, GAIN, LAG, LATENCY, RobotFilter
-from omni_control.estimation.tracking import KalmanFilter
+from omni_control.estimation import vision_tracker as vision_filter
+from omni_control.estimation.outlier_gate import DOUBTED, REPEATED, Gate
+from omni_control.estimation.parameter_ekf import (
+    CREEP,
+    DISTURBANCE,
+    GAIN,
+    LAG,
+    LATENCY,
+    RobotFilter,
+)
+from omni_control.estimation.vision_tracker import KalmanFilter
+from omni_control.estimation.yaw_coupling import HEIGHT_M, Compliance
 from omni_control.fuzzy import LABELS, FuzzyLaw, memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import EachReference, Reference

@@ -15,18 +15,24 @@ import peer as peer_program
 from serving import LOOPBACK, free_port
 
 from omni_control import Controller
-from omni_mj.live import report, session
-from omni_mj.live.drive import Live
+from omni_mj.config.scenario import Scenario, scenario
+from omni_mj.live import latency_fit, session
+from omni_mj.live.live_loop import Live
 from omni_mj.live.session import Options
 from omni_mj.live.sockets import Notes
-from omni_mj.scenarios.scenario import Scenario, scenario
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.simulation.simulation import Simulation
 
 PEER = [sys.executable, str(Path(peer_program.__file__))]
 NOBODY = f"{LOOPBACK}:9"
 ROUTE = {"waypoints": [[0, 0], [0.5, 0.3], [0.5, 0.0]], "settle_s": 0.3}
 # What is believed of robots that do as they are told; of alpha, as on equation 7's plant, nothing.
-EXACT = {"lag_s": 0.0, "drag_m_s": 0.0, "creep_s2_m": 0.0, "alpha_forward": 0.0, "alpha_sideways": 0.0}
+EXACT = {
+    "lag_s": 0.0,
+    "drag_m_s": 0.0,
+    "creep_s2_m": 0.0,
+    "alpha_forward": 0.0,
+    "alpha_sideways": 0.0,
+}
 
 
 @contextmanager
@@ -64,7 +70,7 @@ def driven(chosen: Scenario, options: Options) -> Live:
 
 def summary(live: Live) -> dict[str, Any]:
     """As in link.json."""
-    return report.summarize(live)
+    return latency_fit.summarize(live)
 
 
 def in_process(live: Live, delay: int) -> Simulation:

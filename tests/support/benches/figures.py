@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benches.logs import failure, filled, rows
-from omni_mj.measure import metrics, summary
-from omni_mj.measure.result import Outcome
-from omni_mj.scenarios import scenario
-from omni_mj.scenarios.settings import PERIOD_S
-from omni_mj.show import figures, style
+from omni_mj.config import scenario
+from omni_mj.config.settings import PERIOD_S
+from omni_mj.results import metrics, summary
+from omni_mj.results.result import Outcome
+from omni_mj.viz import figures, style
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
 NAMES = "path", "output", "error", "alpha", "seeds"  # of figures of a run that lacks no data
@@ -77,7 +77,11 @@ def compared(entries: dict[str, Any], informed: Sequence[str] = ()) -> Figure:
 
 def curves(axes: Axes, label: str) -> list[NDArray]:
     """Return the y-values of the lines with a label."""
-    return [np.asarray(line.get_ydata(), float) for line in axes.get_lines() if line.get_label() == label]
+    return [
+        np.asarray(line.get_ydata(), float)
+        for line in axes.get_lines()
+        if line.get_label() == label
+    ]
 
 
 def look(controllers: Sequence[str]) -> list[dict[str, Any]]:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_mj.link.camera import Cameras
-from omni_mj.link.radio import Radio
-from omni_mj.scenarios.settings import RadioSettings, Settings, VisionSettings
+from omni_mj.config.settings import RadioSettings, Settings, VisionSettings
+from omni_mj.network.camera import Cameras
+from omni_mj.network.radio import Radio
 
 FRAME_S = 1 / 60
 Fault = dict[str, Any]

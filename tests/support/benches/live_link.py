@@ -9,8 +9,8 @@ from omni_mj.live import sockets
 from omni_mj.live.sockets import Address as Address
 from omni_mj.live.sockets import Notes
 from omni_mj.live.sockets import Receiver as Receiver
-from omni_mj.live.vision import Clock as Clock
-from omni_mj.live.vision import Vision
+from omni_mj.live.ssl_vision import Clock as Clock
+from omni_mj.live.ssl_vision import Vision
 
 PERIOD_S = 1 / 60
 sender = sockets.sender
@@ -39,6 +39,8 @@ class Camera:
         packet = vision(frame, robots, camera=camera, captured=sent - age, sent=sent)
         return self.vision.add(packet, frame * PERIOD_S if at is None else at, "somebody")
 
-    def at(self, time: float, *expected: Sequence[float], rate: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    def at(
+        self, time: float, *expected: Sequence[float], rate: float = 1.0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """What was seen at a tick of robots that are expected at these poses, and its age."""
         return self.vision.at(time, rate, np.array(expected or np.zeros((len(self.vision.ids), 3))))

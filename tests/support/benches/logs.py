@@ -8,24 +8,29 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import omni_mj as om
-from omni_mj.measure import causes, events, paper, statistics, summary
-from omni_mj.measure.metrics import alpha_windows, errors, row_metrics
-from omni_mj.measure.result import Outcome
-from omni_mj.measure.statistics import verdicts
-from omni_mj.measure.table import recovery_table, table
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.settings import Settings
-from omni_mj.simulate.log import Log
-from omni_mj.simulate.simulation import Failure
+from omni_mj.config.rows import Row
+from omni_mj.config.settings import Settings
+from omni_mj.results import events, paper_tables, saturation, statistics, summary
+from omni_mj.results.metrics import alpha_windows, errors, row_metrics
+from omni_mj.results.result import Outcome
+from omni_mj.results.result_tables import recovery_table, table
+from omni_mj.results.statistics import verdicts
+from omni_mj.simulation.log import Log
+from omni_mj.simulation.simulation import Failure
 
 
 def rows(
-    controllers: Sequence[str] = ("flc",), seeds: Sequence[int] = (0,), settings: Settings | None = None
+    controllers: Sequence[str] = ("flc",),
+    seeds: Sequence[int] = (0,),
+    settings: Settings | None = None,
 ) -> list[Row]:
     """All seeds of one controller after those of the one before."""
     named = [(controller, seed) for controller in controllers for seed in seeds]
     chosen = Settings() if settings is None else settings
-    return [Row(world, 0, controller, seed, chosen, "tigers-v2016") for world, (controller, seed) in enumerate(named)]
+    return [
+        Row(world, 0, controller, seed, chosen, "tigers-v2016")
+        for world, (controller, seed) in enumerate(named)
+    ]
 
 
 def filled(
@@ -75,7 +80,9 @@ def outcome(scenario: om.Scenario, log: Log, failures: Sequence[Failure] = ()) -
     return Outcome(scenario, entry, log.rows, failures, numbers, log)
 
 
-def compared(results: Mapping[str, Any], informed: Sequence[str], subject: str | None) -> dict[str, Any]:
+def compared(
+    results: Mapping[str, Any], informed: Sequence[str], subject: str | None
+) -> dict[str, Any]:
     """What `omni-mj compare` would write of a scenario that was run."""
     entry = {
         "description": "one | two", "plant": "mujoco", "robot": "tigers-v2016", "status": "done", "reason": None,

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from omni_mj.link.radio import Received
+from omni_mj.config.rows import Row
+from omni_mj.config.settings import Settings
+from omni_mj.network.radio import Received
 from omni_mj.plants import Plant
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.plants.planar import PlanarPlant
-from omni_mj.scenarios.rows import Row
-from omni_mj.scenarios.settings import Settings
 
 # The default robot: the numbers of its file, and nothing that the code makes of them.
 _SETTINGS = Settings()
@@ -43,12 +43,17 @@ def with_settings(**sections: dict[str, Any]) -> Settings:
 def quiet(**sections: dict[str, Any]) -> Settings:
     """As above, with a gyro that makes no error, computed by numpy."""
     sections["physics"] = {"kernel": "numpy"} | sections.get("physics", {})
-    sections["sensors"] = {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0} | sections.get("sensors", {})
+    sections["sensors"] = {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0} | sections.get(
+        "sensors", {}
+    )
     return with_settings(**sections)
 
 
 def rows(
-    settings: Sequence[Settings], seeds: Sequence[int] | None = None, places: int = 1, robot: str = ROBOT
+    settings: Sequence[Settings],
+    seeds: Sequence[int] | None = None,
+    places: int = 1,
+    robot: str = ROBOT,
 ) -> list[Row]:
     """A row for each of `settings`, `places` of them in a world."""
     seeds = seeds or [0] * len(settings)
@@ -59,7 +64,10 @@ def rows(
 
 
 def mujoco(
-    settings: Sequence[Settings], start: ArrayLike | None = None, seeds: Sequence[int] | None = None, **more: Any
+    settings: Sequence[Settings],
+    start: ArrayLike | None = None,
+    seeds: Sequence[int] | None = None,
+    **more: Any,
 ) -> MujocoPlant:
     """The physical plant with a robot for each of `settings`, at the origin if nothing else is said."""
     threads = more.pop("threads", None)
@@ -89,7 +97,9 @@ def ramp(twists: ArrayLike, acceleration: ArrayLike, frames: int) -> NDArray:
     """Commands (frames, n, 3) that speed up to twists (n, 3), each at a rate (1/s^2 of its size), then stay."""
     twists = np.asarray(twists, float)
     frame = np.arange(1, frames + 1)[:, None]
-    share = np.minimum(1.0, np.asarray(acceleration) * FRAME_S * frame / np.linalg.norm(twists, axis=1))
+    share = np.minimum(
+        1.0, np.asarray(acceleration) * FRAME_S * frame / np.linalg.norm(twists, axis=1)
+    )
     return share[..., None] * twists
 
 
@@ -115,7 +125,9 @@ def standing(plant: Plant, frames: int = SETTLE) -> NDArray:
 
 def planar(settings: list[Settings], start: ArrayLike | None = None) -> PlanarPlant:
     """Robots on the planar plant, at the origin if nothing else is said."""
-    return PlanarPlant(rows(settings), np.zeros((len(settings), 3)) if start is None else np.asarray(start, float))
+    return PlanarPlant(
+        rows(settings), np.zeros((len(settings), 3)) if start is None else np.asarray(start, float)
+    )
 
 
 def two_rollers(settings: list[Settings], start: ArrayLike | None = None) -> MujocoPlant:
@@ -160,9 +172,21 @@ def stop(plant: MujocoPlant, robot: int) -> None:
 
 def numbers(plant: MujocoPlant) -> list[NDArray]:
     """What faults change of robots and worlds, each with robots first."""
-    names = ("body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat", "opt.gravity")
+    names = (
+        "body_mass",
+        "body_subtreemass",
+        "body_ipos",
+        "body_inertia",
+        "body_iquat",
+        "opt.gravity",
+    )
     p = plant.parameters
-    onboard = [p.carpet.friction, p.carpet.grip.T, plant._at.centre.T, p.onboard.motors.cold_constant.T]
+    onboard = [
+        p.carpet.friction,
+        p.carpet.grip.T,
+        plant._at.centre.T,
+        p.onboard.motors.cold_constant.T,
+    ]
     return [np.array(each) for each in (*(plant._batch.expand(name) for name in names), *onboard)]
 
 

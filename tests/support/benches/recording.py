@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from omni_control.controllers.base import Controller
-from omni_mj.scenarios import scenario
-from omni_mj.show.recording import Recording, feed
-from omni_mj.simulate.simulation import Simulation
-from omni_mj.studies.outcome import drive
+from omni_mj.config import scenario
+from omni_mj.simulation.simulation import Simulation
+from omni_mj.studies.study_runner import drive
+from omni_mj.viz.recording import Recording, feed
 
 set_patience = partial(setattr, feed, "FLUSH_S")  # seconds that a recording waits for its file
 RERUN = Path(sys.executable).with_name("rerun")
@@ -38,7 +38,11 @@ class Recorded:
         self.chunks = self.reader.stream().to_chunks()
 
     def batches(self, entity: str, static: bool = False) -> list[pa.RecordBatch]:
-        return [c.to_record_batch() for c in self.chunks if c.entity_path == entity and c.is_static == static]
+        return [
+            c.to_record_batch()
+            for c in self.chunks
+            if c.entity_path == entity and c.is_static == static
+        ]
 
     def entities(self, static: bool = False) -> set[str]:
         return {c.entity_path for c in self.chunks if c.is_static == static}
@@ -87,7 +91,11 @@ class Listener:
         command = [RERUN, *options, "--bind", "127.0.0.1", "--port", str(port)]
         with open(file or os.devnull, "rb") as stdin:
             self.process = subprocess.Popen(
-                command, stdin=stdin, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+                command,
+                stdin=stdin,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
             )
         deadline = time.monotonic() + 60
         while time.monotonic() < deadline:
@@ -105,12 +113,21 @@ class Listener:
 
 def rows(table: pa.Table, controller: str, seed: int = 0, place: int = 0) -> dict[str, NDArray]:
     """The columns of a run's table for one robot."""
-    chosen = (pc.field("controller") == controller) & (pc.field("seed") == seed) & (pc.field("place") == place)
+    chosen = (
+        (pc.field("controller") == controller)
+        & (pc.field("seed") == seed)
+        & (pc.field("place") == place)
+    )
     robot = table.filter(chosen).sort_by("frame").drop_columns("controller")
     return {name: robot[name].to_numpy() for name in robot.column_names}
 
 
-def record(simulation: Simulation, path: Path, url: str = "", after_frame: Callable[[int], None] | None = None) -> None:
+def record(
+    simulation: Simulation,
+    path: Path,
+    url: str = "",
+    after_frame: Callable[[int], None] | None = None,
+) -> None:
     """Run a simulation to its end, recorded into a file and shown by a viewer, if there is one, as the command does."""
     with ExitStack() as stack:
         recordings = [stack.enter_context(Recording(path, simulation))]
@@ -129,7 +146,9 @@ def record(simulation: Simulation, path: Path, url: str = "", after_frame: Calla
 
 def rrd(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """`rerun rrd ...`"""
-    return subprocess.run([RERUN, "rrd", *arguments], capture_output=True, text=True, check=False, timeout=60)
+    return subprocess.run(
+        [RERUN, "rrd", *arguments], capture_output=True, text=True, check=False, timeout=60
+    )
 
 
 @dataclass(frozen=True)
@@ -140,15 +159,21 @@ class Driven:
     recorded: Recorded
 
 
-def driven_by(path: Path, controllers: list[str | type[Controller]], *overrides: str, **head: object) -> Driven:
+def driven_by(
+    path: Path, controllers: list[str | type[Controller]], *overrides: str, **head: object
+) -> Driven:
     simulation = simulated(controllers, *overrides, **head)
     record(simulation, path)
     return Driven(simulation.log.table(), Recorded(path))
 
 
-def simulated(controllers: list[str | type[Controller]], *overrides: str, **head: object) -> Simulation:
+def simulated(
+    controllers: list[str | type[Controller]], *overrides: str, **head: object
+) -> Simulation:
     """Return a simulation of `rect` at its start, on the kinematic plant if nothing else is said."""
-    return Simulation(scenario.load("rect", list(overrides), {"plant": "kinematic", **head}), controllers)
+    return Simulation(
+        scenario.load("rect", list(overrides), {"plant": "kinematic", **head}), controllers
+    )
 
 
 def poses(recorded: Recorded, entity: str) -> NDArray:

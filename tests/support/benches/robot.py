@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_mj.robot import battery, carpet, motors, onboard, wheel_loops
+from omni_mj.config import robot_files
+from omni_mj.config.motor_settings import MotorSettings
+from omni_mj.config.robot_files import builtin
+from omni_mj.config.settings import Settings
+from omni_mj.robot import battery, carpet, firmware, motors, onboard
 from omni_mj.robot.kernels import JaxKernel
-from omni_mj.scenarios import robots
-from omni_mj.scenarios.motor_settings import MotorSettings
-from omni_mj.scenarios.robots import builtin
-from omni_mj.scenarios.settings import Settings
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.simulation.simulation import Simulation
 
 RPM = 30 / np.pi  # turns per minute in a rad/s
 # maxon's catalogue, EC 45 flat 50 W 24 V, as settings of `motor`; behind 60:18, with a quarter of its friction dry.
@@ -40,18 +40,28 @@ def carried(settings: list[Settings], heading: float = 0.0, restarts: bool = Fal
     return onboard.onboard(settings, wheels, np.full(n, heading), strength, (30, restarts))
 
 
-def command(x: float = 0.0, y: float = 0.0, turn: float = 0.0, n: int = 1, **more: Any) -> wheel_loops.Command:
+def command(
+    x: float = 0.0, y: float = 0.0, turn: float = 0.0, n: int = 1, **more: Any
+) -> firmware.Command:
     """One command for all robots."""
     values = [np.full(n, each) for each in (x, y, turn)]
-    return wheel_loops.Command(*values, np.ones(n, bool))._replace(**more)
+    return firmware.Command(*values, np.ones(n, bool))._replace(**more)
 
 
 class Firmware:
     """Firmware of n robots, fed with a gyro and encoders; its duties are recorded."""
 
-    def __init__(self, settings: list[Settings], heading: float = 0.0, restarts: bool = False) -> None:
+    def __init__(
+        self, settings: list[Settings], heading: float = 0.0, restarts: bool = False
+    ) -> None:
         (self.p, state) = carried(settings, heading, restarts)
-        self._p, self._s, self.n, self.cycle, self.frame = self.p.loops, state.loops, len(settings), 0, 0
+        self._p, self._s, self.n, self.cycle, self.frame = (
+            self.p.loops,
+            state.loops,
+            len(settings),
+            0,
+            0,
+        )
         self.winding = state.motors.winding
 
     @property
@@ -61,32 +71,40 @@ class Firmware:
 
     def hear(self, **values: Any) -> None:
         """Accept a command."""
-        self._s = wheel_loops.accept_command(self._p, self._s, self.cycle, command(n=self.n, **values))
+        self._s = firmware.accept_command(self._p, self._s, self.cycle, command(n=self.n, **values))
 
     def put_down(self, heading: float) -> None:
         """Tell all robots the heading at which somebody has put them down."""
-        self._s = wheel_loops.set_heading(self._s, np.ones(self.n, bool), np.full(self.n, heading))
+        self._s = firmware.set_heading(self._s, np.ones(self.n, bool), np.full(self.n, heading))
 
     def begin(self, seen: ArrayLike = np.nan, age: int = 0, off: bool | None = None) -> None:
         """Begin a frame in which vision's heading arrives, and processors may be off."""
         deaf = np.zeros(self.n, bool)
         if off is not None:
             angle = np.zeros_like(self._s.duty)
-            self._s = wheel_loops.restart_processors(self._p, self._s, self.cycle, deaf, np.full(self.n, off), angle)
+            self._s = firmware.restart_processors(
+                self._p, self._s, self.cycle, deaf, np.full(self.n, off), angle
+            )
         ages = np.full(self.n, age)
-        self._s = wheel_loops.correct_heading(self._p, self._s, self.frame, np.full(self.n, seen), ages, deaf)
-        self._s = wheel_loops.derate(self._p, self._s, self.winding)
+        self._s = firmware.correct_heading(
+            self._p, self._s, self.frame, np.full(self.n, seen), ages, deaf
+        )
+        self._s = firmware.derate(self._p, self._s, self.winding)
         self.frame += 1
 
     def run(self, gyro: float, angle: ArrayLike) -> NDArray:
         """Run a cycle; return duties, (W, n)."""
         angles = np.broadcast_to(np.asarray(angle, float), self._s.duty.shape).copy()
-        self._s = wheel_loops.run_wheel_loops(self._p, self._s, self.cycle, np.full(self.n, gyro), angles)
+        self._s = firmware.run_wheel_loops(
+            self._p, self._s, self.cycle, np.full(self.n, gyro), angles
+        )
         self.cycle += 1
         return np.array(self._s.duty)
 
 
-def drive_motor(settings: Settings, voltage: float, speed: ArrayLike, winding: float = 25.0) -> tuple[NDArray, NDArray]:
+def drive_motor(
+    settings: Settings, voltage: float, speed: ArrayLike, winding: float = 25.0
+) -> tuple[NDArray, NDArray]:
     """Voltages and currents of one motor at speeds of its wheel."""
     speeds = np.atleast_1d(np.asarray(speed, float))[None]
     p = motors.motor_parameters([settings] * speeds.size, np.ones_like(speeds))
@@ -128,7 +146,9 @@ class Battery:
             self.state = battery.discharge(self._p, self.state, np.array([current]))
 
 
-def drag(settings: list[Settings], velocity: ArrayLike, heading: float = 0.0, **more: Any) -> carpet.Drag:
+def drag(
+    settings: list[Settings], velocity: ArrayLike, heading: float = 0.0, **more: Any
+) -> carpet.Drag:
     """Drag of robots at the origin that go at a velocity (2,) in the world, with 1 N on each wheel.
 
     Args:
@@ -146,7 +166,9 @@ def drag(settings: list[Settings], velocity: ArrayLike, heading: float = 0.0, **
     x, y = np.asarray(velocity, float)
     c, s = np.cos(heading), np.sin(heading)
     values = place[0], place[1], c, s, c * x + s * y, c * y - s * x, 0.0
-    return carpet.compute_drag(p, carpet.Motion(*(np.full(n, value) for value in values)), load, angle)
+    return carpet.compute_drag(
+        p, carpet.Motion(*(np.full(n, value) for value in values)), load, angle
+    )
 
 
 def programs_of(simulation: Simulation) -> bool:
@@ -161,7 +183,11 @@ class Motor:
     """
 
     def __init__(self, rows: Mapping[str, float]) -> None:
-        self.constant, self.resistance, self.gear = rows["constant_nm_a"], rows["resistance_ohm"], rows["gear"]
+        self.constant, self.resistance, self.gear = (
+            rows["constant_nm_a"],
+            rows["resistance_ohm"],
+            rows["gear"],
+        )
         self.back_emf = self.constant * self.gear  # V s/rad of the wheel
         speed, current = rows["nominal_rpm"] / RPM, rows["nominal_current_a"]
         left = rows["nominal_voltage_v"] - self.resistance * current - self.constant * speed
@@ -190,5 +216,5 @@ def sheet(**changes: float) -> MotorSettings:
 
 
 MAXON = Motor(SHEET)
-ROBOTS = {name: Motor(robots.sections(name)["motor"]) for name in builtin()}
-OWN = ROBOTS[robots.DEFAULT]
+ROBOTS = {name: Motor(robot_files.sections(name)["motor"]) for name in builtin()}
+OWN = ROBOTS[robot_files.DEFAULT]

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from serving import BLUE, LOOPBACK, Client, teleport
 
-from omni_mj.live.serve import line_up
-from omni_mj.live.serve.pitch import Pitch
+from omni_mj.live.serve import initial_setup
 from omni_mj.live.serve.recorder import Recorder
-from omni_mj.live.serve.requests import label
+from omni_mj.live.serve.served_world import Pitch
 from omni_mj.live.serve.server import Server
+from omni_mj.live.serve.simulation_requests import label
 from omni_mj.live.sockets import Address, Notes
 from omni_mj.live.wire import parse
 from omni_mj.live.wire.league_pb2 import RobotControl, SimulatorCommand
@@ -44,8 +44,10 @@ class Field:
         scenario: str | None = None,
         **head: Any,
     ) -> None:
-        poses = line_up.poses(line_up.numbers(blue, "--blue"), line_up.numbers(yellow, "--yellow"))
-        self.pitch = Pitch(line_up.load(scenario, sets, head), poses, Notes())
+        poses = initial_setup.poses(
+            initial_setup.numbers(blue, "--blue"), initial_setup.numbers(yellow, "--yellow")
+        )
+        self.pitch = Pitch(initial_setup.load(scenario, sets, head), poses, Notes())
         self.recorder: Recorder | None = None
 
     @property
@@ -104,7 +106,9 @@ class Field:
         command = parse(SimulatorCommand, b"".join(packets))
         return [f"{error.code} {error.message}" for error in self.pitch.teleport(command.control)]
 
-    def put(self, number: int, x: float, y: float, heading: float, team: int = BLUE, **twist: float) -> list[str]:
+    def put(
+        self, number: int, x: float, y: float, heading: float, team: int = BLUE, **twist: float
+    ) -> list[str]:
         """Put a robot down; codes of what is refused."""
         refused = self.teleport(teleport(number, team, x=x, y=y, orientation=heading, **twist))
         return [text.split()[0] for text in refused]
@@ -130,7 +134,9 @@ class Field:
 
 
 @contextmanager
-def here(field: Field, lockstep: bool = True, speed: float = 1.0) -> Iterator[tuple[Client, Server]]:
+def here(
+    field: Field, lockstep: bool = True, speed: float = 1.0
+) -> Iterator[tuple[Client, Server]]:
     """A server in a thread, and a foreign client of it."""
     client, stop = Client(), threading.Event()
     vision = Address(LOOPBACK, client.vision_port)

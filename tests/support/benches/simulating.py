@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_mj.scenarios import scenario
-from omni_mj.scenarios.rows import Row
-from omni_mj.simulate.log import Log
-from omni_mj.simulate.simulation import Simulation
+from omni_mj.config import scenario
+from omni_mj.config.rows import Row
+from omni_mj.simulation.log import Log
+from omni_mj.simulation.simulation import Simulation
 
 FRAME_S = 1 / 60
-FAST = ("physics.kernel=numpy", "wheels.model=two-rollers")  # what the loop has to do with wheels needs no others
+FAST = (
+    "physics.kernel=numpy",
+    "wheels.model=two-rollers",
+)  # what the loop has to do with wheels needs no others
 SHORT = ("reference.waypoints=[[0,0],[0.5,0]]", "reference.settle_s=0.2")
 # Equation 7 without doubt: no noise, a plant that does as told, limits out of the way.
 IDEAL = (
@@ -34,7 +37,12 @@ class Grid:
     """A log whose rows are all seeds of all controllers: channels (frames, controllers, seeds, columns)."""
 
     def __init__(self, log: Log) -> None:
-        self.log, self.controllers, self.seeds, self.length = log, log.controllers, log.seeds, log.length
+        self.log, self.controllers, self.seeds, self.length = (
+            log,
+            log.controllers,
+            log.seeds,
+            log.length,
+        )
         self.time = log.time
 
     def channel(self, name: str) -> NDArray:
@@ -64,7 +72,10 @@ def run(*what: Any, **more: Any) -> Grid:
 
 
 def batch(
-    cases: Sequence[tuple[str, ...]], controllers: Sequence[str], seeds: Sequence[int], route: tuple[str, ...] = SHORT
+    cases: Sequence[tuple[str, ...]],
+    controllers: Sequence[str],
+    seeds: Sequence[int],
+    route: tuple[str, ...] = SHORT,
 ) -> Simulation:
     """All cases on the kinematic plant at once, which costs little more than one: a row is what it is alone.
 
@@ -77,7 +88,9 @@ def batch(
     return Simulation(chosen[0], controllers, rows=rows)
 
 
-def finished(simulated: Simulation, after_frame: Callable[[int], None] = lambda frame: None) -> Grid:
+def finished(
+    simulated: Simulation, after_frame: Callable[[int], None] = lambda frame: None
+) -> Grid:
     """Run to the end; no row may fail."""
     return Grid(whole(simulated, after_frame))
 
@@ -91,7 +104,9 @@ def whole(simulated: Simulation, after_frame: Callable[[int], None] = lambda fra
 
 def ages(command: NDArray, applied: NDArray) -> NDArray:
     """Frames since what is applied was commanded (frames, a, b), of both (frames, a, b, 3); k + 1 for nothing in k."""
-    sent = np.concatenate([np.zeros_like(command[:1]), command])  # 0 is what is applied before anything arrives
+    sent = np.concatenate(
+        [np.zeros_like(command[:1]), command]
+    )  # 0 is what is applied before anything arrives
     same = (sent[None] == applied[:, None]).all(-1)
     assert (same.sum(1) == 1).all(), "noisy commands, no two of which are equal"
     return np.arange(1, len(command) + 1)[:, None, None] - same.argmax(1)
@@ -103,7 +118,10 @@ def variants(
     """Return a simulation with a row for each change of the settings, the labels in turn, and other seeds."""
     chosen = scenario.load("rect", route, {"plant": plant, "controllers": tuple(labels)})
     settings = [chosen.settings.replace(**change) for change in changes]
-    rows = [Row(i, 0, labels[i % len(labels)], 5 + i // 3, own, chosen.robot) for i, own in enumerate(settings)]
+    rows = [
+        Row(i, 0, labels[i % len(labels)], 5 + i // 3, own, chosen.robot)
+        for i, own in enumerate(settings)
+    ]
     return Simulation(chosen, rows=rows)
 
 

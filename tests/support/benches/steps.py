@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benches.plant import CONTACTS
-from omni_mj.link.radio import Received
+from omni_mj.network.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
 
 
@@ -44,10 +44,15 @@ class Tape:
         """Drive under commands (frames, n, 3), vision seeing the true heading; no robot may fail."""
         plant = self._plant
         for command in np.asarray(commands, float):
-            assert plant.advance(Received(command, plant.pose()[:, 2], np.zeros(len(command), int))) == {}
+            assert (
+                plant.advance(Received(command, plant.pose()[:, 2], np.zeros(len(command), int)))
+                == {}
+            )
             self.currents.append(plant._record.current.swapaxes(1, 2))
         self.steps = {name: np.array(values) for name, values in self.steps.items()}
-        self.steps["position"], self.steps["quaternion"] = np.split(self.steps["pose"], [3], axis=-1)
+        self.steps["position"], self.steps["quaternion"] = np.split(
+            self.steps["pose"], [3], axis=-1
+        )
         self.currents = np.concatenate(self.currents)
         return self
 
@@ -55,10 +60,16 @@ class Tape:
         """What motors and gears give to hubs and rotors, (steps, n, W) N m: currents times constants, less losses."""
         plant, hubs = self._plant, self._plant._world.robots[0].wheel_dofs
         gear = plant._world.model.actuator_gear[plant._world.robots[0].motors, 0]
-        friction, damping = (self._batch.expand(name)[:, hubs] for name in ("dof_frictionloss", "dof_damping"))
+        friction, damping = (
+            self._batch.expand(name)[:, hubs] for name in ("dof_frictionloss", "dof_damping")
+        )
         wheels = self.steps["wheels"]
         currents = np.repeat(self.currents, len(wheels) // len(self.currents), axis=0)
-        return np.asarray(plant._at.constant.get().T * gear * currents - friction * np.sign(wheels) - damping * wheels)
+        return np.asarray(
+            plant._at.constant.get().T * gear * currents
+            - friction * np.sign(wheels)
+            - damping * wheels
+        )
 
     def heading(self) -> NDArray:
         """(steps, n) of robots that are upright."""
@@ -68,7 +79,9 @@ class Tape:
     def twist(self) -> NDArray:
         """Speeds forward and to the left, and turn rate, (steps, n, 3)."""
         v, c, s = self.steps["velocity"], np.cos(self.heading()), np.sin(self.heading())
-        return np.stack([c * v[..., 0] + s * v[..., 1], c * v[..., 1] - s * v[..., 0], v[..., 5]], axis=-1)
+        return np.stack(
+            [c * v[..., 0] + s * v[..., 1], c * v[..., 1] - s * v[..., 0], v[..., 5]], axis=-1
+        )
 
     def travel(self) -> NDArray:
         """Velocities of the wheels' centres over the carpet, along the robot's axes, (steps, n, W, 2)."""
@@ -79,7 +92,10 @@ class Tape:
     def lift(self) -> NDArray:
         """How far each wheel is above where it stood at first, (steps, n, W) m."""
         w, x, y, z = np.moveaxis(self.steps["quaternion"], -1, 0)
-        forward, left = 2 * (x * z - w * y), 2 * (y * z + w * x)  # heights per distance along the robot's axes
+        forward, left = (
+            2 * (x * z - w * y),
+            2 * (y * z + w * x),
+        )  # heights per distance along the robot's axes
         slope = np.stack([forward, left], axis=-1) @ CONTACTS.T
         height = self.steps["position"][..., 2, None] + slope
         return np.asarray(height - height[0])

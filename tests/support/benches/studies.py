@@ -8,12 +8,11 @@ import numpy as np
 import omni_mj as om
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
-from omni_mj.measure.response import NAMES
-from omni_mj.measure.result import Outcome
-from omni_mj.scenarios.settings import PERIOD_S, Settings
-from omni_mj.scenarios.told import creep, loads
-from omni_mj.studies import conditions
-from omni_mj.studies.alpha import AlphaResult, Study
+from omni_mj.config.settings import PERIOD_S, Settings
+from omni_mj.config.team_model import creep, loads
+from omni_mj.results.ramp_response import NAMES
+from omni_mj.results.result import Outcome
+from omni_mj.studies.alpha import AlphaResult, Study, conditions
 from omni_mj.studies.identify.logs import read
 from omni_mj.studies.limit.learning import Drives, learn
 from omni_mj.studies.limit.model import DepartureModel, improve
@@ -23,9 +22,9 @@ from omni_mj.studies.loop import LoopResult, loop
 from omni_mj.studies.loop import drive as loop_drive
 from omni_mj.studies.loop.drive import FREQUENCIES, STEP, STEP_M, WARM_UP, Drive
 from omni_mj.studies.loop.response import find_margins, measure_step
-from omni_mj.studies.outcome import StoppedError, nothing
 from omni_mj.studies.slip import PUBLISHED, fits, moves
 from omni_mj.studies.slip.moves import Move, straight
+from omni_mj.studies.study_runner import StoppedError, nothing
 from omni_mj.studies.sweep import Plan, Sweep, axes, parse_axis, sweep, workers
 
 PRIOR = DepartureModel.prior
@@ -36,7 +35,9 @@ FIT = DepartureModel.fit
 def departures(model: DepartureModel, commands: Array) -> Array:
     """Return the poses (F, 3) that changes of the commands (F, 3) lead to."""
     transition, push = model.operators()
-    return np.linalg.solve(transition.toarray(), push @ commands.ravel())[: commands.size].reshape(-1, 3)
+    return np.linalg.solve(transition.toarray(), push @ commands.ravel())[: commands.size].reshape(
+        -1, 3
+    )
 
 
 def planned(model: DepartureModel, limits: MotionLimits, errors: Array) -> tuple[Array, Array]:
@@ -49,7 +50,9 @@ def regulator_gains(model: DepartureModel, weight: float) -> Array:
     return _regulator(model, weight)
 
 
-def predicted_poses(scenario: om.Scenario, poses: Array, measured: Array, noise: float, delay: int) -> Array:
+def predicted_poses(
+    scenario: om.Scenario, poses: Array, measured: Array, noise: float, delay: int
+) -> Array:
     """Return the poses (n, 3) predicted, at the end, of robots that push themselves about without being commanded.
 
     Args:

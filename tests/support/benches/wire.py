@@ -6,12 +6,19 @@ from google.protobuf.descriptor import FieldDescriptor
 
 from omni_mj.live.wire import WireError, league_pb2, parse
 
-MESSAGES, ENUMERATIONS = league_pb2.DESCRIPTOR.message_types_by_name, league_pb2.DESCRIPTOR.enum_types_by_name
+MESSAGES, ENUMERATIONS = (
+    league_pb2.DESCRIPTOR.message_types_by_name,
+    league_pb2.DESCRIPTOR.enum_types_by_name,
+)
 
 
 def table(message: str) -> str:
     """Label (! required, ? optional, * repeated), number, type and name of a message's fields."""
-    kinds = {getattr(FieldDescriptor, name): name for name in dir(FieldDescriptor) if name.startswith("TYPE_")}
+    kinds = {
+        getattr(FieldDescriptor, name): name
+        for name in dir(FieldDescriptor)
+        if name.startswith("TYPE_")
+    }
     rows = []
     for field in MESSAGES[message].fields:
         label = "*" if field.is_repeated else "!" if field.is_required else "?"

@@ -1,0 +1,173 @@
+"""The loop with robots outside of this program: `Simulation`, seen by SSL-Vision and commanded by radio."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from omni_control.controllers.base import Seen
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array, Kinematics, wrap_angle
+from omni_mj.config.rows import Row
+from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.live.command_senders import Command, Radio
+from omni_mj.live.frame_clock import LOST_S, SILENT_S, Link
+from omni_mj.network.radio import Received
+from omni_mj.plants import Plant, Telemetry
+from omni_mj.simulation.log import Log
+from omni_mj.simulation.simulation import Exchange, See, Simulation
+
+SILENT_FRAMES, LOST_FRAMES = round(SILENT_S * FRAME_RATE_HZ), round(LOST_S * FRAME_RATE_HZ)
+MEMORY_FRAMES = 64  # of turn rates in flight: more than a second
+
+
+class LivePlant:
+    """Robots outside of this program, in place of a plant and its camera.
+
+    Args:
+        rows: One per robot.
+        start: Initial poses, shape (n, 3).
+        driven: Whether `Live` drives them.
+
+    Attributes:
+        measured: What vision saw, shape (n, 3); NaN for robots that were not seen.
+        age: How old that is, shape (n,), s.
+        unseen: For how many frames robots have not been seen, shape (n,).
+
+    Raises:
+        OmniError: Nobody drives them.
+    """
+
+    def __init__(self, rows: Sequence[Row], start: Array, *, driven: bool = False) -> None:
+        if not driven:
+            raise OmniError(
+                "robots on the live plant are outside of this program: omni-mj drive drives them"
+            )
+        self.geometry: Kinematics | None = rows[0].settings.wheels.kinematics
+        self.age: Array | None = None
+        self.measured, self._start, self.unseen = np.array(start), start, np.zeros(len(rows), int)
+        self._telemetry = Telemetry.of_no_wheels(len(rows), len(self.geometry.azimuths))
+
+    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
+        """Return the poses seen, and which robots were seen; see `Cameras`."""
+        return self.measured.copy(), ~np.isnan(self.measured[:, 0])
+
+    def pose(self) -> Array:
+        """Return where robots were at the start: nobody knows the truth."""
+        return self._start
+
+    def twist(self) -> Array:
+        """Return NaN: velocities are unknown."""
+        return np.full_like(self._start, np.nan)
+
+    def advance(self, received: Received) -> dict[int, str]:
+        """Return the robots that are lost; they go on by themselves."""
+        self.unseen = np.where(np.isnan(self.measured[:, 0]), self.unseen + 1, 0)
+        return {
+            int(row): f"was not seen for {LOST_S:g} s"
+            for row in np.flatnonzero(self.unseen == LOST_FRAMES)
+        }
+
+    def telemetry(self) -> Telemetry:
+        """Return NaN: nothing is known of the wheels."""
+        return self._telemetry
+
+
+class Live(Simulation):
+    """A simulation whose robots are not simulated. A robot that is not seen is told to stop, and fails later.
+
+    Args:
+        scenario: What is driven, on the plant "live".
+        link: Vision's end, listening.
+        radio: The robots' end.
+        ids: The robots' numbers, one per row.
+        max_frames: After which it ends, unless its references end before.
+
+    Raises:
+        OmniError: As `Simulation`.
+    """
+
+    _sent: Array
+    _turn_rates: Array  # newest first
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        link: Link,
+        radio: Radio,
+        ids: Sequence[int],
+        max_frames: float = math.inf,
+    ) -> None:
+        self.link, self.ids, self.notes = link, list(ids), link.vision.notes
+        self._radio, self._max_frames = radio, max_frames
+        super().__init__(scenario)
+
+    @property
+    def done(self) -> bool:
+        """See `Simulation`."""
+        return super().done or self.frame >= self._max_frames
+
+    def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
+        """See `Simulation`. Whatever ends the run, robots are told to stand at once."""
+        try:
+            return super().run(after_frame)
+        finally:
+            self.stop()
+
+    def step(self, command: Array | None = None) -> None:
+        """See `Simulation`. Frames that went by are recorded as frames without vision; commands were held in them."""
+        latency, alpha = self.team.latency_hat[:, 2], self.team.alpha_hat[:, 2]
+        self._turn_latency = np.where(np.isfinite(latency), latency, self._nominal_latency)
+        self._turn_alpha = np.where(np.isfinite(alpha), alpha, 1.0)
+        measured, age, skipped = self.link.tick(self.team.estimate, self.stop)
+        self._is_past, self._plant.measured = True, np.full_like(measured, np.nan)
+        for _ in range(skipped):
+            super().step(self._sent)
+        self._is_past, self._plant.measured, self._plant.age = False, measured, age
+        super().step(command)
+
+    def exchange(self, command: Array, heading: Array) -> Received:
+        """Send commands, shape (n, 3), to robots with headings, shape (n,).
+
+        A robot is sent the heading that it will have in the middle of its command's frame.
+        """
+        if (is_unseen := self._plant.unseen > SILENT_FRAMES).any():
+            command = np.where(is_unseen[:, None], 0.0, command)
+            self.team.last = command
+        in_flight = np.clip(self._turn_latency - np.arange(MEMORY_FRAMES)[:, None], 0.0, 1.0)
+        turned = (in_flight * self._turn_rates).sum(0) + command[:, 2] / 2
+        headings = heading + self._turn_alpha * turned * PERIOD_S
+        self._turn_rates = np.vstack([command[:, 2], self._turn_rates[:-1]])
+        self._sent = command
+        if not self._is_past:
+            columns = np.column_stack([command, headings]).tolist()
+            self._radio.send(
+                [Command(number, *values) for number, values in zip(self.ids, columns, strict=True)]
+            )
+        return Received.at_once(command, heading)
+
+    def stop(self) -> None:
+        """Tell the robots to stand, more than once as packets are lost."""
+        self._sent = np.zeros_like(self._sent)
+        for _ in range(3):
+            self._radio.send([Command(number, 0.0, 0.0, 0.0, 0.0) for number in self.ids])
+
+    def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
+        self._plant = LivePlant(self.rows, start, driven=True)
+        settings = [row.settings for row in self.rows]
+        latency = [
+            each.radio.delay_frames + FRAME_RATE_HZ * each.control.lag_s for each in settings
+        ]
+        self._nominal_latency = np.array(latency)
+        self._sent, self._turn_rates = np.zeros_like(start), np.zeros((MEMORY_FRAMES, len(start)))
+        self.link.restart()
+        return self._plant, self._plant, self
+
+    def observe(self) -> Seen:
+        """See `Simulation`. What the team believes is recorded in place of the truth, which nobody knows."""
+        if self._seen is None:
+            difference = super().observe().carried - self.team.estimate
+            difference[:, 2] = wrap_angle(difference[:, 2])
+            self._pose = self.team.estimate + np.nan_to_num(difference)
+        return super().observe()

@@ -1,0 +1,212 @@
+"""What `serve` says as SSL-Vision does: cameras with their detections, and the field.
+
+Each camera takes images by its own clock and sees part of the field.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from omni_control.kinematics import Array
+from omni_mj.config.rows import Row
+from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
+from omni_mj.live.wire import MM_PER_M
+from omni_mj.live.wire.league_pb2 import Calibration, Detection, FieldSize, Point, Shape, Team
+from omni_mj.mjcf import field
+from omni_mj.network.camera import Camera, Timing
+from omni_mj.network.random_streams import Noise, Seed, Stream
+
+CYCLES_PER_FRAME = CYCLE_RATE_HZ // FRAME_RATE_HZ
+SEED_OFFSET = 1000  # added to a camera's number: its seeds differ from those of places
+BALL_RADIUS_M, ROBOT_RADIUS_M = 0.0215, 0.09
+ROBOT_HEIGHT_M = 0.15  # of the pattern above the carpet
+CAMERA_HEIGHT_M = 4.0
+IMAGE_SIZE = np.array([1920, 1200])  # pixels
+CAMERA_GRIDS = {1: (1, 1), 2: (2, 1), 3: (3, 1), 4: (2, 2)}  # number of cameras -> along x and y
+
+RobotName = tuple[int, int]  # team (a value of `Team`) and number
+
+
+class Image(NamedTuple):
+    """What a camera saw.
+
+    Attributes:
+        sent_s: Simulated time at which it is sent, s; infinite if it is lost.
+        cycle: In which it was taken.
+        names: Of the robots, n.
+        poses: Measured, shape (n, 3); NaN where a robot was not seen.
+        detection: The message.
+    """
+
+    sent_s: float
+    cycle: int
+    names: Sequence[RobotName]
+    poses: Array
+    detection: Detection
+
+
+class FieldCamera:
+    """One camera above the field.
+
+    Images of the first one are taken at 0, 1/rate, ... and its noise is that of `run`. The others start anywhere
+    within their first period and have noise of their own. Each sees a cell of a grid over the carpet, and of its
+    neighbours' cells a strip.
+
+    Args:
+        number: Of the camera, from 0, along x, then along y, from the lowest coordinates.
+        rows: One per robot. Settings of the camera as a whole are those of the first.
+
+    Attributes:
+        due: Cycle of the next image.
+    """
+
+    def __init__(self, number: int, rows: Sequence[Row]) -> None:
+        self._number, self._vision, self._frame = number, rows[0].settings.vision, 0
+        self._seeds: list[Seed] = [(rows[0].seed, SEED_OFFSET + number)]
+        self.set_robots(rows, 0)
+        clock = Noise(
+            self._seeds, Stream.CAMERA_CLOCK, lambda rng, count: rng.standard_normal((count, 4))
+        )
+        offset_x, offset_y, clock_offset, phase = clock.next()[0].tolist()
+        self._offset = self._vision.camera_offset_m * np.array([offset_x, offset_y, 0.0])
+        self._clock_offset_s = self._vision.clock_offset_s * clock_offset
+        # The fraction of a widely scaled normal number is uniformly distributed.
+        self._phase_s = 0.0 if number == 0 else phase * 1e3 % 1.0 / self._vision.rate_hz
+        self.due = self._cycle_of(0)
+        columns, lines = CAMERA_GRIDS[self._vision.cameras]
+        cell = np.array(field.SURFACE_M) / (columns, lines)
+        self._centre = (
+            cell * (number % columns + 0.5, number // columns + 0.5) - np.array(field.SURFACE_M) / 2
+        )
+        self._half = (cell + self._vision.overlap_m) / 2
+
+    def set_robots(self, rows: Sequence[Row], cycle: int) -> None:
+        """Observe these robots from a cycle on, from which times of faults count."""
+        self._first_cycle = cycle
+        self._timing = Timing([self._vision], self._seeds, [rows[0].faults])
+        seeds = [
+            row.noise_seed if self._number == 0 else (*row.noise_seed, SEED_OFFSET + self._number)
+            for row in rows
+        ]
+        self._camera = Camera(
+            [row.settings.vision for row in rows], seeds, [row.faults for row in rows]
+        )
+
+    def take_image(
+        self, cycle: int, names: Sequence[RobotName], poses: Array, ball: Array, epoch_s: float
+    ) -> Image:
+        """Take the image that is due.
+
+        Args:
+            cycle: Number of the cycle.
+            names: Of the robots, n.
+            poses: True poses, shape (n, 3); NaN for robots that are not on the field.
+            ball: Position, shape (2,), m.
+            epoch_s: Time of a correct clock at simulated time 0, s.
+        """
+        begun_s, elapsed = self._first_cycle / CYCLE_RATE_HZ, cycle - self._first_cycle
+        frame, elapsed_s = elapsed // CYCLES_PER_FRAME, elapsed / CYCLE_RATE_HZ
+        measured = self._camera(poses, frame) + self._offset
+        measured[~self._sees(poses[:, :2])] = np.nan
+        (arrival_s,), (clock_lag_s,) = self._timing.at(frame, elapsed_s)
+        sent_s = begun_s + float(arrival_s)
+        epoch_s += self._clock_offset_s - clock_lag_s
+        detection = Detection(
+            frame_number=self._frame,
+            t_capture=epoch_s + cycle / CYCLE_RATE_HZ,
+            t_sent=epoch_s + sent_s,
+            camera_id=self._number,
+        )
+        if self._sees(ball[None])[0]:
+            x, y = MM_PER_M * (ball + self._offset[:2])
+            detection.balls.add(confidence=1.0, x=x, y=y, pixel_x=0.0, pixel_y=0.0)
+        for (team, number), (x, y, heading) in sorted(zip(names, measured.tolist(), strict=True)):
+            if not math.isnan(x):
+                robots = detection.robots_blue if team == Team.BLUE else detection.robots_yellow
+                place = {
+                    "x": MM_PER_M * x,
+                    "y": MM_PER_M * y,
+                    "orientation": heading,
+                    "pixel_x": 0.0,
+                    "pixel_y": 0.0,
+                }
+                robots.add(
+                    confidence=1.0, robot_id=number, height=MM_PER_M * ROBOT_HEIGHT_M, **place
+                )
+        self._frame += 1
+        self.due = self._cycle_of(self._frame)
+        return Image(sent_s, cycle, tuple(names), measured, detection)
+
+    def calibration(self) -> Calibration:
+        """Return the calibration of a camera that looks straight down: half a turn about x, without distortion."""
+        (x, y), z = MM_PER_M * self._centre, MM_PER_M * CAMERA_HEIGHT_M
+        width, height = IMAGE_SIZE
+        return Calibration(
+            camera_id=self._number,
+            focal_length=CAMERA_HEIGHT_M * np.min(IMAGE_SIZE / (2 * self._half)),
+            principal_point_x=width / 2,
+            principal_point_y=height / 2,
+            distortion=0.0,
+            q0=1.0,
+            q1=0.0,
+            q2=0.0,
+            q3=0.0,
+            tx=-x,
+            ty=y,
+            tz=z,
+            derived_camera_world_tx=x,
+            derived_camera_world_ty=y,
+            derived_camera_world_tz=z,
+            pixel_image_width=width,
+            pixel_image_height=height,
+        )
+
+    def _sees(self, points: Array) -> np.ndarray:
+        """Return which points, shape (n, 2), are in the camera's view."""
+        return np.asarray((np.abs(points - self._centre) <= self._half).all(1))
+
+    def _cycle_of(self, frame: int) -> int:
+        """Return the first cycle that does not begin before an image is taken."""
+        return math.ceil((frame / self._vision.rate_hz + self._phase_s) * CYCLE_RATE_HZ - 1e-6)
+
+
+def standard_field() -> FieldSize:
+    """Return the field of division B with its markings."""
+    lengths_m = {
+        "field_length": field.LENGTH_M,
+        "field_width": field.WIDTH_M,
+        "goal_width": field.GOAL_WIDTH_M,
+        "goal_depth": field.GOAL_DEPTH_M,
+        "goal_height": field.GOAL_HEIGHT_M,
+        "boundary_width": (field.SURFACE_M[0] - field.LENGTH_M) / 2,
+        "penalty_area_depth": field.DEFENCE_DEPTH_M,
+        "penalty_area_width": field.DEFENCE_WIDTH_M,
+        "center_circle_radius": field.CIRCLE_RADIUS_M,
+        "line_thickness": field.LINE_M,
+    }
+    size = FieldSize(
+        ball_radius=MM_PER_M * BALL_RADIUS_M, max_robot_radius=MM_PER_M * ROBOT_RADIUS_M
+    )
+    for name, value in lengths_m.items():
+        setattr(size, name, round(MM_PER_M * value))
+    for shape, ends in field.lines().items():
+        x1, y1, x2, y2 = (MM_PER_M * end for end in ends)
+        size.field_lines.add(
+            name=shape.title().replace("_", ""),
+            p1=Point(x=x1, y=y1),
+            p2=Point(x=x2, y=y2),
+            thickness=size.line_thickness,
+            type=shape,
+        )
+    size.field_arcs.add(
+        name="CenterCircle",
+        center=Point(x=0, y=0),
+        radius=size.center_circle_radius,
+        a1=0.0,
+        a2=2 * math.pi,
+        thickness=size.line_thickness,
+        type=Shape.CENTER_CIRCLE,
+    )
+    return size

@@ -1,0 +1,260 @@
+"""What `serve` simulates: robots of both teams on a field, a ball that lies there, and cameras above.
+
+Time is counted in cycles of the wheel loops, 1/960 s. Cameras take images before a cycle begins. A command that comes
+before a cycle acts in it, if there is no dead time.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_mj.config.faults import of_robot
+from omni_mj.config.rows import Row
+from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import CYCLE_RATE_HZ
+from omni_mj.live.serve.detections import (
+    CYCLES_PER_FRAME,
+    FieldCamera,
+    Image,
+    RobotName,
+    standard_field,
+)
+from omni_mj.live.serve.served_plant import ServedPlant
+from omni_mj.live.serve.simulation_requests import (
+    HEADING,
+    IMAGE_CYCLE,
+    Placement,
+    Refusal,
+    decode_packets,
+    empty_packet,
+    encode_packet,
+    label,
+    read_ball,
+    read_teleport,
+)
+from omni_mj.live.sockets import Notes
+from omni_mj.live.wire.league_pb2 import (
+    Geometry,
+    RobotCommand,
+    SimulatorControl,
+    SimulatorError,
+    Team,
+)
+from omni_mj.mjcf import world_builder
+from omni_mj.mjcf.field import SURFACE_M
+from omni_mj.network.radio import Radio
+
+MAX_ROBOTS = 12
+CLEARANCE_M = 0.001  # by which hulls may touch
+
+
+class Pitch:
+    """The field and everything on it.
+
+    Args:
+        scenario: Of the robots of both teams, the radio and the cameras.
+        poses: Robots that stand on the field at the start -> pose, shape (3,); at most 12.
+        notes: What people should know.
+
+    Attributes:
+        names: Of the robots, by their index in the world.
+        rows: One per robot.
+        plant: What moves.
+        cameras: Above the field.
+        cycle: Number of the next cycle.
+        epoch_s: Time of a correct clock at simulated time 0, s; set it before the first image.
+        ball: Position, shape (2,), m.
+        held: What robots hold of the radio.
+        measured: Where cameras saw robots last, lost images included, shape (n, 3). A recorder may reset it to NaN.
+
+    Raises:
+        OmniError: Robots start in each other or in a wall.
+    """
+
+    def __init__(self, scenario: Scenario, poses: Mapping[RobotName, Array], notes: Notes) -> None:
+        self._scenario, self.notes = scenario, notes
+        self.cycle, self.epoch_s, self.ball = 0, 0.0, np.zeros(2)
+        self._headings = dict[
+            RobotName, tuple[float, int]
+        ]()  # that vision saw last, and the cycles of the images
+        self._reach = world_builder.world(scenario.settings).reach
+        self.cameras = list[FieldCamera]()
+        for name in poses:
+            if obstacle := self._find_obstacle(name, poses):
+                raise OmniError(f"{label(name)} starts in {obstacle}")
+        self._build(poses)
+        self.cameras += [
+            FieldCamera(number, self.rows) for number in range(scenario.settings.vision.cameras)
+        ]
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time, s."""
+        return self.cycle / CYCLE_RATE_HZ
+
+    def poses(self) -> dict[RobotName, Array]:
+        """Return the poses, shape (3,), of the robots on the field."""
+        robots = zip(self.names, self.plant.pose(), self.plant.present, strict=True)
+        return {name: pose for name, pose, is_present in robots if is_present}
+
+    def geometry(self) -> Geometry:
+        """Return what SSL-Vision says of field and cameras."""
+        return Geometry(
+            field=standard_field(), calib=[camera.calibration() for camera in self.cameras]
+        )
+
+    def take_images(self) -> list[Image]:
+        """Return the images that are due, and store what they show in `measured`."""
+        images = []
+        for camera in self.cameras:
+            if camera.due <= self.cycle:
+                poses = np.where(self.plant.present[:, None], self.plant.pose(), np.nan)
+                image = camera.take_image(self.cycle, self.names, poses, self.ball, self.epoch_s)
+                np.copyto(self.measured, image.poses, where=~np.isnan(image.poses))
+                images.append(image)
+        return images
+
+    def publish(self, image: Image) -> None:
+        """Let teams know an image: they send the headings in it along with commands."""
+        for name, heading in zip(image.names, image.poses[:, 2].tolist(), strict=True):
+            if not math.isnan(heading) and image.cycle >= self._headings.get(name, (heading, 0))[1]:
+                self._headings[name] = heading, image.cycle
+
+    def advance(self) -> None:
+        """Advance by a cycle.
+
+        If the physics fails, the world is made anew from the poses at the beginning of the frame, with robots at rest.
+        """
+        arrived, plant = None, self.plant
+        if self._radio.quiet:
+            self._radio.wait()
+        else:
+            packets, is_new, _ = self._radio.deliver()
+            if is_new.any():
+                self.held = arrived = decode_packets(
+                    packets, is_new, self.cycle + plant.cycles_left
+                )
+        if not plant.cycles_left:
+            self._last_poses = self.poses()
+        for robot, cause in plant.go(1, arrived).items():
+            self.notes.add(
+                "robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s"
+            )
+        self.cycle += 1
+        if plant.is_unstable:
+            self._build(self._last_poses)
+
+    def command(
+        self, team: int, commands: Iterable[RobotCommand]
+    ) -> tuple[list[SimulatorError], list[int]]:
+        """Send commands to robots of a team.
+
+        Returns:
+            Errors, and the numbers of the team's robots on the field that were named, also in commands that were
+            refused or did not say how to move.
+        """
+        errors, commanded, receivers = list[SimulatorError](), list[int](), set[int]()
+        packets, present = self._packets.copy(), self.poses()
+        for command in commands:
+            name = team, command.id
+            try:
+                if name not in present:
+                    raise Refusal("UNKNOWN_ROBOT", f"{label(name)} is not on the field")
+                commanded.append(command.id)
+                packet = encode_packet(command, packets.shape[1] - len(empty_packet(0)))
+            except Refusal as refusal:
+                errors.append(refusal.error)
+                continue
+            if packet is not None:
+                packet[HEADING], packet[IMAGE_CYCLE] = self._headings.get(name, (math.nan, 0))
+                packets[self.names.index(name)] = packet
+                receivers.add(self.names.index(name))
+        if receivers:
+            self._radio.send(packets, np.array(sorted(receivers)))
+        return errors, commanded
+
+    def teleport(self, control: SimulatorControl) -> list[SimulatorError]:
+        """Put the ball and robots down and take robots away. Return what is refused.
+
+        A robot that the world has no body for makes the world anew without bodies of absent robots. All robots then go
+        on from where they are, at rest, as fresh as at the start of a run.
+        """
+        errors, placements = list[SimulatorError](), dict[RobotName, Placement]()
+        if control.HasField("teleport_ball"):
+            try:
+                self.ball = read_ball(control.teleport_ball, self.ball)
+            except Refusal as refusal:
+                errors.append(refusal.error)
+        for teleport in control.teleport_robot:
+            try:
+                name, placement = read_teleport(teleport, self.poses())
+            except Refusal as refusal:
+                errors.append(refusal.error)
+                continue
+            placements.pop(name, None)
+            if placement is not None:
+                placements[name] = placement
+            elif name in self.names:
+                self.plant.remove(self.names.index(name))
+        before = self.poses()
+        while True:  # a refused robot stays, perhaps in the way of another
+            poses = before | {name: pose for name, (pose, _) in placements.items()}
+            refusals = {name: self._find_obstacle(name, poses) for name in placements}
+            refused = {
+                name: f"stand in {obstacle}" for name, obstacle in refusals.items() if obstacle
+            }
+            refused |= {
+                name: f"be one of more than {MAX_ROBOTS} robots"
+                for name in list(poses)[MAX_ROBOTS:]
+            }
+            if not refused:
+                break
+            for name, reason in refused.items():
+                errors.append(Refusal("OCCUPIED", f"{label(name)} would {reason}").error)
+                del placements[name]
+        if not placements.keys() <= set(self.names):
+            self._build(poses)
+        for name, (pose, twist) in placements.items():
+            self.plant.place(self.names.index(name), pose, twist)
+            self._headings[name] = float(pose[2]), self.cycle
+        return errors
+
+    def _find_obstacle(self, name: RobotName, poses: Mapping[RobotName, Array]) -> str | None:
+        """Return what a robot stands in, if anything."""
+        if (np.abs(poses[name][:2]) > np.array(SURFACE_M) / 2 - self._reach + CLEARANCE_M).any():
+            return "a wall"
+        distances = [
+            math.dist(pose[:2], poses[name][:2]) for other, pose in poses.items() if other != name
+        ]
+        return (
+            "a robot" if min(distances, default=math.inf) < 2 * self._reach - CLEARANCE_M else None
+        )
+
+    def _build(self, poses: Mapping[RobotName, Array]) -> None:
+        """Make the world anew with these robots, at rest."""
+        self.names, settings = list(poses), self._scenario.settings
+        self.rows = [self._row(place, name) for place, name in enumerate(self.names)]
+        self.plant = ServedPlant(self.rows, np.array([*poses.values()]))
+        n, packet = len(self.rows), empty_packet(len(settings.wheels.azimuths_deg))
+        self._packets = np.tile(packet, (n, 1))
+        self._radio = Radio(
+            [settings.radio] * n,
+            [row.noise_seed for row in self.rows],
+            [row.faults for row in self.rows],
+            CYCLES_PER_FRAME,
+            packet,
+        )
+        self.held = decode_packets(self._packets, np.zeros(n, bool), 0)
+        self.measured = np.full((n, 3), np.nan)
+        for camera in self.cameras:
+            camera.set_robots(self.rows, self.cycle)
+
+    def _row(self, place: int, name: RobotName) -> Row:
+        team, number = name
+        scenario = self._scenario
+        faults = [fault.replace(robots=()) for fault in of_robot(scenario.settings.fault, number)]
+        settings = scenario.settings.replace(fault=faults)
+        return Row(0, place, Team.Name(team).lower(), scenario.seed, settings, scenario.robot)

@@ -1,1 +1,0 @@
-"""What a run's folder says it ran, and whether it gives the same again."""

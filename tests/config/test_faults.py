@@ -1,0 +1,108 @@
+"""Faults as settings: what is read, written and refused, and which plants know which."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import omni_mj as om
+
+PUSH: dict[str, Any] = {"kind": "push", "at": 3, "for": 0.2, "force_n": 20.0, "direction_deg": 90.0}
+DOCUMENT = Path(__file__).parents[2] / "docs" / "faults.md"
+
+
+def lines(faults: Any, **more: Any) -> list[str]:
+    with pytest.raises(om.OmniError) as error:
+        om.scenario("rect", fault=faults, **more)
+    return str(error.value).splitlines()
+
+
+def test_faults_are_tables_in_files_and_dictionaries_in_python(tmp_path: Path) -> None:
+    file = tmp_path / "given.toml"
+    file.write_text(
+        '[[fault]]\nkind = "push"\nat = 3\nfor = 0.2\nforce_n = 20\ndirection_deg = 90\n'
+    )
+    read, made = om.scenario(file), om.scenario("rect", fault=[PUSH])
+    assert read.settings.fault == made.settings.fault
+    assert made.settings.plain()["fault"] == [{"robots": [], **PUSH}]
+    file.write_text(made.to_toml())
+    assert om.scenario(file) == made
+    assert made.settings.replace(carpet={"friction": 0.5}).fault == made.settings.fault
+    assert made.settings.replace(fault=[]).fault == ()
+
+
+def test_the_storm_has_all_kinds_of_plants_on_wheels_and_the_page_all_there_are() -> None:
+    """Each with its settings."""
+    kinds = re.findall(r"^\| `([a-z-]+)` \|(.*?)\|", DOCUMENT.read_text(), re.MULTILINE)
+    documented = {
+        kind: set(re.findall(r"`([a-z_]+)`", cells))
+        for kind, cells in kinds
+        if not kind.startswith("fault-")
+    }
+    documented.pop("storm")
+    storm = {fault.kind: fault for fault in om.scenario("storm").settings.fault}
+    assert storm.keys() == documented.keys() - {"alpha"}
+    for kind, fault in storm.items():
+        assert fault.values().keys() - {"kind", "at", "for", "robots", "wheel"} == documented[
+            kind
+        ] - {
+            "coast",
+            "brake",
+            "wheel",
+        }
+
+
+def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:
+    found = lines(
+        [PUSH, {"kind": "psh"}, {**PUSH, "at": -1, "forc_n": 3}, 3, {"kind": "tilt"}, {"at": 1}]
+    )
+    expected = [
+        ("fault 2: ", "'psh'", "did you mean 'push'"),
+        ("fault 3: ", "at ", "0 to 36000 s", "-1"),
+        ("fault 3: ", "forc_n", "did you mean 'force_n'"),
+        ("fault 4: ", "3"),
+        ("fault 5: ", "at is missing"),
+        ("fault 5: ", "angle_deg is missing"),
+        ("fault 6: ", "None"),
+    ]
+    assert len(found) == len(expected)
+    for line, words in zip(found, expected, strict=True):
+        assert all(word in line for word in words), line
+
+
+@pytest.mark.parametrize(
+    ("fault", "more", "words"),
+    [
+        ({**PUSH, "for": 0.01}, {}, "at least a frame"),
+        ({**PUSH, "robots": [16]}, {}, "15"),
+        ({"kind": "delay", "at": 1, "to": 1.5}, {}, "a valid integer (0 to 600 frames)"),
+        (
+            {"kind": "delay", "at": 1, "to": 1},
+            {"radio": {"jitter_frames": 2}},
+            "radio.jitter_frames",
+        ),
+        ({"kind": "motor-weak", "at": 1, "wheel": 5, "to": 0.5}, {}, "the robot has 4"),
+        (
+            {"kind": "push", "at": 1, "force_n": 1},
+            {"plant": "kinematic"},
+            "the plant kinematic has no push",
+        ),
+        ({"kind": "alpha", "at": 1, "to": 1}, {}, "the plant mujoco has no alpha"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(fault: Any, more: dict[str, Any], words: str) -> None:
+    (line,) = lines([fault], **more)
+    assert line.startswith("fault 1: ")
+    assert words in line
+
+
+def test_what_is_no_list_is_refused() -> None:
+    for wrong in (3, "push", {"kind": "push"}, None):
+        assert lines(wrong)[0].startswith("fault is a list: write [[fault]]")
+
+
+def test_a_fault_of_a_robot_that_a_world_does_not_have_is_refused_when_it_is_run() -> None:
+    scenario = om.scenario("rect", fault=[{**PUSH, "robots": [1]}])
+    with pytest.raises(om.OmniError, match="fault 1: push names robot 1; a world has 1"):
+        om.Simulation(scenario)

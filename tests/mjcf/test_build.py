@@ -1,0 +1,116 @@
+"""Worlds of a field and n robots: parts by role, and what is refused."""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+from benches.plant import arrays, with_settings
+
+from omni_control.errors import OmniError
+from omni_mj.mjcf import world_builder
+
+
+def test_every_robot_of_a_world_is_the_one_alone() -> None:
+    one, three = world_builder.world(), world_builder.world(places=3)
+    alone = one.robots[0]
+    bodies, dofs = one.model.nbody - 1, one.model.nv
+    for i, robot in enumerate(three.robots):
+        assert robot.chassis == 1 + i * bodies
+        assert robot.dofs == range(i * dofs, (i + 1) * dofs)
+        assert three.model.body(robot.chassis).name == f"robot_{i + 1}/chassis"
+        # Arrays by body, dof, pair, actuator and sensor, in each robot's share.
+        for name, value in arrays(one.model).items():
+            kind, first = name.partition("_")[0], {"body": 1}.get(name.partition("_")[0], 0)
+            if kind not in ("body", "dof", "pair", "actuator") or re.search(
+                "adr|id$|root|geom|joint|pair_sig", name
+            ):
+                continue
+            if (
+                "bvh" in name
+                or "contype" in name
+                or "conaffinity" in name
+                or not isinstance(value, np.ndarray)
+            ):
+                continue
+            size = len(value) - first
+            share = getattr(three.model, name)[first + i * size :][:size]
+            # Inverse weights are solved for, with rounding.
+            np.testing.assert_allclose(
+                share, value[first:], rtol=1e-12 if "weight" in name else 0, err_msg=name
+            )
+        np.testing.assert_array_equal(three.standing[robot.qpos], one.standing[alone.qpos])
+        np.testing.assert_array_equal(
+            robot.encoders - three.robots[0].encoders, i * one.model.nsensordata
+        )
+
+
+def test_a_roller_is_at_the_bottom_when_its_turn_has_come() -> None:
+    world = world_builder.world()
+    data = mujoco.MjData(world.model)
+    robot = world.robots[0]
+    for turn in range(16):
+        data.qpos[robot.wheel_qpos] = turn * 2 * np.pi / 16
+        mujoco.mj_kinematics(world.model, data)
+        lowest = robot.rollers[np.arange(4), data.xpos[robot.rollers, 2].argmin(1)]
+        assert lowest.tolist() == robot.rollers[:, turn].tolist()
+
+
+def test_what_no_robot_can_be_is_refused_in_a_line() -> None:
+    light = {"mass_kg": 0.5, "yaw_inertia_kg_m2": 2e-3, "tilt_inertia_kg_m2": 2e-3}
+    for sections, message in (
+        (
+            {
+                "body": light,
+                "wheels": {"rollers": 40, "azimuths_deg": [0, 50, 100, 150, 200, 250, 300]},
+            },
+            "more than",
+        ),
+        ({"body": {"yaw_inertia_kg_m2": 1e-3}}, "principal inertias"),
+    ):
+        with pytest.raises(OmniError, match=message) as error:
+            world_builder.world(with_settings(**sections))
+        assert str(error.value).startswith("body.")
+        assert "\n" not in str(error.value)
+
+
+def test_the_robot_weighs_and_balances_as_its_settings_say() -> None:
+    body = {
+        "mass_kg": 3.1,
+        "centre_x_m": -0.005,
+        "centre_height_m": 0.05,
+        "yaw_inertia_kg_m2": 0.016,
+    }
+    for wheels in ({}, {"model": "two-rollers"}, {"azimuths_deg": [60, 180, 300], "arm_m": 0.07}):
+        world = world_builder.world(
+            with_settings(body=body | {"tilt_inertia_kg_m2": 0.009}, wheels=wheels)
+        )
+        data = mujoco.MjData(world.model)
+        mujoco.mj_forward(world.model, data)
+        chassis = world.robots[0].chassis
+        assert world.model.body_subtreemass[chassis] == pytest.approx(3.1)
+        np.testing.assert_allclose(data.subtree_com[chassis], [-0.005, 0, 0.05], atol=1e-12)
+        full = np.zeros((world.model.nv, world.model.nv))
+        mujoco.mj_fullM(world.model, data, full)
+        # About the robot's origin on the carpet, by the parallel axis theorem.
+        expected = np.array([0.009, 0.009, 0.016]) + 3.1 * np.array(
+            [0.05**2, 0.05**2 + 0.005**2, 0.005**2]
+        )
+        np.testing.assert_allclose(np.diag(full)[3:6], expected, rtol=1e-9)
+
+
+def test_loads_are_of_their_own_wheels() -> None:
+    """Standing apart, each robot's wheels carry its weight."""
+    world = world_builder.world(places=3)
+    data = mujoco.MjData(world.model)
+    data.qpos = world.standing
+    for place, robot in enumerate(world.robots):
+        data.qpos[robot.qpos[1]] = 0.5 * place
+    mujoco.mj_step(world.model, data, nstep=200)
+    for robot, loads in zip(world.robots, world.loads, strict=True):
+        weight = world.model.body_subtreemass[robot.chassis] * 9.81
+        assert data.sensordata[loads].sum() == pytest.approx(weight, rel=1e-3)
+
+
+def test_a_hull_reaches_as_far_as_its_cylinder() -> None:
+    assert world_builder.world().reach == 0.09  # models/ssl_robot.xml

@@ -1,0 +1,103 @@
+"""Laws of the whole robot on its carpet, driven through the plant with its sensors' noise off."""
+
+import copy
+
+import numpy as np
+import pytest
+from benches.plant import (
+    COM_HEIGHT_M,
+    CONTACTS,
+    FRAME_S,
+    GRAVITY,
+    STIFF,
+    TANGENTS,
+    constant,
+    drive,
+    quiet,
+    sensed,
+)
+from benches.plant import mujoco as plant_of
+
+from omni_mj.mjcf import world_builder
+from omni_mj.network.radio import Received
+
+# A stiff wheel loop, so that what is seen is the contact and not the firmware.
+SHARP = {"firmware": STIFF}
+
+
+def test_a_robot_that_stands_or_has_stopped_does_not_creep() -> None:
+    """From the start, and after driving, with wheels and rollers wherever they came to rest."""
+    twists = np.array([[0.0, 0.0, 0.0], [0.7, 0.2, 0.0], [-0.3, 0.6, 2.0], [0.0, 0.0, -4.0]])
+    start = np.array([[0.3, -0.2, 0.7], *np.zeros((3, 3))])
+    commands = np.concatenate([constant(twists, 30, 4), constant([0, 0, 0], 240, 4)])
+    poses = drive(plant_of([quiet()] * 4, start), commands)
+    stood = poses[-1] - poses[-181]  # the last 3 s
+    # A league's bound of 0.1 mm in 10 s, and as much at the rim of the robot for the heading.
+    assert np.hypot(stood[:, 0], stood[:, 1]).max() < 0.3e-4
+    assert np.abs(stood[:, 2]).max() * 0.08 < 0.3e-4
+    assert np.abs(poses[-1, 0] - start[0]).max() < 1e-4, "nor does it jump when it settles"
+
+
+def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
+    """Each spinning wheel pulls along its rim with mu times its load, which acceleration shifts between the axles."""
+    frictions, expected = (0.3, 0.6, 0.9), []
+    for friction in frictions:
+        for axis in (0, 1):
+            pull = np.abs(TANGENTS[:, axis])
+            # Four equal springs under a rigid body: load per mass = g / 4 + b . lever, with the moment a h to carry.
+            a = friction * GRAVITY * pull.mean()
+            for _ in range(50):
+                sums = np.array([np.ones(4), *CONTACTS.T])
+                load = sums.T @ np.linalg.solve(
+                    sums @ sums.T, [GRAVITY, *(-a * COM_HEIGHT_M * (np.arange(2) == axis))]
+                )
+                a = friction * float(pull @ load)
+            expected.append(a)
+    free = {"roller_friction": 0.0, "roller_damping_nm_s": 0.0}
+    settings = [
+        quiet(carpet={"friction": f, "pile": 0.0}, drive=free, **SHARP)
+        for f in frictions
+        for _ in range(2)
+    ]
+    commands = constant([[3.6, 0, 0], [0, 3.6, 0]] * 3, 16, 6)
+    poses = drive(plant_of(settings), commands)
+    # From the second frame, when the wheels spin, to where they still do.
+    seconds = np.arange(2, 17) * FRAME_S
+    fits = [2 * np.polyfit(seconds, poses[2:, i, i % 2], 2)[0] for i in range(6)]
+    # 4 %: rims and rollers roll with the robot, which adds 1.5 % to its mass, and rollers that come down are spun up.
+    assert fits == pytest.approx(expected, rel=0.04)
+    assert (fits < np.array(expected)).all()
+
+
+@pytest.mark.parametrize("substeps", [1, 3])
+def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
+    plant = plant_of([quiet(physics={"substeps": substeps})])
+    true, shown = [], []
+    for _ in range(6 * plant.cycles):
+        told = plant.telemetry()
+        true.append([*told.wheel_angle[0], plant.twist()[0, 2]])
+        plant.go(1, Received.at_once(np.array([[0.5, 0.2, 3.0]])))
+        shown.append(sensed(plant))
+    # The gyro feels the chassis's own axis, which tilts by less than a milliradian.
+    np.testing.assert_allclose(np.array(shown)[:, :4], np.array(true)[:, :4], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.array(shown)[:, 4], np.array(true)[:, 4], rtol=0, atol=1e-3)
+    assert np.abs(np.diff(true, axis=0)).max() > 1e-3
+
+
+def test_what_is_shared_of_a_world_is_left_as_it_was() -> None:
+    before = copy.copy(world_builder.world().model)
+    drive(
+        plant_of([quiet(carpet={"friction": 0.3}, physics={"substeps": 2})]),
+        constant([1, 0, 0], 2, 1),
+    )
+    for name in (
+        "actuator_ctrllimited",
+        "pair_friction",
+        "dof_damping",
+        "dof_frictionloss",
+        "actuator_gainprm",
+    ):
+        np.testing.assert_array_equal(
+            getattr(world_builder.world().model, name), getattr(before, name)
+        )
+    assert world_builder.world().model.opt.timestep == before.opt.timestep

@@ -1,0 +1,111 @@
+"""Creep: wheels slip as they travel and pull, by the closed form, per wheel and for the robot, whatever the step."""
+
+import numpy as np
+import pytest
+from benches.plant import (
+    COM_HEIGHT_M,
+    CONTACTS,
+    GRAVITY,
+    MASS_KG,
+    RADIUS_M,
+    STIFF,
+    TANGENTS,
+    mujoco,
+    quiet,
+    ramp,
+)
+from benches.steps import Tape
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from omni_mj.config.settings import Settings
+
+STIFFNESS = 2.5
+HUB_INERTIA = 9e-6  # models/ssl_robot.xml
+RIM_INERTIA = 1e-6 + 16 * (0.0015 * 0.0225**2 + 6e-8)
+TWISTS = np.array([[1.5, 0, 0], [0, 1.5, 0], [1.0, 1.0, 0]])
+
+
+def free(stiffness: float = STIFFNESS, **sections: dict[str, object]) -> Settings:
+    """A robot that nothing brakes but creep: no drag, no friction in gears."""
+    nothing = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
+    return quiet(
+        carpet={"pile": 0.0}, drive=nothing | {"creep_stiffness": stiffness}, firmware=STIFF,
+        battery={"resistance_ohm": 0.0}, **sections,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def driven() -> Tape:
+    return Tape(mujoco([free()] * 3)).drive(ramp(TWISTS, 2.0, 55))
+
+
+def test_each_wheel_slips_by_the_law(driven: Tape) -> None:
+    """s = |v| f / (N C), f being what the motor's torque leaves of hub and rotor."""
+    settings, window = free(), slice(16 * 20, 16 * 40)
+    inertia = HUB_INERTIA + settings.motor.rotor_inertia_kg_m2 * settings.motor.gear**2
+    hubs = driven.steps["wheels"]
+    pull = (driven.hub_torque() - inertia * np.gradient(hubs, 1 / 960, axis=0))[window].mean(
+        0
+    ) / RADIUS_M
+    speed = np.linalg.norm(driven.travel(), axis=-1)
+    slip = -driven.steps["slips"] * RADIUS_M
+    expected = pull / STIFFNESS
+    measured = (slip * driven.steps["load"] / speed)[window].mean(0)
+    strong = np.abs(pull) > 0.5
+    assert strong.sum() >= 10
+    # 3 %: loads ripple as rollers change, by half of themselves and within a step.
+    assert measured[strong] == pytest.approx(expected[strong], rel=0.03)
+    assert np.abs(measured - expected).max() < 0.05
+
+
+def test_speeds_are_those_of_the_laws_own_differential_equation(driven: Tape) -> None:
+    """Hubs, rims and body in one equation, solved by scipy, under the torques that the plant's motors gave."""
+    start, end = 16 * 5, 16 * 35
+    settings = free()
+    inertia = HUB_INERTIA + settings.motor.rotor_inertia_kg_m2 * settings.motor.gear**2
+    times = np.arange(end) / 960
+    frames, torque = times[8::16], driven.hub_torque()[:end, 0].reshape(-1, 16, 4).mean(1)
+    speed, hubs = driven.twist()[:, 0, 0], driven.steps["wheels"][:, 0]
+    cosines = TANGENTS[:, 0]
+    mass = MASS_KG + (RIM_INERTIA / RADIUS_M**2 * cosines**2).sum()
+
+    def change(time: float, state: NDArray) -> NDArray:
+        v, turning = state[0], state[1:]
+        given = np.array([np.interp(time, frames, torque[:, wheel]) for wheel in range(4)])
+        # Load as in the test above, with the acceleration that it makes.
+        slip = RADIUS_M * turning - v * cosines
+        sums = np.array([np.ones(4), *CONTACTS.T])
+        a = 2.0
+        for _ in range(3):
+            load = (
+                MASS_KG * sums.T @ np.linalg.solve(sums @ sums.T, [GRAVITY, -a * COM_HEIGHT_M, 0.0])
+            )
+            pull = np.clip(load * STIFFNESS * slip / max(abs(v), 1e-3), -0.8 * load, 0.8 * load)
+            a = pull @ cosines / mass
+        return np.array([a, *((given - pull * RADIUS_M) / inertia)])
+
+    initial = [speed[start], *hubs[start]]
+    solved = solve_ivp(
+        change, (times[start], times[end - 1]), initial, "LSODA", times[start:end], rtol=1e-4
+    )
+    # 3 %: as above, of a speed that has grown from 0.15 to 1.4 m/s.
+    assert solved.y[0, -1] == pytest.approx(speed[end - 1], rel=0.03)
+    assert solved.y[1:, -1] == pytest.approx(hubs[end - 1], rel=0.03)
+    assert np.abs(solved.y[0] - speed[start:end]).max() < 0.03
+
+
+def test_creep_does_not_depend_on_the_step() -> None:
+    lags = []
+    for substeps in (1, 4):
+        tape = Tape(mujoco([free(physics={"substeps": substeps})] * 2)).drive(
+            ramp(TWISTS[:2], 2.0, 35)
+        )
+        twist, hubs = (
+            values[substeps * 16 * 20 :] for values in (tape.twist(), tape.steps["wheels"])
+        )
+        slips = tape.steps["slips"][substeps * 16 * 20 :] * RADIUS_M
+        lags.append(np.abs(slips).mean((0, 2)) / [twist[:, 0, 0].mean(), twist[:, 1, 1].mean()])
+        assert np.abs(hubs).max() > 10
+    # 2 %: the ripple of the loads differs with the step.
+    assert lags[1:] == pytest.approx(np.tile(lags[0], (1, 1)), rel=0.02)

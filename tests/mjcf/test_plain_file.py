@@ -1,0 +1,84 @@
+"""The models as plain MJCF: of the same numbers as the world that is built for the default robot."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from benches.plant import arrays
+from numpy.typing import NDArray
+
+from omni_mj.config.robot_files import models
+from omni_mj.config.settings import Settings
+from omni_mj.mjcf import world_builder
+from omni_mj.mjcf.robot_spec import Shape, part_of
+from omni_mj.robot.motors import Motor
+
+DIGITS = 1e-6  # of the numbers in the files
+
+
+def written(numbers: Any) -> str:
+    """As in the file."""
+    return " ".join(
+        f"{number:.9g}" if abs(number) > 1e-15 else "0" for number in np.atleast_1d(numbers)
+    )
+
+
+def expected() -> list[str]:
+    """What must stand in ssl_robot.xml, for the settings of the default robot."""
+    settings = Settings()
+    wheels, motor, world = settings.wheels, Motor.of(settings.motor), world_builder.world()
+    (chassis,) = part_of(Shape.of(settings)).spec.worldbody.bodies
+    pair = {
+        name: getattr(world.model, f"pair_{name}")[0]
+        for name in ("solref", "solimp", "solreffriction")
+    }
+    dry = motor.wheel_dry + settings.drive.gear_friction_nm
+    at_rest = (
+        settings.carpet.friction * settings.body.mass_kg * 9.81 / 4 * wheels.radius_m
+    )  # of a rim
+    barrel = (
+        wheels.roller_radius_m,
+        wheels.roller_radius_m,
+        np.sqrt(wheels.radius_m * wheels.roller_radius_m),
+    )
+    return [
+        f'<inertial pos="{written(chassis.ipos)}" mass="{written(chassis.mass)}"',
+        f'fullinertia="{written(chassis.fullinertia)}"',
+        *(f'<frame euler="0 0 {written(azimuth)}">' for azimuth in wheels.azimuths_deg),
+        *(
+            f'name="wheel_{i + 1}" pos="{written([wheels.arm_m, 0, wheels.radius_m])}"'
+            for i in range(4)
+        ),
+        f'<replicate count="{wheels.rollers}" euler="{written(360 / wheels.rollers)} 0 0">',
+        f'pos="{written([0, 0, wheels.roller_radius_m - wheels.radius_m])}" euler="90 0 0"',
+        f'<geom type="ellipsoid" size="{written(barrel)}"',
+        f'frictionloss="{written(dry)}" damping="{written(motor.wheel_viscous)}"',
+        f'frictionloss="{written(at_rest)}"',
+        f'damping="{written(settings.drive.roller_damping_nm_s)}"',
+        f'motorconst="{written(motor.constant)}" resistance="{written(motor.resistance)}" gear="{written(motor.gear)}"',
+        f'armature="{written(settings.motor.rotor_inertia_kg_m2)}"',
+        f'solref="{written(pair["solref"])}"',
+        f'solimp="{written(pair["solimp"][:3])}"',
+        f'solreffriction="{written(pair["solreffriction"])}"',
+    ]
+
+
+def test_the_plain_file_holds_the_default_robots_numbers() -> None:
+    """omni_mj/robots says them, models/ssl_robot.xml repeats them for those who open it without omni-mj."""
+    text = " ".join((models() / "ssl_robot.xml").read_text().split())
+    missing = [line for line in expected() if line not in text]
+    assert not missing, "models/ssl_robot.xml must be changed to hold these:\n" + "\n".join(missing)
+
+
+def test_the_plain_file_is_the_world_of_one_robot() -> None:
+    """But for the sensors of load, which the build adds, and what is written in every step."""
+    plain = arrays(mujoco.MjModel.from_xml_path(str(models() / "scene.xml")))
+    built = arrays(world_builder.world().model)
+    assert plain.keys() == built.keys()
+    assert len(plain) > 300
+    own = plain["nsensor"]
+    assert built["nsensor"] == own + 4
+    counts = {"nsensor", "nsensordata"}
+    for name in plain.keys() - counts:
+        share: NDArray = built[name][:own] if name.startswith("sensor_") else built[name]
+        np.testing.assert_allclose(share, plain[name], rtol=DIGITS, atol=1e-12, err_msg=name)

@@ -1,0 +1,125 @@
+"""The faster wheel is the same physics: what it weighs, what it bears, how it drives and slips, where it leads."""
+
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+import pytest
+from benches.plant import FRAME_S, ROLLERS, STIFF, constant, drive, quiet, ramp
+from benches.plant import mujoco as plant_of
+from benches.steps import Tape
+from numpy.typing import NDArray
+
+from omni_control.kinematics import Array
+from omni_mj.mjcf import world_builder
+from omni_mj.network.radio import Received
+
+FAST = {"model": "two-rollers"}
+EITHER = (quiet(), quiet(wheels=FAST))
+# An encoder that hardly rounds: of the robot's own, a count that comes a cycle later or not is 0.9 rad/s, for which the
+# loop gives 0.6 A, so that the least difference between two wheels makes 2 mm/s of slip, whatever it is.
+EXACT = {"encoder_counts": 1_000_000}
+
+
+def inertia(world: world_builder.World, turned: float) -> Array:
+    """Mass matrix without the rollers' own degrees of freedom, with all wheels turned by an angle."""
+    model, robot = world.model, world.robots[0]
+    data = mujoco.MjData(model)
+    data.qpos[robot.wheel_qpos] = turned
+    mujoco.mj_forward(model, data)
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    dofs = [*range(6), *robot.wheel_dofs, *robot.slip_dofs]
+    return full[np.ix_(dofs, dofs)]
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.1, 0.3])
+def test_robots_with_either_wheel_weigh_and_turn_the_same(turned: float) -> None:
+    worlds = [world_builder.world(each) for each in EITHER]
+    assert [world.model.nv for world in worlds] == [78, 22]
+    assert [world.model.npair for world in worlds] == [64, 8]
+    # Equal up to rounding: lumping moves nothing, and a mass matrix at rest knows nothing of the rollers' own spin.
+    assert inertia(worlds[1], turned) == pytest.approx(
+        inertia(worlds[0], turned), rel=1e-9, abs=1e-12
+    )
+
+
+@pytest.fixture(scope="module")
+def tapes() -> list[Tape]:
+    """Ramps of 1 and 3 m/s^2 in x, y and diagonally, a turn, and driving while turning; on both wheels."""
+    twists = np.array(
+        [
+            [1.0, 0, 0],
+            [0, 1.0, 0],
+            [0.8, -0.8, 0],
+            [1.5, 0, 0],
+            [0, 1.5, 0],
+            [0, 0, 6.0],
+            [0.8, 0.3, 5.0],
+        ]
+    )
+    commands = ramp(twists, [1.0, 1.0, 1.0, 3.0, 3.0, 12.0, 4.0], 75)
+    return [Tape(plant_of([each.replace(sensors=EXACT)] * 7)).drive(commands) for each in EITHER]
+
+
+def rms(values: NDArray) -> NDArray:
+    """Over steps and wheels, of each row."""
+    return np.asarray(np.sqrt((values**2).mean((0, 2))))
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.5], ids=["rect", "square-spin"])
+def test_a_rectangle_is_driven_alike(turn: float) -> None:
+    """Held on its way by true poses: paths within 0.3 mm rms of each other, slips within a tenth."""
+    corners = np.array(
+        [[0, 0, 0], [0.4, 0, turn], [0.4, 0.3, 2 * turn], [0, 0.3, 3 * turn], [0, 0, 4 * turn]]
+    )
+    share = (1 - np.cos(np.pi * np.arange(45) / 45)) / 2  # from rest to rest, at up to 3.5 m/s^2
+    way = np.concatenate([a + share[:, None] * (b - a) for a, b in pairwise(corners)])
+    speed = np.diff(way, axis=0, append=way[-1:]) / FRAME_S
+    paths, slips = [], []
+    for chosen in EITHER:
+        plant, path, slip = plant_of([chosen]), [], []
+        for wanted, ahead in zip(way, speed, strict=True):
+            path.append(plant.pose()[0])
+            plant.advance(
+                Received.at_once((ahead + 3.0 * (wanted - path[-1]))[None], plant.pose()[:, 2])
+            )
+            slip.append(plant.telemetry().slip)
+        paths.append(np.array(path))
+        slips.append(rms(np.array(slip))[0])
+    apart = paths[1] - paths[0]
+    assert np.sqrt((apart[:, :2] ** 2).sum(1).mean()) < 0.3e-3
+    assert slips[1] == pytest.approx(slips[0], rel=0.1)
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.8])
+def test_sliding_robots_go_the_same_way(friction: float) -> None:
+    """Told to be at 3 m/s at once; within 1 % of the way."""
+    commands = constant([[3.0, 0, 0], [0, 3.0, 0], [-2.1, 2.1, 0]], 30, 3)
+    poses = [
+        drive(
+            plant_of([quiet(carpet={"friction": friction}, firmware=STIFF, wheels=each)] * 3),
+            commands,
+        )[..., :2]
+        for each in ({}, FAST)
+    ]
+    way = np.linalg.norm(poses[0][-1], axis=1)
+    assert (np.linalg.norm(poses[1] - poses[0], axis=2).max(0) < 0.01 * way).all()
+
+
+def test_the_encoder_knows_nothing_of_the_hand_over() -> None:
+    """The hub's angle is the integral of its speed in every step, over many hand-overs and in either direction."""
+    plant = plant_of([quiet(wheels=FAST)] * 2)
+    start = plant.telemetry().wheel_angle
+    tape = Tape(plant).drive(constant([[0.6, 0, 0], [0, 0, -5.0]], 60, 2))
+    turned = plant.telemetry().wheel_angle - start
+    assert (np.abs(turned) > 10).all()
+    assert turned == pytest.approx(
+        tape.steps["wheels"].sum(0) / 960, abs=1e-9
+    )  # Euler's rule, up to rounding
+    # The rims have been turned back from their hubs by whole pitches, and what they slid is left.
+    slips = plant._batch.bind("qpos")[:, plant._world.robots[0].slip_qpos]
+    slid = tape.steps["slips"].sum(0) / 960
+    back = (slips - slid) / (2 * np.pi / ROLLERS)
+    assert back == pytest.approx(np.rint(back), abs=1e-6)
+    assert np.abs(back).max() > 20

@@ -1,0 +1,247 @@
+"""The camera: noise and misses by their statistics, late images by a clock of their own, and its faults."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from benches.link import FRAME_S, fault, watch
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import stats
+
+import omni_mj as om
+
+FRAMES = 10_000
+SIGMAS = 5  # of an estimate's own spread
+TWIST = np.array([0.6, -1.2, 2.0])
+SHARP = {"position_noise_m": 0.0, "heading_noise_rad": 0.0, "miss_probability": 0.0}
+NOISY = {"position_noise_m": 0.01, "heading_noise_rad": 0.02, "miss_probability": 0.1}
+
+
+def still(frames: int, n: int = 1) -> NDArray:
+    return np.zeros((frames, n, 3))
+
+
+def moving(frames: int, n: int = 1, age: NDArray | float = 0.0) -> NDArray:
+    """Return the poses (frames, n, 3) of robots that keep their twist, some time before each frame."""
+    time = np.arange(frames)[:, None] * FRAME_S - age
+    return np.broadcast_to(time[..., None] * TWIST, (frames, n, 3))
+
+
+def same(found: NDArray, expected: NDArray) -> None:
+    np.testing.assert_allclose(found[..., :2], expected[..., :2], atol=1e-12)
+    np.testing.assert_allclose(np.exp(1j * (found - expected)[..., 2]), 1, atol=1e-12)
+
+
+def test_noise_is_white_normal_and_independent_per_axis() -> None:
+    seen, _ = watch(
+        still(FRAMES), position_noise_m=0.0013, heading_noise_rad=0.01, miss_probability=0.0
+    )
+    noise, bound = seen[:, 0] / [0.0013, 0.0013, 0.01], SIGMAS / math.sqrt(FRAMES)
+    assert all(stats.kstest(axis, "norm").pvalue > 6e-7 for axis in noise.T)
+    for lag in (1, 2, 10):
+        assert np.abs((noise[lag:] * noise[:-lag]).mean(0)).max() < bound
+    assert np.abs(np.corrcoef(noise.T)[np.triu_indices(3, 1)]).max() < bound
+
+
+def test_gaps_begin_as_often_and_last_as_long_as_set() -> None:
+    """A gap begins wherever a camera of single misses misses; the first frame is always seen."""
+    lengths, probability = [1, 2, 10, 600], 0.02
+    own = [{"miss_probability": probability, "miss_frames": length} for length in lengths]
+    seen = ~np.isnan(watch(still(FRAMES, 4), visions=own)[0][..., 0])
+    spread = math.sqrt(probability * (1 - probability) / FRAMES)
+    assert 1 - seen[:, 0].mean() == pytest.approx(probability, abs=SIGMAS * spread + 1 / FRAMES)
+    for row, length in enumerate(lengths):
+        expected = [seen[max(0, k - length + 1) : k + 1, 0].all() for k in range(FRAMES)]
+        np.testing.assert_array_equal(seen[:, row], expected)
+    assert seen[0].all()
+
+
+def test_a_robot_is_seen_the_same_in_any_batch_and_however_long() -> None:
+    """Its noise depends on its own seed alone; misses, rates and delays of others do not change it."""
+    own = [
+        {"rate_hz": rate, "delay_s": delay}
+        for rate, delay in ((30, 0.0), (60, 0.03), (90, 0.0), (60, 0.0))
+    ]
+    seeds, common = [7, 8, 7, 7], {**NOISY, "loss_probability": 0.2}
+    together, ages = watch(moving(60, 4), seeds=seeds, visions=own, **common)
+    for row, (vision, seed) in enumerate(zip(own, seeds, strict=True)):
+        alone, age = watch(moving(40), seeds=[seed], visions=[vision], **common)
+        np.testing.assert_array_equal(together[:40, [row]], alone)
+        np.testing.assert_array_equal(ages[:40, [row]], age)
+    often, seldom = (watch(still(200), miss_probability=p)[0] for p in (0.5, 0.0))
+    assert (np.isnan(often) | (often == seldom)).all()
+
+
+@given(st.floats(-10, 10), st.floats(-10, 10), st.floats(-100, 100))
+def test_a_sharp_camera_shows_the_pose_with_its_heading_wrapped(
+    x: float, y: float, heading: float
+) -> None:
+    seen, _ = watch(np.array([[[x, y, heading]]]), **SHARP)
+    assert abs(seen[0, 0, 2]) <= math.pi + 1e-13
+    same(seen, np.array([[[x, y, heading]]]))
+
+
+@given(st.floats(10, 300), st.floats(0, 0.2), st.floats(0, 0.1))
+def test_an_image_shows_where_the_robot_was_at_its_age(
+    rate: float, delay: float, jitter: float
+) -> None:
+    """Of a straight motion, so that poses between frames are exact; what is not seen has no age."""
+    seen, age = watch(moving(60), **SHARP, rate_hz=rate, delay_s=delay, jitter_s=jitter)
+    known = ~np.isnan(seen[..., 0])
+    assert known.any()
+    same(seen[known], moving(60, 1, age)[known])
+    assert (age >= 0).all()
+    assert (age[~known] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("vision", "share"),
+    [
+        ({"rate_hz": 20.0}, 1 / 3),
+        ({"rate_hz": 40.0}, 2 / 3),
+        ({"rate_hz": 150.0}, 1),
+        ({"loss_probability": 0.3}, 0.7),
+    ],
+    ids=str,
+)
+def test_images_arrive_as_often_as_rate_and_losses_say(
+    vision: dict[str, float], share: float
+) -> None:
+    seen, _ = watch(moving(2000), **SHARP, **vision)
+    assert np.isfinite(seen[..., 0]).mean() == pytest.approx(
+        share, abs=SIGMAS * np.sqrt(0.25 / 2000)
+    )
+
+
+def test_jitter_delays_up_to_as_much_as_set_and_no_older_image_follows_a_newer_one() -> None:
+    for vision, faults in (
+        ({"jitter_s": 3 * FRAME_S}, []),
+        ({}, [fault("vision-jitter", s=3 * FRAME_S)]),
+    ):
+        seen, _ = watch(moving(300), [faults], **SHARP, **vision)
+        age = np.arange(300) - seen[:, 0, 0] / (TWIST[0] * FRAME_S)  # frames
+        known = ~np.isnan(age)
+        assert age[known].min() >= -1e-9
+        assert 2 < age[known].max() <= 3 + 1e-9
+        assert (np.diff(seen[known, 0, 0]) > 0).all()
+        assert 0.3 < known.mean() < 1  # several come at a tick, and at others none
+
+
+@pytest.mark.parametrize(
+    "vision", [{"rate_hz": 58.8, "delay_s": 0.016}, {"delay_s": 0.05}], ids=str
+)
+def test_late_images_of_a_robot_that_does_as_told_are_as_good_as_any(
+    vision: dict[str, float],
+) -> None:
+    """Without noise, and where commands are all that moves a robot, where it was says where it is."""
+    result = om.run(
+        om.scenario(
+            "rect", plant="kinematic", vision=SHARP | vision, radio={"delay_frames": 1},
+            kinematic={"alpha_low": 1.0, "alpha_high": 1.0}, reference={"waypoints": [[0, 0], [1, 0.5], [0, 0]]},
+        ),
+        ["comp-flc"],
+    )  # fmt: skip
+    frames = result.frames()
+    assert np.abs(np.subtract(frames["x_m"], frames["ref_x_m"])).max() < 1e-4
+
+
+# Faults.
+
+
+def shown(*robots: list[dict[str, Any]], frames: int = 80, **vision: Any) -> NDArray:
+    """Return what is seen of moving robots with these faults, carried on from its age by their twist."""
+    seen, age = watch(
+        moving(frames, len(robots)), robots, seeds=[2] * len(robots), **{**SHARP, **vision}
+    )
+    return seen + age[..., None] * TWIST
+
+
+def test_a_camera_that_is_out_sees_nothing_then_and_all_else_as_before() -> None:
+    spans: list[list[dict[str, Any]]] = [[], [(10, 5)], [(40, 0)], [(0, 3), (20, 10), (25, 10)]]
+    got = shown(
+        *([fault("vision-out", *span) for span in own] for own in spans), miss_probability=0.1
+    )
+    hidden = np.zeros((80, 4), bool)
+    hidden[10:15, 1], hidden[40:, 2], hidden[:3, 3], hidden[20:35, 3] = True, True, True, True
+    expected = np.where(hidden[..., None], np.nan, got[:, :1])
+    np.testing.assert_array_equal(got, expected)
+
+
+def test_a_frozen_camera_shows_its_last_image_with_its_noise() -> None:
+    got = shown(
+        [fault("vision-freeze", 20, 15)], [fault("vision-freeze", 0, 5)], position_noise_m=0.01
+    )
+    np.testing.assert_array_equal(got[19:35, 0], np.tile(got[19, 0], (16, 1)))
+    assert np.isnan(got[:5, 1]).all()
+    assert (np.diff(got[5:, 1, 0]) != 0).all()
+
+
+def test_biases_add_up_and_happen_as_often_as_set() -> None:
+    """One of half a turn takes front for back."""
+    one, other = (
+        fault("vision-bias", 5, 40, x_m=0.1, heading_deg=170.0),
+        fault("vision-bias", 20, x_m=-0.03, y_m=0.2),
+    )
+    expected = np.array(moving(80)[:, 0])
+    expected[5:45] += 0.1, 0, np.radians(170)
+    expected[20:] += -0.03, 0.2, 0
+    same(shown([one, other])[:, 0], expected)
+    some = (
+        shown([fault("vision-bias", heading_deg=180.0, probability=0.25)], frames=1000)[:, 0]
+        - moving(1000)[:, 0]
+    )
+    assert (np.cos(some[:, 2]) < -0.99).mean() == pytest.approx(
+        0.25, abs=SIGMAS * np.sqrt(0.25 * 0.75 / 1000)
+    )
+    np.testing.assert_allclose(some[:, :2], 0, atol=1e-12)
+
+
+def test_another_robot_that_is_taken_for_this_one_is_where_it_stands() -> None:
+    got = shown([fault("vision-wrong-id", 10, 20, x_m=1.5, y_m=-0.5, heading_deg=30.0)])[:, 0]
+    expected = np.array(moving(80)[:, 0])
+    expected[10:30] = 1.5, -0.5, np.radians(30)
+    same(got, expected)
+
+
+def test_a_clock_that_loses_has_robots_carried_too_far() -> None:
+    """By twist times the time since the fault began times its rate."""
+    rate, start, end, frame = 0.05, 12, 60, np.arange(80)
+    error = np.where((frame >= start) & (frame < end), rate * (frame - start) * FRAME_S, 0.0)
+    got = shown([fault("vision-clock", start, end - start, ms_per_s=1000 * rate)])
+    same(got[:, 0], moving(80)[:, 0] + error[:, None] * TWIST)
+
+
+def test_a_latency_that_changes_delays_the_images_from_then_on() -> None:
+    seen, age = watch(moving(80), [[fault("vision-delay", 20, 30, to=4 * FRAME_S)]], **SHARP)
+    assert np.isnan(seen[20:24]).all()
+    np.testing.assert_allclose(age[24:50], 4 * FRAME_S, atol=1e-12)
+    same(seen[24:50], moving(80)[20:46])
+    same(seen[50:], moving(80)[50:])
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("vision-out", {}),
+        ("vision-freeze", {}),
+        ("vision-wrong-id", {"x_m": 1.5, "y_m": -0.5, "probability": 0.5}),
+        ("vision-bias", {"x_m": 0.05, "heading_deg": 5.0}),
+        ("vision-clock", {"ms_per_s": 20.0}),
+        ("vision-jitter", {"s": 0.05}),
+        ("vision-delay", {"to": 0.06}),
+    ],
+)
+def test_a_fault_that_is_over_leaves_the_camera_as_it_was_and_concerns_no_other_row(
+    kind: str, values: dict[str, Any]
+) -> None:
+    """To the bit, with noise and misses."""
+    one = fault(kind, 20, 25, **values)
+    other, met = np.moveaxis(shown([], [one], **NOISY), 1, 0)
+    np.testing.assert_array_equal(other, shown([], **NOISY)[:, 0])
+    np.testing.assert_array_equal(met, shown([one], **NOISY)[:, 0])
+    np.testing.assert_array_equal(met[:20], other[:20])
+    np.testing.assert_array_equal(met[50:], other[50:])
+    assert (met[20:45] != other[20:45]).any()

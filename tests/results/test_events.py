@@ -1,0 +1,86 @@
+"""What a user must know of is said: rows that were stopped, windings too hot, a battery that gave up, and the rest."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from benches.logs import events, failure, filled, rows
+
+import omni_mj as om
+
+SHORT: dict[str, Any] = {"reference": {"waypoints": [[0, 0], [0.5, 0]], "settle_s": 0}}
+REST = {
+    "vision_valid": True,
+    "duty_peak": 0.5,
+    "current_limited": 0.0,
+    "battery": 22.0,
+    "winding": 25.0,
+}
+
+
+def simulated(reference: dict[str, Any], plant: str = "planar", **sections: Any) -> om.Simulation:
+    route = {**SHORT["reference"], **reference}
+    simulation = om.Simulation(om.scenario("rect", plant=plant, reference=route, **sections))
+    simulation.run()
+    return simulation
+
+
+def settings(**sections: Any) -> Any:
+    return om.scenario("rect", **SHORT, **sections).settings
+
+
+def told(log: Any, *kinds: str, row: int = 0) -> list[tuple[int, str]]:
+    return [(event.frame, event.text) for event in events.of_row(log, row) if event.kind in kinds]
+
+
+def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_row() -> None:
+    """Each by its own settings; 25.02 deg C: the windings pass it after a few frames of driving."""
+    warm, empty = (
+        simulated({}, **own).log
+        for own in ({"motor": {"limit_c": 25.02}}, {"battery": {"charge": 0.05}})
+    )
+    found = {
+        (event.kind, event.controller): event for log in (warm, empty) for event in events.find(log)
+    }
+    assert set(found) == {
+        (kind, name) for kind in ("temperature", "battery") for name in ("flc", "comp-flc")
+    }
+    for i, name in enumerate(("flc", "comp-flc")):
+        event = found["temperature", name]
+        assert event.frame == np.flatnonzero(warm.channel("winding")[:, i].max(-1) > 25.02)[0] > 0
+        assert event.time_s == pytest.approx(event.frame / 60)
+        assert "13.6 V" in found["battery", name].text
+
+
+def test_events_stay_the_same_while_the_log_grows() -> None:
+    """No event depends on later frames: after each frame those before are the same, so they are after several."""
+    route = {"waypoints": [[0, 0], [0.4, 0], [0.4, 0.2]], "settle_s": 0}
+    out = {"kind": "vision-out", "at": 0.4, "for": 0.3}
+    chosen = om.scenario(
+        "rect", plant="planar", reference=route, motor={"limit_c": 25.02}, fault=[out]
+    )
+    simulation = om.Simulation(chosen, ["flc"])
+    reported: list[Any] = []
+
+    def after_frame(frame: int) -> None:
+        found = events.of_row(simulation.log, 0)
+        assert found[: len(reported)] == reported
+        assert all(event.frame <= frame for event in found)
+        reported[:] = found
+
+    simulation.run(after_frame)
+    whole = events.of_row(simulation.log, 0)
+    assert {e.kind for e in whole} >= {"temperature", "fault"}
+    assert reported == whole
+
+
+def test_faults_and_rows_that_were_stopped_are_events_of_every_row() -> None:
+    push = {"kind": "push", "at": 1.0, "for": 0.5, "force_n": 10.0}
+    own = settings().replace(fault=(push, {"kind": "tilt", "at": 3.0, "angle_deg": 2.0}))
+    log = filled(rows(("a", "b"), settings=own), 200, [200, 85], winding=25.0, battery=22.0)
+    found = [
+        (e.frame, e.controller, e.text.split(":")[0]) for e in events.find(log, [failure(log, 1)])
+    ]
+    assert found == [
+        (60, "a", "begins"), (60, "b", "begins"), (85, "b", "stopped"), (90, "a", "ends"), (180, "a", "begins"),
+    ]  # fmt: skip

@@ -1,0 +1,82 @@
+"""Gain and lag of a drive, against systems whose gain and lag are known."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.signal import cont2discrete, lfilter
+
+from omni_mj.results.ramp_response import Profile, Response, measure
+
+T = 1 / 60
+PROFILES = st.builds(Profile, st.floats(1.0, 2.0), st.floats(0.8, 2.0))
+
+
+def linear(profile: Profile, numerator: list[float], denominator: list[float]) -> Response:
+    """Of a robot whose speed follows the command by this transfer function; exact for commands held over a frame."""
+    system = [*numerator], [*denominator, 0.0]  # the way is the integral of the speed
+    (num,), den, _ = cont2discrete(system, T)
+    way = lfilter(num, den, np.append(profile.command(), 0.0))
+    return measure(profile, way[:, None])
+
+
+@given(PROFILES, st.floats(0.5, 1.1), st.floats(0.002, 0.03))
+def test_a_lag_of_first_order_is_found_beside_its_gain(
+    profile: Profile, gain: float, lag: float
+) -> None:
+    found = linear(profile, [gain], [lag, 1.0])
+    assert found.steady == pytest.approx(gain, rel=1e-6)
+    assert found.lag_s == pytest.approx(lag, rel=1e-6)
+    # The second half of the ramp begins 0.25 s, at least eight time constants, after the start: exp(-8) = 3e-4.
+    assert found.speeding_up == pytest.approx(gain, rel=1e-3)
+
+
+@given(PROFILES, st.floats(0.5, 1.1), st.integers(0, 6))
+def test_a_dead_time_is_a_lag(profile: Profile, gain: float, frames: int) -> None:
+    command = profile.command()
+    way = np.concatenate([[0.0], np.cumsum(gain * command) * T])
+    late = np.concatenate([np.zeros(frames), way])[: len(way)]
+    found = measure(profile, np.stack([way, late], axis=1))
+    np.testing.assert_allclose(found.lag_s, [0, frames * T], atol=1e-12)
+    np.testing.assert_allclose(found.steady, gain)
+    np.testing.assert_allclose(found.speeding_up, gain)
+
+
+@given(PROFILES, st.floats(0.0, 0.1))
+def test_dry_friction_costs_gain_and_no_lag(profile: Profile, cost: float) -> None:
+    """A speed that is missing whenever the robot drives is missing of the cruise, but not of the slope."""
+    way = np.concatenate([[0.0], np.cumsum(np.maximum(profile.command() - cost, 0.0)) * T])
+    found = measure(profile, way[:, None])
+    assert found.steady == pytest.approx(1 - cost / profile.speed_m_s)
+    assert found.speeding_up == pytest.approx(1.0)
+    # The ramps' frames are mirror images but for the one in which either begins; of it no more than `cost` is missing.
+    assert np.abs(found.lag_s) <= cost * T / profile.speed_m_s + 1e-12
+
+
+@pytest.mark.parametrize("softness", [0.05, 0.12])
+@pytest.mark.parametrize("gain", [0.75, 1.0])
+def test_creep_is_a_lag_that_grows_with_speed(gain: float, softness: float) -> None:
+    """(T |v| + e) v' = u - v / g, with e = 1 ms against a standstill without end: lag T g^2 U / 2 + e g."""
+    rest = 0.001
+    for profile in (Profile(0.75, 2.0), Profile(1.5, 1.0), Profile(1.5, 3.0)):
+        command = np.append(profile.command(), 0.0)
+
+        def rates(
+            time: float, state: NDArray[np.float64], command: NDArray[np.float64] = command
+        ) -> tuple[float, float]:
+            missing = command[int(time / T)] - state[1] / gain
+            return state[1], missing / (softness * abs(state[1]) + rest)
+
+        frames = np.arange(len(command)) * T
+        way = solve_ivp(
+            rates, (0, frames[-1]), (0.0, 0.0), "LSODA", frames, max_step=T / 4, rtol=1e-6
+        ).y[0]
+        found = measure(profile, way[:, None])
+        lag = softness * gain**2 * profile.speed_m_s / 2 + rest * gain
+        assert found.lag_s == pytest.approx(lag, rel=0.01)  # commands are held over a frame
+        assert found.steady == pytest.approx(gain, rel=1e-3)
+        curve = softness * profile.acceleration_m_s2
+        slope = (np.sqrt(1 / gain**2 + 4 * curve) - 1 / gain) / (2 * curve)
+        assert found.speeding_up == pytest.approx(slope, abs=0.005)

@@ -1,0 +1,176 @@
+"""A result's summary, tables and files agree with each other and with what was recorded."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import scipy.stats
+from benches.logs import failure, filled, outcome, paper, rows, table
+
+import omni_mj as om
+
+SEEDS = (3, 4, 5)
+RECT = om.scenario("rect", plant="planar")
+
+
+@pytest.fixture(scope="module")
+def result() -> om.Result:
+    """The default scenario on wheels, three seeds."""
+    return om.run(RECT, seeds=SEEDS)
+
+
+@pytest.fixture(scope="module")
+def recorded(result: om.Result) -> dict[tuple[str, int], dict[str, np.ndarray]]:
+    """The frames of each controller and seed, column by column."""
+    lines: dict[tuple[str, int], dict[str, list[Any]]] = {}
+    columns = result.frames().to_pydict()
+    for i, key in enumerate(zip(columns.pop("controller"), columns.pop("seed"), strict=True)):
+        for name, values in columns.items():
+            lines.setdefault(key, {}).setdefault(name, []).append(values[i])
+    return {
+        key: {name: np.array(values) for name, values in own.items()} for key, own in lines.items()
+    }
+
+
+def of_a_row(row: dict[str, np.ndarray]) -> dict[str, float]:
+    """The statistics, straight from their definitions; these runs all settle."""
+    ex, ey = abs(row["x_m"] - row["ref_x_m"]), abs(row["y_m"] - row["ref_y_m"])
+    path = row["ref_x_m"] + 1j * row["ref_y_m"]
+    turn = np.exp(1j * (row["heading_rad"] - row["ref_heading_rad"]))
+    errors = {"x": ex, "y": ey, "distance": (ex**2 + ey**2) ** 0.5}
+    errors["heading"] = abs(np.angle(turn))
+    ax, ay = (np.diff(row[f"command_v{axis}_m_s"], prepend=0) * 60 for axis in "xy")
+    at_rest = (row["ref_x_m"] == row["ref_x_m"][-1]) & (row["ref_y_m"] == row["ref_y_m"][-1])
+    rest = int(np.flatnonzero(~at_rest)[-1]) + 1  # the rectangle also starts where it ends
+    settled = [k for k in range(rest, len(ex)) if (errors["distance"][k:] < 0.01).all()]
+    found = {
+        f"error_{'rad' if name == 'heading' else 'm'}.{name}.{key}": float(law(error))
+        for name, error in errors.items()
+        for key, law in {"max": max, "p99": lambda e: np.quantile(e, 0.99), "mean": np.mean,
+                         "rms": lambda e: np.mean(e**2) ** 0.5}.items()
+    }  # fmt: skip
+    needed = np.diff(np.diff(path, prepend=path[0], append=path[-1])) * 60**2
+    found["effort_m_s2"] = float(np.mean(ax**2 + ay**2)) ** 0.5
+    found["excess_effort_m_s2"] = float(np.mean(ax**2 + ay**2) - np.mean(abs(needed) ** 2)) ** 0.5
+    found["settle_s"] = (settled[0] - rest) / 60
+    return found
+
+
+def test_every_number_of_the_summary_follows_from_the_frames(
+    result: om.Result, recorded: Any
+) -> None:
+    """Sums over frames may be made in another order: 1e-12 is allowed; scipy gives the intervals."""
+    results = result.summary()["scenarios"]["rect"]["results"]
+    assert list(results) == ["flc", "comp-flc"]
+    for controller, found in results.items():
+        numbers = [of_a_row(recorded[controller, seed]) for seed in SEEDS]
+        for key in numbers[0]:
+            spread = found
+            for part in key.split("."):
+                spread = spread[part]
+            values = [each[key] for each in numbers]
+            half = scipy.stats.t.ppf(0.975, 2) * np.std(values, ddof=1) / 3**0.5
+            assert spread["seeds"] == pytest.approx(values, rel=1e-12, abs=1e-12), key
+            wanted = [np.median(values), min(values), max(values), sum(values) / 3, half]
+            assert list(spread.values())[1:] == pytest.approx(wanted, rel=1e-9, abs=1e-12), key
+
+
+def test_the_compensator_helps_as_in_the_paper_if_not_as_much(result: om.Result) -> None:
+    """It lowers both errors in both axes, and maxima are of the size of the paper's (table 3).
+
+    The paper's robot loses by its gain alone. One whose wheels creep also lags by some frames, more the faster it is,
+    of which the compensator knows nothing: of the reductions of the maximum, 35 and 49 %, these three seeds keep
+    37 and 22 %, and of the mean 65 and 53 %. Asked for is about half of that; maxima are 0.7 to 1.1 of the paper's.
+    """
+    entry = result.summary()["scenarios"]["rect"]
+    for axis in ("x", "y"):
+        for key, least in (("max", 0.1), ("mean", 0.3)):
+            flc, compensated = (
+                entry["results"][name]["error_m"][axis][key]["median"]
+                for name in ("flc", "comp-flc")
+            )
+            assert 1 - compensated / flc > least, (axis, key)
+        for controller, found in entry["results"].items():
+            ratio = (
+                found["error_m"][axis]["max"]["median"] / entry["paper"][controller][axis]["max"]
+            )
+            assert 1 / 1.5 < ratio < 1.5, (axis, controller)
+    assert entry["paper"]["comp-flc"]["x"]["max"] == 0.02124
+
+
+def test_the_paper_stands_beside_its_own_experiment_only() -> None:
+    """Whatever drives it, on either plant; not with another path, dead time, carpet, disturbance or plant's alpha."""
+    for own in (
+        {},
+        {"plant": "kinematic"},
+        {"controllers": ("lqr",), "control": {"lag_s": 0.1}, "seeds": 7},
+    ):
+        assert paper.table(om.scenario("rect", **own)) is paper.TABLES[3]
+        assert paper.table(om.scenario("rect-noise", **own)) is paper.TABLES[4]
+    for section, values, plant in (
+        ("reference", {"laps": 2}, "mujoco"),
+        ("radio", {"delay_frames": 7}, "kinematic"),
+        ("carpet", {"friction": 0.4}, "mujoco"),
+        ("kinematic", {"alpha_low": 0.8}, "kinematic"),
+    ):
+        assert paper.table(om.scenario("rect", plant=plant, **{section: values})) is None
+    assert (
+        paper.table(om.scenario("rect", plant="kinematic", carpet={"friction": 0.4}))
+        is paper.TABLES[3]
+    )
+    assert paper.table(om.scenario("circle")) is None
+
+
+def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
+    """Folders are made, what was there is replaced, and the scenario reads back as it was run."""
+    folder = tmp_path / "deep" / "down"
+    result.save(folder)
+    result.save(str(folder))
+    names = {"summary.json", "scenario.toml", "trajectory.parquet", "provenance.json", "sources"}
+    assert {p.name for p in folder.iterdir()} == names
+    text = (folder / "summary.json").read_text()
+    assert json.loads(text, parse_constant=pytest.fail) == json.loads(json.dumps(result.summary()))
+    kept, frames = pq.read_table(folder / "trajectory.parquet"), result.frames()
+    assert kept.schema.equals(frames.schema)
+    for name in frames.column_names:
+        np.testing.assert_array_equal(
+            kept[name].to_pylist(), frames[name].to_pylist(), err_msg=name
+        )
+    again = om.scenario(folder / "scenario.toml")
+    assert (again.seed_list, again.controllers) == (list(SEEDS), ("flc", "comp-flc"))
+    assert again.settings == result["rect"].scenario.settings
+
+
+def test_rows_name_what_they_are_what_differs_and_what_became_of_them() -> None:
+    """Two settings of a sweep, of which one topples: in the table of rows, the summary and the text alike."""
+    chosen = om.scenario("rect", plant="kinematic")
+    slow = chosen.settings.replace(radio={"delay_frames": 9})
+    log = filled(
+        [*rows(("a", "b"), (0, 1), chosen.settings), *rows(("a", "b"), (2,), slow)],
+        30,
+        [30, 30, 30, 8, 30, 30],
+    )
+    failures = [failure(log, 3)]
+    result = om.Result([outcome(chosen, log, failures)], ("a", "b"), (), (0, 1, 2))
+    entry = result["rect"].entry
+    lines = result.rows().to_pylist()
+    assert [(r["controller"], r["seed"], r["radio.delay_frames"]) for r in lines] == [
+        ("a", 0, 6), ("a", 1, 6), ("b", 0, 6), ("b", 1, 6), ("a", 2, 9), ("b", 2, 9)
+    ]  # fmt: skip
+    assert {name for name in lines[0] if "." in name} == {"radio.delay_frames"}
+    assert [(r["failed_at_s"], r["cause"]) for r in lines if r["cause"]] == [
+        (8 / 60, "toppled over")
+    ]
+    assert [r["distance_max_m"] for r in lines] == [0, 0, 0, np.inf, 0, 0]
+    assert entry["failed"] == [
+        {"controller": "b", "seed": 1, "place": 0, "time_s": 8 / 60, "cause": "toppled over"}
+    ]  # fmt: skip
+    assert [found["failed"] for found in entry["results"].values()] == [0, 1]
+    assert "b (failed 1 of 3)" in result.table()
+    assert len(result.frames()) == 5 * 30 + 8
+    assert table(result.summary()).rows[1][3] == "0.00/0.00", (
+        "the median of three seeds stands one that failed"
+    )

@@ -1,0 +1,96 @@
+"""Laws of dead time in the loop, and of its compensation."""
+
+import numpy as np
+import pytest
+from benches.simulating import COMPENSATED, FLC, FRAME_S, IDEAL, Grid, ages, batch, run, whole
+from numpy.typing import NDArray
+
+# A gyro without error: one with would turn a standing robot until vision's heading arrives.
+GYRO = ("sensors.gyro_noise_rad_s=0", "sensors.gyro_bias_rad_s=0")
+ACCELERATION = 0.826  # of the reference (paper, section 2)
+
+
+def errors(trajectory: Grid) -> NDArray:
+    """Largest error (controllers, 2) of the first seed in x and y, m."""
+    return np.abs(trajectory.channel("pose") - trajectory.channel("ref"))[:, :, 0, :2].max(0)
+
+
+def test_applied_is_what_was_commanded_k_d_frames_ago() -> None:
+    """Of each dead time up to half a second, and both controllers, with two seeds."""
+    delays = range(31)
+    log = whole(
+        batch([(f"radio.delay_frames={delay}",) for delay in delays], ("flc", "comp-flc"), (0, 7))
+    )
+    assert (log.lengths == log.length).all()
+    for row, delay in enumerate(np.repeat(delays, 4)):
+        command, applied = log.channel("command")[:, row], log.channel("applied")[:, row]
+        # Copies: equal to the last bit, zero before.
+        np.testing.assert_array_equal(applied[delay:], command[: log.length - delay])
+        assert (applied[:delay] == 0).all()
+
+
+@pytest.mark.parametrize("delay", [0, 3, 6])
+def test_applied_is_delayed_on_the_mujoco_plant_too(delay: int) -> None:
+    trajectory = run("mujoco", (f"radio.delay_frames={delay}", *GYRO))
+    command, applied = trajectory.channel("command"), trajectory.channel("applied")
+    np.testing.assert_array_equal(applied[delay:], command[: len(command) - delay])
+    # Until the first command arrives, the robot stands; it settles into the carpet by a tenth of vision's noise.
+    np.testing.assert_allclose(trajectory.channel("pose")[: delay + 1], 0.0, atol=1.3e-4)
+
+
+def test_with_jitter_applied_is_what_was_commanded_about_k_d_frames_ago() -> None:
+    """Of each dead time up to 12 frames, and each jitter that it allows."""
+    sees = "vision.miss_probability=0"  # without an image a command is given again, and its age cannot be told
+    both = [(delay, jitter) for delay in range(1, 13) for jitter in range(delay + 1)]
+    cases = [
+        (f"radio.delay_frames={delay}", f"radio.jitter_frames={jitter}", sees)
+        for delay, jitter in both
+    ]
+    log = whole(batch(cases, ("comp-flc",), (3,)))
+    command, applied = (log.channel(name)[:, None] for name in ("command", "applied"))
+    for (delay, jitter), age in zip(both, ages(command, applied)[:, 0].T, strict=True):
+        settled = age[delay + jitter :]
+        assert ((delay - jitter <= settled) & (settled <= delay + jitter)).all()
+        assert (np.diff(age) <= 1).all()  # never back to an older one
+        assert len(np.unique(settled)) > 1 or jitter == 0
+
+
+@pytest.mark.parametrize("delay", [1, 3, 6, 12])
+def test_the_predicted_pose_is_the_pose_k_d_frames_later(delay: int) -> None:
+    trajectory = run("kinematic", (*IDEAL, f"radio.delay_frames={delay}"))
+    predicted, pose = (
+        trajectory.channel("predicted")[:, COMPENSATED],
+        trajectory.channel("pose")[:, COMPENSATED],
+    )
+    # Equations 7, 10 and 11 agree exactly when alpha is 1. The team is told a lag of 1e-9 s, which costs as much
+    # of the speed.
+    np.testing.assert_allclose(predicted[:-delay], pose[delay:], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("delay", [1, 3, 6, 12])
+def test_compensated_the_only_error_is_the_late_start(delay: int) -> None:
+    trajectory = run("kinematic", (*IDEAL, f"radio.delay_frames={delay}", "reference.lead_s=0"))
+    # The reference starts at once and gains a T per frame; the robot stands for k_d frames and knows it: it lags by
+    # a T^2 (1 + 2 + ... + k_d), and never by more. Rounding of sums.
+    late = ACCELERATION * FRAME_S**2 * delay * (delay + 1) / 2
+    assert errors(trajectory)[COMPENSATED, 0] == pytest.approx(late, rel=1e-9)
+    assert errors(trajectory)[COMPENSATED, 1] == 0.0
+    # One that rests for the dead time first is followed without any, but for the lag of 1e-9 s that is told.
+    fair = run(
+        "kinematic", (*IDEAL, f"radio.delay_frames={delay}", f"reference.lead_s={delay * FRAME_S}")
+    )
+    assert errors(fair)[COMPENSATED].max() < 1e-9
+
+
+def test_dead_time_costs_the_uncompensated_controller_more_and_more_on_the_mujoco_plant() -> None:
+    none, short, long = (
+        errors(run("mujoco", (f"radio.delay_frames={d}", *GYRO)))[:, 0] for d in (0, 3, 6)
+    )
+    # As above, with noise of vision, and with wheels that creep, which late or not costs 12 mm: that is
+    # not the dead time's; no compensator of a dead time takes it away.
+    assert none[FLC] < short[FLC] < long[FLC]
+    assert long[FLC] > 2 * none[FLC]
+    assert short[COMPENSATED] < short[FLC]
+    assert long[COMPENSATED] < long[FLC]
+    # What the compensated one loses to twice the delay is less than what it saves.
+    assert long[COMPENSATED] - none[COMPENSATED] < 0.5 * (long[FLC] - long[COMPENSATED])

@@ -1,0 +1,40 @@
+"""What is recorded costs the same per frame however long a run, and its file is the same however it is written."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from benches.logs import filled, rows
+
+from omni_mj import parquet
+
+
+@pytest.mark.parametrize("lines", [1, 7, 10, 1000])
+def test_a_table_in_parts_is_the_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: int
+) -> None:
+    """Rows of different lengths, one of none; wherever it is cut."""
+    numbers = np.arange(10 * 3 * 3, dtype=float).reshape(10, 3, 3)
+    log = filled(rows(["a", "b", "c"]), 10, lengths=[10, 0, 4], pose=numbers)
+    monkeypatch.setattr(parquet, "GROUP_ROWS", lines)
+    log.save(tmp_path / "table.parquet")
+    read = pq.read_table(tmp_path / "table.parquet")
+    assert read["controller"].to_pylist() == 10 * ["a"] + 4 * ["c"]
+    assert read["frame"].to_pylist() == [*range(10), *range(4)]
+    np.testing.assert_array_equal(read["x_m"], np.append(numbers[:, 0, 0], numbers[:4, 2, 0]))
+    assert read.schema.names == log.table().schema.names
+
+
+def test_a_table_is_read_without_threads(tmp_path: Path) -> None:
+    """Where there is no memory for one, Arrow would wait for it for ever: `serve` did, at its end."""
+    filled(rows(["a"]), 10).save(tmp_path / "table.parquet")
+    code = (
+        "import os, sys, pathlib, pyarrow.parquet\nfrom omni_mj import parquet\n"
+        "before = len(os.listdir('/proc/self/task'))\nparquet.read(pathlib.Path(sys.argv[1]))\n"
+        "print(len(os.listdir('/proc/self/task')) - before)"
+    )
+    words = [sys.executable, "-c", code, str(tmp_path / "table.parquet")]
+    assert subprocess.run(words, capture_output=True, text=True, check=True).stdout == "0\n"

@@ -1,0 +1,78 @@
+"""The step: what `run` is made of, commands of the caller's, and starting again."""
+
+import numpy as np
+import pytest
+from benches.simulating import DISTURBED, IDEAL, PLANTS, Grid, Log, run, simulation
+
+LONG = 600  # frames, more than a log has room for at first
+RANDOM = (*DISTURBED, "radio.jitter_frames=4")
+
+
+def assert_logs_equal(one: Log, other: Log) -> None:
+    """Every channel, to the last bit, not-a-numbers included."""
+    assert one.length == other.length
+    for name in one.columns:
+        np.testing.assert_array_equal(one.channel(name), other.channel(name), err_msg=name)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_steps_are_the_run_however_often_one_looks_in_between(plant: str) -> None:
+    stepped = simulation(plant, RANDOM, seeds=2)
+    looks = 0
+    while not stepped.done:
+        for _ in range(
+            looks % 3
+        ):  # none, once, twice: a look takes nothing from the streams of noise
+            seen = stepped.observe()
+            assert seen is stepped.observe()
+        stepped.step()
+        looks += 1
+    assert_logs_equal(stepped.log, run(plant, RANDOM, seeds=2).log)
+
+
+def test_a_reset_starts_the_same_run_again_or_that_of_another_seed() -> None:
+    simulated = simulation("kinematic", RANDOM, seeds=2)
+    for _ in range(20):
+        simulated.step()
+    simulated.reset()
+    assert (simulated.frame, simulated.log.length) == (0, 0)
+    assert_logs_equal(simulated.run(), run("kinematic", RANDOM, seeds=2).log)
+    simulated.reset(seed=7)
+    assert [row.seed for row in simulated.rows] == [7, 8, 7, 8]
+    while not simulated.done:
+        simulated.step()
+    assert_logs_equal(simulated.log, run("kinematic", RANDOM, seed=7, seeds=2).log)
+
+
+def test_a_command_of_the_callers_takes_the_place_of_the_controllers_and_is_limited_like_theirs() -> (
+    None
+):
+    simulated = simulation(
+        "kinematic", (*IDEAL, "control.max_acceleration_m_s2=4.7", "radio.delay_frames=3")
+    )
+    wanted = np.array([[1.0, 0.5, 0.2], [0.0, -9.0, 0.0]])
+    for _ in range(120):
+        simulated.step(wanted)
+    command, pose = simulated.log.channel("command"), simulated.log.channel("pose")
+    # After the ramps, what was asked for, or the highest speed in its direction: 3.7 m/s (ssl-simulation-setup).
+    np.testing.assert_allclose(command[-1], [[1.0, 0.5, 0.2], [0.0, -3.7, 0.0]], atol=1e-12)
+    change = np.diff(command, axis=0, prepend=0.0)[..., :2]
+    assert np.linalg.norm(change, axis=-1).max() <= 4.7 / 60 * (1 + 1e-12)
+    # Equation 7 with alpha = 1: what was commanded until three frames ago, summed up. Rounding of 120 sums.
+    np.testing.assert_allclose(pose[-1] - pose[0], command[:-4].sum(0) / 60, atol=1e-12)
+    assert np.isnan(simulated.log.channel("predicted")).all(), "no controller was asked"
+
+
+def test_a_simulation_goes_on_as_long_as_it_is_stepped() -> None:
+    """Beyond its reference's end and the log's first room robots rest there; nothing knows how long a run will be."""
+    simulated = simulation("kinematic", (*IDEAL, "radio.delay_frames=0"))
+    frames = simulated.references[0].frames
+    for _ in range(LONG):
+        simulated.step()
+    assert simulated.done
+    log = Grid(simulated.log)
+    # What comes after a row's end belongs to no run: it is not recorded.
+    assert (simulated.log.lengths == frames).all()
+    assert log.length == LONG
+    assert np.isnan(log.channel("pose")[frames:]).all()
+    np.testing.assert_allclose(simulated.plant.pose(), [[0.5, 0, 0]] * 2, atol=1e-9)

@@ -1,0 +1,136 @@
+"""Figures show what was recorded, tell controllers apart, and are the same every time."""
+
+import numpy as np
+import pytest
+from benches.figures import (
+    ALPHA,
+    FRAMES,
+    NAMES,
+    SPEED,
+    TURN,
+    compared,
+    curves,
+    drawn,
+    look,
+    outcome,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+
+from omni_control.registry import CONTROLLERS
+
+OTHERS = ("mine", "yours")
+
+
+def test_only_figures_with_data_are_drawn() -> None:
+    figures = drawn(outcome(["c0"], n_seeds=2, alpha_hat=1.0))
+    assert set(figures) == set(NAMES) - {"alpha", "seeds"}
+
+
+@pytest.mark.parametrize("frames", [1, 16])
+def test_a_run_that_ended_at_once_can_be_drawn(frames: int) -> None:
+    for figure in drawn(outcome(frames=frames)).values():
+        figure.draw_without_rendering()
+
+
+def test_curves_are_the_recorded_values() -> None:
+    """The i-th controller's error is i cm and i TURN rad by construction, its command the velocity over alpha."""
+    figures = drawn(outcome(), "error", "output")
+    for i in range(2):
+        for axes, expected in zip(figures["error"].axes, (i, i, i * np.rad2deg(TURN)), strict=True):
+            np.testing.assert_allclose(curves(axes, f"c{i}")[0], expected, atol=1e-9)
+        for axes, frame in zip(figures["output"].axes, (0, -1), strict=False):
+            np.testing.assert_allclose(curves(axes, f"c{i}")[0][frame], SPEED / ALPHA)
+
+
+def test_alpha_is_what_robots_achieved_and_estimates_have_a_band_of_two_deviations() -> None:
+    """Robots that achieve 0.8 of their command have alpha 0.8 where they are driven: on one side in x, not in y."""
+    estimate = np.stack([np.full(3, 0.9), np.ones(3)])  # the second controller estimates nothing
+    run = outcome(
+        ["says", "silent"], 1, own={"alpha_sigma": np.full((2, 3), 0.05)}, alpha_hat=estimate
+    )
+    axes = drawn(run, "alpha")["alpha"].axes
+    assert [panel.get_title(loc="left") for panel in axes] == ["says, x", "says, y"]
+    for panel, driven in zip(
+        axes, (slice(40, FRAMES // 2), slice(FRAMES // 2 + 40, FRAMES)), strict=True
+    ):
+        (ratio,) = (
+            y
+            for line in panel.get_lines()
+            if "achieved" in str(line.get_label())
+            for y in [line.get_ydata()]
+        )
+        known = np.asarray(ratio, float)
+        np.testing.assert_allclose(known[driven], ALPHA, atol=1e-9)
+        assert np.isnan(np.r_[known[: driven.start - 20], known[driven.stop + 1 :]]).all()
+        (band,) = (part for part in panel.collections if "sigma" in str(part.get_label()))
+        edges = band.get_paths()[0].vertices[:, 1]
+        np.testing.assert_allclose([edges.min(), edges.max()], [0.8, 1.0])
+
+
+@pytest.mark.parametrize("controllers", [3, 5])
+def test_a_row_that_failed_is_drawn_up_to_there_and_leaves_room_for_the_others(
+    controllers: int,
+) -> None:
+    """The last is stopped after 90 frames, 1 m off; the others are off by up to 3 cm."""
+    names = [f"c{i}" for i in range(controllers)]
+    run = outcome(names, 1, ends={controllers - 1: 90})
+    assert run.log
+    run.log.channel("pose")[80:90, -1, 0] += 1.0
+    figures = drawn(run, "path", "output", "error")
+    for name in ("output", "error"):
+        shown = [curve for axes in figures[name].axes for curve in curves(axes, names[-1])]
+        assert {np.flatnonzero(~np.isnan(curve))[-1] for curve in shown} == {89}
+    assert figures["error"].axes[0].get_ylim()[1] < 10
+    assert f"{names[-1]} failed" in [
+        text.get_text() for text in figures["path"].legends[0].get_texts()
+    ]
+
+
+@pytest.mark.parametrize("controllers", [2, 5])
+def test_a_path_is_enlarged_where_each_controller_strays_farthest(controllers: int) -> None:
+    """All keep 1 mm aside of 2 m straight ahead, but for 5 cm half-way: squares of 13 cm around that show it, in cm."""
+    along = np.linspace(0, 2, FRAMES)
+    aside = 0.001 + 0.05 * np.exp(-((along - 1) ** 2) / (2 * 0.02**2))
+    ref = np.zeros((FRAMES, controllers, 3))
+    ref[..., 0] = along[:, None]
+    pose = ref + np.stack([0 * aside, aside, 0 * aside], axis=-1)[:, None]
+    figure = drawn(outcome([f"c{i}" for i in range(controllers)], 1, ref=ref, pose=pose), "path")[
+        "path"
+    ]
+    _, *squares = figure.axes
+    assert len(squares) == controllers
+    for axes in squares:
+        assert np.ptp(axes.get_xlim()) == pytest.approx(2.5 * 5.1, rel=0.03)
+        path = next(line for line in axes.get_lines() if str(line.get_label()).startswith("c"))
+        assert np.max(path.get_ydata()) == pytest.approx(0, abs=0.1)
+        assert float(axes.get_xlabel().split()[0]) == pytest.approx(5.1, rel=0.03)
+
+
+@given(st.lists(st.sampled_from([*CONTROLLERS, *OTHERS]), unique=True, min_size=1))
+def test_controllers_are_told_apart_without_colour_and_keep_their_look(
+    controllers: list[str],
+) -> None:
+    lines = look(controllers)
+    assert (
+        len({line["marker"] for line in lines})
+        == len({line["color"] for line in lines})
+        == len(lines)
+    )
+    assert len({str(line["linestyle"]) + line["marker"] for line in lines}) == len(lines)
+    assert all(
+        look([name]) == [line]
+        for name, line in zip(controllers, lines, strict=True)
+        if name in CONTROLLERS
+    )
+
+
+def test_a_comparison_has_a_dot_at_each_mean_of_all_seeds() -> None:
+    """In cm; without a dot where a seed has no value."""
+    run = outcome(ends={5: 100}).entry
+    figure = compared({"s1": outcome().entry, "s2": run, "s3": run | {"results": {}}}, ["c1"])
+    axes = figure.axes[0]
+    dots = {bar.get_label(): bar.lines[0].get_xdata() for bar in axes.containers}
+    expected = np.sqrt(2) * np.array([[0.1, 0.1], [1.1, np.nan]])
+    np.testing.assert_allclose([dots["c0"], dots["c1 (informed)"]], expected)
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["s1", "s2"]

@@ -1,0 +1,284 @@
+"""The report says what the summaries say, holds all it shows, and cannot be broken by what a user wrote."""
+
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from benches.figures import NAMES
+from commands import invoke
+from matplotlib.image import imread
+
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+FLAGS = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
+FLAGS += (
+    " --disable-component-update --disable-sync --hide-scrollbars --allow-file-access-from-files"
+)
+# Looks into the report from outside, since the report itself runs no scripts.
+WRAPPER = """<body><iframe src="report.html" width="{width}" height="900"></iframe><script>
+onload = () => {{
+  const page = document.querySelector("iframe").contentDocument, root = page.documentElement;
+  document.body.dataset.seen = JSON.stringify({{
+    images: [...page.images].map(i => [i.complete, i.naturalWidth, i.getBoundingClientRect().right]),
+    overflow: root.scrollWidth - root.clientWidth,
+    inside: page.defaultView.performance.getEntriesByType("resource").map(r => r.name.slice(0, 10)),
+  }});
+}}</script>"""
+EVIL = "<script>alert('x')</script> & \"quoted\" {{ 7 * 7 }}"
+
+
+class Page(HTMLParser):
+    """Elements, references and text of a page; fails where tags do not match."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.html, self.text = html, ""
+        self.open, self.tags, self.references, self.ids = [list[str]() for _ in range(4)]
+        self.cells: list[str] = []
+        self.feed(html)
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        if tag not in ("meta", "img", "input"):
+            self.open.append(tag)
+        attributes = dict(attrs)
+        self.references += [
+            attributes[name] or "" for name in ("src", "href") if name in attributes
+        ]
+        self.ids += [attributes["id"] or ""] if "id" in attributes else []
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] in ("td", "th"):
+            self.cells.append(data.strip())
+        self.text += data
+
+
+def summary_of(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / "summary.json").read_text())
+
+
+def entry_of(folder: Path) -> dict[str, Any]:
+    (entry,) = summary_of(folder)["scenarios"].values()
+    return entry
+
+
+def changed(folder: Path, to: Path, name: str = "rect", **entry: Any) -> Path:
+    """Return a copy of a run's folder whose summary says something else of the scenario, here called `name`."""
+    to.mkdir()
+    summary = summary_of(folder) | {"scenarios": {name: entry_of(folder) | entry}}
+    (to / "summary.json").write_text(json.dumps(summary))
+    (to / "scenario.toml").write_text((folder / "scenario.toml").read_text())
+    return to
+
+
+def page(*folders: Path, out: Path) -> Page:
+    assert invoke("report", *folders, "--out", out) == 0
+    return Page(out.read_text())
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    return tmp_path / "report.html"
+
+
+def test_numbers_are_the_summarys(runs: list[Path], out: Path) -> None:
+    """Medians of the seeds with their range, rounded, in cm and degrees for errors."""
+    report = page(runs[0], out=out)
+    for result in entry_of(runs[0])["results"].values():
+        for part, factor in (("error_m", 100), ("error_rad", 180 / np.pi)):
+            for axis in result[part].values():
+                for spread in (axis[statistic] for statistic in ("max", "p99", "mean", "rms")):
+                    median, least, greatest = (
+                        f"{factor * spread[key]:.2f}" for key in ("median", "min", "max")
+                    )
+                    assert f"{median} ({least} to {greatest})" in report.cells
+        assert all(
+            "/".join(f"{v:.2f}" for v in axis.values()) in report.cells
+            for axis in result["alpha"].values()
+        )
+        assert f"{result['effort_m_s2']['median']:.2f}" in report.cells
+
+
+def test_the_papers_errors_follow_ours(runs: list[Path], tmp_path: Path, out: Path) -> None:
+    paper = {"flc": {"x": {"max": 0.04, "mean": 0.01}, "y": {"max": 0.08, "mean": 0.02}}}
+    report = page(changed(runs[0], tmp_path / "printed", paper=paper, paper_table=3), out=out)
+    assert {"paper's flc", "4.00/1.00", "8.00/2.00"} <= set(report.cells)
+    assert (
+        "paper's flc" not in page(changed(runs[0], tmp_path / "without", paper=None), out=out).text
+    )
+
+
+def test_figures_of_a_run_are_the_same_every_time_and_nothing_is_cut_off(
+    runs: list[Path], tmp_path: Path
+) -> None:
+    """PNG and SVG of all figures for which the kinematic plant has data; their edges are white."""
+    assert (
+        invoke(
+            "run",
+            "--scenario",
+            runs[0] / "scenario.toml",
+            "--svg",
+            "--no-record",
+            "--quiet",
+            "--out",
+            tmp_path,
+        )
+        == 0
+    )
+    written = {path.name: path.read_bytes() for path in (runs[0] / "figures").iterdir()}
+    assert set(written) == {f"{name}.{kind}" for name in NAMES for kind in ("png", "svg")}
+    assert {path.name: path.read_bytes() for path in (tmp_path / "figures").iterdir()} == written
+    assert max(map(len, written.values())) < 1_000_000
+    for path in (runs[0] / "figures").glob("*.png"):
+        ink = imread(path)[..., :3].min(axis=-1) < 0.9
+        assert ink.mean() > 0.01, path
+        assert not any(edge.any() for edge in (ink[0], ink[-1], ink[:, 0], ink[:, -1])), path
+
+
+def test_it_is_complete_in_itself_with_all_figures(
+    runs: list[Path], comparison: Path, out: Path
+) -> None:
+    figures = len({path.stem for path in (runs[0] / "figures").iterdir()})
+    for folders, images in (([runs[0]], figures), ([*runs, comparison], 1)):
+        report = page(*folders, out=out)
+        assert all(reference.startswith(("#", "data:image/")) for reference in report.references)
+        assert not re.search(r"url\(|@import|<script", report.html)
+        assert {
+            reference[1:] for reference in report.references if reference.startswith("#")
+        } <= set(report.ids)
+        assert len(set(report.ids)) == len(report.ids)
+        assert report.tags.count("img") == images
+    assert "Comparison of 4 runs" in report.text
+    assert {"rect", "compare: rect", "compare: rect-noise"} <= set(report.cells)
+    assert "disturbance.velocity_m_s" in report.cells  # in which they differ
+
+
+def test_a_comparison_has_verdicts(comparison: Path, out: Path) -> None:
+    report, summary = page(comparison, out=out), summary_of(comparison)
+    assert "Comparison of 2 scenarios" in report.text
+    assert "Verdicts on p" in report.text
+    for entry in summary["scenarios"].values():
+        error = entry["results"]["p"]["error_m"]["x"]
+        assert (
+            "/".join(f"{100 * error[key]['median']:.2f}" for key in ("max", "mean")) in report.cells
+        )
+
+
+def test_what_a_user_wrote_is_text(runs: list[Path], tmp_path: Path, out: Path) -> None:
+    results = {EVIL: entry_of(runs[0])["results"]["flc"]}
+    failed = [{"controller": EVIL, "seed": 0, "place": 0, "time_s": 1.0, "cause": EVIL}]
+    folder = changed(
+        runs[0], tmp_path / "evil", EVIL, description=EVIL, results=results, failed=failed
+    )
+    (folder / "summary.json").write_text(json.dumps(summary_of(folder) | {"controllers": [EVIL]}))
+    report = page(folder, out=out)
+    assert "script" not in report.tags
+    assert "<script" not in report.html
+    assert report.text.count(EVIL) > 3
+
+
+def test_failed_rows_and_what_is_not_known_are_shown(
+    runs: list[Path], tmp_path: Path, out: Path
+) -> None:
+    results = entry_of(runs[0])["results"]
+    results["flc"] |= {"failed": 1, "alpha": None, "peak_voltage_v": None}
+    for spreads in results["flc"]["error_m"].values():
+        for spread in spreads.values():
+            spread |= {"mean": None, "plus_minus": None, "max": None}
+    failed = [{"controller": "flc", "seed": 2, "place": 0, "time_s": 1.25, "cause": "toppled over"}]
+    folder = changed(runs[0], tmp_path / "failed", results=results, failed=failed)
+    for folders in ([folder], [folder, runs[1]]):
+        report = page(*folders, out=out)
+        assert "toppled over" in report.text
+        assert "failed 1 of 3" in report.text
+        assert "1.25" in report.cells
+        assert "None" not in report.text
+        assert "nan" not in report.text.lower().split()
+
+
+def test_an_incomplete_run_is_shown_as_such(runs: list[Path], tmp_path: Path, out: Path) -> None:
+    some = changed(runs[0], tmp_path / "some", status="stopped", reason="interrupted")
+    none = changed(
+        runs[0], tmp_path / "none", status="failed", reason="no such robot", results={}, frames=0
+    )
+    waiting = changed(runs[0], tmp_path / "waiting", status="not run", results={})
+    for folders in ([none], [some], [waiting], [some, none, waiting]):
+        text = page(*folders, out=out).text
+        assert text.count("is incomplete.") == len(folders)
+        assert ("no such robot" in text) == (none in folders)
+
+
+def test_settings_off_their_default_stand_out(runs: list[Path], out: Path) -> None:
+    html = page(runs[0], out=out).html
+    changed_settings = html[
+        html.index("Settings that differ") : html.index("How to repeat it</h2>")
+    ]
+    assert ">reference.waypoints<" in changed_settings
+    assert ">radio.delay_frames<" not in changed_settings
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "holds no run"),
+        ("{", "not valid JSON"),
+        ('{"format": 2}', "not a run's summary of format 4"),
+    ],
+)
+def test_a_folder_that_holds_no_run_is_refused_in_one_line(
+    tmp_path: Path, out: Path, text: str | None, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if text is not None:
+        (tmp_path / "summary.json").write_text(text)
+    assert invoke("report", tmp_path, "--out", out) == 2
+    message = capsys.readouterr().err
+    assert words in message
+    assert message.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_summary_that_lacks_something_is_refused(
+    runs: list[Path], tmp_path: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lacking = changed(runs[0], tmp_path / "lacking", settings=3)
+    empty = changed(runs[0], tmp_path / "empty", results={"flc": {}})
+    for folder in (lacking, empty):
+        assert invoke("report", folder, "--out", out) == 2
+        assert "not of this version" in capsys.readouterr().err
+
+
+def chromium(profile: Path, *args: str) -> str:
+    command = [str(CHROMIUM), *FLAGS.split(), f"--user-data-dir={profile}", *args]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH")
+@pytest.mark.parametrize("width", [390, 1400])
+def test_all_figures_load_and_nothing_is_wider_than_the_window(
+    runs: list[Path], tmp_path: Path, width: int
+) -> None:
+    """In a real browser, in wide and narrow windows."""
+    page(runs[0], out=tmp_path / "report.html")
+    wrapper = tmp_path / "wrapper.html"
+    wrapper.write_text(WRAPPER.format(width=width))
+    dom = chromium(
+        tmp_path / "profile", "--dump-dom", "--virtual-time-budget=20000", wrapper.as_uri()
+    )
+    found = re.search(r'data-seen="(.*?)"', dom)
+    assert found, "the report did not load"
+    seen: dict[str, Any] = json.loads(found[1].replace("&quot;", '"'))
+    assert len(seen["images"]) == len(list((runs[0] / "figures").glob("*.svg")))
+    assert all(complete and wide > 0 and right <= width for complete, wide, right in seen["images"])
+    assert seen["overflow"] <= 0
+    assert set(seen["inside"]) <= {"data:image"}
