@@ -2,7 +2,7 @@
 
 import omni_mj as om
 
-rect = om.scenario("rect", plant="kinematic", radio={"delay_frames": 9})
+rect = om.load_scenario("rect", plant="kinematic", radio={"delay_frames": 9})
 result = om.run(rect, ["flc", "comp-flc", "adaptive-comp-flc"], seeds=range(3))
 
 print(result.table())

@@ -12,14 +12,18 @@ class Mine(om.Controller):
         3.0  # 1/s; set by controller={"Mine": {"gain": 5.0}}, or --set controller.Mine.gain=5
     )
 
-    def command(self, frame: int, seen: om.Seen) -> np.ndarray:
+    def command(self, frame: int, observation: om.Observation) -> np.ndarray:
         """Poses and commands are (n, 3): n robots at once, world frame."""
-        target, speed = self.reference.at(frame + self.told.delay_frames, seen.arriving)
-        self.channels["gap"] = np.hypot(*(target - seen.arriving)[:, :2].T)  # recorded as own_gap
-        return speed + self.gain * (target - seen.arriving)
+        target, speed = self.reference.at(
+            frame + self.model.delay_frames, observation.predicted_pose
+        )
+        self.channels["gap"] = np.hypot(
+            *(target - observation.predicted_pose)[:, :2].T
+        )  # recorded as channel_gap
+        return speed + self.gain * (target - observation.predicted_pose)
 
 
-rect = om.scenario(
+rect = om.load_scenario(
     "rect", plant="kinematic", controllers=["comp-flc", Mine], controller={"Mine": {"gain": 5.0}}
 )
 result = om.run(rect, seeds=range(3), subject="Mine")

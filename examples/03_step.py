@@ -4,7 +4,7 @@ import numpy as np
 
 import omni_mj as om
 
-sim = om.Simulation(om.scenario("rect", radio={"delay_frames": 6}), ["comp-flc"])
+sim = om.Simulation(om.load_scenario("rect", radio={"delay_frames": 6}), ["comp-flc"])
 sim.reset(seed=0)
 for _ in range(120):
     seen = sim.observe()

@@ -5,7 +5,7 @@ import numpy as np
 import omni_mj as om
 from omni_mj.config.rows import Row
 
-rect = om.scenario("rect", plant="kinematic")
+rect = om.load_scenario("rect", plant="kinematic")
 settings = [rect.settings.replace(radio={"delay_frames": delay}) for delay in range(0, 16, 2)]
 rows = [Row(i, 0, "flc", 0, own, rect.robot) for i, own in enumerate(settings)]
 

@@ -4,18 +4,18 @@ from collections import deque
 
 import numpy as np
 
-from omni_control import MotionLimits, Team, TimedReference, Told
+from omni_control import MotionLimits, Team, TeamModel, TimedReference
 from omni_control.controllers import make
 from omni_control.kinematics import body_to_world, world_to_body
 
-told = Told(
+model = TeamModel(
     period=1 / 60, delay_frames=6
 )  # what you know of your robot; the dead time matters most
 way = TimedReference(
-    [[0, 0, 0], [1.0, 0.5, 1.5], [0, 0, 0]], MotionLimits(speed=2.0, acceleration=1.5), told.period
+    [[0, 0, 0], [1.0, 0.5, 1.5], [0, 0, 0]], MotionLimits(speed=2.0, acceleration=1.5), model.period
 )
-team = Team(make("adaptive-comp-flc", told, way, n=1), start=way.poses[:1])
-fake, radio = way.poses[0].copy(), deque([np.zeros(3)] * told.delay_frames)
+team = Team(make("adaptive-comp-flc", model, way, n=1), start=way.poses[:1])
+fake, radio = way.poses[0].copy(), deque([np.zeros(3)] * model.delay_frames)
 
 for frame in range(way.frames + 60):  # 60 times a second, whenever your camera has a frame
     vision = fake + np.random.default_rng(frame).normal(
@@ -26,7 +26,7 @@ for frame in range(way.frames + 60):  # 60 times a second, whenever your camera 
         world_to_body(command, team.estimate[:, 2])[0]
     )  # forward, to the left, turning: yours to send
     fake += (
-        told.period * 0.9 * body_to_world(radio.popleft(), fake[2])
+        model.period * 0.9 * body_to_world(radio.popleft(), fake[2])
     )  # the fake robot is late and a little weak
 
 print(

@@ -4,7 +4,7 @@ For instance::
 
     import omni_mj as om
 
-    rect = om.scenario("rect", plant="kinematic")
+    rect = om.load_scenario("rect", plant="kinematic")
     result = om.run(rect, ["flc", "comp-flc"], seeds=range(5))
     print(result.table())
 """
@@ -15,19 +15,19 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from omni_control.controllers.base import Controller, Seen
+    from omni_control.controllers.base import Controller, Observation
     from omni_control.errors import OmniError
-    from omni_mj.config.scenario import Scenario, scenario
+    from omni_mj.config.scenario import Scenario, load_scenario
     from omni_mj.results.result import Result
     from omni_mj.results.verify import verify
     from omni_mj.simulation.simulation import Simulation
-    from omni_mj.studies.alpha import alpha
+    from omni_mj.studies.alpha import measure_alpha
     from omni_mj.studies.compare import compare
     from omni_mj.studies.identify import identify
-    from omni_mj.studies.limit import limit
-    from omni_mj.studies.robot_facts import robot
+    from omni_mj.studies.limit import find_limit
+    from omni_mj.studies.robot_facts import load_robot
     from omni_mj.studies.run import run
-    from omni_mj.studies.slip import slip
+    from omni_mj.studies.slip import measure_slip
     from omni_mj.studies.sweep import sweep
 
     __version__: str
@@ -38,16 +38,16 @@ _HOMES = {
     "OmniError": "omni_control.errors",
     "Result": "omni_mj.results.result",
     "Scenario": "omni_mj.config.scenario",
-    "Seen": "omni_control.controllers.base",
+    "Observation": "omni_control.controllers.base",
     "Simulation": "omni_mj.simulation.simulation",
-    "alpha": "omni_mj.studies.alpha",
+    "measure_alpha": "omni_mj.studies.alpha",
     "compare": "omni_mj.studies.compare",
     "identify": "omni_mj.studies.identify",
-    "limit": "omni_mj.studies.limit",
-    "robot": "omni_mj.studies.robot_facts",
+    "find_limit": "omni_mj.studies.limit",
+    "load_robot": "omni_mj.studies.robot_facts",
     "run": "omni_mj.studies.run",
-    "scenario": "omni_mj.config.scenario",
-    "slip": "omni_mj.studies.slip",
+    "load_scenario": "omni_mj.config.scenario",
+    "measure_slip": "omni_mj.studies.slip",
     "sweep": "omni_mj.studies.sweep",
     "verify": "omni_mj.results.verify",
 }
@@ -56,17 +56,17 @@ __all__ = [
     "OmniError",
     "Result",
     "Scenario",
-    "Seen",
+    "Observation",
     "Simulation",
     "__version__",
-    "alpha",
+    "measure_alpha",
     "compare",
     "identify",
-    "limit",
-    "robot",
+    "find_limit",
+    "load_robot",
     "run",
-    "scenario",
-    "slip",
+    "load_scenario",
+    "measure_slip",
     "sweep",
     "verify",
 ]

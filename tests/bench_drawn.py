@@ -49,14 +49,14 @@ def drawn(seed: int, number: int, plant: str) -> om.Scenario:
     }
     pushes = [_push(rng), _push(rng)]
     has = {"beyond": beyond} | {trait: rng.random() < share for trait, share in TRAITS.items()}
-    return om.scenario(
+    return om.load_scenario(
         base,
         plant=plant,
         robot=robot,
         name=f"drawn-{seed}-{number}",
         description=", ".join([base, *(trait for trait, there in has.items() if there)]),
         reference=reference,
-        world={"places": [[0.0, 0.0, rng.uniform(-pi, pi)]]},
+        world={"start_poses": [[0.0, 0.0, rng.uniform(-pi, pi)]]},
         carpet={"friction": friction},
         radio={"delay_frames": delay},
         control={"delay_error_frames": int(rng.integers(-2, 3))},

@@ -22,7 +22,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_mj.config import robot_files
 from omni_mj.config.rows import Row
-from omni_mj.config.scenario import scenario
+from omni_mj.config.scenario import load_scenario
 from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
 from omni_mj.config.team_model import creep
 from omni_mj.results.result_tables import DASH, Table, text
@@ -152,7 +152,7 @@ def identify_drawn(
     robot: str, numbers: range, folder: Path
 ) -> list[tuple[Identified, dict[str, float]]]:
     """Drive logs of a robot in one batch, unless the folder has them, and identify each."""
-    base = scenario("identify", robot=robot)
+    base = load_scenario("identify", robot=robot)
     base = base.replace(settings=base.settings.replace(wheels={"model": "two-rollers"}))
     settings = [draw_robot(base.settings, number) for number in numbers]
     drives = folder / f"{robot}-{numbers}"
@@ -167,7 +167,7 @@ def identify_drawn(
     return [
         (
             identify_logs(
-                [log], scenario("rect", robot=write_start_file(drawn, robot, number, folder))
+                [log], load_scenario("rect", robot=write_start_file(drawn, robot, number, folder))
             ),
             true_numbers(drawn),
         )

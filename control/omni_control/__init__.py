@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from omni_control.controllers.base import Controller, Seen, Told
+    from omni_control.controllers.base import Controller, Observation, TeamModel
     from omni_control.delay_compensation import CommandsInFlight
     from omni_control.errors import ControllerError, OmniError
     from omni_control.kinematics import Kinematics
@@ -36,10 +36,10 @@ _HOME = {
     "OmniError": "errors",
     "Reference": "reference",
     "SampledReference": "reference",
-    "Seen": "controllers.base",
+    "Observation": "controllers.base",
     "Team": "team",
     "TimedReference": "reference",
-    "Told": "controllers.base",
+    "TeamModel": "controllers.base",
     "WheelLimits": "traction",
 }
 
@@ -55,10 +55,10 @@ __all__ = [
     "OmniError",
     "Reference",
     "SampledReference",
-    "Seen",
+    "Observation",
     "Team",
     "TimedReference",
-    "Told",
+    "TeamModel",
     "WheelLimits",
 ]
 

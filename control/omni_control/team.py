@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_control.controllers.base import RECORDED, Controller, Seen, error_place, record_of
+from omni_control.controllers.base import RECORDED, Controller, Observation, error_place, record_of
 from omni_control.delay_compensation import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
 from omni_control.estimation.outlier_gate import Gate
@@ -93,28 +93,28 @@ class Team:
         if pose.ndim != 2 or pose.shape[1] != 3 or not np.isfinite(pose).all():
             raise OmniError(f"the start must be finite poses (n, 3), not of shape {pose.shape}")
         self.n, self.frame, self.estimate = len(pose), -1, pose
-        self._sizes = [len(c.predicted) for c in self.controllers]
+        self._sizes = [len(c.predicted_pose) for c in self.controllers]
         self._rows = _rows_of_controllers(self._sizes, rows, self.n)
         self._on_failure = on_failure
 
         of_robot = np.empty(self.n, object)
         for controller, part in zip(self.controllers, self._rows, strict=True):
-            of_robot[part] = controller.told
-        told = list(of_robot)
-        if len({t.period for t in told}) > 1:
+            of_robot[part] = controller.model
+        model = list(of_robot)
+        if len({t.period for t in model}) > 1:
             raise OmniError(
                 "controllers that are called together must be told frames of the same length"
             )
-        period = told[0].period
-        delays = np.array([t.delay_frames for t in told])
+        period = model[0].period
+        delays = np.array([t.delay_frames for t in model])
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
-        noise, limits = np.array([t.vision_noise for t in told]), [t.limits for t in told]
-        latency = np.array([[t.latency_frames] for t in told])
+        noise, limits = np.array([t.vision_noise for t in model]), [t.limits for t in model]
+        latency = np.array([[t.latency_frames] for t in model])
         self._limits = CommandLimits(limits, period)
         self._tracker = Tracker(pose, noise, latency, period, Gate(noise, limits, period))
         self.filter = self._tracker.filter
         self._memory = [
-            max(c.memory_frames, math.ceil(c.told.latency_frames) + 1) for c in self.controllers
+            max(c.memory_frames, math.ceil(c.model.latency_frames) + 1) for c in self.controllers
         ]
         self._sent = CommandsInFlight(
             self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES
@@ -126,15 +126,15 @@ class Team:
 
         self.twist = self._tracker.twist
         self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
-        self._seen: Seen | None = None  # until it is answered by commands
-        self._true: Seen | None = None
+        self._seen: Observation | None = None  # until it is answered by commands
+        self._true: Observation | None = None
 
     def observe(
         self,
         measured: ArrayLike,
         truth: tuple[ArrayLike, ArrayLike] | None = None,
         age: ArrayLike | None = None,
-    ) -> Seen:
+    ) -> Observation:
         """Begin a frame with what vision reports; return what is known of all robots, to be read only.
 
         Args:
@@ -165,10 +165,10 @@ class Team:
         now = self._tracker
         believed = now.update(reported, ages, self._sent)
         self.estimate, self.twist = now.pose, now.twist
-        period = self.controllers[0].told.period
+        period = self.controllers[0].model.period
         for values in (now.pose, now.twist, believed, ages):
             values.flags.writeable = False
-        self._seen = Seen(
+        self._seen = Observation(
             now.pose, now.twist, believed, self._sent, period, self._delay, ages, now.steps
         )
         if self.knows_truth and truth is not None:
@@ -177,7 +177,7 @@ class Team:
                 now.pose[self.failed],
                 0.0,
             )  # which may be no numbers
-            self._true = Seen(true, twist, true, self._sent, period, self._delay)
+            self._true = Observation(true, twist, true, self._sent, period, self._delay)
         return self._seen
 
     def command(self, wanted: ArrayLike | None = None) -> Array:
@@ -225,7 +225,7 @@ class Team:
         controller, rows = self.controllers[i], self._rows[i]
         known = self._true if controller.knows_truth else self._seen
         assert known is not None, "checked when it was observed"
-        own = known.of(rows, self._memory[i], controller.told.delay_frames)
+        own = known.of(rows, self._memory[i], controller.model.delay_frames)
         robots, name = np.arange(self.n)[rows], type(controller).__name__
         try:
             wanted = _command(controller, self.frame, own)
@@ -255,9 +255,9 @@ class Team:
         self._on_failure(new, reason)
 
     @property
-    def predicted(self) -> Array:
+    def predicted_pose(self) -> Array:
         """Where controllers say that robots will be, (n, 3); not a number for failed rows."""
-        return self._together("predicted")
+        return self._together("predicted_pose")
 
     @property
     def alpha_hat(self) -> Array:
@@ -288,12 +288,12 @@ class Team:
         return table
 
 
-def _command(controller: Controller, frame: int, seen: Seen) -> Array:
+def _command(controller: Controller, frame: int, observation: Observation) -> Array:
     """Return a controller's commands, of the shape of the poses, not necessarily finite."""
-    wanted = np.asarray(controller.command(frame, seen))
-    if wanted.shape != seen.pose.shape or wanted.dtype.kind == "c":
+    wanted = np.asarray(controller.command(frame, observation))
+    if wanted.shape != observation.pose.shape or wanted.dtype.kind == "c":
         raise OmniError(
-            f"commands of shape {wanted.shape}, {wanted.dtype}; {seen.pose.shape} finite are needed"
+            f"commands of shape {wanted.shape}, {wanted.dtype}; {observation.pose.shape} finite are needed"
         )
     return wanted.astype(float, copy=False)
 

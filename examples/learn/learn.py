@@ -61,17 +61,19 @@ for generation in range(given.generations):
 class Learned(om.Controller):
     """What was learned, with all else that drives on a team's computer."""
 
-    def __init__(self, told, reference, n):
-        super().__init__(told, reference, n)
+    def __init__(self, model, reference, n):
+        super().__init__(model, reference, n)
         self.memory_frames = max(self.memory_frames, MEMORY)
 
-    def command(self, frame, seen):
+    def command(self, frame, observation):
         """See `Controller`."""
-        observed = omni_mj.gym.observation(frame, seen, self.reference, MEMORY)
-        return omni_mj.gym.command(act(middle, observed), seen, self.told.limits)
+        observed = omni_mj.gym.observation(frame, observation, self.reference, MEMORY)
+        return omni_mj.gym.command(act(middle, observed), observation, self.model.limits)
 
 
 names = ["p", "comp-flc", "adaptive-comp-flc", Learned]
 print(
-    om.run(om.scenario(given.scenario, plant=given.plant), names, seeds=range(1000, 1004)).table()
+    om.run(
+        om.load_scenario(given.scenario, plant=given.plant), names, seeds=range(1000, 1004)
+    ).table()
 )

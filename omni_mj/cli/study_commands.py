@@ -32,10 +32,16 @@ def output(study: str) -> Callable[[Any], Any]:
 @options.choice
 def alpha(choice: options.Choice, **output: Any) -> None:
     """Measure how a robot follows its commands: gain and lag apart, and what takes how much of them."""
-    from omni_mj.studies.alpha import alpha, alpha_figure
+    from omni_mj.studies.alpha import alpha_figure, measure_alpha
 
     chosen = choice.load("rect")
-    _run("alpha", [chosen], lambda begin: alpha(chosen, begin=begin), alpha_figure.save, **output)
+    _run(
+        "alpha",
+        [chosen],
+        lambda begin: measure_alpha(chosen, begin=begin),
+        alpha_figure.save,
+        **output,
+    )
 
 
 @click.command("identify")
@@ -106,7 +112,7 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
     _run(
         "limit",
         [chosen],
-        lambda begin: study.limit(chosen, chosen.seed_list, iterations, begin=begin),
+        lambda begin: study.find_limit(chosen, chosen.seed_list, iterations, begin=begin),
         draw,
         **output,
     )
@@ -132,7 +138,7 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
 @options.choice
 def loop(choice: options.Choice, name: str, **output: Any) -> None:
     """Measure how control loops answer a step, and their gain, phase and delay margins."""
-    from omni_mj.studies.loop import loop, loop_figure
+    from omni_mj.studies.loop import loop_figure, measure_loop
     from omni_mj.studies.study_runner import competitors
 
     controllers = choice.controllers or competitors()
@@ -140,7 +146,7 @@ def loop(choice: options.Choice, name: str, **output: Any) -> None:
     _run(
         "loop",
         [chosen],
-        lambda begin: loop(chosen, chosen.controllers, begin=begin),
+        lambda begin: measure_loop(chosen, chosen.controllers, begin=begin),
         loop_figure.save,
         **output,
     )
@@ -158,13 +164,15 @@ def loop(choice: options.Choice, name: str, **output: Any) -> None:
 def slip(choice: options.Choice, robots: Sequence[str], **output: Any) -> None:
     """Identify gain, slip and drag of robots as TIGERs Mannheim do."""
     from omni_mj.config.robot_files import DEFAULT
-    from omni_mj.studies.slip import PUBLISHED, named, slip, slip_figure
+    from omni_mj.studies.slip import PUBLISHED, measure_slip, named, slip_figure
 
     chosen = [
         named(replace(choice, robot=robot).load("rect", "wheels.model=two-rollers"))
         for robot in robots or ([DEFAULT] if choice.model else PUBLISHED)
     ]
-    _run("slip", chosen, lambda begin: slip(chosen, begin=begin), slip_figure.save, **output)
+    _run(
+        "slip", chosen, lambda begin: measure_slip(chosen, begin=begin), slip_figure.save, **output
+    )
 
 
 def _run(

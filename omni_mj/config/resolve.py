@@ -41,7 +41,7 @@ class Robot:
         path: Its file.
         description: What the file says it is, in a line.
         settings: What it drives with if nothing else is said: the file's, and the defaults of all others.
-        facts: What follows from its numbers; see `om.robot`.
+        facts: What follows from its numbers; see `om.load_robot`.
     """
 
     name: str

@@ -13,7 +13,7 @@ class Row:
 
     Args:
         world: Number of its world; rows of one world meet each other and are numbered one after the other.
-        place: Its number in that world.
+        slot: Its number in that world.
         controller: Label of the controller that drives it.
         seed: Of its random numbers, and of its world.
         settings: Its own.
@@ -21,7 +21,7 @@ class Row:
     """
 
     world: int
-    place: int
+    slot: int
     controller: str
     seed: int
     settings: Settings
@@ -29,18 +29,18 @@ class Row:
 
     @property
     def noise_seed(self) -> tuple[int, ...]:
-        """The seed of its random numbers: robots at different places of a world do not share their noise."""
-        return (self.seed, self.place) if self.place else (self.seed,)
+        """The seed of its random numbers: robots of one world do not share their noise."""
+        return (self.seed, self.slot) if self.slot else (self.seed,)
 
     @property
     def faults(self) -> tuple[Fault, ...]:
         """The faults that happen to it."""
-        return of_robot(self.settings.fault, self.place)
+        return of_robot(self.settings.fault, self.slot)
 
     @property
-    def where(self) -> tuple[float, float, float]:
+    def start_pose(self) -> tuple[float, float, float]:
         """Pose [x, y, heading] in m and rad by which its reference, and with it its start, is displaced."""
-        return self.settings.world.places[self.place]
+        return self.settings.world.start_poses[self.slot]
 
 
 def table(
@@ -49,7 +49,7 @@ def table(
     settings_of: Callable[[int], Settings],
     robot: str,
 ) -> list[Row]:
-    """Return all seeds of one controller after those of the one before; a row for each place of a world.
+    """Return all seeds of one controller after those of the one before; a row for each slot of a world.
 
     Args:
         controllers: Labels.
@@ -60,7 +60,7 @@ def table(
     settings = {seed: settings_of(seed) for seed in seeds}
     worlds = [(controller, seed) for controller in controllers for seed in settings]
     return [
-        Row(world, place, controller, seed, settings[seed], robot)
+        Row(world, slot, controller, seed, settings[seed], robot)
         for world, (controller, seed) in enumerate(worlds)
-        for place in range(len(settings[seed].world.places))
+        for slot in range(len(settings[seed].world.start_poses))
     ]

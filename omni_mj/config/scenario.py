@@ -87,7 +87,7 @@ class Scenario(Checked):
         """
         if values.get("robot", self.robot) != self.robot and "settings" not in values:
             raise OmniError(
-                "another robot has other settings: give robot= to scenario(...), or settings= as well"
+                "another robot has other settings: give robot= to load_scenario(...), or settings= as well"
             )
         return super().replace(**values)
 
@@ -193,7 +193,7 @@ class Scenario(Checked):
 HEAD = tuple(name for name in Scenario.model_fields if name not in ("settings", "distributions"))
 
 
-def scenario(
+def load_scenario(
     name_or_path: str | Path,
     *,
     plant: str | None = None,
@@ -204,12 +204,12 @@ def scenario(
     code: bool = False,
     **sections: Any,
 ) -> Scenario:
-    """Return a scenario by name or from a TOML file, with changes: `scenario("rect", radio={"delay_frames": 9})`.
+    """Return a scenario by name or from a TOML file, with changes: `load_scenario("rect", radio={"delay_frames": 9})`.
 
     Args:
         name_or_path: One of those that come with the package, or a file.
         plant: What is driven: "mujoco", "planar", "kinematic", or `file.py:Class`.
-        robot: Name of a robot, path of its .toml file, or the result of `om.robot`.
+        robot: Name of a robot, path of its .toml file, or the result of `om.load_robot`.
         controllers: Names, classes derived from `omni_control.Controller`, or `file.py:Class`.
         seed: The first.
         seeds: How many.

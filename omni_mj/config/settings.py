@@ -295,7 +295,7 @@ class KinematicSettings(Checked):
 class WorldSettings(Checked):
     """The world that robots share."""
 
-    places: Poses = setting(
+    start_poses: Poses = setting(
         ((0.0, 0.0, 0.0),),
         "m, m, rad",
         "where its robots stand: each drives the reference displaced by it",

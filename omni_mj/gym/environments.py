@@ -16,8 +16,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import EachReference
 from omni_mj.config.rows import Row
-from omni_mj.config.scenario import Scenario
-from omni_mj.config.scenario import scenario as made
+from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, Settings
 from omni_mj.gym import frames
 from omni_mj.simulation.simulation import Simulation, alike
@@ -35,8 +34,8 @@ class Outside(Controller):
 
     memory: int = 1  # frames
 
-    def __init__(self, told: object, reference: object, n: int) -> None:
-        super().__init__(told, reference, n)  # type: ignore[arg-type]
+    def __init__(self, model: object, reference: object, n: int) -> None:
+        super().__init__(model, reference, n)  # type: ignore[arg-type]
         self.memory_frames = max(self.memory, self.memory_frames)
 
 
@@ -71,7 +70,7 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
         autoreset_mode: When an episode that has ended is followed by the next: with the next step (the action of which
             is ignored), or when `reset` says so. A robot whose episode has ended until then stays
             where it is and is rewarded with 0.
-        changes: Of a scenario that is named: plant, robot, and sections of settings, as `om.scenario` takes them.
+        changes: Of a scenario that is named: plant, robot, and sections of settings, as `om.load_scenario` takes them.
 
     Raises:
         OmniError: Something is unknown or not allowed.
@@ -95,9 +94,9 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
             raise OmniError(
                 f"{', '.join(changes)}: changes are made to a scenario that is named; make them in yours"
             )
-        chosen = scenario if isinstance(scenario, Scenario) else made(scenario, **changes)
-        if len(chosen.settings.world.places) > 1:
-            raise OmniError("world.places: an environment is one robot; leave one place")
+        chosen = scenario if isinstance(scenario, Scenario) else load_scenario(scenario, **changes)
+        if len(chosen.settings.world.start_poses) > 1:
+            raise OmniError("world.start_poses: an environment is one robot; leave one place")
         self.memory = _memory(chosen) if memory is None else memory
         if not 1 <= self.memory <= LONGEST_MEMORY or not 0 < lost_m < math.inf:
             raise OmniError(f"memory must be from 1 to {LONGEST_MEMORY} frames, lost_m above 0")
@@ -238,8 +237,10 @@ class Track(gymnasium.Env[Numbers, Numbers]):
     def step(self, action: Any) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
         """Go on by a frame, 1/60 s."""
         seen, reward, terminated, truncated, info = self._one.step(np.asarray(action, float)[None])
-        told = {name: float(values[0]) for name, values in info.items() if not name.startswith("_")}
-        return seen[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), told
+        model = {
+            name: float(values[0]) for name, values in info.items() if not name.startswith("_")
+        }
+        return seen[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), model
 
 
 def _memory(scenario: Scenario) -> int:

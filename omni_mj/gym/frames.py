@@ -7,7 +7,7 @@ other.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_control.controllers.base import Seen
+from omni_control.controllers.base import Observation
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, body_to_world, world_to_body
 from omni_control.reference import MotionLimits, Reference
@@ -21,7 +21,9 @@ def size(memory: int) -> int:
     return 3 * (2 + 2 * len(AHEAD) + memory)
 
 
-def observation(frame: int, seen: Seen, reference: Reference, memory: int) -> NDArray[np.float32]:
+def observation(
+    frame: int, observation: Observation, reference: Reference, memory: int
+) -> NDArray[np.float32]:
     """What a policy sees of n robots, (n, size(memory)).
 
     All is along the axes of each robot [forward, left, counter-clockwise], as far as vision knows its heading, three
@@ -31,39 +33,41 @@ def observation(frame: int, seen: Seen, reference: Reference, memory: int) -> ND
 
     Args:
         frame: its number.
-        seen: what the team sees, n robots.
+        observation: what the team sees, n robots.
         reference: where they should be.
-        memory: commands to be shown; `seen.sent` must hold as many.
+        memory: commands to be shown; `observation.sent_commands` must hold as many.
     """
-    heading = seen.pose[:, 2]
-    here, _ = reference.at(frame, seen.pose)
-    poses, twists = reference.preview(frame + seen.delay_frames, seen.arriving, AHEAD[-1] + 1)
+    heading = observation.pose[:, 2]
+    here, _ = reference.at(frame, observation.pose)
+    poses, twists = reference.preview(
+        frame + observation.delay_frames, observation.predicted_pose, AHEAD[-1] + 1
+    )
     chosen = list(AHEAD)
     vectors = np.concatenate(
         [
-            (here - seen.pose)[None],
-            poses[chosen] - seen.arriving,
+            (here - observation.pose)[None],
+            poses[chosen] - observation.predicted_pose,
             twists[chosen],
-            seen.twist[None],
-            seen.sent.last(memory),
+            observation.twist[None],
+            observation.sent_commands.last(memory),
         ]
     )
     own = np.moveaxis(world_to_body(vectors, heading), 0, 1).reshape(len(heading), -1)
     return np.clip(own, -HIGHEST, HIGHEST).astype(np.float32)
 
 
-def command(action: ArrayLike, seen: Seen, limits: MotionLimits | Array) -> Array:
+def command(action: ArrayLike, observation: Observation, limits: MotionLimits | Array) -> Array:
     """The commands [vx, vy, w] (n, 3) that actions mean, world frame, m/s and rad/s, before the team's limits.
 
     Args:
         action: [forward, left, counter-clockwise] of each robot, (n, 3), 1 being the highest that may be commanded.
-        seen: what the team sees; robots are turned as vision says.
+        observation: what the team sees; robots are turned as vision says.
         limits: of commands, of all robots; or of each the highest speed, again the speed, and turn rate, (n, 3).
 
     Raises:
         OmniError: the actions are not (n, 3) finite numbers.
     """
-    given, shape = np.asarray(action, float), seen.pose.shape
+    given, shape = np.asarray(action, float), observation.pose.shape
     if given.shape != shape or not np.isfinite(given).all():
         raise OmniError(
             f"actions must be finite numbers {shape}, not {given.dtype} of shape {given.shape}"
@@ -73,4 +77,4 @@ def command(action: ArrayLike, seen: Seen, limits: MotionLimits | Array) -> Arra
         if isinstance(limits, MotionLimits)
         else limits
     )
-    return body_to_world(given * highest, seen.pose[:, 2])
+    return body_to_world(given * highest, observation.pose[:, 2])

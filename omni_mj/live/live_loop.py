@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from omni_control.controllers.base import Seen
+from omni_control.controllers.base import Observation
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.config.rows import Row
@@ -164,10 +164,10 @@ class Live(Simulation):
         self.link.restart()
         return self._plant, self._plant, self
 
-    def observe(self) -> Seen:
+    def observe(self) -> Observation:
         """See `Simulation`. What the team believes is recorded in place of the truth, which nobody knows."""
         if self._seen is None:
-            difference = super().observe().carried - self.team.estimate
+            difference = super().observe().extrapolated_pose - self.team.estimate
             difference[:, 2] = wrap_angle(difference[:, 2])
             self._pose = self.team.estimate + np.nan_to_num(difference)
         return super().observe()

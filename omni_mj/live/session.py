@@ -198,7 +198,7 @@ def _with_measured(scenario: Scenario, options: Options, measured: Mapping[str, 
 
 def _chosen_ids(scenario: Scenario, options: Options, seen: Sequence[int]) -> list[int]:
     """Return the numbers of the robots that are driven."""
-    places = len(scenario.settings.world.places)
+    places = len(scenario.settings.world.start_poses)
     ids = list(options.ids) or list(seen[:places])
     missing = ", ".join(str(number) for number in ids if number not in seen)
     if missing or not ids or (len(ids) < places and not options.ids):
@@ -216,7 +216,9 @@ def _displaced(scenario: Scenario, poses: Array) -> Scenario:
     turn = wrap_angle(poses[:, 2] - heading)
     c, s = np.cos(turn), np.sin(turn)
     places = np.column_stack([poses[:, 0] - (c * x - s * y), poses[:, 1] - (s * x + c * y), turn])
-    return scenario.replace(settings=scenario.settings.replace(world={"places": places.tolist()}))
+    return scenario.replace(
+        settings=scenario.settings.replace(world={"start_poses": places.tolist()})
+    )
 
 
 def _find_radio(name: str) -> type[Radio]:

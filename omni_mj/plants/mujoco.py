@@ -80,7 +80,7 @@ class MujocoPlant(WheeledPlant):
         threads: int | None = None,
         hulls: bool | None = None,
     ) -> None:
-        settings, places = [row.settings for row in rows], max(row.place for row in rows) + 1
+        settings, places = [row.settings for row in rows], max(row.slot for row in rows) + 1
         world_batch.check(rows)
         n, worlds = len(rows), len(rows) // places
         self._places, self.substeps = places, settings[0].physics.substeps

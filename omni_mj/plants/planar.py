@@ -203,7 +203,7 @@ def _check(rows: Sequence[Row]) -> None:
     """Refuse what this plant cannot do."""
     for number, row in enumerate(rows):
         settings = row.settings
-        if row.place:
+        if row.slot:
             raise OmniError(
                 "the plant planar has one robot in a world, since nothing collides in it; take the plant mujoco"
             )

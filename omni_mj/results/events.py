@@ -29,7 +29,7 @@ class Event:
     seed: int
     kind: str
     text: str
-    place: int = 0
+    slot: int = 0
 
 
 def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
@@ -48,7 +48,7 @@ def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event
         if f.row == row
     ]
     return [
-        Event(frame, frame * PERIOD_S, whose.controller, whose.seed, kind, text, whose.place)
+        Event(frame, frame * PERIOD_S, whose.controller, whose.seed, kind, text, whose.slot)
         for frame, kind, text in sorted(
             [*stopped, *_happened(log, row)], key=lambda event: event[0]
         )

@@ -203,7 +203,7 @@ def _recoveries(rows: Sequence[Row], distance: Array, failed: Collection[int]) -
             stop = min(end + AFTER_S * FRAME_RATE_HZ, len(distance))
             error = distance[int(min(first, stop)) : int(stop), k]
             error = error[~np.isnan(error)]
-            if not fault.concerns(row.place) or not (error.size or k in failed):
+            if not fault.concerns(row.slot) or not (error.size or k in failed):
                 continue
             excursion, recovery = np.inf, np.inf
             if k not in failed:

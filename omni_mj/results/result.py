@@ -210,7 +210,7 @@ def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
             "scenario": outcome.scenario.name,
             "controller": row.controller,
             "seed": row.seed,
-            "place": row.place,
+            "slot": row.slot,
             "failed_at_s": failure.time_s if failure else None,
             "cause": failure.cause if failure else None,
             **{

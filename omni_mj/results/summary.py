@@ -135,7 +135,7 @@ def entry(
         "events": [asdict(event) for event in events.find(log, failures)],
         "failed": [
             {
-                "controller": f.controller, "seed": f.seed, "place": log.rows[f.row].place,
+                "controller": f.controller, "seed": f.seed, "slot": log.rows[f.row].slot,
                 "time_s": f.time_s, "cause": f.cause,
             }
             for f in failures
@@ -243,9 +243,9 @@ def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 def _each_robot(log: Log, drawn: Mapping[str, Array]) -> list[dict[str, Any]]:
     """What was drawn for each seed and place, which is the same for all controllers."""
-    first = {(row.seed, row.place): i for i, row in reversed(list(enumerate(log.rows)))}
+    first = {(row.seed, row.slot): i for i, row in reversed(list(enumerate(log.rows)))}
     return [
-        {"seed": seed, "place": place, **{name: plain(values[i]) for name, values in drawn.items()}}
+        {"seed": seed, "slot": place, **{name: plain(values[i]) for name, values in drawn.items()}}
         for (seed, place), i in sorted(first.items())
     ]
 
@@ -256,7 +256,7 @@ def _recovery(log: Log, rows: np.ndarray, measured: Mapping[str, Array]) -> list
     for i, fault in enumerate(log.rows[rows[0]].settings.fault):
         same = [
             row for row in rows
-            if log.rows[row].settings.fault[i : i + 1] == (fault,) and fault.concerns(log.rows[row].place)
+            if log.rows[row].settings.fault[i : i + 1] == (fault,) and fault.concerns(log.rows[row].slot)
         ]  # fmt: skip
         numbers = {
             key: spread(measured[f"fault_{i + 1}_{key}"][same]) for key in (EXCURSION, RECOVERY)

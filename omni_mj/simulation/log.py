@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 FIRST_FRAMES = 512  # that there is room for at least
-OWN = "own_"  # before the names of channels of a controller's own
+CHANNEL_PREFIX = "channel_"  # before the names of channels of a controller's own
 
 
 def channels(wheels: int) -> dict[str, tuple[str, ...]]:
@@ -162,7 +162,7 @@ class Log:
         which = np.array([names.index(row.controller) for row in self.rows], np.int32)
         columns: dict[str, np.ndarray] = {
             "seed": np.array([row.seed for row in self.rows], np.int64)[line],
-            "place": np.array([row.place for row in self.rows], np.int32)[line],
+            "slot": np.array([row.slot for row in self.rows], np.int32)[line],
             "frame": (self.first_frame + frame).astype(np.int32),
             "time_s": (self.first_frame + frame) * PERIOD_S,
         }
@@ -179,7 +179,7 @@ class Log:
 
     def _own_frames(self, name: str, width: int) -> Array:
         """Return the room of a controller's own channel (frames, columns, n), as wide as this at least."""
-        name = OWN + name
+        name = CHANNEL_PREFIX + name
         before = self._own.get(name, self._data[:, :0])
         if before.shape[1] < width:
             wider = self._own[name] = np.empty((len(self._data), width, len(self.rows)))

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from omni_control.controllers.base import Controller, Seen
+from omni_control.controllers.base import Controller, Observation
 from omni_control.errors import OmniError, choose, printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
@@ -121,9 +121,11 @@ class Simulation:
                     f"a row names the controller {label!r}; {choose(label, self._kinds)}"
                 )
         for settings in {id(row.settings): row.settings for row in self._table}.values():
-            faults.check(settings.fault, self.scenario.plant, len(settings.world.places))
+            faults.check(settings.fault, self.scenario.plant, len(settings.world.start_poses))
         self._follow = follow
-        self.references = [reference_factory.timed(row.settings, row.where) for row in self._table]
+        self.references = [
+            reference_factory.timed(row.settings, row.start_pose) for row in self._table
+        ]
         _check_delays(self._table, self.references)
         self._choose_kernel()
         self.reset()
@@ -156,10 +158,12 @@ class Simulation:
             settings = {row.seed: self.scenario.settings_of(row.seed) for row in self.rows}
             self.rows = [replace(row, settings=settings[row.seed]) for row in self.rows]
         n = len(self.rows)
-        self.references = [reference_factory.timed(row.settings, row.where) for row in self.rows]
+        self.references = [
+            reference_factory.timed(row.settings, row.start_pose) for row in self.rows
+        ]
         self.frame, self.failures = 0, list[Failure]()
         self._running = np.ones(n, bool)
-        self._seen: Seen | None = None
+        self._seen: Observation | None = None
         start = np.array([reference.poses[0] for reference in self.references])
         geometry = self.rows[0].settings.wheels.kinematics
         self.plant, self.camera, self.radio = self._robots(start)
@@ -203,7 +207,7 @@ class Simulation:
             after_frame(self.frame - 1)
         return self.log
 
-    def observe(self) -> Seen:
+    def observe(self) -> Observation:
         """What the team sees of all robots in this frame; the same, however often it is asked before the next step."""
         if self._seen is None:
             self._pose = self.plant.pose()
@@ -222,7 +226,7 @@ class Simulation:
         Raises:
             OmniError: the command is not (n, 3) finite numbers.
         """
-        vision = self.observe().carried
+        vision = self.observe().extrapolated_pose
         sent = self.team.command(command)
         received = self.radio.exchange(sent, self.team.estimate[:, 2])
         if self._logged:
@@ -251,7 +255,7 @@ class Simulation:
             pose=self._pose,
             vision=vision,
             vision_valid=self._valid,
-            predicted=self.team.predicted,
+            predicted=self.team.predicted_pose,
             command=sent,
             applied=received.command,
             alpha_hat=self.team.alpha_hat,
@@ -292,7 +296,7 @@ def _check_delays(table: Sequence[Row], ways: Sequence[SampledReference]) -> Non
 
 def alike(plant: str, settings: Settings) -> Hashable:
     """Return a key; rows of a plant with equal keys can share a simulation: those of one model, or of one wheel."""
-    n_places = len(settings.world.places)
+    n_places = len(settings.world.start_poses)
     if plant == "mujoco":
         return Shape.of(settings), settings.physics, n_places
     return (settings.wheels, n_places) if plant == "planar" else n_places

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from omni_control.controllers import make
-from omni_control.controllers.base import Controller, Told
+from omni_control.controllers.base import Controller, TeamModel
 from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
 from omni_control.reference import EachReference, Reference
@@ -41,11 +41,15 @@ def assemble(
     """
     together: dict[tuple[object, ...], list[int]] = {}
     for i, row in enumerate(rows):
-        way = row.settings.reference, reference_factory.reference_limits(row.settings), row.where
+        way = (
+            row.settings.reference,
+            reference_factory.reference_limits(row.settings),
+            row.start_pose,
+        )
         ways = (
             way if follow or _iterated(row) else None
         )  # one that is known in advance may be each robot's own
-        key = row.controller, told(row.settings, geometry, wheels), ways, _parameters(row)
+        key = row.controller, team_model(row.settings, geometry, wheels), ways, _parameters(row)
         together.setdefault(key, []).append(i)
     made, unmade, members = (
         list[Controller](),
@@ -55,7 +59,7 @@ def assemble(
     for group in members:
         row, n = rows[group[0]], len(group)
         kind = kinds[row.controller]
-        known = told(row.settings, geometry, wheels)
+        known = team_model(row.settings, geometry, wheels)
         reference = _reference([rows[i] for i in group]) if follow is None else follow(group)
         try:
             made.append(make(kind, known, reference, n, dict(_parameters(row))))
@@ -69,11 +73,11 @@ def assemble(
 
 
 @lru_cache(maxsize=4096)
-def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
+def team_model(settings: Settings, geometry: Kinematics, wheels: bool) -> TeamModel:
     """What the team's computer is told of the loop."""
     control, vision = settings.control, settings.vision
     alpha = control.alpha_forward, control.alpha_sideways
-    return Told(
+    return TeamModel(
         period=PERIOD_S,
         delay_frames=max(settings.radio.delay_frames + control.delay_error_frames, 0),
         lag_s=control.lag_s if wheels else NONE,
@@ -94,8 +98,8 @@ def told(settings: Settings, geometry: Kinematics, wheels: bool) -> Told:
 
 def _reference(rows: Sequence[Row]) -> Reference:
     if _iterated(rows[0]):
-        return reference_factory.iterated(rows[0].settings, len(rows), rows[0].where)
-    own = [reference_factory.timed(row.settings, row.where) for row in rows]
+        return reference_factory.iterated(rows[0].settings, len(rows), rows[0].start_pose)
+    own = [reference_factory.timed(row.settings, row.start_pose) for row in rows]
     return own[0] if all(each is own[0] for each in own) else EachReference(own)
 
 

@@ -15,7 +15,7 @@ from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
 
 
-def robot(name_or_path: str | Path) -> Robot:
+def load_robot(name_or_path: str | Path) -> Robot:
     """Read a robot, check every number of it, and build it once, so that what is wrong with it is said now.
 
     What it gives may be passed wherever a robot's name may. Its `facts`::

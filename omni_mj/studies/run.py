@@ -48,7 +48,7 @@ def prepare(
 ) -> Simulation:
     """The simulation that `run` runs, at its start."""
     found = chosen(scenario, controllers, seeds)
-    robots = len(found.controllers) * found.seeds * len(found.settings.world.places)
+    robots = len(found.controllers) * found.seeds * len(found.settings.world.start_poses)
     check_memory(robots, timed(found.settings).frames)
     return Simulation(found)
 

@@ -79,7 +79,7 @@ def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
     return settings.replace(
         reference={**resting(frames), **sections.pop("reference", {})},
         radio={"delay_frames": 0, "jitter_frames": 0},
-        world={"places": [[0, 0, 0]]},
+        world={"start_poses": [[0, 0, 0]]},
         fault=(),
         **sections,
     )

@@ -150,9 +150,9 @@ def sections(settings: "Settings", fields: Mapping[str, Iterable[str]]) -> str:
 
 def _robot(name: str) -> str:
     """Return a robot's file, with all settings of its sections, and what follows from them."""
-    from omni_mj.studies.robot_facts import robot
+    from omni_mj.studies.robot_facts import load_robot
 
-    chosen = robot(name)
+    chosen = load_robot(name)
     facts = [f"#   {fact} = {value:.3g}" for fact, value in chosen.facts.items()]
     head = [
         "# What follows from the numbers below:",

@@ -70,7 +70,7 @@ def read(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[
     pose = ["x_m", "y_m", "heading_rad"]
     angles = [f"wheel_angle_{i + 1}_rad" for i in range(len(settings.wheels.azimuths_deg))]
     numbers = [*pose, *(f"ref_{name}" for name in pose), *angles]
-    table = parquet.read(folder / "trajectory.parquet", ["controller", "seed", "place", *numbers])
+    table = parquet.read(folder / "trajectory.parquet", ["controller", "seed", "slot", *numbers])
     known = table["controller"].unique().to_pylist()
     if unknown := [name for name in controllers if name not in known]:
         raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
@@ -79,7 +79,7 @@ def read(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[
     for name in controllers or known:
         part = table.filter((pc.field("controller") == name) & (pc.field("seed") == first))
         values = np.nan_to_num(np.column_stack([part[column].to_numpy() for column in numbers]))
-        robots = np.split(values, np.flatnonzero(np.diff(part["place"].to_numpy())) + 1)
+        robots = np.split(values, np.flatnonzero(np.diff(part["slot"].to_numpy())) + 1)
         longest = max(map(len, robots))
         # Robots that failed have no frames after that, and stay where they are.
         robots = [np.pad(robot, [(0, longest - len(robot)), (0, 0)], "edge") for robot in robots]

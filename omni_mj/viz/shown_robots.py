@@ -7,12 +7,14 @@ import numpy as np
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.settings import Settings
 from omni_mj.results.metrics import ALPHA_WINDOW_FRAMES, driven_alpha
-from omni_mj.simulation.log import OWN, Log
+from omni_mj.simulation.log import CHANNEL_PREFIX, Log
 from omni_mj.viz import style
 
 PALER, PALEST = 0.35, 0.7  # share of white per robot of one controller, and at most
 ALPHA_RANGE = (0.4, 1.3)  # of axes that show alpha
-SIGMA = OWN + "alpha_sigma"  # channel of a controller's own, standard deviation of its estimate
+SIGMA = (
+    CHANNEL_PREFIX + "alpha_sigma"
+)  # channel of a controller's own, standard deviation of its estimate
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ def shown_robots(log: Log, places: int | None = None) -> list[Robot]:
             :places
         ]
         for k, row in enumerate(together):
-            name = controller if len(together) == 1 else f"{controller}/{log.rows[row].place}"
+            name = controller if len(together) == 1 else f"{controller}/{log.rows[row].slot}"
             colour = style.pale(style.rgb(style.colour(slot)), min(k * PALER, PALEST))
             robots.append(Robot(log, row, len(robots), name, slot, colour))
     return robots

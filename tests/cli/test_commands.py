@@ -140,7 +140,7 @@ def test_a_scenario_that_is_shown_is_the_scenario(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "shown.toml").write_text(text := printed(capsys, "show", name))
-    assert om.scenario(tmp_path / "shown.toml") == om.scenario(name)
+    assert om.load_scenario(tmp_path / "shown.toml") == om.load_scenario(name)
     assert printed(capsys, "show", str(tmp_path / "shown.toml")) == text
 
 
@@ -149,8 +149,8 @@ def test_robots_changes_and_controllers_are_shown(
 ) -> None:
     for name in listed("robots"):
         (tmp_path / "shown.toml").write_text(text := printed(capsys, "show", name))
-        assert om.robot(tmp_path / "shown.toml").settings == om.robot(name).settings
-        assert om.robot(tmp_path / "shown.toml").description == om.robot(name).description
+        assert om.load_robot(tmp_path / "shown.toml").settings == om.load_robot(name).settings
+        assert om.load_robot(tmp_path / "shown.toml").description == om.load_robot(name).description
         assert printed(capsys, "show", str(tmp_path / "shown.toml")) == text
     out = printed(capsys, "show", "rect", "--robot", "ssl-a-team", "--set", "radio.delay_frames=9")
     assert 'robot = "ssl-a-team"' in out
@@ -172,7 +172,7 @@ def test_starters_run(
     Path("all.toml").write_text(
         text.replace('plant = "kinematic"', "").replace(', "mine.py:Mine"', "")
     )
-    scenario = om.scenario("all.toml")
+    scenario = om.load_scenario("all.toml")
     assert (scenario.robot, scenario.seeds, scenario.settings.reference.shape) == (
         "tigers-v2020",
         5,
@@ -190,7 +190,7 @@ def test_starters_run(
     assert 0 < found["error_m"]["distance"]["max"]["mean"] < 0.2  # m: it follows a route of 0.22 m
 
     assert invoke("new", "robot", "mine") == 0
-    assert om.robot("mine.toml").settings == om.robot("tigers-v2016").settings
+    assert om.load_robot("mine.toml").settings == om.load_robot("tigers-v2016").settings
     assert invoke("new", "robot", "mine") == 2
     assert "there is a file mine.toml" in capsys.readouterr().err
     assert invoke("new", "robot", "mine", "--overwrite") == 0

@@ -31,11 +31,11 @@ import omni_mj as om
 class Cheat(om.Controller):
     knows_truth = True
 
-    def command(self, frame, seen):
-        if self.told.delay_frames == 9:
+    def command(self, frame, observation):
+        if self.model.delay_frames == 9:
             raise RuntimeError("no such delay")
-        target, feed_forward = self.reference.at(frame, seen.pose)
-        return feed_forward + 4 * (target - seen.pose)
+        target, feed_forward = self.reference.at(frame, observation.pose)
+        return feed_forward + 4 * (target - observation.pose)
 """
 
 

@@ -30,7 +30,7 @@ def test_a_log_becomes_numbers_a_report_and_a_robot(
     assert data["radio"]["delay_frames"] == 6
     assert data["body"]["mass_kg"] == 2.65  # as it was
     assert "delay_frames = 6 # identified from commands: " in text
-    robot = om.scenario("rect", robot=str(tmp_path / "out" / "robot.toml"))
+    robot = om.load_scenario("rect", robot=str(tmp_path / "out" / "robot.toml"))
     assert robot.settings.radio.delay_frames == 6
 
 
@@ -70,7 +70,7 @@ def test_our_own_recording_of_our_own_robot(tmp_path: Path) -> None:
         "waypoints": [[0, 0], [1.2, 0], [0.4, 0.7], [0.4, -0.5], [0, 0]],
         "max_acceleration_m_s2": 2.0,
     }
-    rect = om.scenario("rect", plant="planar", reference=route | {"settle_s": 0.5})
+    rect = om.load_scenario("rect", plant="planar", reference=route | {"settle_s": 0.5})
     om.run(rect, ["comp-flc"], seeds=[0]).save(tmp_path / "run")
     assert (
         invoke(
@@ -94,5 +94,5 @@ def test_a_model_of_the_users_is_named_and_copied(log: Path, tmp_path: Path) -> 
     model = tmp_path / "robot.xml"
     model.write_text((Path(om.__file__).parents[1] / "models" / "ssl_robot.xml").read_text())
     assert invoke("identify", log, "--model", model, "--out", tmp_path / "out", "--quiet") == 0
-    robot = om.scenario("rect", robot=str(tmp_path / "out" / "robot.toml"))
+    robot = om.load_scenario("rect", robot=str(tmp_path / "out" / "robot.toml"))
     assert Path(robot.settings.model.file) == model

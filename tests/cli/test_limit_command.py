@@ -64,7 +64,7 @@ def test_bad_input_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         (("rect", "--robot", "tigers"), "unknown robot 'tigers'"),
         (("rect", "--iterations", 1), "at least 2 iterations"),
         (("rect", "--seeds", 0), "seeds"),
-        (("rect", "--set", "world.places=[[0,0,0],[0,1,0]]"), "has 2 places"),
+        (("rect", "--set", "world.start_poses=[[0,0,0],[0,1,0]]"), "has 2 places"),
         ((), "Missing argument"),
     ):
         assert invoke("limit", *words, "--out", tmp_path / "bad") == 2

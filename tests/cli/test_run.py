@@ -327,8 +327,8 @@ def test_a_folder_that_no_run_left_is_never_overwritten(
 def test_overwriting_removes_what_the_run_left(tmp_path: Path) -> None:
     """Its files and folders; bad input removes nothing, and a link's target stays."""
     (tmp_path / "mine.py").write_text(
-        "import omni_mj as om\n\n\nclass Mine(om.Controller):\n    def command(self, frame, seen):\n"
-        "        return 0 * seen.pose\n"
+        "import omni_mj as om\n\n\nclass Mine(om.Controller):\n    def command(self, frame, observation):\n"
+        "        return 0 * observation.pose\n"
     )
     out = tmp_path / "out"
     run = (*KINEMATIC, "--no-record", "--quiet", "--out", out)

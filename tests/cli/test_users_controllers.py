@@ -31,11 +31,11 @@ class Mine(om.Controller):
 
     gain: float = 5.0
 
-    def command(self, frame, seen):
-        self.predicted = seen.pose
-        target, feed_forward = self.reference.at(frame, seen.pose)
-        self.channels = {"error": target - seen.pose}
-        return feed_forward + self.gain * (target - seen.pose)
+    def command(self, frame, observation):
+        self.predicted_pose = observation.pose
+        target, feed_forward = self.reference.at(frame, observation.pose)
+        self.channels = {"error": target - observation.pose}
+        return feed_forward + self.gain * (target - observation.pose)
 '''
 
 
@@ -87,7 +87,7 @@ def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allo
                 rows[f"command_{rate}"].to_numpy(), expected, rtol=0, atol=1e-12
             )
             np.testing.assert_allclose(
-                rows[f"own_error_{i}"].to_numpy(), ref - seen, rtol=0, atol=1e-12
+                rows[f"channel_error_{i}"].to_numpy(), ref - seen, rtol=0, atol=1e-12
             )
 
     Path("out").rename("first")
@@ -104,8 +104,8 @@ def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allo
     assert "--allow-code" in capsys.readouterr().err
     assert not Path("out").exists()
     with pytest.raises(om.OmniError, match="not run unasked"):
-        om.scenario("first/scenario.toml")
-    assert om.scenario("first/scenario.toml", code=True).labels == ("flc", "Mine")
+        om.load_scenario("first/scenario.toml")
+    assert om.load_scenario("first/scenario.toml", code=True).labels == ("flc", "Mine")
     assert invoke(*again, "--allow-code") == 0
     assert Path("out/scenario.toml").read_text() == Path("first/scenario.toml").read_text()
     np.testing.assert_array_equal(pq.read_table("out/trajectory.parquet")["x_m"], table["x_m"])
@@ -117,7 +117,7 @@ FAILS = {
     "return np.zeros((1, 2))": ("(1, 2)", "(1, 3)"),
     "return None": ("(1, 3)",),
     "return [['fast', 'left', 0]]": ("could not convert", "'fast'"),
-    "return seen.pose * np.nan": ("not finite",),
+    "return observation.pose * np.nan": ("not finite",),
     "self.alpha_hat = np.ones((1, 2))": ("alpha_hat", "(1, 2)", "(1, 3)"),
 }
 
@@ -127,8 +127,10 @@ def test_a_controller_that_fails_is_a_line_and_the_others_go_on(
     body: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """In frame 9: that many frames of it are kept, and what it was and why is in the summary."""
-    code = f"    def command(self, frame, seen):\n        if frame == 9:\n            {body}\n"
-    name = add("Wrong", f"{code}        return super().command(frame, seen)")
+    code = (
+        f"    def command(self, frame, observation):\n        if frame == 9:\n            {body}\n"
+    )
+    name = add("Wrong", f"{code}        return super().command(frame, observation)")
     assert invoke(*WITH_FLC, name, "--quiet") == 1
     stdout, stderr = capsys.readouterr()
     assert (stdout, stderr.count("\n")) == ("", 1)
@@ -143,7 +145,7 @@ def test_a_controller_that_fails_is_a_line_and_the_others_go_on(
 @pytest.mark.parametrize(
     "body",
     [
-        "    def command(self, frame, seen):\n        return self.missing",
+        "    def command(self, frame, observation):\n        return self.missing",
         "    def __init__(self, told, reference, n):\n        return",
         "    def __init__(self, told, reference, n):\n        raise KeyError('gain')",
     ],

@@ -36,9 +36,9 @@ class Mine(om.Controller):
 
     share: float = 1.0
 
-    def command(self, frame, seen):
-        target, feed_forward = self.reference.at(frame, seen.pose)
-        return feed_forward + 4.0 * self.share * (target - seen.pose)
+    def command(self, frame, observation):
+        target, feed_forward = self.reference.at(frame, observation.pose)
+        return feed_forward + 4.0 * self.share * (target - observation.pose)
 '''
 TOY = """
 import numpy as np
@@ -77,15 +77,15 @@ import omni_mj as om
 
 
 class Dice(om.Controller):
-    def command(self, frame, seen):
-        return 0 * seen.pose + (1e-3 * np.random.default_rng().random() if frame > 4 else 0)  # less than limits change
+    def command(self, frame, observation):
+        return 0 * observation.pose + (1e-3 * np.random.default_rng().random() if frame > 4 else 0)  # less than limits change
 
 
 class Stopped(om.Controller):
-    def command(self, frame, seen):
+    def command(self, frame, observation):
         if frame == 20 and Path("press").exists():
             os.kill(os.getpid(), signal.SIGINT)
-        return 0 * seen.pose
+        return 0 * observation.pose
 """
 # A tetrahedron of 2 cm.
 MESH = "v 0 0 0\nv 0.02 0 0\nv 0 0.02 0\nv 0 0 0.02\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -98,7 +98,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     there = tmp_path_factory.mktemp("there")
     (there / "mine.py").write_text(MINE)
     (there / "toy.py").write_text(TOY)
-    text = om.robot("tigers-v2016").path.read_text().replace("arm_m = ", "arm_m = 0.09 # was ", 1)
+    text = (
+        om.load_robot("tigers-v2016").path.read_text().replace("arm_m = ", "arm_m = 0.09 # was ", 1)
+    )
     (there / "robot.toml").write_text(text)
     given = (
         "--plant",
@@ -190,7 +192,7 @@ def test_a_value_that_differs_is_named_with_frame_and_channel(
     pq.write_table(table, folder / "trajectory.parquet")
     assert invoke("verify", folder) == 1
     lines = capsys.readouterr().err.splitlines()
-    assert "first in frame 7 of Mine, seed 1, place 0: command_vy_m_s is " in lines[1]
+    assert "first in frame 7 of Mine, seed 1, slot 0: command_vy_m_s is " in lines[1]
     assert lines[1].endswith("2 channels differ")
 
 
@@ -268,7 +270,7 @@ def test_a_run_that_was_stopped_repeats_up_to_there_and_chance_does_not(
     assert invoke("run", *words, "odd.py:Dice", *SHORT, "--out", "chance") == 0
     assert invoke("verify", "chance") == 1
     lines = capsys.readouterr().err.splitlines()
-    assert "first in frame 5 of Dice, seed 0, place 0: command_vx_m_s is " in lines[1]
+    assert "first in frame 5 of Dice, seed 0, slot 0: command_vx_m_s is " in lines[1]
     assert "random numbers without a seed" in lines[-1]
 
 
@@ -373,7 +375,7 @@ class Here(Mine):
     pass
 
 
-short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.1})
+short = om.load_scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.1})
 om.run(short, ["flc", Mine], seeds=range(2)).save("good")
 om.run(short, [Here]).save("bad")
 """
@@ -395,7 +397,7 @@ def test_results_from_python_repeat_or_say_what_is_missing(tmp_path: Path) -> No
     assert str(found).startswith(f"repeats: 4 rows, {found.frames} frames identical bit for bit")
     with pytest.raises(om.OmniError, match=r"^Here is not defined at the top level of a file"):
         om.verify(str(tmp_path / "bad"))
-    short = om.scenario(
+    short = om.load_scenario(
         "rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.1}
     )
     om.compare([short, short.replace(name="again")], ["flc", "p"], seeds=2).save(tmp_path / "both")

@@ -21,7 +21,7 @@ ROBOT_M = 0.09  # radius of the largest robot, same
 @cache
 def built_in(name: str) -> tuple[om.Scenario, NDArray]:
     """Return the scenario and its timed reference's poses (frames, 3)."""
-    scenario = om.scenario(
+    scenario = om.load_scenario(
         name, plant="planar" if name == "storm" or name.startswith("fault") else "kinematic"
     )
     return scenario, om.Simulation(scenario, ["p"], seeds=[0]).references[0].poses
@@ -44,7 +44,7 @@ def test_every_scenario_is_a_drive_on_the_field_and_reads_back(name: str, tmp_pa
     assert scenario.name == name
     assert scenario.description
     (tmp_path / "again.toml").write_text(scenario.to_toml())
-    assert om.scenario(tmp_path / "again.toml") == scenario
+    assert om.load_scenario(tmp_path / "again.toml") == scenario
 
 
 def test_the_papers_rectangle_and_what_the_tasks_are() -> None:
@@ -77,7 +77,9 @@ def test_a_certain_robot_without_dead_time_drives_every_task_exactly(name: str) 
         "control": {"lag_s": 0.0},
         "vision": vision,
     }
-    frames = om.run(om.scenario(name, plant="kinematic", **exact), ["flc", "comp-flc"]).frames()
+    frames = om.run(
+        om.load_scenario(name, plant="kinematic", **exact), ["flc", "comp-flc"]
+    ).frames()
     for column in ("x_m", "y_m", "heading_rad"):
         np.testing.assert_allclose(frames[column], frames[f"ref_{column}"], rtol=0, atol=1e-9)
 
@@ -93,7 +95,7 @@ def random_points(**changes: object) -> NDArray:
         **changes,
     }
     poses = (
-        om.Simulation(om.scenario("rect", plant="kinematic", reference=task), ["p"])
+        om.Simulation(om.load_scenario("rect", plant="kinematic", reference=task), ["p"])
         .references[0]
         .poses
     )
@@ -120,16 +122,22 @@ def test_random_way_points_fill_the_rectangle_and_all_headings_and_are_a_seeds_o
 def test_commands_must_arrive_before_the_end() -> None:
     short = {"waypoints": [[0, 0], [0.1, 0]], "settle_s": 0.1}
     frames = (
-        om.Simulation(om.scenario("rect", plant="kinematic", reference=short)).references[0].frames
+        om.Simulation(om.load_scenario("rect", plant="kinematic", reference=short))
+        .references[0]
+        .frames
     )
     om.Simulation(
-        om.scenario("rect", plant="kinematic", reference=short, radio={"delay_frames": frames - 1})
+        om.load_scenario(
+            "rect", plant="kinematic", reference=short, radio={"delay_frames": frames - 1}
+        )
     )
     with pytest.raises(
         om.OmniError, match=f"= {frames} is no less than the {frames} frames of the reference"
     ):
         om.Simulation(
-            om.scenario("rect", plant="kinematic", reference=short, radio={"delay_frames": frames})
+            om.load_scenario(
+                "rect", plant="kinematic", reference=short, radio={"delay_frames": frames}
+            )
         )
 
 
@@ -139,7 +147,7 @@ def test_no_task_is_slowed_by_what_wheels_can_do(name: str) -> None:
     for robot in ROBOTS:
         believed, free = (
             om.Simulation(
-                om.scenario(name, plant="kinematic", robot=robot, **more), ["p"], seeds=[0]
+                om.load_scenario(name, plant="kinematic", robot=robot, **more), ["p"], seeds=[0]
             )
             .references[0]
             .poses

@@ -14,7 +14,7 @@ ROUTE = {"waypoints": [[0, 0], [0.2, 0.1]]}
 
 
 def made(**sections: object) -> om.Scenario:
-    return om.scenario("rect", plant="kinematic", reference=ROUTE, **sections)
+    return om.load_scenario("rect", plant="kinematic", reference=ROUTE, **sections)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_a_seeds_draws_depend_on_nothing_else_and_are_in_result_and_file(tmp_pat
     chosen_rows = (frames["seed"].to_numpy() == 5) & (frames["controller"].to_numpy() == "flc")
     np.testing.assert_array_equal(frames["x_m"].to_numpy()[chosen_rows], alone)
     (tmp_path / "again.toml").write_text(chosen.to_toml())
-    again = om.scenario(tmp_path / "again.toml")
+    again = om.load_scenario(tmp_path / "again.toml")
     assert again.to_toml() == chosen.to_toml()
     assert again.settings_of(4) == chosen.settings_of(4)
     simulation = om.Simulation(chosen, ["p"])
@@ -84,7 +84,7 @@ def test_a_seeds_draws_depend_on_nothing_else_and_are_in_result_and_file(tmp_pat
         ({"wheels": {"model": {"uniform": [1, 2]}}}, "choice"),
         ({"wheels": {"model": {"choice": ["rollers", "square"]}}}, "wheels.model must be"),
         ({"carpet": {"friction": {"choice": []}}}, "choice ="),
-        ({"world": {"places": {"choice": [[[0, 0, 0]]]}}}, "world.places is a list"),
+        ({"world": {"start_poses": {"choice": [[[0, 0, 0]]]}}}, "world.start_poses is a list"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(sections: dict[str, Any], words: str) -> None:
@@ -101,4 +101,4 @@ def test_a_draw_that_is_not_allowed_names_its_seed_and_studies_of_one_robot_refu
     with pytest.raises(
         om.OmniError, match=r"limit takes numbers, no distributions; .*carpet.friction"
     ):
-        om.limit(chosen)
+        om.find_limit(chosen)

@@ -14,7 +14,7 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "faults.md"
 
 def lines(faults: Any, **more: Any) -> list[str]:
     with pytest.raises(om.OmniError) as error:
-        om.scenario("rect", fault=faults, **more)
+        om.load_scenario("rect", fault=faults, **more)
     return str(error.value).splitlines()
 
 
@@ -23,11 +23,11 @@ def test_faults_are_tables_in_files_and_dictionaries_in_python(tmp_path: Path) -
     file.write_text(
         '[[fault]]\nkind = "push"\nat = 3\nfor = 0.2\nforce_n = 20\ndirection_deg = 90\n'
     )
-    read, made = om.scenario(file), om.scenario("rect", fault=[PUSH])
+    read, made = om.load_scenario(file), om.load_scenario("rect", fault=[PUSH])
     assert read.settings.fault == made.settings.fault
     assert made.settings.plain()["fault"] == [{"robots": [], **PUSH}]
     file.write_text(made.to_toml())
-    assert om.scenario(file) == made
+    assert om.load_scenario(file) == made
     assert made.settings.replace(carpet={"friction": 0.5}).fault == made.settings.fault
     assert made.settings.replace(fault=[]).fault == ()
 
@@ -41,7 +41,7 @@ def test_the_storm_has_all_kinds_of_plants_on_wheels_and_the_page_all_there_are(
         if not kind.startswith("fault-")
     }
     documented.pop("storm")
-    storm = {fault.kind: fault for fault in om.scenario("storm").settings.fault}
+    storm = {fault.kind: fault for fault in om.load_scenario("storm").settings.fault}
     assert storm.keys() == documented.keys() - {"alpha"}
     for kind, fault in storm.items():
         assert fault.values().keys() - {"kind", "at", "for", "robots", "wheel"} == documented[
@@ -103,6 +103,6 @@ def test_what_is_no_list_is_refused() -> None:
 
 
 def test_a_fault_of_a_robot_that_a_world_does_not_have_is_refused_when_it_is_run() -> None:
-    scenario = om.scenario("rect", fault=[{**PUSH, "robots": [1]}])
+    scenario = om.load_scenario("rect", fault=[{**PUSH, "robots": [1]}])
     with pytest.raises(om.OmniError, match="fault 1: push names robot 1; a world has 1"):
         om.Simulation(scenario)

@@ -41,25 +41,28 @@ def changed(text: str, **values: str) -> str:
 def test_a_robots_file_is_the_base_of_its_scenarios(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It may be named, be a file, or what om.robot gave; a scenario's values go before its, and it is read anew."""
+    """It may be named, be a file, or what om.load_robot gave; a scenario's values go before its, and it is read anew."""
     other = tmp_path / "other.toml"
     other.write_text(
         changed(
             text_of(DEFAULT, capsys), gear_friction_nm="0.01", pile="0.15", encoder_counts="1024"
         )
     )
-    made = om.scenario("rect", robot=other, carpet={"friction": 0.6})
+    made = om.load_scenario("rect", robot=other, carpet={"friction": 0.6})
     assert (made.settings.drive.gear_friction_nm, made.settings.sensors.encoder_counts) == (
         0.01,
         1024,
     )
     assert (made.settings.carpet.pile, made.settings.carpet.friction) == (0.15, 0.6)
     assert (
-        om.scenario("rect", robot=om.robot(other), carpet={"pile": 0.2}).settings.carpet.pile == 0.2
+        om.load_scenario(
+            "rect", robot=om.load_robot(other), carpet={"pile": 0.2}
+        ).settings.carpet.pile
+        == 0.2
     )
-    assert om.scenario("rect", robot=DEFAULT) == om.scenario("rect")
+    assert om.load_scenario("rect", robot=DEFAULT) == om.load_scenario("rect")
     other.write_text(changed(text_of(DEFAULT, capsys), pile="0.25"))
-    assert om.scenario("rect", robot=other).settings.carpet.pile == 0.25
+    assert om.load_scenario("rect", robot=other).settings.carpet.pile == 0.25
 
 
 @pytest.mark.parametrize(
@@ -82,7 +85,7 @@ def test_what_is_wrong_in_a_robots_file_is_said_in_a_line(
     wrong = tmp_path / "wrong.toml"
     wrong.write_text(f"{changed(text_of(DEFAULT, capsys), **values)}\n{more}")
     with pytest.raises(om.OmniError) as error:
-        om.scenario("rect", robot=str(wrong))
+        om.load_scenario("rect", robot=str(wrong))
     assert words in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -90,7 +93,7 @@ def test_what_is_wrong_in_a_robots_file_is_said_in_a_line(
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_robots_numbers_fit_together(name: str) -> None:
     """What one number says of another: cells and volts, body and wheels, motor and battery, drags and friction."""
-    s = om.robot(name).settings
+    s = om.load_robot(name).settings
     assert s.firmware.nominal_voltage_v == pytest.approx(3.7 * s.battery.cells)  # LiPo
     assert 3.0 * s.battery.cells <= s.battery.cut_off_v <= 3.5 * s.battery.cells
     # A disc whose mass is within the wheels: 1/2 m r^2 with the arm as r at least, a ring's m r^2 at most.
@@ -109,7 +112,7 @@ def test_every_robots_numbers_fit_together(name: str) -> None:
 def refused(**sections: Any) -> str:
     """Return the message with which a robot is refused; empty if it is not."""
     try:
-        om.scenario("rect", **sections)
+        om.load_scenario("rect", **sections)
     except om.OmniError as error:
         return str(error)
     return ""
@@ -186,7 +189,7 @@ def test_a_robot_stands_where_wheels_can_bear_it(azimuths: list[float], x: float
 
 def driven(robot: str, commands: NDArray, **more: Any) -> om.Simulation:
     """Return a simulation without vision noise after commands (frames, n, 3)."""
-    scenario = om.scenario(
+    scenario = om.load_scenario(
         "rect", plant="planar", robot=robot, vision={"position_noise_m": 0.0}, **more
     )
     simulation = om.Simulation(scenario, ["p"], seeds=range(commands.shape[1]))
@@ -208,7 +211,9 @@ def measured(robot: str) -> list[tuple[float, float]]:
     base = np.linspace(0.15, 0.35, 5)
     cases = [(axis, sign * step, speed) for axis in (0, 1) for sign in (1, -1) for speed in base]
     rows, axes = np.arange(len(cases)), np.array([axis for axis, _, _ in cases])
-    scenario = om.scenario("rect", plant="planar", robot=robot, vision={"position_noise_m": 0.0})
+    scenario = om.load_scenario(
+        "rect", plant="planar", robot=robot, vision={"position_noise_m": 0.0}
+    )
     sim = om.Simulation(scenario, ["p"], seeds=range(len(cases)))
     speeds, places = [], []
     for frame in range(before + after + 20):
@@ -232,7 +237,7 @@ def measured(robot: str) -> list[tuple[float, float]]:
 
 def test_lag_and_drag_of_a_robot_follow_from_its_gains() -> None:
     """Rotors and rolling resistance, which the formula leaves out, and scatter: 20 and 25 %."""
-    facts = om.robot("tigers-v2020").facts
+    facts = om.load_robot("tigers-v2020").facts
     for side, (lag, drag) in zip(("ahead", "aside"), measured("tigers-v2020"), strict=True):
         assert facts[f"lag_{side}_s"] == pytest.approx(lag, rel=0.2)
         assert facts[f"drag_{side}_m_s"] == pytest.approx(drag, rel=0.25)
@@ -244,9 +249,9 @@ def test_a_team_is_told_what_its_robots_gains_and_creep_make_of_them(name: str) 
 
     Of loops that integrate, alpha is not known. A file that says something else says so because it was measured.
     """
-    robot = om.robot(name)
+    robot = om.load_robot(name)
     facts, told = robot.facts, robot.settings.control
-    assert om.scenario("rect", robot=name).settings.control == told
+    assert om.load_scenario("rect", robot=name).settings.control == told
     if robot.settings.firmware.ki:
         assert (told.alpha_forward, told.alpha_sideways) == (0, 0)
         return
@@ -266,26 +271,28 @@ def test_what_is_told_can_be_said_and_does_not_follow_from_what_a_scenario_chang
     text = changed(text_of("tigers-v2020", capsys)).partition("\n[control]")[0]
     own = tmp_path / "own.toml"
     own.write_text(changed(text, kp="0.2"))
-    robot = om.robot("tigers-v2020").settings
+    robot = om.load_robot("tigers-v2020").settings
     emf = robot.motor.gear * robot.motor.constant_nm_a
-    assert om.robot(own).settings.control.lag_s == pytest.approx(
+    assert om.load_robot(own).settings.control.lag_s == pytest.approx(
         robot.control.lag_s * (0.4 + emf) / (0.2 + emf), rel=2e-3
     )
     own.write_text(text + "\n[control]\nlag_s = 0.07\n")
-    assert om.robot(own).settings.control.lag_s == 0.07
-    assert om.robot(own).settings.control.drag_m_s == robot.control.drag_m_s
-    assert om.scenario("rect", robot=own, control={"lag_s": 0.03}).settings.control.lag_s == 0.03
-    assert om.scenario("lint").settings.control == om.scenario("rect").settings.control
+    assert om.load_robot(own).settings.control.lag_s == 0.07
+    assert om.load_robot(own).settings.control.drag_m_s == robot.control.drag_m_s
+    assert (
+        om.load_scenario("rect", robot=own, control={"lag_s": 0.03}).settings.control.lag_s == 0.03
+    )
+    assert om.load_scenario("lint").settings.control == om.load_scenario("rect").settings.control
 
 
 def test_a_team_that_takes_robots_not_to_creep_takes_them_to_reach_what_they_are_told() -> None:
     """Where wheels do not creep drag costs nothing; half the creep costs half the effort."""
-    full = om.scenario("rect").settings.control.creep_s2_m
+    full = om.load_scenario("rect").settings.control.creep_s2_m
     told = [
-        om.scenario("rect", control={"creep_s2_m": creep}).settings.control
+        om.load_scenario("rect", control={"creep_s2_m": creep}).settings.control
         for creep in (0.0, full / 2, full)
     ]
     efforts = np.array([[1 / each.alpha_forward, 1 / each.alpha_sideways] for each in told])
     np.testing.assert_allclose(efforts[0], 1.0, atol=1e-12)
     np.testing.assert_allclose(2 * (efforts[1] - 1), efforts[2] - 1, atol=2e-3)  # told to 0.001
-    assert told[2] == om.scenario("rect").settings.control
+    assert told[2] == om.load_scenario("rect").settings.control

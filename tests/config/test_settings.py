@@ -75,7 +75,7 @@ def sections(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
 def lines(**changes: Any) -> list[str]:
     """Return the lines of the message with which these sections are refused."""
     with pytest.raises(om.OmniError) as error:
-        om.scenario("rect", **changes)
+        om.load_scenario("rect", **changes)
     return str(error.value).splitlines()
 
 
@@ -105,7 +105,7 @@ def test_both_bounds_are_allowed_and_what_is_beyond_is_refused() -> None:
         for bound, sign in ((field["minimum"], -1), (field["maximum"], 1)):
             if not name.startswith(BOUND) and key not in SHEET:
                 changes = COMPANIONS.get(name, {}).get(section, {}) | {key: bound}
-                made = om.scenario("rect", **{section: changes}).settings
+                made = om.load_scenario("rect", **{section: changes}).settings
                 assert getattr(getattr(made, section), key) == bound, name
             wrong = bound + sign if whole else math.nextafter(bound, sign * math.inf)
             (line,) = lines(**{section: {key: wrong}})
@@ -129,12 +129,13 @@ def test_what_is_no_number_is_refused_for_all_settings_at_once(wrong: Any) -> No
 
 
 def test_numbers_of_numpy_and_whole_numbers_serve_where_a_number_is_needed() -> None:
-    made = om.scenario(
+    made = om.load_scenario(
         "rect", radio={"delay_frames": np.int64(3)}, battery={"cut_off_v": np.float32(13)}
     ).settings
     assert (type(made.radio.delay_frames), type(made.battery.cut_off_v)) == (int, float)
     assert (
-        made == om.scenario("rect", radio={"delay_frames": 3}, battery={"cut_off_v": 13}).settings
+        made
+        == om.load_scenario("rect", radio={"delay_frames": 3}, battery={"cut_off_v": 13}).settings
     )
 
 
@@ -155,7 +156,7 @@ def test_numbers_of_numpy_and_whole_numbers_serve_where_a_number_is_needed() -> 
             {"reference": {"waypoints": [[0, 0], [100.1, 0]]}},
             ["reference.waypoints[1][0]", "100.1"],
         ),
-        ({"world": {"places": [[0, 0]] * 13}}, ["world.places", "at most 12 items"]),
+        ({"world": {"start_poses": [[0, 0]] * 13}}, ["world.start_poses", "at most 12 items"]),
         ({"carpet": {"patches": [[0, 0, 0, 1]]}}, ["carpet.patches[0][2]", "greater than 0"]),
         ({"carpet": {"patches": [[0, 0, 1, 5.1]]}}, ["carpet.patches[0][3]", "5"]),
         ({"kinematic": {"alpha_low": 1.5}}, ["kinematic.alpha_low", "alpha_high"]),
@@ -181,13 +182,15 @@ def test_what_is_wrong_is_a_line_with_the_allowed_values_or_the_nearest_name(
 
 
 def test_a_scenario_cannot_be_changed_but_copied() -> None:
-    rect = om.scenario("rect")
+    rect = om.load_scenario("rect")
     with pytest.raises(ValueError, match="frozen"):
         rect.settings.radio.delay_frames = 3  # type: ignore[misc]
     changed = rect.replace(settings=rect.settings.replace(radio={"delay_frames": 3}))
     assert changed.settings.radio.jitter_frames == rect.settings.radio.jitter_frames
-    assert changed == om.scenario("rect", radio={"delay_frames": 3})
-    assert hash(changed.settings) == hash(om.scenario("rect", radio={"delay_frames": 3}).settings)
+    assert changed == om.load_scenario("rect", radio={"delay_frames": 3})
+    assert hash(changed.settings) == hash(
+        om.load_scenario("rect", radio={"delay_frames": 3}).settings
+    )
     with pytest.raises(om.OmniError, match="another robot has other settings"):
         rect.replace(robot="tigers-v2020")
 
@@ -215,7 +218,7 @@ def test_absurd_files_are_lines_that_can_be_printed(tmp_path: Path, text: str, w
     file = tmp_path / "given.toml"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(om.OmniError) as error:
-        om.scenario(file)
+        om.load_scenario(file)
     assert words in str(error.value)
     assert all(line.isprintable() and len(line) < LINE for line in str(error.value).split("\n"))
 
@@ -238,7 +241,7 @@ def test_any_settings_are_a_scenario_that_reads_back_or_lines(
 ) -> None:
     made, error = None, ""
     try:
-        made = om.scenario("rect", **sections(values))
+        made = om.load_scenario("rect", **sections(values))
     except om.OmniError as refusal:
         error = str(refusal)
     assert all(line.isprintable() and len(line) < LINE for line in error.split("\n"))
@@ -246,4 +249,4 @@ def test_any_settings_are_a_scenario_that_reads_back_or_lines(
         assert error
         return
     (tmp_path / "made.toml").write_text(made.to_toml(), encoding="utf-8")
-    assert om.scenario(tmp_path / "made.toml") == made
+    assert om.load_scenario(tmp_path / "made.toml") == made

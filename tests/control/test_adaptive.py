@@ -5,7 +5,7 @@ import pytest
 from benches.control import Array, Reference, make
 from closed_loop import WHEELS, Creeping, T, loop, vision
 
-from omni_control import IteratedReference, MotionLimits, Team, TimedReference, Told
+from omni_control import IteratedReference, MotionLimits, Team, TeamModel, TimedReference
 
 LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0]]
@@ -17,8 +17,8 @@ UNKNOWN = {"lag_s": 0.0, "creep_s2_m": 0.0, "drag_m_s": 0.0}
 
 
 def team(name: str, delay: int = 6, route: Reference = ROUTE, n: int = 1, **known: object) -> Team:
-    told = Told(T, delay, geometry=WHEELS, **{**RIGHT, **known})  # type: ignore[arg-type]
-    return Team(make(name, told, route, n), np.zeros((n, 3)))
+    model = TeamModel(T, delay, geometry=WHEELS, **{**RIGHT, **known})  # type: ignore[arg-type]
+    return Team(make(name, model, route, n), np.zeros((n, 3)))
 
 
 def errors(record: dict[str, Array], route: TimedReference = ROUTE) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ from benches.control import Array, CommandsInFlight, OmniError, compensation
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omni_control import Seen
+from omni_control import Observation
 
 T = 1 / 60
 
@@ -114,8 +114,8 @@ def test_what_was_handed_out_stays_and_can_only_be_read() -> None:
 def test_where_dead_times_differ_each_robot_arrives_after_its_own() -> None:
     """What is seen of robots with dead times of 0, 2 and 3 frames: commands that have acted are zero."""
     queue = sent_before(3, np.array([1.0, 2.0, 4.0])[:, None, None] * np.ones((1, 3, 3)), length=4)
-    seen = Seen(
+    seen = Observation(
         np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), queue, 0.5, np.array([0, 2, 3])
     )
-    assert seen.in_flight[..., 0].tolist() == [[0, 0, 1], [0, 2, 2], [0, 4, 4]]
-    assert seen.arriving[:, 1].tolist() == [0, 3, 3.5]
+    assert seen.commands_in_flight[..., 0].tolist() == [[0, 0, 1], [0, 2, 2], [0, 4, 4]]
+    assert seen.predicted_pose[:, 1].tolist() == [0, 3, 3.5]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from ways import KINDS, LIMITS, along
 
-from omni_control import Controller, MotionLimits, TimedReference, Told
+from omni_control import Controller, MotionLimits, TeamModel, TimedReference
 
 FRAMES = 120
 FUZZY = ("flc", "comp-flc")
@@ -51,10 +51,11 @@ def test_without_dead_time_both_controllers_are_the_same() -> None:
         rng = np.random.default_rng(0)
         start, noise = rng.uniform(-0.1, 0.1, (4, 3)), rng.normal(0, 0.01, (FRAMES, 4, 3))
         flc, comp_flc = (
-            follow(make(name, Told(T, 0), along(kind, 4), 4), start, 0, noise) for name in FUZZY
+            follow(make(name, TeamModel(T, 0), along(kind, 4), 4), start, 0, noise)
+            for name in FUZZY
         )
         assert np.array_equal(flc.sent, comp_flc.sent)
-        assert np.array_equal(flc.predicted, comp_flc.predicted)
+        assert np.array_equal(flc.predicted_pose, comp_flc.predicted_pose)
 
 
 @both_references
@@ -68,9 +69,9 @@ def test_compensation_takes_the_dead_time_out_of_the_loop(
     Nothing moves it in the first k_d frames. From then on it goes, under comp-FLC, the way of a robot without dead
     time that starts at k_d under FLC.
     """
-    late = follow(make("comp-flc", Told(T, delay), along(kind), 1), [start], delay)
+    late = follow(make("comp-flc", TeamModel(T, delay), along(kind), 1), [start], delay)
     prompt = follow(
-        make("flc", Told(T, 0), along(kind), 1), [start], 0, FRAMES - delay, first_frame=delay
+        make("flc", TeamModel(T, 0), along(kind), 1), [start], 0, FRAMES - delay, first_frame=delay
     )
     assert (late.pose[:delay] == start).all()
     # Poses of size 3 round at 4e-16; the loop's gain of at most 15 / s forgets them, but near the steep ends of the
@@ -85,7 +86,9 @@ def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
     kind: str, start: tuple[float, ...], delay: int, highest: float
 ) -> None:
     """On a perfect plant x_p of frame k is x(k + k_d), also when limits cut what the controller asked for."""
-    run = follow(make("comp-flc", Told(T, delay), along(kind), 1), [start], delay, highest=highest)
+    run = follow(
+        make("comp-flc", TeamModel(T, delay), along(kind), 1), [start], delay, highest=highest
+    )
     # Twelve additions to poses of size 3; the estimate of alpha is 1 to 1e-12.
     np.testing.assert_allclose(
         run.predicted[: FRAMES - delay], run.pose[delay:], rtol=0, atol=1e-12
@@ -110,7 +113,7 @@ def test_flc_lags_a_constant_acceleration_by_a_known_error_and_comp_flc_does_not
     reference = TimedReference([[0, 0, 0], [20, 0, 0]], MotionLimits(speed=10), T)
     error = {}
     for name in FUZZY:
-        run = follow(make(name, Told(T, delay), reference, 1), np.zeros((1, 3)), delay, frames)
+        run = follow(make(name, TeamModel(T, delay), reference, 1), np.zeros((1, 3)), delay, frames)
         error[name] = reference.poses[frames - 1, 0] - run.pose[-1, 0, 0]
     lag = brentq(lambda e: fuzzy_velocity(e) - LIMITS.acceleration * delay * T, 0, 0.05)
     # Integration in steps of 5e-5 is good to 1e-8 m/s, which a gain of 10 / s makes 1e-9 m; the transient of a loop
@@ -124,7 +127,9 @@ def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
     reference = TimedReference([[0, 0, 0], [2, 1, 0], [0, 1, 0]], LIMITS, T)
     maximum, mean = {}, {}
     for name in FUZZY:
-        run = follow(make(name, Told(T, 6), reference, 1), np.zeros((1, 3)), 6, reference.frames)
+        run = follow(
+            make(name, TeamModel(T, 6), reference, 1), np.zeros((1, 3)), 6, reference.frames
+        )
         error = position_error(run, reference)
         maximum[name], mean[name] = error.max(), error.mean()
     # The compensated maximum is known (4.8 mm); an uncompensated loop with gain 15 / s and 0.1 s of dead time is near
@@ -139,7 +144,7 @@ def test_the_heading_returns_the_short_way_at_the_gain() -> None:
         gain = 5.0
         reference = TimedReference([[0, 0, 3.0]], LIMITS, T)
         run = follow(
-            make(name, Told(T, 0, heading_gain=gain), reference, 1), [[0.0, 0.0, -3.0]], 0, 60
+            make(name, TeamModel(T, 0, heading_gain=gain), reference, 1), [[0.0, 0.0, -3.0]], 0, 60
         )
         error = (2 * np.pi - 6) * (1 - gain * T) ** np.arange(60)
         # Roundings of angles of size 6.

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ways import TIMED, along, starts
 
-from omni_control import MotionLimits, Team, Told
+from omni_control import MotionLimits, Team, TeamModel
 
 LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)
 seeds = st.integers(0, 2**32 - 1)
@@ -134,10 +134,10 @@ def test_a_team_drives_on_as_if_nothing_had_been_mistaken(seed: int, share: floa
     lied, missed = errors.copy(), errors.copy()
     lied[wrong] += [1.5, 0.3, np.pi]
     missed[wrong] = np.nan
-    told, start = Told(T, 4), starts(n)
+    model, start = TeamModel(T, 4), starts(n)
     driven = [
         loop(
-            Team(make("comp-flc", told, along(TIMED, n), n), start),
+            Team(make("comp-flc", model, along(TIMED, n), n), start),
             Lagged(start, 4, alpha=0.9),
             each,
         )

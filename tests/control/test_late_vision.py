@@ -7,15 +7,15 @@ from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omni_control import Controller, MotionLimits, OmniError, Team, TimedReference, Told
+from omni_control import Controller, MotionLimits, OmniError, Team, TeamModel, TimedReference
 
 
 def estimated(
     measured: Array, displacement: Array, start: Array, age: Array
 ) -> tuple[Array, Array]:
     """Poses and twists (frames, n, 3) that a team believes in, of robots without dead time; ages are (frames, n)."""
-    told = Told(T, 0, lag_s=0.0, position_noise_m=NOISE[0], heading_noise_rad=NOISE[2])
-    team, seen = Team(Controller(told, None, len(start)), start), []  # type: ignore[arg-type]
+    model = TeamModel(T, 0, lag_s=0.0, position_noise_m=NOISE[0], heading_noise_rad=NOISE[2])
+    team, seen = Team(Controller(model, None, len(start)), start), []  # type: ignore[arg-type]
     for k, (pose, each) in enumerate(zip(measured, age, strict=True)):
         seen.append(team.observe(pose, age=each))
         team.last = displacement[min(k + 1, len(displacement) - 1)] / T
@@ -84,7 +84,7 @@ def test_a_perfect_robot_seen_late_is_tracked_exactly(seed: int, longest: float)
 def test_a_velocity_that_was_believed_does_not_confirm_itself(late: float) -> None:
     """Robots stop, seen to a micrometre, though the filter believes in 1 m/s that nobody commanded.
 
-    Seen to the bit, the gate would take it for a frozen image (`test_gate`). A quarter of a second after that can be
+    Observation to the bit, the gate would take it for a frozen image (`test_gate`). A quarter of a second after that can be
     seen it is forgotten; a filter that takes for seen what it carried on by that velocity would go on for good.
     """
     frames = np.arange(130)
@@ -108,13 +108,13 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
     ]
     seen = 0.01 * np.cumsum(rng.standard_normal((frames, 3, 3)), axis=0)
     seen[rng.random((frames, 3)) < 0.1] = np.nan
-    told, way = (
-        Told(T, 3),
+    model, way = (
+        TeamModel(T, 3),
         TimedReference([[0, 0, 0], [0.5, 0.3, 1]], MotionLimits(1.0, 1.0, 3.0, 6.0), T),
     )
 
     def commanded(rows: list[int]) -> Array:
-        team = Team(AdaptiveCompFlc(told, way, len(rows)), np.zeros((len(rows), 3)))
+        team = Team(AdaptiveCompFlc(model, way, len(rows)), np.zeros((len(rows), 3)))
         return np.array([team.step(seen[k, rows], age=ages[k, rows]) for k in range(frames)])
 
     together = commanded([0, 1, 2])
@@ -124,6 +124,6 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
 
 @pytest.mark.parametrize("age", [[-0.1], [np.nan], [np.inf], [0.1, 0.1], 0.1, "old"], ids=str)
 def test_ages_that_cannot_be_are_refused(age: object) -> None:
-    team = Team(Controller(Told(T, 0), None, 1), np.zeros((1, 3)))  # type: ignore[arg-type]
+    team = Team(Controller(TeamModel(T, 0), None, 1), np.zeros((1, 3)))  # type: ignore[arg-type]
     with pytest.raises(OmniError, match=r"^ages.* must be .*finite numbers"):
         team.observe(np.zeros((1, 3)), age=age)  # type: ignore[arg-type]

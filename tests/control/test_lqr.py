@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 from scipy.signal import cont2discrete
-from ways import KINDS, LIMITS, REST, STRAIGHT, along, told
+from ways import KINDS, LIMITS, REST, STRAIGHT, along, model
 
 from omni_control import MotionLimits, TimedReference
 
@@ -47,7 +47,7 @@ def gain_of(delay: int, lag: float) -> Array:
     """
     gains: list[Array] = []
     for part in range(2 + delay):
-        controller = Lqr(told(delay, lag), REST, 1)
+        controller = Lqr(model(delay, lag), REST, 1)
         robot, sent = controller.robot, commands_for(controller)
         pose, commands = (
             np.full((1, 3), LITTLE * (part == 0)),
@@ -59,13 +59,13 @@ def gain_of(delay: int, lag: float) -> Array:
             )  # brings a robot from rest to a mm/s
         for command in commands[:-1]:
             sent.push(command)
-            controller.command(0, seen_at(controller.told, pose, sent))
+            controller.command(0, seen_at(controller.model, pose, sent))
         if part == 1:
             pose = (T - robot.slide) * commands[
                 1
             ]  # where it is then, so that there is no disturbance
         sent.push(commands[-1])
-        answer = -controller.command(0, seen_at(controller.told, pose, sent))[0] / LITTLE
+        answer = -controller.command(0, seen_at(controller.model, pose, sent))[0] / LITTLE
         assert (answer == answer[0]).all(), "the same for all axes"
         gains.append(answer[0] - gains[0] * pose[0, 0] / LITTLE if part == 1 else answer[0])
     return np.array(gains)
@@ -94,7 +94,7 @@ def test_the_dead_time_is_taken_out_of_the_loop(
 
     def follow(delay: int, frames: int, first_frame: int) -> Array:
         return drive(
-            Lqr(told(delay, lag), along(kind), 1),
+            Lqr(model(delay, lag), along(kind), 1),
             Lagged([start], delay, lag),
             frames,
             first_frame=first_frame,
@@ -111,7 +111,7 @@ def test_with_a_lag_it_follows_a_constant_acceleration_exactly() -> None:
         for delay in [0, 6]:
             reference = TimedReference(STRAIGHT, LIMITS, T)
             plant = Lagged(np.zeros((1, 3)), delay, lag_frames * T)
-            run = drive(Lqr(told(delay, lag_frames * T), reference, 1), plant, 220)
+            run = drive(Lqr(model(delay, lag_frames * T), reference, 1), plant, 220)
             # Poles of 0.87 and less have forgotten the start after 200 frames.
             np.testing.assert_allclose(
                 run.pose[210:, 0], reference.poses[210:220], rtol=0, atol=1e-11
@@ -122,7 +122,7 @@ def test_a_weak_robot_has_no_lasting_error_at_constant_speed() -> None:
     """What it falls short by is a constant disturbance then, which is estimated and added to the command."""
     for alpha in [0.6, 0.8, 1.1]:
         reference = TimedReference(STRAIGHT, MotionLimits(speed=1.0), T)
-        controller = Lqr(told(6), reference, 1)
+        controller = Lqr(model(6), reference, 1)
         run = drive(controller, Lagged(np.zeros((1, 3)), 6, 0.02, alpha), 900)
         assert reference.poses[899, 0] < 20 - 1, "still under way"
         # The estimate's loop has a gain of 1 - alpha and some 0.15 s a round: 0.4^(14 s / 0.15 s) is only rounding.

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize
 
-from omni_control import MotionLimits, TimedReference, Told
+from omni_control import MotionLimits, TeamModel, TimedReference
 
 
 def program(seed: int, n: int, frames: int, asked: float) -> tuple[Array, Array, Limits]:
@@ -122,7 +122,7 @@ def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:
     reference = TimedReference(
         [[0, 0, 0], [1.5, 0, 0], [1.5, 1.0, 0]], MotionLimits(1.2, 4.5), T
     ).after_rest(15)
-    told = Told(T, 4, lag_s=0.02, position_noise_m=0, heading_noise_rad=0, limits=limits)
+    model = TeamModel(T, 4, lag_s=0.02, position_noise_m=0, heading_noise_rad=0, limits=limits)
     wanted, fastest = [], []
 
     def noted(command: Array, last: Array) -> Array:
@@ -131,7 +131,7 @@ def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:
         return command
 
     plant = Lagged(np.zeros((1, 3)), 4, alpha=0.9)
-    run = drive(make("mpc", told, reference, 1), plant, reference.frames, limits=noted)
+    run = drive(make("mpc", model, reference, 1), plant, reference.frames, limits=noted)
     assert (
         max(wanted) < 4.7 + 1e-5
     )  # 1e-9 m/s to which programs are solved, in a frame of 1/60 s, and some rounding

@@ -10,9 +10,9 @@ from benches.control import CONTROLLERS, checked_parameters, find, make, paramet
 from closed_loop import T
 from ways import TIMED
 
-from omni_control import Controller, ControllerError, Kinematics, MotionLimits, OmniError, Told
+from omni_control import Controller, ControllerError, Kinematics, MotionLimits, OmniError, TeamModel
 
-TOLD = Told(T, 6)
+TOLD = TeamModel(T, 6)
 
 
 class Gains(Controller):
@@ -104,19 +104,19 @@ def test_what_is_told_is_checked_and_can_be_compared() -> None:
         for angles in ([60, 135, 225, 300], [0, 120, 240])
     )
     again = Kinematics(np.radians([60.0, 135, 225, 300]), 0.08, 0.03)
-    tolds = [Told(T, 6, geometry=geometry) for geometry in (four, again, three, None)]
+    tolds = [TeamModel(T, 6, geometry=geometry) for geometry in (four, again, three, None)]
     assert tolds[0] == tolds[1]
     assert len(set(tolds)) == 3
     assert TOLD.limits == MotionLimits(3.7, 4.7, 26.0, 50.8)
     with pytest.raises(ValueError, match="read-only"):
         four.azimuths += 1
     with pytest.raises(OmniError) as error:
-        Told(0.0, -1, lag_s=np.nan, alpha=(0.9, 0.0), alpha_window_frames=1.5)  # type: ignore[arg-type]
+        TeamModel(0.0, -1, lag_s=np.nan, alpha=(0.9, 0.0), alpha_window_frames=1.5)  # type: ignore[arg-type]
     assert [line.split()[0] for line in str(error.value).split("\n")] == [
         "period", "delay_frames", "lag_s", "alpha_window_frames", "alpha",
     ]  # fmt: skip
     with pytest.raises(OmniError, match="delay_frames"):
-        Told(T, np.int64(-1))  # type: ignore[arg-type]
+        TeamModel(T, np.int64(-1))  # type: ignore[arg-type]
 
 
 def test_the_package_needs_no_simulator_and_scipy_only_when_it_must() -> None:

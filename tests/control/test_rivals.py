@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
-from ways import KINDS, LIMITS, REST, STRAIGHT, along, told
+from ways import KINDS, LIMITS, REST, STRAIGHT, along, model
 
 from omni_control import CommandsInFlight, TimedReference
 
@@ -22,7 +22,7 @@ def test_the_nominal_robot_is_its_differential_equation_sampled(
 ) -> None:
     """Displacement in the last frame, and state at the end of the dead time, are those of scipy's discretisation."""
     commands = np.random.default_rng(seed).uniform(-3, 3, (20, 1, 3))
-    robot = NominalRobot(told(delay, lag), 1)
+    robot = NominalRobot(model(delay, lag), 1)
     queue = CommandsInFlight(1, delay + 1)
     for command in commands:
         queue.push(command)
@@ -70,7 +70,7 @@ def test_p_returns_to_rest_along_the_poles_of_its_loop() -> None:
     A phase margin of 61 degrees is about that of a second-order loop with a damping of 0.6, which overshoots by 9 %.
     """
     for delay in range(10):
-        controller = Proportional(told(delay, 0.0), REST, 1)
+        controller = Proportional(model(delay, 0.0), REST, 1)
         start = np.array([[0.1, -0.1, 0.5]])
         error = drive(controller, Lagged(start, delay, 0.0), 400).pose[:, 0] / start
         polynomial = np.zeros(delay + 2)
@@ -94,7 +94,7 @@ def test_smith_takes_the_dead_time_out_of_the_loop(
 
     def follow(delay: int, frames: int, first_frame: int) -> np.ndarray:
         return drive(
-            Smith(told(delay, lag), along(kind), 1),
+            Smith(model(delay, lag), along(kind), 1),
             Lagged([start], delay, lag),
             frames,
             first_frame=first_frame,
@@ -114,7 +114,7 @@ def test_with_a_lag_smith_is_behind_an_acceleration_by_half_the_square_of_it() -
     """
     for lag_frames in [1, 2, 5]:
         reference, lag = TimedReference(STRAIGHT, LIMITS, T), lag_frames * T
-        run = drive(Smith(told(3, lag), reference, 1), Lagged(np.zeros((1, 3)), 3, lag), 200)
+        run = drive(Smith(model(3, lag), reference, 1), Lagged(np.zeros((1, 3)), 3, lag), 200)
         error = reference.poses[199, 0] - run.pose[-1, 0, 0]
         # The transient of a loop with a gain of 5 / s and more is 1e-6 of its first error after 3 s.
         assert error == pytest.approx(LIMITS.acceleration * lag * (lag + T) / 2, abs=1e-6)

@@ -22,17 +22,17 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from omni_control import CommandsInFlight, Kinematics, Seen, Told
+from omni_control import CommandsInFlight, Kinematics, Observation, TeamModel
 
 KNOWN = {"lag_s": 0.0267, "creep_s2_m": 0.06, "drag_m_s": 0.0375, "alpha": (0.92, 0.87)}
-PLAIN = Told(
+PLAIN = TeamModel(
     T, 6, lag_s=0.04, creep_s2_m=0.06, drag_m_s=0.0, alpha=(0.9, 0.8)
 )  # no geometry, no coupling of turning
 number = st.floats(-1, 1)
 
 
-def filter_of(told: Told, n: int = 1) -> RobotFilter:
-    return RobotFilter(told, n, tuple(NOISE))
+def filter_of(model: TeamModel, n: int = 1) -> RobotFilter:
+    return RobotFilter(model, n, tuple(NOISE))
 
 
 @given(st.tuples(*[number] * 5))
@@ -59,7 +59,7 @@ def test_a_step_is_the_solution_of_the_law(drawn: tuple[float, ...]) -> None:
 @given(st.tuples(*[number] * 7))
 def test_the_inverse_leads_from_one_velocity_to_another(drawn: tuple[float, ...]) -> None:
     """With all that the law knows, but for friction where motions are slow, and loads that follow the real command."""
-    model = filter_of(Told(T, 6, geometry=WHEELS, **{**KNOWN, "drag_m_s": 0.0}))  # type: ignore[arg-type]
+    model = filter_of(TeamModel(T, 6, geometry=WHEELS, **{**KNOWN, "drag_m_s": 0.0}))  # type: ignore[arg-type]
     before = np.array([[2 * drawn[0], 2 * drawn[1], 0.0]])
     after = before + 0.05 * np.array([[drawn[2], drawn[3], 0.0]])
     model.state[:] = model.prior
@@ -73,11 +73,11 @@ def test_the_inverse_leads_from_one_velocity_to_another(drawn: tuple[float, ...]
 
 
 def identify(
-    told: Told, robots: Creeping, frames: int, seed: int = 0, tail: int = 0
+    model: TeamModel, robots: Creeping, frames: int, seed: int = 0, tail: int = 0
 ) -> RobotFilter:
     """What is found of robots that weave about, each its own way; in the last `tail` frames nothing is asked."""
     n, rng = len(robots.pose), np.random.default_rng(seed)
-    model = filter_of(told, n)
+    model = filter_of(model, n)
     sent = CommandsInFlight(n, model.memory_frames)
     phase, rate = rng.uniform(0, 2 * np.pi, (2, 1, n, 3)) * [1, 1, 1]
     commands = np.array([1.0, 1.0, 2.0]) * np.sin(
@@ -89,7 +89,9 @@ def identify(
         image = robots.pose + NOISE * rng.standard_normal(robots.pose.shape)
         image[:, 2] = np.angle(np.exp(1j * image[:, 2]))
         model.observe(
-            Seen(robots.pose, np.zeros((n, 3)), image, sent.of(slice(None)), T, told.delay_frames)
+            Observation(
+                robots.pose, np.zeros((n, 3)), image, sent.of(slice(None)), T, model.delay_frames
+            )
         )
         sent.push(command)
         robots.advance(command)
@@ -100,7 +102,7 @@ def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
     """Robots that differ from what is told, within twice the standard deviations that the filter states, on average."""
     truth = {"delay": 7, "creep": 0.075, "lag": 0.025, "alpha": (0.98, 0.92, 0.95)}
     found = identify(
-        Told(T, 6, geometry=WHEELS, **KNOWN), Creeping(np.zeros((20, 3)), **truth), 480
+        TeamModel(T, 6, geometry=WHEELS, **KNOWN), Creeping(np.zeros((20, 3)), **truth), 480
     )  # type: ignore[arg-type]
     sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
     actual = np.array([1 / 0.98, 1 / 0.92, 1 / 0.95, 7.0, 0.075])
@@ -112,10 +114,10 @@ def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
 
 def test_what_is_not_shown_is_forgotten() -> None:
     """At rest parameters go back to what is told, with a time constant of 12 s."""
-    told, away = Told(T, 6, geometry=WHEELS, **KNOWN), []  # type: ignore[arg-type]
+    model, away = TeamModel(T, 6, geometry=WHEELS, **KNOWN), []  # type: ignore[arg-type]
     for tail in (10, 730):
         found = identify(
-            told, Creeping(np.zeros((1, 3)), alpha=(1.05, 1.0, 1.0)), 240 + tail, tail=tail
+            model, Creeping(np.zeros((1, 3)), alpha=(1.05, 1.0, 1.0)), 240 + tail, tail=tail
         )
         away.append(abs(found.state[0, 11] - 1 / 0.92))
     assert away[1] == pytest.approx(away[0] * math.exp(-1), rel=0.15)
@@ -124,24 +126,24 @@ def test_what_is_not_shown_is_forgotten() -> None:
 @pytest.mark.parametrize("hand", [0.05, 0.3, 1.0])
 def test_a_robot_that_is_put_elsewhere_has_not_driven_there(hand: float) -> None:
     """It is where it is seen; velocity, what pushes it and its parameters stay."""
-    told = Told(T, 6, geometry=WHEELS, **KNOWN)  # type: ignore[arg-type]
+    model = TeamModel(T, 6, geometry=WHEELS, **KNOWN)  # type: ignore[arg-type]
     robots = Creeping(np.zeros((1, 3)))
-    found = identify(told, robots, 200)
+    found = identify(model, robots, 200)
     before = found.state.copy()
     image = robots.pose + np.array([hand, 0, 0])
     image[:, 2] = np.angle(np.exp(1j * image[:, 2]))
     sent = CommandsInFlight(1, found.memory_frames)
-    found.observe(Seen(robots.pose, np.zeros((1, 3)), image, sent.of(slice(None)), T, 6))
+    found.observe(Observation(robots.pose, np.zeros((1, 3)), image, sent.of(slice(None)), T, 6))
     np.testing.assert_allclose(found.state[0, :2], image[0, :2], rtol=0, atol=1e-6)
     np.testing.assert_allclose(found.state[0, 9:], before[0, 9:], rtol=0.01, atol=0.01)
     assert np.abs(found.state[0, DISTURBANCE] - before[0, DISTURBANCE]).max() < 0.02
 
 
 def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
-    told = Told(T, 6, geometry=WHEELS, **KNOWN)  # type: ignore[arg-type]
+    model = TeamModel(T, 6, geometry=WHEELS, **KNOWN)  # type: ignore[arg-type]
 
     def found(rows: list[int]) -> Array:
-        rng, model = np.random.default_rng(0), filter_of(told, len(rows))
+        rng, model = np.random.default_rng(0), filter_of(model, len(rows))
         sent, images = (
             CommandsInFlight(len(rows), model.memory_frames),
             rng.normal(0, 0.01, (40, 3, 3)),
@@ -149,7 +151,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
         images[rng.random((40, 3)) < 0.1] = np.nan
         for image in images:
             pose = np.zeros((len(rows), 3))
-            model.observe(Seen(pose, pose, image[rows], sent.of(slice(None)), T, 6))
+            model.observe(Observation(pose, pose, image[rows], sent.of(slice(None)), T, 6))
             sent.push(20 * np.nan_to_num(image[rows]))
         return model.state
 

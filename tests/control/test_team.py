@@ -8,31 +8,33 @@ from benches.control import CONTROLLERS, Array, CommandLimits, KalmanFilter, mak
 from closed_loop import Plant, T, loop, reported
 from ways import KINDS, TIGHT, TIMED, Knowing, Straight, along, noise_of, plant_of, starts
 
-from omni_control import CommandsInFlight, Controller, OmniError, Seen, Team, Told
+from omni_control import CommandsInFlight, Controller, Observation, OmniError, Team, TeamModel
 
 
 def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Array:
     """Commands (frames, n, 3): queue, filter, controllers with n robots in all, limits, each as it stands."""
-    told, n, sent = controllers[0].told, noise.shape[1], np.zeros((noise.shape[1], 3))
+    model, n, sent = controllers[0].model, noise.shape[1], np.zeros((noise.shape[1], 3))
     kalman, limits = (
-        KalmanFilter(plant.pose, T, told.vision_noise),
-        CommandLimits([told.limits] * n, T),
+        KalmanFilter(plant.pose, T, model.vision_noise),
+        CommandLimits([model.limits] * n, T),
     )
     queue, commands = CommandsInFlight(n, 40), []
     for frame, error in enumerate(noise):
         measured = reported(plant.pose + error)
         queue.push(sent)
-        estimate = kalman.update(measured, queue.felt(told.latency_frames) * T)
+        estimate = kalman.update(measured, queue.felt(model.latency_frames) * T)
         wanted, first = [], 0
         for controller in controllers:
-            rows = slice(first, first := first + len(controller.predicted))
+            rows = slice(first, first := first + len(controller.predicted_pose))
             known = (
                 (plant.pose, plant.twist, plant.pose)
                 if controller.knows_truth
                 else (estimate, kalman.twist, measured)
             )
-            seen = Seen(*(values[rows] for values in known), queue.of(rows), T, told.delay_frames)
-            wanted.append(controller.command(frame, seen))
+            seen = Observation(
+                *(values[rows] for values in known), queue.of(rows), T, model.delay_frames
+            )
+            wanted.append(controller.command(frame, observation))
         sent = limits(np.concatenate(wanted), sent)
         commands.append(sent)
         plant.advance(sent)
@@ -41,9 +43,9 @@ def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Ar
 
 def test_it_is_the_loop_written_by_hand() -> None:
     """Every controller, side by side in one team, bit for bit."""
-    told, start = Told(T, 6, limits=TIGHT), starts(2 * len(CONTROLLERS))
+    model, start = TeamModel(T, 6, limits=TIGHT), starts(2 * len(CONTROLLERS))
     for kind in KINDS:
-        made = [[make(name, told, along(kind, 2), 2) for name in CONTROLLERS] for _ in range(2)]
+        made = [[make(name, model, along(kind, 2), 2) for name in CONTROLLERS] for _ in range(2)]
         expected = by_hand(made[0], plant_of(start), noise_of(len(start)))
         assert np.array_equal(
             loop(Team(made[1], start), plant_of(start), noise_of(len(start)))["command"], expected
@@ -56,12 +58,12 @@ def test_it_is_the_loop_written_by_hand() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
     """Each robot's every number, under every controller, is bit for bit its own: of one alone, and of some."""
-    n, told = 4, Told(T, 5)
+    n, model = 4, TeamModel(T, 5)
     start, noise = starts(n), noise_of(n)
     for name in CONTROLLERS:
 
         def run(*rows: int, name: str = name) -> dict[str, Array]:
-            team = Team(make(name, told, along(kind, len(rows)), len(rows)), start[list(rows)])
+            team = Team(make(name, model, along(kind, len(rows)), len(rows)), start[list(rows)])
             return loop(team, plant_of(start, list(rows)), noise[:, rows])
 
         batch = run(0, 1, 2, 3)
@@ -74,7 +76,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
 
 def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> None:
     """What one sees, and the whole team's view; the pose to which commands in flight lead is equation 11's sum."""
-    tolds, start = (Told(T, 3), Told(T, 0, limits=TIGHT), Told(T, 5)), starts(6)
+    tolds, start = (TeamModel(T, 3), TeamModel(T, 0, limits=TIGHT), TeamModel(T, 5)), starts(6)
     made = [Straight(tolds[0], TIMED, 2), Knowing(tolds[1], TIMED, 1), Straight(tolds[2], TIMED, 3)]
     team, plant = Team(made, start), plant_of(start)
     commands, seen, true = [np.zeros((6, 3))] * 9, [], []
@@ -84,9 +86,9 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
         np.testing.assert_array_equal(seen[-1].measured, measured)
         np.testing.assert_array_equal(seen[-1].pose, team.estimate)
         true.append((plant.pose, plant.twist))
-        for told, rows in zip(tolds, (slice(0, 2), slice(2, 3), slice(3, 6)), strict=True):
+        for model, rows in zip(tolds, (slice(0, 2), slice(2, 3), slice(3, 6)), strict=True):
             way = np.zeros((rows.stop - rows.start, 3))
-            for i in range(1, told.delay_frames + 1):  # the commands of k - k_d to k - 1
+            for i in range(1, model.delay_frames + 1):  # the commands of k - k_d to k - 1
                 way += T * commands[-i][rows]
             # A sum of five commands of size 1, in two orders.
             np.testing.assert_allclose(
@@ -96,7 +98,7 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
         plant.advance(commands[-1])
     for controller, rows in zip(made, (slice(0, 2), slice(2, 3), slice(3, 6)), strict=True):
         for k, own in enumerate(controller.saw):
-            delay, memory = controller.told.delay_frames, controller.memory_frames
+            delay, memory = controller.model.delay_frames, controller.memory_frames
             known = (
                 (*true[k], true[k][0])
                 if controller.knows_truth
@@ -110,10 +112,16 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
 
 
 def test_who_writes_into_what_a_team_returns_changes_nothing() -> None:
-    team, other = (Team(Straight(Told(T, 4), TIMED, 2), starts(2)) for _ in range(2))
+    team, other = (Team(Straight(TeamModel(T, 4), TIMED, 2), starts(2)) for _ in range(2))
     for measured in noise_of(2, 10):
         seen = other.observe(measured)
-        for values in (seen.pose, seen.twist, seen.measured, other.estimate, seen.steps[0].behind):
+        for values in (
+            observation.pose,
+            observation.twist,
+            observation.measured_pose,
+            other.estimate,
+            seen.filter_steps[0].behind,
+        ):
             with pytest.raises(ValueError, match="read-only"):
                 values += 1.0
         command = other.command()
@@ -125,14 +133,16 @@ def test_who_writes_into_what_a_team_returns_changes_nothing() -> None:
 
 
 class Talking(Straight):
-    def command(self, frame: int, seen: Seen) -> Array:
-        self.channels["number"] = np.full(len(seen.pose), float(frame))
-        self.channels["pair"] = seen.pose[:, :2]
-        return super().command(frame, seen)
+    def command(self, frame: int, observation: Observation) -> Array:
+        self.channels["number"] = np.full(len(observation.pose), float(frame))
+        self.channels["pair"] = observation.pose[:, :2]
+        return super().command(frame, observation)
 
 
 def test_channels_of_a_controllers_own_are_put_together() -> None:
-    team = Team([Straight(Told(T, 2), TIMED, 1), Talking(Told(T, 2), TIMED, 2)], starts(3))
+    team = Team(
+        [Straight(TeamModel(T, 2), TIMED, 1), Talking(TeamModel(T, 2), TIMED, 2)], starts(3)
+    )
     assert team.channels == {}
     team.step(starts(3))
     team.step(starts(3))
@@ -143,8 +153,8 @@ def test_channels_of_a_controllers_own_are_put_together() -> None:
 
 
 def test_nonsense_is_refused() -> None:
-    told, poses = Told(T, 2), starts(3)
-    one, two = Straight(told, TIMED, 1), Straight(told, TIMED, 2)
+    model, poses = TeamModel(T, 2), starts(3)
+    one, two = Straight(model, TIMED, 1), Straight(model, TIMED, 2)
     refused: list[tuple[str, Callable[[], object]]] = [
         ("one controller each", lambda: Team(one, poses)),
         ("one controller each", lambda: Team([one, two], poses, [[0], [0, 1]])),
@@ -152,8 +162,8 @@ def test_nonsense_is_refused() -> None:
         ("one controller each", lambda: Team([], poses)),
         (r"finite poses \(n, 3\)", lambda: Team(one, np.zeros(3))),
         (r"finite poses \(n, 3\)", lambda: Team(one, [[np.nan, 0, 0]])),
-        ("same length", lambda: Team([one, Straight(Told(T / 2, 2), TIMED, 2)], poses)),
-        ("knows the truth", lambda: Team(Knowing(told, TIMED, 1), poses[:1]).step(poses[:1])),
+        ("same length", lambda: Team([one, Straight(TeamModel(T / 2, 2), TIMED, 2)], poses)),
+        ("knows the truth", lambda: Team(Knowing(model, TIMED, 1), poses[:1]).step(poses[:1])),
         (r"\(1, 3\), not of shape \(3, 3\)", lambda: Team(one, poses[:1]).step(poses)),
         ("observed before", lambda: Team(one, poses[:1]).command()),
         ("commands must be finite", lambda: Team(one, poses[:1]).command([[np.nan] * 3])),

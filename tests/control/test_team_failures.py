@@ -9,7 +9,7 @@ from benches.control import Array, make
 from closed_loop import T, loop
 from ways import TIMED, Knowing, Straight, noise_of, plant_of, starts
 
-from omni_control import ControllerError, OmniError, Seen, Team, Told
+from omni_control import ControllerError, Observation, OmniError, Team, TeamModel
 
 
 class Failing(Straight):
@@ -17,8 +17,8 @@ class Failing(Straight):
 
     how: str = ""
 
-    def command(self, frame: int, seen: Seen) -> Array:
-        command = super().command(frame, seen).copy()
+    def command(self, frame: int, observation: Observation) -> Array:
+        command = super().command(frame, observation).copy()
         if frame == 5:
             if self.how == "raise":
                 raise KeyError("no way")
@@ -53,45 +53,47 @@ FAILURES: dict[str, tuple[int, list[int], str]] = {  # the frame, the rows, what
 
 
 def team_with(how: str, on_failure: Callable[..., None] | None = None) -> Team:
-    told = Told(T, 2)
+    model = TeamModel(T, 2)
     made = [
-        Straight(told, TIMED, 2),
-        make(Failing, told, TIMED, 3, {"how": how}),
-        Knowing(told, TIMED, 1),
+        Straight(model, TIMED, 2),
+        make(Failing, model, TIMED, 3, {"how": how}),
+        Knowing(model, TIMED, 1),
     ]
     return Team(made, starts(6), on_failure=on_failure)
 
 
 def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
-    """Told once, with the reason; they say nothing more, and no bit of the others changes."""
+    """TeamModel once, with the reason; they say nothing more, and no bit of the others changes."""
     quiet = loop(team_with(""), plant_of(starts(6)), noise_of(6, 12))
     for how, (frame, rows, says) in FAILURES.items():
-        told: list[tuple[int, list[int]]] = []
+        model: list[tuple[int, list[int]]] = []
 
         def handle(
-            failed: Array, reason: ControllerError, told: list[Any] = told, says: str = says
+            failed: Array, reason: ControllerError, model: list[Any] = model, says: str = says
         ) -> None:
-            assert not told, "once"
-            told.append(failed.tolist())
+            assert not model, "once"
+            model.append(failed.tolist())
             with pytest.raises(ControllerError, match=says):
                 raise reason
 
         team = team_with(how, handle)
         said = loop(team, plant_of(starts(6)), noise_of(6, 12))
-        assert (told, np.flatnonzero(team.failed).tolist()) == ([rows], rows), how
+        assert (model, np.flatnonzero(team.failed).tolist()) == ([rows], rows), how
         others = [row for row in range(6) if row not in rows]
         for name, values in said.items():
             np.testing.assert_array_equal(values[:, others], quiet[name][:, others], err_msg=how)
             np.testing.assert_array_equal(values[:frame], quiet[name][:frame], err_msg=how)
         assert (said["command"][frame:, rows] == 0).all()
-        assert np.isnan(said["predicted"][frame:, rows]).all()
+        assert np.isnan(said["predicted_pose"][frame:, rows]).all()
         with pytest.raises(ControllerError, match=says):
             loop(team_with(how), plant_of(starts(6)), noise_of(6, 12))
 
 
 def test_a_robot_that_was_stopped_is_left_alone() -> None:
     """Whatever vision and truth say of it from then on; an infinite pose of another is refused."""
-    team = Team([Straight(Told(T, 2), TIMED, 2), Knowing(Told(T, 2), TIMED, 2)], starts(4))
+    team = Team(
+        [Straight(TeamModel(T, 2), TIMED, 2), Knowing(TeamModel(T, 2), TIMED, 2)], starts(4)
+    )
     team.step(starts(4), (starts(4), np.zeros((4, 3))))
     team.stop([1, 3])
     broken = starts(4)
@@ -100,6 +102,6 @@ def test_a_robot_that_was_stopped_is_left_alone() -> None:
         command = team.step(broken, (broken, broken))
         assert np.isfinite(command).all()
         assert (command[[1, 3]] == 0).all()
-        assert np.isnan(team.predicted).any(1).tolist() == [False, True, False, True]
+        assert np.isnan(team.predicted_pose).any(1).tolist() == [False, True, False, True]
     with pytest.raises(OmniError, match="what vision reports must be finite"):
         team.observe(np.full((4, 3), np.inf), (broken, broken))

@@ -45,13 +45,13 @@ def tracks(
 class Policy(om.Controller):
     """The same as a controller."""
 
-    def __init__(self, told: Any, reference: Any, n: int) -> None:
-        super().__init__(told, reference, n)
+    def __init__(self, model: Any, reference: Any, n: int) -> None:
+        super().__init__(model, reference, n)
         self.memory_frames = MEMORY
 
-    def command(self, frame: int, seen: om.Seen) -> np.ndarray:
-        observed = omni_mj.gym.observation(frame, seen, self.reference, MEMORY)
-        return omni_mj.gym.command(answer(observed, 4.0), seen, self.told.limits)
+    def command(self, frame: int, observation: om.Observation) -> np.ndarray:
+        observed = omni_mj.gym.observation(frame, observation, self.reference, MEMORY)
+        return omni_mj.gym.command(answer(observed, 4.0), observation, self.model.limits)
 
 
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
@@ -65,7 +65,7 @@ def test_gymnasium_finds_nothing_wrong(plant: str) -> None:
 def test_a_policy_is_rewarded_for_the_errors_that_it_makes_as_a_controller() -> None:
     """Of the same seed, and so with the same noise and the same numbers drawn; measured there from the run's table."""
     changes = {**DRAWN, "plant": "planar"}
-    result = om.run(om.scenario("rect", **changes), [Policy], seeds=[5])
+    result = om.run(om.load_scenario("rect", **changes), [Policy], seeds=[5])
     table = result.frames().to_pydict()
     x, y, turn = (np.subtract(table[a], table[f"ref_{a}"]) for a in ("x_m", "y_m", "heading_rad"))
     expected = -(np.hypot(x, y) + 0.09 * np.abs(turn))
@@ -100,7 +100,7 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
     step = 1 / 60
     forward = np.array([np.cos(1.0), np.sin(1.0)])
     reference = (
-        om.Simulation(om.scenario("rect", reference=route), ["p"]).references[0].poses[:, :2]
+        om.Simulation(om.load_scenario("rect", reference=route), ["p"]).references[0].poses[:, :2]
     )
     sent = [0.0] * (memory + delay)
     for frame in range(1, 20):
@@ -167,7 +167,9 @@ def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> No
         assert not truncated
         rewards.append(reward)
     frames = (
-        om.Simulation(om.scenario("rect", plant="kinematic", reference=SHORT)).references[0].frames
+        om.Simulation(om.load_scenario("rect", plant="kinematic", reference=SHORT))
+        .references[0]
+        .frames
         - 1
     )
     assert info["distance_m"] > 0.2
@@ -196,7 +198,7 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
         ({"plant": "planer"}, "unknown plant"),
         ({"memory": 0}, "memory must be from 1"),
         ({"lost_m": 0.0}, "lost_m above 0"),
-        ({"world": {"places": [[0, 0, 0], [0, 2, 0]]}}, "an environment is one robot"),
+        ({"world": {"start_poses": [[0, 0, 0], [0, 2, 0]]}}, "an environment is one robot"),
         ({"radio": {"delay_frames": {"normal": [6, 1]}}}, "give memory="),
         ({"autoreset_mode": "SameStep"}, "must be NextStep or Disabled"),
     ],
@@ -208,7 +210,7 @@ def test_what_is_not_allowed_is_said_in_a_line(given: dict[str, Any], words: str
 
 def test_a_scenario_of_a_controller_with_parameters_will_do() -> None:
     """Of any scenario; who drives in it otherwise does not matter."""
-    other = om.scenario(
+    other = om.load_scenario(
         "rect", plant="kinematic", controllers=[Policy, Tuned], controller={"Tuned": {"gain": 2.0}}
     )
     seen, _ = track(other).reset(seed=0)

@@ -63,7 +63,7 @@ def test_the_loop_in_one_process_is_reproduced_over_the_wire(delay: int) -> None
     noise of 0.01 rad, by a gain of 2/s at 60 Hz, is 0.01 sqrt(2/60/2) = 1.3 mrad, times the 0.67 m of the route 0.9 mm.
     """
     route = {"waypoints": [[0, 0, 0], [0.6, 0.3, 0.5]], "settle_s": 0}
-    chosen = om.scenario(
+    chosen = om.load_scenario(
         "rect", controllers=["comp-flc"], reference=route, radio={"delay_frames": delay}
     )
     log, team = om.Simulation(chosen).run(), om.Simulation(chosen).team

@@ -143,10 +143,10 @@ def test_robots_that_come_and_go_are_recorded_frame_by_frame(tmp_path: Path) -> 
     table = pl.read_parquet(tmp_path / "trajectory.parquet")
     counts = {
         key: len(rows)
-        for key, rows in table.partition_by("controller", "place", as_dict=True).items()
+        for key, rows in table.partition_by("controller", "slot", as_dict=True).items()
     }
     assert counts == {("blue", 0): 650, ("blue", 1): 40, ("yellow", 0): 650, ("yellow", 9): 605}
-    blue = table.filter((pl.col("controller") == "blue") & (pl.col("place") == 0)).sort("frame")
+    blue = table.filter((pl.col("controller") == "blue") & (pl.col("slot") == 0)).sort("frame")
     assert blue["frame"].to_list() == list(range(1, 651))
     np.testing.assert_allclose(blue["time_s"], np.arange(1, 651) / 60)
     assert (blue["command_vx_m_s"] == 0.5).all()
@@ -182,7 +182,7 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
     assert times["provenance.json"] == min(times.values()), (
         "by which --overwrite knows a folder, whenever it is killed"
     )
-    assert om.scenario(out / "scenario.toml").robot == "tigers-v2020"
+    assert om.load_scenario(out / "scenario.toml").robot == "tigers-v2020"
     assert len(pl.read_parquet(out / "trajectory.parquet")) == 2 * 45
     for command in ("verify", "report"):
         assert invoke(command, out) == 2

@@ -81,7 +81,7 @@ def test_a_robot_that_spins_drives_where_the_field_s_velocity_leads(sets: tuple[
 
 
 def test_robots_stop_that_receive_nothing_for_a_tenth_of_a_second() -> None:
-    """Told once, a robot drives for 96 cycles and then brakes, as one does that is told to stand in that cycle."""
+    """TeamModel once, a robot drives for 96 cycles and then brakes, as one does that is told to stand in that cycle."""
     silent, told = (Field(*QUIET, FAST) for _ in range(2))
     for field in (silent, told):
         field.command(local(0, 1.5))
@@ -104,7 +104,7 @@ def test_walls_hold_a_robot_that_drives_into_a_corner() -> None:
 
 
 def test_a_teleport_gives_the_velocity_it_says() -> None:
-    """Told to go on at the metre a second at which it rolls, a robot is 0.1 s further, but for creep and drag."""
+    """TeamModel to go on at the metre a second at which it rolls, a robot is 0.1 s further, but for creep and drag."""
     field = Field(*QUIET, FAST, "firmware.timeout_s=0")
     field.drive(20, local(0, 1.5))
     assert field.put(0, 2.0, -1.0, 2.5, v_x=-0.8, v_y=0.6) == []

@@ -36,7 +36,7 @@ def write(tmp_path: Path) -> Write:
 
 def numbers_of(file: str) -> dict[str, dict[str, Any]]:
     """Return the settings that a model says, by section and field."""
-    plain = om.scenario("rect", model=file).settings.plain()
+    plain = om.load_scenario("rect", model=file).settings.plain()
     chosen = {
         section: {name: plain[section][name] for name in names or plain[section]}
         for section, names in FROM_MODEL.items()
@@ -48,7 +48,7 @@ def numbers_of(file: str) -> dict[str, dict[str, Any]]:
 def path(**sections: Any) -> NDArray:
     """True poses (frames, 3) on a short way; wheels of two rollers, for speed, unless told otherwise."""
     sections["wheels"] = {"model": "two-rollers"} | sections.get("wheels", {})
-    chosen = om.scenario("rect", controllers=["comp-flc"], reference=WAY, **sections)
+    chosen = om.load_scenario("rect", controllers=["comp-flc"], reference=WAY, **sections)
     result = om.run(chosen)
     assert not result.failures, result.failures
     frames = result.frames()
@@ -72,7 +72,7 @@ def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
     saved.compile()
     for model, tolerance in ((text, 2e-4), (saved.to_xml(), 5e-4)):
         file = write(model)
-        numbers, settings = numbers_of(file), om.scenario("rect").settings.plain()
+        numbers, settings = numbers_of(file), om.load_scenario("rect").settings.plain()
         for section, fields in numbers.items():
             for name, value in fields.items():
                 np.testing.assert_allclose(
@@ -114,7 +114,7 @@ def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
     by_model, by_numbers = path(model=file), path(**numbers)
     assert np.abs(by_numbers).max(0)[0] > 0.28, "it has driven"
     assert np.abs(by_model - by_numbers).max() < 1e-3
-    assert om.scenario("rect", model=file).settings.wheels.azimuths_deg == tuple(
+    assert om.load_scenario("rect", model=file).settings.wheels.azimuths_deg == tuple(
         wheels["azimuths_deg"]
     )
 
@@ -138,12 +138,12 @@ def test_a_motor_that_drives_no_wheel_is_left_alone(write: Write) -> None:
 
 def test_several_share_a_world_and_meet(write: Write) -> None:
     """Each with its own parts; what they meet with must be said."""
-    places = {"places": [[0, 0, 0], [0, 1, 0]]}
+    places = {"start_poses": [[0, 0, 0], [0, 1, 0]]}
     with pytest.raises(om.OmniError, match=r"no hull; .* class 'hull'"):
-        om.Simulation(om.scenario("rect", model=write(written(THREE)), world=places), ["flc"])
+        om.Simulation(om.load_scenario("rect", model=write(written(THREE)), world=places), ["flc"])
     file = write(written(THREE).replace('name="plate"', 'class="hull"'))
     frames = om.run(
-        om.scenario("rect", model=file, world=places, reference=WAY), ["comp-flc"]
+        om.load_scenario("rect", model=file, world=places, reference=WAY), ["comp-flc"]
     ).frames()
     off = [np.subtract(frames[name], frames[f"ref_{name}"]) for name in ("x_m", "y_m")]
     assert np.hypot(*off).max() < 0.05
@@ -153,5 +153,5 @@ def test_worn_rollers_must_be_barrels_about_z(write: Write) -> None:
     """What is worn is written into the first two semi-axes; models that have others there are refused."""
     worn: dict[str, Any] = {"variation": {"wear_m": 1e-4}, "reference": WAY, "controllers": ["flc"]}
     with pytest.raises(om.OmniError, match="ellipsoids about their z axes"):
-        om.Simulation(om.scenario("rect", model=write(written(FOUR)), **worn))
-    om.Simulation(om.scenario("rect", model=str(ROBOT), **worn))
+        om.Simulation(om.load_scenario("rect", model=write(written(FOUR)), **worn))
+    om.Simulation(om.load_scenario("rect", model=str(ROBOT), **worn))

@@ -54,7 +54,7 @@ def test_what_a_model_lacks_is_named_with_its_file(tmp_path: Path) -> None:
             assert count, pattern
         file.write_text(text)
         with pytest.raises(om.OmniError) as error:
-            om.scenario("rect", model=str(file))
+            om.load_scenario("rect", model=str(file))
         said = str(error.value).splitlines()
         assert len(said) == lines, said
         assert all(line.startswith("mine.xml") and re.search(says, line) for line in said), (
@@ -68,7 +68,7 @@ def test_what_is_given_beside_it_must_not_contradict_it(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
     file.write_text(TEXT)
     with pytest.raises(om.OmniError) as error:
-        om.scenario(
+        om.load_scenario(
             "rect",
             model=str(file),
             body={"mass_kg": 3.0},
@@ -80,7 +80,7 @@ def test_what_is_given_beside_it_must_not_contradict_it(tmp_path: Path) -> None:
         "body.mass_kg = 3.0 contradicts mine.xml, which has 2.3995; change the model"
     )
     assert second.startswith("wheels.arm_m = 0.07 contradicts mine.xml, which has 0.08; ")
-    chosen = om.scenario("rect", model=str(file), robot="ssl-a-team")
+    chosen = om.load_scenario("rect", model=str(file), robot="ssl-a-team")
     again = chosen.replace(settings=chosen.settings.replace(body={"mass_kg": 2.0}))
     with pytest.raises(om.OmniError, match=r"body.mass_kg = 2.0 contradicts mine.xml"):
         om.Simulation(again, ["flc"])
@@ -122,7 +122,7 @@ def test_the_command_line_takes_it_and_tells(
 
 
 def test_a_robots_file_may_name_it_and_leave_out_what_it_says(tmp_path: Path) -> None:
-    """Beside itself, wherever the program is called; `om.robot` then tells what follows from both."""
+    """Beside itself, wherever the program is called; `om.load_robot` then tells what follows from both."""
     (tmp_path / "mine.xml").write_text(TEXT)
     ours = tomllib.loads((Path(om.__file__).parent / "robots" / "tigers-v2016.toml").read_text())
     lines = ["[model]", 'file = "mine.xml"']
@@ -136,9 +136,9 @@ def test_a_robots_file_may_name_it_and_leave_out_what_it_says(tmp_path: Path) ->
             ),
         ]
     (tmp_path / "mine.toml").write_text("\n".join(lines))
-    robot = om.robot(tmp_path / "mine.toml")
+    robot = om.load_robot(tmp_path / "mine.toml")
     assert robot.facts["mass_kg"] == pytest.approx(2.2 + 3 * (0.044 + 15 * 0.0015))
-    assert om.scenario("rect", robot=robot).settings.motor.gear == 3.2
+    assert om.load_scenario("rect", robot=robot).settings.motor.gear == 3.2
     (tmp_path / "mine.xml").unlink()
     with pytest.raises(om.OmniError, match=r"there is no model .*mine.xml"):
-        om.robot(tmp_path / "mine.toml")
+        om.load_robot(tmp_path / "mine.toml")

@@ -94,7 +94,7 @@ def test_a_rectangle_is_driven_alike(turn: float) -> None:
 
 @pytest.mark.parametrize("friction", [0.3, 0.8])
 def test_sliding_robots_go_the_same_way(friction: float) -> None:
-    """Told to be at 3 m/s at once; within 1 % of the way."""
+    """TeamModel to be at 3 m/s at once; within 1 % of the way."""
     commands = constant([[3.0, 0, 0], [0, 3.0, 0], [-2.1, 2.1, 0]], 30, 3)
     poses = [
         drive(

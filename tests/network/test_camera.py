@@ -138,7 +138,7 @@ def test_late_images_of_a_robot_that_does_as_told_are_as_good_as_any(
 ) -> None:
     """Without noise, and where commands are all that moves a robot, where it was says where it is."""
     result = om.run(
-        om.scenario(
+        om.load_scenario(
             "rect", plant="kinematic", vision=SHARP | vision, radio={"delay_frames": 1},
             kinematic={"alpha_low": 1.0, "alpha_high": 1.0}, reference={"waypoints": [[0, 0], [1, 0.5], [0, 0]]},
         ),

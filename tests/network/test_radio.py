@@ -175,7 +175,7 @@ def test_packets_to_some_robots_leave_the_others_with_what_they_hold() -> None:
 
 def test_a_longer_dead_time_is_that_of_a_radio_of_which_the_team_believes_the_old_one() -> None:
     """To the last bit."""
-    chosen = om.scenario(
+    chosen = om.load_scenario(
         "rect", plant="planar", reference={"waypoints": [[0, 0, 0], [0.2, 0, 1.0]], "settle_s": 0.2}
     )
     told = chosen.settings.replace(radio={"delay_frames": 9}, control={"delay_error_frames": -3})

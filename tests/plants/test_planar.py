@@ -152,7 +152,7 @@ def test_a_robot_that_would_topple_stops_and_leaves_the_others_alone() -> None:
 def test_robots_that_could_meet_are_refused() -> None:
     with pytest.raises(OmniError, match=r"plant planar"):
         om.Simulation(
-            om.scenario("rect", plant="planar", world={"places": [[0, 0, 0], [1, 0, 0]]}),
+            om.load_scenario("rect", plant="planar", world={"start_poses": [[0, 0, 0], [1, 0, 0]]}),
             ["comp-flc"],
         )
 
@@ -162,7 +162,7 @@ def test_errors_are_those_of_the_full_plant(azimuths: list[float]) -> None:
     """On a short way: within 2 %, which is more than what docs/planar.md has of whole scenarios."""
     found = []
     for plant in ("mujoco", "planar"):
-        chosen = om.scenario(
+        chosen = om.load_scenario(
             "rect", plant=plant, wheels={"azimuths_deg": azimuths, "model": "two-rollers"},
             reference={"waypoints": [[0, 0], [0.3, 0.1]], "settle_s": 0.0},
         )  # fmt: skip

@@ -18,7 +18,7 @@ from benches.plant import (
 from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
-from omni_mj import run, scenario
+from omni_mj import load_scenario, run
 from omni_mj.config.robot_settings import VariationSettings
 from omni_mj.config.settings import Settings
 from omni_mj.plants.domain_randomization import Drawn
@@ -79,7 +79,7 @@ def test_spreads_are_those_asked_for() -> None:
 
 def test_a_summary_says_what_was_drawn_for_whom() -> None:
     """Each seed's robot once, though several controllers drive it; no robot on a plant without wheels."""
-    short = scenario(
+    short = load_scenario(
         "worn", reference={"waypoints": [[0, 0], [0.05, 0]]}, wheels={"model": "two-rollers"}
     )
     result = run(short, ["flc", "comp-flc"], seeds=[3, 4])
@@ -88,7 +88,7 @@ def test_a_summary_says_what_was_drawn_for_whom() -> None:
     for i, told in enumerate(entry["drawn"]):
         assert told == {
             "seed": 3 + i,
-            "place": 0,
+            "slot": 0,
             **{name: values[i] for name, values in expected.items()},
         }
     assert result.rows()["friction_1"].to_pylist() == [*expected["friction_1"]] * 2

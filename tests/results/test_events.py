@@ -20,13 +20,13 @@ REST = {
 
 def simulated(reference: dict[str, Any], plant: str = "planar", **sections: Any) -> om.Simulation:
     route = {**SHORT["reference"], **reference}
-    simulation = om.Simulation(om.scenario("rect", plant=plant, reference=route, **sections))
+    simulation = om.Simulation(om.load_scenario("rect", plant=plant, reference=route, **sections))
     simulation.run()
     return simulation
 
 
 def settings(**sections: Any) -> Any:
-    return om.scenario("rect", **SHORT, **sections).settings
+    return om.load_scenario("rect", **SHORT, **sections).settings
 
 
 def told(log: Any, *kinds: str, row: int = 0) -> list[tuple[int, str]]:
@@ -56,7 +56,7 @@ def test_events_stay_the_same_while_the_log_grows() -> None:
     """No event depends on later frames: after each frame those before are the same, so they are after several."""
     route = {"waypoints": [[0, 0], [0.4, 0], [0.4, 0.2]], "settle_s": 0}
     out = {"kind": "vision-out", "at": 0.4, "for": 0.3}
-    chosen = om.scenario(
+    chosen = om.load_scenario(
         "rect", plant="planar", reference=route, motor={"limit_c": 25.02}, fault=[out]
     )
     simulation = om.Simulation(chosen, ["flc"])

@@ -23,7 +23,7 @@ from omni_control.reference import MotionLimits
 from omni_control.team import CommandLimits
 
 T = 1 / 60
-RECT = om.scenario("rect").settings
+RECT = om.load_scenario("rect").settings
 PUSH = {
     "kind": "push",
     "at": 1.0,
@@ -235,7 +235,7 @@ def test_a_run_tells_how_its_controllers_recover() -> None:
     """What the table says is what the summary holds, which is what the rows have; nothing where no fault is."""
     route = {"waypoints": [[0, 0], [0.5, 0]]}
     happens = [{"kind": "vision-out", "at": 0.5, "for": 0.5}, {"kind": "alpha", "at": 2, "to": 0.8}]
-    scenario = om.scenario("rect", plant="kinematic", reference=route, fault=happens)
+    scenario = om.load_scenario("rect", plant="kinematic", reference=route, fault=happens)
     result = om.run(scenario, ["flc", "comp-flc"], seeds=[0, 1, 2])
     found = result.summary()["scenarios"]["rect"]["results"]
     drawn = recovery_table(result.summary())
@@ -246,5 +246,5 @@ def test_a_run_tells_how_its_controllers_recover() -> None:
         result.rows()["fault_2_excursion_m"].to_pylist()[3:]
         == found["comp-flc"]["recovery"][1]["excursion_m"]["seeds"]
     )
-    calm = om.run(om.scenario("rect", plant="kinematic", reference=route), ["flc"], seeds=[0])
+    calm = om.run(om.load_scenario("rect", plant="kinematic", reference=route), ["flc"], seeds=[0])
     assert recovery_table(calm.summary()) is None

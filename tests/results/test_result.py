@@ -13,7 +13,7 @@ from benches.logs import failure, filled, outcome, paper, rows, table
 import omni_mj as om
 
 SEEDS = (3, 4, 5)
-RECT = om.scenario("rect", plant="planar")
+RECT = om.load_scenario("rect", plant="planar")
 
 
 @pytest.fixture(scope="module")
@@ -108,20 +108,20 @@ def test_the_paper_stands_beside_its_own_experiment_only() -> None:
         {"plant": "kinematic"},
         {"controllers": ("lqr",), "control": {"lag_s": 0.1}, "seeds": 7},
     ):
-        assert paper.table(om.scenario("rect", **own)) is paper.TABLES[3]
-        assert paper.table(om.scenario("rect-noise", **own)) is paper.TABLES[4]
+        assert paper.table(om.load_scenario("rect", **own)) is paper.TABLES[3]
+        assert paper.table(om.load_scenario("rect-noise", **own)) is paper.TABLES[4]
     for section, values, plant in (
         ("reference", {"laps": 2}, "mujoco"),
         ("radio", {"delay_frames": 7}, "kinematic"),
         ("carpet", {"friction": 0.4}, "mujoco"),
         ("kinematic", {"alpha_low": 0.8}, "kinematic"),
     ):
-        assert paper.table(om.scenario("rect", plant=plant, **{section: values})) is None
+        assert paper.table(om.load_scenario("rect", plant=plant, **{section: values})) is None
     assert (
-        paper.table(om.scenario("rect", plant="kinematic", carpet={"friction": 0.4}))
+        paper.table(om.load_scenario("rect", plant="kinematic", carpet={"friction": 0.4}))
         is paper.TABLES[3]
     )
-    assert paper.table(om.scenario("circle")) is None
+    assert paper.table(om.load_scenario("circle")) is None
 
 
 def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
@@ -139,14 +139,14 @@ def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
         np.testing.assert_array_equal(
             kept[name].to_pylist(), frames[name].to_pylist(), err_msg=name
         )
-    again = om.scenario(folder / "scenario.toml")
+    again = om.load_scenario(folder / "scenario.toml")
     assert (again.seed_list, again.controllers) == (list(SEEDS), ("flc", "comp-flc"))
     assert again.settings == result["rect"].scenario.settings
 
 
 def test_rows_name_what_they_are_what_differs_and_what_became_of_them() -> None:
     """Two settings of a sweep, of which one topples: in the table of rows, the summary and the text alike."""
-    chosen = om.scenario("rect", plant="kinematic")
+    chosen = om.load_scenario("rect", plant="kinematic")
     slow = chosen.settings.replace(radio={"delay_frames": 9})
     log = filled(
         [*rows(("a", "b"), (0, 1), chosen.settings), *rows(("a", "b"), (2,), slow)],
@@ -166,7 +166,7 @@ def test_rows_name_what_they_are_what_differs_and_what_became_of_them() -> None:
     ]
     assert [r["distance_max_m"] for r in lines] == [0, 0, 0, np.inf, 0, 0]
     assert entry["failed"] == [
-        {"controller": "b", "seed": 1, "place": 0, "time_s": 8 / 60, "cause": "toppled over"}
+        {"controller": "b", "seed": 1, "slot": 0, "time_s": 8 / 60, "cause": "toppled over"}
     ]  # fmt: skip
     assert [found["failed"] for found in entry["results"].values()] == [0, 1]
     assert "b (failed 1 of 3)" in result.table()

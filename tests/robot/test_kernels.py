@@ -89,7 +89,7 @@ def test_auto_compiles_long_runs_of_planar_only_and_the_scenario_says_what_was_t
         ("planar", 300, "jax"),
         ("mujoco", 300, "numpy"),
     ):
-        chosen = om.scenario("rect", plant=plant, reference={"laps": laps})
+        chosen = om.load_scenario("rect", plant=plant, reference={"laps": laps})
         simulation = om.Simulation(chosen, ["flc"], seeds=[0])
         assert simulation.scenario.settings.physics.kernel == kernel
         assert programs_of(simulation) == (kernel == "jax")
@@ -98,11 +98,11 @@ def test_auto_compiles_long_runs_of_planar_only_and_the_scenario_says_what_was_t
 def test_without_jax_its_kernel_is_refused_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(OmniError, match=r"physics.kernel = jax needs the package jax"):
-        om.Simulation(om.scenario("rect", plant="planar", physics={"kernel": "jax"}), ["flc"])
-    assert om.Simulation(om.scenario("rect", plant="planar", reference={"laps": 300}), ["flc"])
+        om.Simulation(om.load_scenario("rect", plant="planar", physics={"kernel": "jax"}), ["flc"])
+    assert om.Simulation(om.load_scenario("rect", plant="planar", reference={"laps": 300}), ["flc"])
 
 
 @pytest.mark.parametrize("plant", ["mujoco", "kinematic"])
 def test_jax_is_refused_for_plants_that_it_does_not_compute(plant: str) -> None:
     with pytest.raises(OmniError, match=f"planar only, not {plant}"):
-        om.Simulation(om.scenario("rect", plant=plant, physics={"kernel": "jax"}), ["flc"])
+        om.Simulation(om.load_scenario("rect", plant=plant, physics={"kernel": "jax"}), ["flc"])

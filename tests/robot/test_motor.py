@@ -25,7 +25,7 @@ def test_the_rows_of_the_sheet_come_out() -> None:
 def test_every_robots_motor_obeys_ohms_law_with_back_emf_and_commutation(name: str) -> None:
     """V = (R + X |w|) I + K w, at any speed and in both directions."""
     robot, speeds = ROBOTS[name], np.linspace(-80, 80, 9)
-    settings = om.scenario("rect", robot=name).settings
+    settings = om.load_scenario("rect", robot=name).settings
     volts, amperes = drive_motor(settings.replace(firmware={"current_limit_a": 1e3}), 8.0, speeds)
     np.testing.assert_allclose(
         robot.series(speeds) * amperes + robot.back_emf * speeds, volts, rtol=1e-9

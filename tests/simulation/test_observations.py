@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from benches.simulating import FAST, PLANTS, Grid, Simulation, scenario
 
-from omni_control import Controller, Seen, Told
+from omni_control import Controller, Observation, TeamModel
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 
@@ -18,15 +18,22 @@ SHORT = ("reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "reference.settle_s
 class Witness(Controller):
     """Remembers what it has seen."""
 
-    def __init__(self, told: Told, reference: Reference, n: int) -> None:
+    def __init__(self, told: TeamModel, reference: Reference, n: int) -> None:
         super().__init__(told, reference, n)
         self.witnessed: list[tuple[Array, ...]] = []
 
-    def command(self, frame: int, seen: Seen) -> Array:
+    def command(self, frame: int, observation: Observation) -> Array:
         self.witnessed.append(
-            deepcopy((seen.pose, seen.twist, seen.measured, seen.sent.last(1)[0]))
+            deepcopy(
+                (
+                    observation.pose,
+                    observation.twist,
+                    observation.measured_pose,
+                    observation.sent_commands.last(1)[0],
+                )
+            )
         )
-        return self.reference.at(frame, seen.pose)[1]
+        return self.reference.at(frame, observation.pose)[1]
 
 
 class TrueWitness(Witness):
@@ -34,14 +41,14 @@ class TrueWitness(Witness):
 
 
 class Vandal(Witness):
-    def command(self, frame: int, seen: Seen) -> Array:
-        command = super().command(frame, seen)
+    def command(self, frame: int, observation: Observation) -> Array:
+        command = super().command(frame, observation)
         for given in (
-            seen.pose,
-            seen.twist,
-            seen.measured,
-            seen.sent.last(1),
-            self.reference.at(frame, seen.pose)[0],
+            observation.pose,
+            observation.twist,
+            observation.measured_pose,
+            observation.sent_commands.last(1),
+            self.reference.at(frame, observation.pose)[0],
         ):
             with suppress(ValueError):  # read-only
                 given += 1.0

@@ -46,22 +46,22 @@ from omni_control import Controller
 class Raises(Controller):
     at: int = 20
 
-    def command(self, frame, seen):
+    def command(self, frame, observation):
         if frame == self.at:
             raise RuntimeError("had enough")
-        return self.reference.at(frame, seen.pose)[1]
+        return self.reference.at(frame, observation.pose)[1]
 
 
 class NotANumber(Controller):
-    def command(self, frame, seen):
-        command = self.reference.at(frame, seen.pose)[1].copy()
+    def command(self, frame, observation):
+        command = self.reference.at(frame, observation.pose)[1].copy()
         if frame == 20:
-            command[seen.pose[:, 0] > seen.pose[:, 0].min()] = float("nan")
+            command[observation.pose[:, 0] > observation.pose[:, 0].min()] = float("nan")
         return command
 
 
 class Ragged(Controller):
-    def command(self, frame, seen):
+    def command(self, frame, observation):
         return [[1.0, 2.0], [3.0]]
 
 
@@ -134,10 +134,12 @@ def test_a_robot_that_topples_is_stopped_and_the_others_keep_their_bits() -> Non
 def test_robots_of_one_world_drive_beside_each_other(plant: str) -> None:
     """Each place has its reference displaced by it, and noise of its own; the first has that of a world alone."""
     places = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5 * np.pi]]
-    together = simulation(plant, (f"world.places={places}",), ("comp-flc",), seeds=2, route=ROUTE)
+    together = simulation(
+        plant, (f"world.start_poses={places}",), ("comp-flc",), seeds=2, route=ROUTE
+    )
     log = together.run()
     assert not together.failures
-    assert [(row.world, row.place, row.seed) for row in together.rows] == [
+    assert [(row.world, row.slot, row.seed) for row in together.rows] == [
         (0, 0, 0),
         (0, 1, 0),
         (1, 0, 1),

@@ -17,7 +17,7 @@ FORWARD, SIDEWAYS, _ = range(3)
 
 def fast() -> om.Scenario:
     """On what costs least."""
-    return om.scenario("rect", plant="planar")
+    return om.load_scenario("rect", plant="planar")
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def result() -> Iterator[AlphaResult]:
     """
     with pytest.MonkeyPatch.context() as patched:
         patched.delitem(conditions.CAUSES, "heat")
-        yield om.alpha(fast(), CHANGED)
+        yield om.measure_alpha(fast(), CHANGED)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def study(result: AlphaResult) -> Study:
 
 
 def softness(settings: om.Scenario) -> np.ndarray:
-    """T forward and sideways, s^2/m: W / (g C sum of d^2) with the wheels' direction cosines d; see `told.creep`."""
+    """T forward and sideways, s^2/m: W / (g C sum of d^2) with the wheels' direction cosines d; see `model.creep`."""
     wheels, drive = settings.settings.wheels, settings.settings.drive
     azimuths = np.radians(wheels.azimuths_deg)
     squares = np.array([(np.sin(azimuths) ** 2).sum(), (np.cos(azimuths) ** 2).sum()])
@@ -49,7 +49,7 @@ def softness(settings: om.Scenario) -> np.ndarray:
 def test_creep_alone_takes_what_its_law_says(study: Study) -> None:
     """Its lag is T g^2 U / 2, beside the wheel loops'; the slope of the ramp that of T a s^2 + s / g = 1."""
     found, speed = conditions.PROFILE, conditions.PROFILE.speed_m_s
-    both, curve = slice(0, 2), softness(om.scenario("rect"))
+    both, curve = slice(0, 2), softness(om.load_scenario("rect"))
     alone = study.caused.at((1, 0, 0))  # creep without drag and battery
     creep = {name: (getattr(alone, name) - getattr(study.loop, name))[both] for name in NAMES}
     gain = study.loop.steady[both] + creep["steady"]
@@ -126,9 +126,9 @@ def test_rows_summary_and_table_say_the_same(result: AlphaResult, study: Study) 
 
 def test_what_cannot_be_studied_is_said() -> None:
     with pytest.raises(om.OmniError, match="unknown condition 'lint'"):
-        om.alpha(conditions={"lint": (0.1,)})
+        om.measure_alpha(conditions={"lint": (0.1,)})
     with pytest.raises(om.OmniError, match="the plant 'kinematic' has none"):
-        om.alpha(om.scenario("rect", plant="kinematic"), {})
+        om.measure_alpha(om.load_scenario("rect", plant="kinematic"), {})
 
 
 def test_a_study_that_is_stopped_has_found_nothing() -> None:
@@ -136,6 +136,6 @@ def test_a_study_that_is_stopped_has_found_nothing() -> None:
         if frame == 3:
             raise StoppedError("interrupted")
 
-    stopped = om.alpha(fast(), {}, begin=lambda title, frames: stop)
+    stopped = om.measure_alpha(fast(), {}, begin=lambda title, frames: stop)
     assert (stopped.study, stopped.stopped, stopped.table()) == (None, "interrupted", "")
     assert stopped.summary()["alpha"] is None

@@ -15,11 +15,11 @@ PRINTED = """
 import omni_mj as om
 
 class Mine(om.Controller):
-    def command(self, frame, seen):             # seen.pose, seen.twist, ...: arrays over rows
-        target, speed = self.reference.at(frame, seen.pose)
-        return speed + 3.0 * (target - seen.pose)
+    def command(self, frame, observation):             # observation.pose, observation.twist, ...: arrays over rows
+        target, speed = self.reference.at(frame, observation.pose)
+        return speed + 3.0 * (target - observation.pose)
 
-rect = om.scenario("rect", plant="kinematic", radio={"delay_frames": 9})   # raises om.OmniError, all errors at once
+rect = om.load_scenario("rect", plant="kinematic", radio={"delay_frames": 9})   # raises om.OmniError, all errors at once
 result = om.run(rect, ["comp-flc", Mine], seeds=range(5))
 print(result.table()); result.save("runs/mine"); result.frames()     # an Arrow table
 sim = om.Simulation(rect, ["comp-flc"]); sim.reset(seed=0); sim.observe(); sim.step()
@@ -85,12 +85,12 @@ def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
     """Its row is kept with time and cause; the other's numbers are those it has alone."""
 
     class Late(om.Controller):
-        def command(self, frame: int, seen: object) -> np.ndarray:
+        def command(self, frame: int, observation: object) -> np.ndarray:
             if frame == 30:
                 raise RuntimeError("out of ideas")
-            return np.zeros((len(self.predicted), 3))
+            return np.zeros((len(self.predicted_pose), 3))
 
-    short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]})
+    short = om.load_scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]})
     both, alone = (
         om.run(short, kinds, range(2), subject="flc") for kinds in (["flc", Late], ["flc"])
     )
@@ -108,7 +108,7 @@ def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
 
 
 def test_a_number_of_seeds_counts_from_zero() -> None:
-    short = om.scenario(
+    short = om.load_scenario(
         "rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]}, seed=5
     )
     assert om.run(short, ["flc"], 2).seeds == [0, 1]
@@ -121,7 +121,9 @@ def test_seeds_that_no_scenario_could_repeat_are_refused() -> None:
 
 
 def test_one_controller_may_be_named_alone_and_a_subject_must_be_run() -> None:
-    short = om.scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]]})
+    short = om.load_scenario(
+        "rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]]}
+    )
     assert (
         om.run(short, "flc").controllers
         == om.compare([short], "flc", seeds=1).controllers

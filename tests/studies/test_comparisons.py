@@ -15,7 +15,7 @@ CONTROLLERS = ("flc", "comp-flc", "oracle")
 
 def short(name: str, waypoints: list[list[float]], **sections: dict[str, object]) -> om.Scenario:
     reference = {"waypoints": waypoints, "settle_s": 0.5}
-    return om.scenario("rect", plant="kinematic", reference=reference, **sections).replace(
+    return om.load_scenario("rect", plant="kinematic", reference=reference, **sections).replace(
         name=name
     )
 
@@ -74,7 +74,7 @@ def test_every_outcome_is_that_of_the_run_of_its_scenario(
         "summary.json",
         "provenance.json",
     }
-    assert om.scenario(tmp_path / "scenarios" / "bend.toml").seed_list == list(SEEDS)
+    assert om.load_scenario(tmp_path / "scenarios" / "bend.toml").seed_list == list(SEEDS)
 
 
 def test_what_is_stopped_keeps_what_was_done(scenarios: list[om.Scenario]) -> None:

@@ -114,7 +114,7 @@ def test_poses_are_predicted_as_well_as_can_be() -> None:
         },  # uniform: its standard deviation is this by root 3
         "kinematic": {"alpha_low": 1.0, "alpha_high": 1.0},
     }
-    scenario = om.scenario("rect", plant="kinematic", **settings)
+    scenario = om.load_scenario("rect", plant="kinematic", **settings)
     random = np.random.default_rng(0)
     poses = np.cumsum(step * random.standard_normal((frames, n, 3)) * [1, 1, 0], axis=0)
     measured = poses + noise * random.standard_normal((frames, n, 3)) * [1, 1, 0]
@@ -129,7 +129,7 @@ def test_a_robot_without_lag_is_inverted_exactly() -> None:
     """With alpha the same for ever, x(k+1) = x(k) + T alpha u(k-D) wants u(k) = (r(k+D+1) - r(k+D)) / (T alpha)."""
     alpha, delay = 0.8, 6
     steady = {"alpha_low": alpha, "alpha_high": alpha}
-    scenario = om.scenario("rect", plant="kinematic", reference=ROUTE, kinematic=steady)
+    scenario = om.load_scenario("rect", plant="kinematic", reference=ROUTE, kinematic=steady)
     best, _ = bench.learned(scenario, 4)
     wanted = np.diff(best.poses - best.errors, axis=0)[delay:, 0] / (PERIOD_S * alpha)
     assert np.abs(best.errors).max() < 2e-7
@@ -148,8 +148,8 @@ def least(result: om.Result, name: str) -> dict[str, float]:
 def test_no_controller_gets_below_it(plant: str) -> None:
     """With the same seeds, but for those that are told the truth; and it is the same every time."""
     sections: dict[str, Any] = {"kinematic": SLOW} if plant == "kinematic" else {}
-    scenario = om.scenario("rect", plant=plant, reference=ROUTE, **sections)
-    found = om.limit(scenario, SEEDS, iterations=6)
+    scenario = om.load_scenario("rect", plant=plant, reference=ROUTE, **sections)
+    found = om.find_limit(scenario, SEEDS, iterations=6)
     driven = om.run(scenario, ["lqr", "mpc"], range(SEEDS))
     limit, still = least(found, "limit"), least(found, "limit without noise")
     rivals = [name for name in CONTROLLERS if name != "oracle"]
@@ -166,7 +166,7 @@ def test_no_controller_gets_below_it(plant: str) -> None:
         "shown again as it was learned"
     )
     if plant == "kinematic":
-        assert om.limit(scenario, SEEDS, iterations=6).table() == found.table()
+        assert om.find_limit(scenario, SEEDS, iterations=6).table() == found.table()
 
 
 def test_one_that_is_stopped_says_so_and_has_what_it_learned() -> None:
@@ -182,6 +182,8 @@ def test_one_that_is_stopped_says_so_and_has_what_it_learned() -> None:
 
         return after_frame
 
-    result = om.limit(om.scenario("rect", plant="kinematic", reference=ROUTE), 1, begin=begin)
+    result = om.find_limit(
+        om.load_scenario("rect", plant="kinematic", reference=ROUTE), 1, begin=begin
+    )
     assert (result.stopped, result.complete, result.table()) == ("interrupted", False, "")
     assert result.summary()["stopped"] == "interrupted"

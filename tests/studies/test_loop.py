@@ -61,7 +61,7 @@ def gains(system: control.TransferFunction) -> NDArray[np.complex128]:
 
 
 def ideal(**sections: dict[str, object]) -> om.Scenario:
-    return om.scenario("rect", plant="kinematic", **(IDEAL | sections))
+    return om.load_scenario("rect", plant="kinematic", **(IDEAL | sections))
 
 
 def stop_at(last: int) -> Callable[[int], None]:
@@ -189,10 +189,10 @@ def test_noise_of_vision_falls_out_and_a_controller_that_fails_spoils_nobodys_fi
     """What p does of a step is within 0.1 mm of the closed form, where vision errs by 1.3 mm."""
 
     class Raises(om.Controller):
-        def command(self, frame: int, seen: om.Seen) -> NDArray[np.float64]:
+        def command(self, frame: int, observation: om.Observation) -> NDArray[np.float64]:
             if frame == WARM_UP + 30:
                 raise RuntimeError("out of ideas")
-            return np.zeros((len(self.predicted), 3))
+            return np.zeros((len(self.predicted_pose), 3))
 
     result = loop(ideal(vision={"miss_probability": 0.02}), ["p", Raises])
     loops = result.loops[REST]

@@ -103,7 +103,7 @@ def test_robots_slip_and_roll_out_as_the_law_says(name: str) -> None:
 
     Drag by bearings' viscous part and the spinning up of rollers. The summary has the same numbers, a row for a move.
     """
-    result = om.slip([om.scenario("rect", robot=name, wheels=MODEL)], MOVES)
+    result = om.measure_slip([om.load_scenario("rect", robot=name, wheels=MODEL)], MOVES)
     (robot,) = result.robots.values()
     for axis in moves.AXES:
         gain, time = (robot.law[f"{what}_{axis}"] for what in ("gain", "time"))
@@ -137,15 +137,15 @@ def test_the_moves_are_those_that_were_published() -> None:
 
 def test_robots_that_are_not_there_or_named_twice_are_refused() -> None:
     with pytest.raises(om.OmniError, match="unknown robot 'tigers'"):
-        om.slip(["tigers"])
+        om.measure_slip(["tigers"])
     with pytest.raises(om.OmniError, match="two scenarios are called 'tigers-v2016'"):
-        om.slip(["tigers-v2016"] * 2)
+        om.measure_slip(["tigers-v2016"] * 2)
 
 
 def test_a_robot_that_falls_is_left_out_and_told() -> None:
     """It is pushed over; there are no figures of it."""
-    pushed = om.scenario("rect", wheels=MODEL, disturbance={"force_n": 1000.0})
-    result = om.slip([pushed], [straight("forward", 1.5, rolls_out=True)])
+    pushed = om.load_scenario("rect", wheels=MODEL, disturbance={"force_n": 1000.0})
+    result = om.measure_slip([pushed], [straight("forward", 1.5, rolls_out=True)])
     (failure,) = result.failures
     assert failure.cause == "toppled over"
     assert (

@@ -21,11 +21,11 @@ SHORT = {"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.2}
 ROUTE = ("--set", "reference.waypoints=[[0, 0], [0.2, 0.1]]", "--set", "reference.settle_s=0.2")
 VARY = {"radio.delay_frames": [0, 4], "kinematic.alpha_low": [0.7, 0.9]}
 NAMES = ["p", "flc"]
-LONG = om.scenario("rect", plant="kinematic", reference={"laps": 300})
+LONG = om.load_scenario("rect", plant="kinematic", reference={"laps": 300})
 
 
 def scenario(**sections: object) -> om.Scenario:
-    return om.scenario("rect", plant="kinematic", reference=SHORT, **sections)
+    return om.load_scenario("rect", plant="kinematic", reference=SHORT, **sections)
 
 
 def swept(folder: Path, **how: Any) -> bench.Sweep:
@@ -78,11 +78,13 @@ def test_each_run_is_what_it_is_alone(whole: bench.Sweep) -> None:
 def test_robots_on_other_wheels_are_not_simulated_together(tmp_path: Path) -> None:
     """On planar all rows of a simulation have the first one's wheels."""
     alone = [
-        om.run(om.scenario("rect", plant="planar", reference=SHORT, wheels={"rollers": n}), "p")
+        om.run(
+            om.load_scenario("rect", plant="planar", reference=SHORT, wheels={"rollers": n}), "p"
+        )
         for n in (12, 16)
     ]
     found = bench.sweep(
-        om.scenario("rect", plant="planar", reference=SHORT),
+        om.load_scenario("rect", plant="planar", reference=SHORT),
         {"wheels.rollers": [12, 16]},
         ["p"],
         1,
@@ -262,7 +264,7 @@ def test_axes_are_read_as_they_are_written() -> None:
 def test_rows_that_cannot_share_a_batch_are_run_apart() -> None:
     """Wheels of two sorts in one sweep on the MuJoCo plant: a shard holds one sort only."""
     vary = {"wheels.model": ["rollers", "two-rollers"], "carpet.friction": [0.5, 0.8]}
-    plan = bench.Plan(om.scenario("rect", controllers=["p"], seeds=2), bench.axes(vary))
+    plan = bench.Plan(om.load_scenario("rect", controllers=["p"], seeds=2), bench.axes(vary))
     assert [len(job.runs) for job in plan.jobs] == [4, 4]
     for job in plan.jobs:
         assert len({plan.points[point]["wheels.model"] for point, _ in job.runs}) == 1

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omni_control import CommandsInFlight, Controller, Kinematics, Seen, Team, Told
+from omni_control import CommandsInFlight, Controller, Kinematics, Observation, Team, TeamModel
 from omni_control.kinematics import Array
 
 T, SUBSTEPS = 1 / 60, 8
@@ -150,21 +150,23 @@ def reported(pose: Array) -> Array:
 
 def commands_for(controller: Controller) -> CommandsInFlight:
     """The commands that a controller is to see: all zero, and as many as it needs."""
-    return CommandsInFlight(len(controller.predicted), controller.memory_frames)
+    return CommandsInFlight(len(controller.predicted_pose), controller.memory_frames)
 
 
 def seen_at(
-    told: Told,
+    model: TeamModel,
     pose: ArrayLike,
     sent: CommandsInFlight,
     twist: Array | None = None,
     measured: Array | None = None,
-) -> Seen:
+) -> Observation:
     """What is known of robots at `pose` (n, 3), of which nothing else is known unless it is given."""
     pose = np.array(pose, float)
     unknown = np.full_like(pose, np.nan)
     twist, measured = (unknown if values is None else values for values in (twist, measured))
-    return Seen(pose, twist, measured, sent.of(slice(None)), told.period, told.delay_frames)
+    return Observation(
+        pose, twist, measured, sent.of(slice(None)), model.period, model.delay_frames
+    )
 
 
 def drive(
@@ -183,11 +185,11 @@ def drive(
         seen = plant.pose + error
         sent = limits(
             controller.command(
-                first_frame + k, seen_at(controller.told, seen, queue, plant.twist, seen)
+                first_frame + k, seen_at(controller.model, seen, queue, plant.twist, seen)
             ),
             sent,
         )
-        rows.append((plant.pose, controller.predicted.copy(), sent))
+        rows.append((plant.pose, controller.predicted_pose.copy(), sent))
         plant.advance(sent)
     return Run(*(np.array(column) for column in zip(*rows, strict=True)))
 
@@ -217,7 +219,7 @@ def loop(
         command = team.step(image, (plant.pose, plant.twist))
         said = {
             name: np.array(getattr(team, name))
-            for name in ("estimate", "predicted", "alpha_hat", "latency_hat")
+            for name in ("estimate", "predicted_pose", "alpha_hat", "latency_hat")
         }
         record.append({"pose": plant.pose, "command": command, **team.channels, **said})
         plant.advance(command if hears(frame) else np.zeros_like(command))

@@ -12,7 +12,7 @@ import omni_mj as om
 POSE = ("x_m", "y_m", "heading_rad")
 COMMAND = ("vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s")
 WHEELS = ("wheel_1_rad", "wheel_2_rad", "wheel_3_rad", "wheel_4_rad")
-SETTINGS = om.scenario("rect").settings
+SETTINGS = om.load_scenario("rect").settings
 LATE_S, STIFFNESS = 0.1, SETTINGS.drive.creep_stiffness
 Columns = dict[str, np.ndarray]
 
@@ -29,10 +29,10 @@ def _driven(seconds: float, rate: int, speed: float, pull: float, changes: str) 
     }
     usual = {
         "reference": rest,
-        "world": {"places": [[0, 0, 0]]},
+        "world": {"start_poses": [[0, 0, 0]]},
         "wheels": {"model": "two-rollers"},
     }
-    sim = om.Simulation(om.scenario("rect", **usual, **json.loads(changes)), ["p"])
+    sim = om.Simulation(om.load_scenario("rect", **usual, **json.loads(changes)), ["p"])
     rng, command, goal = np.random.default_rng(1), np.zeros((frames, 3)), np.zeros(3)
     steepest = np.array([pull, pull, 15.0]) / rate
     for k in range(hold, frames):

@@ -5,7 +5,14 @@ from typing import Any
 import numpy as np
 from closed_loop import Creeping, Plant, T, vision
 
-from omni_control import Controller, IteratedReference, MotionLimits, Seen, TimedReference, Told
+from omni_control import (
+    Controller,
+    IteratedReference,
+    MotionLimits,
+    Observation,
+    TeamModel,
+    TimedReference,
+)
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 
@@ -24,10 +31,10 @@ def along(kind: str, n: int = 1, side: Array | float = 1.0) -> Reference:
     return IteratedReference((side * PATH).tolist(), LIMITS, T, n)
 
 
-def told(delay: int, lag: float = 0.02, noisy: bool = False) -> Told:
+def model(delay: int, lag: float = 0.02, noisy: bool = False) -> TeamModel:
     """What is told of robots with this dead time, frames, and lag, s; vision that is not `noisy` is trusted."""
     noise = (0.0013, 0.01) if noisy else (0.0, 0.0)
-    return Told(T, delay, lag, *noise)
+    return TeamModel(T, delay, lag, *noise)
 
 
 FRAMES = 14
@@ -41,13 +48,13 @@ class Straight(Controller):
 
     def __init__(self, *known: Any) -> None:
         super().__init__(*known)
-        self.saw: list[Seen] = []
+        self.saw: list[Observation] = []
 
-    def command(self, frame: int, seen: Seen) -> Array:
-        self.saw.append(seen)
-        self.predicted = seen.arriving
-        target, speed = self.reference.at(frame, seen.pose)
-        return speed + self.gain * (target - seen.arriving)
+    def command(self, frame: int, observation: Observation) -> Array:
+        self.saw.append(observation)
+        self.predicted_pose = observation.predicted_pose
+        target, speed = self.reference.at(frame, observation.pose)
+        return speed + self.gain * (target - observation.predicted_pose)
 
 
 class Knowing(Straight):

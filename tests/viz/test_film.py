@@ -81,20 +81,20 @@ def test_robots_are_where_the_trajectory_says(folder: Path, tmp_path: Path) -> N
 class Breaks(om.Controller):
     """Stands; of the robot that it drives first it says nothing that can be sent from frame 30 on."""
 
-    def command(self, frame: int, seen: om.Seen) -> np.ndarray:
-        command = np.zeros((len(seen.pose), 3))
+    def command(self, frame: int, observation: om.Observation) -> np.ndarray:
+        command = np.zeros((len(observation.pose), 3))
         command[: frame >= 30] = np.nan
         return command
 
 
 def test_a_robot_that_failed_stays_where_it_is_and_others_go_on(tmp_path: Path) -> None:
-    places = {"places": [[0, 0, 0], [0.2, 1, 0]]}
+    places = {"start_poses": [[0, 0, 0], [0.2, 1, 0]]}
     route = {"waypoints": [[0, 0], [0.4, 0.2]]}
     om.run(
-        om.scenario("rect", plant="kinematic", reference=route, world=places), [Breaks], [0]
+        om.load_scenario("rect", plant="kinematic", reference=route, world=places), [Breaks], [0]
     ).save(tmp_path)
     _, (take,) = read(tmp_path)
-    rows = pq.read_table(tmp_path / "trajectory.parquet", filters=[("place", "=", 1)]).to_pydict()
+    rows = pq.read_table(tmp_path / "trajectory.parquet", filters=[("slot", "=", 1)]).to_pydict()
     np.testing.assert_array_equal(take.references[:, 1, 0], rows["ref_x_m"])
     assert len(rows["ref_x_m"]) > 60
     assert (take.references[30:, 0] == take.references[29, 0]).all()

@@ -91,7 +91,7 @@ def test_the_first_seed_is_recorded_and_no_wheels_where_there_are_none(tmp_path:
 
 def test_all_robots_of_a_controllers_first_world_are_drawn(tmp_path: Path) -> None:
     """Each where it is, along its own reference, in a colour of its own."""
-    places = "world.places=[[0, 0, 0], [0.2, 1.0, 1.5707963267948966]]"
+    places = "world.start_poses=[[0, 0, 0], [0.2, 1.0, 1.5707963267948966]]"
     driven = driven_by(tmp_path / "recording.rrd", ["flc"], SHORT, places, seeds=2)
     recorded = driven.recorded
     starts = recorded.static("/world/reference", "LineStrips3D:strips")

@@ -12,7 +12,7 @@ import pytest
 from benches.recording import Driven, Recorded, driven_by, rows
 from numpy.typing import NDArray
 
-from omni_control.controllers.base import Controller, Seen
+from omni_control.controllers.base import Controller, Observation
 
 SHORT = "reference.waypoints=[[0, 0], [0.3, 0.2]]"
 
@@ -20,11 +20,11 @@ SHORT = "reference.waypoints=[[0, 0], [0.3, 0.2]]"
 class Own(Controller):
     """Records what it does to the error, from frame 50 on how often it was asked; and says that it believes in 0.9."""
 
-    def command(self, frame: int, seen: Seen) -> NDArray:
-        shape = (len(seen.pose), 3)
+    def command(self, frame: int, observation: Observation) -> NDArray:
+        shape = (len(observation.pose), 3)
         self.alpha_hat, self.channels["alpha_sigma"] = np.full(shape, 0.9), np.full(shape, 0.05)
-        target, speed = self.reference.at(frame, seen.pose)
-        pull = 3.0 * (target - seen.pose)
+        target, speed = self.reference.at(frame, observation.pose)
+        pull = 3.0 * (target - observation.pose)
         self.channels["pull"] = pull[:, :2]
         if frame >= 50:
             self.channels["asked"] = np.full(len(pull), float(frame))
@@ -34,8 +34,12 @@ class Own(Controller):
 class Breaks(Own):
     """Fails in frame 70."""
 
-    def command(self, frame: int, seen: Seen) -> NDArray:
-        return super().command(frame, seen) if frame < 70 else np.full((len(seen.pose), 3), np.nan)
+    def command(self, frame: int, observation: Observation) -> NDArray:
+        return (
+            super().command(frame, observation)
+            if frame < 70
+            else np.full((len(observation.pose), 3), np.nan)
+        )
 
 
 @pytest.fixture(scope="module")
@@ -46,16 +50,18 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Driven:
 
 def test_channels_of_a_controllers_own_are_recorded(own: Driven) -> None:
     recorded, table = own.recorded, rows(own.table, "Own")
-    channels = {entity for entity in recorded.entities() if entity.startswith("/plots/own/")}
+    channels = {entity for entity in recorded.entities() if entity.startswith("/plots/channels/")}
     expected = {
-        f"/plots/own/{c}/{name}"
+        f"/plots/channels/{c}/{name}"
         for c in ("pull", "asked", "alpha_sigma")
         for name in ("Own", "Breaks")
     }
     assert channels == expected
-    pull = np.column_stack([table["own_pull_1"], table["own_pull_2"]])
-    np.testing.assert_array_equal(recorded.values("/plots/own/pull/Own"), pull)
-    np.testing.assert_array_equal(recorded.values("/plots/own/asked/Own")[:, 0], table["own_asked"])
+    pull = np.column_stack([table["channel_pull_1"], table["channel_pull_2"]])
+    np.testing.assert_array_equal(recorded.values("/plots/channels/pull/Own"), pull)
+    np.testing.assert_array_equal(
+        recorded.values("/plots/channels/asked/Own")[:, 0], table["channel_asked"]
+    )
     band = recorded.values("/plots/alpha/x/Own")[:, 1:]
     np.testing.assert_allclose(band, np.broadcast_to([0.8, 1.0, 0.9], (len(pull), 3)))
     assert all({"own", "pull", "asked"} <= names for names in recorded.layouts())

@@ -177,7 +177,7 @@ def test_a_comparison_has_verdicts(comparison: Path, out: Path) -> None:
 
 def test_what_a_user_wrote_is_text(runs: list[Path], tmp_path: Path, out: Path) -> None:
     results = {EVIL: entry_of(runs[0])["results"]["flc"]}
-    failed = [{"controller": EVIL, "seed": 0, "place": 0, "time_s": 1.0, "cause": EVIL}]
+    failed = [{"controller": EVIL, "seed": 0, "slot": 0, "time_s": 1.0, "cause": EVIL}]
     folder = changed(
         runs[0], tmp_path / "evil", EVIL, description=EVIL, results=results, failed=failed
     )
@@ -196,7 +196,7 @@ def test_failed_rows_and_what_is_not_known_are_shown(
     for spreads in results["flc"]["error_m"].values():
         for spread in spreads.values():
             spread |= {"mean": None, "plus_minus": None, "max": None}
-    failed = [{"controller": "flc", "seed": 2, "place": 0, "time_s": 1.25, "cause": "toppled over"}]
+    failed = [{"controller": "flc", "seed": 2, "slot": 0, "time_s": 1.25, "cause": "toppled over"}]
     folder = changed(runs[0], tmp_path / "failed", results=results, failed=failed)
     for folders in ([folder], [folder, runs[1]]):
         report = page(*folders, out=out)

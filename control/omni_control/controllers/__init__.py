@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import TypeVar
 
-from omni_control.controllers.base import Controller, Told, error_place, record_of
+from omni_control.controllers.base import Controller, TeamModel, error_place, record_of
 from omni_control.errors import ControllerError, OmniError, choose
 from omni_control.reference import Reference
 from omni_control.registry import CONTROLLERS, missing
@@ -73,7 +73,7 @@ def checked_parameters(kind: type[Controller], given: Mapping[str, object]) -> d
 
 def make(
     kind: str | type[Kind],
-    told: Told,
+    model: TeamModel,
     reference: Reference,
     n: int,
     parameters: Mapping[str, object] | None = None,
@@ -92,7 +92,7 @@ def make(
     for name, value in values.items():
         setattr(controller, name, value)
     try:
-        controller.__init__(told, reference, n)  # type: ignore[misc]
+        controller.__init__(model, reference, n)  # type: ignore[misc]
         record_of(controller, n)
         if not 0 <= controller.memory_frames <= MAX_MEMORY_FRAMES:
             raise OmniError(f"memory_frames must be from 0 to {MAX_MEMORY_FRAMES}")

@@ -16,7 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from omni_control.controllers.base import Controller, Seen, Told
+from omni_control.controllers.base import Controller, Observation, TeamModel
 from omni_control.estimation import parameter_ekf
 from omni_control.estimation.parameter_ekf import DISTURBANCE, GAIN, POSE, VELOCITY, RobotFilter
 from omni_control.estimation.vision_tracker import MOST_FRAMES
@@ -37,28 +37,28 @@ class InverseFlc(Controller):
 
     learns: ClassVar[bool] = False
 
-    def __init__(self, told: Told, reference: Reference, n: int) -> None:
-        super().__init__(told, reference, n)
-        noise = (0.0, 0.0, 0.0) if self.knows_truth else told.vision_noise
-        self.filter = RobotFilter(told, n, noise, self.learns)
-        self.fuzzy = FuzzyLaw(told.error_range_m, told.speed_range_m_s)
+    def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+        super().__init__(model, reference, n)
+        noise = (0.0, 0.0, 0.0) if self.knows_truth else model.vision_noise
+        self.filter = RobotFilter(model, n, noise, self.learns)
+        self.fuzzy = FuzzyLaw(model.error_range_m, model.speed_range_m_s)
         self.memory_frames = self.filter.memory_frames + MOST_FRAMES
         self._twist_before = np.zeros((n, 3))  # of a reference planned anew, in the frame before
 
-    def command(self, frame: int, seen: Seen) -> Array:
+    def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
-        self.filter.observe(seen)
-        state = self.filter.predict(seen)
-        self.predicted = state[:, POSE].copy()
+        self.filter.observe(observation)
+        state = self.filter.predict(observation)
+        self.predicted_pose = state[:, POSE].copy()
         self._record()
-        return self.track(frame, seen, state)
+        return self.track(frame, observation, state)
 
-    def track(self, frame: int, seen: Seen, state: Array) -> Array:
+    def track(self, frame: int, observation: Observation, state: Array) -> Array:
         """Return the commands (n, 3) for robots whose states will be (n, 18) when these act."""
-        period, model = self.told.period, self.filter
-        poses, twists = self.around(frame + model.latency, HORIZON_FRAMES)
+        period, ekf = self.model.period, self.filter
+        poses, twists = self.around(frame + ekf.latency, HORIZON_FRAMES)
         velocities, headings = self.expected(poses, twists, state)
-        planned = model.invert(velocities[:-1], velocities[1:], headings)
+        planned = ekf.invert(velocities[:-1], velocities[1:], headings)
         error = poses[1] - state[:, POSE]
         leading = error[:, :2] + self._lead(
             velocities[0], velocities[0] - state[:, VELOCITY], headings[0]
@@ -68,9 +68,9 @@ class InverseFlc(Controller):
         fading = np.exp(-period * speed / np.maximum(size, 1e-12))[:, None]
         coming = planned[..., :2] + fading ** np.arange(HORIZON_FRAMES)[:, None, None] * correction
         command = np.empty_like(error)
-        command[:, :2] = anticipate(coming, self.told.limits.acceleration * period)
-        command[:, 2] = planned[0, :, 2] + self.told.heading_gain * wrap_angle(error[:, 2])
-        return command - model.state[:, DISTURBANCE]
+        command[:, :2] = anticipate(coming, self.model.limits.acceleration * period)
+        command[:, 2] = planned[0, :, 2] + self.model.heading_gain * wrap_angle(error[:, 2])
+        return command - ekf.state[:, DISTURBANCE]
 
     def around(self, frame: Array, count: int) -> tuple[Array, Array]:
         """Return the reference's poses and twists (2 + count, n, 3) from the frame before `frame` (n,) on.
@@ -78,10 +78,10 @@ class InverseFlc(Controller):
         One that is planned anew in every frame has no frame before but its last answer, and must be asked to go on.
         """
         if not isinstance(self.reference, IteratedReference):
-            return self.reference.preview(frame - 1, self.predicted, 2 + count)
-        poses, twists = self.reference.preview(frame, self.predicted, 1 + count)
+            return self.reference.preview(frame - 1, self.predicted_pose, 2 + count)
+        poses, twists = self.reference.preview(frame, self.predicted_pose, 1 + count)
         before = self._twist_before[None]
-        _, self._twist_before = self.reference.at(frame, self.predicted)
+        _, self._twist_before = self.reference.at(frame, self.predicted_pose)
         return np.concatenate([poses[:1], poses]), np.concatenate([before, twists])
 
     def expected(self, poses: Array, twists: Array, state: Array) -> tuple[Array, Array]:
@@ -95,33 +95,33 @@ class InverseFlc(Controller):
         Returns:
             Velocities (frames - 1, n, 3), and headings of all frames but the first and last, (frames - 2, n).
         """
-        middles = poses[1:-1, :, 2] + twists[1:-1, :, 2] * (self.told.period / 2)
+        middles = poses[1:-1, :, 2] + twists[1:-1, :, 2] * (self.model.period / 2)
         return (twists[:-1] + twists[1:]) / 2, middles + (state[:, 2] - poses[1, :, 2])
 
     def _lead(self, velocity: Array, behind: Array, heading: Array) -> Array:
         """Return what is added to errors (n, 2) of robots whose velocity is `behind` (n, 3), m, world frame."""
-        model = self.filter
+        ekf = self.filter
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        late = model.lateness(model.state, speed[:, None])
-        times = 2 * late / (1 + np.sqrt(1 + 2 * self.fuzzy.stiffness * late / model.state[:, GAIN]))
+        late = ekf.lateness(ekf.state, speed[:, None])
+        times = 2 * late / (1 + np.sqrt(1 + 2 * self.fuzzy.stiffness * late / ekf.state[:, GAIN]))
         lead: Array = body_to_world(times * world_to_body(behind, heading), heading)
         return lead[:, :2]
 
     def _record(self) -> None:
         """Say what was found, and how sure it is."""
-        model = self.filter
+        ekf = self.filter
         state, sigma = (
-            model.state,
-            np.sqrt(np.maximum(np.diagonal(model.covariance, axis1=1, axis2=2), 0)),
+            ekf.state,
+            np.sqrt(np.maximum(np.diagonal(ekf.covariance, axis1=1, axis2=2), 0)),
         )
-        lag = model.lateness(state, np.zeros((len(state), 1))) * state[:, GAIN]
+        lag = ekf.lateness(state, np.zeros((len(state), 1))) * state[:, GAIN]
         self.alpha_hat = 1 / state[:, GAIN]
-        self.latency_hat = model.latency[:, None] + lag / self.told.period
+        self.latency_hat = ekf.latency[:, None] + lag / self.model.period
         self.channels = {
             "alpha_sigma": self.alpha_hat**2 * sigma[:, GAIN],
             "lag": lag,
             "disturbance": state[:, DISTURBANCE],
-            "surprise": model.innovation,
+            "surprise": ekf.innovation,
         }
         for name in ("latency", "creep", "friction"):
             column = getattr(parameter_ekf, name.upper())

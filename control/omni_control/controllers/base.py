@@ -19,14 +19,14 @@ from omni_control.estimation.vision_tracker import Step
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
 
-RECORDED = ("predicted", "alpha_hat", "latency_hat")
+RECORDED = ("predicted_pose", "alpha_hat", "latency_hat")
 COMMAND_LIMITS = MotionLimits(
     3.7, 4.7, 26.0, 50.8
 )  # of the league's simulators (ssl-simulation-setup)
 
 
 @dataclass(frozen=True)
-class Told:
+class TeamModel:
     """What every controller is told; hashable, so that robots of which the same is told can share a controller.
 
     Args:
@@ -99,67 +99,69 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Observation:
     """What is known of n robots in a frame, world frame; headings count full turns.
 
     Args:
         pose: filtered [x, y, heading], (n, 3).
         twist: filtered [vx, vy, w], (n, 3).
-        measured: the pose that vision reported in this frame, (n, 3), its heading in (-pi, pi]; not a number where a
+        measured_pose: the pose that vision reported in this frame, (n, 3), its heading in (-pi, pi]; not a number where a
             robot was not seen.
-        sent: the last commands that were sent, within the limits, the newest in the frame before; to be read only.
+        sent_commands: the last commands that were sent, within the limits, the newest in the frame before; to be read only.
         period: length of a frame T, s.
         delay_frames: dead time k_d as far as the team knows it, frames: one for all robots, or one each (n,).
-        age: for how long robots had been where they were seen when the frame began, (n,) s. [not at all]
-        steps: those of filters, which are behind the present by that. [one, to this frame]
+        measurement_age: for how long robots had been where they were seen when the frame began, (n,) s. [not at all]
+        filter_steps: those of filters, which are behind the present by that. [one, to this frame]
     """
 
     pose: Array
     twist: Array
-    measured: Array
-    sent: CommandsInFlight
+    measured_pose: Array
+    sent_commands: CommandsInFlight
     period: float
     delay_frames: int | Array
-    age: Array | None = None
-    steps: tuple[Step, ...] = ()
+    measurement_age: Array | None = None
+    filter_steps: tuple[Step, ...] = ()
 
-    def of(self, rows: Rows, memory: int, delay_frames: int | Array) -> "Seen":
+    def of(self, rows: Rows, memory: int, delay_frames: int | Array) -> "Observation":
         """The same of some robots with that dead time and so many commands, in arrays of its own."""
-        return Seen(
+        return Observation(
             self.pose[rows].copy(),
             self.twist[rows].copy(),
-            self.measured[rows].copy(),
-            self.sent.of(rows, memory),
+            self.measured_pose[rows].copy(),
+            self.sent_commands.of(rows, memory),
             self.period,
             delay_frames,
-            None if self.age is None else self.age[rows],
-            tuple(step.of(rows) for step in self.steps),
+            None if self.measurement_age is None else self.measurement_age[rows],
+            tuple(step.of(rows) for step in self.filter_steps),
         )
 
     @property
-    def carried(self) -> Array:
+    def extrapolated_pose(self) -> Array:
         """What was measured, brought from when it was seen to this frame by the filtered twist, (n, 3)."""
-        if self.age is None or not np.count_nonzero(self.age):
-            return self.measured
-        brought = self.measured + self.age[:, None] * self.twist
+        if self.measurement_age is None or not np.count_nonzero(self.measurement_age):
+            return self.measured_pose
+        brought = self.measured_pose + self.measurement_age[:, None] * self.twist
         brought[:, 2] = wrap_angle(brought[:, 2])
         return brought
 
     @property
-    def in_flight(self) -> Array:
+    def commands_in_flight(self) -> Array:
         """Commands that were sent and have not acted yet, (k_d, n, 3), oldest first, m/s and rad/s.
 
         Where dead times differ, the longest counts, and a command that has acted on a robot by then is zero.
         """
         if not isinstance(self.delay_frames, np.ndarray):
-            return self.sent.last(self.delay_frames)
+            return self.sent_commands.last(self.delay_frames)
         longest = int(self.delay_frames.max())
-        return self.sent.ahead(self.delay_frames[:, None], longest) * self.sent.last(longest)
+        return self.sent_commands.ahead(
+            self.delay_frames[:, None], longest
+        ) * self.sent_commands.last(longest)
 
     @property
-    def arriving(self) -> Array:
+    def predicted_pose(self) -> Array:
         """Poses (n, 3) to which the commands in flight lead by the end of the dead time (equation 11), alpha = 1."""
-        return self.pose + compensation(self.in_flight, 1.0, self.period)
+        return self.pose + compensation(self.commands_in_flight, 1.0, self.period)
 
 
 class Controller:
@@ -178,33 +180,33 @@ class Controller:
         n: robots.
 
     Attributes:
-        predicted: pose (n, 3) for which the last command was computed, for the record.
+        predicted_pose: pose (n, 3) for which the last command was computed, for the record.
         alpha_hat: estimated motor correction factors (n, 3), for the record; 1 for a controller that estimates none.
         latency_hat: estimated time from a command to its effect forward, to the left and turning (n, 3), frames, for
             the record; not a number for a controller that estimates none.
         channels: what else is to be recorded of each frame, by name: numbers (n,) or (n, k).
-        memory_frames: how many of the commands sent `seen.sent` holds; one that needs more says so in its constructor.
+        memory_frames: how many of the commands sent `observation.sent_commands` holds; one that needs more says so in its constructor.
         knows_truth: whether it sees the true pose and twist instead of filtered vision.
     """
 
     knows_truth: ClassVar[bool] = False
 
-    def __init__(self, told: Told, reference: Reference, n: int) -> None:
-        self.told, self.reference = told, reference
-        self.predicted = np.full((n, 3), np.nan)
+    def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+        self.model, self.reference = model, reference
+        self.predicted_pose = np.full((n, 3), np.nan)
         self.alpha_hat = np.ones((n, 3))
         self.latency_hat = np.full((n, 3), np.nan)
         self.channels: dict[str, Array] = {}
-        self.memory_frames = math.ceil(told.latency_frames) + 1
+        self.memory_frames = math.ceil(model.latency_frames) + 1
 
-    def command(self, frame: int, seen: Seen) -> Array:
+    def command(self, frame: int, observation: Observation) -> Array:
         """Return commands [vx, vy, w] (n, 3), world frame, m/s and rad/s.
 
         A robot's command must not depend on the other robots of the batch.
 
         Args:
             frame: k, from 0.
-            seen: what is known of the robots in frame k; its arrays are the controller's own, or can only be read.
+            observation: what is known of the robots in frame k; its arrays are the controller's own, or can only be read.
         """
         raise NotImplementedError
 

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from omni_control.controllers.base import Controller, Seen, Told
+from omni_control.controllers.base import Controller, Observation, TeamModel
 from omni_control.delay_compensation import CommandsInFlight
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import Reference
@@ -40,10 +40,10 @@ class NominalRobot:
         moved: x(k) - x(k-1), (n, 3).
     """
 
-    def __init__(self, told: Told, n: int) -> None:
-        self._period, self._delay = told.period, told.delay_frames
-        self.keep = math.exp(-told.period / told.lag_s) if told.lag_s else 0.0
-        self.slide = told.lag_s * (1 - self.keep)
+    def __init__(self, model: TeamModel, n: int) -> None:
+        self._period, self._delay = model.period, model.delay_frames
+        self.keep = math.exp(-model.period / model.lag_s) if model.lag_s else 0.0
+        self.slide = model.lag_s * (1 - self.keep)
         self.velocity, self.moved = np.zeros((2, n, 3))
 
     def advance(self, sent: CommandsInFlight) -> None:
@@ -80,15 +80,15 @@ class Proportional(Controller):
     half of one is how long a command is held on average, and half of one how well a dead time is known in frames.
     """
 
-    def __init__(self, told: Told, reference: Reference, n: int) -> None:
-        super().__init__(told, reference, n)
-        self.gain = simc_gain((told.latency_frames + 1) * told.period)
+    def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+        super().__init__(model, reference, n)
+        self.gain = simc_gain((model.latency_frames + 1) * model.period)
 
-    def command(self, frame: int, seen: Seen) -> Array:
+    def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
-        self.predicted = seen.pose
-        target, feed_forward = self.reference.at(frame, seen.pose)
-        return feed_forward + self.gain * pose_error(target, seen.pose)
+        self.predicted_pose = observation.pose
+        target, feed_forward = self.reference.at(frame, observation.pose)
+        return feed_forward + self.gain * pose_error(target, observation.pose)
 
 
 class Smith(Controller):
@@ -103,20 +103,24 @@ class Smith(Controller):
     as drag (K. Watanabe and M. Ito, IEEE Trans. Automatic Control 26, 1981).
     """
 
-    def __init__(self, told: Told, reference: Reference, n: int) -> None:
-        super().__init__(told, reference, n)
-        self.gain = simc_gain(told.lag_s + told.period)
-        self.robot = NominalRobot(told, n)
+    def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+        super().__init__(model, reference, n)
+        self.gain = simc_gain(model.lag_s + model.period)
+        self.robot = NominalRobot(model, n)
 
-    def command(self, frame: int, seen: Seen) -> Array:
+    def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
-        self.robot.advance(seen.sent)
-        self.predicted, _ = self.robot.at_the_end_of_the_dead_time(seen.pose, seen.in_flight)
-        target, feed_forward = self.reference.at(frame + self.told.latency_frames, self.predicted)
+        self.robot.advance(observation.sent_commands)
+        self.predicted_pose, _ = self.robot.at_the_end_of_the_dead_time(
+            observation.pose, observation.commands_in_flight
+        )
+        target, feed_forward = self.reference.at(
+            frame + self.model.latency_frames, self.predicted_pose
+        )
         target = (
-            target - self.told.lag_s * feed_forward
+            target - self.model.lag_s * feed_forward
         )  # from the end of the lag back to the end of the dead time
-        return feed_forward + self.gain * pose_error(target, self.predicted)
+        return feed_forward + self.gain * pose_error(target, self.predicted_pose)
 
 
 def lqr_gain(transition: Array, effect: Array, state_weight: Array, command_weight: float) -> Array:
@@ -160,31 +164,33 @@ class Lqr(Controller):
     optimum knows no limit of acceleration, beyond which it swings.
     """
 
-    def __init__(self, told: Told, reference: Reference, n: int) -> None:
-        super().__init__(told, reference, n)
-        self.robot = robot = NominalRobot(told, n)
+    def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+        super().__init__(model, reference, n)
+        self.robot = robot = NominalRobot(model, n)
         self.gain = lqr_gain(
             np.array([[1.0, robot.slide], [0.0, robot.keep]]),
-            np.array([told.period - robot.slide, 1 - robot.keep]),
-            np.diag([told.error_range_m**-2, 0.0]),
-            told.speed_range_m_s**-2,
+            np.array([model.period - robot.slide, 1 - robot.keep]),
+            np.diag([model.error_range_m**-2, 0.0]),
+            model.speed_range_m_s**-2,
         )
         self.disturbance = np.zeros((n, 3))
         self._brake = BRAKE * np.array(
-            [*2 * [told.limits.acceleration], told.limits.turn_acceleration]
+            [*2 * [model.limits.acceleration], model.limits.turn_acceleration]
         )
-        self._most = told.speed_range_m_s * np.array([1.0, 1.0, 1 / told.error_range_m])
+        self._most = model.speed_range_m_s * np.array([1.0, 1.0, 1 / model.error_range_m])
         self._pose: Array | None = None
         self._feed_forward: Array | None = None
 
-    def command(self, frame: int, seen: Seen) -> Array:
+    def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
-        self.robot.advance(seen.sent)
-        self._disturb(seen.pose)
-        position, velocity = self.robot.at_the_end_of_the_dead_time(seen.pose, seen.in_flight)
-        position = position + self.told.delay_frames * self.told.period * self.disturbance
+        self.robot.advance(observation.sent_commands)
+        self._disturb(observation.pose)
+        position, velocity = self.robot.at_the_end_of_the_dead_time(
+            observation.pose, observation.commands_in_flight
+        )
+        position = position + self.model.delay_frames * self.model.period * self.disturbance
         velocity = velocity + self.disturbance
-        self.predicted = position + self.told.lag_s * velocity
+        self.predicted_pose = position + self.model.lag_s * velocity
         at, speed, feed_forward = self._wanted(frame)
         error = pose_error(at, position)
         sizes = np.column_stack([*2 * [np.hypot(*error.T[:2])], np.abs(error[:, 2])])
@@ -195,16 +201,18 @@ class Lqr(Controller):
     def _disturb(self, pose: Array) -> None:
         """Estimate the disturbance from what robots that are at `pose` (n, 3) now did more than the model."""
         before, self._pose = pose if self._pose is None else self._pose, pose
-        besides = (pose_error(pose, before) - self.robot.moved) / self.told.period
+        besides = (pose_error(pose, before) - self.robot.moved) / self.model.period
         self.disturbance = self.disturbance + (besides - self.disturbance) / (
-            self.told.latency_frames + 2
+            self.model.latency_frames + 2
         )
         self.disturbance = np.clip(self.disturbance, -self._most, self._most)
 
     def _wanted(self, frame: int) -> tuple[Array, Array, Array]:
         """Pose, velocity and command (n, 3) of a nominal robot on the reference, at the end of the dead time."""
-        period, lag = self.told.period, self.told.lag_s
-        later, feed_forward = self.reference.at(frame + self.told.latency_frames, self.predicted)
+        period, lag = self.model.period, self.model.lag_s
+        later, feed_forward = self.reference.at(
+            frame + self.model.latency_frames, self.predicted_pose
+        )
         before, self._feed_forward = (
             feed_forward if self._feed_forward is None else self._feed_forward,
             feed_forward,

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from omni_control.controllers.base import Controller, Seen, Told
+from omni_control.controllers.base import Controller, Observation, TeamModel
 from omni_control.delay_compensation import CommandsInFlight, compensation
 from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, wrap_angle
@@ -62,45 +62,45 @@ class Flc(Controller):
     It compares the pose of now with the reference of now, as if commands acted at once.
     """
 
-    def __init__(self, told: Told, reference: Reference, n: int) -> None:
-        super().__init__(told, reference, n)
-        self.fuzzy = FuzzyLaw(told.error_range_m, told.speed_range_m_s)
+    def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+        super().__init__(model, reference, n)
+        self.fuzzy = FuzzyLaw(model.error_range_m, model.speed_range_m_s)
 
-    def command(self, frame: int, seen: Seen) -> Array:
+    def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
-        return self.track(frame, seen.pose)
+        return self.track(frame, observation.pose)
 
     def track(self, frame: float, pose: Array) -> Array:
         """Command (n, 3) that brings robots which are at `pose` (n, 3) in `frame` to the reference of that frame."""
-        self.predicted = pose
+        self.predicted_pose = pose
         target, feed_forward = self.reference.at(frame, pose)
         error = target - pose
-        turn = self.told.heading_gain * wrap_angle(error[:, 2:])
+        turn = self.model.heading_gain * wrap_angle(error[:, 2:])
         return feed_forward + np.concatenate([self.fuzzy(error[:, :2]), turn], axis=1)
 
 
 class CompFlc(Flc):
     """comp-FLC: the same, for the pose predicted at the end of the dead time and the reference of that time."""
 
-    def __init__(self, told: Told, reference: Reference, n: int) -> None:
-        super().__init__(told, reference, n)
-        self.latency = self.latency_told(told)
-        window, whole = told.alpha_window_frames, round(self.latency)
+    def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+        super().__init__(model, reference, n)
+        self.latency = self.latency_told(model)
+        window, whole = model.alpha_window_frames, round(self.latency)
         self.memory_frames = window + math.ceil(self.latency)
-        self.alpha = AlphaEstimator(n, window, whole, told.period)
+        self.alpha = AlphaEstimator(n, window, whole, model.period)
 
     @staticmethod
-    def latency_told(told: Told) -> float:
+    def latency_told(model: TeamModel) -> float:
         """Time from a command to its effect that is compensated, frames."""
-        return told.delay_frames
+        return model.delay_frames
 
-    def command(self, frame: int, seen: Seen) -> Array:
+    def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
-        pose, sent = seen.pose, seen.sent
+        pose, sent = observation.pose, observation.sent_commands
         self.alpha_hat[:, :2] = self.alpha.update(pose[:, :2], sent)
         count = math.ceil(self.latency)
         in_flight = sent.ahead(self.latency, count) * sent.last(count)
-        predicted = pose + compensation(in_flight, self.alpha_hat, self.told.period)
+        predicted = pose + compensation(in_flight, self.alpha_hat, self.model.period)
         return self.track(frame + self.latency, predicted)
 
 
@@ -111,6 +111,6 @@ class CompFlcLag(CompFlc):
     """
 
     @staticmethod
-    def latency_told(told: Told) -> float:
+    def latency_told(model: TeamModel) -> float:
         """See `CompFlc`."""
-        return told.latency_frames
+        return model.latency_frames

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_control.controllers.adaptive import AdaptiveCompFlc
-from omni_control.controllers.base import Seen, Told
+from omni_control.controllers.base import Observation, TeamModel
 from omni_control.estimation.parameter_ekf import DISTURBANCE, GAIN, POSE, VELOCITY
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import Reference
@@ -70,18 +70,18 @@ class Mpc(AdaptiveCompFlc):
     `channels["bound"]` is 1 for robots whose program was bound by limits.
     """
 
-    def __init__(self, told: Told, reference: Reference, n: int) -> None:
-        super().__init__(told, reference, n)
-        stiffness = STIFFNESS * told.speed_range_m_s / told.error_range_m
-        weights = np.append(np.full(FRAMES, stiffness**2), stiffness / (2 * told.period))
+    def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+        super().__init__(model, reference, n)
+        stiffness = STIFFNESS * model.speed_range_m_s / model.error_range_m
+        weights = np.append(np.full(FRAMES, stiffness**2), stiffness / (2 * model.period))
         self._weights = np.repeat(weights, 2)  # of errors, that of commands being 1
 
-    def track(self, frame: int, seen: Seen, state: Array) -> Array:
+    def track(self, frame: int, observation: Observation, state: Array) -> Array:
         """See `InverseFlc`."""
-        model, limits = self.filter, self.told.limits
-        poses, twists = self.around(frame + model.latency, FRAMES)
+        ekf, limits = self.filter, self.model.limits
+        poses, twists = self.around(frame + ekf.latency, FRAMES)
         velocities, headings = self.expected(poses, twists, state)
-        planned = model.invert(velocities[:-1], velocities[1:], headings)
+        planned = ekf.invert(velocities[:-1], velocities[1:], headings)
         error = state[:, POSE] - poses[1]
         late = state[:, VELOCITY] - velocities[0]
         free, effect = self._errors(poses[1:, :, :2], velocities, headings, error, late)
@@ -92,18 +92,20 @@ class Mpc(AdaptiveCompFlc):
         edges = velocities[:-1, :, :2]
         size = np.hypot(edges[..., 0], edges[..., 1])[..., None]
         directions = np.where(size > STILL_M_S, edges / np.maximum(size, STILL_M_S), [1.0, 0.0])
-        disturbance = model.state[:, DISTURBANCE]
-        step = limits.acceleration * self.told.period
+        disturbance = ekf.state[:, DISTURBANCE]
+        step = limits.acceleration * self.model.period
         sent = planned[..., :2] - disturbance[:, :2]
         best, bound = minimize(
             hessian,
             gradient,
-            Limits(seen.sent.last(1)[0, :, :2], sent, directions, step, limits.speed),
+            Limits(
+                observation.sent_commands.last(1)[0, :, :2], sent, directions, step, limits.speed
+            ),
         )
         self.channels["bound"] = bound.astype(float)
         command = planned[0] - disturbance
         command[:, :2] += best[:, 0]
-        command[:, 2] -= self.told.heading_gain * wrap_angle(error[:, 2])
+        command[:, 2] -= self.model.heading_gain * wrap_angle(error[:, 2])
         return command
 
     def _errors(
@@ -122,13 +124,13 @@ class Mpc(AdaptiveCompFlc):
             Errors without w (n, 2 N + 2), of the positions at the end of each frame and of the position to which
             the last velocity would still lead, m, and the effect of w on them (n, 2 N + 2, 2 N), s.
         """
-        model, period, n = self.filter, self.told.period, len(error)
+        ekf, period, n = self.filter, self.model.period, len(error)
         before, after = (
             world_to_body(velocities[:-1], headings),
             world_to_body(velocities[1:], headings),
         )
         speed = np.hypot(before[..., 0], before[..., 1])
-        lag, gain = model.lateness(model.state, speed[..., None]), model.state[:, GAIN]
+        lag, gain = ekf.lateness(ekf.state, speed[..., None]), ekf.state[:, GAIN]
         decay = np.exp(-period / lag)
         carried = (1 - decay) * lag
         towards = (after - decay * before) / (1 - decay)

@@ -19,7 +19,7 @@ are states; those of the other axes are in proportion, by the directions of the 
 
 import numpy as np
 
-from omni_control.controllers.base import Seen, Told
+from omni_control.controllers.base import Observation, TeamModel
 from omni_control.delay_compensation import CommandsInFlight
 from omni_control.estimation.vision_tracker import Step
 from omni_control.estimation.yaw_coupling import Compliance
@@ -82,42 +82,45 @@ class RobotFilter:
     """
 
     def __init__(
-        self, told: Told, n: int, noise: tuple[float, float, float], learns: bool = True
+        self, model: TeamModel, n: int, noise: tuple[float, float, float], learns: bool = True
     ) -> None:
-        self.period, self.told, self.learns = told.period, told, learns
-        wheels = told.geometry or LEAGUE_WHEELS
+        self.period, self.model, self.learns = model.period, model, learns
+        wheels = model.geometry or LEAGUE_WHEELS
         directions, self.arm = wheels.matrix[:, :2], wheels.arm
         forward, sideways = (directions**2).mean(0)
         ratio = forward / sideways  # how much more a robot gives way sideways
         turning = GYRO_SHARE * INERTIA * forward
-        aside = told.creep_sideways_s2_m
-        creep_ratio = aside / told.creep_s2_m if aside and told.creep_s2_m else ratio
+        aside = model.creep_sideways_s2_m
+        creep_ratio = aside / model.creep_s2_m if aside and model.creep_s2_m else ratio
         self._lag_ratios = np.array([1.0, ratio, turning])
         self._creep_ratios = np.array([1.0, creep_ratio, turning])
         mean_direction = np.abs(directions[:, 0]).mean()
         self._friction_ratios = np.array(
             [1.0, ratio, GYRO_SHARE / self.arm * forward / mean_direction]
         )
-        self._compliance = Compliance(wheels, GYRO_SHARE if told.geometry else 0.0)
+        self._compliance = Compliance(wheels, GYRO_SHARE if model.geometry else 0.0)
 
         self.prior = np.zeros(SIZE)
-        self.prior[GAIN] = 1 / np.array([*(told.alpha or UNKNOWN_ALPHA), YAW_ALPHA])
+        self.prior[GAIN] = 1 / np.array([*(model.alpha or UNKNOWN_ALPHA), YAW_ALPHA])
         self.prior[LATENCY:] = (
-            told.delay_frames,
-            told.creep_s2_m,
-            max(LAG_SHARE * told.lag_s, MIN_LAG_S),
-            FRICTION_SHARE * told.drag_m_s,
+            model.delay_frames,
+            model.creep_s2_m,
+            max(LAG_SHARE * model.lag_s, MIN_LAG_S),
+            FRICTION_SHARE * model.drag_m_s,
         )
         sigma, alike = np.zeros(SIZE), np.eye(SIZE)
         alike[11, 12] = alike[12, 11] = GAINS_ALIKE
         if learns:
-            gain, *relative = KNOWN_SIGMA if told.alpha else UNKNOWN_SIGMA
-            given = told.creep_s2_m, told.lag_s, told.drag_m_s
+            gain, *relative = KNOWN_SIGMA if model.alpha else UNKNOWN_SIGMA
+            given = model.creep_s2_m, model.lag_s, model.drag_m_s
             sigma[DISTURBANCE] = DISTURBANCE_SIGMA
             sigma[GAIN] = gain, gain, YAW_GAIN_SIGMA
             sigma[COUPLING], sigma[LATENCY] = COUPLING_SIGMA, LATENCY_SIGMA
             sigma[CREEP:] = np.where(np.equal(given, 0), ZERO_SIGMA, relative * self.prior[CREEP:])
-        below, above = told.delay_frames - MAX_LATENCY_BELOW, told.delay_frames + MAX_LATENCY_ABOVE
+        below, above = (
+            model.delay_frames - MAX_LATENCY_BELOW,
+            model.delay_frames + MAX_LATENCY_ABOVE,
+        )
         self._low = np.minimum([-1, -1, *3 * [0.8], max(below, 0), 0, MIN_LAG_S, 0], self.prior[9:])
         self._high = np.maximum([1, 1, *3 * [1.9], above, 0.2, 0.1, 0.15], self.prior[9:])
         times = np.array([*DISTURBANCE_TIME_S, *9 * [PARAMETER_TIME_S]])
@@ -188,26 +191,28 @@ class RobotFilter:
         command[..., 2] -= self._turned(state, before, acceleration, shortfall)
         return body_to_world(command, heading)
 
-    def observe(self, seen: Seen) -> None:
+    def observe(self, observation: Observation) -> None:
         """Go through the steps of a frame, and correct the states by its vision after the last one."""
         if not self._started:
             self._started = True
             self.state[:] = self.prior
-            self.state[:, POSE] = seen.pose
+            self.state[:, POSE] = observation.pose
             self.covariance[:] = self._prior_covariance
             self.covariance[:, POSE, POSE] = self._noise
-        *before, last = seen.steps or (Step.now(len(self.state)),)
+        *before, last = observation.filter_steps or (Step.now(len(self.state)),)
         for step in before:
-            self._update(None, seen.sent, step)
-        self._update(seen.measured, seen.sent, last)
+            self._update(None, observation.sent_commands, step)
+        self._update(observation.measured_pose, observation.sent_commands, last)
 
-    def predict(self, seen: Seen) -> Array:
+    def predict(self, observation: Observation) -> Array:
         """Return the states (n, 18) when the command of this frame begins to act."""
-        latency = self.latency + (seen.steps[-1].behind if seen.steps else 0.0)
+        latency = self.latency + (
+            observation.filter_steps[-1].behind if observation.filter_steps else 0.0
+        )
         count = int(np.ceil(latency.max()))
         state = self.state
-        shares = seen.sent.ahead(latency[:, None], count)[..., 0]
-        for command, share in zip(seen.sent.last(count), shares, strict=True):
+        shares = observation.sent_commands.ahead(latency[:, None], count)[..., 0]
+        for command, share in zip(observation.sent_commands.last(count), shares, strict=True):
             after = self.step(state, command, share * self.period)
             state = np.where(share[:, None] > 0, after, state)
         return state

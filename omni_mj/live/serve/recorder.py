@@ -49,7 +49,7 @@ class Recorder:
         if names != self._names or self._log.length == BLOCK_FRAMES:
             self._end_block()
             rows = [
-                replace(pitch.rows[robot], place=name[1])
+                replace(pitch.rows[robot], slot=name[1])
                 for robot, name in zip(robots, names, strict=True)
             ]
             self._names, self._log = names, Log(rows, self._n_wheels)

@@ -165,7 +165,7 @@ class AlphaResult(Result):
         return self.study.text() if self.study else ""
 
 
-def alpha(
+def measure_alpha(
     scenario: Scenario | str = "rect",
     conditions: Conditions = CONDITIONS,
     *,

@@ -15,7 +15,7 @@ import numpy as np
 
 from omni_control.kinematics import world_to_body
 from omni_mj.config import robot_files
-from omni_mj.config.scenario import Scenario, scenario
+from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.files import write
 from omni_mj.results.result_tables import DASH, Table, text
 from omni_mj.studies.identify import checks, robot_file
@@ -143,7 +143,7 @@ def identify(
         OmniError: A log cannot be what it says, or holds too little.
     """
     paths = [logs] if isinstance(logs, Path | str) else logs
-    start = scenario("rect", robot=robot, model=model or {})
+    start = load_scenario("rect", robot=robot, model=model or {})
     return identify_logs([log for path in paths for log in read(path)], start)
 
 

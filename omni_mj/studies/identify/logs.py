@@ -75,7 +75,7 @@ def read(file: Path | str) -> list[RobotLog]:
     time = _numbers(path, columns, ["time_s"])[:, 0]
     named = {"wheels": wheels, "commands": command}
     inputs = {source: _numbers(path, columns, names) for source, names in named.items() if names}
-    keys = [columns[key].to_pylist() for key in ("controller", "seed", "place") if key in columns]
+    keys = [columns[key].to_pylist() for key in ("controller", "seed", "slot") if key in columns]
     rows = np.array(
         [" ".join(map(str, row)) for row in zip(*keys, strict=True)] or [""] * len(time), str
     )

@@ -4,6 +4,6 @@ Without noise, iterative learning finds the limit of actuators and traction (`le
 best estimate along what was learned finds that of information (`tracking`). docs/limit.md says what both are worth.
 """
 
-from omni_mj.studies.limit.study import LIMIT, WITHOUT_NOISE, LimitResult, check, limit
+from omni_mj.studies.limit.study import LIMIT, WITHOUT_NOISE, LimitResult, check, find_limit
 
-__all__ = ["LIMIT", "WITHOUT_NOISE", "LimitResult", "check", "limit"]
+__all__ = ["LIMIT", "WITHOUT_NOISE", "LimitResult", "check", "find_limit"]

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from omni_control.controllers.base import Controller, Seen
+from omni_control.controllers.base import Controller, Observation
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config import reference_factory
@@ -89,8 +89,12 @@ class Drives:
 def led(label: str, leader: Leader) -> type[Controller]:
     """Return a controller that sends what a function of reported poses, sent headings and last commands returns."""
 
-    def command(self: Controller, frame: int, seen: Seen) -> Array:
-        return leader(seen.carried, seen.pose[:, 2], seen.sent.last(1)[0])
+    def command(self: Controller, frame: int, observation: Observation) -> Array:
+        return leader(
+            observation.extrapolated_pose,
+            observation.pose[:, 2],
+            observation.sent_commands.last(1)[0],
+        )
 
     return type(label, (Controller,), {"command": command})
 
@@ -120,7 +124,7 @@ def learn(
             frame.
     """
     settings, seed, idle = scenario.settings, scenario.seed, 0
-    reference = reference_factory.timed(settings, settings.world.places[0]).poses
+    reference = reference_factory.timed(settings, settings.world.start_poses[0]).poses
     limits, random = reference_factory.motion_limits(settings.control), np.random.default_rng(0)
     model = DepartureModel.prior(
         len(reference), settings.radio.delay_frames, 2 * settings.control.lag_s

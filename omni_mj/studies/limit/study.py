@@ -67,7 +67,7 @@ class LimitResult(Result):
         return f"{text(Table(title, headings, rows, 1))}\n{learned}"
 
 
-def limit(
+def find_limit(
     scenario: Scenario | str = "rect",
     seeds: int | Iterable[int] = SEEDS,
     iterations: int = ATTEMPTS,
@@ -110,10 +110,10 @@ def limit(
 def check(scenario: Scenario, iterations: int) -> None:
     """Raise OmniError if the limit of a scenario cannot be found."""
     distributions.refuse(scenario.distributions, "limit")
-    if (places := len(scenario.settings.world.places)) > 1:
+    if (places := len(scenario.settings.world.start_poses)) > 1:
         raise OmniError(
-            f"the limit is that of a robot alone, and world.places of {scenario.name!r} has {places} places;"
-            " give one: --set world.places=[[0,0,0]]"
+            f"the limit is that of a robot alone, and world.start_poses of {scenario.name!r} has {places} places;"
+            " give one: --set world.start_poses=[[0,0,0]]"
         )
     if iterations < 2:
         raise OmniError(f"the limit takes at least 2 iterations to find, not {iterations}")

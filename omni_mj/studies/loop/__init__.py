@@ -132,7 +132,7 @@ class LoopResult(Result):
         )
 
 
-def loop(
+def measure_loop(
     scenario: Scenario | str = "rect",
     controllers: Sequence[str | type[Controller]] | None = None,
     *,

@@ -115,7 +115,7 @@ class Drive:
 
     def __init__(self, scenario: Scenario) -> None:
         settings = scenario.settings.replace(
-            reference=resting(FRAMES), world={"places": [[0, 0, 0]]}
+            reference=resting(FRAMES), world={"start_poses": [[0, 0, 0]]}
         )
         self._shape = len(scenario.labels), len(CASES), scenario.seeds, 2
         grid = list(itertools.product(scenario.labels, CASES, scenario.seed_list, (1, -1)))

@@ -21,7 +21,7 @@ import numpy as np
 
 from omni_mj.config import distributions
 from omni_mj.config import resolve as described
-from omni_mj.config.scenario import Scenario, scenario
+from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.results.result import Outcome, Result
 from omni_mj.results.result_tables import Table, number, text
 from omni_mj.results.statistics import plain
@@ -116,7 +116,7 @@ class SlipResult(Result):
         )
 
 
-def slip(
+def measure_slip(
     robots: Sequence[Scenario | described.Robot | str] | None = None,
     moves: Sequence[Move] | None = None,
     *,
@@ -172,7 +172,7 @@ def slip(
 def named(robot: Scenario | described.Robot | str) -> Scenario:
     """Return the scenario that is driven, with the name of its robot."""
     if not isinstance(robot, Scenario):
-        robot = scenario("rect", robot=robot, wheels={"model": "two-rollers"})
+        robot = load_scenario("rect", robot=robot, wheels={"model": "two-rollers"})
     distributions.refuse(robot.distributions, "slip")
     name = re.sub(
         r"[^\w.-]+", "-", Path(robot.robot).stem if robot.robot.endswith(".toml") else robot.robot

@@ -150,7 +150,7 @@ class Plan:
                 groups.setdefault(alike(scenario.plant, settings), []).append((point, seed))
         parts = []
         for runs in groups.values():
-            n_places = len(self.there[runs[0][0]].settings.world.places)
+            n_places = len(self.there[runs[0][0]].settings.world.start_poses)
             size = max(1, self.at_once // (len(self.scenario.controllers) * n_places))
             parts += [tuple(runs[i : i + size]) for i in range(0, len(runs), size)]
         return [Job(number, runs) for number, runs in enumerate(parts)]

@@ -176,8 +176,8 @@ def simulation(plan: Plan, job: Job) -> Simulation:
         for row in rows_of(
             there[point].labels, [seed], there[point].settings_of, there[point].robot
         ):
-            world = rows[-1].world + (row.place == 0) if rows else 0
-            rows.append(Row(world, row.place, row.controller, row.seed, row.settings, row.robot))
+            world = rows[-1].world + (row.slot == 0) if rows else 0
+            rows.append(Row(world, row.slot, row.controller, row.seed, row.settings, row.robot))
     return Simulation(there[job.runs[0][0]], rows=rows)
 
 
@@ -206,7 +206,7 @@ def run_shard(plan: Plan, job: Job, after_frame: AfterFrame = nothing) -> "pa.Ta
     columns |= {
         "controller": [row.controller for row in driven.rows],
         "seed": np.array([row.seed for row in driven.rows], np.int64),
-        "place": np.array([row.place for row in driven.rows], np.int32),
+        "slot": np.array([row.slot for row in driven.rows], np.int32),
         "failed_at_s": [failures[i].time_s if i in failures else np.nan for i in range(len(point))],
         "cause": pa.array(
             [failures[i].cause if i in failures else None for i in range(len(point))], pa.string()
@@ -227,7 +227,7 @@ def _gathered(plan: Plan, folder: Path) -> "pa.Table":
     order = pa.array(
         [plan.scenario.labels.index(label) for label in table["controller"].to_pylist()]
     )
-    keys = [(name, "ascending") for name in ("point", "order", "seed", "place")]
+    keys = [(name, "ascending") for name in ("point", "order", "seed", "slot")]
     return table.append_column("order", order).sort_by(keys).drop_columns("order")
 
 

@@ -10,7 +10,7 @@ from omni_control.kinematics import Array, world_to_body
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.results import saturation
 from omni_mj.results.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
-from omni_mj.simulation.log import OWN, Log
+from omni_mj.simulation.log import CHANNEL_PREFIX, Log
 from omni_mj.viz import style
 from omni_mj.viz.shown_robots import ALPHA_RANGE, Robot
 
@@ -125,7 +125,7 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
         "own": [
             _own(channel, len(names))
             for channel, names in log.columns.items()
-            if channel.startswith(OWN)
+            if channel.startswith(CHANNEL_PREFIX)
         ],
     }
     known = {name for name in log.columns if not np.isnan(log.channel(name)).all()}
@@ -142,7 +142,7 @@ def _channel(
 def _own(channel: str, count: int) -> Plot:
     """Return the plot of a channel of a controller's own."""
     name, lines = (
-        channel.removeprefix(OWN),
+        channel.removeprefix(CHANNEL_PREFIX),
         tuple(map(str, range(1, count + 1))) if count > 1 else ("",),
     )
     path = f"own/{rr.escape_entity_path_part(name)}"

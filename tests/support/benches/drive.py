@@ -15,7 +15,7 @@ import peer as peer_program
 from serving import LOOPBACK, free_port
 
 from omni_control import Controller
-from omni_mj.config.scenario import Scenario, scenario
+from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.live import latency_fit, session
 from omni_mj.live.live_loop import Live
 from omni_mj.live.session import Options
@@ -58,7 +58,7 @@ def peer(*said: object, **options: Any) -> Iterator[Options]:
 
 def on_wire(controller: str | type[Controller], **sections: object) -> Scenario:
     sections = {"reference": ROUTE, "control": EXACT, **sections}
-    return scenario("rect", plant="live", controllers=[controller], **sections)
+    return load_scenario("rect", plant="live", controllers=[controller], **sections)
 
 
 def driven(chosen: Scenario, options: Options) -> Live:

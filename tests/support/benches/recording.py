@@ -116,7 +116,7 @@ def rows(table: pa.Table, controller: str, seed: int = 0, place: int = 0) -> dic
     chosen = (
         (pc.field("controller") == controller)
         & (pc.field("seed") == seed)
-        & (pc.field("place") == place)
+        & (pc.field("slot") == place)
     )
     robot = table.filter(chosen).sort_by("frame").drop_columns("controller")
     return {name: robot[name].to_numpy() for name in robot.column_names}

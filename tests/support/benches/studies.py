@@ -18,7 +18,7 @@ from omni_mj.studies.limit.learning import Drives, learn
 from omni_mj.studies.limit.model import DepartureModel, improve
 from omni_mj.studies.limit.study import quiet
 from omni_mj.studies.limit.tracking import POSE, Policy, Tracker, _regulator
-from omni_mj.studies.loop import LoopResult, loop
+from omni_mj.studies.loop import LoopResult, measure_loop
 from omni_mj.studies.loop import drive as loop_drive
 from omni_mj.studies.loop.drive import FREQUENCIES, STEP, STEP_M, WARM_UP, Drive
 from omni_mj.studies.loop.response import find_margins, measure_step
