@@ -26,7 +26,8 @@ include_patterns = [
 ]
 exclude_patterns = [".*", "build", "dist", "runs", "tests", "omni_mj", "examples"]
 
-# The pages below their headings, in the side bar; pages know nothing of the site, since they are read on forges too.
+# The pages below their headings, in the side bar; pages know nothing of the site, since they are
+# read on forges too.
 NAVIGATION = {
     "Begin": ["docs/install", "docs/tour", "docs/commands", "docs/python"],
     "Lessons": ["docs/lessons/dead-time", "docs/lessons/alpha-and-slip", "docs/lessons/identify"],

@@ -58,7 +58,8 @@ def write(tables: "Iterable[pa.Table]", path: Path) -> None:
 def _opened(path: Path) -> "Iterator[pa.NativeFile]":
     """A file to read; what is wrong with it is a line.
 
-    Arrow's own file: threads that read a file of Python's still hold it when a program ends at once, which they abort.
+    Arrow's own file: threads that read a file of Python's still hold it when a program ends at
+    once, which they abort.
     """
     import pyarrow as pa
 

@@ -183,7 +183,8 @@ def _standing(
 def report_threads(robots: int) -> dict[str, float]:
     """How many times faster several threads step the same robots, in wall time.
 
-    Rounds are short and many, as somebody else's work on either core costs two threads more than one.
+    Rounds are short and many, as somebody else's work on either core costs two threads more than
+    one.
     """
     chosen, times = scenario.load("rect", DRIVE, {}), {}
     steps = max(1, STEPPED // robots)

@@ -1,6 +1,7 @@
 """Does the adaptive controller do harm anywhere? Drive it and comp-flc in scenarios drawn at random.
 
-    python tests/bench_drawn.py [--scenarios 100] [--seed 0] [--seeds 4] [--plant mujoco] [--out FOLDER]
+    python tests/bench_drawn.py [--scenarios 100] [--seed 0] [--seeds 4] [--plant mujoco] [--out
+    FOLDER]
 
 A scenario has a robot of the catalogue, a route, friction, dead time and an error of the dead time, noise, and some
 have a weak wheel, a biased gyro, or pushes. References ask for 70 to 85 % of the friction, in one scenario of five for

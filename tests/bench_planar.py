@@ -1,7 +1,9 @@
 """How far the plant planar agrees with the full one: errors of controllers on the same scenarios, robots and noise.
 
-    python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller comp-flc ...]
-                                 [--seeds 20] [--finer] [--set SECTION.FIELD=VALUE ...] [--out FILE.jsonl] [--known]
+    python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller
+    comp-flc ...]
+                                 [--seeds 20] [--finer] [--set SECTION.FIELD=VALUE ...] [--out
+                                 FILE.jsonl] [--known]
 
 By default all scenarios and robots, which takes an hour with JAX. Prints the table of docs/planar.md. What
 is compared is the rms of a robot's distance from its reference over a run. Both plants are given the same noise, so
@@ -33,7 +35,9 @@ from omni_mj.results.statistics import confidence
 from omni_mj.simulation.simulation import Simulation
 
 CONTROLLERS = "comp-flc", "adaptive-comp-flc", "lqr"
-SEEDS = 5  # at a time; with three controllers fewer robots than those for which the full plant takes several threads
+# At a time; with three controllers fewer robots than those for which the full plant takes several
+# threads
+SEEDS = 5
 SLIDES = 0.01  # share of the frames in which a wheel slides, from which on a run is said to
 HOLDING, SLIDING = 1.0, 5.0  # per cent by which plants may differ
 FULL, PLANAR, FINER = "mujoco", "planar", "mujoco, four substeps"

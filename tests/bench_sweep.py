@@ -1,6 +1,7 @@
 """What sweeps cost: CPU time and memory of so many runs of `rect` under one controller, and what a million take.
 
-    python tests/bench_sweep.py [--plant kinematic planar mujoco] [--runs 1000 10000] [--controller comp-flc]
+    python tests/bench_sweep.py [--plant kinematic planar mujoco] [--runs 1000 10000] [--controller
+    comp-flc]
                                 [--at-once 512] [--set SECTION.FIELD=VALUE ...]
 
 Each sweep is a process of its own, whose highest memory is told. The dead time is varied over ten values.

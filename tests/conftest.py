@@ -6,7 +6,8 @@ import sys
 
 from hypothesis import settings
 
-# Each process imports all tests, which are rewritten and compiled before: once, whatever the environment wants.
+# Each process imports all tests, which are rewritten and compiled before: once, whatever the
+# environment wants.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 

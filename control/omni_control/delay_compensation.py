@@ -14,18 +14,21 @@ Rows = slice | Sequence[int] | np.ndarray[Any, np.dtype[np.intp]]
 class CommandsInFlight:
     """The last commands sent by each robot's controller, newest last.
 
-    With a dead time of k_d frames, the pose measured in frame k has felt the commands up to k - k_d - 1, and the
-    command computed in frame k acts from frame k + k_d on. In between lie k_d commands already sent:
+    With a dead time of k_d frames, the pose measured in frame k has felt the commands up to k - k_d
+    - 1, and the command computed in frame k acts from frame k + k_d on. In between lie k_d commands
+    already sent:
 
         k_d = 2         frame k-3   k-2   k-1    k    k+1   k+2
         sent                u0     u1     u2     ?
         felt in                           u0     u1    u2     ?      <- x(k) has felt u0's frame,
                                                                         u1 and u2 are in flight
 
-    Equation 11 sums to i = k, which includes the command that is being computed; the k_d in flight are meant.
+    Equation 11 sums to i = k, which includes the command that is being computed; the k_d in flight
+    are meant.
 
-    A latency need not be a whole number of frames, nor the same for all robots and axes: with one of 1.5 frames, the
-    first half of the frame just past felt the command sent before the command that its second half felt.
+    A latency need not be a whole number of frames, nor the same for all robots and axes: with one
+    of 1.5 frames, the first half of the frame just past felt the command sent before the command
+    that its second half felt.
 
     Args:
         n: robots.

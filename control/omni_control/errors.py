@@ -26,7 +26,8 @@ def printable(text: str, most: int = 500) -> str:
 def choose(wrong: object, allowed: Iterable[str]) -> str:
     """'did you mean X? choose from A, B, C' for a misspelt name; the names in the order given.
 
-    Where there are more than anybody reads, and some are like it, those alone: 'did you mean X, Y or Z?'.
+    Where there are more than anybody reads, and some are like it, those alone: 'did you mean X, Y
+    or Z?'.
     """
     names = list(allowed)
     near = difflib.get_close_matches(str(wrong), names, n=3)

@@ -17,11 +17,11 @@ from omni_control.kinematics import Array
 
 LABELS = ("NB", "NS", "ZO", "PS", "PB")
 
-# Rows are the sets of e_y, columns those of e_x, in the order of LABELS; entries are the sets of the
-# velocity. The paper prints NB NS ZO NS NB next to the rows of table 1 and above the columns of table 2.
-# That is a misprint for NB NS ZO PS PB: the paper's example, "if e_x is NB and e_y is PS, then v_x is NB
-# and v_y is PS", needs a row PS in table 1, and as printed no rule would give v_x at a large positive
-# e_y, nor v_y at a large positive e_x. The entries are the printed ones.
+# Rows are the sets of e_y, columns those of e_x, in the order of LABELS; entries are the sets of
+# the velocity. The paper prints NB NS ZO NS NB next to the rows of table 1 and above the columns of
+# table 2. That is a misprint for NB NS ZO PS PB: the paper's example, "if e_x is NB and e_y is PS,
+# then v_x is NB and v_y is PS", needs a row PS in table 1, and as printed no rule would give v_x at
+# a large positive e_y, nor v_y at a large positive e_x. The entries are the printed ones.
 TABLE_1_VX = """
     NB NS ZO PS PB
     NB NS ZO PS PB
@@ -41,10 +41,11 @@ _TABLES = np.array([TABLE_1_VX.split(), TABLE_2_VY.split()])  # (outputs, rules)
 _RULES = np.array([[np.flatnonzero(t == s) for s in LABELS] for t in _TABLES]).T.copy()
 PEAKS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None, None]
 
-# Sets overlap with their neighbours only, in triangles of height 1/2 about their crossings. Those are counted twice
-# in the sum over the five sets, so that they are subtracted once. Up to a level u, the area of a set is u - u^2 / 2 and
-# that of an overlap u / 2 - u^2 / 2. Both are symmetric about their peaks, except for the outermost sets: those are
-# half triangles, whose first moment about the peak is (1 - (1 - u)^3) / 24 inwards.
+# Sets overlap with their neighbours only, in triangles of height 1/2 about their crossings. Those
+# are counted twice in the sum over the five sets, so that they are subtracted once. Up to a level
+# u, the area of a set is u - u^2 / 2 and that of an overlap u / 2 - u^2 / 2. Both are symmetric
+# about their peaks, except for the outermost sets: those are half triangles, whose first moment
+# about the peak is (1 - (1 - u)^3) / 24 inwards.
 _CROSSINGS = (PEAKS[1:] + PEAKS[:-1]) / 2
 _LEFT, _RIGHT = np.array([0, 1, 2, 3, 4, 0, 1, 2, 3]), np.array([0, 1, 2, 3, 4, 1, 2, 3, 4])
 _TOP = np.repeat([1.0, 0.5], [5, 4])[:, None, None]
@@ -67,7 +68,8 @@ def memberships(values: Array) -> Array:
 
 def centre_of_gravity(heights: Array) -> Array:
     """Return the centres of gravity (outputs, n) of the union of the sets clipped at heights (5, outputs, n)."""
-    # numpy adds up the rows of a table in order, but those of a lone column pairwise: at least two outputs.
+    # numpy adds up the rows of a table in order, but those of a lone column pairwise: at least two
+    # outputs.
     u = np.minimum(np.minimum(heights.take(_LEFT, axis=0), heights.take(_RIGHT, axis=0)), _TOP)
     area, moment = np.add.reduce(((_CUBIC * u + _QUADRATIC) * u + _LINEAR) * u, axis=1)
     return np.asarray(moment / area)
@@ -77,16 +79,17 @@ def centre_of_gravity(heights: Array) -> Array:
 class FuzzyLaw:
     """The FLC: position errors in, correcting velocities out.
 
-    A velocity never falls while its own error grows, but its gain has the ripples of a Mamdani controller with few
-    sets. With the default ranges, and the other error on a peak, it is 15/s at zero, 8/s half-way to the peak of PS,
-    15/s just before this peak, 0 just after it, where the base of PB lies within that of PS and adds next to nothing to
-    the union, and 23/s at the end of the range. The other error matters only between two peaks, where no rule fires
-    fully; it changes a velocity by less than 0.05 of the range.
+    A velocity never falls while its own error grows, but its gain has the ripples of a Mamdani
+    controller with few sets. With the default ranges, and the other error on a peak, it is 15/s at
+    zero, 8/s half-way to the peak of PS, 15/s just before this peak, 0 just after it, where the
+    base of PB lies within that of PS and adds next to nothing to the union, and 23/s at the end of
+    the range. The other error matters only between two peaks, where no rule fires fully; it changes
+    a velocity by less than 0.05 of the range.
 
     Args:
         error_range_m: inputs are clipped to plus or minus this (epsilon of the paper), m.
-        speed_range_m_s: outputs lie in the universe plus or minus this (delta), m/s; since the outermost sets are
-            half triangles, the largest output is 5/6 of it.
+        speed_range_m_s: outputs lie in the universe plus or minus this (delta), m/s; since the
+            outermost sets are half triangles, the largest output is 5/6 of it.
     """
 
     error_range_m: float = 0.1
@@ -105,8 +108,8 @@ class FuzzyLaw:
     def stiffness(self) -> float:
         """Velocity per error at no error, 1/s.
 
-        Per range e of its small error PS fires 2 e, and adds 2 e times the half of the universe that ZO does not reach
-        into: a moment of 2 e x 3/8 to ZO's area of 1/2.
+        Per range e of its small error PS fires 2 e, and adds 2 e times the half of the universe
+        that ZO does not reach into: a moment of 2 e x 3/8 to ZO's area of 1/2.
         """
         return 1.5 * self.speed_range_m_s / self.error_range_m
 

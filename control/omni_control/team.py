@@ -71,7 +71,8 @@ class Team:
         estimate, twist: filtered poses and twists (n, 3), to be read only.
         failed: which rows have failed or were stopped, (n,).
         knows_truth: whether one of the controllers does, which must then be told.
-        last: the commands that were sent last, (n, 3); zero at first. To be set where others were sent.
+        last: the commands that were sent last, (n, 3); zero at first. To be set where others were
+            sent.
 
     Raises:
         OmniError: no controller, frames of different lengths, a start that is not (n, 3) finite
@@ -187,7 +188,8 @@ class Team:
             wanted: commands (n, 3) in place of what the controllers say. [they are asked]
 
         Raises:
-            OmniError: nothing was observed since the last commands, or they are not (n, 3) finite numbers.
+            OmniError: nothing was observed since the last commands, or they are not (n, 3) finite
+                numbers.
             ControllerError: a controller failed, and nobody handles it.
         """
         if wanted is None and self._seen is None:

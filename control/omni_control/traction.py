@@ -31,13 +31,14 @@ def traction_limits(
 ) -> tuple[float, float]:
     """Highest acceleration (forward, sideways) in m/s^2, along the body's x and y axes, for speeding up and braking.
 
-    The ellipse through them, as `MotionLimits` keeps it, is more than friction allows in between: see `traction`.
+    The ellipse through them, as `MotionLimits` keeps it, is more than friction allows in between:
+    see `traction`.
 
     Args:
         kinematics: of the wheels.
         friction: coefficient of friction between rollers and carpet.
-        centre_height: of the centre of mass above the carpet, m, by which acceleration shifts load from wheel to wheel;
-            0 neglects that.
+        centre_height: of the centre of mass above the carpet, m, by which acceleration shifts load
+            from wheel to wheel; 0 neglects that.
 
     Raises:
         OmniError: the robot does not stand on these wheels.
@@ -54,7 +55,8 @@ def traction(
 ) -> float:
     """Highest acceleration without turning towards `bearing` (rad from the body's x axis), m/s^2; 0 if there is none.
 
-    The centre of mass is over the middle of the wheels. Motors are taken to be strong enough, and drag is neglected.
+    The centre of mass is over the middle of the wheels. Motors are taken to be strong enough, and
+    drag is neglected.
 
     Args:
         kinematics: of the wheels.
@@ -77,16 +79,17 @@ class WheelLimits:
     Args:
         kinematics: of the wheels; the centre of mass is over their middle.
         friction: coefficient of friction between rollers and carpet.
-        gyration: the robot's radius of gyration about the vertical axis, m: the root of its inertia over its mass.
+        gyration: the robot's radius of gyration about the vertical axis, m: the root of its inertia
+            over its mass.
         centre_height: as for `traction_limits`.
         pile: what the carpet resists against the travel of each wheel, a share of its load.
-        roller_friction: what the rollers' bearings resist against travel along its axle, same; it also takes its part
-            of the circle of friction.
+        roller_friction: what the rollers' bearings resist against travel along its axle, same; it
+            also takes its part of the circle of friction.
         rim_speed: highest speed of a rim, m/s.
 
     Raises:
-        OmniError: a number is not what it can be, the robot does not stand on these wheels, or they cannot even pull
-            what drags them.
+        OmniError: a number is not what it can be, the robot does not stand on these wheels, or they
+            cannot even pull what drags them.
     """
 
     kinematics: Kinematics
@@ -128,7 +131,8 @@ class WheelLimits:
         """How much of their friction and of their rim speed a drive asks of the wheels at most; 1 is all of it.
 
         Args:
-            poses: one per frame, (frames, 3), from rest to rest; accelerations are second differences of them.
+            poses: one per frame, (frames, 3), from rest to rest; accelerations are second
+                differences of them.
             period: length of a frame, s.
         """
         heading, velocity = poses[:, 2], np.diff(poses, axis=0) / period
@@ -158,7 +162,8 @@ class WheelLimits:
     ) -> float:
         """How many times these wheels can do at once, whatever the directions, while anything drags them.
 
-        The accelerations in m/s^2 are those ahead and aside, with the ellipse between them, that in rad/s^2 either way.
+        The accelerations in m/s^2 are those ahead and aside, with the ellipse between them, that in
+        rad/s^2 either way.
         """
         ahead, aside, turning = np.abs(self._faces[0]).T
         reach = np.hypot(acceleration * ahead, side_acceleration * aside)
@@ -184,9 +189,10 @@ class WheelLimits:
     def _faces(self) -> tuple[Array, Array]:
         """What the faces of the zonotope allow, two times (faces, 3): those times a, less these times drag, up to 1.
 
-        Of a wheel k, m_k = [-sin, cos, arm] is what its push does per force, and its load is g n_k + s_k a, the second
-        part being what the acceleration a = [ax, ay, gyration^2 b] shifts. Along a normal v, a zonotope of these pushes
-        reaches sum |m_k v| mu (g n_k + s_k a), and has to reach v (a - drag). Nor do wheels bear less than nothing.
+        Of a wheel k, m_k = [-sin, cos, arm] is what its push does per force, and its load is g n_k
+        + s_k a, the second part being what the acceleration a = [ax, ay, gyration^2 b] shifts.
+        Along a normal v, a zonotope of these pushes reaches sum |m_k v| mu (g n_k + s_k a), and has
+        to reach v (a - drag). Nor do wheels bear less than nothing.
         """
         pushes, (standing, shifting) = self.kinematics.matrix, self._loads
         if standing.min() <= 0:
@@ -242,7 +248,8 @@ def load_shares(kinematics: Kinematics) -> Array:
 def around(dragged: Array, ends: Literal["edge", "wrap"]) -> Array:
     """The most of what drag takes (cells, faces) in cells close by along a path that ends, or comes round again.
 
-    Where a path crosses the direction of an axle, rollers' bearings drag the other way, which may be within a frame.
+    Where a path crosses the direction of an axle, rollers' bearings drag the other way, which may
+    be within a frame.
     """
     padded = np.pad(dragged, ((_NEAR, _NEAR), (0, 0)), mode=ends)
     return np.asarray(

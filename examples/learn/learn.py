@@ -24,8 +24,10 @@ given = given.parse_args()
 MEMORY, POLICIES, BEST = 9, 64, 12
 HIGHEST = np.array([3.7, 3.7, 26.0])  # m/s and rad/s that an action of 1 means
 USED = slice(
-    0, 12
-)  # the ways and twists of an observation; the way to where the commands in flight lead says of these
+    0,
+    12,
+    # The ways and twists of an observation; the way to where the commands in flight lead says of these
+)
 START = np.array([2.0] * 6 + [0.5] * 6)[:, None] * np.ones(
     3
 )  # how far to look for weights of ways, 1/s, and of twists

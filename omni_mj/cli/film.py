@@ -83,8 +83,8 @@ def command(
 ) -> None:
     """Draw the run in DIR as a film: OUT.gif or .webp, DIR/film.webp if none is named.
 
-    Panels show each controller's robot with the run's first seed, its path, and as a white ring where it should be.
-    It needs no display, but EGL: Debian's libegl1 and libgl1-mesa-dri will do.
+    Panels show each controller's robot with the run's first seed, its path, and as a white ring
+    where it should be. It needs no display, but EGL: Debian's libegl1 and libgl1-mesa-dri will do.
     """
     out = out or folder / "film.webp"
     if sys.platform.startswith(

@@ -15,8 +15,8 @@ from omni_mj.viz import catalog
 def command(what: str | None, word: str | None) -> None:
     """List scenarios, controllers, plants, robots, settings and faults: all, one list, or what has WORD in it.
 
-    omni-mj list settings friction prints the settings in whose name or meaning that word stands; omni-mj list friction
-    looks for it in all lists.
+    omni-mj list settings friction prints the settings in whose name or meaning that word stands;
+    omni-mj list friction looks for it in all lists.
     """
     only = next((title for title in catalog.TITLES if what in (title, title[:-1])), None)
     if only is None and word is not None:
@@ -31,10 +31,11 @@ def command(what: str | None, word: str | None) -> None:
 def show(name: str, robot: str | None, overrides: tuple[str, ...]) -> None:
     """Print a scenario, a robot or a controller in full.
 
-    NAME is one that omni-mj list prints; FILE a scenario.toml, a robot.toml or a controller, file.py:Class. A scenario
-    is printed with all its settings, their units and meanings, as a file that can be run; --robot and --set change it,
-    as they do for omni-mj run. Of a robot that is a file for --robot, with what follows from its numbers; of a
-    controller, what it does and its parameters.
+    NAME is one that omni-mj list prints; FILE a scenario.toml, a robot.toml or a controller,
+    file.py:Class. A scenario is printed with all its settings, their units and meanings, as a file
+    that can be run; --robot and --set change it, as they do for omni-mj run. Of a robot that is a
+    file for --robot, with what follows from its numbers; of a controller, what it does and its
+    parameters.
     """
     print(catalog.in_full(name, overrides, robot), end="")
 

@@ -46,7 +46,8 @@ def command(
     from omni_mj.files import whole
     from omni_mj.viz.recording.viewer import Viewer
 
-    # From its standard input a viewer loads all of a recording; of a file that it opens, only what is in sight.
+    # From its standard input a viewer loads all of a recording; of a file that it opens, only what
+    # is in sight.
     viewer = Viewer("-", "--headless", "--window-size", f"{size[0]}x{size[1]}", file=recording)
     try:
         image = _take(ViewerClient.connect(viewer.url), time_s, tabs)

@@ -189,8 +189,8 @@ def _run(
     Args:
         name: Of the command.
         chosen: Scenarios of the study.
-        measure: Return the result. Its argument takes a title and the number of frames, and returns what is to be
-            called after each frame.
+        measure: Return the result. Its argument takes a title and the number of frames, and returns
+            what is to be called after each frame.
         draw: Save the figure of a result as a file without its suffix.
         out: Folder of the results.
         overwrite: Whether files there may be replaced.

@@ -77,9 +77,9 @@ def command(
 ) -> None:
     """Run a scenario under all combinations of settings: failure rates and errors with confidence, as table and map.
 
-    Of whole numbers, LOW:HIGH:STEP. A sweep that was stopped or killed goes on if the same is typed again, with its
-    folder as --out, and computes nothing twice. Numbers that are drawn (--set carpet.friction='{uniform = [0.4, 0.9]}')
-    are drawn for each seed.
+    Of whole numbers, LOW:HIGH:STEP. A sweep that was stopped or killed goes on if the same is typed
+    again, with its folder as --out, and computes nothing twice. Numbers that are drawn (--set
+    carpet.friction='{uniform = [0.4, 0.9]}') are drawn for each seed.
     """
     from omni_mj.studies.sweep import workers
     from omni_mj.studies.sweep.plan import Plan, axes, parse_axis

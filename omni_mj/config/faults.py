@@ -29,7 +29,8 @@ class Fault(Checked):
     """Something that begins in a frame and ends in another, or with the run.
 
     Attributes:
-        plants: The plants that know it; None for what happens between robot and team, whatever the plant.
+        plants: The plants that know it; None for what happens between robot and team, whatever the
+            plant.
     """
 
     plants: ClassVar[tuple[str, ...] | None] = None
@@ -243,8 +244,8 @@ class BrownOut(OnWheels):
 class Reboot(OnWheels):
     """The firmware starts anew, and has done so when the fault ends; until then no loop runs.
 
-    It has forgotten heading, gyro bias and the state of its loops. It takes vision's heading that comes with the first
-    packet for its own, and stands until then.
+    It has forgotten heading, gyro bias and the state of its loops. It takes vision's heading that
+    comes with the first packet for its own, and stands until then.
     """
 
     motors: Literal["coast", "brake"] = setting(
@@ -274,8 +275,8 @@ class RadioLoss(Fault):
 class RadioBursts(Fault):
     """Packets that are lost in bursts: the channel of Gilbert (1960) and Elliott (1963).
 
-    A Markov chain steps from frame to frame between a state in which nothing is lost, in which it begins, and one in
-    which packets are.
+    A Markov chain steps from frame to frame between a state in which nothing is lost, in which it
+    begins, and one in which packets are.
     """
 
     frames: float = setting(..., "frames", "how long a burst lasts, on average", 1, 600)
@@ -330,7 +331,8 @@ class VisionBias(Fault):
 class VisionClock(Fault):
     """A camera's clock that goes wrong: images are said to be older than they are by a time that grows.
 
-    By that much farther the team carries what was seen on. When the fault ends, the clock is set right.
+    By that much farther the team carries what was seen on. When the fault ends, the clock is set
+    right.
     """
 
     ms_per_s: float = setting(..., "ms/s", "how much it loses; below 0: gains", -100, 100)

@@ -7,23 +7,26 @@ from omni_mj.config.validation import Checked, setting
 
 RAD_S = math.pi / 30  # in a turn per minute
 NO_LOAD_TOLERANCE = 0.05  # of the nominal voltage; samples differ, and the rows' digits
-TORQUE_TOLERANCE = 0.2  # sheets print the torque of the air gap or of the shaft, and their constants differ by some 8 %
+# Sheets print the torque of the air gap or of the shaft, and their constants differ by some 8 %
+TORQUE_TOLERANCE = 0.2
 
 
 class MotorSettings(Checked):
     """A motor and its gear, as the datasheet prints them; thermal rows are those of the maxon EC 45 flat 50 W.
 
-    What no row says is derived. The line of resistance and torque constant misses the nominal row: commutation costs
-    a voltage X |w| I that grows with current and speed, and at the nominal point, where the current is the sheet's,
+    What no row says is derived. The line of resistance and torque constant misses the nominal row:
+    commutation costs a voltage X |w| I that grows with current and speed, and at the nominal point,
+    where the current is the sheet's,
 
         V_N = R I_N + X w_N I_N + k w_N.
 
-    On maxon's page k I_N is the nominal torque within 0.5 %, so that this torque is the air gap's, with the motor's own
-    friction inside: taken as the shaft's, friction would count twice, and the current be 2.77 A instead of 2.52.
+    On maxon's page k I_N is the nominal torque within 0.5 %, so that this torque is the air gap's,
+    with the motor's own friction inside: taken as the shaft's, friction would count twice, and the
+    current be 2.77 A instead of 2.52.
 
-    How much of the no-load friction is dry no sheet says. TIGERs' firmware takes all of it as proportional to speed;
-    the self-test of their v2020 (Nanotec DF45, test_motor.c) implies two thirds dry at 356 rad/s, the wheel's bearings
-    with it.
+    How much of the no-load friction is dry no sheet says. TIGERs' firmware takes all of it as
+    proportional to speed; the self-test of their v2020 (Nanotec DF45, test_motor.c) implies two
+    thirds dry at 356 rad/s, the wheel's bearings with it.
     """
 
     nominal_voltage_v: float = setting(

@@ -105,7 +105,8 @@ def check_parameters(
         kinds: The controllers.
 
     Raises:
-        OmniError: There is no such controller or parameter, or a value has another type; a line for each.
+        OmniError: There is no such controller or parameter, or a value has another type; a line for
+            each.
     """
     known, errors = {label(kind): kind for kind in kinds}, list[str]()
     result: dict[str, dict[str, Any]] = {}

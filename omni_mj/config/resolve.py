@@ -40,7 +40,8 @@ class Robot:
         name: As it was asked for: a name, or the path of a .toml file.
         path: Its file.
         description: What the file says it is, in a line.
-        settings: What it drives with if nothing else is said: the file's, and the defaults of all others.
+        settings: What it drives with if nothing else is said: the file's, and the defaults of all
+            others.
         facts: What follows from its numbers; see `om.load_robot`.
     """
 
@@ -60,16 +61,16 @@ class Robot:
 def resolve(given: Mapping[str, Any], robot: str) -> Settings:
     """Return the settings of a scenario for a robot.
 
-    What neither says of `[control]` follows from the robot's own file and model, not from what a scenario changes of
-    the robot, which its team need not know.
+    What neither says of `[control]` follows from the robot's own file and model, not from what a
+    scenario changes of the robot, which its team need not know.
 
     Args:
         given: The scenario's sections of settings.
         robot: Name of a robot, or the path of its .toml file.
 
     Raises:
-        OmniError: A value is not allowed; neither gives a setting that depends on the robot; or the robot's MJCF cannot
-            be read or contradicts what is given. A line for each.
+        OmniError: A value is not allowed; neither gives a setting that depends on the robot; or the
+            robot's MJCF cannot be read or contradicts what is given. A line for each.
     """
     file = robot_files.sections(robot)
     whole = _with_model(file, given)

@@ -37,7 +37,8 @@ def sections(robot: str) -> Sections:
     """Return the settings that a robot's file gives, by section and field.
 
     Raises:
-        OmniError: There is no such robot, or its file is not TOML or holds something else than sections.
+        OmniError: There is no such robot, or its file is not TOML or holds something else than
+            sections.
     """
     return _read(robot)[1]
 

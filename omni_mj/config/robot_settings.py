@@ -12,7 +12,8 @@ from omni_control.kinematics import Kinematics
 from omni_mj.config import CYCLE_RATE_HZ
 from omni_mj.config.validation import Angles, Checked, Patches, setting
 
-# By which a robot's weight presses rollers into the carpet (omni_mj.mjcf.contact_parameters, 2.65 kg on 4 wheels), rounded up.
+# By which a robot's weight presses rollers into the carpet (omni_mj.mjcf.contact_parameters, 2.65
+# kg on 4 wheels), rounded up.
 SINKS_M = 7e-5
 
 
@@ -66,7 +67,8 @@ class WheelSettings(Checked):
                 f"{radius:g}; it must be below half of that"
             )
             return
-        # A barrel thins from its middle to its ends, half a pitch away: there its radius is R cos(pi/n) - (R - r).
+        # A barrel thins from its middle to its ends, half a pitch away: there its radius is R
+        # cos(pi/n) - (R - r).
         needed = math.pi / math.acos(1 - roller / radius)
         if count <= needed:
             yield (
@@ -154,8 +156,8 @@ class VariationSettings(Checked):
 class FirmwareSettings(Checked):
     """What runs on the robot: wheel loops, one PID per wheel, with gains at the wheel, and heading.
 
-    By default the wheel loops are proportional with feed-forward, as in the firmware of TIGERs (k_i = 0) and
-    RoboJackets.
+    By default the wheel loops are proportional with feed-forward, as in the firmware of TIGERs (k_i
+    = 0) and RoboJackets.
     """
 
     rate_hz: int = setting(
@@ -234,8 +236,8 @@ class BatterySettings(Checked):
 def depth(radius: float, roller_radius: float, angle: float) -> float:
     """Return how far a roller reaches below the axle when it is `angle` (rad) away from the bottom, m.
 
-    Rollers are ellipsoids about a chord of the wheel, with half-axes r across and sqrt(R r) along, the barrel whose
-    profile has the wheel's radius R of curvature.
+    Rollers are ellipsoids about a chord of the wheel, with half-axes r across and sqrt(R r) along,
+    the barrel whose profile has the wheel's radius R of curvature.
     """
     c, s = math.cos(angle), math.sin(angle)
     along = math.sqrt(radius * roller_radius)

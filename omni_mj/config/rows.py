@@ -12,7 +12,8 @@ class Row:
     """One robot.
 
     Args:
-        world: Number of its world; rows of one world meet each other and are numbered one after the other.
+        world: Number of its world; rows of one world meet each other and are numbered one after the
+            other.
         slot: Its number in that world.
         controller: Label of the controller that drives it.
         seed: Of its random numbers, and of its world.

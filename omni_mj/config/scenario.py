@@ -24,7 +24,8 @@ MOST_SEEDS = 100_000
 class Scenario(Checked):
     """What is run: the settings in force, the plant, the robot, the controllers and the seeds.
 
-    Settings may be given as sections by name; they then start from the defaults that the robot's file gives.
+    Settings may be given as sections by name; they then start from the defaults that the robot's
+    file gives.
     """
 
     unknown = "unknown name"
@@ -213,11 +214,13 @@ def load_scenario(
         controllers: Names, classes derived from `omni_control.Controller`, or `file.py:Class`.
         seed: The first.
         seeds: How many.
-        code: Whether controllers and plants of a user's own that the file names, `file.py:Class`, may be run.
+        code: Whether controllers and plants of a user's own that the file names, `file.py:Class`,
+            may be run.
         sections: Values of settings by section and field.
 
     Raises:
-        OmniError: There is no such scenario, or something is unknown or not allowed; a line for each.
+        OmniError: There is no such scenario, or something is unknown or not allowed; a line for
+            each.
     """
     head = {
         "plant": plant,
@@ -248,11 +251,13 @@ def load(
         name_or_path: A built-in scenario, or a file; None for the defaults.
         overrides: Settings as `section.field=value`.
         head: Fields of `Scenario` itself, such as plant or seeds.
-        code: Whether controllers and plants of a user's own that the file names, rather than `head`, may be run.
+        code: Whether controllers and plants of a user's own that the file names, rather than
+            `head`, may be run.
         sections: Values of settings by section and field.
 
     Raises:
-        OmniError: No such scenario or file, not TOML, an unknown name, or a value that is not allowed; a line for each.
+        OmniError: No such scenario or file, not TOML, an unknown name, or a value that is not
+            allowed; a line for each.
     """
     data, stem = ({}, "scenario") if name_or_path is None else read_scenario(name_or_path)
     if not code:

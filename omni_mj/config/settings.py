@@ -307,8 +307,9 @@ class WorldSettings(Checked):
 class Settings(Checked):
     """All sections; `controller` holds the parameters of controllers by label, `fault` what happens in a run.
 
-    Each is given as a model, or as its fields that differ from the defaults: `Settings(radio={"delay_frames": 9})`.
-    Defaults of what depends on the robot, `...` in the sections' classes, are those of the default robot's file.
+    Each is given as a model, or as its fields that differ from the defaults:
+    `Settings(radio={"delay_frames": 9})`. Defaults of what depends on the robot, `...` in the
+    sections' classes, are those of the default robot's file.
     """
 
     unknown = "unknown section"

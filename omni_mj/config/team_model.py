@@ -45,11 +45,11 @@ from omni_control.traction import GRAVITY, load_shares
 if TYPE_CHECKING:
     from omni_mj.config.settings import Settings
 
-# Where a loop integrates there is no single lag, and nothing that friction costs for good: a guess. It overshoots, so
-# that what it reaches is not known either.
+# Where a loop integrates there is no single lag, and nothing that friction costs for good: a guess.
+# It overshoots, so that what it reaches is not known either.
 INTEGRATING = {"lag_s": 0.02, "drag_m_s": 0.04, "alpha_forward": 0.0, "alpha_sideways": 0.0}
-# Effort at 1 m/s beyond that of creep in closed form: viscous friction, rolling radius, battery. On six robots it is
-# 0.013 to 0.023 ahead and 0.021 to 0.047 aside, where wheels give way more.
+# Effort at 1 m/s beyond that of creep in closed form: viscous friction, rolling radius, battery. On
+# six robots it is 0.013 to 0.023 ahead and 0.021 to 0.047 aside, where wheels give way more.
 OTHER_EFFORT = 0.02
 
 
@@ -74,8 +74,8 @@ def follows(settings: "Settings", believed_creep: float | None = None) -> dict[s
 
     Args:
         settings: Of the robot.
-        believed_creep: What the team is told of the creep, s^2/m; a team that takes its robots not to creep takes them
-            to reach what they are told. [the robot's own]
+        believed_creep: What the team is told of the creep, s^2/m; a team that takes its robots not
+            to creep takes them to reach what they are told. [the robot's own]
     """
     law = creep(settings)
     own = round(float(law.time[0]), 4)
@@ -104,7 +104,8 @@ def hold(settings: "Settings") -> Array:
 def rim_softness(settings: "Settings") -> float:
     """Return by how much a rim is slower than told per force that it pulls with, m/s / N.
 
-    A loop of proportional gain k_p with a motor of speed constant k gives way by R r^2 / (k (k_p + k)).
+    A loop of proportional gain k_p with a motor of speed constant k gives way by R r^2 / (k (k_p +
+    k)).
     """
     motor, firmware = settings.motor, settings.firmware
     constant = motor.gear * motor.constant_nm_a
@@ -121,8 +122,8 @@ def lag(settings: "Settings") -> Array:
 def drag(settings: "Settings") -> Array:
     """Return the speed that dry friction costs ahead and aside, (2,) m/s.
 
-    It is that of pile, of gears and motors, tau / r at a wheel's rim, and of rollers, which turn by the motion's part
-    along their wheel's axle.
+    It is that of pile, of gears and motors, tau / r at a wheel's rim, and of rollers, which turn by
+    the motion's part along their wheel's axle.
     """
     cosines, weight = _cosines(settings), settings.body.mass_kg * GRAVITY
     rollers = (

@@ -64,13 +64,15 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
 
     Args:
         num_envs: Number of robots.
-        scenario: Its name, its file, or itself. What it draws from distributions is drawn for each episode.
+        scenario: Its name, its file, or itself. What it draws from distributions is drawn for each
+            episode.
         memory: How many of the commands sent are observed. [as many as may be in flight, and one]
         lost_m: How far off its reference a robot is lost, m.
-        autoreset_mode: When an episode that has ended is followed by the next: with the next step (the action of which
-            is ignored), or when `reset` says so. A robot whose episode has ended until then stays
-            where it is and is rewarded with 0.
-        changes: Of a scenario that is named: plant, robot, and sections of settings, as `om.load_scenario` takes them.
+        autoreset_mode: When an episode that has ended is followed by the next: with the next step
+            (the action of which is ignored), or when `reset` says so. A robot whose episode has
+            ended until then stays where it is and is rewarded with 0.
+        changes: Of a scenario that is named: plant, robot, and sections of settings, as
+            `om.load_scenario` takes them.
 
     Raises:
         OmniError: Something is unknown or not allowed.

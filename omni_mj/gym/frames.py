@@ -26,10 +26,11 @@ def observation(
 ) -> NDArray[np.float32]:
     """What a policy sees of n robots, (n, size(memory)).
 
-    All is along the axes of each robot [forward, left, counter-clockwise], as far as vision knows its heading, three
-    numbers each: the way from the robot to its reference now; the way from where commands in flight lead (alpha = 1) to
-    the reference at each frame of `AHEAD` after the dead time, in m and rad; the reference's twists there, and the
-    robot's, in m/s and rad/s; the last `memory` commands that were sent, the oldest first.
+    All is along the axes of each robot [forward, left, counter-clockwise], as far as vision knows
+    its heading, three numbers each: the way from the robot to its reference now; the way from where
+    commands in flight lead (alpha = 1) to the reference at each frame of `AHEAD` after the dead
+    time, in m and rad; the reference's twists there, and the robot's, in m/s and rad/s; the last
+    `memory` commands that were sent, the oldest first.
 
     Args:
         frame: its number.
@@ -60,9 +61,11 @@ def command(action: ArrayLike, observation: Observation, limits: MotionLimits | 
     """The commands [vx, vy, w] (n, 3) that actions mean, world frame, m/s and rad/s, before the team's limits.
 
     Args:
-        action: [forward, left, counter-clockwise] of each robot, (n, 3), 1 being the highest that may be commanded.
+        action: [forward, left, counter-clockwise] of each robot, (n, 3), 1 being the highest that
+            may be commanded.
         observation: what the team sees; robots are turned as vision says.
-        limits: of commands, of all robots; or of each the highest speed, again the speed, and turn rate, (n, 3).
+        limits: of commands, of all robots; or of each the highest speed, again the speed, and turn
+            rate, (n, 3).
 
     Raises:
         OmniError: the actions are not (n, 3) finite numbers.

@@ -21,7 +21,8 @@ class Command:
         id: Number of the robot.
         x, y: Velocity along the field, m/s.
         turn: Turn rate, counter-clockwise, rad/s.
-        heading: Predicted heading of the robot in the middle of the time for which the command acts, rad.
+        heading: Predicted heading of the robot in the middle of the time for which the command
+            acts, rad.
     """
 
     id: int
@@ -61,8 +62,9 @@ class Line:
 class Radio:
     """Derive from it, write `send`, and name the class: `omni-mj drive --radio my_radio.py:MyRadio`.
 
-    `send` is called once a frame, 60 times a second, with a command for each robot, within the limits of
-    `[control]`; it must not wait. Robots that vision has lost are told to stop. At the end `close` is called.
+    `send` is called once a frame, 60 times a second, with a command for each robot, within the
+    limits of `[control]`; it must not wait. Robots that vision has lost are told to stop. At the
+    end `close` is called.
 
     Args:
         line: Where it leads.

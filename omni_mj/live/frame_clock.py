@@ -56,7 +56,8 @@ class Link:
         """Choose what gives the ticks by what has come so far.
 
         Raises:
-            OmniError: Frames shall, but there are not about 60 of them per second of their own clock.
+            OmniError: Frames shall, but there are not about 60 of them per second of their own
+                clock.
         """
         seeing = {camera for _, _, camera in self.vision.sightings}
         leader = min(self.vision.cameras, key=lambda number: (number not in seeing, number))
@@ -84,7 +85,8 @@ class Link:
             on_silence: Called now and then while vision is silent.
 
         Returns:
-            What vision saw, and its age; see `Vision.at`. How many frames went by since the last tick.
+            What vision saw, and its age; see `Vision.at`. How many frames went by since the last
+            tick.
         """
         before, rate = self._tick, 1.0
         if self.leader is None:

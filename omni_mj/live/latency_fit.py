@@ -16,7 +16,8 @@ from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.live_loop import Live
 
 LATENCIES = np.arange(0.0, 30.0, 0.02)  # that are tried, frames
-# Turn rates of a pulse, rad/s. However slowly they change, none of the turn is left. The latest response is awaited.
+# Turn rates of a pulse, rad/s. However slowly they change, none of the turn is left. The latest
+# response is awaited.
 PULSE = np.repeat([3.0, -3.0, 3.0, 0.0], [8, 16, 8, 42])
 WINDOW_FRAMES = 6  # over which displacements are compared: creep and pushes add up in a run
 MIN_MOTION = 0.05  # of a robot that moved, root of the sum of squares, m or rad

@@ -21,7 +21,8 @@ from omni_mj.live.sockets import LOOPBACK, Address, Notes, Receiver, address
 from omni_mj.live.ssl_vision import Colour, Vision
 from omni_mj.live.wire import VISION_GROUP, VISION_PORT
 
-LISTEN_S = 1.5  # at first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
+# At first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
+LISTEN_S = 1.5
 MAX_ROBOTS = 12
 MIN_GAIN = 0.3  # of a robot that responds at all to a pulse
 PULSE_S = 3.0  # by which a route is longer while a pulse is measured
@@ -43,7 +44,8 @@ class Options:
         wait_s, listen_s: How long vision is waited for, and listened to before anything else.
         duration_s: After which it ends; None for the whole route.
         pulse: Whether the dead time is measured.
-        overrides: Settings that are left alone, `section.field=value`; others may be measured before.
+        overrides: Settings that are left alone, `section.field=value`; others may be measured
+            before.
     """
 
     vision: str = VISION_GROUP

@@ -55,7 +55,8 @@ def address(text: str, default_port: int, interface: str = "") -> Address:
         interface: Address of the network interface by which packets leave for the host, if they do.
 
     Raises:
-        OmniError: The text is no address, the host is unknown, or it is another computer and no interface is named.
+        OmniError: The text is no address, the host is unknown, or it is another computer and no
+            interface is named.
     """
     host, colon, port = text.strip().partition(":")
     port = port if colon else str(default_port)

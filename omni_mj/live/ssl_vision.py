@@ -28,9 +28,10 @@ STD_OF_DIFFERENCES = math.sqrt(
 class Clock:
     """Offset and rate between a peer's clock and ours, from time stamps and arrivals of packets.
 
-    Packets take a while, but none takes less than the least delay, which cannot be observed and counts as none. The
-    clocks' line is below all arrivals over their stamps, and nearest to them (Moon, Skelly and Towsley, "Estimation and
-    removal of clock skew from network delay measurements", INFOCOM 1999).
+    Packets take a while, but none takes less than the least delay, which cannot be observed and
+    counts as none. The clocks' line is below all arrivals over their stamps, and nearest to them
+    (Moon, Skelly and Towsley, "Estimation and removal of clock skew from network delay
+    measurements", INFOCOM 1999).
     """
 
     def __init__(self) -> None:
@@ -230,8 +231,8 @@ def deviations(poses: Array) -> Array:
     """Return standard deviations of position and heading of a robot that rests or moves steadily, shape (2,).
 
     Args:
-        poses: Of a robot, some of which are wrong, shape (frames, 3). Their second differences do not contain steady
-            motion. Fewer than three have none; the result is NaN.
+        poses: Of a robot, some of which are wrong, shape (frames, 3). Their second differences do
+            not contain steady motion. Fewer than three have none; the result is NaN.
     """
     if len(poses) < 3:
         return np.full(2, np.nan)

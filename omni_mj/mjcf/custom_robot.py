@@ -4,8 +4,10 @@ What is changed of the file, beside what every plant writes (motors' constants, 
 
 - the robot stands upright with the origin of its chassis on the carpet, under where its axles meet;
 - hinges of wheels turn the robot counter-clockwise about its middle where they are positive;
-- rims get the hinge on which rubber creeps, where the file has none; without a rim it is on the wheel;
-- nothing touches anything but rollers the carpet, and hulls each other; what else is in its world is left out.
+- rims get the hinge on which rubber creeps, where the file has none; without a rim it is on the
+  wheel;
+- nothing touches anything but rollers the carpet, and hulls each other; what else is in its world
+  is left out.
 """
 
 import os
@@ -63,7 +65,8 @@ def read(file: str | Path) -> Own:
         file: its path.
 
     Raises:
-        OmniError: there is no such file, it is no MJCF, or it lacks what the program needs; a line for each.
+        OmniError: there is no such file, it is no MJCF, or it lacks what the program needs; a line
+            for each.
     """
     path = Path(file)
     if not os.path.isfile(path):

@@ -17,7 +17,8 @@ from omni_control.kinematics import Array
 from omni_mj.config.validation import in_one
 
 Ids = NDArray[np.int_]
-KEPT = 2  # rollers of a wheel that is computed with those at the bottom alone (`wheels.model = two-rollers`)
+# Rollers of a wheel that is computed with those at the bottom alone (`wheels.model = two-rollers`)
+KEPT = 2
 LEAST = 3  # wheels, or rollers of one
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
 _WRITE = (
@@ -39,14 +40,16 @@ class Robot:
         wheel_dofs: addresses of their speeds, (wheels,).
         wheels: bodies, (wheels,).
         rims: bodies, (wheels,).
-        slip_qpos, slip_dofs: addresses of the angles and speeds of the rims on the hubs, (wheels,), or none (0,).
-        rollers: bodies, (wheels, rollers), the one at the bottom at the wheel angle 0 first, then in the order in which
-            they come there as the wheel turns on.
+        slip_qpos, slip_dofs: addresses of the angles and speeds of the rims on the hubs, (wheels,),
+            or none (0,).
+        rollers: bodies, (wheels, rollers), the one at the bottom at the wheel angle 0 first, then
+            in the order in which they come there as the wheel turns on.
         roller_dofs: addresses of their speeds, (wheels, rollers).
         motors: actuators, (wheels,).
         encoders: addresses in sensordata, (wheels,).
         gyro: address in sensordata of the turn rate about the robot's z axis.
-        phases: how far each wheel must turn for its first roller to be at the bottom, less its slip, (wheels,) rad.
+        phases: how far each wheel must turn for its first roller to be at the bottom, less its
+            slip, (wheels,) rad.
     """
 
     chassis: int

@@ -56,7 +56,8 @@ def part_of(shape: Shape) -> Part:
     """The robot of a shape, alone: ours with the numbers of its settings, or a user's own model.
 
     Raises:
-        OmniError: the model lacks something, or numbers contradict it or each other; a line for each.
+        OmniError: the model lacks something, or numbers contradict it or each other; a line for
+            each.
     """
     if not shape.model.file:
         return _ours(shape)

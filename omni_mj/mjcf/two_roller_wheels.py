@@ -25,7 +25,8 @@ from omni_mj.mjcf.robot_parts import KEPT, Robot
 def reduce(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> None:
     """Leave two rollers a wheel, the one at the bottom and the next to come there, and make the rims heavier.
 
-    Every step of what is then compiled must be followed by `omni_mj.plants.mjdata_views.Bound.hand_over`.
+    Every step of what is then compiled must be followed by
+    `omni_mj.plants.mjdata_views.Bound.hand_over`.
 
     Args:
         spec: of the robot alone; changed.

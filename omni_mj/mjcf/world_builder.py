@@ -38,8 +38,10 @@ class World:
         robots: n of one shape, in the order of their places.
         standing: positions (nq,) with every robot at rest at the origin, its weight on its rollers.
         kinematics: of each robot's wheels.
-        loads: addresses in sensordata of the forces on each robot's wheels in the direction of z, (n, wheels).
-        reach: radius of the circle about a robot's middle that its hull stays in, m; 0 without a hull.
+        loads: addresses in sensordata of the forces on each robot's wheels in the direction of z,
+            (n, wheels).
+        reach: radius of the circle about a robot's middle that its hull stays in, m; 0 without a
+            hull.
     """
 
     model: mujoco.MjModel
@@ -165,7 +167,8 @@ def _loads(model: mujoco.MjModel, robots: tuple[Robot, ...]) -> Ids:
 def _standing(model: mujoco.MjModel) -> Array:
     """Positions (nq,) of one robot at rest at the origin.
 
-    As modelled, the rollers touch the carpet at distance zero, where rounding decides which of them carry load first.
+    As modelled, the rollers touch the carpet at distance zero, where rounding decides which of them
+    carry load first.
     """
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=round(SETTLING_S / model.opt.timestep))

@@ -25,11 +25,13 @@ class Received(NamedTuple):
 
     Args:
         command: newest command that has arrived (n, 3); zero before the first.
-        heading: vision's heading that was sent with it (n,), rad; not a number where nothing new arrived.
+        heading: vision's heading that was sent with it (n,), rad; not a number where nothing new
+            arrived.
         age: frames since it was sent (n,).
         new: whether it arrived in this frame (n,); None where all did.
         body: whether its velocities are along the robot's own axes (n,); None where none are.
-        wheels: rim speeds asked for in its place (n, wheels) m/s, not a number where it is velocities; None for none.
+        wheels: rim speeds asked for in its place (n, wheels) m/s, not a number where it is
+            velocities; None for none.
     """
 
     command: Array
@@ -68,16 +70,18 @@ class _Flight(NamedTuple):
 class Radio:
     """Packets in flight to n robots: a command, and the heading that vision saw when it was sent.
 
-    With a delay of 2 frames, sending a, b, c, d in frames 0 to 3 delivers nothing, nothing, a, b; nothing is a command
-    of zero and a heading that is NaN. With jitter a packet may overtake another: a robot applies the one that was sent
-    last of those that have arrived. A packet that is lost never arrives; the robot holds the one before.
+    With a delay of 2 frames, sending a, b, c, d in frames 0 to 3 delivers nothing, nothing, a, b;
+    nothing is a command of zero and a heading that is NaN. With jitter a packet may overtake
+    another: a robot applies the one that was sent last of those that have arrived. A packet that is
+    lost never arrives; the robot holds the one before.
 
-    A fault `delay` is the dead time of what is sent while it goes on; of several the last counts. Others may lose
-    packets, or have some come after younger ones, or twice: a robot that gets one applies it until the next comes. Each
-    packet meets each kind independently; of several faults of a kind that lose packets chances multiply.
+    A fault `delay` is the dead time of what is sent while it goes on; of several the last counts.
+    Others may lose packets, or have some come after younger ones, or twice: a robot that gets one
+    applies it until the next comes. Each packet meets each kind independently; of several faults of
+    a kind that lose packets chances multiply.
 
-    The loop sends to all robots once a frame (`exchange`). Other callers count in ticks of a fraction of a frame:
-    `send` to some robots, any number of times a tick, then `deliver` once.
+    The loop sends to all robots once a frame (`exchange`). Other callers count in ticks of a
+    fraction of a frame: `send` to some robots, any number of times a tick, then `deliver` once.
 
     Args:
         settings: Dead time, jitter and losses, one per row.
@@ -99,7 +103,8 @@ class Radio:
         self._usual = gather(settings, "delay_frames").astype(int) * ticks
         self._jitter = gather(settings, "jitter_frames").astype(int) * ticks
         self._loss = gather(settings, "loss_probability")
-        # Drawn for each packet, or each frame, whatever goes on, so that a fault changes nothing of another.
+        # Drawn for each packet, or each frame, whatever goes on, so that a fault changes nothing of
+        # another.
         self._late, self._losses, self._steps = (
             uniform(seeds, stream)
             for stream in (Stream.RADIO_JITTER, Stream.RADIO_LOSSES, Stream.RADIO_BURSTS)

@@ -40,8 +40,8 @@ class Noise:
     Args:
         seeds: one per row.
         stream: what the numbers are for.
-        sample: draws a number of successive values from a generator, (count, k); drawing twice must give what drawing
-            once as many does.
+        sample: draws a number of successive values from a generator, (count, k); drawing twice must
+            give what drawing once as many does.
     """
 
     def __init__(

@@ -12,16 +12,17 @@ from omni_mj.network.radio import Received
 class Telemetry:
     """What the robots' W wheels and motors are doing at a frame; not a number on a plant that has none.
 
-    wheel_angle (n, W) rad, wheel_speed (n, W) rad/s, voltage (n, W) V, current (n, W) A, and both as means
-    over the frame just past, voltage_mean and current_mean; and the largest magnitudes over the motors and the physics
-    steps of that frame: duty_peak (n,), 1 where a motor had all of the
-    battery's voltage, voltage_peak (n,) V, current_peak (n,) A. current_limited (n, W): the share of these steps in
-    which the driver held a motor's current back.
-    Temperatures of windings and housings (n, W) in deg C, the battery's voltage under load (n,) in V, and the speed at
-    which the wheels' contact points slide over the carpet, slip (n, W) m/s.
+    wheel_angle (n, W) rad, wheel_speed (n, W) rad/s, voltage (n, W) V, current (n, W) A, and both
+    as means over the frame just past, voltage_mean and current_mean; and the largest magnitudes
+    over the motors and the physics steps of that frame: duty_peak (n,), 1 where a motor had all of
+    the battery's voltage, voltage_peak (n,) V, current_peak (n,) A. current_limited (n, W): the
+    share of these steps in which the driver held a motor's current back. Temperatures of windings
+    and housings (n, W) in deg C, the battery's voltage under load (n,) in V, and the speed at which
+    the wheels' contact points slide over the carpet, slip (n, W) m/s.
 
     Args:
-        columns: all of it side by side in the order above, (n, 10 W + 4), of which the others are parts.
+        columns: all of it side by side in the order above, (n, 10 W + 4), of which the others are
+            parts.
     """
 
     wheel_angle: Array
@@ -98,8 +99,8 @@ class Plant(Protocol):
         """Move on by one frame in which the robots obey what they `received`.
 
         Returns:
-            The rows that failed in this frame, each with the cause in words. A row that has failed stays where it is
-            and disturbs no other; its poses mean nothing any more.
+            The rows that failed in this frame, each with the cause in words. A row that has failed
+            stays where it is and disturbs no other; its poses mean nothing any more.
         """
         ...
 

@@ -84,7 +84,8 @@ class Drawn:
 
 def _normal(uniform: Array) -> Array:
     """Normal numbers, cut, from uniform ones."""
-    from scipy.special import (  # late: it takes longer to import than a world of robots that are alike
+    # Late: it takes longer to import than a world of robots that are alike
+    from scipy.special import (
         ndtr,
         ndtri,
     )
@@ -101,7 +102,8 @@ class Chance:
         rows: of the robots.
 
     Attributes:
-        force: greatest push along each axis, (n, 1) N; zero for a robot that nothing pushes any more.
+        force: greatest push along each axis, (n, 1) N; zero for a robot that nothing pushes any
+            more.
         gyro_bias: of the gyros, (n, 1) rad/s.
     """
 

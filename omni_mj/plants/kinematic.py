@@ -82,8 +82,9 @@ class KinematicPlant:
 class _AlphaQuantiles:
     """Random numbers (n, 3) a frame, each uniform in [0, 1], with a memory of `time_s` (n, 1) per row.
 
-    Without one, every frame is drawn anew. With one, normal numbers that follow an autoregressive process of first
-    order from its stationary distribution on are mapped to uniform ones by their distribution function.
+    Without one, every frame is drawn anew. With one, normal numbers that follow an autoregressive
+    process of first order from its stationary distribution on are mapped to uniform ones by their
+    distribution function.
     """
 
     def __init__(self, time_s: Array, seeds: Sequence[Seed]) -> None:

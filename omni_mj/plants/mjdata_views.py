@@ -26,7 +26,8 @@ class Entries:
 
     Args:
         array: Live, (worlds, ...).
-        columns: Indices along its second axis for the robot at each place, (places, k), or (places, 1).
+        columns: Indices along its second axis for the robot at each place, (places, k), or (places,
+            1).
         last: Index along its third axis, if it has one. [all]
     """
 
@@ -36,7 +37,8 @@ class Entries:
         offsets = as_strided(np.arange(size), array.shape, array.strides)
         chosen = offsets[:, columns] if last is None else offsets[:, columns, last]
         self._at: Ids = np.ascontiguousarray(chosen.reshape(-1, chosen.shape[-1]).T)
-        # Indexing one flat axis takes a tenth of the time of indexing two or three, at every step of the physics.
+        # Indexing one flat axis takes a tenth of the time of indexing two or three, at every step
+        # of the physics.
         self._flat = as_strided(array, (size,), (array.itemsize,))
 
     def get(self) -> Array:
@@ -65,7 +67,8 @@ class Bound(Faulty):
         wrench: Force and torque on the chassis, world frame, (6, n).
         load: Of the wheels, (W, n) N.
         centre: Of mass of the chassis, from the middle of the wheels' contacts, (3, n) m.
-        slip_angle, slip_speed, slip_limit, slip_impedance: Of the hinges of rims, (W, n) rad, rad/s, N m and 1.
+        slip_angle, slip_speed, slip_limit, slip_impedance: Of the hinges of rims, (W, n) rad,
+            rad/s, N m and 1.
         roller_speeds: Of a wheel's rollers at the bottom and next to it, (W, n) rad/s each.
     """
 
@@ -109,8 +112,8 @@ class Bound(Faulty):
     def write_robots(self, settings: Sequence[Settings], drawn: Drawn) -> None:
         """Write what sets robots apart into their worlds' models: friction, wear, mass.
 
-        Constants that MuJoCo derives from masses stay: these scale contacts and slip hinges, which shall be the same
-        for all.
+        Constants that MuJoCo derives from masses stay: these scale contacts and slip hinges, which
+        shall be the same for all.
         """
         motors, hubs = [Motor.of(s.motor) for s in settings], self._ids("wheel_dofs")
         rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
@@ -140,7 +143,8 @@ class Bound(Faulty):
                 "variation.wear_m needs a model with rollers that are ellipsoids about their z axes"
             )
         lost, radius = np.repeat(wear, first.rollers.shape[1], axis=0), size[:, :1]
-        # A barrel's profile is curved as the wheel (see `shape`): its half length squared is the product of the radii.
+        # A barrel's profile is curved as the wheel (see `shape`): its half length squared is the
+        # product of the radii.
         shorter = np.sqrt((1 - lost / radius) * (1 - lost / self._world.kinematics.radius))
         for axis, value in enumerate((radius - lost, radius - lost, size[:, 2:] * shorter)):
             self._entries("geom_size", geoms, axis).set(value)
@@ -157,7 +161,8 @@ class Bound(Faulty):
     def hand_over(self, pitch: float) -> None:
         """Turn back the rims of wheels of two rollers that are past a pitch (rad), or before the bottom one.
 
-        To be called after every step and before anything else reads the state; see `omni_mj.mjcf.two_roller_wheels`.
+        To be called after every step and before anything else reads the state; see
+        `omni_mj.mjcf.two_roller_wheels`.
         """
         slips = self.slip_angle.get()
         past = np.floor((self.wheel_angle.get() + slips) * (1 / pitch))
@@ -188,7 +193,8 @@ class Bound(Faulty):
         mass, subtree, centre, inertia, axes = (values.copy() for values in empty)
         for row, load, height in loads:
             apart = np.array([*centre[:2, row], height or empty[2][2, row]]) - centre[:, row]
-            # About the common centre of mass two bodies turn as their reduced mass does at their distance.
+            # About the common centre of mass two bodies turn as their reduced mass does at their
+            # distance.
             share = load / (mass[0, row] + load)
             more = mass[0, row] * share * spread(apart)
             mass[:, row] += load

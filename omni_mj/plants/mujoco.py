@@ -59,16 +59,18 @@ class MujocoPlant(WheeledPlant):
     """Robots with roller wheels on carpet; those of one world collide with each other and with its walls.
 
     Args:
-        rows: Of all robots, those of one world one after the other by their places; every world has as many. What
-            their models are made of (`Shape`) and the physics must be the same for all.
+        rows: Of all robots, those of one world one after the other by their places; every world has
+            as many. What their models are made of (`Shape`) and the physics must be the same for
+            all.
         start: Poses at the start, (n, 3).
-        threads: Of the physics. Results do not depend on it. [one below 16 robots, else as many as cores]
-        hulls: Whether robots meet each other and walls, wherever they start. [if a world has several, which may not
-            start in each other]
+        threads: Of the physics. Results do not depend on it. [one below 16 robots, else as many as
+            cores]
+        hulls: Whether robots meet each other and walls, wherever they start. [if a world has
+            several, which may not start in each other]
 
     Raises:
-        OmniError: Rows that one batch cannot hold (see `batches`), a robot that starts in another or in a wall, or a
-            robot's file that lacks a part (see `build.world`).
+        OmniError: Rows that one batch cannot hold (see `batches`), a robot that starts in another
+            or in a wall, or a robot's file that lacks a part (see `build.world`).
     """
 
     cycles = CYCLES  # of the wheel loops in a frame
@@ -141,7 +143,8 @@ class MujocoPlant(WheeledPlant):
 
         Args:
             count: How many.
-            received: What robots hold from now on, if anything arrived; headings are compared in the next frame.
+            received: What robots hold from now on, if anything arrived; headings are compared in
+                the next frame.
 
         Returns:
             As `advance` at the end of a frame.

@@ -36,8 +36,8 @@ class PlanarPlant(WheeledPlant, Faulty):
         start: Poses at the start, (n, 3).
 
     Raises:
-        OmniError: Rows that this plant cannot hold: robots that share a world, or differ in their wheels, a model of a
-            user's own, or a robot lighter than its wheels.
+        OmniError: Rows that this plant cannot hold: robots that share a world, or differ in their
+            wheels, a model of a user's own, or a robot lighter than its wheels.
     """
 
     def __init__(self, rows: Sequence[Row], start: Array) -> None:

@@ -68,7 +68,8 @@ _LOADS_N = 2.0 ** np.arange(-2, 6, 0.25)  # between which is interpolated
 CONTACT_DAMPING_N_S_M = (
     ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ
 )  # of a roller's contact along the carpet
-# At which rollers take on the carpet's speed, in steps of a cycle, as contacts act on the full plant.
+# At which rollers take on the carpet's speed, in steps of a cycle, as contacts act on the full
+# plant.
 SPIN_RATE_HZ = -np.log(1 - CYCLE_S * FRICTION_RATE_HZ) / CYCLE_S
 
 
@@ -146,7 +147,8 @@ class PlanarBodies:
         """Return the parameters of robots that carry loads on a slope.
 
         Args:
-            payloads: Row, mass in kg, and height above the carpet in m, or 0 for that of the chassis' centre of mass.
+            payloads: Row, mass in kg, and height above the carpet in m, or 0 for that of the
+                chassis' centre of mass.
             slope: Shares of gravity along the world's x and y, positive downhill, (n, 2).
         """
         whole = self._loaded(payloads)
@@ -249,9 +251,9 @@ def _stand(wheels: WheelSettings, load: float) -> tuple[float, ...]:
     """Return what rollers do to a wheel under a load (N); see the module.
 
     Returns:
-        Lever on which it rolls, m; number of rollers that stand; 1 / q^2, its mean and where they come down, 1/m^2;
-        cost and lift of turning, each with what it fades by, and the ripple of the load with what it grows by, as
-        `BodyParameters` has them.
+        Lever on which it rolls, m; number of rollers that stand; 1 / q^2, its mean and where they
+        come down, 1/m^2; cost and lift of turning, each with what it fades by, and the ripple of
+        the load with what it grows by, as `BodyParameters` has them.
     """
     outer, radius, damper = wheels.radius_m, wheels.roller_radius_m, damping(load / GRAVITY)
     phi = np.linspace(-np.pi / 2, np.pi / 2, 1501)

@@ -69,8 +69,8 @@ class WheeledPlant:
         """Have drivers hold currents from the next frame on, whatever the firmware commands.
 
         Args:
-            current: (n, wheels) A, as far as the battery's voltage drives it; NaN where the firmware drives. None for
-                all. With none, a robot rolls out.
+            current: (n, wheels) A, as far as the battery's voltage drives it; NaN where the
+                firmware drives. None for all. With none, a robot rolls out.
         """
         self._held = (
             None if current is None or np.isnan(current).all() else np.array(current, float).T

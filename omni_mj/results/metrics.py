@@ -52,10 +52,11 @@ EXCURSION, RECOVERY = "excursion_m", "recovery_s"
 def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array]:
     """Each row in single numbers, name -> (n,).
 
-    `x_max_m`, `distance_mean_m`, `across_p99_m`, `heading_rms_rad` and the like, `effort_m_s2`, `excess_effort_m_s2`,
-    `settle_s`, the peaks, the shares of `causes`, `fault_1_excursion_m` and `fault_1_recovery_s`. A row that failed has
-    errors, efforts and a time to settle without bound, so that no average gets better by failing; its peaks and its
-    shares are not comparable: not a number, as for a row without any frame.
+    `x_max_m`, `distance_mean_m`, `across_p99_m`, `heading_rms_rad` and the like, `effort_m_s2`,
+    `excess_effort_m_s2`, `settle_s`, the peaks, the shares of `causes`, `fault_1_excursion_m` and
+    `fault_1_recovery_s`. A row that failed has errors, efforts and a time to settle without bound,
+    so that no average gets better by failing; its peaks and its shares are not comparable: not a
+    number, as for a row without any frame.
     """
     error, failed = errors(log), [failure.row for failure in failures]
     found = _statistics(error, log.lengths)
@@ -79,8 +80,9 @@ def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array
 def errors(log: Log) -> dict[str, Array]:
     """Absolute difference between the true pose and the timed reference, axis of `AXES` -> (frames, n) m or rad.
 
-    Distance is that in the plane; along is the part of it in the direction of `travel`, across the part to the left of
-    that; headings that differ by full turns are equal. Not a number where a row has no frame.
+    Distance is that in the plane; along is the part of it in the direction of `travel`, across the
+    part to the left of that; headings that differ by full turns are equal. Not a number where a row
+    has no frame.
     """
     reference = log.channel("ref")
     x, y, turn = np.moveaxis(log.channel("pose") - reference, -1, 0)
@@ -98,7 +100,8 @@ def errors(log: Log) -> dict[str, Array]:
 def travel(reference: Array) -> Array:
     """The direction in which timed references travel: from the frame before to the frame after.
 
-    At rest it is the last direction, before the first move that of the first, and x where there is no move at all.
+    At rest it is the last direction, before the first move that of the first, and x where there is
+    no move at all.
 
     Args:
         reference: positions (frames, n, 2), m; not a number where a row has no frame.
@@ -149,8 +152,8 @@ def _effort_square(velocity: Array) -> Array:
 def _velocity(reference: Array) -> Array:
     """Return the velocities (frames, n, 2) of timed references, zero in their last frames.
 
-    Excess effort compares the squares of two efforts, and no frame with another: it is the same however early a
-    controller sends what the reference needs.
+    Excess effort compares the squares of two efforts, and no frame with another: it is the same
+    however early a controller sends what the reference needs.
     """
     velocity = (
         np.diff(reference[..., :2], axis=0, append=np.full((1, *reference.shape[1:-1], 2), np.nan))
@@ -163,8 +166,8 @@ def _velocity(reference: Array) -> Array:
 def _settling_times(reference: Array, distance: Array, lengths: np.ndarray) -> Array:
     """Return the time from the end of the reference's last move until the error in the plane stays below 1 cm, (n,) s.
 
-    Zero for a robot that is that near from the end of the move on, infinite for one that is not in its last frame: it
-    never settles.
+    Zero for a robot that is that near from the end of the move on, infinite for one that is not in
+    its last frame: it never settles.
     """
     step = np.diff(reference, axis=0)
     rest = _frames_until_last((step != 0).any(-1) & ~np.isnan(step[..., 0]))
@@ -181,10 +184,11 @@ def _frames_until_last(happens: np.ndarray) -> np.ndarray:
 def _recoveries(rows: Sequence[Row], distance: Array, failed: Collection[int]) -> dict[str, Array]:
     """Return how far each row strayed after each fault and how long it took to come back, name -> (n,).
 
-    A fault is looked at from its first frame until 2 s after its last, or the end of the run. Time counts from its
-    first frame, not from its end: some last until the end of the run, and a controller may well cope with one that goes
-    on. Whatever else happens in that time counts too. NaN of a fault that a row does not have or did not come to; of a
-    row that failed the excursion is infinite, as its errors are, and so is the time of one that does not recover.
+    A fault is looked at from its first frame until 2 s after its last, or the end of the run. Time
+    counts from its first frame, not from its end: some last until the end of the run, and a
+    controller may well cope with one that goes on. Whatever else happens in that time counts too.
+    NaN of a fault that a row does not have or did not come to; of a row that failed the excursion
+    is infinite, as its errors are, and so is the time of one that does not recover.
 
     Args:
         rows: One per robot; their faults are numbered as in their settings.

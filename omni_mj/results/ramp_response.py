@@ -30,7 +30,9 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 
-SETTLING_S = 1.0  # of the cruise, before it counts: four time constants T |v| of a robot with T = 0.16 s^2/m at 1.5 m/s
+# Of the cruise, before it counts: four time constants T |v| of a robot with T = 0.16 s^2/m at 1.5
+# m/s
+SETTLING_S = 1.0
 STEADY_S = 0.5
 REST_S = 0.75  # after the drive, for what is late
 
@@ -94,8 +96,8 @@ def measure(profile: Profile, travelled: Array) -> Response:
 
     Args:
         profile: as commanded.
-        travelled: way of each robot along the drive at the start of each frame and at the end of the last,
-            (frames + 1, n) m; not a number where a robot failed.
+        travelled: way of each robot along the drive at the start of each frame and at the end of
+            the last, (frames + 1, n) m; not a number where a robot failed.
     """
     command, steady, ramp = profile.command(), profile.steady, profile.ramp
     told = np.concatenate([[0.0], np.cumsum(command) * PERIOD_S])

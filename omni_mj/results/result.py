@@ -64,8 +64,8 @@ class Result:
         subject: the controller of which verdicts were asked for, or None.
         created: when the study began, ISO 8601.
         wall_s: how long it took, s.
-        stopped: why it ended before its time, or None; the summary of one that is not complete without a reason says
-            that it goes on, or was killed.
+        stopped: why it ended before its time, or None; the summary of one that is not complete
+            without a reason says that it goes on, or was killed.
         repeat: the command line that gives the same, where there is one.
         complete: whether all that was asked for has been done.
     """

@@ -35,7 +35,8 @@ class Table:
 def table(summary: Summary) -> Table:
     """The table of a summary: errors as maximum/mean, effort, time to settle, and the change against the first.
 
-    A number is that of the one seed, or the median over the seeds. What the paper has follows the controllers.
+    A number is that of the one seed, or the median over the seeds. What the paper has follows the
+    controllers.
     """
     entries = {name: entry for name, entry in summary["scenarios"].items() if entry["results"]}
     several = len(summary["scenarios"]) > 1

@@ -60,9 +60,9 @@ def spread(values: Array) -> Spread:
     """Each seed's value, and median, least, greatest, mean and half the mean's interval (plus_minus).
 
     Args:
-        values: (seeds,); infinite for a seed that failed or never settled, which all statistics count: of three such
-            seeds two still have a median, but no mean. Not a number for a seed of which nothing is known: then nothing
-            is known of all of them.
+        values: (seeds,); infinite for a seed that failed or never settled, which all statistics
+            count: of three such seeds two still have a median, but no mean. Not a number for a seed
+            of which nothing is known: then nothing is known of all of them.
 
     Returns:
         Numbers, or None where there is none that is finite. One seed has no interval.
@@ -95,9 +95,9 @@ def paired(ours: Spread, theirs: Spread) -> tuple[float | None, float | None, fl
         theirs: that of the other over the same seeds.
 
     Returns:
-        The mean of ours less theirs, half its 95 % interval, and how probable a difference at least so large is where
-        there is none but by chance (p, two-sided, by Student's t); None for what cannot be said, since a seed has no
-        value or is the only one.
+        The mean of ours less theirs, half its 95 % interval, and how probable a difference at least
+        so large is where there is none but by chance (p, two-sided, by Student's t); None for what
+        cannot be said, since a seed has no value or is the only one.
     """
     if None in ours["seeds"] or None in theirs["seeds"]:
         return None, None, None
@@ -115,14 +115,15 @@ def paired(ours: Spread, theirs: Spread) -> tuple[float | None, float | None, fl
 def holm(p: Array) -> Array:
     """Holm's p, adjusted for their number: those at most 5 % are, but for 5 % of all studies, all no chance.
 
-    S. Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6, 1979. It
-    needs no independence of the tests, which here share seeds and a subject.
+    S. Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of
+    Statistics 6, 1979. It needs no independence of the tests, which here share seeds and a subject.
 
     Args:
         p: of m tests, (m,).
 
     Returns:
-        (m,): the least times m, the next times m - 1 and so on, none less than the one before it, nor above 1.
+        (m,): the least times m, the next times m - 1 and so on, none less than the one before it,
+            nor above 1.
     """
     order = np.argsort(p, kind="stable")
     adjusted = np.empty(len(p))
@@ -147,10 +148,11 @@ def verdicts(
         subject: whose verdict is asked for, any controller's.
 
     Returns:
-        Scenario -> verdict, None where the subject, or everybody else, was not run. Otherwise `of`, the subject, and
-        `errors`, for max and mean each: `against` (other -> ratio, paired difference, its p, also adjusted for the
-        number of all verdicts, and whether it is beyond chance), `best` (the best of the others), `beats` and
-        `loses_to` (names; as good as is not beaten).
+        Scenario -> verdict, None where the subject, or everybody else, was not run. Otherwise `of`,
+        the subject, and `errors`, for max and mean each: `against` (other -> ratio, paired
+        difference, its p, also adjusted for the number of all verdicts, and whether it is beyond
+        chance), `best` (the best of the others), `beats` and `loses_to` (names; as good as is not
+        beaten).
     """
     found: dict[str, dict[str, Any] | None] = dict.fromkeys(entries)
     pairs: list[dict[str, Any]] = []

@@ -80,8 +80,8 @@ def rotate(x: Array, y: Array, cosine: Array, sine: Array) -> tuple[Array, Array
 def small_rotation(angle: Array) -> tuple[Array, Array]:
     """Return cosine and sine of angles below 0.1 rad.
 
-    XLA computes a cosine again in each loop that uses it: a third of the time of a cycle. JAX gets series, which are
-    right to 3e-13.
+    XLA computes a cosine again in each loop that uses it: a third of the time of a cycle. JAX gets
+    series, which are right to 3e-13.
     """
     if is_numpy(angle):
         return np.cos(angle), np.sin(angle)

@@ -8,10 +8,12 @@ import numpy as np
 from omni_mj.config.settings import PERIOD_S, Settings, gather
 from omni_mj.robot.array_namespace import Array, clip, namespace, total
 
-# Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half, steep below a tenth.
+# Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half,
+# steep below a tenth.
 CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
 CELL_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
-CUT_OFF_S = 1.0  # time constant with which the protection averages the voltage, or every hard start would trip it
+# Time constant with which the protection averages the voltage, or every hard start would trip it
+CUT_OFF_S = 1.0
 
 
 class BatteryParameters(NamedTuple):
@@ -71,8 +73,8 @@ def load_battery(
 ) -> tuple[BatteryState, Array]:
     """Let batteries sag under motors.
 
-    Drivers pass power without loss, and braking motors charge the battery. A driver burns what a motor generates beyond
-    the battery's voltage, or without a living battery.
+    Drivers pass power without loss, and braking motors charge the battery. A driver burns what a
+    motor generates beyond the battery's voltage, or without a living battery.
 
     Args:
         s: State.

@@ -46,13 +46,16 @@ class CarpetParameters(NamedTuple):
     """Carpet and wheels of n robots, (n,) unless another shape is given."""
 
     friction: Array  # coefficient of the carpet
-    patches: Array  # x, y and radius in m, and friction, (patches, 4, n); the last one counts; None if there are none
+    # X, y and radius in m, and friction, (patches, 4, n); the last one counts; None if there are
+    # none
+    patches: Array
     pile: Array  # rolling resistance over load
     nap: Array  # how much more against the fibres; None if no fibres lean
     fibre_x: Array  # direction straight against the fibres, world frame
     fibre_y: Array
     grip: Array  # friction of each wheel over the carpet's, (W, n)
-    gap: Array  # angle over which rollers are missing, from a wheel's angle 0 on, (W, n) rad; None if nowhere
+    # Angle over which rollers are missing, from a wheel's angle 0 on, (W, n) rad; None if nowhere
+    gap: Array
     bearing: Array  # friction of the rollers' bearings over load
     creep: Array  # softness of the rubber over speed, (W, n), in units of the plant
     radius: Array  # of the wheels, (W, n) m

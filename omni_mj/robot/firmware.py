@@ -30,7 +30,8 @@ from omni_mj.robot.motors import Motor
 
 CYCLE_S = 1 / CYCLE_RATE_HZ
 CYCLES = round(PERIOD_S * CYCLE_RATE_HZ)  # in a camera frame
-DERATED_SHARE = 2.0  # current at which derating begins, over the nominal current; at the limit no current is allowed
+# Current at which derating begins, over the nominal current; at the limit no current is allowed
+DERATED_SHARE = 2.0
 DERATE_BAND_K = 10.0  # derating begins this far below the limit
 
 
@@ -51,7 +52,8 @@ class LoopParameters(NamedTuple):
     sheet_back_emf: Array  # back-EMF by the data sheet, V s/rad
     sheet_resistance: Array  # ohm
     nominal_voltage: Array  # V
-    limit_c: Array  # winding temperature at which derating leaves no current, deg C; None if no robot derates
+    # Winding temperature at which derating leaves no current, deg C; None if no robot derates
+    limit_c: Array
     derated_current: Array  # at which derating begins, A
     forward: Array  # wheel speed per velocity ahead, (W, n) rad/m
     sideways: Array  # wheel speed per velocity to the left, (W, n) rad/m
@@ -204,7 +206,8 @@ def restart_processors(
 ) -> LoopState:
     """Switch processors off and on, and let some ignore commands.
 
-    A processor that starts again has forgotten everything. Its robot stands until vision tells it a heading.
+    A processor that starts again has forgotten everything. Its robot stands until vision tells it a
+    heading.
 
     Args:
         p: Parameters.
@@ -252,8 +255,8 @@ def correct_heading(
 ) -> LoopState:
     """Correct the estimate of the heading by vision's, at the beginning of a frame.
 
-    Vision's heading arrives with a command, as late as that. It is compared with the robot's estimate at the time when
-    the command was sent.
+    Vision's heading arrives with a command, as late as that. It is compared with the robot's
+    estimate at the time when the command was sent.
 
     Args:
         p: Parameters.

@@ -32,8 +32,8 @@ Unpack = Callable[[Any], Any]  # an array (numbers,) -> NamedTuples of arrays
 def choose_kernel(setting: str, plant: str, robots: int, frames: int) -> str:
     """Return the kernel, numpy or jax, that a setting of `physics.kernel` means.
 
-    Robots of `mujoco` spend their time in MuJoCo, where compiled functions gain nothing. On `planar` JAX is taken if
-    numpy would need longer than it takes to import JAX and to compile.
+    Robots of `mujoco` spend their time in MuJoCo, where compiled functions gain nothing. On
+    `planar` JAX is taken if numpy would need longer than it takes to import JAX and to compile.
 
     Args:
         setting: auto, numpy or jax.
@@ -211,8 +211,9 @@ def compiled(
 def _set_up_jax() -> None:
     """Prepare JAX: programs are stored for the next process, and run on one thread.
 
-    Operations on so few robots are too small to share. Without the pool of threads a frame costs 28 % less CPU time for
-    1 robot, 30 % less for 64, and 14 % less for 1,024. Set PJRT_NPROC before to choose another number of threads.
+    Operations on so few robots are too small to share. Without the pool of threads a frame costs 28
+    % less CPU time for 1 robot, 30 % less for 64, and 14 % less for 1,024. Set PJRT_NPROC before to
+    choose another number of threads.
     """
     import jax
 

@@ -86,7 +86,8 @@ class MotorParameters(NamedTuple):
     copper: Array  # change of the resistance, 1/K
     magnet: Array  # change of the torque constant, 1/K
     ambient: Array  # deg C
-    conduction: Array  # temperatures of winding and housing over ambient after a frame, (2, 4, n); see `conduction`
+    # Temperatures of winding and housing over ambient after a frame, (2, 4, n); see `conduction`
+    conduction: Array
 
 
 class MotorState(NamedTuple):
@@ -133,7 +134,8 @@ def conduction(s: MotorSettings, period: float) -> Array:
     """Solve the two thermal nodes over a period (s) with constant heat into each, by their two modes.
 
     Returns:
-        Factors (2, 4): temperatures of winding and housing over ambient, for each of those before, K, and the heats
+        Factors (2, 4): temperatures of winding and housing over ambient, for each of those before,
+            K, and the heats
         into winding and housing, W.
     """
     inner, outer = 1 / s.winding_housing_k_w, 1 / s.housing_ambient_k_w

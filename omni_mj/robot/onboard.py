@@ -64,7 +64,8 @@ class FrameInputs(NamedTuple):
     encoder_scale: Array = (
         None  # angle that encoders show over the true one, (W, n); None as gyro_scale
     )
-    held_current: Array = None  # that drivers hold, (W, n) A; NaN where the firmware drives; None if it does everywhere
+    # That drivers hold, (W, n) A; NaN where the firmware drives; None if it does everywhere
+    held_current: Array = None
     is_deaf: Array = None  # robots that ignore commands; None as gyro_scale
     is_off: Array = None  # robots whose processors are off; None as gyro_scale
     is_stopped: Array = (
@@ -109,7 +110,8 @@ def onboard(
         kinematics: Of their wheels.
         heading: At the start, (n,) rad.
         strength: Of each motor's magnets over the data sheet's, a factor, (W, n).
-        options: Frames for which headings are remembered, and whether processors and encoders may fail.
+        options: Frames for which headings are remembered, and whether processors and encoders may
+            fail.
     """
     loops, motors = loop_parameters(settings, kinematics), motor_parameters(settings, strength)
     battery, battery_state = battery_parameters(settings)

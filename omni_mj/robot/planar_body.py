@@ -78,7 +78,8 @@ class BodyParameters(NamedTuple):
     hub_dry: Array  # friction, (W, n) N m
     contact_softness: Array  # slip over torque of the contacts, (W, n) rad/s / (N m)
     lever: Array  # from axles to the carpet, (W, n) m
-    bearing: Array  # force along the axle over speed, bearing + spin_up |w| (1 - exp(-spun_at / |w|)), (W, n) N s/m
+    # Force along the axle over speed, bearing + spin_up |w| (1 - exp(-spun_at / |w|)), (W, n) N s/m
+    bearing: Array
     spin_up: Array
     spun_at: Array  # wheel speed at which rollers take on most of the carpet's speed, (W, n) rad/s
     cost: Array  # torque that turning costs, cost w / (1 + cost_fades |w|), (W, n) N m
@@ -125,7 +126,8 @@ class BodyState(NamedTuple):
     torque: Array  # of the rubber between hub and rim, (W, n) N m
     load: Array  # (W, n) N
     rollers: Array  # of each wheel that came down so far, (W, n)
-    tilt: Array  # moments that tilt the robot back and aside, summed over the cycles of a frame, (2, n) N m
+    # Moments that tilt the robot back and aside, summed over the cycles of a frame, (2, n) N m
+    tilt: Array
 
 
 class PlanarState(NamedTuple):
@@ -263,8 +265,8 @@ def free_hub(
 ) -> tuple[Array, Array]:
     """Return the speed of hubs after the cycle without rubber, and speed per torque that rubber takes off it.
 
-    A hub rests if dry friction could bring it to rest within the cycle. A hub that slows takes its rim along: rubber
-    adds to its torque of the cycle before what it is then strained by.
+    A hub rests if dry friction could bring it to rest within the cycle. A hub that slows takes its
+    rim along: rubber adds to its torque of the cycle before what it is then strained by.
     """
     xp = namespace(motor_torque)
     driven = motor_torque - p.hub_viscous * s.hub_speed
@@ -282,7 +284,8 @@ def solve_traction(
 ) -> tuple[Array, Array, Array]:
     """Solve for the twist (3, n), the speeds of rims (W, n) and the torques of rubber (W, n).
 
-    A wheel of which more is asked than friction allows has that limit, and the equations are solved again.
+    A wheel of which more is asked than friction allows has that limit, and the equations are solved
+    again.
 
     Args:
         p: Parameters.

@@ -23,8 +23,9 @@ CHANNEL_PREFIX = "channel_"  # before the names of channels of a controller's ow
 def channels(wheels: int) -> dict[str, tuple[str, ...]]:
     """Channel -> its columns in a table, for robots with as many wheels.
 
-    A line of the table describes the instant of a frame; `applied` acts from there to the next frame, the peaks and
-    means are those since the frame before, `current_limited` a share of that time.
+    A line of the table describes the instant of a frame; `applied` acts from there to the next
+    frame, the peaks and means are those since the frame before, `current_limited` a share of that
+    time.
     """
     each = [str(i + 1) for i in range(wheels)]
     return {
@@ -71,7 +72,8 @@ class Log:
         columns: channel -> its columns in a table.
         first_frame: the number that a table gives its first frame.
         length: frames recorded so far.
-        lengths: how many of them each row has, (n,): one that failed or came to its end before has fewer.
+        lengths: how many of them each row has, (n,): one that failed or came to its end before has
+            fewer.
     """
 
     def __init__(self, rows: Sequence[Row], wheels: int, frames: int = 0) -> None:
@@ -83,7 +85,8 @@ class Log:
         }
         self.length, self.first_frame = 0, 0
         self.lengths = np.zeros(len(self.rows), int)
-        # (frames, columns, rows) of all channels but controllers' own. Memory is taken only when it is written.
+        # (frames, columns, rows) of all channels but controllers' own. Memory is taken only when it
+        # is written.
         self._data: Array = np.empty((max(frames, FIRST_FRAMES), ends[-1], len(self.rows)))
         self._own: dict[str, Array] = {}
 
@@ -122,9 +125,10 @@ class Log:
         Args:
             recorded: which rows go on, (n,); the others get NaN.
             own: channels of controllers' own, name -> (n, k).
-            telemetry: the channels of `plants.NAMES` side by side in that order, (n, their columns).
-            values: other channels, (n, columns) or (n,), or what broadcasts to it; of those not given nothing is
-                recorded.
+            telemetry: the channels of `plants.NAMES` side by side in that order, (n, their
+                columns).
+            values: other channels, (n, columns) or (n,), or what broadcasts to it; of those not
+                given nothing is recorded.
         """
         if self.length == len(self._data):
             self._data, *others = (_doubled(frames) for frames in (self._data, *self._own.values()))

@@ -78,8 +78,10 @@ class Simulation:
         scenario: what is run.
         controllers: names, `file.py:Class` or classes. [the scenario's]
         seeds: of the random numbers, a row each per controller. [the scenario's]
-        rows: the table of rows, where they are not all seeds of all controllers under the scenario's settings.
-        follow: what a controller's rows, given by their numbers, are to follow in place of what their settings say.
+        rows: the table of rows, where they are not all seeds of all controllers under the
+            scenario's settings.
+        follow: what a controller's rows, given by their numbers, are to follow in place of what
+            their settings say.
         logged: whether what happens is recorded.
 
     Attributes:
@@ -92,8 +94,9 @@ class Simulation:
         failures: the rows that were stopped before their end, in that order.
 
     Raises:
-        OmniError: there is no such controller, one is named twice, the rows cannot share a plant, or it does not know
-            what shall happen to one of them; or no command would arrive before the end.
+        OmniError: there is no such controller, one is named twice, the rows cannot share a plant,
+            or it does not know what shall happen to one of them; or no command would arrive before
+            the end.
     """
 
     def __init__(
@@ -172,7 +175,8 @@ class Simulation:
             self.rows, self._kinds, start, geometry, rolls, self._stop, self._follow
         )
         self._frames = np.array([reference.frames for reference in self.references])
-        # Many rows follow few: to look up each row's by itself takes a sixth of a frame of 2048 robots on `kinematic`.
+        # Many rows follow few: to look up each row's by itself takes a sixth of a frame of 2048
+        # robots on `kinematic`.
         numbers = {
             reference: number for number, reference in enumerate(dict.fromkeys(self.references))
         }
@@ -220,8 +224,8 @@ class Simulation:
         """Go on by a frame: command, send, record, move.
 
         Args:
-            command: velocities [vx, vy, w] wanted of the robots, (n, 3), world frame, m/s and rad/s, in place of what
-                the controllers want; they are limited as those are.
+            command: velocities [vx, vy, w] wanted of the robots, (n, 3), world frame, m/s and
+                rad/s, in place of what the controllers want; they are limited as those are.
 
         Raises:
             OmniError: the command is not (n, 3) finite numbers.

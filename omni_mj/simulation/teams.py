@@ -15,7 +15,8 @@ from omni_mj.config import reference_factory
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import PERIOD_S, Settings
 
-NONE = 1e-9  # of lag, friction and creep, on plants without wheels; zero would mean that nobody knows them
+# Of lag, friction and creep, on plants without wheels; zero would mean that nobody knows them
+NONE = 1e-9
 Follow = Callable[[np.ndarray], Reference]
 
 

@@ -27,14 +27,15 @@ def load_robot(name_or_path: str | Path) -> Robot:
         lag_ahead_s           time constant of its speed at rest, of a loop that integrates that of its gain; and aside
         drag_ahead_m_s        speed that dry friction costs; and aside. The same
 
-    What its team is told of it is in `settings.control`: lag_s, drag_m_s, creep_s2_m, alpha_forward and others.
+    What its team is told of it is in `settings.control`: lag_s, drag_m_s, creep_s2_m, alpha_forward
+    and others.
 
     Args:
         name_or_path: of a robot that comes with the package, or the path of a .toml file.
 
     Raises:
-        OmniError: there is no such robot, its file is no robot's, lacks something, or its numbers contradict each other
-            or physics; a line for each.
+        OmniError: there is no such robot, its file is no robot's, lacks something, or its numbers
+            contradict each other or physics; a line for each.
     """
     name = str(name_or_path)
     path, says = robot_files.robot_path(name), robot_files.description(name)

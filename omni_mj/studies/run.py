@@ -25,7 +25,8 @@ def run(
     Args:
         scenario: what is run, or its name.
         controllers: names, `file.py:Class`, or classes derived from `Controller`. [the scenario's]
-        seeds: of the random numbers, counting up, or how many from 0 on; the same for all controllers. [the scenario's]
+        seeds: of the random numbers, counting up, or how many from 0 on; the same for all
+            controllers. [the scenario's]
         subject: the controller of which a verdict is asked for.
         after_frame: called with each frame's number.
 
@@ -33,8 +34,8 @@ def run(
         Everything that was recorded, measured; rows that failed are in it up to there.
 
     Raises:
-        OmniError: there is no such scenario or controller, one cannot be run, the subject is not run, or seeds that do
-            not count up.
+        OmniError: there is no such scenario or controller, one cannot be run, the subject is not
+            run, or seeds that do not count up.
     """
     simulation = prepare(scenario, controllers, seeds)
     check_subject(simulation.scenario, subject)

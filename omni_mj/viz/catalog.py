@@ -106,7 +106,8 @@ def in_full(name: str, overrides: Sequence[str] = (), robot: str | None = None) 
         robot: The scenario's, in place of its own.
 
     Raises:
-        OmniError: There is nothing of that name, it is not what it should be, or has no settings to change.
+        OmniError: There is nothing of that name, it is not what it should be, or has no settings to
+            change.
     """
     from omni_mj.config.plugins import names_class
     from omni_mj.config.scenario import load

@@ -131,7 +131,8 @@ class Stage:
             ELEVATION_DEG[view],
             (*(low + high) / 2, 0.05),
         )
-        # The whole route is in sight from where its height and, less by the picture's shape, its width are.
+        # The whole route is in sight from where its height and, less by the picture's shape, its
+        # width are.
         size_m = max(high[1] - low[1], (high[0] - low[0]) * height / width)
         self._follows = view == "follow" and places == 1
         camera.distance = (

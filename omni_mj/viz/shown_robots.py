@@ -62,8 +62,9 @@ class Robot:
         """Return what is known of alpha along x or y, NaN where nothing is.
 
         Returns:
-            Displacement achieved over commanded in the window that ends in each frame, the controller's estimate less
-            and plus two standard deviations, and the estimate; (frames, 4).
+            Displacement achieved over commanded in the window that ends in each frame, the
+            controller's estimate less and plus two standard deviations, and the estimate; (frames,
+            4).
         """
         estimate = self["alpha_hat"][:, axis, None]
         estimate = np.where(

@@ -96,13 +96,15 @@ def test_every_robots_numbers_fit_together(name: str) -> None:
     s = om.load_robot(name).settings
     assert s.firmware.nominal_voltage_v == pytest.approx(3.7 * s.battery.cells)  # LiPo
     assert 3.0 * s.battery.cells <= s.battery.cut_off_v <= 3.5 * s.battery.cells
-    # A disc whose mass is within the wheels: 1/2 m r^2 with the arm as r at least, a ring's m r^2 at most.
+    # A disc whose mass is within the wheels: 1/2 m r^2 with the arm as r at least, a ring's m r^2
+    # at most.
     disc = s.body.mass_kg * s.wheels.arm_m**2
     assert 0.5 * disc < s.body.yaw_inertia_kg_m2 < disc
     assert s.body.tilt_inertia_kg_m2 > s.body.yaw_inertia_kg_m2 / 2
     assert s.drive.roller_friction < s.carpet.friction
     assert s.wheels.arm_m < 0.09  # the league's limit: 180 mm across
-    # At the nominal battery it reaches the reference's speed in its fastest direction: back-EMF of the motor at 3 m/s.
+    # At the nominal battery it reaches the reference's speed in its fastest direction: back-EMF of
+    # the motor at 3 m/s.
     assert (
         s.motor.constant_nm_a * 3.0 / s.wheels.radius_m * s.motor.gear
         < s.firmware.nominal_voltage_v
@@ -203,9 +205,9 @@ def driven(robot: str, commands: NDArray, **more: Any) -> om.Simulation:
 def measured(robot: str) -> list[tuple[float, float]]:
     """Return lag, s, and drag, m/s, ahead and aside, of small steps up and down from several speeds, brought to rest.
 
-    After a step of a first-order lag tau the way falls behind by the step times tau and the dead time. Creep lets the
-    lag grow in proportion to speed. Dry friction costs as much at any speed: what a line through speeds over commands
-    is below zero at none.
+    After a step of a first-order lag tau the way falls behind by the step times tau and the dead
+    time. Creep lets the lag grow in proportion to speed. Dry friction costs as much at any speed:
+    what a line through speeds over commands is below zero at none.
     """
     before, after, delay, step = 120, 60, 6, 0.04
     base = np.linspace(0.15, 0.35, 5)
@@ -247,7 +249,8 @@ def test_lag_and_drag_of_a_robot_follow_from_its_gains() -> None:
 def test_a_team_is_told_what_its_robots_gains_and_creep_make_of_them(name: str) -> None:
     """Lag and drag are means of both axes; alpha is the share of a steady 1 m/s reached, without dry friction's cost.
 
-    Of loops that integrate, alpha is not known. A file that says something else says so because it was measured.
+    Of loops that integrate, alpha is not known. A file that says something else says so because it
+    was measured.
     """
     robot = om.load_robot(name)
     facts, told = robot.facts, robot.settings.control

@@ -149,7 +149,8 @@ def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
     noise = vision(np.random.default_rng(0), 6 * SECOND, n)
     record = loop(team("adaptive-comp-flc", delay, reference, n, **NONE), plant, noise)
     for point in path[1:]:
-        # Within the 2 cm at which a way-point counts as reached, and as much that the prediction may be off.
+        # Within the 2 cm at which a way-point counts as reached, and as much that the prediction
+        # may be off.
         assert (
             np.hypot(*np.moveaxis(record["pose"][..., :2] - point[:2], -1, 0)).min(0).max() < 0.04
         )

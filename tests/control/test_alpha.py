@@ -35,8 +35,8 @@ def test_the_error_shrinks_by_the_weight_of_the_old_value(
 ) -> None:
     """Without noise, a window of commanded displacement d leaves the part c^2 / (c^2 + d^2) of the error.
 
-    The displacement seen is alpha d, so that alpha - (alpha d^2 + c^2 old) / (d^2 + c^2) is that part of alpha - old;
-    from frame to frame the parts multiply.
+    The displacement seen is alpha d, so that alpha - (alpha d^2 + c^2 old) / (d^2 + c^2) is that
+    part of alpha - old; from frame to frame the parts multiply.
     """
     commands = np.random.default_rng(seed).uniform(-2, 2, (80, 1, 3))
     values = estimate(travelled(commands, np.array(alpha), delay), commands, window, delay)
@@ -45,7 +45,8 @@ def test_the_error_shrinks_by_the_weight_of_the_old_value(
         passed - np.concatenate([np.repeat(passed[:1], window, axis=0), passed])[: len(passed)]
     )
     left = np.cumprod(CONFIDENCE_M**2 / (CONFIDENCE_M**2 + displacement**2), axis=0)
-    # Positions of up to 1 m are rounded at 1e-16, hundredfold where a displacement of 1 cm divides them.
+    # Positions of up to 1 m are rounded at 1e-16, hundredfold where a displacement of 1 cm divides
+    # them.
     np.testing.assert_allclose(values, alpha + (1 - np.array(alpha)) * left, rtol=0, atol=1e-12)
 
 
@@ -55,13 +56,15 @@ def test_a_constant_factor_is_found_exactly(
 ) -> None:
     """A robot that drives for twice the window along both axes shows its factors, whatever the dead time."""
     window = 15
-    # At least 0.2 of the speed along each axis: a robot that does not move along one shows nothing of it.
+    # At least 0.2 of the speed along each axis: a robot that does not move along one shows nothing
+    # of it.
     along = np.array([np.cos(direction), np.sin(direction)])
     along = np.where(np.abs(along) < 0.2, 0.2, along)
     commands = np.zeros((delay + 5 * window, 1, 3))
     commands[:, 0, :2] = speed * along
     values = estimate(travelled(commands, np.array(alpha), delay), commands, window, delay)
-    # Displacements of 0.3 * 0.2 / 4 = 0.015 m and more keep at most 0.64 of the error in each of 60 frames: 2e-12.
+    # Displacements of 0.3 * 0.2 / 4 = 0.015 m and more keep at most 0.64 of the error in each of 60
+    # frames: 2e-12.
     np.testing.assert_allclose(values[-1, 0], alpha, rtol=0, atol=4e-12)
 
 

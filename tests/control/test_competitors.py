@@ -60,7 +60,8 @@ def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: in
     controller = make(name, model(delay, lag), REST, n)
     alpha, noise = rng.uniform(0.5, 1.1, (n, 3)), np.zeros((frames, n, 3))
     pose = loop(Team(controller, start), Lagged(start, delay + wrong, lag, alpha), noise)["pose"]
-    # The slowest loop, p with a latency of 11 frames and alpha 0.5, leaves some exp(-0.5 * 2.7 / s * 6 s) = 3e-4 of it.
+    # The slowest loop, p with a latency of 11 frames and alpha 0.5, leaves some exp(-0.5 * 2.7 / s
+    # * 6 s) = 3e-4 of it.
     assert np.abs(pose[-1]).max() < (2e-3 if name in IDENTIFYING else 1e-4)
     assert np.abs(pose).max() < 0.2, "none swings out"
 

@@ -93,7 +93,8 @@ def test_a_circle_takes_the_closed_form_time(
     )
     rest = 2 * math.pi * radius * laps - 2 * radius * end / 2
     top = min(speed, math.sqrt(acceleration * radius))
-    # Both ramps are made of whole cells of 1/1000 lap: if one ends within its first, that takes up to twice its time.
+    # Both ramps are made of whole cells of 1/1000 lap: if one ends within its first, that takes up
+    # to twice its time.
     poses = drive("circle", (2 * radius, 2 * radius), MotionLimits(speed, acceleration), laps)
     assert_takes(poses, 2 * ramp + rest / top, 2e-3)
 

@@ -79,7 +79,8 @@ def test_a_perfect_robot_seen_perfectly_is_tracked_exactly(seed: int, missed: fl
     seen = np.where(rng.random((100, 3, 1)) < missed, np.nan, true)
     seen[..., 2] = np.angle(np.exp(1j * seen[..., 2]))
     said = filtered(seen, displacement, start)
-    # Poses of size 3 and angles of size 7 round at 9e-16, a hundred times; a frame divides the drift.
+    # Poses of size 3 and angles of size 7 round at 9e-16, a hundred times; a frame divides the
+    # drift.
     np.testing.assert_allclose(said["pose"], true, rtol=0, atol=1e-12)
     np.testing.assert_allclose(said["twist"], displacement / T, rtol=0, atol=1e-11)
 
@@ -97,7 +98,8 @@ def test_headings_are_followed_over_full_turns(heading: float, rate: float) -> N
     said = filtered(reported, displacement, turning[0])
     # Angles of up to 70 rad round at 1e-14, and so do the turns that are taken off them.
     np.testing.assert_allclose(said["pose"], uncut["pose"], rtol=0, atol=1e-12)
-    # The 3 % that the drift forgets in a frame leave a small lag behind a robot that drifts at up to 2 rad/s.
+    # The 3 % that the drift forgets in a frame leave a small lag behind a robot that drifts at up
+    # to 2 rad/s.
     np.testing.assert_allclose(said["pose"][-1, 0, 2], turning[-1, 0, 2], rtol=0, atol=0.03)
 
 

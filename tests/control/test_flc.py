@@ -16,7 +16,8 @@ FRAMES = 120
 FUZZY = ("flc", "comp-flc")
 both_references = pytest.mark.parametrize("kind", KINDS)
 
-# Robots that start within the controller's range; headings less than half a turn off, which has no shorter side.
+# Robots that start within the controller's range; headings less than half a turn off, which has no
+# shorter side.
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-3, 3))
 
 
@@ -66,16 +67,16 @@ def test_compensation_takes_the_dead_time_out_of_the_loop(
 ) -> None:
     """The law of the Smith predictor: a perfect robot with dead time does what one without it does k_d frames later.
 
-    Nothing moves it in the first k_d frames. From then on it goes, under comp-FLC, the way of a robot without dead
-    time that starts at k_d under FLC.
+    Nothing moves it in the first k_d frames. From then on it goes, under comp-FLC, the way of a
+    robot without dead time that starts at k_d under FLC.
     """
     late = follow(make("comp-flc", TeamModel(T, delay), along(kind), 1), [start], delay)
     prompt = follow(
         make("flc", TeamModel(T, 0), along(kind), 1), [start], 0, FRAMES - delay, first_frame=delay
     )
     assert (late.pose[:delay] == start).all()
-    # Poses of size 3 round at 4e-16; the loop's gain of at most 15 / s forgets them, but near the steep ends of the
-    # fuzzy sets, where the gain is larger, they may grow for some frames.
+    # Poses of size 3 round at 4e-16; the loop's gain of at most 15 / s forgets them, but near the
+    # steep ends of the fuzzy sets, where the gain is larger, they may grow for some frames.
     np.testing.assert_allclose(late.pose[delay:], prompt.pose, rtol=0, atol=1e-12)
 
 
@@ -106,8 +107,8 @@ def fuzzy_velocity(error: float) -> float:
 def test_flc_lags_a_constant_acceleration_by_a_known_error_and_comp_flc_does_not() -> None:
     """The feed-forward arrives k_d frames late, a k_d T too slow, which FLC's correction of a lasting error makes up.
 
-    In the steady state of x(k+1) = x(k) + T u(k - k_d) under a reference that accelerates at a, the error e solves
-    v(e) = a k_d T with v the fuzzy controller.
+    In the steady state of x(k+1) = x(k) + T u(k - k_d) under a reference that accelerates at a, the
+    error e solves v(e) = a k_d T with v the fuzzy controller.
     """
     delay, frames = 3, 200
     reference = TimedReference([[0, 0, 0], [20, 0, 0]], MotionLimits(speed=10), T)
@@ -116,8 +117,8 @@ def test_flc_lags_a_constant_acceleration_by_a_known_error_and_comp_flc_does_not
         run = follow(make(name, TeamModel(T, delay), reference, 1), np.zeros((1, 3)), delay, frames)
         error[name] = reference.poses[frames - 1, 0] - run.pose[-1, 0, 0]
     lag = brentq(lambda e: fuzzy_velocity(e) - LIMITS.acceleration * delay * T, 0, 0.05)
-    # Integration in steps of 5e-5 is good to 1e-8 m/s, which a gain of 10 / s makes 1e-9 m; the transient of a loop
-    # with gain 15 / s and 0.05 s of dead time halves in 5 frames and less.
+    # Integration in steps of 5e-5 is good to 1e-8 m/s, which a gain of 10 / s makes 1e-9 m; the
+    # transient of a loop with gain 15 / s and 0.05 s of dead time halves in 5 frames and less.
     assert error["flc"] == pytest.approx(lag, abs=1e-7)
     assert abs(error["comp-flc"]) < 1e-9
 
@@ -132,8 +133,9 @@ def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
         )
         error = position_error(run, reference)
         maximum[name], mean[name] = error.max(), error.mean()
-    # The compensated maximum is known (4.8 mm); an uncompensated loop with gain 15 / s and 0.1 s of dead time is near
-    # its limit of stability, so its error is bounded loosely: table 3 has 35 % and more less, here it is three times.
+    # The compensated maximum is known (4.8 mm); an uncompensated loop with gain 15 / s and 0.1 s of
+    # dead time is near its limit of stability, so its error is bounded loosely: table 3 has 35 %
+    # and more less, here it is three times.
     assert maximum["comp-flc"] < maximum["flc"] / 3
     assert mean["comp-flc"] < mean["flc"] / 10
 

@@ -74,8 +74,8 @@ def test_the_controller_agrees_with_scikit_fuzzy() -> None:
     axis = np.linspace(-0.11, 0.11, 25)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     expected = scikit_flc.velocities(scikit_flc.controller(801, RANGE_M, SPEED), grid)
-    # A step of 1/400 misplaces each of at most 12 corners by an area of at most 2 / 400^2 / 4, 4e-5 in all, of 0.19
-    # and more; the corners' errors partly cancel.
+    # A step of 1/400 misplaces each of at most 12 corners by an area of at most 2 / 400^2 / 4, 4e-5
+    # in all, of 0.19 and more; the corners' errors partly cancel.
     np.testing.assert_allclose(FLC(grid), expected, rtol=0, atol=1e-4)
 
 
@@ -84,7 +84,8 @@ def test_mirrored_errors_give_mirrored_velocities(error: tuple[float, float]) ->
     """The rules treat left and right, forth and back alike: v(-e) = -v(e), and each axis by itself."""
     x, y = error
     vx, vy = FLC(error)
-    # Sums in the opposite order: a few roundings of numbers of size 1, divided by an area of 0.2 and more.
+    # Sums in the opposite order: a few roundings of numbers of size 1, divided by an area of 0.2
+    # and more.
     np.testing.assert_allclose(FLC([-x, -y]), [-vx, -vy], rtol=0, atol=1e-14)
     np.testing.assert_allclose(FLC([-x, y]), [-vx, vy], rtol=0, atol=1e-14)
 
@@ -119,7 +120,8 @@ def test_the_ranges_only_scale_the_axes(
 ) -> None:
     """Velocity over its range is one function of error over its range."""
     scaled = FuzzyLaw(range_m, speed)(np.multiply(error, range_m / RANGE_M))
-    # One rounding of the scaled error times the steepest slope of the controller, 2 * 15 / 10 of the ranges' ratio.
+    # One rounding of the scaled error times the steepest slope of the controller, 2 * 15 / 10 of
+    # the ranges' ratio.
     np.testing.assert_allclose(scaled, speed / SPEED * FLC(error), rtol=0, atol=1e-14 * speed)
 
 

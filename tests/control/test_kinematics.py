@@ -46,7 +46,8 @@ def test_a_wheel_rolls_at_the_velocity_of_its_contact_point(
     spoke = np.exp(1j * robot.azimuths)
     point_velocity = complex(twist[0], twist[1]) + 1j * twist[2] * robot.arm * spoke
     rim = (point_velocity * np.conj(1j * spoke)).real
-    # Speeds reach (5 sqrt 2 + 30 * 0.12) / 0.02 = 530 rad/s, of which a few roundings are about 1e-12.
+    # Speeds reach (5 sqrt 2 + 30 * 0.12) / 0.02 = 530 rad/s, of which a few roundings are about
+    # 1e-12.
     np.testing.assert_allclose(robot.wheel_speeds(twist), rim / robot.radius, rtol=0, atol=2e-12)
 
 

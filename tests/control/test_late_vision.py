@@ -84,8 +84,9 @@ def test_a_perfect_robot_seen_late_is_tracked_exactly(seed: int, longest: float)
 def test_a_velocity_that_was_believed_does_not_confirm_itself(late: float) -> None:
     """Robots stop, seen to a micrometre, though the filter believes in 1 m/s that nobody commanded.
 
-    Observation to the bit, the gate would take it for a frozen image (`test_gate`). A quarter of a second after that can be
-    seen it is forgotten; a filter that takes for seen what it carried on by that velocity would go on for good.
+    Observation to the bit, the gate would take it for a frozen image (`test_gate`). A quarter of a
+    second after that can be seen it is forgotten; a filter that takes for seen what it carried on
+    by that velocity would go on for good.
     """
     frames = np.arange(130)
     position = T * np.minimum(frames, 100.0)

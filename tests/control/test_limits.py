@@ -51,7 +51,8 @@ def test_limits_hold_for_any_sequence(commands: list[tuple[float, float, float]]
 def test_commands_within_the_limits_pass_unchanged(
     directions: list[tuple[float, float, float]],
 ) -> None:
-    # Steps of at most 0.7 of the limit per axis are 0.99 as a vector, and 40 of them stay below both speed limits.
+    # Steps of at most 0.7 of the limit per axis are 0.99 as a vector, and 40 of them stay below
+    # both speed limits.
     walk = np.cumsum(
         np.array(directions) * [0.7 * STEP_M_S, 0.7 * STEP_M_S, 0.49 * STEP_RAD_S], axis=0
     )
@@ -64,7 +65,8 @@ def test_a_wish_is_approached_straight_and_as_fast_as_allowed() -> None:
     for azimuth in np.radians([0, 45, 160, 270]):
         direction = np.array([math.cos(azimuth), math.sin(azimuth)])
         sent = played(np.tile([*(5.0 * direction), 0.0], (60, 1)))
-        # From rest in steps of a T up to the highest speed, along the wish: limits per axis would bend the path.
+        # From rest in steps of a T up to the highest speed, along the wish: limits per axis would
+        # bend the path.
         expected = np.minimum(STEP_M_S * np.arange(1, 61), 2.0)
         np.testing.assert_allclose(
             sent[:, :2], expected[:, None] * direction, atol=1e-12

@@ -43,7 +43,8 @@ def augmented(delay: int, lag: float) -> tuple[Array, Array, Array, float]:
 def gain_of(delay: int, lag: float) -> Array:
     """Gain (m,) of the controller on the augmented state: its answer to a little of each part, all others being zero.
 
-    A little, so that a robot can brake within the error: a millimetre, or what comes of a millimetre a second.
+    A little, so that a robot can brake within the error: a millimetre, or what comes of a
+    millimetre a second.
     """
     gains: list[Array] = []
     for part in range(2 + delay):
@@ -102,7 +103,8 @@ def test_the_dead_time_is_taken_out_of_the_loop(
 
     late, prompt = follow(delay, 60, 0), follow(0, 60 - delay, delay)
     assert (late[:delay] == start).all()
-    # Roundings of poses of size 1, which a stable loop forgets; divided by T for the acceleration, times the lag.
+    # Roundings of poses of size 1, which a stable loop forgets; divided by T for the acceleration,
+    # times the lag.
     np.testing.assert_allclose(late[delay:], prompt, rtol=0, atol=1e-11)
 
 
@@ -125,6 +127,7 @@ def test_a_weak_robot_has_no_lasting_error_at_constant_speed() -> None:
         controller = Lqr(model(6), reference, 1)
         run = drive(controller, Lagged(np.zeros((1, 3)), 6, 0.02, alpha), 900)
         assert reference.poses[899, 0] < 20 - 1, "still under way"
-        # The estimate's loop has a gain of 1 - alpha and some 0.15 s a round: 0.4^(14 s / 0.15 s) is only rounding.
+        # The estimate's loop has a gain of 1 - alpha and some 0.15 s a round: 0.4^(14 s / 0.15 s)
+        # is only rounding.
         np.testing.assert_allclose(run.pose[-1], reference.poses[899:900], rtol=0, atol=1e-10)
         assert controller.disturbance[0, 0] == pytest.approx(1 - 1 / alpha)

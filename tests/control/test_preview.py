@@ -67,7 +67,8 @@ def test_a_preview_of_what_is_planned_anew_is_the_plan_of_now(
 ) -> None:
     """What is answered afterwards, if nothing disturbs: at rest, on the way and past way-points; asked before or not.
 
-    The preview changes nothing: it can be repeated, and who never looked ahead is answered the same.
+    The preview changes nothing: it can be repeated, and who never looked ahead is answered the
+    same.
     """
     (looked, pose), (other, _) = (
         disturbed(np.random.default_rng(seed), 3, frames, rest) for _ in range(2)

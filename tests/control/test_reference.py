@@ -72,7 +72,8 @@ def test_a_leg_takes_the_closed_form_time(
 ) -> None:
     """From rest to rest, the slower of translation and heading needs its triangle or trapezoid, in whole frames.
 
-    Where the limits are an ellipse and the robot does not turn, the acceleration is that of the ellipse along the leg.
+    Where the limits are an ellipse and the robot does not turn, the acceleration is that of the
+    ellipse along the leg.
     """
     end = end if limit.side_acceleration is None else (*end[:2], start[2])
     bearing = math.atan2(end[1] - start[1], end[0] - start[0])
@@ -83,7 +84,8 @@ def test_a_leg_takes_the_closed_form_time(
         fastest_time(abs(end[2] - start[2]), limit.turn_rate, limit.turn_acceleration),
     )
     frames = TimedReference([start, end], limit, T).frames - 1
-    # Whole frames: one may be lost where the profile's speed lies between two units, one is the frame at rest.
+    # Whole frames: one may be lost where the profile's speed lies between two units, one is the
+    # frame at rest.
     assert abs(frames - fastest / T) <= 2
 
 
@@ -100,8 +102,9 @@ def test_a_leg_with_limited_jerk_takes_ruckigs_time(
     axes.max_jerk = [limit.jerk or 0, turn_jerk]
     Ruckig(2).calculate(axes, trajectory)
     frames = TimedReference([start, end], limit, T).frames - 1
-    # Never less, but for the snap. Three lengths are rounded up to whole frames, each by less than one, and not all
-    # three are as unlucky: up to 2.2 were found in 300 legs. Without a way to go, no frame is spent.
+    # Never less, but for the snap. Three lengths are rounded up to whole frames, each by less than
+    # one, and not all three are as unlucky: up to 2.2 were found in 300 legs. Without a way to go,
+    # no frame is spent.
     assert trajectory.duration / T - 1e-3 <= frames <= trajectory.duration / T + 3
 
 
@@ -117,7 +120,8 @@ def test_a_perfect_robot_is_led_past_every_way_point_to_rest_on_the_last(
     timed, iterated = TimedReference(path, limit, T), IteratedReference(path, limit, T, n=1)
     pose, reached, twist = np.array([path[0]]), 0, np.zeros((1, 3))
     weakest = min(limit.acceleration, limit.side_acceleration or limit.acceleration)
-    # It need not stop at a way-point, but may overrun one at speed: per way-point, once more the time to stop.
+    # It need not stop at a way-point, but may overrun one at speed: per way-point, once more the
+    # time to stop.
     overrun = limit.speed / weakest + limit.turn_rate / limit.turn_acceleration
     for frame in range(timed.frames + len(path) * math.ceil(overrun / T)):
         _, twist = iterated.at(frame, pose)

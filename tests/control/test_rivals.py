@@ -67,7 +67,8 @@ def test_the_gain_has_the_margins_of_the_simc_rule(latency: float) -> None:
 def test_p_returns_to_rest_along_the_poles_of_its_loop() -> None:
     """Without a lag e(k+1) = e(k) - K T e(k - k_d): all poles within the unit circle, and well damped.
 
-    A phase margin of 61 degrees is about that of a second-order loop with a damping of 0.6, which overshoots by 9 %.
+    A phase margin of 61 degrees is about that of a second-order loop with a damping of 0.6, which
+    overshoots by 9 %.
     """
     for delay in range(10):
         controller = Proportional(model(delay, 0.0), REST, 1)
@@ -109,12 +110,13 @@ def test_smith_takes_the_dead_time_out_of_the_loop(
 def test_with_a_lag_smith_is_behind_an_acceleration_by_half_the_square_of_it() -> None:
     """It looks ahead by the lag and subtracts what the robot will move in it at the speed of then.
 
-    Under an acceleration a that is a lag (lag + T) / 2 too much: the half square of the lag, and half a frame of the
-    reference's velocity, which is the mean over the frame to come.
+    Under an acceleration a that is a lag (lag + T) / 2 too much: the half square of the lag, and
+    half a frame of the reference's velocity, which is the mean over the frame to come.
     """
     for lag_frames in [1, 2, 5]:
         reference, lag = TimedReference(STRAIGHT, LIMITS, T), lag_frames * T
         run = drive(Smith(model(3, lag), reference, 1), Lagged(np.zeros((1, 3)), 3, lag), 200)
         error = reference.poses[199, 0] - run.pose[-1, 0, 0]
-        # The transient of a loop with a gain of 5 / s and more is 1e-6 of its first error after 3 s.
+        # The transient of a loop with a gain of 5 / s and more is 1e-6 of its first error after 3
+        # s.
         assert error == pytest.approx(LIMITS.acceleration * lag * (lag + T) / 2, abs=1e-6)

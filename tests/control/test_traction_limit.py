@@ -20,9 +20,10 @@ frictions, heights = st.floats(0.05, 1.2), st.floats(0, 0.05)
 def test_of_the_default_wheels_the_limits_are_closed_forms(friction: float, height: float) -> None:
     """The wheels' distances ahead and behind are 1/2 and 1/sqrt 2 of the arm, and share the weight the other way round.
 
-    Forward, all four slide: by sin 60 and sin 45 of what they bear, of which a h / (arm (1/2 + 1/sqrt 2)) shifts
-    to the wheels behind, which point forward less. Sideways no moment may be left: those in front push no harder than
-    those behind, which bear 1 / (2 + 2 sqrt 2) of the weight each, by cos 60 and cos 45. That is half of it.
+    Forward, all four slide: by sin 60 and sin 45 of what they bear, of which a h / (arm (1/2 +
+    1/sqrt 2)) shifts to the wheels behind, which point forward less. Sideways no moment may be
+    left: those in front push no harder than those behind, which bear 1 / (2 + 2 sqrt 2) of the
+    weight each, by cos 60 and cos 45. That is half of it.
     """
     forward, sideways = traction_limits(ROBOT, friction, height)
     level = friction * G * (math.sqrt(6) + math.sqrt(2)) / (2 + 2 * math.sqrt(2))

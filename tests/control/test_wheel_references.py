@@ -127,5 +127,6 @@ def test_a_curve_takes_the_time_of_a_linear_program(tangent: bool, slower: float
     fastest = (2 * step / (np.sqrt(z[1:]) + np.sqrt(z[:-1]))).sum() / T
     limit = MotionLimits(3.0, 8.0, 20.0, 200.0, wheels=TIGERS)
     frames = CurveReference(eight, limit, T, 1, tangent).frames - 1
-    # What rollers' bearings drag jumps where a path crosses an axle, and is taken as the worse one nearby.
+    # What rollers' bearings drag jumps where a path crosses an axle, and is taken as the worse one
+    # nearby.
     assert fastest * (1 - 0.003) <= frames <= fastest * (1 + slower) + 2

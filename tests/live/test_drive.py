@@ -16,10 +16,11 @@ from benches.drive import NOBODY, driven, in_process, on_wire, peer, summary
 def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -> None:
     """A pulse finds the delay; then errors are those of the in-process loop with as many `delay_frames`.
 
-    The pulse leaves the robot turned by some mrad from where its route begins, which the heading hold takes back at 3
-    per second; floats in mm are 0.1 um apart, which the fuzzy controller magnifies. A controller that learns would
-    learn from that turn, so it is not compared. A computer that is busy for a frame holds a command for longer, which
-    is another run; it has three chances to have time.
+    The pulse leaves the robot turned by some mrad from where its route begins, which the heading
+    hold takes back at 3 per second; floats in mm are 0.1 um apart, which the fuzzy controller
+    magnifies. A controller that learns would learn from that turn, so it is not compared. A
+    computer that is busy for a frame holds a command for longer, which is another run; it has three
+    chances to have time.
     """
     for _ in range(3):
         with peer("--delay", delay) as options:
@@ -50,9 +51,9 @@ def test_latency_is_found_whatever_the_controller(delay: float) -> None:
 def test_what_vision_gets_wrong_costs_little() -> None:
     """Two cameras 1 cm apart, now and then another's number, a heading the wrong way round, bad packets; two robots.
 
-    Where this computer is busy between an image and its tick, the image is as much older, and the robot is taken to
-    have gone on for so long, which one of a peer that waits has not: by 4 and 14 cm in two of some 35 runs beside six
-    busy processes. It has three chances to have time.
+    Where this computer is busy between an image and its tick, the image is as much older, and the
+    robot is taken to have gone on for so long, which one of a peer that waits has not: by 4 and 14
+    cm in two of some 35 runs beside six busy processes. It has three chances to have time.
     """
     wrong = (
         "--cameras",

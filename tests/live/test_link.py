@@ -91,9 +91,10 @@ def test_offset_and_rate_of_a_clock_are_found_through_jitter(
 ) -> None:
     """Of 15 packets in each quarter of a second the fastest is JITTER_S / 15 late, with as much spread.
 
-    Over the 40 of ten seconds a line's value at its end has twice the spread over the root of 40; ten times that is
-    allowed, and that the line lies below the fastest of all, by five times the spread of one. Their times' variance is
-    8.3 s^2: the rate's spread is 1.1e-5, of which ten times is allowed.
+    Over the 40 of ten seconds a line's value at its end has twice the spread over the root of 40;
+    ten times that is allowed, and that the line lies below the fastest of all, by five times the
+    spread of one. Their times' variance is 8.3 s^2: the rate's spread is 1.1e-5, of which ten times
+    is allowed.
     """
     clock, now = fed(offset, rate, 10.0, seed)
     spread = JITTER_S / 15

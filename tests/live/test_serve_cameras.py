@@ -74,7 +74,8 @@ def test_cameras_that_see_a_robot_differ_by_how_they_are_set_up_and_their_noise(
     seen = np.array(by_camera)
     assert np.isfinite(seen).all()
     errors = seen.mean(1) - bench.poses[0, :2]
-    # 8 numbers of deviation `offset`: none beyond 4 of it; not all alike. The mean of 170 is off by noise / 13.
+    # 8 numbers of deviation `offset`: none beyond 4 of it; not all alike. The mean of 170 is off by
+    # noise / 13.
     assert np.abs(errors).max() < 4 * offset
     assert np.ptp(errors, axis=0).min() > 10 * noise / 13
     np.testing.assert_allclose(seen.std(1), noise, rtol=5 / np.sqrt(2 * 170))
@@ -119,6 +120,7 @@ def test_the_geometry_is_that_of_division_b() -> None:
     )
     assert len({line.name for line in size.field_lines}) == 12
     assert [camera.camera_id for camera in geometry.calib] == [0, 1, 2]
-    # SSL-Vision's pinhole: turned by half a turn about x, (x, y, z) is (x + tx, -y + ty, tz) for the camera.
+    # SSL-Vision's pinhole: turned by half a turn about x, (x, y, z) is (x + tx, -y + ty, tz) for
+    # the camera.
     middles = [-camera.tx for camera in geometry.calib]
     np.testing.assert_allclose(middles, [-10400 / 3, 0, 10400 / 3], rtol=1e-6)

@@ -10,7 +10,8 @@ import omni_mj as om
 from omni_mj.live.wire.league_pb2 import RobotCommand, RobotControl, RobotControlResponse
 
 STEPS = 40
-FLOAT32_M = 4e-7  # what a place of up to 4 m loses on the wire, in mm as a 32-bit number: 2^-24 of it, and rounding
+# What a place of up to 4 m loses on the wire, in mm as a 32-bit number: 2^-24 of it, and rounding
+FLOAT32_M = 4e-7
 NOISY = (
     "vision.cameras=2",
     "radio.jitter_frames=2",
@@ -50,7 +51,8 @@ def test_a_run_is_the_same_to_the_bit_and_another_seed_is_another() -> None:
             tapes.append(taped(client))
     assert tapes[0] == separate
     assert tapes[1] != separate
-    # 2 packets a step, each with an answer and an image of either camera; one image before; the geometry each second.
+    # 2 packets a step, each with an answer and an image of either camera; one image before; the
+    # geometry each second.
     assert 6 * STEPS + 2 <= len(separate) <= 6 * STEPS + 8
 
 
@@ -58,9 +60,10 @@ def test_a_run_is_the_same_to_the_bit_and_another_seed_is_another() -> None:
 def test_the_loop_in_one_process_is_reproduced_over_the_wire(delay: int) -> None:
     """With the same dead time, the same noise and misses, and the same team, whose computer now is a client.
 
-    In one process the heading that is sent with commands is the filter's, here it is the camera's, for commands of the
-    protocol have none; the robot's own heading is corrected by either, which makes the whole difference: the camera's
-    noise of 0.01 rad, by a gain of 2/s at 60 Hz, is 0.01 sqrt(2/60/2) = 1.3 mrad, times the 0.67 m of the route 0.9 mm.
+    In one process the heading that is sent with commands is the filter's, here it is the camera's,
+    for commands of the protocol have none; the robot's own heading is corrected by either, which
+    makes the whole difference: the camera's noise of 0.01 rad, by a gain of 2/s at 60 Hz, is 0.01
+    sqrt(2/60/2) = 1.3 mrad, times the 0.67 m of the route 0.9 mm.
     """
     route = {"waypoints": [[0, 0, 0], [0.6, 0.3, 0.5]], "settle_s": 0}
     chosen = om.load_scenario(

@@ -14,7 +14,8 @@ RADIUS_M = 0.09  # of the rules' envelope
 HEADING_RAD = (
     1e-7  # by which one command more or less, and the heading with it, changes a pose, rad and m
 )
-SOFT_M = 0.004  # by which hulls, which give way within milliseconds, sink into each other and walls at 3 m/s
+# By which hulls, which give way within milliseconds, sink into each other and walls at 3 m/s
+SOFT_M = 0.004
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
@@ -30,7 +31,8 @@ def test_the_forms_of_a_command_are_the_same_motion(heading: float) -> None:
         ends.append(field.poses[0])
     # 0.33 m, less a lag of 65 ms and a tenth by creep and drag: 0.27 m.
     assert ends[0][:2] @ (x, y) == pytest.approx(0.27, abs=0.02)
-    # Rim speeds leave turning to the wheels, without the loop on the gyro: a cm and a hundredth of a radian.
+    # Rim speeds leave turning to the wheels, without the loop on the gyro: a cm and a hundredth of
+    # a radian.
     np.testing.assert_allclose(ends[1:], [ends[0]] * 2, atol=0.01)
     assert abs(ends[0][2] - heading) < 0.01
 
@@ -67,8 +69,9 @@ def test_a_command_acts_in_the_next_cycle_after_the_dead_time(delay: int) -> Non
 def test_a_robot_that_spins_drives_where_the_field_s_velocity_leads(sets: tuple[str, ...]) -> None:
     """Its own heading is corrected by images that are old when they arrive, and come between frames.
 
-    An image compared with the robot's heading a frame later would put it off by 8/60 rad, 0.13. Images that are not
-    taken when frames begin are compared to half a frame, now earlier, now later.
+    An image compared with the robot's heading a frame later would put it off by 8/60 rad, 0.13.
+    Images that are not taken when frames begin are compared to half a frame, now earlier, now
+    later.
     """
     field = Field(*QUIET, FAST, "firmware.timeout_s=0.2", *sets)
     field.put(0, -1.0, 0.0, 0.0)

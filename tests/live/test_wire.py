@@ -2,8 +2,9 @@
 
 from benches import wire
 
-# Names, numbers, types and labels are facts of ssl-vision, src/shared/proto, and ssl-simulation-protocol, folder proto
-# (commit 65ad614, July 2026). Label (! required, ? optional, * repeated), number, type, name.
+# Names, numbers, types and labels are facts of ssl-vision, src/shared/proto, and
+# ssl-simulation-protocol, folder proto (commit 65ad614, July 2026). Label (! required, ? optional,
+# * repeated), number, type, name.
 TABLES = {
     "DetectedBall": "!1 float confidence, ?2 uint32 area, !3 float x, !4 float y, ?5 float z, !6 float pixel_x, "
     "!7 float pixel_y",

@@ -44,7 +44,8 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
     for friction in frictions:
         for axis in (0, 1):
             pull = np.abs(TANGENTS[:, axis])
-            # Four equal springs under a rigid body: load per mass = g / 4 + b . lever, with the moment a h to carry.
+            # Four equal springs under a rigid body: load per mass = g / 4 + b . lever, with the
+            # moment a h to carry.
             a = friction * GRAVITY * pull.mean()
             for _ in range(50):
                 sums = np.array([np.ones(4), *CONTACTS.T])
@@ -64,7 +65,8 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
     # From the second frame, when the wheels spin, to where they still do.
     seconds = np.arange(2, 17) * FRAME_S
     fits = [2 * np.polyfit(seconds, poses[2:, i, i % 2], 2)[0] for i in range(6)]
-    # 4 %: rims and rollers roll with the robot, which adds 1.5 % to its mass, and rollers that come down are spun up.
+    # 4 %: rims and rollers roll with the robot, which adds 1.5 % to its mass, and rollers that come
+    # down are spun up.
     assert fits == pytest.approx(expected, rel=0.04)
     assert (fits < np.array(expected)).all()
 

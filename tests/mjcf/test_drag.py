@@ -78,8 +78,8 @@ def rolling() -> NDArray:
 def test_a_robot_rolls_out_as_its_drags_say(name: str, rolling: NDArray) -> None:
     tape = rolled_out([settings(*DRAGS[name])])
     law = [expected(name, row, tape) for row in range(len(DIRECTIONS))]
-    # The closed form shares the weight equally, of which braking shifts a tenth: 2 %, and as much of a small drag as
-    # 0.015 m/s^2.
+    # The closed form shares the weight equally, of which braking shifts a tenth: 2 %, and as much
+    # of a small drag as 0.015 m/s^2.
     assert decelerations(tape) - rolling == pytest.approx(law, rel=0.02, abs=0.015)
 
 
@@ -88,7 +88,8 @@ def test_carpet_and_bearings_brake_in_proportion_to_load() -> None:
     bodies = ({"mass_kg": mass, "tilt_inertia_kg_m2": 0.0075} for mass in (2.65, 5.3))
     light, heavy = (settings(0.1, 0.05, 0.0, 0.0, body=body) for body in bodies)
     few, many = (decelerations(rolled_out([each])) * each.body.mass_kg for each in (light, heavy))
-    # Hubs and rotors turn with either: 9 % of the light robot's inertia along its wheels, half of that of the heavy.
+    # Hubs and rotors turn with either: 9 % of the light robot's inertia along its wheels, half of
+    # that of the heavy.
     turning = HUB_INERTIA + Settings().motor.rotor_inertia_kg_m2 * Settings().motor.gear ** 2
     added = turning * ((TANGENTS @ DIRECTIONS.T) ** 2).sum(0) / RADIUS_M**2
     light_inertia, heavy_inertia = 1 + added / light.body.mass_kg, 1 + added / heavy.body.mass_kg
@@ -102,8 +103,9 @@ def test_the_default_robot_rolls_out_as_published() -> None:
     )
     # 10 %: mass times deceleration, or with what turns in it.
     assert [x, back] == pytest.approx([4.44, 4.44], rel=0.1)
-    # They give one number, and measured forward only. Motors and gears brake along the rims, by the sum of the wheels'
-    # cosines, which is 3.15 forward, 2.41 sideways and 2.23 diagonally. Rollers' bearings make up for that sideways,
-    # but not diagonally, where the robot rolls out with a tenth less, 4.0 N: 12 %.
+    # They give one number, and measured forward only. Motors and gears brake along the rims, by the
+    # sum of the wheels' cosines, which is 3.15 forward, 2.41 sideways and 2.23 diagonally. Rollers'
+    # bearings make up for that sideways, but not diagonally, where the robot rolls out with a tenth
+    # less, 4.0 N: 12 %.
     assert y == pytest.approx(4.44, rel=0.1)
     assert diagonal == pytest.approx(4.44, rel=0.12)

@@ -95,7 +95,8 @@ def test_energy_audit_of_a_driven_robot(friction: float, substeps: int) -> None:
     plant._batch = tape = Recorder(plant._batch)  # type: ignore[assignment]
     currents = []
     for frame in range(60):
-        # Speeding up forward, curving away, braking hard, then backwards and turning: the end is in full motion.
+        # Speeding up forward, curving away, braking hard, then backwards and turning: the end is in
+        # full motion.
         time = frame * FRAME_S
         twist = [1.8 * np.sin(4.5 * time), 0.8 * np.sin(3.0 * time), 4.0 * np.sin(6.0 * time)]
         assert plant.advance(Received.at_once(np.array([twist]), plant.pose()[:, 2])) == {}
@@ -107,8 +108,8 @@ def test_energy_audit_of_a_driven_robot(friction: float, substeps: int) -> None:
     audit = Audit(plant)
     for now in tape.steps:
         audit.add(now)
-    # Work is done by current times torque constant. 0.2 %: magnets warm by a kelvin, and a cycle's current is that of
-    # its first step.
+    # Work is done by current times torque constant. 0.2 %: magnets warm by a kelvin, and a cycle's
+    # current is that of its first step.
     torques = constant * np.repeat(np.concatenate(currents), substeps, axis=0)
     hubs = [(now["qvel"] + now["after"])[audit.robot.wheel_dofs] / 2 for now in tape.steps]
     assert audit.work == pytest.approx(
@@ -118,7 +119,8 @@ def test_energy_audit_of_a_driven_robot(friction: float, substeps: int) -> None:
     lifted = MASS_KG * GRAVITY * (tape.steps[-1]["qpos"][2] - tape.steps[0]["qpos"][2])
     # 0.3 %: 0.1 % is what the last step and the drag's four cycles leave.
     assert sum(audit.lost.values()) + gained + lifted == pytest.approx(audit.work, rel=0.003)
-    # Each of the large terms matters, so that none hides another's error; contacts only shake a little.
+    # Each of the large terms matters, so that none hides another's error; contacts only shake a
+    # little.
     assert (
         min(audit.lost["slips"], audit.lost["drag"], audit.lost["hubs"], gained) > 0.03 * audit.work
     )

@@ -20,7 +20,8 @@ WHEELS = ("rollers", "two-rollers")
 def test_robots_that_do_not_meet_have_the_paths_they_have_alone(wheels: str) -> None:
     """To rounding: the solver ends its iterations at a share of a scale that counts all degrees of freedom.
 
-    A bit is enough to change an encoder's count in time, and through it the path: after a second and a half, 0.05 mm.
+    A bit is enough to change an encoder's count in time, and through it the path: after a second
+    and a half, 0.05 mm.
     """
     chosen = [quiet(wheels={"model": wheels})] * 2
     start, commands = (
@@ -36,7 +37,8 @@ def collide(speed: float, aside: float) -> tuple[NDArray, NDArray, float]:
     """Two robots without motors on ice, each at `speed` towards the other, by `aside` m off the head-on.
 
     Returns:
-        Momenta (steps, 2, 2) in N s, kinetic energies (steps,) in J, and how deep one hull enters the other, m.
+        Momenta (steps, 2, 2) in N s, kinetic energies (steps,) in J, and how deep one hull enters
+        the other, m.
     """
     world = world_builder.world(places=2)
     model = copy.copy(world.model)
@@ -65,8 +67,8 @@ def collide(speed: float, aside: float) -> tuple[NDArray, NDArray, float]:
 def test_a_collision_conserves_momentum(speed: float, aside: float) -> None:
     momenta, energies, depth = collide(speed, aside)
     total = momenta.sum(1)
-    # Nothing else acts in the plane. A step's momentum is at the pose of its beginning: centres 45 mm up of robots that
-    # rock at 4 rad/s are off by m h w^2 dt = 2 mN s.
+    # Nothing else acts in the plane. A step's momentum is at the pose of its beginning: centres 45
+    # mm up of robots that rock at 4 rad/s are off by m h w^2 dt = 2 mN s.
     np.testing.assert_allclose(total - total[0], 0, atol=2e-3)
     normal = np.array([np.sqrt(4 * RADIUS_M**2 - aside**2), aside]) / (
         2 * RADIUS_M

@@ -92,8 +92,8 @@ def test_the_default_robot_is_like_the_published_ones(model: mujoco.MjModel) -> 
 
 
 def test_every_geom_stays_inside_the_leagues_cylinder(model: mujoco.MjModel) -> None:
-    # A convex body's furthest point from the axis is the largest of its supports over horizontal directions; 720 of
-    # them miss it by a factor of at most cos(0.25 deg), 1 micrometre here.
+    # A convex body's furthest point from the axis is the largest of its supports over horizontal
+    # directions; 720 of them miss it by a factor of at most cos(0.25 deg), 1 micrometre here.
     angle = np.radians(np.arange(0, 360, 0.5))
     around = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     up_down = np.array([[0.0, 0, 1], [0, 0, -1]])
@@ -106,7 +106,8 @@ def test_every_geom_stays_inside_the_leagues_cylinder(model: mujoco.MjModel) -> 
         mujoco.mj_kinematics(model, data)
         for geom in parts(model):
             name = model.geom(geom).name
-            # TIGERs publish 83 mm to where wheels touch, with which rollers of 6 mm stick out, as modelled: whole.
+            # TIGERs publish 83 mm to where wheels touch, with which rollers of 6 mm stick out, as
+            # modelled: whole.
             outside = 0.0925 if name.startswith("roller") else 0.090 - 1e-6
             assert support(model, data, geom, around).max() < outside, f"{name} is outside 180 mm"
             top, bottom = support(model, data, geom, up_down)
@@ -146,7 +147,8 @@ def test_a_positive_wheel_speed_drives_the_robot_counter_clockwise(
         jacobian = np.zeros((3, model.nv))
         mujoco.mj_jac(model, data, jacobian, None, contact, model.body(f"wheel_{wheel}").id)
         rim = jacobian[:, model.joint(f"wheel_{wheel}").dofadr[0]]
-        # The rim pushes the carpet backwards, which pushes the robot along the tangent (equation 3).
+        # The rim pushes the carpet backwards, which pushes the robot along the tangent (equation
+        # 3).
         tangent = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         np.testing.assert_allclose(rim, -RADIUS_M * tangent, atol=1e-12)
 
@@ -166,7 +168,8 @@ def check_rollers(model: mujoco.MjModel, data: mujoco.MjData, wheel: int) -> Non
         assert model.body_jntnum[body] == 1
         assert model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
         spoke = data.xpos[body] - centre
-        # Each turns about the wheel's tangent, and its middle reaches the wheel's radius; exact up to rounding.
+        # Each turns about the wheel's tangent, and its middle reaches the wheel's radius; exact up
+        # to rounding.
         np.testing.assert_allclose(
             np.abs(data.xaxis[joint] @ np.cross(axle, spoke)), RADIUS_M - ROLLER_RADIUS_M
         )
@@ -175,8 +178,8 @@ def check_rollers(model: mujoco.MjModel, data: mujoco.MjData, wheel: int) -> Non
         (geom,) = [g for g in range(model.ngeom) if model.geom_bodyid[g] == body]
         short, other, long = model.geom_size[geom]
         assert short == other == ROLLER_RADIUS_M
-        # An ellipsoid's profile has radius of curvature long^2 / short at its middle, which must be the wheel's;
-        # 0.1 % for the file's five digits.
+        # An ellipsoid's profile has radius of curvature long^2 / short at its middle, which must be
+        # the wheel's; 0.1 % for the file's five digits.
         assert long**2 / short == pytest.approx(RADIUS_M, rel=1e-3)
     # Evenly around the wheel; exact up to rounding.
     np.testing.assert_allclose(np.diff(np.sort(angles)), 2 * np.pi / len(bodies), atol=1e-9)
@@ -192,7 +195,8 @@ def test_only_the_rollers_touch_the_carpet(model: mujoco.MjModel) -> None:
     touching = [first if second == carpet else second for first, second in pairs]
     expected = [model.body(body).geomadr[0] for wheel in WHEELS for body in rollers(model, wheel)]
     assert sorted(touching) == sorted(expected)
-    # Never slides: the hinge between hub and rim does, within the friction that it is given in every step.
+    # Never slides: the hinge between hub and rim does, within the friction that it is given in
+    # every step.
     np.testing.assert_array_equal(model.pair_friction[:, :2], 5.0)
 
 

@@ -94,8 +94,8 @@ def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
 ) -> None:
     """Its numbers are those that were written; the same as a robot's file gives the same path.
 
-    Within 1 mm and 1 mrad, on 0.6 m at up to 0.8 m/s: rims and rollers weigh other parts of the same whole, and a hub
-    that is one with its rim slips on the motor's shaft.
+    Within 1 mm and 1 mrad, on 0.6 m at up to 0.8 m/s: rims and rollers weigh other parts of the
+    same whole, and a hub that is one with its rim slips on the motor's shaft.
     """
     file = write(written(azimuths, **changes))
     numbers = numbers_of(file)

@@ -64,7 +64,8 @@ def test_traction_over_load_is_the_friction() -> None:
     )
     gained, pull = impulses(tape, 40, 200)
     ratio = np.linalg.norm(gained, axis=1) / np.linalg.norm(pull, axis=1)
-    # 2 %; of these half a per cent is what spinning up rollers costs that come down (two_rollers.py: 0.9 g v each).
+    # 2 %; of these half a per cent is what spinning up rollers costs that come down
+    # (two_rollers.py: 0.9 g v each).
     assert ratio == pytest.approx(frictions, rel=0.02)
 
 
@@ -109,8 +110,9 @@ def test_a_reversal_at_full_speed_does_not_topple_a_robot(model: str) -> None:
         mujoco([stiff(f, wheels={"model": model}) for f in (0.6, 0.8) for _ in range(3)])
     ).drive(commands)
     assert (tape.twist()[-1, [0, 3], 0] < -1.0).all(), "it drives backwards"
-    # The spring of the contacts, 0.2 of critically damped, overshoots by half when traction turns at once: at friction
-    # 0.8 the rear wheels, which statics leaves 3 N of 11 N, come off for a moment.
+    # The spring of the contacts, 0.2 of critically damped, overshoots by half when traction turns
+    # at once: at friction 0.8 the rear wheels, which statics leaves 3 N of 11 N, come off for a
+    # moment.
     assert tape.lift().max() < 2e-3
     assert np.degrees(tape.tilt().max()) < 1.0
 

@@ -43,7 +43,8 @@ def test_it_drives_where_its_kinematics_say(wheels: str) -> None:
     size = np.linalg.norm(twists, axis=1)
     along = twists / size[:, None]
     assert (np.abs((measured - rolled) * along).sum(1) < 0.01 * size).all()
-    # The stiff wheel loop lets the wheels do as told: 2 % for the effective radius and what is left of the ramp.
+    # The stiff wheel loop lets the wheels do as told: 2 % for the effective radius and what is left
+    # of the ramp.
     assert (np.abs((measured - twists) * along).sum(1) < 0.02 * size).all()
     assert np.abs(poses[-1] - before)[[0, 1], [1, 0]].max() < 0.02  # nor does it drift aside
 

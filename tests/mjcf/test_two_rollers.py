@@ -16,8 +16,9 @@ from omni_mj.network.radio import Received
 
 FAST = {"model": "two-rollers"}
 EITHER = (quiet(), quiet(wheels=FAST))
-# An encoder that hardly rounds: of the robot's own, a count that comes a cycle later or not is 0.9 rad/s, for which the
-# loop gives 0.6 A, so that the least difference between two wheels makes 2 mm/s of slip, whatever it is.
+# An encoder that hardly rounds: of the robot's own, a count that comes a cycle later or not is 0.9
+# rad/s, for which the loop gives 0.6 A, so that the least difference between two wheels makes 2
+# mm/s of slip, whatever it is.
 EXACT = {"encoder_counts": 1_000_000}
 
 
@@ -38,7 +39,8 @@ def test_robots_with_either_wheel_weigh_and_turn_the_same(turned: float) -> None
     worlds = [world_builder.world(each) for each in EITHER]
     assert [world.model.nv for world in worlds] == [78, 22]
     assert [world.model.npair for world in worlds] == [64, 8]
-    # Equal up to rounding: lumping moves nothing, and a mass matrix at rest knows nothing of the rollers' own spin.
+    # Equal up to rounding: lumping moves nothing, and a mass matrix at rest knows nothing of the
+    # rollers' own spin.
     assert inertia(worlds[1], turned) == pytest.approx(
         inertia(worlds[0], turned), rel=1e-9, abs=1e-12
     )

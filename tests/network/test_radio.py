@@ -73,7 +73,8 @@ def test_jitter_is_uniform_and_packets_that_are_overtaken_are_dropped(
     got = hold([[]] * robots, frames + 20, delay, seeds=range(robots), jitter_frames=jitter)
     assert (np.diff(got, axis=0) >= 0).all()
     age = frames - 1 - got[frames - 1]
-    # A packet sent a frames ago has arrived if it is late by a - k_d or less, one of 2 j + 1 equal chances each.
+    # A packet sent a frames ago has arrived if it is late by a - k_d or less, one of 2 j + 1 equal
+    # chances each.
     ages = np.arange(delay - jitter, delay + jitter + 1)
     arrived = (ages - (delay - jitter) + 1) / (2 * jitter + 1)
     expected = np.concatenate([[1.0], np.cumprod(1 - arrived)[:-1]]) * arrived

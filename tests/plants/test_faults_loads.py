@@ -86,8 +86,8 @@ def test_wheels_bear_a_load_and_its_inertia() -> None:
     np.testing.assert_allclose(bears[:2].sum(1), (MASS_KG + mass) * GRAVITY, rtol=2e-3)
     ahead = bears @ CONTACTS[:, 0] / GRAVITY
     chassis = plant._world.model.body_ipos[plant._world.robots[0].chassis]
-    # Over the chassis' centre of mass: what it adds, and how far a slope shifts it. Springs still swing: by 2 % of what
-    # the slope shifts, and by 0.03 mm of the centre.
+    # Over the chassis' centre of mass: what it adds, and how far a slope shifts it. Springs still
+    # swing: by 2 % of what the slope shifts, and by 0.03 mm of the centre.
     assert ahead[0] - ahead[4] == pytest.approx(mass * chassis[0], abs=1e-4)
     angle = np.radians(5.0)
     shift = (ahead[2] - np.cos(angle) * ahead[0]) - (ahead[3] - np.cos(angle) * ahead[4])
@@ -98,7 +98,8 @@ def test_wheels_bear_a_load_and_its_inertia() -> None:
     standing(plant, 2 * SETTLE + 8)
     heavy, light = plant.twist()[:, 1]
     ratio = (MASS_KG + ROLLING_KG[1]) / (MASS_KG + mass + ROLLING_KG[1])
-    # Friction of ice is 2.5 % of this push, and as much more as the mass; 1 %: rollers that come down.
+    # Friction of ice is 2.5 % of this push, and as much more as the mass; 1 %: rollers that come
+    # down.
     held = 0.01 * GRAVITY / 12.0
     assert heavy / light == pytest.approx(
         ratio * (1 - (MASS_KG + mass) * held) / (1 - MASS_KG * held), rel=0.01

@@ -38,7 +38,8 @@ def test_a_weak_motor_pulls_and_turns_by_its_constant() -> None:
         expected[0, 1], told = weak, plant.telemetry()
         assert (told.duty_peak == 1).all()
         constants = sheet.constant_nm_a * sheet.gear * expected
-        # As in test_variation.py: what is left of friction 0.01 and of the run-up, and magnets that warm up by 2 K.
+        # As in test_variation.py: what is left of friction 0.01 and of the run-up, and magnets that
+        # warm up by 2 K.
         np.testing.assert_allclose(told.voltage / told.wheel_speed, constants, rtol=5e-3)
 
 

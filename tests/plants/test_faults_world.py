@@ -58,7 +58,8 @@ def test_a_push_gives_momentum_and_ends() -> None:
     direction = np.radians(bearings)
     towards = np.column_stack([np.cos(direction), np.sin(direction)])
     gained = plant.twist()[:3, :2] / (force * frames * FRAME_S / mass)
-    # Ice takes up to 1.3 % of the force; rollers that come down take on the speed of the carpet, up to as much.
+    # Ice takes up to 1.3 % of the force; rollers that come down take on the speed of the carpet, up
+    # to as much.
     np.testing.assert_allclose(gained, towards, atol=0.03)
     after = np.linalg.norm(plant.twist()[:3, :2], axis=1)
     standing(plant, 3)
@@ -187,7 +188,8 @@ def test_a_hand_puts_a_robot_elsewhere_at_rest(make: Callable[[list[Settings]], 
     np.testing.assert_allclose(moved[0], [0.7, -0.4, np.radians(150)], atol=0.02)
     put = standing(plant, 20)[-1]
     np.testing.assert_allclose(put[0, :2], poses[-1][0, :2], atol=2e-3)
-    # Vision's heading contradicts its own by so much that it takes its gyro for one that drifts, and turns a little.
+    # Vision's heading contradicts its own by so much that it takes its gyro for one that drifts,
+    # and turns a little.
     assert put[0, 2] == pytest.approx(poses[-1][0, 2], abs=0.02)
 
 

@@ -38,8 +38,9 @@ def test_a_remembering_alpha_is_uniform_in_every_frame_and_forgets_exponentially
     for sample in (first, later, alpha[-1]):
         # Independent over seeds and axes. Kolmogorov-Smirnov; the level is that of five sigmas.
         assert stats.kstest(sample.ravel(), stats.uniform(0.7, 0.3).cdf).pvalue > 6e-7
-    # Two normal numbers with correlation r have quantiles with correlation 6/pi asin(r/2) (Pearson, 1907), and those
-    # of a first-order process r = exp(-t / time). A sample's correlation spreads by less than 1 / sqrt(samples).
+    # Two normal numbers with correlation r have quantiles with correlation 6/pi asin(r/2) (Pearson,
+    # 1907), and those of a first-order process r = exp(-t / time). A sample's correlation spreads
+    # by less than 1 / sqrt(samples).
     expected = 6 / math.pi * math.asin(math.exp(-lag * FRAME_S / time_s) / 2)
     measured = np.corrcoef(first.ravel(), later.ravel())[0, 1]
     assert measured == pytest.approx(expected, abs=SIGMAS / math.sqrt(first.size))
@@ -49,8 +50,8 @@ def test_a_remembering_alpha_is_uniform_in_every_frame_and_forgets_exponentially
 
 def test_an_alpha_that_never_forgets_is_one_constant_per_seed_and_axis() -> None:
     alpha = alphas([remembering(1e6)] * 3, [1, 2, 3], 60)
-    # Over the second the normal numbers wander by sqrt(2 t / time) = 1.4e-3 (one sigma), alpha by less than 0.3 / 2.5
-    # of that.
+    # Over the second the normal numbers wander by sqrt(2 t / time) = 1.4e-3 (one sigma), alpha by
+    # less than 0.3 / 2.5 of that.
     assert np.ptp(alpha, axis=0).max() < SIGMAS * 1.4e-3 * 0.3 / 2.5
     assert np.ptp(alpha[0], axis=0).min() > 0.01
     assert np.ptp(alpha[0], axis=1).min() > 0.01

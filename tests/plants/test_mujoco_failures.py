@@ -14,8 +14,9 @@ from omni_control.errors import OmniError
 from omni_mj.network.radio import Received
 from omni_mj.plants.mujoco import MujocoPlant
 
-# Wheels that grip like this carry the centre of mass over them when they brake; on the league's carpet they slide. And
-# no driver holds their motors back: with 9 A a robot comes to lean on the edge of its hull, at 31 degrees.
+# Wheels that grip like this carry the centre of mass over them when they brake; on the league's
+# carpet they slide. And no driver holds their motors back: with 9 A a robot comes to lean on the
+# edge of its hull, at 31 degrees.
 GRIPPING = {"carpet": {"friction": 5.0}, "firmware": {"current_limit_a": 1000.0}}
 ORDINARY = {"disturbance": {"force_n": 2.0}}
 FRAMES, BRAKES = 70, 45
@@ -68,9 +69,11 @@ def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_o
     telemetry = plant.telemetry()
     assert (telemetry.voltage[1] == 0).all()
     assert (np.abs(telemetry.voltage[0]) > 0).any()
-    # From 1.4 m/s or less it slides on: v^2 / (2 g 0.3) with the hull's friction of 0.3 is 0.33 m, rollers slide too.
+    # From 1.4 m/s or less it slides on: v^2 / (2 g 0.3) with the hull's friction of 0.3 is 0.33 m,
+    # rollers slide too.
     assert np.abs(poses[-1, 1, :2] - poses[frame, 1, :2]).max() < 0.4
-    # It lies on the carpet, on its hull, not in it: no contact of the world is deeper than a hard one.
+    # It lies on the carpet, on its hull, not in it: no contact of the world is deeper than a hard
+    # one.
     model, data = plant._batch.get_model(0), plant._batch.get_data(0)
     mujoco.mj_forward(model, data)
     assert {model.geom(g).name for contact in data.contact for g in contact.geom} >= {
@@ -78,8 +81,9 @@ def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_o
         "robot_2/hull",
     }
     assert min(contact.dist for contact in data.contact) > -5e-3
-    # The other drives as it does alone, to the solver's tolerance (see test_meeting), which is one for the world: the
-    # forces on a robot that falls make it coarse. With a tolerance of 1e-10 in place of 1e-8, the two differ by 1e-9.
+    # The other drives as it does alone, to the solver's tolerance (see test_meeting), which is one
+    # for the world: the forces on a robot that falls make it coarse. With a tolerance of 1e-10 in
+    # place of 1e-8, the two differ by 1e-9.
     alone, _ = run(plant_of([quiet(**ORDINARY)], seeds=[1]), (), FRAMES + 20)
     np.testing.assert_allclose(poses[:, 0], alone[:, 0], rtol=0, atol=3e-4)
 

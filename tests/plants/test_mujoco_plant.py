@@ -37,16 +37,16 @@ def test_robots_start_where_they_are_told_with_any_heading() -> None:
 def test_motion_does_not_depend_on_place_or_heading() -> None:
     settle, frames, n = 10, 20, len(STARTS)
     plant = plant_of([quiet()] * n, STARTS)
-    # Rollers that just touch the carpet: which of them carry the very first step is a matter of rounding. At rest
-    # that is forgotten.
+    # Rollers that just touch the carpet: which of them carry the very first step is a matter of
+    # rounding. At rest that is forgotten.
     start = drive(plant, np.zeros((settle, n, 3)))[-1]
     c, s = np.cos(start[:, 2]), np.sin(start[:, 2])
     forward, left, turn = 0.6, 0.3, 2.0
     command = np.stack([c * forward - s * left, s * forward + c * left, np.full(n, turn)], axis=1)
     x, y, turned = (drive(plant, constant(command, frames, n))[-1] - start).T
     moved = np.stack([c * x + s * y, c * y - s * x, turned], axis=1)
-    # The carpet is the same everywhere and in every direction. 0.05 mm and 0.05 mrad of 180 mm and 0.5 rad: what is
-    # left of the settling and of the contact solver's tolerance.
+    # The carpet is the same everywhere and in every direction. 0.05 mm and 0.05 mrad of 180 mm and
+    # 0.5 rad: what is left of the settling and of the contact solver's tolerance.
     np.testing.assert_allclose(moved, np.tile(moved[0], (n, 1)), rtol=0, atol=5e-5)
     assert np.hypot(*moved[0, :2]) > 0.1
 
@@ -62,9 +62,9 @@ def test_heading_counts_full_turns() -> None:
     heading = np.append(heading, drive(plant, constant(commands, 85, 2))[1:, :, 2], axis=0)
     # Continuous across the seam at pi: between frames at most what the command allows.
     assert np.abs(np.diff(heading, axis=0)).max() < 1.1 * turn_rate * FRAME_S
-    # Wheels count their own turns: l heading = r angle, once they no longer slide, less what they creep: the pile's
-    # drag is the share p of the load, which creeps by p / C of the travel. 0.5 % for the effective radius and the
-    # rollers' viscous bearings.
+    # Wheels count their own turns: l heading = r angle, once they no longer slide, less what they
+    # creep: the pile's drag is the share p of the load, which creeps by p / C of the travel. 0.5 %
+    # for the effective radius and the rollers' viscous bearings.
     creep = Settings().carpet.pile / Settings().drive.creep_stiffness
     rolled = (plant.telemetry().wheel_angle.mean(1) - begun) * RADIUS_M / ARM_M / (1 + creep)
     np.testing.assert_allclose(heading[-1] - heading[spin_up], rolled, rtol=5e-3)
@@ -82,8 +82,8 @@ def test_nothing_drives_faster_than_the_carpets_friction_allows() -> None:
     )
     bound = 0.5 * friction * GRAVITY * (frames * FRAME_S) ** 2
     assert (distance <= bound).all()
-    # The wheels' share of it is at least that of driving to the left, 0.586 (see test_wheels), less what two of the
-    # wheels lose once they have caught up.
+    # The wheels' share of it is at least that of driving to the left, 0.586 (see test_wheels), less
+    # what two of the wheels lose once they have caught up.
     assert (distance >= 0.5 * bound).all()
 
 
@@ -98,8 +98,9 @@ def test_disturbing_force_pushes_a_sliding_robot_by_newtons_law() -> None:
     mean_force = MASS_KG * np.diff(position, n=2, axis=0) / FRAME_S**2
     # Bounded by the amplitude, to which friction, mu m g = 0.26 N, may add.
     assert np.abs(mean_force).max() <= force + 0.01 * MASS_KG * GRAVITY
-    # The mean of two uniform numbers deviates by f / sqrt(3) / sqrt(2). 1560 samples, of which every other one is
-    # independent: the deviation is known to 1 / sqrt(1560), the mean to sigma sqrt(2 / 1560).
+    # The mean of two uniform numbers deviates by f / sqrt(3) / sqrt(2). 1560 samples, of which
+    # every other one is independent: the deviation is known to 1 / sqrt(1560), the mean to sigma
+    # sqrt(2 / 1560).
     sigma, samples = force / math.sqrt(6), mean_force.size
     assert mean_force.std() == pytest.approx(sigma, rel=SIGMAS / math.sqrt(samples))
     assert mean_force.mean() == pytest.approx(0.0, abs=SIGMAS * sigma * math.sqrt(2 / samples))

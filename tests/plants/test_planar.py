@@ -64,7 +64,8 @@ def test_a_body_lags_behind_its_wheels_by_t_times_its_acceleration(axis: int) ->
     mass = np.diag([MASS_KG, MASS_KG, Settings().body.yaw_inertia_kg_m2])
     lag = np.linalg.solve(b.T * statics(a[:2]) @ b, mass @ a) / STIFFNESS
     behind = ((wheels @ np.linalg.pinv(b).T - body)[:, axis] / body[:, axis]).mean()
-    # 5 %: rims turn with the body, 2 %; carpet that yields, 1 %; the lever, 0.1 % of the speed and 2 % of the lag.
+    # 5 %: rims turn with the body, 2 %; carpet that yields, 1 %; the lever, 0.1 % of the speed and
+    # 2 % of the lag.
     assert behind == pytest.approx(lag[axis], rel=0.05)
 
 
@@ -124,7 +125,8 @@ def test_a_turning_robot_rolls_on_as_lagrange_says() -> None:
         :, -1
     ]
     x, y, turning = plant.twist()[0]
-    # Creep, and steps of a cycle. Were rims mass that keeps its way in the world, it would be 0.022 rad.
+    # Creep, and steps of a cycle. Were rims mass that keeps its way in the world, it would be 0.022
+    # rad.
     assert np.angle((x + 1j * y) / ((ahead + 1j * aside) * np.exp(1j * turned))) == pytest.approx(
         0, abs=0.006
     )

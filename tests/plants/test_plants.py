@@ -68,7 +68,8 @@ def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
     assert np.abs(drift).max() <= amplitude + 1e-12
     # The largest of 5000 uniform numbers misses the amplitude by 1 % with probability 0.99^5000.
     assert (np.abs(drift).max(0) > 0.99 * amplitude).all()
-    # Mean and deviation of a uniform variable, a / sqrt(3), and their spreads: sigma / sqrt(n), sigma / sqrt(5 n).
+    # Mean and deviation of a uniform variable, a / sqrt(3), and their spreads: sigma / sqrt(n),
+    # sigma / sqrt(5 n).
     sigma = amplitude / math.sqrt(3)
     np.testing.assert_allclose(drift.mean(0), 0.0, atol=SIGMAS * sigma / math.sqrt(frames))
     np.testing.assert_allclose(drift.std(0), sigma, atol=SIGMAS * sigma / math.sqrt(5 * frames))
@@ -103,7 +104,8 @@ def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
         )
         way += (before + plant.twist()) / 2 * FRAME_S
     moved = plant.pose() - start
-    # The trapezoidal rule over frames: 1 % of the way for what rollers and encoder counts shake within a frame.
+    # The trapezoidal rule over frames: 1 % of the way for what rollers and encoder counts shake
+    # within a frame.
     assert (np.abs(way - moved) < 0.01 * np.abs(moved)).all()
     assert (np.abs(moved) > 0.3).all()
 

@@ -131,8 +131,8 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
     turned += plant.telemetry().wheel_angle
     radius = way / turned
     assert np.ptp(plant.drawn.wear[2:]) > 5e-4
-    # 0.05 % of the radius between new and worn, which differ by 3 %; both roll at 0.1 % less than their radius, on
-    # polygons of rollers.
+    # 0.05 % of the radius between new and worn, which differ by 3 %; both roll at 0.1 % less than
+    # their radius, on polygons of rollers.
     np.testing.assert_allclose(radius[2:] - radius[:2], -plant.drawn.wear[2:], atol=5e-4 * 0.0285)
     standing = plant_of(
         [quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 1e-3)], [[0, 0, 0]] * 2, [0, 1]
@@ -162,13 +162,15 @@ def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
         each[-1] - each[4] - (each[4] - each[3]) * (frames - 4) for each in (place, heading)
     )
     friction, azimuths = plant.drawn.friction, plant.geometry.azimuths
-    # Divided by the new robot's, whose inertia with all that turns along is the same. 1.5 %: the net pull, 0.3 m/s^2 at
-    # 45 mm under the centre of mass, moves up to 5 % of a wheel's load to another, and only some of it is turning.
+    # Divided by the new robot's, whose inertia with all that turns along is the same. 1.5 %: the
+    # net pull, 0.3 m/s^2 at 45 mm under the centre of mass, moves up to 5 % of a wheel's load to
+    # another, and only some of it is turning.
     np.testing.assert_allclose(turned / turned[0], (friction @ load) / load.sum(), rtol=0.015)
     pulls = mu * (friction * load) @ np.exp(1j * (azimuths + np.pi / 2)) / (load.sum() / GRAVITY)
     frame = np.arange(4, frames)[:, None]
     expected = FRAME_S**2 * ((frames - frame) * pulls * np.exp(1j * heading[4:-1])).sum(0)
-    # 7 % of the farthest: loads, as above, and 1 % for rims that turn along; new wheels pull on the spot.
+    # 7 % of the farthest: loads, as above, and 1 % for rims that turn along; new wheels pull on the
+    # spot.
     np.testing.assert_allclose(moved, expected, atol=0.07 * np.abs(expected).max())
 
 

@@ -144,7 +144,8 @@ def test_windows_of_alpha_are_ratios_of_displacements() -> None:
 def test_a_wheel_slides_that_slips_faster_than_it_can_creep(speed: float, friction: float) -> None:
     """Creep's force is load times stiffness times slip over speed, and friction times load at Coulomb's limit.
 
-    So a wheel whose centre drives at that speed slips by speed times friction over stiffness there, and does not slide.
+    So a wheel whose centre drives at that speed slips by speed times friction over stiffness there,
+    and does not slide.
     """
     own = RECT.replace(carpet={"friction": friction})
     stiff = own.replace(drive={"creep_stiffness": 1000.0})

@@ -29,7 +29,8 @@ def test_a_lag_of_first_order_is_found_beside_its_gain(
     found = linear(profile, [gain], [lag, 1.0])
     assert found.steady == pytest.approx(gain, rel=1e-6)
     assert found.lag_s == pytest.approx(lag, rel=1e-6)
-    # The second half of the ramp begins 0.25 s, at least eight time constants, after the start: exp(-8) = 3e-4.
+    # The second half of the ramp begins 0.25 s, at least eight time constants, after the start:
+    # exp(-8) = 3e-4.
     assert found.speeding_up == pytest.approx(gain, rel=1e-3)
 
 
@@ -51,7 +52,8 @@ def test_dry_friction_costs_gain_and_no_lag(profile: Profile, cost: float) -> No
     found = measure(profile, way[:, None])
     assert found.steady == pytest.approx(1 - cost / profile.speed_m_s)
     assert found.speeding_up == pytest.approx(1.0)
-    # The ramps' frames are mirror images but for the one in which either begins; of it no more than `cost` is missing.
+    # The ramps' frames are mirror images but for the one in which either begins; of it no more than
+    # `cost` is missing.
     assert np.abs(found.lag_s) <= cost * T / profile.speed_m_s + 1e-12
 
 

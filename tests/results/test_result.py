@@ -81,9 +81,10 @@ def test_every_number_of_the_summary_follows_from_the_frames(
 def test_the_compensator_helps_as_in_the_paper_if_not_as_much(result: om.Result) -> None:
     """It lowers both errors in both axes, and maxima are of the size of the paper's (table 3).
 
-    The paper's robot loses by its gain alone. One whose wheels creep also lags by some frames, more the faster it is,
-    of which the compensator knows nothing: of the reductions of the maximum, 35 and 49 %, these three seeds keep
-    37 and 22 %, and of the mean 65 and 53 %. Asked for is about half of that; maxima are 0.7 to 1.1 of the paper's.
+    The paper's robot loses by its gain alone. One whose wheels creep also lags by some frames, more
+    the faster it is, of which the compensator knows nothing: of the reductions of the maximum, 35
+    and 49 %, these three seeds keep 37 and 22 %, and of the mean 65 and 53 %. Asked for is about
+    half of that; maxima are 0.7 to 1.1 of the paper's.
     """
     entry = result.summary()["scenarios"]["rect"]
     for axis in ("x", "y"):

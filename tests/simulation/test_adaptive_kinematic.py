@@ -61,8 +61,8 @@ def test_where_nothing_is_in_doubt_it_is_nearly_as_good(
 ) -> None:
     """A robot with alpha = 1 and the dead time that is told: to find out what comp-flc takes for granted costs 2 mm.
 
-    That is the noise of vision, 1.3 mm per axis, of which the estimates of alpha and latency keep some; and at first
-    alpha is believed to be 0.9, by which a start is off.
+    That is the noise of vision, 1.3 mm per axis, of which the estimates of alpha and latency keep
+    some; and at first alpha is believed to be 0.9, by which a start is off.
     """
     largest, mean = errors[CERTAIN]
     assert np.median(largest[ADAPTIVE] - largest[COMPENSATED]) < 0.003

@@ -34,13 +34,15 @@ def test_applied_is_delayed_on_the_mujoco_plant_too(delay: int) -> None:
     trajectory = run("mujoco", (f"radio.delay_frames={delay}", *GYRO))
     command, applied = trajectory.channel("command"), trajectory.channel("applied")
     np.testing.assert_array_equal(applied[delay:], command[: len(command) - delay])
-    # Until the first command arrives, the robot stands; it settles into the carpet by a tenth of vision's noise.
+    # Until the first command arrives, the robot stands; it settles into the carpet by a tenth of
+    # vision's noise.
     np.testing.assert_allclose(trajectory.channel("pose")[: delay + 1], 0.0, atol=1.3e-4)
 
 
 def test_with_jitter_applied_is_what_was_commanded_about_k_d_frames_ago() -> None:
     """Of each dead time up to 12 frames, and each jitter that it allows."""
-    sees = "vision.miss_probability=0"  # without an image a command is given again, and its age cannot be told
+    # Without an image a command is given again, and its age cannot be told
+    sees = "vision.miss_probability=0"
     both = [(delay, jitter) for delay in range(1, 13) for jitter in range(delay + 1)]
     cases = [
         (f"radio.delay_frames={delay}", f"radio.jitter_frames={jitter}", sees)
@@ -62,20 +64,21 @@ def test_the_predicted_pose_is_the_pose_k_d_frames_later(delay: int) -> None:
         trajectory.channel("predicted")[:, COMPENSATED],
         trajectory.channel("pose")[:, COMPENSATED],
     )
-    # Equations 7, 10 and 11 agree exactly when alpha is 1. The team is told a lag of 1e-9 s, which costs as much
-    # of the speed.
+    # Equations 7, 10 and 11 agree exactly when alpha is 1. The team is told a lag of 1e-9 s, which
+    # costs as much of the speed.
     np.testing.assert_allclose(predicted[:-delay], pose[delay:], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("delay", [1, 3, 6, 12])
 def test_compensated_the_only_error_is_the_late_start(delay: int) -> None:
     trajectory = run("kinematic", (*IDEAL, f"radio.delay_frames={delay}", "reference.lead_s=0"))
-    # The reference starts at once and gains a T per frame; the robot stands for k_d frames and knows it: it lags by
-    # a T^2 (1 + 2 + ... + k_d), and never by more. Rounding of sums.
+    # The reference starts at once and gains a T per frame; the robot stands for k_d frames and
+    # knows it: it lags by a T^2 (1 + 2 + ... + k_d), and never by more. Rounding of sums.
     late = ACCELERATION * FRAME_S**2 * delay * (delay + 1) / 2
     assert errors(trajectory)[COMPENSATED, 0] == pytest.approx(late, rel=1e-9)
     assert errors(trajectory)[COMPENSATED, 1] == 0.0
-    # One that rests for the dead time first is followed without any, but for the lag of 1e-9 s that is told.
+    # One that rests for the dead time first is followed without any, but for the lag of 1e-9 s that
+    # is told.
     fair = run(
         "kinematic", (*IDEAL, f"radio.delay_frames={delay}", f"reference.lead_s={delay * FRAME_S}")
     )
@@ -86,8 +89,8 @@ def test_dead_time_costs_the_uncompensated_controller_more_and_more_on_the_mujoc
     none, short, long = (
         errors(run("mujoco", (f"radio.delay_frames={d}", *GYRO)))[:, 0] for d in (0, 3, 6)
     )
-    # As above, with noise of vision, and with wheels that creep, which late or not costs 12 mm: that is
-    # not the dead time's; no compensator of a dead time takes it away.
+    # As above, with noise of vision, and with wheels that creep, which late or not costs 12 mm:
+    # that is not the dead time's; no compensator of a dead time takes it away.
     assert none[FLC] < short[FLC] < long[FLC]
     assert long[FLC] > 2 * none[FLC]
     assert short[COMPENSATED] < short[FLC]

@@ -55,9 +55,9 @@ def certainty(request: pytest.FixtureRequest) -> Certainty:
 def test_the_innovations_squared_average_one(certainty: Certainty) -> None:
     """Normalised innovations squared: 1 for a filter that is as sure as it may be.
 
-    Some thousand innovations of white noise average to 1 within 5 sqrt(2 / 1000) = 0.2 per axis. The filter errs on
-    the side of caution at rest, where its process noise is at the lowest bound (heading: 0.9), and is surprised by
-    each change of what disturbs the robot.
+    Some thousand innovations of white noise average to 1 within 5 sqrt(2 / 1000) = 0.2 per axis.
+    The filter errs on the side of caution at rest, where its process noise is at the lowest bound
+    (heading: 0.9), and is surprised by each change of what disturbs the robot.
     """
     squared = np.nanmean(certainty.innovation**2, (0, 1))
     assert (squared > 0.8).all()
@@ -68,7 +68,8 @@ def test_the_errors_are_covered_by_sigma(certainty: Certainty) -> None:
     """Errors of the pose, squared, over what the filter says: about 1 seen or not, and few beyond three sigmas."""
     normalised = certainty.error / certainty.sigma
     squared = (normalised**2).mean((0, 1))
-    # The errors of neighbouring frames are related: some hundred independent ones, 5 sqrt(2 / 100) = 0.7.
+    # The errors of neighbouring frames are related: some hundred independent ones, 5 sqrt(2 / 100)
+    # = 0.7.
     assert (squared > 0.5).all()
     assert (squared < 1.5).all()
     assert (np.abs(normalised) < 3).mean() > 0.99  # 0.997 of a normal distribution

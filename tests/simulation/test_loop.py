@@ -96,9 +96,10 @@ def test_robots_arrive(plant: str, mode: str) -> None:
         plant, (f"reference.mode={mode}", "reference.settle_s=3", "kinematic.alpha_low=1")
     )
     left = np.linalg.norm(trajectory.channel("pose")[-120:, :, 0, :2] - [0.5, 0.0], axis=-1).max(0)
-    # Compensated, a few times vision's filtered noise remains. Without, the fuzzy gain of 15/s around zero, 0.25 a
-    # frame, is past 2 sin(pi / (4 k_d + 2)) = 0.241, where an integrator with that dead time becomes unstable: a limit
-    # cycle of up to two centimetres remains. On the MuJoCo plant dry friction may end it at the end of a timed drive.
+    # Compensated, a few times vision's filtered noise remains. Without, the fuzzy gain of 15/s
+    # around zero, 0.25 a frame, is past 2 sin(pi / (4 k_d + 2)) = 0.241, where an integrator with
+    # that dead time becomes unstable: a limit cycle of up to two centimetres remains. On the MuJoCo
+    # plant dry friction may end it at the end of a timed drive.
     assert left[COMPENSATED] < 0.004
     assert left[FLC] < 0.04
     if plant == "kinematic":

@@ -81,13 +81,14 @@ def test_controllers_see_vision_unless_they_know_the_truth(plant: str) -> None:
         if controller.knows_truth:
             np.testing.assert_array_equal(pose, true)
             np.testing.assert_array_equal(measured, true)
-            # The way is the integral of the twist, that of the plant's frame just past or of its instant: within the
-            # way of one frame, and 2 % for slip and rollers that shake.
+            # The way is the integral of the twist, that of the plant's frame just past or of its
+            # instant: within the way of one frame, and 2 % for slip and rollers that shake.
             way = twist[1:].sum(0) * FRAME_S
             np.testing.assert_allclose(way, true[-1] - true[0], rtol=0.02, atol=0.003)
         else:
             np.testing.assert_array_equal(measured, channel("vision")[:, i])
-            # Vision's noise is 1.3 mm and 10 mrad; what is filtered is near the truth, not equal to it.
+            # Vision's noise is 1.3 mm and 10 mrad; what is filtered is near the truth, not equal to
+            # it.
             assert (pose[1:, :, :2] != true[1:, :, :2]).all()
             assert np.abs(pose - true)[..., :2].max() < 0.03
 

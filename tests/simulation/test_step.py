@@ -54,11 +54,13 @@ def test_a_command_of_the_callers_takes_the_place_of_the_controllers_and_is_limi
     for _ in range(120):
         simulated.step(wanted)
     command, pose = simulated.log.channel("command"), simulated.log.channel("pose")
-    # After the ramps, what was asked for, or the highest speed in its direction: 3.7 m/s (ssl-simulation-setup).
+    # After the ramps, what was asked for, or the highest speed in its direction: 3.7 m/s
+    # (ssl-simulation-setup).
     np.testing.assert_allclose(command[-1], [[1.0, 0.5, 0.2], [0.0, -3.7, 0.0]], atol=1e-12)
     change = np.diff(command, axis=0, prepend=0.0)[..., :2]
     assert np.linalg.norm(change, axis=-1).max() <= 4.7 / 60 * (1 + 1e-12)
-    # Equation 7 with alpha = 1: what was commanded until three frames ago, summed up. Rounding of 120 sums.
+    # Equation 7 with alpha = 1: what was commanded until three frames ago, summed up. Rounding of
+    # 120 sums.
     np.testing.assert_allclose(pose[-1] - pose[0], command[:-4].sum(0) / 60, atol=1e-12)
     assert np.isnan(simulated.log.channel("predicted")).all(), "no controller was asked"
 

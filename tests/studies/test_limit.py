@@ -103,8 +103,9 @@ def test_far_from_the_end_gains_are_those_of_the_riccati_equation(weight: float)
 def test_poses_are_predicted_as_well_as_can_be() -> None:
     """Of robots on which only white noise of the speed acts, per frame q in position, seen with noise r.
 
-    The filter of such a random walk settles at a variance P = M r / (M + r) with M = q/2 + sqrt(q^2/4 + q r), and D
-    frames later it is P + D q. 600 robots make a variance known within 6 % of itself.
+    The filter of such a random walk settles at a variance P = M r / (M + r) with M = q/2 +
+    sqrt(q^2/4 + q r), and D frames later it is P + D q. 600 robots make a variance known within 6 %
+    of itself.
     """
     frames, n, step, noise = 80, 600, 1e-3, 2e-3
     settings: dict[str, Any] = {

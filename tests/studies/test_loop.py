@@ -31,7 +31,8 @@ IDEAL = {
     "kinematic": {"alpha_low": 1.0, "alpha_high": 1.0},
     "control": {"max_acceleration_m_s2": 1000.0},
 }
-# K by the rules that the controllers state: SIMC for a latency of 7 frames, and of one; the fuzzy law's at zero error.
+# K by the rules that the controllers state: SIMC for a latency of 7 frames, and of one; the fuzzy
+# law's at zero error.
 GAINS = {"p": 30 / 7, "smith": 30.0, "comp-flc": 15.0}
 REST, ACROSS = "rest, forward", "driving, across"
 

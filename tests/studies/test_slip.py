@@ -49,8 +49,9 @@ def test_what_is_fitted_to_the_law_of_creep_is_its_closed_form(
 ) -> None:
     """u = v + T0 v (v' + d), solved for v, shows as K = 1 / (1 + T0 d) and T = K^2 T0.
 
-    The fit has T |u| where the law has T0 |v|, which differ by the share K T0 a, in opposite senses in speeding up and
-    braking: its square remains, a quarter of it in K. And it has 1 ms beside T |u|, 0.0016 s^2/m at this move's speeds.
+    The fit has T |u| where the law has T0 |v|, which differ by the share K T0 a, in opposite senses
+    in speeding up and braking: its square remains, a quarter of it in K. And it has 1 ms beside T
+    |u|, 0.0016 s^2/m at this move's speeds.
     """
 
     def slope(t: float, v: NDArray) -> NDArray:
@@ -101,7 +102,8 @@ def test_the_closed_form_of_a_robot_is_the_solution_of_its_wheels() -> None:
 def test_robots_slip_and_roll_out_as_the_law_says(name: str) -> None:
     """It leaves out up to 0.014 of K; of T up to 5 % and 0.002 s^2/m less, up to 4 % more; of drag 8 %.
 
-    Drag by bearings' viscous part and the spinning up of rollers. The summary has the same numbers, a row for a move.
+    Drag by bearings' viscous part and the spinning up of rollers. The summary has the same numbers,
+    a row for a move.
     """
     result = om.measure_slip([om.load_scenario("rect", robot=name, wheels=MODEL)], MOVES)
     (robot,) = result.robots.values()
@@ -130,7 +132,8 @@ def test_the_moves_are_those_that_were_published() -> None:
         way = np.abs(move.command(frames)).sum() * PERIOD_S
         if move.kind in ("forward", "sideways"):
             left = 0.5 * abs(move.speed) if move.rolls_out else 0.0
-            # What is commanded in a frame is reached at its end: half a frame too soon, and up to one to let go.
+            # What is commanded in a frame is reached at its end: half a frame too soon, and up to
+            # one to let go.
             assert way == pytest.approx(3.0 - left, abs=1.1 * PERIOD_S * abs(move.speed)), move
         assert move.is_free(frames).any() == move.rolls_out
 

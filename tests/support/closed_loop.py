@@ -67,7 +67,8 @@ class Lagged(Plant):
 
     def advance(self, command: Array) -> None:
         super().advance(command)
-        # The closed form: towards the new speed, the difference dying out with the lag's time constant.
+        # The closed form: towards the new speed, the difference dying out with the lag's time
+        # constant.
         speed = self._alpha * self.acting()
         left = np.exp(-T / self._lag) if self._lag else 0.0
         self.pose = self.pose + speed * T + (self.twist - speed) * self._lag * (1 - left)
@@ -131,8 +132,8 @@ class Run(NamedTuple):
 def vision(rng: np.random.Generator, frames: int, n: int, gaps: float = 0.0) -> Array:
     """Noise of vision (frames, n, 3), not a number where a robot is not seen.
 
-    Robots are missed in 2 % of the frames; with the probability `gaps`, per frame, for ten frames from then on. They
-    are seen in the first.
+    Robots are missed in 2 % of the frames; with the probability `gaps`, per frame, for ten frames
+    from then on. They are seen in the first.
     """
     noise = NOISE * rng.standard_normal((frames, n, 3))
     unseen, begins = rng.random((frames, n)) < 0.02, rng.random((frames, n)) < gaps
@@ -234,7 +235,8 @@ def driven(
 ) -> tuple[Array, Array, Array]:
     """True poses, poses seen and commanded displacements (frames, n, 3).
 
-    The process noise has `scale` times the variance that the filter states; of the poses a share `missed` is not seen.
+    The process noise has `scale` times the variance that the filter states; of the poses a share
+    `missed` is not seen.
     """
     rng = np.random.default_rng(seed)
     # Speeds that change slowly, as under a limit of acceleration.

@@ -10,7 +10,9 @@ from omni_control import CURVES, Kinematics, MotionLimits, WheelLimits
 from omni_control.kinematics import Array
 
 T = 1 / 60
-SNAP_M = 1e-9  # a leg's last frame is put on the way-point from at most so far away, a change of velocity of 1e-9 / T
+# A leg's last frame is put on the way-point from at most so far away, a change of velocity of 1e-9
+# / T
+SNAP_M = 1e-9
 
 
 def micro(limit: float) -> st.SearchStrategy[float]:
@@ -65,7 +67,8 @@ def fastest_time(distance: float, speed: float, acceleration: float) -> float:
 
 G, RADIUS = 9.81, 0.0285
 AZIMUTHS = (60.0, 135.0, 225.0, 300.0)
-# Wheels at most 15 deg from these azimuths: they stand around the centre. On the worst carpet drag takes 2/3 of it.
+# Wheels at most 15 deg from these azimuths: they stand around the centre. On the worst carpet drag
+# takes 2/3 of it.
 wheels = st.builds(
     lambda shift, arm, *rest: WheelLimits(
         Kinematics(np.radians(np.add(AZIMUTHS, shift)), arm, RADIUS), *rest

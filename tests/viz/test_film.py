@@ -71,7 +71,8 @@ def test_robots_are_where_the_trajectory_says(folder: Path, tmp_path: Path) -> N
             pictures.seek(number)
             frame = 30 + 60 * number
             away = np.array([rows["x_m"][frame] - 0.4, rows["y_m"][frame] - 0.2])
-            # The dots of the league's pattern lie ahead and aside, and perspective shows a side of the cover.
+            # The dots of the league's pattern lie ahead and aside, and perspective shows a side of
+            # the cover.
             np.testing.assert_allclose(
                 hat(pictures), SIDE / 2 + scale * away * [1, -1], atol=0.02 * scale
             )

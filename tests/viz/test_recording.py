@@ -193,7 +193,8 @@ def test_every_time_series_follows_from_the_table(driven: Driven, controller: st
         *measured,
     }
     for entity, values in known.items():
-        # Scalars are float64; sums in another order differ by rounding, near 1e-12 of what is summed.
+        # Scalars are float64; sums in another order differ by rounding, near 1e-12 of what is
+        # summed.
         begin = recorded.frames(entity)[0]
         assert np.isnan(values[:begin]).all()
         np.testing.assert_allclose(

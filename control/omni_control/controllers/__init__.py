@@ -51,7 +51,8 @@ def checked_parameters(kind: type[Controller], given: Mapping[str, object]) -> d
     """The parameters given, each of its type: a whole number is a number too.
 
     Raises:
-        OmniError: a name that the controller does not have, or a value of another type; all of them, one line each.
+        OmniError: a name that the controller does not have, or a value of another type; all of
+            them, one line each.
     """
     types, checked, wrong = _types(kind), dict[str, Parameter](), []
     for name, value in given.items():

@@ -5,11 +5,12 @@ of its error alone would swing. So the fuzzy controller F is asked for x = e + T
 
     T = 2 lag / (g + s),   s = sqrt(g^2 + 2 k lag),   k the slope of F at no error
 
-- Where F has that slope, errors decay with a damping ratio of 1/sqrt(2) or more; where it has others, of at least
-  sqrt(2 g / (g + s)).
-- Whatever F is, if it has the sign of x: T <= lag / g, so that m = 1 - g T / lag >= 0. V = int F dx + m lag e'^2 / 2
-  changes at the rate -F^2 T / lag - m g e'^2, so that errors of any size end.
-- Where F saturates nothing is damped: a robot that is far off comes back at the speed F / g that F asks for.
+- Where F has that slope, errors decay with a damping ratio of 1/sqrt(2) or more; where it has
+  others, of at least sqrt(2 g / (g + s)).
+- Whatever F is, if it has the sign of x: T <= lag / g, so that m = 1 - g T / lag >= 0. V = int F dx
+  + m lag e'^2 / 2 changes at the rate -F^2 T / lag - m g e'^2, so that errors of any size end.
+- Where F saturates nothing is damped: a robot that is far off comes back at the speed F / g that F
+  asks for.
 """
 
 from typing import ClassVar
@@ -30,9 +31,9 @@ HORIZON_FRAMES = 10  # with 20 nothing changes, on `league`, `waypoints` and `sl
 class InverseFlc(Controller):
     """inverse-flc: the inverse of the nominal model of a robot, prediction by it, and the fuzzy controller.
 
-    Pose and velocity are predicted to when the command will act (`RobotFilter`). The command is the inverse of
-    the model for the reference of that time, and the fuzzy controller's correction of the error that is left.
-    It knows what `adaptive-comp-flc` knows of a robot, and learns nothing.
+    Pose and velocity are predicted to when the command will act (`RobotFilter`). The command is the
+    inverse of the model for the reference of that time, and the fuzzy controller's correction of
+    the error that is left. It knows what `adaptive-comp-flc` knows of a robot, and learns nothing.
     """
 
     learns: ClassVar[bool] = False
@@ -75,7 +76,8 @@ class InverseFlc(Controller):
     def around(self, frame: Array, count: int) -> tuple[Array, Array]:
         """Return the reference's poses and twists (2 + count, n, 3) from the frame before `frame` (n,) on.
 
-        One that is planned anew in every frame has no frame before but its last answer, and must be asked to go on.
+        One that is planned anew in every frame has no frame before but its last answer, and must be
+        asked to go on.
         """
         if not isinstance(self.reference, IteratedReference):
             return self.reference.preview(frame - 1, self.predicted_pose, 2 + count)
@@ -88,12 +90,14 @@ class InverseFlc(Controller):
         """Return the reference's velocities where frames meet, and the headings that robots will have in them.
 
         Args:
-            poses: of the reference, from the frame before the one in which the command acts, (frames, n, 3).
+            poses: of the reference, from the frame before the one in which the command acts,
+                (frames, n, 3).
             twists: same.
             state: of robots when it begins to act, (n, 18).
 
         Returns:
-            Velocities (frames - 1, n, 3), and headings of all frames but the first and last, (frames - 2, n).
+            Velocities (frames - 1, n, 3), and headings of all frames but the first and last,
+            (frames - 2, n).
         """
         middles = poses[1:-1, :, 2] + twists[1:-1, :, 2] * (self.model.period / 2)
         return (twists[:-1] + twists[1:]) / 2, middles + (state[:, 2] - poses[1, :, 2])
@@ -131,7 +135,8 @@ class InverseFlc(Controller):
 class AdaptiveCompFlc(InverseFlc):
     """adaptive-comp-flc: comp-FLC that identifies latency, alpha, slip and friction online.
 
-    It is `inverse-flc` whose model is the one that is found while it drives, with what disturbs the robot.
+    It is `inverse-flc` whose model is the one that is found while it drives, with what disturbs the
+    robot.
     """
 
     learns = True
@@ -140,8 +145,9 @@ class AdaptiveCompFlc(InverseFlc):
 class Oracle(AdaptiveCompFlc):
     """oracle: no competitor: adaptive-comp-flc that knows the true state in every frame.
 
-    What it loses to a perfect robot is the price of the dead time alone: of what has changed since, and of what
-    it could not know before it had moved. From true poses it identifies what it is not told of the robot.
+    What it loses to a perfect robot is the price of the dead time alone: of what has changed since,
+    and of what it could not know before it had moved. From true poses it identifies what it is not
+    told of the robot.
     """
 
     knows_truth = True
@@ -150,9 +156,9 @@ class Oracle(AdaptiveCompFlc):
 def anticipate(commands: Array, max_step: float) -> Array:
     """Return the command that minimizes the largest future deviation under a slew-rate limit.
 
-    A command k frames ahead is reachable if it differs from the current command by at most k * max_step. The
-    excess is the deviation. The result is the midpoint between the tightest lower and upper bound over the
-    horizon, along the direction of the largest deviation and across it.
+    A command k frames ahead is reachable if it differs from the current command by at most k *
+    max_step. The excess is the deviation. The result is the midpoint between the tightest lower and
+    upper bound over the horizon, along the direction of the largest deviation and across it.
 
     Args:
         commands: desired velocities, current frame first, (frames, n, 2), m/s.

@@ -35,18 +35,22 @@ class TeamModel:
         lag_s: time constant of the robots' wheel loops, s; zero: unknown.
         position_noise_m, heading_noise_rad: standard deviation of what vision sees, per axis.
         drag_m_s: what dry friction may cost the robots of their speed, m/s; zero: unknown.
-        creep_s2_m: how much of their speed wheels creep per acceleration, forward, s^2/m; zero: unknown.
+        creep_s2_m: how much of their speed wheels creep per acceleration, forward, s^2/m; zero:
+            unknown.
         creep_sideways_s2_m: the same sideways. [as the wheels' directions make it of that]
-        alpha: what robots reach of a command ahead and aside when they drive steadily: motor correction factors. Who
-            knows them knows lag, drag and creep of these robots well too. [not known: 0.7 to 1]
+        alpha: what robots reach of a command ahead and aside when they drive steadily: motor
+            correction factors. Who knows them knows lag, drag and creep of these robots well too.
+            [not known: 0.7 to 1]
         error_range_m, speed_range_m_s: ranges of the fuzzy controller, m and m/s.
         heading_gain: turn rate per heading error of the heading hold, 1/s.
         alpha_window_frames: window of the estimate of alpha (equation 8), frames.
         geometry: of the wheels, or None where nobody said.
-        limits: of what may be commanded, translation and turning; the defaults are the league simulators'.
+        limits: of what may be commanded, translation and turning; the defaults are the league
+            simulators'.
 
     Raises:
-        OmniError: a time, a noise or a number of frames that cannot be; all that are wrong, one line each.
+        OmniError: a time, a noise or a number of frames that cannot be; all that are wrong, one
+            line each.
     """
 
     period: float
@@ -105,12 +109,15 @@ class Observation:
     Args:
         pose: filtered [x, y, heading], (n, 3).
         twist: filtered [vx, vy, w], (n, 3).
-        measured_pose: the pose that vision reported in this frame, (n, 3), its heading in (-pi, pi]; not a number where a
-            robot was not seen.
-        sent_commands: the last commands that were sent, within the limits, the newest in the frame before; to be read only.
+        measured_pose: the pose that vision reported in this frame, (n, 3), its heading in (-pi,
+            pi]; not a number where a robot was not seen.
+        sent_commands: the last commands that were sent, within the limits, the newest in the frame
+            before; to be read only.
         period: length of a frame T, s.
-        delay_frames: dead time k_d as far as the team knows it, frames: one for all robots, or one each (n,).
-        measurement_age: for how long robots had been where they were seen when the frame began, (n,) s. [not at all]
+        delay_frames: dead time k_d as far as the team knows it, frames: one for all robots, or one
+            each (n,).
+        measurement_age: for how long robots had been where they were seen when the frame began,
+            (n,) s. [not at all]
         filter_steps: those of filters, which are behind the present by that. [one, to this frame]
     """
 
@@ -149,7 +156,8 @@ class Observation:
     def commands_in_flight(self) -> Array:
         """Commands that were sent and have not acted yet, (k_d, n, 3), oldest first, m/s and rad/s.
 
-        Where dead times differ, the longest counts, and a command that has acted on a robot by then is zero.
+        Where dead times differ, the longest counts, and a command that has acted on a robot by then
+        is zero.
         """
         if not isinstance(self.delay_frames, np.ndarray):
             return self.sent_commands.last(self.delay_frames)
@@ -167,7 +175,8 @@ class Observation:
 class Controller:
     """A controller of n robots; derive from it and write `command`.
 
-    Annotated class attributes with a number, a string, or True or False as their value are its parameters:
+    Annotated class attributes with a number, a string, or True or False as their value are its
+    parameters:
 
         class Mine(Controller):
             gain: float = 3.0  # 1/s
@@ -181,11 +190,13 @@ class Controller:
 
     Attributes:
         predicted_pose: pose (n, 3) for which the last command was computed, for the record.
-        alpha_hat: estimated motor correction factors (n, 3), for the record; 1 for a controller that estimates none.
-        latency_hat: estimated time from a command to its effect forward, to the left and turning (n, 3), frames, for
-            the record; not a number for a controller that estimates none.
+        alpha_hat: estimated motor correction factors (n, 3), for the record; 1 for a controller
+            that estimates none.
+        latency_hat: estimated time from a command to its effect forward, to the left and turning
+            (n, 3), frames, for the record; not a number for a controller that estimates none.
         channels: what else is to be recorded of each frame, by name: numbers (n,) or (n, k).
-        memory_frames: how many of the commands sent `observation.sent_commands` holds; one that needs more says so in its constructor.
+        memory_frames: how many of the commands sent `observation.sent_commands` holds; one that
+            needs more says so in its constructor.
         knows_truth: whether it sees the true pose and twist instead of filtered vision.
     """
 
@@ -206,7 +217,8 @@ class Controller:
 
         Args:
             frame: k, from 0.
-            observation: what is known of the robots in frame k; its arrays are the controller's own, or can only be read.
+            observation: what is known of the robots in frame k; its arrays are the controller's
+                own, or can only be read.
         """
         raise NotImplementedError
 

@@ -12,7 +12,9 @@ from omni_control.delay_compensation import CommandsInFlight
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import Reference
 
-BRAKE = 0.25  # of the acceleration that may be commanded: carpets may give less, and commands take their time to act
+# Of the acceleration that may be commanded: carpets may give less, and commands take their time to
+# act
+BRAKE = 0.25
 
 
 def pose_error(target: Array, pose: Array) -> Array:
@@ -25,7 +27,8 @@ def pose_error(target: Array, pose: Array) -> Array:
 class NominalRobot:
     """Model of n robots that obey their commands, after a dead time and with the lag of their wheel loops.
 
-    Per axis x' = v, v' = (u(t - k_d T) - v) / lag, and each command u holds for a frame, so that exactly
+    Per axis x' = v, v' = (u(t - k_d T) - v) / lag, and each command u holds for a frame, so that
+    exactly
 
         x(k+1) = x(k) + slide v(k) + (T - slide) u(k - k_d),   slide = lag (1 - keep)
         v(k+1) = keep v(k) + (1 - keep) u(k - k_d),            keep = exp(-T / lag)
@@ -67,8 +70,9 @@ class NominalRobot:
 def simc_gain(latency_s: float) -> float:
     """Proportional gain K = 1 / (2 latency), 1/s, for an integrator behind `latency_s`.
 
-    The SIMC rule for tight control, tau_c = theta (S. Skogestad, Simple analytic rules for model reduction and PID
-    controller tuning, J. Process Control 13, 2003): a phase margin of 61 degrees and a gain margin of pi.
+    The SIMC rule for tight control, tau_c = theta (S. Skogestad, Simple analytic rules for model
+    reduction and PID controller tuning, J. Process Control 13, 2003): a phase margin of 61 degrees
+    and a gain margin of pi.
     """
     return 1 / (2 * latency_s)
 
@@ -76,8 +80,9 @@ def simc_gain(latency_s: float) -> float:
 class Proportional(Controller):
     """p: proportional control with the reference velocity as feed-forward, its gain by the SIMC rule.
 
-    Like FLC it compares the pose of now with the reference of now. To the latency the gain is for counts a frame more:
-    half of one is how long a command is held on average, and half of one how well a dead time is known in frames.
+    Like FLC it compares the pose of now with the reference of now. To the latency the gain is for
+    counts a frame more: half of one is how long a command is held on average, and half of one how
+    well a dead time is known in frames.
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
@@ -94,13 +99,15 @@ class Proportional(Controller):
 class Smith(Controller):
     """smith: Smith predictor, proportional control of a nominal robot without dead time, corrected by vision.
 
-    What is fed back is the model without dead time plus what vision saw less the model with it (O. J. M. Smith, Closer
-    control of loops with dead time, Chem. Eng. Progress 53, 1957). The robot integrates, so that both models differ by
-    what the commands in flight add. The feed-forward is that of the time when the robot answers.
+    What is fed back is the model without dead time plus what vision saw less the model with it (O.
+    J. M. Smith, Closer control of loops with dead time, Chem. Eng. Progress 53, 1957). The robot
+    integrates, so that both models differ by what the commands in flight add. The feed-forward is
+    that of the time when the robot answers.
 
-    The gain is by the SIMC rule for the lag and a frame, which are left of the latency; see `Proportional`. As
-    known of Smith's predictor for a plant that integrates, it does not remove the error by a lasting disturbance, such
-    as drag (K. Watanabe and M. Ito, IEEE Trans. Automatic Control 26, 1981).
+    The gain is by the SIMC rule for the lag and a frame, which are left of the latency; see
+    `Proportional`. As known of Smith's predictor for a plant that integrates, it does not remove
+    the error by a lasting disturbance, such as drag (K. Watanabe and M. Ito, IEEE Trans. Automatic
+    Control 26, 1981).
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
@@ -144,24 +151,28 @@ def lqr_gain(transition: Array, effect: Array, state_weight: Array, command_weig
 class Lqr(Controller):
     """lqr: linear quadratic regulator on the model with dead time and lag, with preview and disturbance estimation.
 
-    Per axis the state is the error of position and velocity, and the commands in flight. Nothing can be done about
-    what these will cause, so that the optimal gain on this state is the gain for a robot without dead time, applied
-    to the state predicted at the end of it (D. L. Kleinman, IEEE Trans. Automatic Control 14, 1969).
+    Per axis the state is the error of position and velocity, and the commands in flight. Nothing
+    can be done about what these will cause, so that the optimal gain on this state is the gain for
+    a robot without dead time, applied to the state predicted at the end of it (D. L. Kleinman, IEEE
+    Trans. Automatic Control 14, 1969).
 
-    Weights are Bryson's: a position error of `error_range_m` is as bad as a correction of `speed_range_m_s`. The
-    heading has the same ratio, since it is the displacement of a point on the robot. Previewed by dead time and lag,
-    the reference gives the command, position and velocity of a robot that follows it exactly; its acceleration is taken
-    to be constant over the lag.
+    Weights are Bryson's: a position error of `error_range_m` is as bad as a correction of
+    `speed_range_m_s`. The heading has the same ratio, since it is the displacement of a point on
+    the robot. Previewed by dead time and lag, the reference gives the command, position and
+    velocity of a robot that follows it exactly; its acceleration is taken to be constant over the
+    lag.
 
-    What a robot does besides counts as a constant disturbance of its velocity, without which drag and alpha would leave
-    a lasting error. Its estimate takes as long as a command to show, and a frame more, to follow.
+    What a robot does besides counts as a constant disturbance of its velocity, without which drag
+    and alpha would leave a lasting error. Its estimate takes as long as a command to show, and a
+    frame more, to follow.
 
-    No disturbance is believed to be more than `speed_range_m_s`, as much as the fuzzy controllers correct at most, or,
-    turning, that over `error_range_m`. Wheels that slide, a robot that is off or a pose that jumps depart by more, for
-    which no command makes up, and the estimate would wind up.
+    No disturbance is believed to be more than `speed_range_m_s`, as much as the fuzzy controllers
+    correct at most, or, turning, that over `error_range_m`. Wheels that slide, a robot that is off
+    or a pose that jumps depart by more, for which no command makes up, and the estimate would wind
+    up.
 
-    Of the optimal command, the way back to the reference is not faster than robots can brake within the error: the
-    optimum knows no limit of acceleration, beyond which it swings.
+    Of the optimal command, the way back to the reference is not faster than robots can brake within
+    the error: the optimum knows no limit of acceleration, beyond which it swings.
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:

@@ -10,7 +10,8 @@ from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import Reference
 
-# Commanded displacement at which a new ratio and the old value weigh the same: well above vision's error.
+# Commanded displacement at which a new ratio and the old value weigh the same: well above vision's
+# error.
 CONFIDENCE_M = 0.02
 LOWEST_ALPHA, HIGHEST_ALPHA = 0.5, 1.1
 
@@ -18,14 +19,15 @@ LOWEST_ALPHA, HIGHEST_ALPHA = 0.5, 1.1
 class AlphaEstimator:
     """Ratio of the displacement achieved to that commanded, over a sliding window, per robot and axis.
 
-    Equation 8 sums n_0 ratios of single frames and divides by T, whose sum is not in [0.7, 1] but n_0 times 60 as
-    large, and divides by zero at rest. The ratio of the window's sums is what it can mean:
+    Equation 8 sums n_0 ratios of single frames and divides by T, whose sum is not in [0.7, 1] but
+    n_0 times 60 as large, and divides by zero at rest. The ratio of the window's sums is what it
+    can mean:
 
         alpha = (dx dx_d + rho alpha_old) / (dx_d^2 + rho)
 
-    with dx the displacement seen by vision in the window and dx_d that of the commands which acted in it. The
-    regularisation rho keeps the old value at standstill, when neither means anything; what is left of an old value
-    shrinks by rho / (dx_d^2 + rho) each frame.
+    with dx the displacement seen by vision in the window and dx_d that of the commands which acted
+    in it. The regularisation rho keeps the old value at standstill, when neither means anything;
+    what is left of an old value shrinks by rho / (dx_d^2 + rho) each frame.
 
     Args:
         n: robots.

@@ -50,22 +50,24 @@ SLACK_M_S = 1e-8  # by which what is found without limits may miss them
 class Mpc(AdaptiveCompFlc):
     """mpc: model predictive control with preview, on the identified law, within the limits of commands.
 
-    Robots are predicted to when the command will act, as by adaptive-comp-flc. The commands of the next N = 20
-    frames are chosen to minimize
+    Robots are predicted to when the command will act, as by adaptive-comp-flc. The commands of the
+    next N = 20 frames are chosen to minimize
 
         sum over the ends of N frames of |e_p|^2 + sum over N frames of |w|^2 / k^2
         + |e_p + (lag / g) e_v|^2 / (2 k T)
 
-    with w what is commanded besides the inverse of the law for the reference, which leaves no lasting error. The
-    weight k is Bryson's, but for a factor: an error of 0.1 m (`error_range_m`) is as bad as a correction of
-    1.5 m/s (1.5 `speed_range_m_s`); k = 15/s is the gain of the fuzzy controller at zero error. The last term is
-    what comes after: the error to which the last velocity would still lead, taken away at the rate k.
+    with w what is commanded besides the inverse of the law for the reference, which leaves no
+    lasting error. The weight k is Bryson's, but for a factor: an error of 0.1 m (`error_range_m`)
+    is as bad as a correction of 1.5 m/s (1.5 `speed_range_m_s`); k = 15/s is the gain of the fuzzy
+    controller at zero error. The last term is what comes after: the error to which the last
+    velocity would still lead, taken away at the rate k.
 
-    Successive commands, of which the first follows the one sent last, change by no more than the limit of
-    acceleration lets them, and go no faster along the way than that of speed.
+    Successive commands, of which the first follows the one sent last, change by no more than the
+    limit of acceleration lets them, and go no faster along the way than that of speed.
 
-    Where a quadratic program is not solved, which none of its kind should be, the command is not a number: the
-    team then stops that robot, and says so. The heading is held as by adaptive-comp-flc.
+    Where a quadratic program is not solved, which none of its kind should be, the command is not a
+    number: the team then stops that robot, and says so. The heading is held as by
+    adaptive-comp-flc.
 
     `channels["bound"]` is 1 for robots whose program was bound by limits.
     """
@@ -121,8 +123,9 @@ class Mpc(AdaptiveCompFlc):
             late: the same of the velocity, (n, 3).
 
         Returns:
-            Errors without w (n, 2 N + 2), of the positions at the end of each frame and of the position to which
-            the last velocity would still lead, m, and the effect of w on them (n, 2 N + 2, 2 N), s.
+            Errors without w (n, 2 N + 2), of the positions at the end of each frame and of the
+            position to which the last velocity would still lead, m, and the effect of w on them (n,
+            2 N + 2, 2 N), s.
         """
         ekf, period, n = self.filter, self.model.period, len(error)
         before, after = (
@@ -194,8 +197,8 @@ class Limits(NamedTuple):
 def minimize(hessian: Array, gradient: Array, limits: Limits) -> tuple[Array, NDArray[np.bool_]]:
     """Return the best w of each robot, (n, N, 2), and which of them limits bind, (n,).
 
-    Robots are solved one by one, each from the start, so that none depends on what others, or former frames, were.
-    Where piqp says anything but solved, w is not a number.
+    Robots are solved one by one, each from the start, so that none depends on what others, or
+    former frames, were. Where piqp says anything but solved, w is not a number.
 
     Args:
         hessian: H, (n, 2 N, 2 N), positive definite.

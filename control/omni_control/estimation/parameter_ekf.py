@@ -74,10 +74,11 @@ class RobotFilter:
         learns: whether disturbance and parameters are estimated, or held at the nominal model.
 
     Attributes:
-        state: pose, velocity and disturbance in the world frame, couplings, inverse gains, latency, creep, lag,
-            friction, (n, 18).
+        state: pose, velocity and disturbance in the world frame, couplings, inverse gains, latency,
+            creep, lag, friction, (n, 18).
         covariance: of these, (n, 18, 18).
-        innovation: running mean of normalized innovations squared, (n,); 1 for one that keeps to the law.
+        innovation: running mean of normalized innovations squared, (n,); 1 for one that keeps to
+            the law.
         memory_frames: commands that must be stored.
     """
 
@@ -252,10 +253,10 @@ class RobotFilter:
         transition = np.moveaxis((above - below) / (2 * DIFFERENCE), 0, -1)
 
         speed = np.hypot(state[:, 3], state[:, 4])
-        # How much poses and velocities may teach. Less where innovations are large: of gains, latency, creep, lag
-        # and friction, by the square but for the gain of turning. Less where their own axis is slow, so that dry
-        # friction may hold it: of all these but that gain. Less at high acceleration, where wheels may slide: of
-        # the gains of driving.
+        # How much poses and velocities may teach. Less where innovations are large: of gains,
+        # latency, creep, lag and friction, by the square but for the gain of turning. Less where
+        # their own axis is slow, so that dry friction may hold it: of all these but that gain. Less
+        # at high acceleration, where wheels may slide: of the gains of driving.
         speeds = np.stack(2 * [speed, speed, self.arm * np.abs(state[:, 5])], 1)
         shown = np.minimum(speeds / EVIDENT_M_S, 1) ** 2
         change = np.hypot(*(after[:, 3:5] - state[:, 3:5]).T)

@@ -40,9 +40,11 @@ class Step(NamedTuple):
     """A step of filters of n robots, which ends at this frame, or at one in the past.
 
     Attributes:
-        behind: by how many frames its end lies before the present, (n,); of no meaning for a filter that is held.
+        behind: by how many frames its end lies before the present, (n,); of no meaning for a filter
+            that is held.
         held: filters that do not move in this step, (n,).
-        after: time from its end to when vision saw the robot, (n,) s, negative if before; 0 but for the last step.
+        after: time from its end to when vision saw the robot, (n,) s, negative if before; 0 but for
+            the last step.
     """
 
     behind: Array
@@ -73,8 +75,9 @@ class Clock:
     def steps(self, age: Array, seen: Array) -> list[Step]:
         """The steps of this frame, of which the last has what vision reports: of this age (n,) s, of robots seen (n,).
 
-        If an image is older than the frame where a robot's filter is, as after a frame without an image of it, the
-        filter is held, `after` is negative, and the image is compared with where the robot was then.
+        If an image is older than the frame where a robot's filter is, as after a frame without an
+        image of it, the filter is held, `after` is negative, and the image is compared with where
+        the robot was then.
         """
         frames = np.minimum(age / self._period, MOST_FRAMES)
         wanted = np.where(seen, np.ceil(frames - _ROUNDING), self.behind)
@@ -108,7 +111,8 @@ class KalmanFilter:
         self._kept = math.exp(-period / DRIFT_TIME_S)  # of a drift, in a frame
         self._wander = np.array([DRIFT_M_S1_5, DRIFT_M_S1_5, DRIFT_RAD_S1_5]) ** 2 * period
         self.pose, self.drift, self.twist = pose.copy(), np.zeros_like(pose), np.zeros_like(pose)
-        # Variances of pose and drift, and their covariance: each axis by itself, so that a table of each is enough.
+        # Variances of pose and drift, and their covariance: each axis by itself, so that a table of
+        # each is enough.
         self._pose_variance = self._noise.copy()
         self._covariance, self._drift_variance = np.zeros((2, *pose.shape))
         self._scale = np.ones_like(pose)  # of the process noise
@@ -154,7 +158,8 @@ class KalmanFilter:
             pose_variance = np.where(held, self._pose_variance, pose_variance)
             covariance = np.where(held, self._covariance, covariance)
             drift_variance = np.where(held, self._drift_variance, drift_variance)
-        # Vision sees robots `after` the step ends: covariances of pose and drift with what it should see then.
+        # Vision sees robots `after` the step ends: covariances of pose and drift with what it
+        # should see then.
         expected, with_pose, with_drift = pose, pose_variance, covariance
         square = pose_variance + self._noise
         if np.count_nonzero(after):

@@ -80,11 +80,13 @@ class CurveReference(SampledReference):
 
     Args:
         curve: where to drive, from u = 0 on.
-        limits: of velocity, acceleration and jerk; the acceleration is that along and across the path together, in the
-            body's axes if it is not the same in all directions. Drives keep them as `driven` says.
+        limits: of velocity, acceleration and jerk; the acceleration is that along and across the
+            path together, in the body's axes if it is not the same in all directions. Drives keep
+            them as `driven` says.
         period: length of a frame, s.
         laps: how often around, at least once.
-        tangent: whether the robot faces along its path, within the limits of turning; otherwise its heading is 0.
+        tangent: whether the robot faces along its path, within the limits of turning; otherwise its
+            heading is 0.
         settle_frames: further frames of rest at the end.
 
     Raises:
@@ -162,8 +164,8 @@ def _fastest(
 ) -> Array:
     """Highest squares of speed (laps * cells + 1,), m^2/s^2, where cells meet, from rest to rest.
 
-    `step` (cells,) is their length in m, `curvature` (cells + 1,) the path's at their ends in 1/m, taken as positive,
-    `top` (cells,) the square of the speed limit.
+    `step` (cells,) is their length in m, `curvature` (cells + 1,) the path's at their ends in 1/m,
+    taken as positive, `top` (cells,) the square of the speed limit.
     """
     a = limits.acceleration
     turn_rate, turn_acceleration = (
@@ -172,9 +174,10 @@ def _fastest(
     aside = limits.stretch if tangent else 1.0  # how much more acceleration across the path counts
     bend = (curvature[:-1] + curvature[1:]) / 2
 
-    # Facing along the path, the turn acceleration is k times the acceleration along it plus k'/k times that across it.
-    # Its limits cut a strip out of the circle of radius a in which the acceleration must stay. Where the top of the
-    # circle, all acceleration across, is cut off, the highest that is left is the corner, at this angle from the top.
+    # Facing along the path, the turn acceleration is k times the acceleration along it plus k'/k
+    # times that across it. Its limits cut a strip out of the circle of radius a in which the
+    # acceleration must stay. Where the top of the circle, all acceleration across, is cut off, the
+    # highest that is left is the corner, at this angle from the top.
     slope = np.abs(np.diff(curvature)) / (step * bend) / aside
     corner = np.arccos(np.minimum(turn_acceleration / (a * np.hypot(bend, slope)), 1)) - np.arctan2(
         bend, slope
@@ -201,9 +204,9 @@ def _reachable(
 ) -> Array:
     """Squares of speed (laps * cells + 1,) up to `highest` that can be reached from those before.
 
-    From one end of a cell to the other, the angle of the acceleration changes by up to twice the angle that the path
-    turns, `aside` times that if acceleration across it counts so often, and the square of the turn rate by up to twice
-    the angle times the turn acceleration.
+    From one end of a cell to the other, the angle of the acceleration changes by up to twice the
+    angle that the path turns, `aside` times that if acceleration across it counts so often, and the
+    square of the turn rate by up to twice the angle times the turn acceleration.
     """
     bend = (curvature[:-1] + curvature[1:]) / 2
     turn = 2 * bend * step

@@ -17,8 +17,9 @@ ARRIVAL_RADIUS_M, ARRIVAL_ANGLE_RAD = 0.02, 0.1  # of a way-point, within which 
 class _Plan:
     """What was last answered to n robots, and what the next answer starts from.
 
-    frame: for which it was asked. here, twist: the answer, (n, 3). following: the pose to which it leads, which
-    is the next answer's, (n, 3). goal: index of the way-point (n,). rest: frames still to be spent at the first.
+    frame: for which it was asked. here, twist: the answer, (n, 3). following: the pose to which it
+    leads, which is the next answer's, (n, 3). goal: index of the way-point (n,). rest: frames still
+    to be spent at the first.
     """
 
     frame: float | Array
@@ -32,15 +33,16 @@ class _Plan:
 class IteratedReference:
     """The reference planned anew in every frame from where the robot is; `n` robots with their own progress.
 
-    A way-point counts as reached within `arrival_radius` (m) and `arrival_angle` (rad); the robot then turns to the
-    next, still slowing down. The first `rest_frames` frames are spent at the first way-point.
+    A way-point counts as reached within `arrival_radius` (m) and `arrival_angle` (rad); the robot
+    then turns to the next, still slowing down. The first `rest_frames` frames are spent at the
+    first way-point.
 
-    It goes on by a step whenever it is asked for another frame than the last time; robots that ask for the same frame
-    again are given the same answer.
+    It goes on by a step whenever it is asked for another frame than the last time; robots that ask
+    for the same frame again are given the same answer.
 
-    Where a robot must go next, and how much it must turn meanwhile, depends on what disturbs it: so limits are eased
-    beforehand until the wheels can do all that is left at once, whatever the directions. Jerk is not limited, since the
-    disturbances that are answered come at once.
+    Where a robot must go next, and how much it must turn meanwhile, depends on what disturbs it: so
+    limits are eased beforehand until the wheels can do all that is left at once, whatever the
+    directions. Jerk is not limited, since the disturbances that are answered come at once.
 
     Raises:
         OmniError: no way-points, or one that is not three finite numbers; a limit of jerk.

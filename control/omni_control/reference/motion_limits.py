@@ -22,16 +22,19 @@ from omni_control.traction import WheelLimits
 class MotionLimits:
     """Limits of a reference or of commands: m/s and m/s^2 along the path, rad/s and rad/s^2 in heading.
 
-    The defaults are those of the paper's reference (section 2), with a turn rate and acceleration to match.
+    The defaults are those of the paper's reference (section 2), with a turn rate and acceleration
+    to match.
 
     Args:
         speed, turn_rate, turn_acceleration: highest, whatever the direction.
         acceleration: highest change of velocity per second, speeding up, braking or in bends.
-        side_acceleration: the same along the body's y axis; then `acceleration` is that along its x axis, and between
-            them is the ellipse. None: one limit for all directions.
-        jerk: highest change of the acceleration, a vector in the world, per second, m/s^3. None: no limit.
+        side_acceleration: the same along the body's y axis; then `acceleration` is that along its x
+            axis, and between them is the ellipse. None: one limit for all directions.
+        jerk: highest change of the acceleration, a vector in the world, per second, m/s^3. None: no
+            limit.
         turn_jerk: the same of the turn acceleration, rad/s^3.
-        wheels: what driving and turning may ask of the wheels together, beside the limits of each. None: not regarded.
+        wheels: what driving and turning may ask of the wheels together, beside the limits of each.
+            None: not regarded.
 
     The last four are for references; commands know one limit of acceleration only.
     """
@@ -65,7 +68,8 @@ class MotionLimits:
     def stretched(self, vector: Array, heading: Array) -> Array:
         """World accelerations (n, 2) of robots with `heading` (n,), as vectors (n, 2) that may be `acceleration` long.
 
-        They are turned into the body's axes, and y is stretched; with one limit for all directions, neither is needed.
+        They are turned into the body's axes, and y is stretched; with one limit for all directions,
+        neither is needed.
         """
         if self.stretch == 1:
             return vector
@@ -120,8 +124,9 @@ class MotionLimits:
     def on_the_way(self, offset: Array, heading: Array, later: Array) -> float | Array:
         """Highest acceleration (n, 1) along world vectors `offset` (n, 2) at all headings from `heading` to `later`.
 
-        Away from the weaker axis of the body, the limit only rises, up to the other: of a range of headings, the lowest
-        is at one of its ends, or at the weaker axis if that comes to point along the offset.
+        Away from the weaker axis of the body, the limit only rises, up to the other: of a range of
+        headings, the lowest is at one of its ends, or at the weaker axis if that comes to point
+        along the offset.
         """
         if self.stretch == 1:
             return self.acceleration
@@ -148,9 +153,9 @@ class MotionLimits:
 def stopping_speed(distance: Array, acceleration: float | Array, period: float) -> Array:
     """Highest speed (m/s) from which `distance` (m, >= 0) is covered exactly while braking at most at `acceleration`.
 
-    A point that moves s, s - 1, s - 2, ... units of a T^2 in successive frames of length T covers m (m + 1) / 2 in m
-    frames; between these distances the speed is linear, which makes it fall by exactly one unit each frame
-    but the last.
+    A point that moves s, s - 1, s - 2, ... units of a T^2 in successive frames of length T covers m
+    (m + 1) / 2 in m frames; between these distances the speed is linear, which makes it fall by
+    exactly one unit each frame but the last.
     """
     unit = acceleration * period**2
     d = np.asarray(distance, float) / unit
@@ -171,8 +176,10 @@ def approach(
         period: length of a frame, s.
 
     Returns:
-        (n, d) m/s: no faster than `speed`, changed by at most `acceleration * period`. That is shared between braking
-        what leads past the set-point and the speed towards it, whose gain counts for no more than one frame's.
+        (n, d) m/s: no faster than `speed`, changed by at most `acceleration * period`. That is
+            shared between braking
+        what leads past the set-point and the speed towards it, whose gain counts for no more than
+        one frame's.
     """
     step = acceleration * period
     change = _change(
@@ -191,8 +198,9 @@ def _change(offset: Array, velocity: Array, wanted: Array, gain: float | Array) 
         offset: as for `approach`.
         velocity: same.
         wanted: speed (n, 1) towards the set-point.
-        gain: of that speed in a frame, at most. Nothing less than the largest of all changes allowed will do: what is
-            moving and can be stopped in this frame is, also if a rounding error is all that gives the offset direction.
+        gain: of that speed in a frame, at most. Nothing less than the largest of all changes
+            allowed will do: what is moving and can be stopped in this frame is, also if a rounding
+            error is all that gives the offset direction.
     """
     distance = _size(offset)
     direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
@@ -206,9 +214,10 @@ def approach_pose(
 ) -> Array:
     """`approach` for position and heading of (n, 3) poses, each within its own limits; headings count full turns.
 
-    Braking is planned with the lowest limit of the headings still to come, which rises as they become fewer, so that
-    what is planned can always be kept: exact if the robot does not turn, and no more than careful if it does. What a
-    frame changes is held against the heading that the robot has in it.
+    Braking is planned with the lowest limit of the headings still to come, which rises as they
+    become fewer, so that what is planned can always be kept: exact if the robot does not turn, and
+    no more than careful if it does. What a frame changes is held against the heading that the robot
+    has in it.
     """
     offset = target - pose
     way, velocity, heading = offset[:, :2], twist[:, :2], pose[:, 2]

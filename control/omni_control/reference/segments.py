@@ -34,7 +34,8 @@ Way = tuple[tuple[float, ...], tuple[float, ...]]  # from a pose [x, y, heading]
 def legs(ways: Sequence[Way], limits: MotionLimits, period: float) -> list[Array]:
     """Return for each way the poses (frames, 3) after its start, up to its end.
 
-    There it rests a frame, or two if jerk is limited. All are planned side by side, each as it would be alone.
+    There it rests a frame, or two if jerk is limited. All are planned side by side, each as it
+    would be alone.
     """
     drives = zip(ways, _driven(ways, limits, period), strict=True)
     return [_borne(way, poses, limits, period)[1:] for way, poses in drives]

@@ -40,7 +40,8 @@ class Lap:
 def fastest(lap: Lap, limits: MotionLimits, wheels: WheelLimits, share: float, laps: int) -> Array:
     """Highest squares of speed (laps * cells + 1,), m^2/s^2, where cells meet, from rest to rest.
 
-    All limits hold but those of jerk, and of what wheels can do so large a share is asked: more than what drags them.
+    All limits hold but those of jerk, and of what wheels can do so large a share is asked: more
+    than what drags them.
     """
     # Here, since it takes longer to import than all else together.
     from scipy.optimize import linprog

@@ -44,13 +44,15 @@ def driven(
 ) -> Array:
     """Poses (frames, 3) from rest to rest on a path, by a timetable that keeps limits of velocity and acceleration.
 
-    The limits hold for the differences between sampled poses, since those are means of the velocity and acceleration
-    over a frame or two, and a mean vector is no longer than the longest it is made of. To end with a frame, for the
-    little by which steps from cell to cell are off, and for what a body that turns within these frames would be asked
-    beyond its ellipse, the whole of it is driven slower.
+    The limits hold for the differences between sampled poses, since those are means of the velocity
+    and acceleration over a frame or two, and a mean vector is no longer than the longest it is made
+    of. To end with a frame, for the little by which steps from cell to cell are off, and for what a
+    body that turns within these frames would be asked beyond its ellipse, the whole of it is driven
+    slower.
 
-    Where jerk is limited, the timetable is smoothed: each frame is at the mean of the places of some frames up to then,
-    which is on the path as well. How many are best is tried out. What wheels can do at once is not looked at.
+    Where jerk is limited, the timetable is smoothed: each frame is at the mean of the places of
+    some frames up to then, which is on the path as well. How many are best is tried out. What
+    wheels can do at once is not looked at.
 
     Args:
         path: poses (frames, 3) at places (frames,).
@@ -87,7 +89,8 @@ def driven_on_wheels(
 
     Args:
         path: as for `driven`.
-        timetable: that of the fastest drive which asks for so large a share of what the wheels can do.
+        timetable: that of the fastest drive which asks for so large a share of what the wheels can
+            do.
         limits: as for `driven`.
         wheels: whose.
         period: as for `driven`.

@@ -19,10 +19,11 @@ class Reference(Protocol):
         """Return the reference poses (n, 3) at `frame` and the twists (n, 3) that lead from there to a frame later.
 
         Args:
-            frame: one for all robots, or one each (n,). It need not be whole: a robot may look ahead by a
-                latency of 6.4 frames. A reference that is planned anew in every frame does not look
-                ahead: it tells by the frame alone whether it has been asked before.
-            pose: where the robots are, or are predicted to be, at that frame, (n, 3); ignored by one known in advance.
+            frame: one for all robots, or one each (n,). It need not be whole: a robot may look
+                ahead by a latency of 6.4 frames. A reference that is planned anew in every frame
+                does not look ahead: it tells by the frame alone whether it has been asked before.
+            pose: where the robots are, or are predicted to be, at that frame, (n, 3); ignored by
+                one known in advance.
         """
         ...
 
@@ -111,7 +112,8 @@ class EachReference(SampledReference):
         references: of frames of the same length, n of them.
 
     Attributes:
-        poses: one per frame and robot, (frames, n, 3), to be read only; those that end before others rest at their end.
+        poses: one per frame and robot, (frames, n, 3), to be read only; those that end before
+            others rest at their end.
 
     Raises:
         OmniError: there are none, or their frames differ in length.

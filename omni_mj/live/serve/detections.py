@@ -50,9 +50,9 @@ class Image(NamedTuple):
 class FieldCamera:
     """One camera above the field.
 
-    Images of the first one are taken at 0, 1/rate, ... and its noise is that of `run`. The others start anywhere
-    within their first period and have noise of their own. Each sees a cell of a grid over the carpet, and of its
-    neighbours' cells a strip.
+    Images of the first one are taken at 0, 1/rate, ... and its noise is that of `run`. The others
+    start anywhere within their first period and have noise of their own. Each sees a cell of a grid
+    over the carpet, and of its neighbours' cells a strip.
 
     Args:
         number: Of the camera, from 0, along x, then along y, from the lowest coordinates.

@@ -14,7 +14,8 @@ from omni_mj.live.serve.served_world import MAX_ROBOTS
 from omni_mj.live.serve.simulation_requests import MAX_NUMBER
 from omni_mj.live.wire.league_pb2 import Team
 
-# Without a scenario there is no dead time, and robots that receive nothing stop as in the league's simulators.
+# Without a scenario there is no dead time, and robots that receive nothing stop as in the league's
+# simulators.
 ALONE = "radio.delay_frames=0", "firmware.timeout_s=0.1"
 SPACING_M, COLUMN = 0.5, 6  # of robots of a team, which stand in columns
 
@@ -23,7 +24,8 @@ def load(name: str | None, overrides: Iterable[str], head: Mapping[str, Any]) ->
     """Load a scenario as `run` does.
 
     Args:
-        name: Of a scenario or its file; without one, the robot's settings and the defaults count, and `ALONE`.
+        name: Of a scenario or its file; without one, the robot's settings and the defaults count,
+            and `ALONE`.
         overrides: `section.field=value`.
         head: Fields of `Scenario` in place of the scenario's.
 

@@ -26,8 +26,9 @@ Sink = Callable[[Sequence[str], Log], None]  # names of the robots, and their lo
 class Recorder:
     """Records a pitch frame by frame, and hands on blocks of frames in which the same robots were on the field.
 
-    The table has the columns of a table of `run`: `controller` is the team, `place` the robot's number; velocities are
-    those that robots hold. It is written in parts, each a file next to it, which are joined at the end.
+    The table has the columns of a table of `run`: `controller` is the team, `place` the robot's
+    number; velocities are those that robots hold. It is written in parts, each a file next to it,
+    which are joined at the end.
 
     Args:
         pitch: What is recorded.

@@ -68,7 +68,8 @@ class Pitch:
         epoch_s: Time of a correct clock at simulated time 0, s; set it before the first image.
         ball: Position, shape (2,), m.
         held: What robots hold of the radio.
-        measured: Where cameras saw robots last, lost images included, shape (n, 3). A recorder may reset it to NaN.
+        measured: Where cameras saw robots last, lost images included, shape (n, 3). A recorder may
+            reset it to NaN.
 
     Raises:
         OmniError: Robots start in each other or in a wall.
@@ -126,7 +127,8 @@ class Pitch:
     def advance(self) -> None:
         """Advance by a cycle.
 
-        If the physics fails, the world is made anew from the poses at the beginning of the frame, with robots at rest.
+        If the physics fails, the world is made anew from the poses at the beginning of the frame,
+        with robots at rest.
         """
         arrived, plant = None, self.plant
         if self._radio.quiet:
@@ -153,8 +155,8 @@ class Pitch:
         """Send commands to robots of a team.
 
         Returns:
-            Errors, and the numbers of the team's robots on the field that were named, also in commands that were
-            refused or did not say how to move.
+            Errors, and the numbers of the team's robots on the field that were named, also in
+            commands that were refused or did not say how to move.
         """
         errors, commanded, receivers = list[SimulatorError](), list[int](), set[int]()
         packets, present = self._packets.copy(), self.poses()
@@ -179,8 +181,8 @@ class Pitch:
     def teleport(self, control: SimulatorControl) -> list[SimulatorError]:
         """Put the ball and robots down and take robots away. Return what is refused.
 
-        A robot that the world has no body for makes the world anew without bodies of absent robots. All robots then go
-        on from where they are, at rest, as fresh as at the start of a run.
+        A robot that the world has no body for makes the world anew without bodies of absent robots.
+        All robots then go on from where they are, at rest, as fresh as at the start of a run.
         """
         errors, placements = list[SimulatorError](), dict[RobotName, Placement]()
         if control.HasField("teleport_ball"):

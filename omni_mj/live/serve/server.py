@@ -31,7 +31,10 @@ GEOMETRY_CYCLES = CYCLE_RATE_HZ  # from one packet of the geometry to the next
 MAX_DELAY_S = 0.1  # of our time, by which the simulation may be late before it gives up catching up
 MAX_SPEED = 1000.0  # simulated seconds per second
 ASKED = "blue commands", "yellow commands"  # by which time goes in lockstep
-FIXED = "is that with which serve was started: see its options --robot, --scenario, --set and --vision"  # of a field
+# Of a field
+FIXED = (
+    "is that with which serve was started: see its options --robot, --scenario, --set and --vision"
+)
 
 
 class Server:
@@ -43,7 +46,8 @@ class Server:
         vision: Where detections go.
         interface: Address of the network interface; loopback keeps everything on this computer.
         speed: Simulated seconds per second; 0 pauses.
-        lockstep: Whether time goes by commands: each packet to a team makes a step to the first camera's next image.
+        lockstep: Whether time goes by commands: each packet to a team makes a step to the first
+            camera's next image.
 
     Attributes:
         after_frame: Called after every 1/60 s of simulated time; set it before `run`.
@@ -91,7 +95,8 @@ class Server:
             if not self.lockstep:
                 self._simulate_due_cycles()
             elif not self._handle_requests(CHECK_S) and not any(self.notes[kind] for kind in ASKED):
-                self._repeat()  # clients that come later see the last images until the first command
+                # Clients that come later see the last images until the first command
+                self._repeat()
 
     def close(self) -> None:
         """Free the ports."""

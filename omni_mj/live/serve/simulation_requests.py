@@ -17,8 +17,8 @@ from omni_mj.live.wire.league_pb2 import (
 )
 from omni_mj.network.radio import Received
 
-# Columns of a packet: velocities [vx, vy, w]; the heading that vision saw, and the cycle of its image; whether the
-# velocities are in the robot's frame; rim speeds, NaN where there are none.
+# Columns of a packet: velocities [vx, vy, w]; the heading that vision saw, and the cycle of its
+# image; whether the velocities are in the robot's frame; rim speeds, NaN where there are none.
 HEADING, IMAGE_CYCLE, IS_LOCAL, WHEELS = 3, 4, 5, 6
 MAX_VELOCITY = 1e3  # m/s and rad/s, of a command
 MAX_SPEED_M_S, MAX_RATE_RAD_S = 20.0, 100.0  # of a robot that is put down
@@ -53,8 +53,8 @@ def empty_packet(n_wheels: int) -> list[float]:
 def encode_packet(command: RobotCommand, n_wheels: int) -> list[float] | None:
     """Return the packet for a robot, or None if the command does not say how to move.
 
-    Rim speeds turn the robot counter-clockwise if they are positive. Wheels of the robot count from the front left,
-    counter-clockwise; those of the protocol from the front right, clockwise.
+    Rim speeds turn the robot counter-clockwise if they are positive. Wheels of the robot count from
+    the front left, counter-clockwise; those of the protocol from the front right, clockwise.
 
     Raises:
         Refusal: The robot cannot obey.
@@ -106,7 +106,8 @@ def read_teleport(
 
     Args:
         teleport: The request.
-        poses: Of the robots on the field, shape (3,). Fields that the request lacks are taken from there.
+        poses: Of the robots on the field, shape (3,). Fields that the request lacks are taken from
+            there.
 
     Raises:
         Refusal: There is no such robot, or no such place.

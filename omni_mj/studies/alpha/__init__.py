@@ -5,7 +5,8 @@ is late shows a small one whenever it speeds up, however much of its speed it re
 tell gain from lag. So robots drive standard profiles, from which both are measured apart (`measure.response`):
 
 - under conditions that are changed one by one;
-- worn, with every combination of causes, which says how much of gain and lag each takes (`conditions.shares`).
+- worn, with every combination of causes, which says how much of gain and lag each takes
+  (`conditions.shares`).
 
 Profiles are commanded frame by frame: no controller, no dead time, and a camera without noise, whose heading keeps
 robots straight.
@@ -77,7 +78,8 @@ class Study:
         conditions: Those that were changed alone, name -> values.
         base: Response of the robot as the scenario has it, (directions,).
         changed: Condition -> response under its values, (values, directions).
-        caused: Response of a worn robot with every combination of `CAUSES`: an axis of two for each, then directions.
+        caused: Response of a worn robot with every combination of `CAUSES`: an axis of two for
+            each, then directions.
     """
 
     conditions: Conditions
@@ -174,11 +176,11 @@ def measure_alpha(
     """Study how robots follow their commands.
 
     Args:
-        scenario: The robot and all its settings, or its name. Its reference is left out, and of the standard profiles
-            its radio and the camera's noise as well.
+        scenario: The robot and all its settings, or its name. Its reference is left out, and of the
+            standard profiles its radio and the camera's noise as well.
         conditions: Those that are changed one by one, with their values.
-        begin: Called with a title and the number of frames to come; what it returns is called after each frame with
-            its number.
+        begin: Called with a title and the number of frames to come; what it returns is called after
+            each frame with its number.
 
     Returns:
         Gain and lag, NaN for robots that failed, and their causes.

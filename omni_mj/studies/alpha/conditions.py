@@ -102,11 +102,13 @@ def combinations(settings: Settings) -> list[Settings]:
 def shares(values: Array) -> dict[str, Array]:
     """Return how much of what all causes do together is each one's.
 
-    A cause's share is the mean of what adding it changes, over all orders in which causes could be added one by one
-    (L. S. Shapley, A Value for n-Person Games, 1953). Shares add up to what all do together.
+    A cause's share is the mean of what adding it changes, over all orders in which causes could be
+    added one by one (L. S. Shapley, A Value for n-Person Games, 1953). Shares add up to what all do
+    together.
 
     Args:
-        values: With every combination of causes, an axis of two for each (without, with), then any others.
+        values: With every combination of causes, an axis of two for each (without, with), then any
+            others.
     """
     result = {cause: np.zeros(values.shape[len(CAUSES) :]) for cause in CAUSES}
     for order in itertools.permutations(CAUSES):

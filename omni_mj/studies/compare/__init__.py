@@ -45,19 +45,21 @@ def compare(
     A scenario that cannot be run is noted, and the others go on.
 
     Args:
-        scenarios: what is run, or names. [all that come with the package, but for heat, storm and identify]
-        controllers: names, `file.py:Class`, or classes derived from `Controller`. [all that come with the package, but
-            for those that need what is not installed]
+        scenarios: what is run, or names. [all that come with the package, but for heat, storm and
+            identify]
+        controllers: names, `file.py:Class`, or classes derived from `Controller`. [all that come
+            with the package, but for those that need what is not installed]
         seeds: of the random numbers, or how many, counting up from 0.
         subject: the controller of which verdicts are asked for.
         keep: whether to keep all frames.
-        begin: called with a title and the number of frames before each scenario is run; what it returns is called after
-            each frame, and may raise `StoppedError`.
-        after: called with what there is so far, and the outcome that has come to it, with its frames.
+        begin: called with a title and the number of frames before each scenario is run; what it
+            returns is called after each frame, and may raise `StoppedError`.
+        after: called with what there is so far, and the outcome that has come to it, with its
+            frames.
 
     Raises:
-        OmniError: there is no such scenario or controller, two scenarios share a name, the subject is not compared, or
-            seeds do not count up.
+        OmniError: there is no such scenario or controller, two scenarios share a name, the subject
+            is not compared, or seeds do not count up.
     """
     started = time.perf_counter()
     given = usual() if scenarios is None else scenarios
@@ -95,7 +97,8 @@ def check(scenarios: Sequence[Scenario], subject: str | None) -> None:
     """See that scenarios, all with the same controllers, can stand in one table.
 
     Raises:
-        OmniError: two of them share a name, or the subject is none of the controllers; a line for each.
+        OmniError: two of them share a name, or the subject is none of the controllers; a line for
+            each.
     """
     names = [each.name for each in scenarios]
     errors = [

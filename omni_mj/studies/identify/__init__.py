@@ -136,7 +136,8 @@ def identify(
 
     Args:
         logs: CSV or Parquet files, or one; see docs/identify.md.
-        robot: Name or file of the robot to start from: its wheels' geometry, and what is believed of it.
+        robot: Name or file of the robot to start from: its wheels' geometry, and what is believed
+            of it.
         model: Its MJCF, which decides geometry and masses. [the robot's file's]
 
     Raises:
@@ -216,7 +217,8 @@ def _add_fit(result: Identified, source: str, logs: Sequence[RobotLog]) -> None:
 def _believe_radius(fitted: Fit, notes: list[str]) -> Fit:
     """Condition a fit on the radius of the robot's file, unless the data contradict it.
 
-    Drag that is pulled through creep takes a share of the speed, as a smaller radius does; data know their sum well.
+    Drag that is pulled through creep takes a share of the speed, as a smaller radius does; data
+    know their sum well.
     """
     at = fitted.free.index("scale")
     parameters, scale, variance = (

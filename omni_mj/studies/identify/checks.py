@@ -75,7 +75,8 @@ def starting_delay(log: RobotLog, inputs: Array, source: str, geometry: Kinemati
         geometry: Of the start robot's wheels.
 
     Raises:
-        OmniError: Units, axes, signs or wheels are others than stated, or inputs do not explain the motion.
+        OmniError: Units, axes, signs or wheels are others than stated, or inputs do not explain the
+            motion.
     """
     seen = int(np.isfinite(log.pose).all(1).sum())
     period = float(np.median(np.diff(log.time)))

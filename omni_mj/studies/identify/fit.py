@@ -56,7 +56,8 @@ class Residuals:
     Attributes:
         rms: Root mean square.
         noise: The part that changes from sample to sample.
-        lasting: Root of the mean covariance of samples up to `LAGS` apart, which noise does not have.
+        lasting: Root of the mean covariance of samples up to `LAGS` apart, which noise does not
+            have.
         allowed: The part that lasts where the law describes the robot.
         misfit: Whether more lasts, sure to `ALARM`.
     """

@@ -36,8 +36,9 @@ Parameters = dict[str, float]
 LATE = "latency_s"  # the parameter by which inputs act late
 ROLLER_KG = 0.0015  # models/ssl_robot.xml; mass that turns with the rims, 1 to 2 % of the robot's
 RUBBED_M_S = 0.05  # wheel speed above which the dry friction of wheel and motor is complete
-# Two rollers touch around each handover; rollers spin up before they carry; rubber is pressed. Measured on the plant
-# without dry drag: three robots, 0.6 to 1.9 m/s, three directions, within 0.04 N.
+# Two rollers touch around each handover; rollers spin up before they carry; rubber is pressed.
+# Measured on the plant without dry drag: three robots, 0.6 to 1.9 m/s, three directions, within
+# 0.04 N.
 BOTH_TOUCH, SPUN_EARLY, PRESSED_S_M = 1.5, 1.1, 0.004
 STIFFEST_S = 1e-4  # least compliance z m of a wheel
 MOST_DELAY = 0.15  # of the give of a wheel loop, so that the mass stays positive
@@ -158,8 +159,8 @@ class Body:
 def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Array) -> Array:
     """Solve the law for S stretches and P sets of parameters.
 
-    Each step takes the mean input over it and the coefficients of its middle, and is solved by the (0, 2) Pade
-    approximant of the exponential: second order, and stable for any stiffness.
+    Each step takes the mean input over it and the coefficients of its middle, and is solved by the
+    (0, 2) Pade approximant of the exponential: second order, and stable for any stiffness.
 
     Args:
         body: The robot.

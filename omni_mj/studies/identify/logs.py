@@ -42,8 +42,8 @@ class RobotLog:
         name: File, and the row in it.
         time: Increasing, (F,) s.
         pose: Measured, world frame, heading continuous, (F, 3). NaN where the robot was not seen.
-        inputs: By source: "wheels", mean speeds from each line to the next, (F, W) rad/s; "commands", twists that act
-            until the next line, (F, 3).
+        inputs: By source: "wheels", mean speeds from each line to the next, (F, W) rad/s;
+            "commands", twists that act until the next line, (F, 3).
         in_body: Whether commands are along the body's axes.
     """
 

@@ -118,10 +118,11 @@ def learn(
 
     Args:
         scenario: Without noise; its first seed counts.
-        attempts: From each the best run so far is planned anew, until nothing is gained any more; so many at most.
+        attempts: From each the best run so far is planned anew, until nothing is gained any more;
+            so many at most.
         history: Takes maximum and mean error in the plane of the best run, m, after each attempt.
-        begin: Called with a title and the number of frames before each attempt; what it returns is called after each
-            frame.
+        begin: Called with a title and the number of frames before each attempt; what it returns is
+            called after each frame.
     """
     settings, seed, idle = scenario.settings, scenario.seed, 0
     reference = reference_factory.timed(settings, settings.world.start_poses[0]).poses

@@ -39,7 +39,8 @@ class LimitResult(Result):
     """The result of the study; its rows and frames are those of the robots that show what they can.
 
     Attributes:
-        history: Maximum and mean error in the plane of the best run without noise, m, after each attempt.
+        history: Maximum and mean error in the plane of the best run without noise, m, after each
+            attempt.
     """
 
     history: list[dict[Aim, float]] = field(default_factory=list)
@@ -80,17 +81,19 @@ def find_limit(
 
     Args:
         scenario: What is driven, or its name; its controllers are left out.
-        seeds: Of the random numbers under which robots show what they can, or how many, counting up from 0.
+        seeds: Of the random numbers under which robots show what they can, or how many, counting up
+            from 0.
         iterations: Attempts, at most.
-        begin: Called with a title and the number of frames before robots drive; what it returns is called after each
-            frame, and may raise `StoppedError`.
+        begin: Called with a title and the number of frames before robots drive; what it returns is
+            called after each frame, and may raise `StoppedError`.
 
     Returns:
-        Errors of "limit", with noise, of "limit without noise", and of the package's controllers that see no more.
+        Errors of "limit", with noise, of "limit without noise", and of the package's controllers
+        that see no more.
 
     Raises:
-        OmniError: There is no such scenario, robots share its world, seeds do not count up, there are fewer than two
-            iterations, or no controller comes to the scenario's end.
+        OmniError: There is no such scenario, robots share its world, seeds do not count up, there
+            are fewer than two iterations, or no controller comes to the scenario's end.
     """
     started = time.perf_counter()
     driven = chosen(scenario, seeds=seeds)

@@ -33,8 +33,9 @@ STATES = 14
 TRANSLATION = np.array([1, 1, 0, 1, 1, 0, 1, 1, 0, 0, 0, 1, 1, 1], bool)
 DRIFT_DECAY = np.exp(-1 / 30.0)  # per frame
 SMALLEST = 2e-6  # m or rad that vision resolves; avoids a division by zero
-# Standard deviations per frame of what no linear model foresees: velocity, its lasting part (drift), in m/s and rad/s,
-# and the heading that the firmware holds, rad. Those with which poses of tigers-v2016 on `rect` are predicted best.
+# Standard deviations per frame of what no linear model foresees: velocity, its lasting part
+# (drift), in m/s and rad/s, and the heading that the firmware holds, rad. Those with which poses of
+# tigers-v2016 on `rect` are predicted best.
 ON_WHEELS_NOISE = np.array([0, 0, 0, 5e-4, 5e-4, 2e-3, 2e-5, 2e-5, 4e-5, 2.5e-4, 0, 0, 0, 0])
 ROUNDS = 5  # a disturbance is at most 0.2 of a command, so five rounds leave nothing of it
 
@@ -43,7 +44,8 @@ class Policy(NamedTuple):
     """How feedback is set.
 
     Attributes:
-        weight: Of commands beside departures in the regulator, s^2; its root is about the time to make one good.
+        weight: Of commands beside departures in the regulator, s^2; its root is about the time to
+            make one good.
         noise: Factor of the filter's process noise of translation.
     """
 
@@ -206,7 +208,8 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
     """Return the standard deviation of the noise that acts on each state in a frame, (STATES,).
 
     Returns:
-        These; the standard deviation of the gain by which speeds differ from commands, and its decay per frame.
+        These; the standard deviation of the gain by which speeds differ from commands, and its
+        decay per frame.
     """
     settings, sizes = scenario.settings, np.zeros(STATES)
     if scenario.plant in ON_WHEELS:

@@ -142,10 +142,10 @@ def measure_loop(
 
     Args:
         scenario: Robot, plant, seeds and all settings, or its name; its reference is left out.
-        controllers: Names, `file.py:Class`, or classes derived from `Controller`. [those that come with the package,
-            but for what is told the truth]
-        begin: Called with a title and the number of frames to come; what it returns is called after each frame, and
-            may raise `StoppedError`.
+        controllers: Names, `file.py:Class`, or classes derived from `Controller`. [those that come
+            with the package, but for what is told the truth]
+        begin: Called with a title and the number of frames to come; what it returns is called after
+            each frame, and may raise `StoppedError`.
 
     Raises:
         OmniError: There is no such scenario or controller.

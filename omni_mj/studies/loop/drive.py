@@ -23,7 +23,9 @@ from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.study_runner import AfterFrame, command, resting
 
-CASES = {  # whether robots drive, and the axis along which they jump and are disturbed: 0 forward, 1 to the left
+# Whether robots drive, and the axis along which they jump and are disturbed: 0 forward, 1 to the
+# left
+CASES = {
     "rest, forward": (False, 0),
     "rest, sideways": (False, 1),
     "driving, along": (True, 0),
@@ -31,8 +33,8 @@ CASES = {  # whether robots drive, and the axis along which they jump and are di
 }
 SPEED_M_S, ACCELERATION_M_S2 = 1.0, 2.0  # forward, of robots that drive
 WEAVE_M_S, WEAVE_FRAMES = 0.25, 480  # forward and to the left
-# Half a period of the weave: what its speeding up does to the first of two periods, its slowing down undoes in the
-# second, and no other sine of the sum shows in its place.
+# Half a period of the weave: what its speeding up does to the first of two periods, its slowing
+# down undoes in the second, and no other sine of the sum shows in its place.
 PERIOD_FRAMES, PERIODS = WEAVE_FRAMES // 2, 2
 TONES = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24])  # sines: how often in a period
 FREQUENCIES = 2 * np.pi * TONES / (PERIOD_FRAMES * PERIOD_S)  # rad/s: 1.6 to 38
@@ -70,8 +72,8 @@ def travel(frame: Array) -> Array:
 class SteppedMotion:
     """A reference for robots that all look along x; see `omni_control.reference.Reference`.
 
-    Its poses may jump, while its twists remain those of the motion. Nobody knows of a jump beforehand, however far a
-    controller looks ahead.
+    Its poses may jump, while its twists remain those of the motion. Nobody knows of a jump
+    beforehand, however far a controller looks ahead.
 
     Attributes:
         drives: Whether each robot drives forward, (n, 1).
@@ -100,9 +102,10 @@ class SteppedMotion:
 class Drive:
     """Rows for each controller, case, seed and sign, in this order of a grid.
 
-    The loop is opened where commands are sent, behind filter, controller and limits. What the sines add there nobody
-    on the team knows: what it remembers as sent is what it commanded, so that the gain around the loop counts a
-    controller's own prediction as part of the controller, and the robot with its dead time as what it controls.
+    The loop is opened where commands are sent, behind filter, controller and limits. What the sines
+    add there nobody on the team knows: what it remembers as sent is what it commanded, so that the
+    gain around the loop counts a controller's own prediction as part of the controller, and the
+    robot with its dead time as what it controls.
 
     Args:
         scenario: Controllers, seeds, robot, plant, and all settings but the reference.
@@ -156,7 +159,8 @@ class Drive:
             wanted = team.command()
             sent = wanted.copy()
             sent[self._along] += disturbance
-            team.last = sent  # as if in the frame before, so that the limit on changes lets the disturbance through
+            # As if in the frame before, so that the limit on changes lets the disturbance through
+            team.last = sent
             yield sent
             team.last = wanted
 

@@ -45,7 +45,8 @@ class Margins(NamedTuple):
         phase: What the phase may lag more at such a frequency, the least of them, degrees.
         delay: What the dead time may be longer, the least of them, s.
         gain: Factor by which the gain may be higher.
-        sensitivity: Ms, largest |1 / (1 + L)|: how much the loop amplifies the disturbances that it amplifies most.
+        sensitivity: Ms, largest |1 / (1 + L)|: how much the loop amplifies the disturbances that it
+            amplifies most.
     """
 
     crossover: float = np.nan
@@ -59,7 +60,8 @@ def measure_step(moved: Array, step: float) -> StepFigures:
     """Return the figures of a step response.
 
     Args:
-        moved: Way in answer to it in each frame, the first being that in which the reference jumps, (frames,) m.
+        moved: Way in answer to it in each frame, the first being that in which the reference jumps,
+            (frames,) m.
         step: By which it jumps, m.
     """
     if not np.isfinite(moved).all():

@@ -125,11 +125,11 @@ def measure_slip(
     """Identify how robots slip, as TIGERs Mannheim identified theirs.
 
     Args:
-        robots: Names or files of robots; or scenarios, whose robot, settings and seed are meant. [those that
-            were measured, on the faster wheels]
+        robots: Names or files of robots; or scenarios, whose robot, settings and seed are meant.
+            [those that were measured, on the faster wheels]
         moves: That each robot drives. [`identification()`]
-        begin: Called with each robot's name and the number of frames to come; what it returns is called after
-            each frame, and may raise `StoppedError`.
+        begin: Called with each robot's name and the number of frames to come; what it returns is
+            called after each frame, and may raise `StoppedError`.
 
     Raises:
         OmniError: There is no such robot, or one is named twice.

@@ -112,8 +112,8 @@ def fit_moves(
 def follow(gain: float, time: float, u: Array, speed: Array) -> Array:
     """Return v (F,) by v' = (K u - v) / (T |u| + 1 ms), for wheels that start at rest.
 
-    Between two samples wheels are taken to speed up evenly; in each quarter of a frame the law is solved exactly, with
-    the T |u| of its middle.
+    Between two samples wheels are taken to speed up evenly; in each quarter of a frame the law is
+    solved exactly, with the T |u| of its middle.
 
     Args:
         gain: K.

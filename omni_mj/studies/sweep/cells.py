@@ -22,8 +22,9 @@ N_WORST = 3
 def cells(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
     """Return a dictionary for each point and controller, in order: numbers, or None where none is finite.
 
-    Failure rates have Wilson's 95 % interval, which is sane for 0 of n as well. Medians have one by order statistics,
-    which assumes nothing about the samples, infinite for robots that failed; there is none below 6 samples.
+    Failure rates have Wilson's 95 % interval, which is sane for 0 of n as well. Medians have one by
+    order statistics, which assumes nothing about the samples, infinite for robots that failed;
+    there is none below 6 samples.
 
     Args:
         table: Rows of the sweep, those of a point and controller together.

@@ -32,7 +32,8 @@ def axes(
     """Return settings, section.field, and their values in order, if these are allowed.
 
     Raises:
-        OmniError: There is no such setting, it has no values, too many, or one twice, or it is varied twice.
+        OmniError: There is no such setting, it has no values, too many, or one twice, or it is
+            varied twice.
     """
     result: dict[str, tuple[Value, ...]] = {}
     for name, values in vary.items() if isinstance(vary, Mapping) else vary:
@@ -53,7 +54,8 @@ def axes(
 def parse_axis(text: str) -> tuple[str, Iterable[Any]]:
     """Read an axis of the command line: `carpet.friction=0.3:1.0:8`, `radio.delay_frames=0:12:2`, `a.b=1,2,4`.
 
-    The third number says how many values there are, both ends among them; of whole numbers it is the step.
+    The third number says how many values there are, both ends among them; of whole numbers it is
+    the step.
 
     Raises:
         OmniError: It cannot be read, or there is no such setting.

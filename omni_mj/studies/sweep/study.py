@@ -84,17 +84,20 @@ def sweep(
     """Run a scenario under all combinations of settings, with all seeds and controllers.
 
     Args:
-        scenario: All that is not varied; what it draws from distributions is drawn anew for each seed.
+        scenario: All that is not varied; what it draws from distributions is drawn anew for each
+            seed.
         vary: Settings `section.field` -> values; none for a scenario that draws some.
         controllers: Names, `file.py:Class`, or classes derived from `Controller`. [the scenario's]
-        seeds: Of the random numbers, counting up, or how many from 0 on; the same everywhere. [the scenario's]
+        seeds: Of the random numbers, counting up, or how many from 0 on; the same everywhere. [the
+            scenario's]
         out: Folder that a sweep is begun in, or gone on with if it is the same.
-        at_once: Robots that are simulated at once: memory grows with them, and not with the number of runs.
+        at_once: Robots that are simulated at once: memory grows with them, and not with the number
+            of runs.
         how: It is run: `jobs`, `executor`, `before_shard` of `run`.
 
     Raises:
-        OmniError: Something is unknown or not allowed, what is asked for does not fit into memory, or another sweep is
-            in the folder.
+        OmniError: Something is unknown or not allowed, what is asked for does not fit into memory,
+            or another sweep is in the folder.
     """
     return run(Plan(chosen(scenario, controllers, seeds), axes(vary), at_once), out, **how)
 
@@ -115,8 +118,9 @@ def run(
         out: Its folder.
         jobs: Processes of this machine that run shards side by side.
         executor: Runs shards in their place, anywhere, such as that of a Dask cluster.
-        before_shard: Called with each shard; what it returns is called after each frame, and may raise `StoppedError`.
-            Of shards that other processes run, both are called once, when they are done.
+        before_shard: Called with each shard; what it returns is called after each frame, and may
+            raise `StoppedError`. Of shards that other processes run, both are called once, when
+            they are done.
         check: Called now and then while others run shards; it may raise `StoppedError`.
 
     Raises:
@@ -187,15 +191,18 @@ def run_shard(plan: Plan, job: Job, after_frame: AfterFrame = nothing) -> "pa.Ta
     Args:
         plan: Of the sweep.
         job: Which shard.
-        after_frame: Called with each frame's number; what it raises ends the shard, of which then nothing is kept.
+        after_frame: Called with each frame's number; what it raises ends the shard, of which then
+            nothing is kept.
 
     Returns:
-        A line per robot: `point`, what is varied, `controller`, `seed`, `place`, `failed_at_s`, `cause`, what was
+        A line per robot: `point`, what is varied, `controller`, `seed`, `place`, `failed_at_s`,
+            `cause`, what was
         drawn, and the numbers of `metrics.row_metrics`, infinite errors for a robot that failed.
     """
     import pyarrow as pa
 
-    gc.collect()  # the shard before, which is held by itself in circles, and would take as much memory again
+    # The shard before, which is held by itself in circles, and would take as much memory again
+    gc.collect()
     driven = simulation(plan, job)
     log = driven.run(after_frame)
     failures = {failure.row: failure for failure in driven.failures}

@@ -36,7 +36,8 @@ def tables(
         check: Called a few times a second; what it raises ends this.
 
     Raises:
-        OmniError: A shard cannot be run, a process was killed, or a worker has other versions than are here.
+        OmniError: A shard cannot be run, a process was killed, or a worker has other versions than
+            are here.
     """
     waiting = {executor.submit(_run, shard, plan, job, dependencies()): job for job in jobs}
     while waiting:

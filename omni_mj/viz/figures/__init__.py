@@ -30,7 +30,8 @@ WIDEST = (
     1e4  # ratio of the limits of an axis; smaller errors, such as those of rounding, are left of it
 )
 SETTLE = "time to settle\nin s"
-# Label of a panel -> factor from SI units to the label's, and the spread over the seeds, from a result.
+# Label of a panel -> factor from SI units to the label's, and the spread over the seeds, from a
+# result.
 PANELS: dict[str, tuple[float, Callable[[Entry], Entry]]] = {
     "maximum error\nin the plane, cm": (100, lambda result: result["error_m"]["distance"]["max"]),
     "mean error\nin the plane, cm": (100, lambda result: result["error_m"]["distance"]["mean"]),

@@ -30,7 +30,8 @@ NUMBER_B = 8  # of a table, before compression
 class Recording(Feed):
     """A recording of a run in a file, or in a viewer while it goes on.
 
-    It begins with the first block. A file ends if the disk has no more room than the numbers will need.
+    It begins with the first block. A file ends if the disk has no more room than the numbers will
+    need.
 
     Args:
         target: Path of the .rrd file, whose folder must exist, or address of the viewer.

@@ -20,8 +20,8 @@ FLUSH_S = 30.0  # a block has a megabyte
 class Feed:
     """A file or a viewer that is fed; a context manager.
 
-    What fails ends the feed, and never what is shown by it. If a viewer is not there, or goes away, that costs a line
-    on stderr.
+    What fails ends the feed, and never what is shown by it. If a viewer is not there, or goes away,
+    that costs a line on stderr.
 
     Args:
         target: Path of the .rrd file, whose folder must exist, or address of the viewer.
@@ -30,7 +30,8 @@ class Feed:
     def __init__(self, target: Path | str) -> None:
         self._target, self._failure = target, ""
         rr.set_strict_mode(True)  # otherwise rejected data is missing without a word
-        # Sent when it is flushed and never by the clock, or equal runs would differ in the order of chunks.
+        # Sent when it is flushed and never by the clock, or equal runs would differ in the order of
+        # chunks.
         never = rr.ChunkBatcherConfig.NEVER()
         self._stream = rr.RecordingStream(
             "omni-mj", recording_id=uuid.uuid4(), batcher_config=never
@@ -85,8 +86,9 @@ class Feed:
 def _flush(stream: rr.RecordingStream) -> None:
     """Wait until everything sent is written.
 
-    If the writer dies of a full disk just as it is told to flush, rerun waits for it without end: there, when the
-    stream is finalized, and when the program exits. The latter two are prevented here.
+    If the writer dies of a full disk just as it is told to flush, rerun waits for it without end:
+    there, when the stream is finalized, and when the program exits. The latter two are prevented
+    here.
 
     Raises:
         RuntimeError: It was not written and will not be.

@@ -17,8 +17,9 @@ from omni_control.errors import OmniError
 
 START_S, ANSWER_S = 60.0, 2.0  # for a viewer to show its window, and to answer once it does
 EXAMPLE = "rerun+http://127.0.0.1:9876/proxy"  # of a viewer that was started without options
-# A viewer would send usage statistics, unless its configuration says otherwise; and ask whether there is a newer one,
-# and for examples, which nothing turns off: what it asks of others it asks of a proxy, and there is none.
+# A viewer would send usage statistics, unless its configuration says otherwise; and ask whether
+# there is a newer one, and for examples, which nothing turns off: what it asks of others it asks of
+# a proxy, and there is none.
 NOBODY = "http://127.0.0.1:9"
 QUIET = {
     "http_proxy": NOBODY,

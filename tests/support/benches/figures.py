@@ -31,8 +31,8 @@ def outcome(
 ) -> Outcome:
     """Return an outcome of robots that drive along x, then along y, and achieve `ALPHA` of their command.
 
-    The i-th controller is off by i cm, its j-th seed by 0.1 j cm more. Rows in `ends` fail after so many frames;
-    `channels` replace those of the log.
+    The i-th controller is off by i cm, its j-th seed by 0.1 j cm more. Rows in `ends` fail after so
+    many frames; `channels` replace those of the log.
     """
     table = rows(controllers, range(n_seeds))
     count = len(controllers)

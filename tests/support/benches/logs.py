@@ -42,8 +42,8 @@ def filled(
 ) -> Log:
     """A log of so many frames, of rows that end after `lengths`.
 
-    `channels` are (frames, n, columns), or what broadcasts to it; poses, references and commands are zero otherwise.
-    Those of controllers' `own` are (n, columns), the same in all frames.
+    `channels` are (frames, n, columns), or what broadcasts to it; poses, references and commands
+    are zero otherwise. Those of controllers' `own` are (n, columns), the same in all frames.
     """
     log = Log(table, 4)
     ends = np.full(len(table), frames) if lengths is None else np.asarray(lengths)

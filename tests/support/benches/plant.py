@@ -22,7 +22,8 @@ AZIMUTHS = np.radians(_SETTINGS.wheels.azimuths_deg)
 ARM_M, RADIUS_M = _SETTINGS.wheels.arm_m, _SETTINGS.wheels.radius_m
 ROLLER_RADIUS_M, ROLLERS = _SETTINGS.wheels.roller_radius_m, _SETTINGS.wheels.rollers
 GRAVITY = 9.81
-# Where the wheels touch, and the directions in which positive wheel speeds push the robot, in its frame (equation 3).
+# Where the wheels touch, and the directions in which positive wheel speeds push the robot, in its
+# frame (equation 3).
 CONTACTS = ARM_M * np.stack([np.cos(AZIMUTHS), np.sin(AZIMUTHS)], axis=1)
 TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
 OUTWARD = np.stack([np.cos(AZIMUTHS), np.sin(AZIMUTHS)], axis=1)
@@ -30,8 +31,9 @@ OUTWARD = np.stack([np.cos(AZIMUTHS), np.sin(AZIMUTHS)], axis=1)
 FRAME_S = 1 / 60
 SIGMAS = 5  # of a statistic's own spread
 ROBOT = "tigers-v2016"
-# A stiff wheel loop. Not stiffer: free of its rim, the default robot's hub gains 1.2 rad/s a cycle and volt, and is
-# heard of a cycle late. With 1 V s/rad in place of 0.4, currents swing by 2 A at rest and by 6 A in motion.
+# A stiff wheel loop. Not stiffer: free of its rim, the default robot's hub gains 1.2 rad/s a cycle
+# and volt, and is heard of a cycle late. With 1 V s/rad in place of 0.4, currents swing by 2 A at
+# rest and by 6 A in motion.
 STIFF = {"kp": 0.4, "ki": 20.0, "turn_gain": 0.0}
 
 

@@ -15,7 +15,8 @@ from omni_mj.robot.kernels import JaxKernel
 from omni_mj.simulation.simulation import Simulation
 
 RPM = 30 / np.pi  # turns per minute in a rad/s
-# maxon's catalogue, EC 45 flat 50 W 24 V, as settings of `motor`; behind 60:18, with a quarter of its friction dry.
+# maxon's catalogue, EC 45 flat 50 W 24 V, as settings of `motor`; behind 60:18, with a quarter of
+# its friction dry.
 SHEET = {
     "nominal_voltage_v": 24.0,
     "no_load_rpm": 6250.0,
@@ -179,7 +180,8 @@ def programs_of(simulation: Simulation) -> bool:
 class Motor:
     """A motor by the rows of its sheet; commutation, dry and viscous friction are at its shaft.
 
-    Resistance and back-EMF of the nominal row leave a voltage for commutation; the no-load row's torque is friction.
+    Resistance and back-EMF of the nominal row leave a voltage for commutation; the no-load row's
+    torque is friction.
     """
 
     def __init__(self, rows: Mapping[str, float]) -> None:

@@ -14,8 +14,9 @@ class Tape:
     """Stands between a plant of robots alone in their worlds and its batch, and keeps what is said of each step.
 
     Attributes:
-        steps: after each step, by name: `position` (n, 3), `quaternion` (n, 4), `velocity` (n, 6) of the free joint,
-            `wheels` and `slips`, speeds of hubs and of rims on them (n, W) rad/s, `load` (n, W) N in the step.
+        steps: after each step, by name: `position` (n, 3), `quaternion` (n, 4), `velocity` (n, 6)
+            of the free joint, `wheels` and `slips`, speeds of hubs and of rims on them (n, W)
+            rad/s, `load` (n, W) N in the step.
         currents: of each cycle, (n, W) A.
     """
 
