@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "CURVES": "reference",
-    "CommandsInFlight": "delay",
+    "CommandsInFlight": "delay_compensation",
     "Controller": "controllers.base",
     "ControllerError": "errors",
     "CurveReference": "reference",
@@ -52,13 +52,13 @@ __all__ = [
     "IteratedReference",
     "Kinematics",
     "MotionLimits",
+    "Observation",
     "OmniError",
     "Reference",
     "SampledReference",
-    "Observation",
     "Team",
-    "TimedReference",
     "TeamModel",
+    "TimedReference",
     "WheelLimits",
 ]
 

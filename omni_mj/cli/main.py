@@ -63,11 +63,11 @@ docs/python.md tells how to do all this from Python.
 SHARED = {
     "show": "list",
     "schema": "list",
-    "alpha": "studies",
-    "identify": "studies",
-    "limit": "studies",
-    "loop": "studies",
-    "slip": "studies",
+    "alpha": "study_commands",
+    "identify": "study_commands",
+    "limit": "study_commands",
+    "loop": "study_commands",
+    "slip": "study_commands",
 }  # commands that are in another's file
 
 

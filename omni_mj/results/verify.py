@@ -195,7 +195,7 @@ def _frame_differences(recorded: "pa.Table", again: "pa.Table") -> Iterator[str]
         row, here = (table.slice(first[name], 1).to_pylist()[0] for table in (old, new))
         yield (
             f"first in frame {row['frame']} of {row['controller']}, seed {row['seed']}, "
-            f"place {row['place']}: {name} is {row[name]} in the run, {here[name]} here; "
+            f"slot {row['slot']}: {name} is {row[name]} in the run, {here[name]} here; "
             f"{len(first)} channels differ"
         )
 

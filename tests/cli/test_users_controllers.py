@@ -146,8 +146,8 @@ def test_a_controller_that_fails_is_a_line_and_the_others_go_on(
     "body",
     [
         "    def command(self, frame, observation):\n        return self.missing",
-        "    def __init__(self, told, reference, n):\n        return",
-        "    def __init__(self, told, reference, n):\n        raise KeyError('gain')",
+        "    def __init__(self, model, reference, n):\n        return",
+        "    def __init__(self, model, reference, n):\n        raise KeyError('gain')",
     ],
 )
 def test_a_controller_that_fails_at_once_leaves_its_scenario_and_the_reason(

@@ -92,7 +92,7 @@ def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
     )
     # Twelve additions to poses of size 3; the estimate of alpha is 1 to 1e-12.
     np.testing.assert_allclose(
-        run.predicted[: FRAMES - delay], run.pose[delay:], rtol=0, atol=1e-12
+        run.predicted_pose[: FRAMES - delay], run.pose[delay:], rtol=0, atol=1e-12
     )
 
 

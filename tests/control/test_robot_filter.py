@@ -77,8 +77,8 @@ def identify(
 ) -> RobotFilter:
     """What is found of robots that weave about, each its own way; in the last `tail` frames nothing is asked."""
     n, rng = len(robots.pose), np.random.default_rng(seed)
-    model = filter_of(model, n)
-    sent = CommandsInFlight(n, model.memory_frames)
+    ekf = filter_of(model, n)
+    sent = CommandsInFlight(n, ekf.memory_frames)
     phase, rate = rng.uniform(0, 2 * np.pi, (2, 1, n, 3)) * [1, 1, 1]
     commands = np.array([1.0, 1.0, 2.0]) * np.sin(
         phase + 0.4 * rate * T * np.arange(frames)[:, None, None]
@@ -88,14 +88,14 @@ def identify(
     for command in commands:
         image = robots.pose + NOISE * rng.standard_normal(robots.pose.shape)
         image[:, 2] = np.angle(np.exp(1j * image[:, 2]))
-        model.observe(
+        ekf.observe(
             Observation(
                 robots.pose, np.zeros((n, 3)), image, sent.of(slice(None)), T, model.delay_frames
             )
         )
         sent.push(command)
         robots.advance(command)
-    return model
+    return ekf
 
 
 def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
@@ -143,17 +143,17 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
     model = TeamModel(T, 6, geometry=WHEELS, **KNOWN)  # type: ignore[arg-type]
 
     def found(rows: list[int]) -> Array:
-        rng, model = np.random.default_rng(0), filter_of(model, len(rows))
+        rng, ekf = np.random.default_rng(0), filter_of(model, len(rows))
         sent, images = (
-            CommandsInFlight(len(rows), model.memory_frames),
+            CommandsInFlight(len(rows), ekf.memory_frames),
             rng.normal(0, 0.01, (40, 3, 3)),
         )
         images[rng.random((40, 3)) < 0.1] = np.nan
         for image in images:
             pose = np.zeros((len(rows), 3))
-            model.observe(Observation(pose, pose, image[rows], sent.of(slice(None)), T, 6))
+            ekf.observe(Observation(pose, pose, image[rows], sent.of(slice(None)), T, 6))
             sent.push(20 * np.nan_to_num(image[rows]))
-        return model.state
+        return ekf.state
 
     together = found([0, 1, 2])
     for row in range(3):

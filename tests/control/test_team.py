@@ -31,7 +31,7 @@ def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Ar
                 if controller.knows_truth
                 else (estimate, kalman.twist, measured)
             )
-            seen = Observation(
+            observation = Observation(
                 *(values[rows] for values in known), queue.of(rows), T, model.delay_frames
             )
             wanted.append(controller.command(frame, observation))
@@ -83,7 +83,7 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
     for error in noise_of(6, 20):
         measured = reported(plant.pose + error)
         seen.append(team.observe(measured, (plant.pose, plant.twist)))
-        np.testing.assert_array_equal(seen[-1].measured, measured)
+        np.testing.assert_array_equal(seen[-1].measured_pose, measured)
         np.testing.assert_array_equal(seen[-1].pose, team.estimate)
         true.append((plant.pose, plant.twist))
         for model, rows in zip(tolds, (slice(0, 2), slice(2, 3), slice(3, 6)), strict=True):
@@ -92,7 +92,7 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
                 way += T * commands[-i][rows]
             # A sum of five commands of size 1, in two orders.
             np.testing.assert_allclose(
-                seen[-1].arriving[rows], team.estimate[rows] + way, rtol=0, atol=1e-15
+                seen[-1].predicted_pose[rows], team.estimate[rows] + way, rtol=0, atol=1e-15
             )
         commands.append(team.command())
         plant.advance(commands[-1])
@@ -102,25 +102,25 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
             known = (
                 (*true[k], true[k][0])
                 if controller.knows_truth
-                else (seen[k].pose, seen[k].twist, seen[k].measured)
+                else (seen[k].pose, seen[k].twist, seen[k].measured_pose)
             )
-            for got, expected in zip((own.pose, own.twist, own.measured), known, strict=True):
+            for got, expected in zip((own.pose, own.twist, own.measured_pose), known, strict=True):
                 np.testing.assert_array_equal(got, expected[rows])
             past = np.array(commands)[9 + k - memory : 9 + k, rows]
-            np.testing.assert_array_equal(own.sent.last(memory), past)
-            np.testing.assert_array_equal(own.in_flight, past[memory - delay :])
+            np.testing.assert_array_equal(own.sent_commands.last(memory), past)
+            np.testing.assert_array_equal(own.commands_in_flight, past[memory - delay :])
 
 
 def test_who_writes_into_what_a_team_returns_changes_nothing() -> None:
     team, other = (Team(Straight(TeamModel(T, 4), TIMED, 2), starts(2)) for _ in range(2))
     for measured in noise_of(2, 10):
-        seen = other.observe(measured)
+        observation = other.observe(measured)
         for values in (
             observation.pose,
             observation.twist,
             observation.measured_pose,
             other.estimate,
-            seen.filter_steps[0].behind,
+            observation.filter_steps[0].behind,
         ):
             with pytest.raises(ValueError, match="read-only"):
                 values += 1.0

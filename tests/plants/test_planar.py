@@ -50,7 +50,7 @@ def statics(acceleration: ArrayLike) -> NDArray:
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_body_lags_behind_its_wheels_by_t_times_its_acceleration(axis: int) -> None:
-    """u - v = T |v| a with T = (B' N B)^-1 M / C, N by statics; see tests/worlds/test_creep.py."""
+    """u - v = T |v| a with T = (B' N B)^-1 M / C, N by statics; see tests/mjcf/test_creep.py."""
     plant, twist = planar([quiet(**FREE)]), np.eye(3)[axis] * 1.5
     commands = ramp([twist], 2.0, 55)
     drive(plant, commands[:25])

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from benches.logs import (
     alpha_windows,
-    causes,
     errors,
     failure,
     filled,
     measured,
     recovery_table,
     rows,
+    saturation,
 )  # fmt: skip
 from numpy.typing import NDArray
 
@@ -183,7 +183,7 @@ def test_what_the_limits_change_is_what_is_held_back(axis: int) -> None:
         sent[frame + 1] = pass_on(wanted[frame, None], sent[frame, None])[0]
     changed = np.abs(sent[1:] - wanted).max(1) > 1e-6
     log = filled(rows(settings=RECT), 60, command=sent[1:, None])
-    np.testing.assert_array_equal(causes.of_row(log, 0)["held_back"], changed)
+    np.testing.assert_array_equal(saturation.of_row(log, 0)["held_back"], changed)
 
 
 def strayed(frames: int, *spans: tuple[int, int, float]) -> NDArray:

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import scipy.stats
-from benches.logs import failure, filled, outcome, paper, rows, table
+from benches.logs import failure, filled, outcome, paper_tables, rows, table
 
 import omni_mj as om
 
@@ -109,20 +109,22 @@ def test_the_paper_stands_beside_its_own_experiment_only() -> None:
         {"plant": "kinematic"},
         {"controllers": ("lqr",), "control": {"lag_s": 0.1}, "seeds": 7},
     ):
-        assert paper.table(om.load_scenario("rect", **own)) is paper.TABLES[3]
-        assert paper.table(om.load_scenario("rect-noise", **own)) is paper.TABLES[4]
+        assert paper_tables.table(om.load_scenario("rect", **own)) is paper_tables.TABLES[3]
+        assert paper_tables.table(om.load_scenario("rect-noise", **own)) is paper_tables.TABLES[4]
     for section, values, plant in (
         ("reference", {"laps": 2}, "mujoco"),
         ("radio", {"delay_frames": 7}, "kinematic"),
         ("carpet", {"friction": 0.4}, "mujoco"),
         ("kinematic", {"alpha_low": 0.8}, "kinematic"),
     ):
-        assert paper.table(om.load_scenario("rect", plant=plant, **{section: values})) is None
+        assert (
+            paper_tables.table(om.load_scenario("rect", plant=plant, **{section: values})) is None
+        )
     assert (
-        paper.table(om.load_scenario("rect", plant="kinematic", carpet={"friction": 0.4}))
-        is paper.TABLES[3]
+        paper_tables.table(om.load_scenario("rect", plant="kinematic", carpet={"friction": 0.4}))
+        is paper_tables.TABLES[3]
     )
-    assert paper.table(om.load_scenario("circle")) is None
+    assert paper_tables.table(om.load_scenario("circle")) is None
 
 
 def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:

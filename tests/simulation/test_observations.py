@@ -106,7 +106,7 @@ def test_controllers_are_told_what_the_team_believes(error: int, believed: int) 
     """The dead time with its error, never below none, and vision's noise; what is believed does not change what is."""
     overrides = (f"control.delay_error_frames={error}", "vision.position_noise_m=0.002")
     simulation = simulated("kinematic", Witness, overrides=overrides)
-    told = simulation.team.controllers[0].told
+    told = simulation.team.controllers[0].model
     assert (told.delay_frames, told.period) == (believed, FRAME_S)
     assert (told.position_noise_m, told.heading_noise_rad) == (0.002, 0.01)
     command, applied = (Grid(simulation.log).channel(name) for name in ("command", "applied"))
@@ -120,7 +120,7 @@ def test_controllers_are_told_the_lag_of_wheel_loops_where_there_are_wheels(
     told = (
         Simulation(scenario.load("rect", ["control.lag_s=0.05"], {"plant": plant}))
         .team.controllers[0]
-        .told
+        .model
     )
     assert told.lag_s == pytest.approx(
         lag_s, abs=1e-8

@@ -58,13 +58,13 @@ def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
     ):
         importlib.import_module(module)
     for name in (
-        "scenario",
-        "robot",
+        "load_scenario",
+        "load_robot",
         "run",
         "compare",
-        "limit",
-        "alpha",
-        "slip",
+        "find_limit",
+        "measure_alpha",
+        "measure_slip",
         "verify",
         "identify",
     ):

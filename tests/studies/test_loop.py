@@ -13,8 +13,8 @@ from benches.studies import (
     LoopResult,
     StoppedError,
     find_margins,
-    loop,
     loop_drive,
+    measure_loop,
     measure_step,
 )
 from hypothesis import given, settings
@@ -84,7 +84,7 @@ def small() -> Iterator[LoopResult]:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(loop_drive, "RMS_M_S", 0.001)
         leave_cases(patched, REST, ACROSS)
-        yield loop(ideal(), list(GAINS))
+        yield measure_loop(ideal(), list(GAINS))
 
 
 @given(gain=st.floats(1.6, 15), delay=st.integers(4, 9), predicts=st.booleans())
@@ -195,7 +195,7 @@ def test_noise_of_vision_falls_out_and_a_controller_that_fails_spoils_nobodys_fi
                 raise RuntimeError("out of ideas")
             return np.zeros((len(self.predicted_pose), 3))
 
-    result = loop(ideal(vision={"miss_probability": 0.02}), ["p", Raises])
+    result = measure_loop(ideal(vision={"miss_probability": 0.02}), ["p", Raises])
     loops = result.loops[REST]
     _, wanted = control.step_response(control.feedback(EXACT["p"]), T * np.arange(STEP))
     np.testing.assert_allclose(loops["p"].moved, STEP_M * wanted, atol=1e-4)
@@ -205,8 +205,8 @@ def test_noise_of_vision_falls_out_and_a_controller_that_fails_spoils_nobodys_fi
 
 
 def test_a_study_that_is_stopped_has_found_nothing_and_what_there_is_not_is_said() -> None:
-    stopped = loop(ideal(), ["p"], begin=lambda title, frames: stop_at(3))
+    stopped = measure_loop(ideal(), ["p"], begin=lambda title, frames: stop_at(3))
     assert (stopped.loops, stopped.stopped, stopped.table()) == ({}, "interrupted", "")
     assert stopped.summary()["loop"] is None
     with pytest.raises(om.OmniError, match="unknown controller 'pp'"):
-        loop(ideal(), ["pp"])
+        measure_loop(ideal(), ["pp"])

@@ -125,7 +125,7 @@ class Run(NamedTuple):
     """What happened in each frame, (frames, n, 3) each: the truth, and what the controller predicted and was sent."""
 
     pose: Array
-    predicted: Array
+    predicted_pose: Array
     sent: Array
 
 

@@ -64,7 +64,7 @@ def test_channels_of_a_controllers_own_are_recorded(own: Driven) -> None:
     )
     band = recorded.values("/plots/alpha/x/Own")[:, 1:]
     np.testing.assert_allclose(band, np.broadcast_to([0.8, 1.0, 0.9], (len(pull), 3)))
-    assert all({"own", "pull", "asked"} <= names for names in recorded.layouts())
+    assert all({"channels", "pull", "asked"} <= names for names in recorded.layouts())
 
 
 def test_a_robot_that_failed_is_recorded_up_to_there_and_says_why(own: Driven) -> None:

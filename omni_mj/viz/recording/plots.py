@@ -122,7 +122,7 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
             per_wheel("winding", "winding temperature, deg C"),
             _channel("battery", "battery", "battery voltage under load, V"),
         ],
-        "own": [
+        "channels": [
             _own(channel, len(names))
             for channel, names in log.columns.items()
             if channel.startswith(CHANNEL_PREFIX)
@@ -145,7 +145,7 @@ def _own(channel: str, count: int) -> Plot:
         channel.removeprefix(CHANNEL_PREFIX),
         tuple(map(str, range(1, count + 1))) if count > 1 else ("",),
     )
-    path = f"own/{rr.escape_entity_path_part(name)}"
+    path = f"channels/{rr.escape_entity_path_part(name)}"
     return _channel(channel, path, name, lines, white=tuple(np.linspace(0.6, 0, count)))
 
 
