@@ -31,7 +31,7 @@ DRIVE = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
 SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  # of many robots
 CONTROLLERS = "adaptive-comp-flc", "mpc"  # the costliest
 FRAMES = "p", "flc", "comp-flc", "adaptive-comp-flc", "lqr", "mpc"
-KERNELS, WHAT = ("numpy", "jax"), ("plant ", "loop ")
+BACKENDS, WHAT = ("numpy", "jax"), ("plant ", "loop ")
 CASES = (1, "rollers"), (1, "two-rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
 PLANAR = 1, 64, 1024
 OUT = Path("bench.json")
@@ -72,12 +72,12 @@ def report(robots: int, wheels: str) -> dict[str, float]:
     """
     sets = [*(SHORT if robots >= 16 else DRIVE), f"wheels.model={wheels}"]
     chosen = {
-        kernel: scenario.load(
+        backend: scenario.load(
             "rect",
-            [*sets, f"physics.kernel={kernel}"],
+            [*sets, f"physics.backend={backend}"],
             {"seeds": robots, "controllers": ("comp-flc",)},
         )
-        for kernel in ("numpy",)
+        for backend in ("numpy",)
     }
     taped = Simulation(chosen["numpy"])
     assert isinstance(taped.plant, MujocoPlant)
@@ -108,12 +108,12 @@ def report(robots: int, wheels: str) -> dict[str, float]:
 def report_planar(robots: int) -> dict[str, float]:
     """Simulated seconds per CPU second of the plant `planar`, firmware included, and of the loop around it."""
     chosen = {
-        kernel: scenario.load(
+        backend: scenario.load(
             "rect",
-            [*(SHORT if robots > 1 else DRIVE), f"physics.kernel={kernel}"],
+            [*(SHORT if robots > 1 else DRIVE), f"physics.backend={backend}"],
             {"plant": "planar", "seeds": robots, "controllers": ("comp-flc",)},
         )
-        for kernel in KERNELS
+        for backend in BACKENDS
     }
     log = Simulation(chosen["numpy"]).run()
     commands = [Received.at_once(command) for command in log.channel("applied")]
@@ -125,25 +125,25 @@ def report_planar(robots: int) -> dict[str, float]:
 
 
 def report_frames(controller: str) -> dict[str, float]:
-    """CPU time of a frame of one robot through the whole loop on `planar`, ms, by each kernel."""
+    """CPU time of a frame of one robot through the whole loop on `planar`, ms, by each backend."""
     works, frames = {}, 0
-    for kernel in KERNELS:
+    for backend in BACKENDS:
         head = {"plant": "planar", "seeds": 1, "controllers": (controller,)}
-        chosen = scenario.load("rect", [*DRIVE, f"physics.kernel={kernel}"], head)
+        chosen = scenario.load("rect", [*DRIVE, f"physics.backend={backend}"], head)
         frames = Simulation(chosen).run().length
-        works[f"{kernel}, ms"] = partial(_whole, chosen)
+        works[f"{backend}, ms"] = partial(_whole, chosen)
     return {name: 1e3 * used / frames for name, used in fastest(works, ROUNDS).items()}
 
 
 def _works(
     chosen: dict[str, Scenario], commands: Sequence[Received]
 ) -> dict[str, Callable[[], Callable[[], object]]]:
-    """What is timed, by name: the plant alone under these commands, and the loop around it, by each kernel."""
+    """What is timed, by name: the plant alone under these commands, and the loop around it, by each backend."""
     works: dict[str, Callable[[], Callable[[], object]]] = {}
-    for kernel, own in chosen.items():
+    for backend, own in chosen.items():
         works |= {
-            f"plant, {kernel}": partial(_plant, own, commands),
-            f"loop, {kernel}": partial(_whole, own),
+            f"plant, {backend}": partial(_plant, own, commands),
+            f"loop, {backend}": partial(_whole, own),
         }
     return works
 
@@ -279,11 +279,11 @@ def main() -> None:
     for robots, wheels in CASES:
         show(f"{robots}, {wheels}", report(robots, wheels))
     print("\nthe plant planar, robot-seconds simulated in a CPU-second")
-    print(f"{'robots':24s}", *(f"{what + kernel:>14s}" for kernel in KERNELS for what in WHAT))
+    print(f"{'robots':24s}", *(f"{what + backend:>14s}" for backend in BACKENDS for what in WHAT))
     for robots in PLANAR:
         show(f"{robots}, planar", report_planar(robots))
     print("\na frame of one robot on planar through the whole loop, ms of CPU time")
-    print(f"{'controller':24s}", *(f"{kernel:>14s}" for kernel in KERNELS))
+    print(f"{'controller':24s}", *(f"{backend:>14s}" for backend in BACKENDS))
     for name in FRAMES:
         show(f"{name}, planar", report_frames(name))
     print("\nbare steps on two threads, times as fast as on one (wall)")

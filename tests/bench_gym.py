@@ -17,9 +17,9 @@ ROUNDS, LEAST_S = 3, 1.0  # the fastest of so many rounds counts; of so much CPU
 MOST_ON_MUJOCO = 64  # robots: a frame of more takes seconds, and no robot less
 
 
-def speed(plant: str, robots: int, kernel: str) -> float:
+def speed(plant: str, robots: int, backend: str) -> float:
     """Frames of robots per CPU-second, on the route of `rect`."""
-    env = gymnasium.make_vec("omni_mj/Track-v0", robots, plant=plant, physics={"kernel": kernel})
+    env = gymnasium.make_vec("omni_mj/Track-v0", robots, plant=plant, physics={"backend": backend})
     env.reset(seed=0)
     action, best = np.tile([0.1, 0.05, 0.0], (robots, 1)), 0.0
     env.step(action)
@@ -41,16 +41,16 @@ def main() -> None:
     given.add_argument("--plant", nargs="+", default=["kinematic", "planar", "mujoco"])
     chosen = given.parse_args()
     print("frames of robots per CPU-second through omni_mj/Track-v0; 60 are a simulated second")
-    print(f"{'plant, kernel':24s}", *(f"{robots:>10d}" for robots in chosen.robots))
+    print(f"{'plant, backend':24s}", *(f"{robots:>10d}" for robots in chosen.robots))
     for plant in chosen.plant:
-        for kernel in ("numpy",) if plant == "kinematic" else ("numpy", "jax"):
+        for backend in ("numpy",) if plant == "kinematic" else ("numpy", "jax"):
             found = [
-                f"{speed(plant, robots, kernel):10.0f}"
+                f"{speed(plant, robots, backend):10.0f}"
                 if plant != "mujoco" or robots <= MOST_ON_MUJOCO
                 else " " * 10
                 for robots in chosen.robots
             ]
-            print(f"{plant + ', ' + kernel:24s}", *found, flush=True)
+            print(f"{plant + ', ' + backend:24s}", *found, flush=True)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ FRAMES, TRUE_STIFFNESS = 60, 2.0
 
 def robot() -> tuple[PlanarParameters, PlanarState]:
     """Return parameters and state at rest of the default robot, as arrays of JAX."""
-    settings = om.load_scenario("rect", plant="planar", physics={"kernel": "numpy"}).settings
+    settings = om.load_scenario("rect", plant="planar", physics={"backend": "numpy"}).settings
     plant = PlanarPlant([Row(0, 0, "", 0, settings, "tigers-v2016")], np.zeros((1, 3)))
     parameters, state = jax.tree.map(jnp.asarray, (plant.parameters, plant.state))
     return parameters, state

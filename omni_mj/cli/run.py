@@ -180,7 +180,7 @@ def _print_tables(result: "Result") -> None:
 def _print_files(result: "Result", folder: Path) -> None:
     """Print what is in the folder."""
     (outcome,) = result.outcomes
-    by = " by JAX" if outcome.scenario.settings.physics.kernel == "jax" else ""
+    by = " by JAX" if outcome.scenario.settings.physics.backend == "jax" else ""
     print(
         f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s{by}; results in {folder}/"
     )

@@ -259,7 +259,7 @@ class PhysicsSettings(Checked):
     substeps: int = setting(
         1, "", "physics steps per cycle of the wheel loops, which is the model's 1/960 s", 1, 100
     )
-    kernel: Literal["auto", "numpy", "jax"] = setting(
+    backend: Literal["auto", "numpy", "jax"] = setting(
         "auto",
         "",
         "what computes robots: numpy, or JAX (extra fast), which rounds differently; auto: the faster",

@@ -16,8 +16,8 @@ from omni_mj.plants.fault_effects import STUCK_NM, Faulty
 from omni_mj.plants.planar_parameters import PlanarBodies
 from omni_mj.plants.wheeled_plant import WheeledPlant, by_wheel
 from omni_mj.robot.array_namespace import rotate, select
+from omni_mj.robot.backends import JaxBackend, NumpyBackend
 from omni_mj.robot.carpet import carpet_parameters
-from omni_mj.robot.kernels import JaxKernel, NumpyKernel
 from omni_mj.robot.planar_body import (
     BodyParameters,
     BodyState,
@@ -60,8 +60,8 @@ class PlanarPlant(WheeledPlant, Faulty):
         self._stuck = np.zeros(body.hub_dry.shape, bool)  # hubs
         state = PlanarState(onboard_state, body_at_rest(body, x, y, heading))
         parameters = PlanarParameters(onboard, carpet, body)
-        kernel = JaxKernel if settings[0].physics.kernel == "jax" else NumpyKernel
-        self._kernel: JaxKernel | NumpyKernel = kernel(parameters, state)
+        backend = JaxBackend if settings[0].physics.backend == "jax" else NumpyBackend
+        self._backend: JaxBackend | NumpyBackend = backend(parameters, state)
         self._start_faults(self)
         self._stopped = np.zeros(len(rows), bool)
         self._pose, self._twist = np.array(start, float), np.zeros((len(rows), 3))
@@ -70,21 +70,21 @@ class PlanarPlant(WheeledPlant, Faulty):
     @property
     def parameters(self) -> Any:
         """Parameters of the robots."""
-        return self._kernel.parameters
+        return self._backend.parameters
 
     @parameters.setter
     def parameters(self, parameters: Any) -> None:
-        self._kernel.parameters = parameters
+        self._backend.parameters = parameters
 
     @property
     def state(self) -> Any:
         """State of the robots."""
-        return self._kernel.state
+        return self._backend.state
 
     @property
     def onboard(self) -> Any:
         """State of what robots carry."""
-        return self._kernel.state.onboard
+        return self._backend.state.onboard
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -97,7 +97,7 @@ class PlanarPlant(WheeledPlant, Faulty):
     def advance(self, received: Received) -> dict[int, str]:
         """See `Plant`."""
         inputs = self._inputs(received.heading, received.age, self._stopped)
-        report = self._kernel.run(advance_frame, self._command(received), inputs)
+        report = self._backend.run(advance_frame, self._command(received), inputs)
         before, self._report = self._pose, report
         self._pose, self._twist = report.pose.T, report.twist.T
         broken = ~np.isfinite(self._pose.sum(1))
@@ -127,11 +127,11 @@ class PlanarPlant(WheeledPlant, Faulty):
         self._loads = list(loads)
         before, after = self.parameters.body, self._rebuild()
         x, y = before.middle_x - after.middle_x, before.middle_y - after.middle_y
-        state: Any = self._kernel.state
+        state: Any = self._backend.state
         body, (ahead, aside, rate) = state.body, state.body.twist
         world_x, world_y = rotate(x, y, body.cosine, body.sine)
         twist = np.stack([ahead - rate * y, aside + rate * x, rate])
-        self._kernel.state = state._replace(
+        self._backend.state = state._replace(
             body=body._replace(x=body.x + world_x, y=body.y + world_y, twist=twist)
         )
 
@@ -160,13 +160,13 @@ class PlanarPlant(WheeledPlant, Faulty):
 
     def _rest(self, robots: np.ndarray, pose: Array) -> None:
         """Put some robots (n,) to rest at their poses, as rows of (n, 3)."""
-        state: Any = self._kernel.state
+        state: Any = self._backend.state
         still = body_at_rest(self.parameters.body, *pose.T)
         still = still._replace(
             hub_angle=state.body.hub_angle, encoder_angle=state.body.encoder_angle
         )
         still = BodyState(*(np.where(np.isfinite(value), value, 0.0) for value in still))
-        self._kernel.state = state._replace(body=select(robots, still, state.body))
+        self._backend.state = state._replace(body=select(robots, still, state.body))
         self._pose = np.where(robots[:, None], pose, self._pose)
         self._twist = np.where(robots[:, None], 0.0, self._twist)
 

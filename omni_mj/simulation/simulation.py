@@ -22,7 +22,7 @@ from omni_mj.mjcf.robot_spec import Shape
 from omni_mj.network.camera import Cameras
 from omni_mj.network.radio import Radio, Received
 from omni_mj.plants import Plant
-from omni_mj.robot.kernels import choose_kernel
+from omni_mj.robot.backends import choose_backend
 from omni_mj.simulation.log import Log
 from omni_mj.simulation.teams import Follow, assemble
 
@@ -130,23 +130,23 @@ class Simulation:
             reference_factory.timed(row.settings, row.start_pose) for row in self._table
         ]
         _check_delays(self._table, self.references)
-        self._choose_kernel()
+        self._choose_backend()
         self.reset()
 
-    def _choose_kernel(self) -> None:
-        """Set `physics.kernel` where it is auto, so that the scenario's file says what was taken."""
+    def _choose_backend(self) -> None:
+        """Set `physics.backend` where it is auto, so that the scenario's file says what was taken."""
         plant, frames = self.scenario.plant, max(reference.frames for reference in self.references)
         chosen: dict[int, Settings] = {}
 
         def settled(settings: Settings) -> Settings:
             if id(settings) not in chosen:
-                kernel = choose_kernel(settings.physics.kernel, plant, len(self._table), frames)
-                physics = settings.physics.model_copy(update={"kernel": kernel})
+                backend = choose_backend(settings.physics.backend, plant, len(self._table), frames)
+                physics = settings.physics.model_copy(update={"backend": backend})
                 chosen[id(settings)] = settings.model_copy(update={"physics": physics})
             return chosen[id(settings)]
 
         self._table = [replace(row, settings=settled(row.settings)) for row in self._table]
-        if self.scenario.settings.physics.kernel == "auto":
+        if self.scenario.settings.physics.backend == "auto":
             self.scenario = self.scenario.replace(settings=settled(self.scenario.settings))
 
     def reset(self, seed: int | None = None) -> None:

@@ -7,7 +7,7 @@ from omni_control.errors import OmniError, choose
 from omni_mj.config.reference_factory import timed
 from omni_mj.config.scenario import Scenario, load
 from omni_mj.results.result import Outcome, Result
-from omni_mj.robot.kernels import choose_kernel
+from omni_mj.robot.backends import choose_backend
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.study_runner import AfterFrame, check_memory, drive, informed, nothing
 
@@ -78,13 +78,13 @@ def check_subject(scenario: Scenario, subject: str | None) -> None:
         )
 
 
-def with_kernel(scenario: Scenario, robots: int) -> Scenario:
-    """Return the scenario with the kernel that suits so many robots at once, which all its simulations then share."""
+def with_backend(scenario: Scenario, robots: int) -> Scenario:
+    """Return the scenario with the backend that suits so many robots at once, which all its simulations then share."""
     settings = scenario.settings
-    if settings.physics.kernel != "auto":
+    if settings.physics.backend != "auto":
         return scenario
-    kernel = choose_kernel("auto", scenario.plant, robots, timed(settings).frames)
-    return scenario.replace(settings=settings.replace(physics={"kernel": kernel}))
+    backend = choose_backend("auto", scenario.plant, robots, timed(settings).frames)
+    return scenario.replace(settings=settings.replace(physics={"backend": backend}))
 
 
 def counted(seeds: int | Iterable[int]) -> list[int]:

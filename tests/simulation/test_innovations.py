@@ -11,7 +11,7 @@ GAPS = ("vision.miss_probability=0.02", "vision.miss_frames=10")
 CORNER = (
     "reference.waypoints=[[-1, -0.75, 0], [0, -0.75, 0], [0, 0, 1.5]]",
     "reference.settle_s=0.5",
-    "physics.kernel=numpy",
+    "physics.backend=numpy",
 )
 CASES = {
     "kinematic": ("rect", "kinematic", 10, ()),

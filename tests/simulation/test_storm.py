@@ -7,7 +7,7 @@ import omni_mj as om
 HALF_FIELD_M = (4.5, 3.0)  # division B
 # A second of calm at the end, of three.
 STORM = om.load_scenario(
-    "storm", plant="planar", physics={"kernel": "numpy"}, reference={"settle_s": 1.0}
+    "storm", plant="planar", physics={"backend": "numpy"}, reference={"settle_s": 1.0}
 )
 
 

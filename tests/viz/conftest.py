@@ -52,7 +52,7 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     """A small rectangle with a turn in it, on real wheels."""
     path = tmp_path_factory.mktemp("run") / "recording.rrd"
-    fast = "wheels.model=two-rollers", "physics.kernel=numpy"
+    fast = "wheels.model=two-rollers", "physics.backend=numpy"
     return driven_by(path, ["flc", "comp-flc"], TURNING, *fast, plant="mujoco")
 
 

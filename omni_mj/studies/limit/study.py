@@ -18,7 +18,7 @@ from omni_mj.results.statistics import ERRORS, plane_error
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.learning import AIMS, Aim, lead, learn, led
 from omni_mj.studies.limit.tracking import Policy, Tracker
-from omni_mj.studies.run import chosen, with_kernel
+from omni_mj.studies.run import chosen, with_backend
 from omni_mj.studies.study_runner import Begin, StoppedError, begin_nothing, competitors, drive
 
 LIMIT, WITHOUT_NOISE = "limit", "limit without noise"
@@ -99,7 +99,7 @@ def find_limit(
     driven = chosen(scenario, seeds=seeds)
     check(driven, iterations)
     settings = driven.settings.replace(variation=VariationSettings().model_dump())
-    driven = with_kernel(driven.replace(settings=settings), driven.seeds)
+    driven = with_backend(driven.replace(settings=settings), driven.seeds)
     result = LimitResult([Outcome.not_run(driven)], [LIMIT, WITHOUT_NOISE], seeds=driven.seed_list)
     try:
         _find(result, driven, iterations, begin)

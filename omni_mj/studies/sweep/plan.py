@@ -18,7 +18,7 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import every_setting
 from omni_mj.config.validation import shown
 from omni_mj.simulation.simulation import alike, all_alike
-from omni_mj.studies.run import with_kernel
+from omni_mj.studies.run import with_backend
 from omni_mj.studies.study_runner import check_memory
 
 Value = int | float | str | bool
@@ -105,12 +105,12 @@ class Plan:
     at_once: int = AT_ONCE
 
     def __post_init__(self) -> None:
-        """Check every point, and choose the kernel, once for all shards."""
+        """Check every point, and choose the backend, once for all shards."""
         if self.at_once < 1:
             raise OmniError(f"robots at once must be at least 1, not {self.at_once}")
         if not self.axes and not self.scenario.distributions:
             raise OmniError("nothing varies: --vary carpet.friction=0.3:1.0:8 varies a setting")
-        object.__setattr__(self, "scenario", with_kernel(self.scenario, self.at_once))
+        object.__setattr__(self, "scenario", with_backend(self.scenario, self.at_once))
         _ = self.there
 
     def __getstate__(self) -> dict[str, Any]:

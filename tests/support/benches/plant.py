@@ -44,7 +44,7 @@ def with_settings(**sections: dict[str, Any]) -> Settings:
 
 def quiet(**sections: dict[str, Any]) -> Settings:
     """As above, with a gyro that makes no error, computed by numpy."""
-    sections["physics"] = {"kernel": "numpy"} | sections.get("physics", {})
+    sections["physics"] = {"backend": "numpy"} | sections.get("physics", {})
     sections["sensors"] = {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0} | sections.get(
         "sensors", {}
     )
@@ -163,7 +163,7 @@ def wheel_loads(plant: MujocoPlant | PlanarPlant) -> NDArray:
     """Loads of wheels, (n, W) N."""
     if isinstance(plant, MujocoPlant):
         return plant._at.load.get().T
-    load: NDArray = plant._kernel.state.body.load
+    load: NDArray = plant._backend.state.body.load
     return load.T
 
 
@@ -199,7 +199,7 @@ def throw(plant: PlanarPlant, twist: ArrayLike) -> None:
     twists[:, 0] = twist
     wheels[:, 0] = np.asarray(twist) @ plant.parameters.body.jacobian[:, :, 0]
     moving = body._replace(twist=twists, hub_speed=wheels, rim_speed=wheels.copy())
-    plant._kernel.state = state._replace(body=moving)
+    plant._backend.state = state._replace(body=moving)
 
 
 def without_losses(plant: PlanarPlant) -> None:

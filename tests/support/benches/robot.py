@@ -11,7 +11,7 @@ from omni_mj.config.motor_settings import MotorSettings
 from omni_mj.config.robot_files import builtin
 from omni_mj.config.settings import Settings
 from omni_mj.robot import battery, carpet, firmware, motors, onboard
-from omni_mj.robot.kernels import JaxKernel
+from omni_mj.robot.backends import JaxBackend
 from omni_mj.simulation.simulation import Simulation
 
 RPM = 30 / np.pi  # turns per minute in a rad/s
@@ -174,7 +174,7 @@ def drag(
 
 def programs_of(simulation: Simulation) -> bool:
     """Whether compiled programs drive a simulation's robots."""
-    return isinstance(getattr(simulation.plant, "_kernel", None), JaxKernel)
+    return isinstance(getattr(simulation.plant, "_backend", None), JaxBackend)
 
 
 class Motor:

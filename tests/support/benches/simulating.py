@@ -15,7 +15,7 @@ from omni_mj.simulation.simulation import Simulation
 
 FRAME_S = 1 / 60
 FAST = (
-    "physics.kernel=numpy",
+    "physics.backend=numpy",
     "wheels.model=two-rollers",
 )  # what the loop has to do with wheels needs no others
 SHORT = ("reference.waypoints=[[0,0],[0.5,0]]", "reference.settle_s=0.2")
@@ -81,7 +81,7 @@ def batch(
 
     Its rows are all seeds of all controllers of all cases.
     """
-    sets = "physics.kernel=numpy", *route
+    sets = "physics.backend=numpy", *route
     chosen = [scenario.load("rect", sets + case, {"plant": "kinematic"}) for case in cases]
     each = [(c, name, seed) for c in chosen for name in controllers for seed in seeds]
     rows = [Row(i, 0, name, seed, c.settings, c.robot) for i, (c, name, seed) in enumerate(each)]

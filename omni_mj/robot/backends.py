@@ -1,6 +1,6 @@
-"""Kernels: what computes the functions of this package, numpy or programs that JAX compiles from them.
+"""Backends: what computes the functions of this package, numpy or programs that JAX compiles from them.
 
-A kernel holds parameters and state of n robots, and runs functions (parameters, state, *inputs) -> (state, outputs).
+A backend holds parameters and state of n robots, and runs functions (parameters, state, *inputs) -> (state, outputs).
 Handing an array to a compiled program costs 1 to 3 us, and a state has sixty. So JAX gets parameters, state and inputs
 packed into one array each, and returns state and outputs packed as well: a frame of one robot takes half the time.
 Batches are filled up with copies of the last robot to a few sizes, because every new size compiles anew.
@@ -29,8 +29,8 @@ Function = Callable[..., tuple[Any, Any]]
 Unpack = Callable[[Any], Any]  # an array (numbers,) -> NamedTuples of arrays
 
 
-def choose_kernel(setting: str, plant: str, robots: int, frames: int) -> str:
-    """Return the kernel, numpy or jax, that a setting of `physics.kernel` means.
+def choose_backend(setting: str, plant: str, robots: int, frames: int) -> str:
+    """Return the backend, numpy or jax, that a setting of `physics.backend` means.
 
     Robots of `mujoco` spend their time in MuJoCo, where compiled functions gain nothing. On
     `planar` JAX is taken if numpy would need longer than it takes to import JAX and to compile.
@@ -46,12 +46,12 @@ def choose_kernel(setting: str, plant: str, robots: int, frames: int) -> str:
     """
     if setting == "jax" and plant in ("mujoco", "kinematic"):
         raise OmniError(
-            f"physics.kernel = jax computes the plant planar only, not {plant}; take numpy or auto"
+            f"physics.backend = jax computes the plant planar only, not {plant}; take numpy or auto"
         )
     if setting == "jax" and not has_jax():
         raise OmniError(
-            "physics.kernel = jax needs the package jax, which is not installed: pip install 'omni-mj[fast]'; or take "
-            "physics.kernel = numpy"
+            "physics.backend = jax needs the package jax, which is not installed: pip install 'omni-mj[fast]'; or take "
+            "physics.backend = numpy"
         )
     if setting != "auto":
         return setting
@@ -64,7 +64,7 @@ def has_jax() -> bool:
     return importlib.util.find_spec("jax") is not None
 
 
-class NumpyKernel:
+class NumpyBackend:
     """Functions as they are.
 
     Args:
@@ -113,8 +113,8 @@ def pack(tree: Any, xp: Any = np) -> tuple[Any, Unpack]:
     ), unpack
 
 
-class JaxKernel:
-    """Functions compiled by JAX; see the module. It has what `NumpyKernel` has."""
+class JaxBackend:
+    """Functions compiled by JAX; see the module. It has what `NumpyBackend` has."""
 
     def __init__(self, parameters: Any, state: Any) -> None:
         _set_up_jax()
@@ -130,7 +130,7 @@ class JaxKernel:
 
     @property
     def parameters(self) -> Any:
-        """See `NumpyKernel`."""
+        """See `NumpyBackend`."""
         return self._parameters
 
     @parameters.setter
@@ -144,7 +144,7 @@ class JaxKernel:
 
     @property
     def state(self) -> Any:
-        """See `NumpyKernel`."""
+        """See `NumpyBackend`."""
         return self._cut(self._unpack_state(np.asarray(self._packed_state)))
 
     @state.setter
@@ -152,7 +152,7 @@ class JaxKernel:
         self._packed_state, self._unpack_state = self._pack(state)
 
     def run(self, function: Function, *inputs: Any) -> Any:
-        """See `NumpyKernel`."""
+        """See `NumpyBackend`."""
         import jax
 
         packed, unpack = self._pack(inputs)

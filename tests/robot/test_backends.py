@@ -31,9 +31,9 @@ COMMON: dict[str, Any] = {
 }  # fmt: skip
 
 
-def path(kernel: str, robots: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def path(backend: str, robots: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Poses and telemetry of robots that slide and turn, are pushed and held, and meet faults."""
-    plant = planar([with_settings(physics={"kernel": kernel}, **COMMON)] * robots)
+    plant = planar([with_settings(physics={"backend": backend}, **COMMON)] * robots)
     ends = np.linspace(-1, 1, robots)[:, None] * [2.5, 1.0, 3.0] + [0.5, 0.0, 0.0]
     plant.hold(np.array([[np.nan, np.nan, np.nan, 0.5]] * robots))
     return drive(plant, ramp(ends, 6.0, 30)), {
@@ -51,7 +51,7 @@ def test_compiled_programs_give_what_numpy_gives(robots: int) -> None:
 
 
 def test_by_numpy_a_row_has_the_same_bits_in_any_batch() -> None:
-    own = [with_settings(physics={"kernel": "numpy"}, wheels={"azimuths_deg": angles}) for angles in (
+    own = [with_settings(physics={"backend": "numpy"}, wheels={"azimuths_deg": angles}) for angles in (
         [60, 135, 225, 300], [20, 65, 110, 155, 200, 245, 290, 335],
     )]  # fmt: skip
     for chosen in own:
@@ -84,25 +84,25 @@ def test_a_gradient_is_what_finite_differences_say() -> None:
 
 
 def test_auto_compiles_long_runs_of_planar_only_and_the_scenario_says_what_was_taken() -> None:
-    for plant, laps, kernel in (
+    for plant, laps, backend in (
         ("planar", 1, "numpy"),
         ("planar", 300, "jax"),
         ("mujoco", 300, "numpy"),
     ):
         chosen = om.load_scenario("rect", plant=plant, reference={"laps": laps})
         simulation = om.Simulation(chosen, ["flc"], seeds=[0])
-        assert simulation.scenario.settings.physics.kernel == kernel
-        assert programs_of(simulation) == (kernel == "jax")
+        assert simulation.scenario.settings.physics.backend == backend
+        assert programs_of(simulation) == (backend == "jax")
 
 
-def test_without_jax_its_kernel_is_refused_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_jax_its_backend_is_refused_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(OmniError, match=r"physics.kernel = jax needs the package jax"):
-        om.Simulation(om.load_scenario("rect", plant="planar", physics={"kernel": "jax"}), ["flc"])
+    with pytest.raises(OmniError, match=r"physics.backend = jax needs the package jax"):
+        om.Simulation(om.load_scenario("rect", plant="planar", physics={"backend": "jax"}), ["flc"])
     assert om.Simulation(om.load_scenario("rect", plant="planar", reference={"laps": 300}), ["flc"])
 
 
 @pytest.mark.parametrize("plant", ["mujoco", "kinematic"])
 def test_jax_is_refused_for_plants_that_it_does_not_compute(plant: str) -> None:
     with pytest.raises(OmniError, match=f"planar only, not {plant}"):
-        om.Simulation(om.load_scenario("rect", plant=plant, physics={"kernel": "jax"}), ["flc"])
+        om.Simulation(om.load_scenario("rect", plant=plant, physics={"backend": "jax"}), ["flc"])
