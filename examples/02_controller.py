@@ -8,9 +8,8 @@ import omni_mj as om
 class Mine(om.Controller):
     """Proportional control of the pose to which the commands in flight lead."""
 
-    gain: float = (
-        3.0  # 1/s; set by controller={"Mine": {"gain": 5.0}}, or --set controller.Mine.gain=5
-    )
+    # 1/s; set by controller={"Mine": {"gain": 5.0}}, or --set controller.Mine.gain=5
+    gain: float = 3.0
 
     def command(self, frame: int, observation: om.Observation) -> np.ndarray:
         """Poses and commands are (n, 3): n robots at once, world frame."""

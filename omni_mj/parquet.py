@@ -13,9 +13,8 @@ from omni_mj.files import whole
 if TYPE_CHECKING:
     import pyarrow as pa
 
-GROUP_ROWS = (
-    20_000  # of a file that is written in parts, of which some things stay in memory until the end
-)
+# Of a file that is written in parts, of which some things stay in memory until the end
+GROUP_ROWS = 20_000
 
 
 def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":

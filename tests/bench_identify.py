@@ -41,9 +41,8 @@ from omni_mj.studies.identify.logs import read
 from omni_mj.studies.study_runner import drive
 
 ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam-twente")
-COUNTS_PER_RAD = (
-    -1024 * 12 / (2 * np.pi)
-)  # omni3's encoder and gear; its wheels turn the other way than ours
+# Omni3's encoder and gear; its wheels turn the other way than ours
+COUNTS_PER_RAD = -1024 * 12 / (2 * np.pi)
 OMNI3 = {  # mass, inertias, height and rollers are guesses
     ("body", "mass_kg"): "10.0",
     ("body", "centre_x_m"): "0.0",

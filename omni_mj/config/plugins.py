@@ -158,9 +158,8 @@ def _module(file: Path, changed: int) -> ModuleType:
     """Run a Python file as a module, once as long as it does not change."""
     module = ModuleType(_OURS + file.stem)
     module.__file__ = str(file)
-    sys.modules[module.__name__] = (
-        module  # where dataclasses look up the annotations of their module
-    )
+    # Where dataclasses look up the annotations of their module
+    sys.modules[module.__name__] = module
     try:
         exec(compile(file.read_bytes(), file, "exec"), vars(module))
     except (Exception, SystemExit) as error:

@@ -15,12 +15,10 @@ Pace = Literal["auto", "60", "vision"]
 
 SILENT_S = 0.5  # without a frame, after which robots are told to stop
 LOST_S = 3.0  # same, after which vision is not waited for any more
-GRACE_S = (
-    0.001  # for which frames of the other cameras are waited for after that of the leading one
-)
-RATE_TOLERANCE = (
-    0.03  # by which frames may differ from 60 per second of their own clock to give the ticks
-)
+# For which frames of the other cameras are waited for after that of the leading one
+GRACE_S = 0.001
+# By which frames may differ from 60 per second of their own clock to give the ticks
+RATE_TOLERANCE = 0.03
 SETTLE_S = 0.05  # in which frames arrive that were on their way
 CHECK_S = 0.05  # between checks whether to stop, while nothing comes
 

@@ -71,9 +71,8 @@ class Options:
         """Where the radio leads; it raises `OmniError` if there is no such address."""
         interface = "" if self.radio else self.interface
         target = address(self.commands, PORTS[self.colour], interface) if self.commands else None
-        both = (
-            self.pace != "vision"
-        )  # a simulation that waits for commands would take an empty packet for one
+        # A simulation that waits for commands would take an empty packet for one
+        both = self.pace != "vision"
         return Line(target, self.colour, self.interface, both)
 
     def fixes(self, name: str) -> bool:

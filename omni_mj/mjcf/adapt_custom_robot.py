@@ -76,9 +76,8 @@ def drive(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot, wheels: Whee
             slip.pos, slip.axis = seen_from(model, int(rim), int(joint))
         if outward:
             hub.axis = -np.array(hub.axis)
-        same = (
-            data.xaxis[joint] @ data.xaxis[slips[0]] > 0 if slips else True
-        )  # axes of hub and rim, as in the file
+        # Axes of hub and rim, as in the file
+        same = data.xaxis[joint] @ data.xaxis[slips[0]] > 0 if slips else True
         if outward == same:
             slip.axis = -np.array(slip.axis)
         before = model.qpos0[model.jnt_qposadr[slips[0]]] if slips else 0.0

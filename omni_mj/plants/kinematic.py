@@ -39,9 +39,8 @@ class KinematicPlant:
         self._pose = np.array(start, float)
         self._twist, self._disturbance = np.zeros((2, *self._pose.shape))
         self._schedule, self._frame = Schedule([row.faults for row in rows], Alpha, Kidnap), 0
-        self._given: Array | None = (
-            None  # alpha where a fault gives it, otherwise not a number, (n, 1)
-        )
+        # Alpha where a fault gives it, otherwise not a number, (n, 1)
+        self._given: Array | None = None
         self._telemetry = Telemetry.of_no_wheels(
             len(rows), len(rows[0].settings.wheels.azimuths_deg)
         )

@@ -35,12 +35,10 @@ from omni_mj.robot.onboard import (
     run_cycle,
 )
 
-THREADED = (
-    16  # robots from which several threads gain more in a step than they lose by meeting at its end
-)
-TOPPLED = (
-    np.sin(np.deg2rad(45) / 2) ** 2
-)  # sine squared of half the tilt: x^2 + y^2 of the quaternion
+# Robots from which several threads gain more in a step than they lose by meeting at its end
+THREADED = 16
+# Sine squared of half the tilt: x^2 + y^2 of the quaternion
+TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2
 UNSTABLE = [  # MuJoCo resets an unstable simulation silently after one of these
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,

@@ -65,9 +65,8 @@ TURNING = (
 )  # what `_stand` returns last
 SPEEDS = 50.0, 100.0  # of a wheel at which turning is computed, rad/s
 _LOADS_N = 2.0 ** np.arange(-2, 6, 0.25)  # between which is interpolated
-CONTACT_DAMPING_N_S_M = (
-    ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ
-)  # of a roller's contact along the carpet
+# Of a roller's contact along the carpet
+CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ
 # At which rollers take on the carpet's speed, in steps of a cycle, as contacts act on the full
 # plant.
 SPIN_RATE_HZ = -np.log(1 - CYCLE_S * FRICTION_RATE_HZ) / CYCLE_S
@@ -166,9 +165,8 @@ class PlanarBodies:
             np.interp(log_load, np.log(_LOADS_N), values) for values in _standing_wheels(wheels).T
         )
         lever = lever - self._wear.T
-        away = (
-            2 * np.pi / SPEEDS[0]
-        )  # s for which a roller's bearing brakes it until it comes down again
+        # S for which a roller's bearing brakes it until it comes down again
+        away = 2 * np.pi / SPEEDS[0]
         braked = (self._roller - friction / FRICTION_RATE_HZ) * (
             1 - np.exp(-friction / self._roller * away)
         )

@@ -30,9 +30,8 @@ class WheeledPlant:
     """
 
     geometry: Kinematics | None
-    remembered_frames = (
-        0  # for which robots remember their headings at least; vision may be that late
-    )
+    # For which robots remember their headings at least; vision may be that late
+    remembered_frames = 0
 
     def __init__(
         self, rows: Sequence[Row], kinematics: Kinematics, drawn: Drawn, heading: Array

@@ -12,9 +12,8 @@ from omni_mj.config.rows import Row
 from omni_mj.mjcf.robot_spec import Shape
 from omni_mj.mjcf.world_builder import World
 
-_ALLOWED_DEPTH_M = (
-    1e-3  # in which robots may start in each other or in a wall: that of a hard contact
-)
+# In which robots may start in each other or in a wall: that of a hard contact
+_ALLOWED_DEPTH_M = 1e-3
 
 
 def check(rows: Sequence[Row]) -> None:
@@ -65,7 +64,6 @@ def check_start(rows: Sequence[Row], model: mujoco.MjModel, positions: Array) ->
 def made(world: World, worlds: int, threads: int = 1) -> Batch:
     """So many worlds like one that was built, stepped by so many threads."""
     model = copy.copy(world.model)
-    model.actuator_ctrllimited[:] = (
-        0  # the battery limits, also where braking motors lift its voltage
-    )
+    # The battery limits, also where braking motors lift its voltage
+    model.actuator_ctrllimited[:] = 0
     return Batch(model, worlds, threads)

@@ -26,9 +26,8 @@ AXES = (
 UNITS = dict.fromkeys(AXES, "m") | {"heading": "rad"}
 PERCENTILE = 99
 STATISTICS = ("max", f"p{PERCENTILE}", "mean", "rms")
-STILL_M = (
-    1e-6  # from the frame before to the frame after: 30 um/s, at which a reference has no direction
-)
+# From the frame before to the frame after: 30 um/s, at which a reference has no direction
+STILL_M = 1e-6
 PEAKS = {
     "peak_voltage_v": "voltage_peak",
     "peak_current_a": "current_peak",
@@ -36,9 +35,8 @@ PEAKS = {
 }
 ALPHA_AXES = ("x", "y")
 ALPHA_WINDOW_FRAMES = 15  # 0.25 s
-ALPHA_START_FRAMES = (
-    9  # 0.15 s: the lag of a robot's wheels and their creep, in which it has not answered yet
-)
+# 0.15 s: the lag of a robot's wheels and their creep, in which it has not answered yet
+ALPHA_START_FRAMES = 9
 ALPHA_MIN_SPEED_M_S = 0.1  # below this mean commanded speed a window's ratio is mostly noise
 ALPHA_PERCENTILES = (5, 50, 95)
 SETTLED_M = 0.01

@@ -151,9 +151,8 @@ def compute_drag(p: CarpetParameters, motion: Motion, load: Array, wheel_angle: 
     speed = root(axle * axle + along * along)
     fade = 1 / xp.maximum(speed, AT_REST_M_S)
     way_axle, way_along = axle * fade, along * fade
-    held = (
-        xp.minimum(p.bearing, friction) / xp.maximum(abs(axle), AT_REST_M_S) * axle
-    )  # on ice rollers slide first
+    # On ice rollers slide first
+    held = xp.minimum(p.bearing, friction) / xp.maximum(abs(axle), AT_REST_M_S) * axle
     pile = p.pile
     if p.nap is not None:
         x, y = rotate(p.fibre_x, p.fibre_y, motion.cosine, -motion.sine)

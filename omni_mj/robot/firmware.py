@@ -67,12 +67,10 @@ class Command(NamedTuple):
     velocity_y: Array  # m/s
     turn_rate: Array  # rad/s
     is_new: Array  # whether it arrived in this frame
-    in_robot_frame: Array = (
-        None  # whether the velocity is in the robot's frame; None if all are in the world frame
-    )
-    wheel_speeds: Array = (
-        None  # in place of the velocity, (W, n) rad/s; NaN where there is none, None if nowhere
-    )
+    # Whether the velocity is in the robot's frame; None if all are in the world frame
+    in_robot_frame: Array = None
+    # In place of the velocity, (W, n) rad/s; NaN where there is none, None if nowhere
+    wheel_speeds: Array = None
 
 
 class LoopState(NamedTuple):
@@ -91,19 +89,16 @@ class LoopState(NamedTuple):
     duty: Array  # of the drivers, (W, n) in [-1, 1]
     in_robot_frame: Array = None  # see `Command`
     wheel_speeds: Array = None  # see `Command`
-    swing: Array = (
-        None  # how far a motor's voltage may be from its back-EMF, (W, n) V; None without derating
-    )
+    # How far a motor's voltage may be from its back-EMF, (W, n) V; None without derating
+    swing: Array = None
     integral: Array = None  # (W, n) rad; None without integral part
     last_error: Array = None  # (W, n) rad/s; None as integral
-    encoder_scale: Array = (
-        None  # angle that encoders show over the wheel's angle, (W, n); None if no robot has faults
-    )
+    # Angle that encoders show over the wheel's angle, (W, n); None if no robot has faults
+    encoder_scale: Array = None
     encoder_shift: Array = None  # angle that they show besides, (W, n) rad
     is_off: Array = None  # whether the processor is off; None as encoder_scale
-    is_lost: Array = (
-        None  # whether it started again and does not know its heading yet; None as is_off
-    )
+    # Whether it started again and does not know its heading yet; None as is_off
+    is_lost: Array = None
     ignores: Array = None  # whether it ignores commands; None as is_off
 
 

@@ -58,19 +58,16 @@ class FrameInputs(NamedTuple):
     push_x: Array  # force on the chassis, world frame, N
     push_y: Array
     power_share: Array  # share of the battery's voltage that its contacts pass
-    gyro_scale: Array = (
-        None  # turn rate that the gyro shows over the true one; None if no robot has faults
-    )
-    encoder_scale: Array = (
-        None  # angle that encoders show over the true one, (W, n); None as gyro_scale
-    )
+    # Turn rate that the gyro shows over the true one; None if no robot has faults
+    gyro_scale: Array = None
+    # Angle that encoders show over the true one, (W, n); None as gyro_scale
+    encoder_scale: Array = None
     # That drivers hold, (W, n) A; NaN where the firmware drives; None if it does everywhere
     held_current: Array = None
     is_deaf: Array = None  # robots that ignore commands; None as gyro_scale
     is_off: Array = None  # robots whose processors are off; None as gyro_scale
-    is_stopped: Array = (
-        None  # robots that have failed, whose drivers short the motors; None if all go on
-    )
+    # Robots that have failed, whose drivers short the motors; None if all go on
+    is_stopped: Array = None
 
 
 class OnboardState(NamedTuple):

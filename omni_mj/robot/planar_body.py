@@ -56,9 +56,8 @@ from omni_mj.robot.onboard import (
 )
 
 SLIDING_PASSES = 3  # a wheel that is found to slide may let others slide; more than two are rare
-REST_SHARE = (
-    1 - 400.0 * CYCLE_S
-)  # of its speed a hub keeps in a cycle if dry friction stops it; models/ssl_robot.xml
+# Of its speed a hub keeps in a cycle if dry friction stops it; models/ssl_robot.xml
+REST_SHARE = 1 - 400.0 * CYCLE_S
 
 
 class BodyParameters(NamedTuple):

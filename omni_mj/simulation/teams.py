@@ -47,9 +47,8 @@ def assemble(
             reference_factory.reference_limits(row.settings),
             row.start_pose,
         )
-        ways = (
-            way if follow or _iterated(row) else None
-        )  # one that is known in advance may be each robot's own
+        # One that is known in advance may be each robot's own
+        ways = way if follow or _iterated(row) else None
         key = row.controller, team_model(row.settings, geometry, wheels), ways, _parameters(row)
         together.setdefault(key, []).append(i)
     made, unmade, members = (

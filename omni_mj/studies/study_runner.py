@@ -19,9 +19,8 @@ from omni_mj.simulation.simulation import Simulation
 
 AfterFrame = Callable[[int], None]
 Begin = Callable[[str, int], AfterFrame]  # given a title and the number of frames to come
-FRAME_BYTES = (
-    1200  # of a robot-frame in the log, with what is made of it to measure, and its reference
-)
+# Of a robot-frame in the log, with what is made of it to measure, and its reference
+FRAME_BYTES = 1200
 
 
 class StoppedError(Exception):

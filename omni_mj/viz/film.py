@@ -28,9 +28,8 @@ ELEVATION_DEG = {"follow": -38.0, "plan": -90.0}  # of each view's direction
 NEAR_M = 0.85  # from the robot that is followed
 REFERENCE, ROUTE = (1.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 0.6)
 LINE_SHARE = 0.007  # thickness of lines, as a share of the distance from which they are seen
-HEADLIGHT = (
-    0.1  # next to the scene's own light; more, and seen from above a robot's colour is burnt out
-)
+# Next to the scene's own light; more, and seen from above a robot's colour is burnt out
+HEADLIGHT = 0.1
 MAX_GEOMS = 20_000  # a robot with whole wheels has some 200
 MARGIN_M = 0.35  # around the route, for the robots on it
 
@@ -114,9 +113,8 @@ class Stage:
         )
         self._data, visual = mujoco.MjData(self._world.model), self._world.model.vis
         visual.global_.offwidth, visual.global_.offheight = width, height
-        quality = (
-            visual.quality
-        )  # of a software renderer: time goes with the facets of some 80 rollers
+        # Of a software renderer: time goes with the facets of some 80 rollers
+        quality = visual.quality
         quality.numslices, quality.numstacks, quality.shadowsize = 20, 8, 1024
         visual.headlight.diffuse[:] = HEADLIGHT
         try:

@@ -12,9 +12,8 @@ from omni_mj.viz import style
 
 PALER, PALEST = 0.35, 0.7  # share of white per robot of one controller, and at most
 ALPHA_RANGE = (0.4, 1.3)  # of axes that show alpha
-SIGMA = (
-    CHANNEL_PREFIX + "alpha_sigma"
-)  # channel of a controller's own, standard deviation of its estimate
+# Channel of a controller's own, standard deviation of its estimate
+SIGMA = CHANNEL_PREFIX + "alpha_sigma"
 
 
 @dataclass(frozen=True)

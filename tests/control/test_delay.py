@@ -69,9 +69,8 @@ def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -
         commands, 8, axis=0
     )  # the command sent in frame k stands from its first eighth on
     queue = sent_before(15, commands, length=14)
-    now = (
-        8 * 15
-    )  # the frame just past are the eighths from now - 8 on; the last command is sent at its start
+    # The frame just past are the eighths from now - 8 on; the last command is sent at its start
+    now = 8 * 15
     for robot in range(2):
         for axis in range(3):
             start = now - 8 - ticks[robot, axis]

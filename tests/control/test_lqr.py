@@ -55,9 +55,8 @@ def gain_of(delay: int, lag: float) -> Array:
             np.zeros((2 + delay, 1, 3)),
         )  # none, last to act, in flight
         if part:
-            commands[part] = (
-                LITTLE / (1 - robot.keep) if part == 1 else LITTLE
-            )  # brings a robot from rest to a mm/s
+            # Brings a robot from rest to a mm/s
+            commands[part] = LITTLE / (1 - robot.keep) if part == 1 else LITTLE
         for command in commands[:-1]:
             sent.push(command)
             controller.command(0, seen_at(controller.model, pose, sent))

@@ -11,9 +11,8 @@ from serving import local, wheels, world
 import omni_mj as om
 
 RADIUS_M = 0.09  # of the rules' envelope
-HEADING_RAD = (
-    1e-7  # by which one command more or less, and the heading with it, changes a pose, rad and m
-)
+# By which one command more or less, and the heading with it, changes a pose, rad and m
+HEADING_RAD = 1e-7
 # By which hulls, which give way within milliseconds, sink into each other and walls at 3 m/s
 SOFT_M = 0.004
 

@@ -33,9 +33,8 @@ def expected() -> list[str]:
         for name in ("solref", "solimp", "solreffriction")
     }
     dry = motor.wheel_dry + settings.drive.gear_friction_nm
-    at_rest = (
-        settings.carpet.friction * settings.body.mass_kg * 9.81 / 4 * wheels.radius_m
-    )  # of a rim
+    # Of a rim
+    at_rest = settings.carpet.friction * settings.body.mass_kg * 9.81 / 4 * wheels.radius_m
     barrel = (
         wheels.roller_radius_m,
         wheels.roller_radius_m,

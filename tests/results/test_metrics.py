@@ -77,9 +77,8 @@ def test_failing_improves_no_number() -> None:
     log = filled(rows(("a",), (0, 1, 2)), 30, [30, 12, 0], pose=0.001, command=1.0)
     found = measured(log, [failure(log, 1), failure(log, 2)])
     for name, values in found.items():
-        unknown = (
-            name.startswith("peak_") or name.endswith("_share") or name == "duty_mean"
-        )  # of a log without motors
+        # Of a log without motors
+        unknown = name.startswith("peak_") or name.endswith("_share") or name == "duty_mean"
         assert np.isfinite(values[0]) or unknown, name
         assert np.isnan(values[1:]).all() if unknown else np.isposinf(values[1:]).all(), name
     nothing = measured(filled(rows(), 0))

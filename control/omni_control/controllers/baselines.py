@@ -124,9 +124,8 @@ class Smith(Controller):
         target, feed_forward = self.reference.at(
             frame + self.model.latency_frames, self.predicted_pose
         )
-        target = (
-            target - self.model.lag_s * feed_forward
-        )  # from the end of the lag back to the end of the dead time
+        # From the end of the lag back to the end of the dead time
+        target = target - self.model.lag_s * feed_forward
         return feed_forward + self.gain * pose_error(target, self.predicted_pose)
 
 

@@ -35,9 +35,8 @@ from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_an
 from omni_control.reference import Reference
 
 FRAMES = 20  # N: a third of a second, in which an error falls to exp(-15 / s * 0.33 s) = 0.7 %
-STIFFNESS = (
-    1.5  # in speed ranges per error range: 15/s, the gain of the fuzzy controller at zero error
-)
+# In speed ranges per error range: 15/s, the gain of the fuzzy controller at zero error
+STIFFNESS = 1.5
 STILL_M_S = 0.01  # speed of the reference below which its way has no direction
 _NORMALS = np.pi * (
     np.arange(4) / 4 + 1 / 8

@@ -94,9 +94,8 @@ class Gate:
         self._elsewhere = _counted(self._elsewhere, far, seen)
         found = self._elsewhere >= DOUBTED
         self._elsewhere = np.where(found, 0.0, self._elsewhere)
-        later = (
-            self._since - (age - self._age) > self._period / 2
-        )  # and not the same one, told once more
+        # And not the same one, told once more
+        later = self._since - (age - self._age) > self._period / 2
         self._repeated = _counted(self._repeated, repeated & later & (self._pace > STILL_M_S), seen)
         taken = seen & (~far | found) & ((self._repeated == 0) | (self._repeated >= REPEATED))
         turned = np.abs(wrap_angle(moved[:, 2])) > np.pi / 2

@@ -28,9 +28,8 @@ from omni_control.reference.time_scaling import Timetable, bearable, driven, dri
 from omni_control.reference.timed import SampledReference
 from omni_control.traction import WheelLimits
 
-_CELLS = (
-    1000  # in a lap, times the figure's length over its width: the finer, the sharper its bends
-)
+# In a lap, times the figure's length over its width: the finer, the sharper its bends
+_CELLS = 1000
 _STRAIGHT = 1e-9  # 1/m, for a curvature of zero, by which one cannot divide
 _FEWER = 300  # cells where a linear program is solved
 
@@ -116,9 +115,8 @@ class CurveReference(SampledReference):
 
 def _timetable(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> Timetable:
     """The fastest drive within the limits of velocity and acceleration."""
-    even = (
-        curve if tangent else replace(curve, width=limits.stretch * curve.width)
-    )  # where the limit is a circle
+    # Where the limit is a circle
+    even = curve if tangent else replace(curve, width=limits.stretch * curve.width)
     cells = _CELLS * math.ceil(max(even.length / even.width, even.width / even.length))
     lap = np.linspace(0, 2 * np.pi, cells + 1)
     first, second = even(lap, 1), even(lap, 2)

@@ -66,9 +66,8 @@ def _fastest(start: Array, end: Array, limits: MotionLimits, period: float) -> l
     pose, twist, poses, lasts = start, np.zeros_like(start), [start], np.full(len(start), -1)
     while True:
         apart = np.maximum(np.abs(end - pose).max(1), np.abs(twist).max(1))
-        lasts[(lasts < 0) & ~(apart > 1e-9)] = (
-            len(poses) - 1
-        )  # nm: beyond it there is only rounding
+        # Nm: beyond it there is only rounding
+        lasts[(lasts < 0) & ~(apart > 1e-9)] = len(poses) - 1
         if (lasts >= 0).all():
             break
         twist = approach_pose(pose, twist, end, limits, period)

@@ -9,9 +9,8 @@ from omni_mj.config.rows import Row
 from omni_mj.plants.mujoco import MujocoPlant
 
 AWAY_M = 10.0  # height at which removed robots wait, each a metre above the one before
-HEADING_MEMORY_FRAMES = (
-    120  # for which a robot remembers its headings; older images tell it nothing
-)
+# For which a robot remembers its headings; older images tell it nothing
+HEADING_MEMORY_FRAMES = 120
 
 
 class ServedPlant(MujocoPlant):

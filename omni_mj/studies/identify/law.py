@@ -92,9 +92,8 @@ class Body:
             body.mass_kg,
         )
         count, roller = wheels.rollers, wheels.roller_radius_m
-        rims = (
-            count * ROLLER_KG * (1 - roller / radius) ** 2
-        )  # mass of a wheel's rollers as seen at its rim
+        # Mass of a wheel's rollers as seen at its rim
+        rims = count * ROLLER_KG * (1 - roller / radius) ** 2
         mass = np.array(
             [[1, 0, 0], [0, 1, centre], [0, centre, body.yaw_inertia_kg_m2 / kg + centre**2]]
         )
@@ -173,9 +172,8 @@ def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Ar
     """
     late, compass = p[LATE][:, 0], p["compass_rad"][:, 0]
     lean = np.concatenate([p["lean_x_m_s2"], p["lean_y_m_s2"], np.zeros_like(p["grip"])], -1)
-    along = (
-        body.along * np.concatenate([np.ones((len(late), 2)), p["arm"]], 1)[:, None]
-    )  # (P, W, 3)
+    # (P, W, 3)
+    along = body.along * np.concatenate([np.ones((len(late), 2)), p["arm"]], 1)[:, None]
     cap = np.sqrt(np.maximum(p["grip"] ** 2 - p["roller_friction"] ** 2, 1e-4))
     by_wheels = stretches.are_wheels
     mass = body.mass

@@ -63,9 +63,8 @@ class DepartureModel:
     def prior(cls, frames: int, delay: int, lag_s: float) -> "DepartureModel":
         """Return the model of a robot that follows its commands with a first-order lag."""
         decay = np.exp(-PERIOD_S / lag_s) if lag_s else 0.0
-        carried = (
-            lag_s * (1 - decay) / PERIOD_S
-        )  # share of a frame's path due to the velocity before
+        # Share of a frame's path due to the velocity before
+        carried = lag_s * (1 - decay) / PERIOD_S
         shares = np.array([1 - carried, carried - decay])
         return cls(
             np.tile(decay * np.eye(3), (frames, 1, 1)),

@@ -15,9 +15,8 @@ if TYPE_CHECKING:
 
 WIDTH_IN, HEIGHTS_IN = 3.4, (2.6, 2.2, 2.2, 3.4)  # of a column, and of its panels
 LABELS = ("step response in cm", "|L|", "phase of L in °", "imaginary part of L")
-SENSITIVITY = (
-    2.0  # whose circle is drawn: a loop outside of it has margins of 2 and 29 degrees at least
-)
+# Whose circle is drawn: a loop outside of it has margins of 2 and 29 degrees at least
+SENSITIVITY = 2.0
 TICKS_RAD_S = (2, 5, 10, 20)
 
 

@@ -52,9 +52,8 @@ PUBLISHED = {
     robot: {name: values[i] for name, (*_, values) in QUANTITIES.items() if values}
     for i, robot in enumerate(ROBOTS)
 }
-INERTIA_SHARE = (
-    0.55  # yaw inertia over mass and arm squared, with which decelerations were turned into torques
-)
+# Yaw inertia over mass and arm squared, with which decelerations were turned into torques
+INERTIA_SHARE = 0.55
 DEFINITIONS = {
     "gain, time": "K and T of v' = (K u - v) / (T |u| + 1 ms): least squares over whole moves, mean over moves",
     "u, v": "velocity by encoders, and of the body; in turning T |u| is T l |u|",

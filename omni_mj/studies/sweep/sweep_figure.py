@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from omni_mj.studies.sweep import Sweep
 
 ERROR, RATE = "maximum error in the plane, cm: median", "robots that failed, %"
-SPREAD = (
-    0.03  # of the axis, over which the intervals at a value are spread so that they do not overlap
-)
+# Of the axis, over which the intervals at a value are spread so that they do not overlap
+SPREAD = 0.03
 MAX_TICKS = 8
 
 

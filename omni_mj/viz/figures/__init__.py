@@ -26,9 +26,8 @@ TITLES = {
 Entry = dict[str, Any]  # a scenario's, in a summary
 LINE_IN = 0.1, 0.25  # height of a controller's line with several scenarios; with one
 GAP = 1.5  # between scenarios, in lines
-WIDEST = (
-    1e4  # ratio of the limits of an axis; smaller errors, such as those of rounding, are left of it
-)
+# Ratio of the limits of an axis; smaller errors, such as those of rounding, are left of it
+WIDEST = 1e4
 SETTLE = "time to settle\nin s"
 # Label of a panel -> factor from SI units to the label's, and the spread over the seeds, from a
 # result.

@@ -14,9 +14,8 @@ from omni_mj.simulation.log import CHANNEL_PREFIX, Log
 from omni_mj.viz import style
 from omni_mj.viz.shown_robots import ALPHA_RANGE, Robot
 
-HISTORY_FRAMES = (
-    ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES
-)  # before a block, on which its values depend
+# Before a block, on which its values depend
+HISTORY_FRAMES = ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES
 SINGLE = ("alpha", "wheels", "heat")  # tabs that show one robot at a time
 SHARE = (0.0, 1.05)  # range of axes
 
