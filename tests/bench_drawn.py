@@ -22,7 +22,7 @@ from omni_mj.results.result_tables import Table, text
 
 SUBJECT = "adaptive-comp-flc"
 CONTROLLERS = (SUBJECT, "comp-flc", "comp-flc-lag")
-ROUTES = ("league", "league-smooth", "eight", "circle", "sprint", "square-spin")
+ROUTES = ("league", "league-smooth", "figure-eight", "circle", "sprint", "rect-spin")
 BEYOND, TRAITS = 0.2, {"weak": 0.3, "biased": 0.3, "pushed": 0.3}  # shares of scenarios
 HEADING_DEG = 3.0  # limit of heading errors where traction allows it
 SLIDES = 0.01  # share of frames in which wheels slide, up to which they hold

@@ -24,7 +24,7 @@ KEPT = (
 @click.command("compare")
 @click.option(
     "--scenario", "names", metavar="NAME|FILE.toml", multiple=True,
-    help="May be repeated. [all that come with the program, but for heat, storm and identify]",
+    help="May be repeated. [all that come with the program, but for hot-motors, fault-all and identify]",
 )  # fmt: skip
 @options.CONTROLLER
 @options.PLANT

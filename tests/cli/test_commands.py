@@ -135,7 +135,7 @@ def test_a_word_finds_the_lines_of_a_list(capsys: pytest.CaptureFixture[str]) ->
     assert "push.force_n" in (name for name, *_ in kinds)
 
 
-@pytest.mark.parametrize("name", ["rect", "storm", "league-smooth"])
+@pytest.mark.parametrize("name", ["rect", "fault-all", "league-smooth"])
 def test_a_scenario_that_is_shown_is_the_scenario(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

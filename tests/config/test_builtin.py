@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import omni_mj as om
 
 BUILTIN, ROBOTS = listed("scenarios"), listed("robots")
-TASKS = ("circle", "eight", "square-spin", "sprint", "waypoints")
+TASKS = ("circle", "figure-eight", "rect-spin", "sprint", "random-waypoints")
 PERIOD_S = 1 / 60
 FIELD_M = (9.0, 6.0)  # division B, RoboCup-SSL rules
 ROBOT_M = 0.09  # radius of the largest robot, same
@@ -21,9 +21,7 @@ ROBOT_M = 0.09  # radius of the largest robot, same
 @cache
 def built_in(name: str) -> tuple[om.Scenario, NDArray]:
     """Return the scenario and its timed reference's poses (frames, 3)."""
-    scenario = om.load_scenario(
-        name, plant="planar" if name == "storm" or name.startswith("fault") else "kinematic"
-    )
+    scenario = om.load_scenario(name, plant="planar" if name.startswith("fault") else "kinematic")
     return scenario, om.Simulation(scenario, ["p"], seeds=[0]).references[0].poses
 
 
@@ -59,7 +57,7 @@ def test_the_papers_rectangle_and_what_the_tasks_are() -> None:
     _, circle = built_in("circle")  # two laps of one metre radius; chords of 3 cm are 4e-5 short
     np.testing.assert_allclose(np.hypot(circle[:, 0], circle[:, 1]), 1, atol=1e-12)
     assert np.hypot(*np.diff(circle[:, :2], axis=0).T).sum() == pytest.approx(4 * math.pi, rel=1e-4)
-    _, eight = built_in("eight")
+    _, eight = built_in("figure-eight")
     np.testing.assert_allclose(np.ptp(eight[:, :2], axis=0), [2, 1], atol=1e-3)
     assert np.ptp(eight[:, 2]) == pytest.approx(1.5 * math.pi, abs=0.01)  # faced along
     _, sprint = built_in("sprint")
@@ -141,7 +139,7 @@ def test_commands_must_arrive_before_the_end() -> None:
         )
 
 
-@pytest.mark.parametrize("name", ["league", "sprint", "slippery", "square-spin"])
+@pytest.mark.parametrize("name", ["league", "sprint", "slippery", "rect-spin"])
 def test_no_task_is_slowed_by_what_wheels_can_do(name: str) -> None:
     """On the carpet that teams believe in, every robot's wheels do what the limits of motion ask."""
     for robot in ROBOTS:

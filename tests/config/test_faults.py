@@ -32,7 +32,7 @@ def test_faults_are_tables_in_files_and_dictionaries_in_python(tmp_path: Path) -
     assert made.settings.replace(fault=[]).fault == ()
 
 
-def test_the_storm_has_all_kinds_of_plants_on_wheels_and_the_page_all_there_are() -> None:
+def test_fault_all_has_every_kind_of_plants_on_wheels_and_the_page_documents_all() -> None:
     """Each with its settings."""
     kinds = re.findall(r"^\| `([a-z-]+)` \|(.*?)\|", DOCUMENT.read_text(), re.MULTILINE)
     documented = {
@@ -40,10 +40,9 @@ def test_the_storm_has_all_kinds_of_plants_on_wheels_and_the_page_all_there_are(
         for kind, cells in kinds
         if not kind.startswith("fault-")
     }
-    documented.pop("storm")
-    storm = {fault.kind: fault for fault in om.load_scenario("storm").settings.fault}
-    assert storm.keys() == documented.keys() - {"alpha"}
-    for kind, fault in storm.items():
+    described = {fault.kind: fault for fault in om.load_scenario("fault-all").settings.fault}
+    assert described.keys() == documented.keys() - {"alpha"}
+    for kind, fault in described.items():
         assert fault.values().keys() - {"kind", "at", "for", "robots", "wheel"} == documented[
             kind
         ] - {

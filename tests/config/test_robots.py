@@ -285,7 +285,10 @@ def test_what_is_told_can_be_said_and_does_not_follow_from_what_a_scenario_chang
     assert (
         om.load_scenario("rect", robot=own, control={"lag_s": 0.03}).settings.control.lag_s == 0.03
     )
-    assert om.load_scenario("lint").settings.control == om.load_scenario("rect").settings.control
+    assert (
+        om.load_scenario("roller-debris").settings.control
+        == om.load_scenario("rect").settings.control
+    )
 
 
 def test_a_team_that_takes_robots_not_to_creep_takes_them_to_reach_what_they_are_told() -> None:

@@ -161,7 +161,10 @@ def test_numbers_of_numpy_and_whole_numbers_serve_where_a_number_is_needed() -> 
         ({"carpet": {"patches": [[0, 0, 1, 5.1]]}}, ["carpet.patches[0][3]", "5"]),
         ({"kinematic": {"alpha_low": 1.5}}, ["kinematic.alpha_low", "alpha_high"]),
         ({"radio": {"jitter_frames": 9}}, ["radio.jitter_frames", "radio.delay_frames"]),
-        ({"reference": {"shape": "eight", "mode": "iterated"}}, ["reference.shape = eight needs"]),
+        (
+            {"reference": {"shape": "figure-eight", "mode": "iterated"}},
+            ["reference.shape = figure-eight needs"],
+        ),
         ({"firmware": {"rate_hz": 200}}, ["firmware.rate_hz", "960, 480, 320"]),
         ({"controller": {"flc": {"gain": 3}}}, ["controller.flc", "no parameter 'gain'"]),
         ({"controller": {"fcl": {"gain": 3}}}, ["controller.fcl", "did you mean 'flc'"]),

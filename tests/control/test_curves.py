@@ -36,7 +36,7 @@ def test_every_pose_is_on_the_curve(
     """The curve's equation without its parameter holds: an ellipse, and the quartic of Gerono's lemniscate."""
     poses = drive(shape, size, limit, laps)
     x, y = 2 * poses[:, 0] / size[0], 2 * poses[:, 1] / size[1]
-    equation = {"circle": x**2 + y**2 - 1, "eight": y**2 - 4 * x**2 * (1 - x**2)}
+    equation = {"circle": x**2 + y**2 - 1, "figure-eight": y**2 - 4 * x**2 * (1 - x**2)}
     # Up to three laps' parameter is rounded at 4e-15, and so are the terms.
     np.testing.assert_allclose(equation[shape], 0, rtol=0, atol=1e-13)
 
@@ -51,13 +51,13 @@ def test_the_heading_follows_the_path(
     x, y = 2 * poses[:, 0] / size[0], 2 * poses[:, 1] / size[1]
     gradient = {
         "circle": [x / size[0], y / size[1]],
-        "eight": [(8 * x**3 - 4 * x) / size[0], y / size[1]],
+        "figure-eight": [(8 * x**3 - 4 * x) / size[0], y / size[1]],
     }[shape]
     # As above; the gradient is at most 8 / 0.5, and where the eight crosses itself it is zero.
     np.testing.assert_allclose((np.array(gradient) * facing).sum(0), 0, rtol=0, atol=1e-12)
     assert (np.diff(poses[:, :2], axis=0) * facing.T[:-1]).sum(1).min() > 0
     assert poses[-1, 2] - poses[0, 2] == pytest.approx(
-        {"circle": 2 * math.pi * laps, "eight": 0}[shape], abs=1e-12
+        {"circle": 2 * math.pi * laps, "figure-eight": 0}[shape], abs=1e-12
     )
     assert (drive(shape, size, limit, laps)[:, 2] == 0).all()
 
@@ -104,7 +104,7 @@ def geometry(
 ) -> Callable[[Array], tuple[Array, Array, Array]]:
     """Metres per parameter, signed curvature (1/m) and bearing (rad) of the curves, written out from x and y."""
     a, b = size[0] / 2, size[1] / 2
-    m, shift = {"circle": (1, -np.pi / 2), "eight": (2, 0.0)}[shape]
+    m, shift = {"circle": (1, -np.pi / 2), "figure-eight": (2, 0.0)}[shape]
 
     def at(u: Array) -> tuple[Array, Array, Array]:
         x1, y1 = a * np.cos(u), m * b * np.cos(m * u + shift)
@@ -116,7 +116,12 @@ def geometry(
 
 @pytest.mark.parametrize(
     ("shape", "size"),
-    [("eight", (2.0, 1.0)), ("eight", (1.0, 3.0)), ("circle", (4.0, 1.0)), ("circle", (2.0, 3.0))],
+    [
+        ("figure-eight", (2.0, 1.0)),
+        ("figure-eight", (1.0, 3.0)),
+        ("circle", (4.0, 1.0)),
+        ("circle", (2.0, 3.0)),
+    ],
 )
 def test_a_curve_takes_the_time_of_the_phase_plane(shape: str, size: tuple[float, float]) -> None:
     """The lowest of the curves z' = +-2 sqrt(a^2 - k^2 z^2) from both ends and every peak of the curvature k."""

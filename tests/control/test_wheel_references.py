@@ -105,7 +105,7 @@ def most_along(
 @pytest.mark.parametrize(("tangent", "slower"), [(True, 0.006), (False, 0.015)])
 def test_a_curve_takes_the_time_of_a_linear_program(tangent: bool, slower: float) -> None:
     """In z = v^2 forces and accelerations are linear; the most z everywhere is the least time. Cells of 1/150 lap."""
-    eight, cells = CURVES["eight"](2.0, 1.0), 150
+    eight, cells = CURVES["figure-eight"](2.0, 1.0), 150
     u = np.linspace(0, 2 * np.pi, cells + 1)
     middle = (u[1:] + u[:-1]) / 2
 

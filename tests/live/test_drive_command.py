@@ -108,7 +108,7 @@ WRONG = {
     ("--scenario", "rect", "--vision", "nowhere"): "nobody knows the host",
     ("--scenario", "rect", "--duration", 0): "not in the range",
     ("--scenario", "fault-push"): "the plant live has no push",
-    ("--scenario", "fault-vision"): "[[fault]]",
+    ("--scenario", "fault-vision-loss"): "[[fault]]",
     (): "--scenario is missing",
 }
 

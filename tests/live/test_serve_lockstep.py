@@ -41,13 +41,26 @@ def test_a_run_is_the_same_to_the_bit_and_another_seed_is_another() -> None:
     """Of the same options, in a process of its own and in this one."""
     sets = [word for setting in NOISY for word in ("--set", setting)]
     client = Client()
-    options = "--lockstep", "--blue", "2", "--yellow", "1", "--seed", "3", "--scenario", "worn"
+    options = (
+        "--lockstep",
+        "--blue",
+        "2",
+        "--yellow",
+        "1",
+        "--seed",
+        "3",
+        "--scenario",
+        "worn-robots",
+    )
     with serving.served(*options, *sets, client=client):
         separate = taped(client)
     client.close()
     tapes = []
     for seed in (3, 4):
-        with here(Field(*NOISY, blue="2", yellow="1", scenario="worn", seed=seed)) as (client, _):
+        with here(Field(*NOISY, blue="2", yellow="1", scenario="worn-robots", seed=seed)) as (
+            client,
+            _,
+        ):
             tapes.append(taped(client))
     assert tapes[0] == separate
     assert tapes[1] != separate

@@ -69,7 +69,7 @@ def rms(values: NDArray) -> NDArray:
     return np.asarray(np.sqrt((values**2).mean((0, 2))))
 
 
-@pytest.mark.parametrize("turn", [0.0, 1.5], ids=["rect", "square-spin"])
+@pytest.mark.parametrize("turn", [0.0, 1.5], ids=["rect", "rect-spin"])
 def test_a_rectangle_is_driven_alike(turn: float) -> None:
     """Held on its way by true poses: paths within 0.3 mm rms of each other, slips within a tenth."""
     corners = np.array(

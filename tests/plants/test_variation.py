@@ -80,7 +80,7 @@ def test_spreads_are_those_asked_for() -> None:
 def test_a_summary_says_what_was_drawn_for_whom() -> None:
     """Each seed's robot once, though several controllers drive it; no robot on a plant without wheels."""
     short = load_scenario(
-        "worn", reference={"waypoints": [[0, 0], [0.05, 0]]}, wheels={"model": "two-rollers"}
+        "worn-robots", reference={"waypoints": [[0, 0], [0.05, 0]]}, wheels={"model": "two-rollers"}
     )
     result = run(short, ["flc", "comp-flc"], seeds=[3, 4])
     (entry,) = result.summary()["scenarios"].values()

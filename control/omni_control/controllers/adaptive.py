@@ -25,7 +25,7 @@ from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import IteratedReference, Reference
 
-HORIZON_FRAMES = 10  # with 20 nothing changes, on `league`, `waypoints` and `slippery`
+HORIZON_FRAMES = 10  # with 20 nothing changes, on `league`, `random-waypoints` and `slippery`
 
 
 class InverseFlc(Controller):

@@ -23,8 +23,8 @@ from omni_mj.studies.study_runner import (
 )
 
 LEFT_OUT = (
-    "heat",
-    "storm",
+    "hot-motors",
+    "fault-all",
     "identify",
 )  # long; everything at once; moves for a log, which are no task
 SEEDS = 10
@@ -45,7 +45,7 @@ def compare(
     A scenario that cannot be run is noted, and the others go on.
 
     Args:
-        scenarios: what is run, or names. [all that come with the package, but for heat, storm and
+        scenarios: what is run, or names. [all that come with the package, but for hot-motors, fault-all and
             identify]
         controllers: names, `file.py:Class`, or classes derived from `Controller`. [all that come
             with the package, but for those that need what is not installed]
