@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from omni_control.controllers.base import RECORDED, Controller, Observation, error_place, record_of
 from omni_control.delay_compensation import CommandsInFlight, Rows
 from omni_control.errors import ControllerError, OmniError
-from omni_control.estimation.outlier_gate import Gate
-from omni_control.estimation.vision_tracker import MOST_FRAMES, Tracker
+from omni_control.estimation.outlier_gate import OutlierGate
+from omni_control.estimation.vision_tracker import MAX_FRAMES_BEHIND, VisionTracker
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
 
@@ -112,13 +112,15 @@ class Team:
         noise, limits = np.array([t.vision_noise for t in model]), [t.limits for t in model]
         latency = np.array([[t.latency_frames] for t in model])
         self._limits = CommandLimits(limits, period)
-        self._tracker = Tracker(pose, noise, latency, period, Gate(noise, limits, period))
+        self._tracker = VisionTracker(
+            pose, noise, latency, period, OutlierGate(noise, limits, period)
+        )
         self.filter = self._tracker.filter
         self._memory = [
             max(c.memory_frames, math.ceil(c.model.latency_frames) + 1) for c in self.controllers
         ]
         self._sent = CommandsInFlight(
-            self.n, max(*self._memory, self._tracker.longest) + MOST_FRAMES
+            self.n, max(*self._memory, self._tracker.memory_frames) + MAX_FRAMES_BEHIND
         )
         self.knows_truth = any(type(c).knows_truth for c in self.controllers)
         self._records = [

@@ -32,7 +32,7 @@ def traction_limits(
     """Highest acceleration (forward, sideways) in m/s^2, along the body's x and y axes, for speeding up and braking.
 
     The ellipse through them, as `MotionLimits` keeps it, is more than friction allows in between:
-    see `traction`.
+    see `traction_limit`.
 
     Args:
         kinematics: of the wheels.
@@ -44,13 +44,13 @@ def traction_limits(
         OmniError: the robot does not stand on these wheels.
     """
     ahead, back, left, right = (
-        traction(kinematics, friction, bearing, centre_height)
+        traction_limit(kinematics, friction, bearing, centre_height)
         for bearing in (0.0, math.pi, math.pi / 2, -math.pi / 2)
     )
     return min(ahead, back), min(left, right)
 
 
-def traction(
+def traction_limit(
     kinematics: Kinematics, friction: float, bearing: float, centre_height: float = 0.0
 ) -> float:
     """Highest acceleration without turning towards `bearing` (rad from the body's x axis), m/s^2; 0 if there is none.
@@ -67,9 +67,9 @@ def traction(
     Raises:
         OmniError: the robot does not stand on these wheels.
     """
-    wheels = WheelLimits(kinematics, friction, gyration=1.0, centre_height=centre_height)
+    wheels = WheelLimits(kinematics, friction, gyration_radius=1.0, centre_height=centre_height)
     towards = np.array([[math.cos(bearing), math.sin(bearing), 0.0]])
-    return float(1 / wheels.friction_share(towards, np.zeros((1, 3))).max())
+    return float(1 / wheels.friction_utilization(towards, np.zeros((1, 3))).max())
 
 
 @dataclass(frozen=True)
@@ -79,13 +79,13 @@ class WheelLimits:
     Args:
         kinematics: of the wheels; the centre of mass is over their middle.
         friction: coefficient of friction between rollers and carpet.
-        gyration: the robot's radius of gyration about the vertical axis, m: the root of its inertia
+        gyration_radius: the robot's radius of gyration about the vertical axis, m: the root of its inertia
             over its mass.
         centre_height: as for `traction_limits`.
-        pile: what the carpet resists against the travel of each wheel, a share of its load.
+        carpet_drag: what the carpet resists against the travel of each wheel, a share of its load.
         roller_friction: what the rollers' bearings resist against travel along its axle, same; it
             also takes its part of the circle of friction.
-        rim_speed: highest speed of a rim, m/s.
+        max_rim_speed: highest speed of a rim, m/s.
 
     Raises:
         OmniError: a number is not what it can be, the robot does not stand on these wheels, or they
@@ -94,11 +94,11 @@ class WheelLimits:
 
     kinematics: Kinematics
     friction: float
-    gyration: float
+    gyration_radius: float
     centre_height: float = 0.0
-    pile: float = 0.0
+    carpet_drag: float = 0.0
     roller_friction: float = 0.0
-    rim_speed: float = np.inf
+    max_rim_speed: float = np.inf
 
     def __post_init__(self) -> None:
         """Check that anything can be driven with them.
@@ -106,24 +106,24 @@ class WheelLimits:
         Raises:
             OmniError: see above.
         """
-        for name in ("friction", "gyration", "rim_speed"):
+        for name in ("friction", "gyration_radius", "max_rim_speed"):
             if not getattr(self, name) > 0:
                 raise OmniError(
                     f"the {name.replace('_', ' ')} of wheels must be positive, not {getattr(self, name)}"
                 )
-        for name in ("centre_height", "pile", "roller_friction"):
+        for name in ("centre_height", "carpet_drag", "roller_friction"):
             if not getattr(self, name) >= 0:
                 raise OmniError(
                     f"the {name.replace('_', ' ')} of wheels must not be below 0: {getattr(self, name)}"
                 )
-        if self.drag_share >= 1:
+        if self.max_drag_fraction >= 1:
             raise OmniError(
                 f"on a carpet of friction {self.friction:g} wheels cannot pull what drags them, "
-                f"{self.drag_share:.3g} times what they can"
+                f"{self.max_drag_fraction:.3g} times what they can"
             )
 
     @property
-    def drag_share(self) -> float:
+    def max_drag_fraction(self) -> float:
         """How much of their friction drag may take, wherever they go: an upper bound, some per cent too high."""
         return float(self._dragged.max())
 
@@ -140,11 +140,11 @@ class WheelLimits:
         velocity = np.pad(velocity, ((1, 1), (0, 0)))
         asked = world_to_body(np.diff(velocity, axis=0) / period, heading)
         travel = world_to_body((velocity[1:] + velocity[:-1]) / 2, heading)
-        return float(self.friction_share(asked, travel).max()), float(
-            rims.max(initial=0) / self.rim_speed
+        return float(self.friction_utilization(asked, travel).max()), float(
+            rims.max(initial=0) / self.max_rim_speed
         )
 
-    def friction_share(self, acceleration: Array, travel: Array) -> Array:
+    def friction_utilization(self, acceleration: Array, travel: Array) -> Array:
         """How much of their friction wheels need (n,) for body accelerations (n, 3), travelling at twists (n, 3)."""
         rows, dragged = self.faces(travel)
         return np.asarray((acceleration @ rows.T + dragged).max(1))
@@ -155,7 +155,7 @@ class WheelLimits:
         The latter are what drag takes of it while the wheels travel at twists (n, 3).
         """
         allowed, pushed = self._faces
-        return allowed * [1.0, 1.0, self.gyration**2], -self._drag(travel) @ pushed.T
+        return allowed * [1.0, 1.0, self.gyration_radius**2], -self._drag(travel) @ pushed.T
 
     def spare(
         self, acceleration: float, side_acceleration: float, turn_acceleration: float
@@ -167,7 +167,7 @@ class WheelLimits:
         """
         ahead, aside, turning = np.abs(self._faces[0]).T
         reach = np.hypot(acceleration * ahead, side_acceleration * aside)
-        reach += self.gyration**2 * turn_acceleration * turning
+        reach += self.gyration_radius**2 * turn_acceleration * turning
         return float(1 / (reach / (1 - self._dragged)).max())
 
     def rims(self, twist: Array) -> Array:
@@ -178,10 +178,10 @@ class WheelLimits:
         """What the carpet does to the body, [ax, ay, moment per mass] (n, 3), against its travel at twists (n, 3)."""
         along, across = travel @ self.kinematics.matrix.T, travel @ self.kinematics.axles.T
         load, speed = GRAVITY * self._loads[0], np.hypot(along, across)
-        pile = np.divide(self.pile, speed, out=np.zeros_like(speed), where=speed > 0)
-        against = pile * across + self.roller_friction * np.sign(across)
+        carpet_drag = np.divide(self.carpet_drag, speed, out=np.zeros_like(speed), where=speed > 0)
+        against = carpet_drag * across + self.roller_friction * np.sign(across)
         return (
-            -(load * pile * along) @ self.kinematics.matrix
+            -(load * carpet_drag * along) @ self.kinematics.matrix
             - (load * against) @ self.kinematics.axles
         )
 
@@ -217,26 +217,26 @@ class WheelLimits:
             np.abs(pushed @ self.kinematics.matrix.T),
             np.abs(pushed @ self.kinematics.axles.T),
         )
-        taken = self.pile * np.hypot(along, across) + self.roller_friction * across
+        taken = self.carpet_drag * np.hypot(along, across) + self.roller_friction * across
         return np.asarray(taken @ (GRAVITY * self._loads[0]))
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
-        return loads(self.kinematics, self.centre_height)
+        return load_distribution(self.kinematics, self.centre_height)
 
 
-def loads(kinematics: Kinematics, centre_height: float) -> tuple[Array, Array]:
+def load_distribution(kinematics: Kinematics, centre_height: float) -> tuple[Array, Array]:
     """Shares of the weight (wheels,) that wheels bear at rest, and what accelerations add, (wheels, 3) per mass.
 
     Args:
         kinematics: of the wheels; the centre of mass is over their middle.
         centre_height: of it, m.
     """
-    shares = load_shares(kinematics)
+    shares = load_matrix(kinematics)
     return shares[:, 0], np.pad(-centre_height * shares[:, 1:], ((0, 0), (0, 1)))
 
 
-def load_shares(kinematics: Kinematics) -> Array:
+def load_matrix(kinematics: Kinematics) -> Array:
     """What wheels bear (wheels, 3) of a force down, and per moments of forces times their places x and y, 1/m.
 
     Equal springs under a rigid body: of all loads in balance those with the least squares.

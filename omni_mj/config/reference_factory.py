@@ -160,7 +160,7 @@ def _planned(task: ReferenceSettings, limits: MotionLimits, where: Where) -> Sam
     else:
         dwell_frames = round(task.dwell_s * FRAME_RATE_HZ)
         moving = TimedReference(_visits(task), limits, PERIOD_S, dwell_frames, settle_frames)
-    reference = moving.after_rest(_lead_frames(task))
+    reference = moving.with_initial_rest(_lead_frames(task))
     return (
         reference
         if where == ORIGIN

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
-from omni_control.reference import EachReference
+from omni_control.reference import PerRobotReference
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, Settings
@@ -49,7 +49,7 @@ class Batch:
 
     def __init__(self, simulation: Simulation, robots: NDArray[np.intp]) -> None:
         self.simulation, self.robots, own = simulation, robots, simulation.references
-        self.reference = own[0] if all(each is own[0] for each in own) else EachReference(own)
+        self.reference = own[0] if all(each is own[0] for each in own) else PerRobotReference(own)
         self.last = np.array([each.frames - 1 for each in own])
         control = [row.settings.control for row in simulation.rows]
         self.limits = np.array(

@@ -9,7 +9,7 @@ from omni_control.controllers import make
 from omni_control.controllers.base import Controller, TeamModel
 from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
-from omni_control.reference import EachReference, Reference
+from omni_control.reference import PerRobotReference, Reference
 from omni_control.team import Team
 from omni_mj.config import reference_factory
 from omni_mj.config.rows import Row
@@ -100,7 +100,7 @@ def _reference(rows: Sequence[Row]) -> Reference:
     if _iterated(rows[0]):
         return reference_factory.iterated(rows[0].settings, len(rows), rows[0].start_pose)
     own = [reference_factory.timed(row.settings, row.start_pose) for row in rows]
-    return own[0] if all(each is own[0] for each in own) else EachReference(own)
+    return own[0] if all(each is own[0] for each in own) else PerRobotReference(own)
 
 
 def _iterated(row: Row) -> bool:

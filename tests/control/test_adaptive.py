@@ -10,7 +10,7 @@ from omni_control import IteratedReference, MotionLimits, Team, TeamModel, Timed
 LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0]]
 LEAD, SECOND = 15, 60
-ROUTE = TimedReference(PATH, LIMITS, T, settle_frames=SECOND).after_rest(LEAD)
+ROUTE = TimedReference(PATH, LIMITS, T, settle_frames=SECOND).with_initial_rest(LEAD)
 RIGHT = {"lag_s": 0.0267, "creep_s2_m": 0.06, "drag_m_s": 0.0375, "alpha": (0.92, 0.87)}
 NONE = {"lag_s": 0.01, "creep_s2_m": 1e-6, "drag_m_s": 0.04, "alpha": None}
 UNKNOWN = {"lag_s": 0.0, "creep_s2_m": 0.0, "drag_m_s": 0.0}

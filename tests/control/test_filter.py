@@ -14,7 +14,7 @@ def filtered(measured: Array, displacement: Array, start: Array) -> dict[str, Ar
     """What the filter says in each frame, (frames, n, 3) each, by the names of its attributes."""
     kalman = vision_filter.KalmanFilter(start, T, NOISE)
     said: dict[str, list[Array]] = {
-        name: [] for name in ("pose", "twist", "drift", "sigma", "normalised")
+        name: [] for name in ("pose", "twist", "drift", "sigma", "normalized_innovation")
     }
     for m, q in zip(measured, displacement, strict=True):
         kalman.update(m, q)
@@ -50,7 +50,11 @@ def textbook(
             p = joseph @ p @ joseph.T + k @ k.T * noise**2
         said.append((x[0], q / T + x[1], x[1], np.sqrt(p[0, 0]), normalised))
     return dict(
-        zip(("pose", "twist", "drift", "sigma", "normalised"), np.array(said).T, strict=True)
+        zip(
+            ("pose", "twist", "drift", "sigma", "normalized_innovation"),
+            np.array(said).T,
+            strict=True,
+        )
     )
 
 

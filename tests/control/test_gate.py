@@ -1,7 +1,7 @@
 """Laws of the gate: what a robot can do passes as it is, what it cannot does not, and no doubt lasts."""
 
 import numpy as np
-from benches.control import DOUBTED, REPEATED, Array, Gate, make, wrap_angle
+from benches.control import MAX_REJECTIONS, MAX_REPEATS, Array, OutlierGate, make, wrap_angle
 from closed_loop import NOISE, Lagged, T, loop, reported, vision
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,8 +13,8 @@ LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)
 seeds = st.integers(0, 2**32 - 1)
 
 
-def gate_of(n: int, noise: Array = NOISE) -> Gate:
-    return Gate(np.tile(noise, (n, 1)), [LIMITS] * n, T)
+def gate_of(n: int, noise: Array = NOISE) -> OutlierGate:
+    return OutlierGate(np.tile(noise, (n, 1)), [LIMITS] * n, T)
 
 
 def driven(rng: np.random.Generator, frames: int, n: int, missed: float) -> tuple[Array, Array]:
@@ -59,7 +59,7 @@ def test_headings_seen_backwards_are_turned_back(seed: int, heading: float, rate
         true = np.array([[0, 0, wrap_angle(heading + rate * T * k)]]) + NOISE * rng.standard_normal(
             (1, 3)
         )
-        backwards = k > 0 and in_a_row < DOUBTED - 1 and rng.random() < 0.5
+        backwards = k > 0 and in_a_row < MAX_REJECTIONS - 1 and rng.random() < 0.5
         in_a_row = in_a_row + 1 if backwards else 0
         image = true.copy()
         image[:, 2] = wrap_angle(true[:, 2] + np.pi * backwards)
@@ -82,12 +82,12 @@ def test_whatever_was_seen_a_robot_is_believed_within_ten_images(
         image = rng.uniform(-4, 4, (3, 3))
         image[rng.random(3) < missed] = np.nan
         believes(image, rng.uniform(0, 0.2, 3))
-    for k in range(3 * DOUBTED):
+    for k in range(3 * MAX_REJECTIONS):
         image = reported(np.array(place) + NOISE * rng.standard_normal((3, 3)))
         found = believes(image)
-        if k >= DOUBTED - 1:
+        if k >= MAX_REJECTIONS - 1:
             np.testing.assert_array_equal(found[:, :2], image[:, :2])
-        if k >= 2 * DOUBTED - 2:  # a heading is first looked at when the place is believed
+        if k >= 2 * MAX_REJECTIONS - 2:  # a heading is first looked at when the place is believed
             np.testing.assert_array_equal(found, image)
 
 
@@ -109,12 +109,12 @@ def test_what_was_too_fast_to_stand_is_not_seen_to_stand_for_a_second(
     Where the image goes on, after however many repeats, it is believed.
     """
     step = speed * T * np.array([[np.cos(direction), np.sin(direction), 0.0]])
-    for repeats in (4, REPEATED + 4):
+    for repeats in (4, MAX_REPEATS + 4):
         believes = gate_of(1)
         for k in range(3):
             believes(k * step + 0.1)
         found = np.array([believes(2 * step + 0.1)[0, 0] for _ in range(repeats)])
-        doubted = REPEATED - 1 if speed > 0.01 else 0
+        doubted = MAX_REPEATS - 1 if speed > 0.01 else 0
         if abs(speed - 0.01) > 1e-6:
             np.testing.assert_array_equal(np.isnan(found), np.arange(repeats) < doubted)
         went_on = (3 + repeats) * step + 0.1

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 from benches.control import (
+    CENTER_HEIGHT_M,
     CREEP,
     DISTURBANCE,
-    GAIN,
-    HEIGHT_M,
+    INVERSE_GAIN,
     LAG,
     LATENCY,
     Array,
-    Compliance,
-    RobotFilter,
+    RobotEkf,
+    WheelCompliance,
     anticipate,
 )
 from closed_loop import NOISE, WHEELS, Creeping, T
@@ -31,8 +31,8 @@ PLAIN = TeamModel(
 number = st.floats(-1, 1)
 
 
-def filter_of(model: TeamModel, n: int = 1) -> RobotFilter:
-    return RobotFilter(model, n, tuple(NOISE))
+def filter_of(model: TeamModel, n: int = 1) -> RobotEkf:
+    return RobotEkf(model, n, tuple(NOISE))
 
 
 @given(st.tuples(*[number] * 5))
@@ -41,7 +41,7 @@ def test_a_step_is_the_solution_of_the_law(drawn: tuple[float, ...]) -> None:
     model, fine = filter_of(PLAIN), 64
     state = model.prior.copy()[None]
     state[0, 3:5], command = drawn[:2], np.array([[*drawn[2:4], 0.0]])
-    gain, ratio = model.prior[GAIN], np.array([1.0, 5 / 3])
+    gain, ratio = model.prior[INVERSE_GAIN], np.array([1.0, 5 / 3])
 
     def law(_: float, z: Array) -> Array:
         late = model.prior[LAG] * ratio + gain[:2] ** 2 * model.prior[CREEP] * ratio * np.hypot(
@@ -74,7 +74,7 @@ def test_the_inverse_leads_from_one_velocity_to_another(drawn: tuple[float, ...]
 
 def identify(
     model: TeamModel, robots: Creeping, frames: int, seed: int = 0, tail: int = 0
-) -> RobotFilter:
+) -> RobotEkf:
     """What is found of robots that weave about, each its own way; in the last `tail` frames nothing is asked."""
     n, rng = len(robots.pose), np.random.default_rng(seed)
     ekf = filter_of(model, n)
@@ -176,7 +176,9 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
     def moment(lacking: float) -> float:
         balance = np.array([np.ones(4), feet.real, feet.imag])
         loads = np.linalg.lstsq(
-            balance, [4, -4 * HEIGHT_M / 9.81 * a.real, -4 * HEIGHT_M / 9.81 * a.imag], rcond=None
+            balance,
+            [4, -4 * CENTER_HEIGHT_M / 9.81 * a.real, -4 * CENTER_HEIGHT_M / 9.81 * a.imag],
+            rcond=None,
         )
         total = 0.0
         for azimuth, load in zip(WHEELS.azimuths, loads[0], strict=True):
@@ -186,13 +188,17 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
         return total
 
     rows = (np.array([[z.real, z.imag, turn]]) for z, turn in ((v, w), (a, 0.0), (e, 0.0)))
-    turned = Compliance(WHEELS, 1.0).turned(*rows, np.array([lag]), np.array([creep]))
+    turned = WheelCompliance(WHEELS, 1.0).compute_turn_rate(
+        *rows, np.array([lag]), np.array([creep])
+    )
     assert turned[0] == pytest.approx(-brentq(moment, -100, 100, xtol=1e-12), abs=1e-9)
 
 
 def test_wheels_at_right_angles_turn_nothing_at_a_steady_pace() -> None:
-    square = Compliance(Kinematics(np.radians([45.0, 135.0, 225.0, 315.0]), 0.083, 0.0285), 1.0)
-    turned = square.turned(
+    square = WheelCompliance(
+        Kinematics(np.radians([45.0, 135.0, 225.0, 315.0]), 0.083, 0.0285), 1.0
+    )
+    turned = square.compute_turn_rate(
         np.array([[0.7, 0.4, 0]]),
         np.zeros((1, 3)),
         np.array([[0.4, 1, 0]]),

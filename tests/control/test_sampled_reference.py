@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.control import Array, EachReference
+from benches.control import Array, PerRobotReference
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -44,7 +44,7 @@ def test_each_robot_gets_the_answer_to_its_own_frame(asked: list[float]) -> None
 def test_robots_with_references_of_their_own_are_told_what_each_would_be() -> None:
     """To the bit, whatever is asked: one frame, one each, a preview; shorter ones rest."""
     each = [REFERENCE, SampledReference(POSES[::-1][:3], T), SampledReference(POSES + 1.0, T)]
-    together, n = EachReference(each), len(each)
+    together, n = PerRobotReference(each), len(each)
     pose, rng = np.zeros((n, 3)), np.random.default_rng(0)
     for frame in (0, 2.4, -3.0, 1e3, rng.uniform(-2, 12, n)):
         own = [frame if np.ndim(frame) == 0 else frame[i : i + 1] for i in range(n)]
@@ -63,4 +63,4 @@ def test_robots_with_references_of_their_own_are_told_what_each_would_be() -> No
                     found[part], np.concatenate([e[part] for e in expected], axis=-2)
                 )
     with pytest.raises(OmniError, match="same length"):
-        EachReference([REFERENCE, SampledReference(POSES, 2 * T)])
+        PerRobotReference([REFERENCE, SampledReference(POSES, 2 * T)])

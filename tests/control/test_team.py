@@ -120,7 +120,7 @@ def test_who_writes_into_what_a_team_returns_changes_nothing() -> None:
             observation.twist,
             observation.measured_pose,
             other.estimate,
-            observation.filter_steps[0].behind,
+            observation.filter_steps[0].frames_behind,
         ):
             with pytest.raises(ValueError, match="read-only"):
                 values += 1.0

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from benches.control import traction, traction_limits
+from benches.control import traction_limit, traction_limits
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -32,7 +32,7 @@ def test_of_the_default_wheels_the_limits_are_closed_forms(friction: float, heig
     # The solver is exact to 1e-7 of its bounds.
     assert forward == pytest.approx(min(level / (1 + shifts), topples), rel=1e-6)
     assert sideways == pytest.approx(friction * G / 2, rel=1e-6)
-    assert traction(ROBOT, friction, math.pi, height) == pytest.approx(
+    assert traction_limit(ROBOT, friction, math.pi, height) == pytest.approx(
         min(level / (1 - shifts), topples), rel=1e-6
     )
 

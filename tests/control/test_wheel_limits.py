@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benches.control import traction
+from benches.control import traction_limit
 from hypothesis import given
 from hypothesis import strategies as st
 from routes import TIGERS, G, most, vectors, wheels
@@ -19,18 +19,18 @@ def test_no_forces_give_more(
 ) -> None:
     """At so many times the acceleration as forces of single wheels can give at best, the whole friction is needed."""
     times = most(robot, np.array(asked), np.array(travel))
-    share = robot.friction_share(times * np.array([asked]), np.array([travel]))
+    share = robot.friction_utilization(times * np.array([asked]), np.array([travel]))
     assert share[0] == pytest.approx(1, rel=1e-6)  # of the solver
 
 
 def test_pushing_needs_what_traction_says_and_turning_all_wheels_alike() -> None:
     """Without drag: 1 at the traction ahead; and a moment of mu g m arm, of wheels that all slide one way."""
-    robot = replace(TIGERS, pile=0.0, roller_friction=0.0)
+    robot = replace(TIGERS, carpet_drag=0.0, roller_friction=0.0)
     still = np.zeros((1, 3))
-    ahead = traction(robot.kinematics, 0.45, 0.0, 0.045)
-    assert robot.friction_share(np.array([[ahead, 0, 0]]), still)[0] == pytest.approx(1)
+    ahead = traction_limit(robot.kinematics, 0.45, 0.0, 0.045)
+    assert robot.friction_utilization(np.array([[ahead, 0, 0]]), still)[0] == pytest.approx(1)
     spun = 0.45 * G * 0.083 / 0.0695**2
-    assert robot.friction_share(np.array([[0, 0, spun]]), still)[0] == pytest.approx(1)
+    assert robot.friction_utilization(np.array([[0, 0, spun]]), still)[0] == pytest.approx(1)
 
 
 @given(wheels, st.floats(0.3, 6), st.floats(0.3, 6), st.floats(1, 100))
@@ -48,15 +48,15 @@ def test_what_is_spared_for_all_at_once_is_enough_for_each(
             np.stack([np.cos(angles + lag), np.sin(angles + lag), 10 * np.cos(lag + 0 * angles)], 1)
             for lag in range(6)
         ):
-            assert robot.friction_share(asked, way).max() <= 1 + 1e-9
+            assert robot.friction_utilization(asked, way).max() <= 1 + 1e-9
 
 
 def test_numbers_that_cannot_be_are_refused() -> None:
     for name, bad in (
         ("friction", 0.0),
-        ("gyration", -1.0),
-        ("rim_speed", math.nan),
-        ("pile", -0.1),
+        ("gyration_radius", -1.0),
+        ("max_rim_speed", math.nan),
+        ("carpet_drag", -0.1),
     ):
         with pytest.raises(OmniError, match=f"the {name.replace('_', ' ')} of wheels must"):
             replace(TIGERS, **{name: bad})

@@ -37,13 +37,13 @@ def differences(poses: Array) -> tuple[Array, Array, Array]:
 def assert_within(robot: WheelLimits, poses: Array) -> None:
     rolling, asked, travel = differences(poses)
     # A snap of a nm at a way-point is 4e-6 m/s^2, of 3 at least that friction gives.
-    assert robot.friction_share(asked, travel).max() <= 1 + 1e-5
+    assert robot.friction_utilization(asked, travel).max() <= 1 + 1e-5
     rims = rolling @ [
         -np.sin(robot.kinematics.azimuths),
         np.cos(robot.kinematics.azimuths),
         [robot.kinematics.arm] * 4,
     ]
-    assert np.abs(rims).max(initial=0) <= robot.rim_speed * (1 + 1e-6)
+    assert np.abs(rims).max(initial=0) <= robot.max_rim_speed * (1 + 1e-6)
 
 
 @settings(max_examples=12)
@@ -54,7 +54,7 @@ def test_a_way_stays_within_what_wheels_can(
     """And within all other limits, of which none is given up for it."""
     reference = TimedReference(path, replace(limit, wheels=robot), T, dwell)
     assert_within(robot, reference.poses)
-    assert limit.excess(reference.poses, T) <= 1 + 1e-5
+    assert limit.required_time_scale(reference.poses, T) <= 1 + 1e-5
 
 
 @settings(max_examples=12)
@@ -68,7 +68,7 @@ def test_a_curve_stays_within_what_wheels_can(
         CURVES[shape](length, 1.0), replace(limit, wheels=robot), T, 1, tangent
     )
     assert_within(robot, reference.poses)
-    assert limit.excess(reference.poses, T) <= 1 + 1e-8
+    assert limit.required_time_scale(reference.poses, T) <= 1 + 1e-8
 
 
 # --- as fast as that allows ---
@@ -81,7 +81,7 @@ def most_along(
 
     These are [ax, ay, b] = gain (cells, 3, n) times x, plus offset (cells, 3).
     """
-    cells, scale = len(gain), np.array([1, 1, robot.gyration**2])
+    cells, scale = len(gain), np.array([1, 1, robot.gyration_radius**2])
     (standing, shifting), spoke = statics(robot), np.exp(1j * robot.kinematics.azimuths)
     grip = math.sqrt(robot.friction**2 - robot.roller_friction**2)
     gives = np.array([(1j * spoke).real, (1j * spoke).imag, np.full(4, robot.kinematics.arm)])

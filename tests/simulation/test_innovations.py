@@ -41,7 +41,7 @@ def certainty(request: pytest.FixtureRequest) -> Certainty:
     kalman, said = simulation.team.filter, []
     log = simulation.run(
         lambda frame: said.append(
-            (kalman.normalised.copy(), kalman.pose.copy(), kalman.sigma.copy())
+            (kalman.normalized_innovation.copy(), kalman.pose.copy(), kalman.sigma.copy())
         )
     )
     innovation, pose, sigma = (np.array(values) for values in zip(*said, strict=True))

@@ -108,7 +108,7 @@ def drag(robot: WheelLimits, travel: Array) -> Array:
     v = travel[:2] + travel[2] * np.column_stack([-arm[:, 1], arm[:, 0]])
     across = np.sign((v * axle).sum(axis=1, keepdims=True))
     push = -load * (
-        robot.pile * v / np.linalg.norm(v, axis=1, keepdims=True)
+        robot.carpet_drag * v / np.linalg.norm(v, axis=1, keepdims=True)
         + robot.roller_friction * across * axle
     )
     return np.append(push.sum(0), (arm[:, 0] * push[:, 1] - arm[:, 1] * push[:, 0]).sum())
@@ -118,7 +118,7 @@ def most(robot: WheelLimits, asked: Array, travel: Array) -> float:
     """How many times accelerations [ax, ay, b] can be had at best: forces of the rims, by a linear program."""
     standing, shifting = statics(robot)
     grip = math.sqrt(robot.friction**2 - robot.roller_friction**2)
-    q = asked * [1, 1, robot.gyration**2]
+    q = asked * [1, 1, robot.gyration_radius**2]
     x, y = spokes(robot).T
     gives = np.array([-y, x, np.full(4, robot.kinematics.arm)])
     shifts = -grip * (shifting @ q[:2])[:, None]

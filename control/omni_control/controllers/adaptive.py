@@ -18,9 +18,9 @@ from typing import ClassVar
 import numpy as np
 
 from omni_control.controllers.base import Controller, Observation, TeamModel
-from omni_control.estimation import parameter_ekf
-from omni_control.estimation.parameter_ekf import DISTURBANCE, GAIN, POSE, VELOCITY, RobotFilter
-from omni_control.estimation.vision_tracker import MOST_FRAMES
+from omni_control.estimation import robot_ekf
+from omni_control.estimation.robot_ekf import DISTURBANCE, INVERSE_GAIN, POSE, VELOCITY, RobotEkf
+from omni_control.estimation.vision_tracker import MAX_FRAMES_BEHIND
 from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import IteratedReference, Reference
@@ -31,7 +31,7 @@ HORIZON_FRAMES = 10  # with 20 nothing changes, on `league`, `random-waypoints` 
 class InverseFlc(Controller):
     """inverse-flc: the inverse of the nominal model of a robot, prediction by it, and the fuzzy controller.
 
-    Pose and velocity are predicted to when the command will act (`RobotFilter`). The command is the
+    Pose and velocity are predicted to when the command will act (`RobotEkf`). The command is the
     inverse of the model for the reference of that time, and the fuzzy controller's correction of
     the error that is left. It knows what `adaptive-comp-flc` knows of a robot, and learns nothing.
     """
@@ -41,9 +41,9 @@ class InverseFlc(Controller):
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         super().__init__(model, reference, n)
         noise = (0.0, 0.0, 0.0) if self.knows_truth else model.vision_noise
-        self.filter = RobotFilter(model, n, noise, self.learns)
+        self.filter = RobotEkf(model, n, noise, self.learns)
         self.fuzzy = FuzzyLaw(model.error_range_m, model.speed_range_m_s)
-        self.memory_frames = self.filter.memory_frames + MOST_FRAMES
+        self.memory_frames = self.filter.memory_frames + MAX_FRAMES_BEHIND
         self._twist_before = np.zeros((n, 3))  # of a reference planned anew, in the frame before
 
     def command(self, frame: int, observation: Observation) -> Array:
@@ -106,8 +106,12 @@ class InverseFlc(Controller):
         """Return what is added to errors (n, 2) of robots whose velocity is `behind` (n, 3), m, world frame."""
         ekf = self.filter
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        late = ekf.lateness(ekf.state, speed[:, None])
-        times = 2 * late / (1 + np.sqrt(1 + 2 * self.fuzzy.stiffness * late / ekf.state[:, GAIN]))
+        late = ekf.time_constants(ekf.state, speed[:, None])
+        times = (
+            2
+            * late
+            / (1 + np.sqrt(1 + 2 * self.fuzzy.stiffness * late / ekf.state[:, INVERSE_GAIN]))
+        )
         lead: Array = body_to_world(times * world_to_body(behind, heading), heading)
         return lead[:, :2]
 
@@ -118,17 +122,17 @@ class InverseFlc(Controller):
             ekf.state,
             np.sqrt(np.maximum(np.diagonal(ekf.covariance, axis1=1, axis2=2), 0)),
         )
-        lag = ekf.lateness(state, np.zeros((len(state), 1))) * state[:, GAIN]
-        self.alpha_hat = 1 / state[:, GAIN]
+        lag = ekf.time_constants(state, np.zeros((len(state), 1))) * state[:, INVERSE_GAIN]
+        self.alpha_hat = 1 / state[:, INVERSE_GAIN]
         self.latency_hat = ekf.latency[:, None] + lag / self.model.period
         self.channels = {
-            "alpha_sigma": self.alpha_hat**2 * sigma[:, GAIN],
+            "alpha_sigma": self.alpha_hat**2 * sigma[:, INVERSE_GAIN],
             "lag": lag,
             "disturbance": state[:, DISTURBANCE],
-            "surprise": ekf.innovation,
+            "surprise": ekf.mean_nis,
         }
         for name in ("latency", "creep", "friction"):
-            column = getattr(parameter_ekf, name.upper())
+            column = getattr(robot_ekf, name.upper())
             self.channels |= {name: state[:, column], f"{name}_sigma": sigma[:, column]}
 
 

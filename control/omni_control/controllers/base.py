@@ -15,7 +15,7 @@ import numpy as np
 
 from omni_control.delay_compensation import CommandsInFlight, Rows, compensation
 from omni_control.errors import OmniError, printable
-from omni_control.estimation.vision_tracker import Step
+from omni_control.estimation.vision_tracker import FilterStep
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
 
@@ -128,7 +128,7 @@ class Observation:
     period: float
     delay_frames: int | Array
     measurement_age: Array | None = None
-    filter_steps: tuple[Step, ...] = ()
+    filter_steps: tuple[FilterStep, ...] = ()
 
     def of(self, rows: Rows, memory: int, delay_frames: int | Array) -> "Observation":
         """The same of some robots with that dead time and so many commands, in arrays of its own."""
@@ -140,7 +140,7 @@ class Observation:
             self.period,
             delay_frames,
             None if self.measurement_age is None else self.measurement_age[rows],
-            tuple(step.of(rows) for step in self.filter_steps),
+            tuple(step.select(rows) for step in self.filter_steps),
         )
 
     @property

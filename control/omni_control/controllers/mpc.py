@@ -1,6 +1,6 @@
 """Model predictive control with preview: the best commands for the next frames within what may be commanded.
 
-Per axis of the body the law of `RobotFilter` has a lag that depends on the speed. With the reference's speed in
+Per axis of the body the law of `RobotEkf` has a lag that depends on the speed. With the reference's speed in
 its place it is linear, and the errors of position and velocity, e_p and e_v, in the world, obey
 
     e_v(k+1) = D e_v(k) + G w(k)               D = decay of a velocity in a frame, G = (1 - D) / g
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from omni_control.controllers.adaptive import AdaptiveCompFlc
 from omni_control.controllers.base import Observation, TeamModel
-from omni_control.estimation.parameter_ekf import DISTURBANCE, GAIN, POSE, VELOCITY
+from omni_control.estimation.robot_ekf import DISTURBANCE, INVERSE_GAIN, POSE, VELOCITY
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import Reference
 
@@ -132,7 +132,7 @@ class Mpc(AdaptiveCompFlc):
             world_to_body(velocities[1:], headings),
         )
         speed = np.hypot(before[..., 0], before[..., 1])
-        lag, gain = ekf.lateness(ekf.state, speed[..., None]), ekf.state[:, GAIN]
+        lag, gain = ekf.time_constants(ekf.state, speed[..., None]), ekf.state[:, INVERSE_GAIN]
         decay = np.exp(-period / lag)
         carried = (1 - decay) * lag
         towards = (after - decay * before) / (1 - decay)

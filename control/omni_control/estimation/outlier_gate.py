@@ -37,15 +37,15 @@ OTHERS = 3.7, 26.0  # m/s and rad/s of robots in the league's simulators (ssl-si
 STILL_M_S = 0.01  # speed between images, up to which a robot may be standing
 BLOW = 2.0  # times its own speed, that a robot may have after a blow
 FALSE_ALARM = 1e-9  # of noise alone, in an image
-DOUBTED = 10  # images in a row, of which the last is believed
-REPEATED = 300  # same, of a robot that cannot have stopped like that
+MAX_REJECTIONS = 10  # images in a row, of which the last is believed
+MAX_REPEATS = 300  # same, of a robot that cannot have stopped like that
 
 NOISE = 2 * math.sqrt(
     -math.log(FALSE_ALARM)
 )  # how far noise alone leads two images apart, standard deviations
 
 
-class Gate:
+class OutlierGate:
     """What may be believed of the images of n robots.
 
     Args:
@@ -92,16 +92,16 @@ class Gate:
         repeated, seen = (measured == self._shown).all(1), ~np.isnan(measured[:, 0])
         far = seen & (distance > allowed)
         self._elsewhere = _counted(self._elsewhere, far, seen)
-        found = self._elsewhere >= DOUBTED
+        found = self._elsewhere >= MAX_REJECTIONS
         self._elsewhere = np.where(found, 0.0, self._elsewhere)
         # And not the same one, told once more
         later = self._since - (age - self._age) > self._period / 2
         self._repeated = _counted(self._repeated, repeated & later & (self._pace > STILL_M_S), seen)
-        taken = seen & (~far | found) & ((self._repeated == 0) | (self._repeated >= REPEATED))
+        taken = seen & (~far | found) & ((self._repeated == 0) | (self._repeated >= MAX_REPEATS))
         turned = np.abs(wrap_angle(moved[:, 2])) > np.pi / 2
         back = taken & ~far & turned & (self._turn_rate * between < np.pi / 2)
         self._backwards = _counted(self._backwards, back, taken)
-        back &= self._backwards < DOUBTED
+        back &= self._backwards < MAX_REJECTIONS
 
         believed = np.where(taken[:, None], measured, np.nan)
         believed[back, 2] = wrap_angle(believed[back, 2] + np.pi)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omni_control.delay_compensation import CommandsInFlight, Rows
-from omni_control.estimation.outlier_gate import Gate
+from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.kinematics import Array, wrap_angle
 
 GAIN_ERROR = 0.06  # standard deviation of a frame's displacement over the commanded one
@@ -32,11 +32,13 @@ DRIFT_TIME_S = 0.5
 SCALE_MEMORY, MAX_SQUARED_INNOVATION = 0.97, 9.0  # of the process noise's scale; of 3 sigma
 SCALE_BOUNDS = 0.1, 100.0
 RESOLUTION = 1e-5, 1e-5, 1e-4  # of a camera, m and rad
-MOST_FRAMES = 15  # that filters may be behind; of what is older they are told that it is no older
+MAX_FRAMES_BEHIND = (
+    15  # that filters may be behind; of what is older they are told that it is no older
+)
 _ROUNDING = 1e-6  # of a frame
 
 
-class Step(NamedTuple):
+class FilterStep(NamedTuple):
     """A step of filters of n robots, which ends at this frame, or at one in the past.
 
     Attributes:
@@ -47,21 +49,21 @@ class Step(NamedTuple):
             the last step.
     """
 
-    behind: Array
-    held: NDArray[np.bool_]
-    after: Array
+    frames_behind: Array
+    frozen: NDArray[np.bool_]
+    capture_offset: Array
 
     @classmethod
-    def now(cls, n: int) -> "Step":
+    def to_present(cls, n: int) -> "FilterStep":
         """Return the step to this frame of filters that were at the one before, to be read only: filters keep it."""
         return cls(np.broadcast_to(0.0, n), np.broadcast_to(False, n), np.broadcast_to(0.0, n))
 
-    def of(self, rows: Rows) -> "Step":
+    def select(self, rows: Rows) -> "FilterStep":
         """Return the same of some robots."""
-        return Step(self.behind[rows], self.held[rows], self.after[rows])
+        return FilterStep(self.frames_behind[rows], self.frozen[rows], self.capture_offset[rows])
 
 
-class Clock:
+class FilterSchedule:
     """Where filters of n robots are: `behind` frames (n,) before the present.
 
     Args:
@@ -70,24 +72,25 @@ class Clock:
     """
 
     def __init__(self, n: int, period: float) -> None:
-        self._period, self.behind = period, np.zeros(n)
+        self._period, self.frames_behind = period, np.zeros(n)
 
-    def steps(self, age: Array, seen: Array) -> list[Step]:
+    def steps(self, age: Array, seen: Array) -> list[FilterStep]:
         """The steps of this frame, of which the last has what vision reports: of this age (n,) s, of robots seen (n,).
 
         If an image is older than the frame where a robot's filter is, as after a frame without an
         image of it, the filter is held, `after` is negative, and the image is compared with where
         the robot was then.
         """
-        frames = np.minimum(age / self._period, MOST_FRAMES)
-        wanted = np.where(seen, np.ceil(frames - _ROUNDING), self.behind)
-        behind = np.minimum(wanted, self.behind + 1)
-        steps = self.behind + 1 - behind
+        frames = np.minimum(age / self._period, MAX_FRAMES_BEHIND)
+        wanted = np.where(seen, np.ceil(frames - _ROUNDING), self.frames_behind)
+        behind = np.minimum(wanted, self.frames_behind + 1)
+        steps = self.frames_behind + 1 - behind
         after = np.where(seen, (behind - frames) * self._period, 0.0)
-        self.behind = behind
+        self.frames_behind = behind
         left = range(max(int(steps.max()), 1) - 1, -1, -1)
         return [
-            Step(behind + more, steps <= more, after if more == 0 else 0 * after) for more in left
+            FilterStep(behind + more, steps <= more, after if more == 0 else 0 * after)
+            for more in left
         ]
 
 
@@ -106,7 +109,7 @@ class KalmanFilter:
     """
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
-        self._period, self._now = period, Step.now(len(pose))
+        self._period, self._now = period, FilterStep.to_present(len(pose))
         self._noise = np.maximum(np.broadcast_to(noise, pose.shape), RESOLUTION) ** 2
         self._kept = math.exp(-period / DRIFT_TIME_S)  # of a drift, in a frame
         self._wander = np.array([DRIFT_M_S1_5, DRIFT_M_S1_5, DRIFT_RAD_S1_5]) ** 2 * period
@@ -124,7 +127,7 @@ class KalmanFilter:
         return np.sqrt(self._pose_variance)
 
     @property
-    def normalised(self) -> Array:
+    def normalized_innovation(self) -> Array:
         """Innovations over their standard deviations (n, 3); not a number for robots that were not seen."""
         return self._innovation / np.sqrt(self._expected_square)
 
@@ -132,7 +135,7 @@ class KalmanFilter:
         self,
         measured: Array,
         displacement: Array,
-        step: Step | None = None,
+        step: FilterStep | None = None,
         onward: Array | float = 0.0,
     ) -> Array:
         """Return the filtered poses (n, 3).
@@ -144,7 +147,10 @@ class KalmanFilter:
             onward: what commands should have caused until robots were seen, (n, 3).
         """
         period, kept = self._period, self._kept
-        held, after = (step or self._now).held[:, None], (step or self._now).after[:, None]
+        held, after = (
+            (step or self._now).frozen[:, None],
+            (step or self._now).capture_offset[:, None],
+        )
         moving = self._scale * (GAIN_ERROR * displacement) ** 2
         ahead = self._covariance + period * self._drift_variance
         pose, drift = self.pose + period * self.drift + displacement, kept * self.drift
@@ -193,7 +199,7 @@ class KalmanFilter:
         return self.pose
 
 
-class Tracker:
+class VisionTracker:
     """Filter and gate of n robots, and what commands have done since the frame where the filter is.
 
     Args:
@@ -205,21 +211,24 @@ class Tracker:
 
     Attributes:
         filter: behind the present where images are late.
-        longest: number of commands that may have acted in the frame just past.
+        memory_frames: number of commands that may have acted in the frame just past.
         pose, twist: at this frame, (n, 3).
         steps: those that the filter made in it.
     """
 
     def __init__(
-        self, pose: Array, noise: Array, latency: Array, period: float, gate: Gate
+        self, pose: Array, noise: Array, latency: Array, period: float, gate: OutlierGate
     ) -> None:
         self.filter, self._gate = KalmanFilter(pose, period, noise), gate
         self._latency, self._period = latency, period
         self._usual = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
-        self._clock, self._now = Clock(len(latency), period), Step.now(len(latency))
-        self.longest = math.ceil(latency.max()) + 1
+        self._clock, self._now = (
+            FilterSchedule(len(latency), period),
+            FilterStep.to_present(len(latency)),
+        )
+        self.memory_frames = math.ceil(latency.max()) + 1
         self.pose, self.twist = self.filter.pose, self.filter.twist
-        self.steps: tuple[Step, ...] = (self._now,)
+        self.steps: tuple[FilterStep, ...] = (self._now,)
 
     def update(self, measured: Array, age: Array, sent: CommandsInFlight) -> Array:
         """Take in a frame; return the poses (n, 3) that the gate lets pass.
@@ -230,7 +239,7 @@ class Tracker:
             sent: commands up to the frame before, `MOST_FRAMES` more than `longest`.
         """
         measured = self._gate(measured, age)
-        if np.count_nonzero(age) or np.count_nonzero(self._clock.behind):
+        if np.count_nonzero(age) or np.count_nonzero(self._clock.frames_behind):
             self._update_late(measured, age, sent)
         else:
             self.pose = self.filter.update(measured, sent.felt(self._usual) * self._period)
@@ -244,12 +253,12 @@ class Tracker:
             tuple(self._clock.steps(age, ~np.isnan(measured[:, 0]))),
         )
         for step in self.steps:
-            behind, share = step.behind[:, None], step.after[:, None] / self._period
+            behind, share = step.frames_behind[:, None], step.capture_offset[:, None] / self._period
             displacement = sent.felt(latency + behind) * self._period
             onward = share * sent.felt(latency + np.maximum(behind - 1, 0.0)) * self._period
             seen = measured if step is self.steps[-1] else np.full_like(measured, np.nan)
             self.filter.update(seen, displacement, step, onward)
-        behind, drift = self._clock.behind[:, None], self.filter.drift
+        behind, drift = self._clock.frames_behind[:, None], self.filter.drift
         shares = sent.ahead(latency + behind) - sent.ahead(latency)
         since = (shares * sent.last(sent.length)).sum(0)
         self.pose = self.filter.pose + (since + behind * drift) * self._period

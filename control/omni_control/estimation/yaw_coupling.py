@@ -19,13 +19,13 @@ turning makes travel faster give way more; and acceleration takes load from the 
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
-from omni_control.traction import GRAVITY, loads
+from omni_control.traction import GRAVITY, load_distribution
 
-HEIGHT_M = 0.047  # of the centre of mass: TIGERs Mannheim's robots have 45 and 49 mm
+CENTER_HEIGHT_M = 0.047  # of the centre of mass: TIGERs Mannheim's robots have 45 and 49 mm
 MIN_LOAD = 0.1  # of the mean, that every wheel bears
 
 
-class Compliance:
+class WheelCompliance:
     """Wheels that give way.
 
     Args:
@@ -35,12 +35,12 @@ class Compliance:
 
     def __init__(self, geometry: Kinematics, share: float) -> None:
         self._rims = geometry.matrix[:, :2].T  # (2, wheels)
-        standing, shifting = loads(geometry, HEIGHT_M)
+        standing, shifting = load_distribution(geometry, CENTER_HEIGHT_M)
         count = len(geometry.azimuths)
         self._standing, self._shifting = count * standing, count / GRAVITY * shifting[:, :2].T
         self._arm, self._share = geometry.arm, share / geometry.arm
 
-    def turned(
+    def compute_turn_rate(
         self, velocity: Array, acceleration: Array, shortfall: Array, lag: Array, creep: Array
     ) -> Array:
         """Return the turn rates (..., n) that act on robots like commands, rad/s.
@@ -64,5 +64,5 @@ class Compliance:
         pull = stiffness * (
             shortfall[..., :1] * self._rims[0] + shortfall[..., 1:2] * self._rims[1]
         )
-        turned: Array = self._share * pull.sum(-1) / stiffness.sum(-1)
-        return turned
+        turn_rate: Array = self._share * pull.sum(-1) / stiffness.sum(-1)
+        return turn_rate

@@ -3,14 +3,19 @@
 from omni_control.reference.curves import CURVES, CurveReference
 from omni_control.reference.iterated import IteratedReference
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.reference.timed import EachReference, Reference, SampledReference, TimedReference
+from omni_control.reference.timed import (
+    PerRobotReference,
+    Reference,
+    SampledReference,
+    TimedReference,
+)
 
 __all__ = [
     "CURVES",
     "CurveReference",
-    "EachReference",
     "IteratedReference",
     "MotionLimits",
+    "PerRobotReference",
     "Reference",
     "SampledReference",
     "TimedReference",

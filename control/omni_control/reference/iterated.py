@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference.motion_limits import MotionLimits, approach_pose, checked_waypoints
+from omni_control.reference.motion_limits import MotionLimits, approach_pose, validate_waypoints
 
 ARRIVAL_RADIUS_M, ARRIVAL_ANGLE_RAD = 0.02, 0.1  # of a way-point, within which it is reached
 
@@ -62,7 +62,7 @@ class IteratedReference:
             raise OmniError(
                 "a reference that is planned anew in every frame cannot limit jerk: disturbances decide it"
             )
-        self.waypoints = checked_waypoints(waypoints)
+        self.waypoints = validate_waypoints(waypoints)
         self.waypoints.flags.writeable = False
         self.limits, self.period = limits.at_once(), period
         self.arrival_radius, self.arrival_angle = arrival_radius, arrival_angle

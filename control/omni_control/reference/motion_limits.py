@@ -77,7 +77,7 @@ class MotionLimits:
         x, y = vector[:, 0], vector[:, 1]
         return np.stack([c * x + s * y, self.stretch * (c * y - s * x)], axis=1)
 
-    def excess(self, poses: Array, period: float) -> float:
+    def required_time_scale(self, poses: Array, period: float) -> float:
         """Factor by which a drive from rest to rest must take longer, for differences of its poses to keep the limits.
 
         Those of the wheels are not looked at: see `WheelLimits.shares`.
@@ -119,7 +119,7 @@ class MotionLimits:
         side = self.side_acceleration or self.acceleration
         spare = self.wheels.spare(self.acceleration, side, self.turn_acceleration)
         rims = self.speed + self.wheels.kinematics.arm * self.turn_rate
-        return self.eased(min(spare, 1.0), min(self.wheels.rim_speed / rims, 1.0))
+        return self.eased(min(spare, 1.0), min(self.wheels.max_rim_speed / rims, 1.0))
 
     def on_the_way(self, offset: Array, heading: Array, later: Array) -> float | Array:
         """Highest acceleration (n, 1) along world vectors `offset` (n, 2) at all headings from `heading` to `later`.
@@ -230,7 +230,7 @@ def approach_pose(
     return np.concatenate([xy, turn], axis=1)
 
 
-def checked_waypoints(waypoints: Sequence[Sequence[float]]) -> Array:
+def validate_waypoints(waypoints: Sequence[Sequence[float]]) -> Array:
     """Way-points as an array (points, 3).
 
     Raises:

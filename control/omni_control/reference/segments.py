@@ -93,7 +93,7 @@ def _gentlest(start: Array, end: Array, limits: MotionLimits, period: float) -> 
         if way is None or heading is None:
             return None
         poses = _poses_at(start, end, np.stack([way, way, heading], axis=1))
-        return poses if limits.excess(poses, period) <= 1 + ROUNDING else None
+        return poses if limits.required_time_scale(poses, period) <= 1 + ROUNDING else None
 
     most = 1
     while (poses := drive(most)) is None:
@@ -143,7 +143,7 @@ def _in_step(
     slowest = max(
         np.hypot(*way[0, :2]) / limits.speed,
         abs(way[0, 2]) / limits.turn_rate,
-        wheels.rims(travel).max() / (share * wheels.rim_speed),
+        wheels.rims(travel).max() / (share * wheels.max_rim_speed),
     )
     squares = np.minimum(np.append(0, np.cumsum(up)), np.append(0, np.cumsum(down[::-1]))[::-1])
     return Timetable.of_rates(1 / _CELLS, np.sqrt(np.minimum(squares, slowest**-2.0)))

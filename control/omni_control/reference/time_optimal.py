@@ -85,6 +85,6 @@ def _bounds(
     ]
     turn_rate = np.abs(travel[:, 2])
     slowest = np.maximum(
-        turn_rate / limits.turn_rate, wheels.rims(travel).max(1) / (share * wheels.rim_speed)
+        turn_rate / limits.turn_rate, wheels.rims(travel).max(1) / (share * wheels.max_rim_speed)
     )
     return rows, np.array(most), np.maximum(slowest, 1 / limits.speed) ** -2.0

@@ -70,7 +70,7 @@ def driven(
                     np.pad(places, window - 1, mode="edge"), np.full(window, 1 / window), "valid"
                 )
             )
-            excess = limits.excess(poses, period)
+            excess = limits.required_time_scale(poses, period)
             frames = math.ceil(frames * excess)
         if excess <= 1 + ROUNDING:
             best = poses
@@ -99,7 +99,7 @@ def driven_on_wheels(
         OmniError: wheels can do little more than pull what drags them.
     """
     share = 1.0
-    while share > wheels.drag_share:
+    while share > wheels.max_drag_fraction:
         poses = driven(path, timetable(share), limits, period)
         if (asked := max(wheels.shares(poses, period))) <= 1 + ROUNDING:
             return poses

@@ -8,7 +8,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.reference.motion_limits import MotionLimits, checked_waypoints
+from omni_control.reference.motion_limits import MotionLimits, validate_waypoints
 from omni_control.reference.segments import legs
 
 
@@ -75,7 +75,7 @@ class SampledReference:
         """Number of frames, both ends counted."""
         return len(self.poses)
 
-    def after_rest(self, frames: int) -> "SampledReference":
+    def with_initial_rest(self, frames: int) -> "SampledReference":
         """The same after `frames` frames of rest at its start."""
         return SampledReference(np.pad(self.poses, ((frames, 0), (0, 0)), "edge"), self.period)
 
@@ -105,7 +105,7 @@ class SampledReference:
         return rows[..., :3], rows[..., 3:]
 
 
-class EachReference(SampledReference):
+class PerRobotReference(SampledReference):
     """References known in advance, one for each robot: n robots share a controller, whose routes are not the same.
 
     Args:
@@ -153,7 +153,7 @@ class TimedReference(SampledReference):
         dwell_frames: int = 0,
         settle_frames: int = 0,
     ) -> None:
-        route = list(pairwise(map(tuple, checked_waypoints(waypoints).tolist())))
+        route = list(pairwise(map(tuple, validate_waypoints(waypoints).tolist())))
         ways = list(dict.fromkeys(route))  # laps repeat their legs
         planned = dict(zip(ways, legs(ways, limits, period), strict=True))
         parts = [np.array(waypoints[:1], float)]

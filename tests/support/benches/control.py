@@ -9,21 +9,21 @@ from omni_control.controllers.mpc import Limits, minimize
 from omni_control.delay_compensation import CommandsInFlight, compensation
 from omni_control.errors import OmniError
 from omni_control.estimation import vision_tracker as vision_filter
-from omni_control.estimation.outlier_gate import DOUBTED, REPEATED, Gate
-from omni_control.estimation.parameter_ekf import (
+from omni_control.estimation.outlier_gate import MAX_REJECTIONS, MAX_REPEATS, OutlierGate
+from omni_control.estimation.robot_ekf import (
     CREEP,
     DISTURBANCE,
-    GAIN,
+    INVERSE_GAIN,
     LAG,
     LATENCY,
-    RobotFilter,
+    RobotEkf,
 )
 from omni_control.estimation.vision_tracker import KalmanFilter
-from omni_control.estimation.yaw_coupling import HEIGHT_M, Compliance
+from omni_control.estimation.yaw_coupling import CENTER_HEIGHT_M, WheelCompliance
 from omni_control.fuzzy import LABELS, FuzzyLaw, memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
-from omni_control.reference import EachReference, Reference
+from omni_control.reference import PerRobotReference, Reference
 from omni_control.reference.curves import CURVES, Curve, CurveReference
 from omni_control.registry import CONTROLLERS
 from omni_control.team import CommandLimits
-from omni_control.traction import traction, traction_limits
+from omni_control.traction import traction_limit, traction_limits

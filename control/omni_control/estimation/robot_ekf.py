@@ -21,11 +21,11 @@ import numpy as np
 
 from omni_control.controllers.base import Observation, TeamModel
 from omni_control.delay_compensation import CommandsInFlight
-from omni_control.estimation.vision_tracker import Step
-from omni_control.estimation.yaw_coupling import Compliance
+from omni_control.estimation.vision_tracker import FilterStep
+from omni_control.estimation.yaw_coupling import WheelCompliance
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 
-POSE, VELOCITY, DISTURBANCE, COUPLING, GAIN = (
+POSE, VELOCITY, DISTURBANCE, COUPLING, INVERSE_GAIN = (
     slice(0, 3),
     slice(3, 6),
     slice(6, 9),
@@ -64,7 +64,7 @@ SLOW_M_S = 0.05  # below which dry friction is in proportion to the speed
 DIFFERENCE = 1e-5  # of states, for the Jacobian
 
 
-class RobotFilter:
+class RobotEkf:
     """States and parameters of n robots, estimated from vision and the commands sent.
 
     Args:
@@ -99,10 +99,10 @@ class RobotFilter:
         self._friction_ratios = np.array(
             [1.0, ratio, GYRO_SHARE / self.arm * forward / mean_direction]
         )
-        self._compliance = Compliance(wheels, GYRO_SHARE if model.geometry else 0.0)
+        self._compliance = WheelCompliance(wheels, GYRO_SHARE if model.geometry else 0.0)
 
         self.prior = np.zeros(SIZE)
-        self.prior[GAIN] = 1 / np.array([*(model.alpha or UNKNOWN_ALPHA), YAW_ALPHA])
+        self.prior[INVERSE_GAIN] = 1 / np.array([*(model.alpha or UNKNOWN_ALPHA), YAW_ALPHA])
         self.prior[LATENCY:] = (
             model.delay_frames,
             model.creep_s2_m,
@@ -115,7 +115,7 @@ class RobotFilter:
             gain, *relative = KNOWN_SIGMA if model.alpha else UNKNOWN_SIGMA
             given = model.creep_s2_m, model.lag_s, model.drag_m_s
             sigma[DISTURBANCE] = DISTURBANCE_SIGMA
-            sigma[GAIN] = gain, gain, YAW_GAIN_SIGMA
+            sigma[INVERSE_GAIN] = gain, gain, YAW_GAIN_SIGMA
             sigma[COUPLING], sigma[LATENCY] = COUPLING_SIGMA, LATENCY_SIGMA
             sigma[CREEP:] = np.where(np.equal(given, 0), ZERO_SIGMA, relative * self.prior[CREEP:])
         below, above = (
@@ -136,7 +136,7 @@ class RobotFilter:
         ]  # of states, for the Jacobian
         self.memory_frames = above + 8
         self.state, self.covariance = np.zeros((n, SIZE)), np.zeros((n, SIZE, SIZE))
-        self.innovation = np.ones(n)
+        self.mean_nis = np.ones(n)
         self._commanded, self._answered = np.zeros((2, n))  # squares of speeds, running means
         self._silent = np.zeros(n)  # frames without a response
         self._started = False
@@ -146,9 +146,9 @@ class RobotFilter:
         """Time from when a command is sent until it begins to act, (n,) frames."""
         return self.state[:, LATENCY]
 
-    def lateness(self, state: Array, travel: Array) -> Array:
+    def time_constants(self, state: Array, travel: Array) -> Array:
         """Return the time constants (..., n, 3) of robots whose wheels travel at speeds (..., n, 3), s."""
-        gain = state[..., GAIN]
+        gain = state[..., INVERSE_GAIN]
         creep = gain * self._creep_ratios * state[..., CREEP, None]
         creep[..., 2] *= gain[..., 0] ** 2
         return self._lag_ratios * state[..., LAG, None] / gain + creep * travel
@@ -157,10 +157,10 @@ class RobotFilter:
         """Return the states (..., n, 18) after commands (..., n, 3), world frame, acting for durations (..., n), s."""
         duration = np.asarray(duration, float)[..., None]
         heading = state[..., 2] + state[..., 5] * duration[..., 0] / 2
-        gain = state[..., GAIN]
+        gain = state[..., INVERSE_GAIN]
         velocity = world_to_body(state[..., VELOCITY], heading)
         target = world_to_body(command + state[..., DISTURBANCE], heading)
-        late = self.lateness(state, self._travel(velocity))
+        late = self.time_constants(state, self._travel(velocity))
         acceleration = (target / gain - velocity) / late
         target[..., 2] += self._turned(state, velocity, acceleration, target - velocity)
         decay = np.exp(-duration / late)
@@ -182,9 +182,9 @@ class RobotFilter:
             after: at its end, same.
             heading: in its middle, (..., n) rad.
         """
-        state, gain = self.state, self.state[:, GAIN]
+        state, gain = self.state, self.state[:, INVERSE_GAIN]
         before, after = world_to_body(before, heading), world_to_body(after, heading)
-        decay = np.exp(-self.period / self.lateness(state, self._travel(before)))
+        decay = np.exp(-self.period / self.time_constants(state, self._travel(before)))
         command = (after - decay * before) / (1 - decay) * gain + self._friction(
             state, (before + after) / 2
         )
@@ -200,7 +200,7 @@ class RobotFilter:
             self.state[:, POSE] = observation.pose
             self.covariance[:] = self._prior_covariance
             self.covariance[:, POSE, POSE] = self._noise
-        *before, last = observation.filter_steps or (Step.now(len(self.state)),)
+        *before, last = observation.filter_steps or (FilterStep.to_present(len(self.state)),)
         for step in before:
             self._update(None, observation.sent_commands, step)
         self._update(observation.measured_pose, observation.sent_commands, last)
@@ -208,7 +208,7 @@ class RobotFilter:
     def predict(self, observation: Observation) -> Array:
         """Return the states (n, 18) when the command of this frame begins to act."""
         latency = self.latency + (
-            observation.filter_steps[-1].behind if observation.filter_steps else 0.0
+            observation.filter_steps[-1].frames_behind if observation.filter_steps else 0.0
         )
         count = int(np.ceil(latency.max()))
         state = self.state
@@ -227,7 +227,7 @@ class RobotFilter:
         self, state: Array, velocity: Array, acceleration: Array, shortfall: Array
     ) -> Array:
         """Return the turn rates (..., n) by which driving turns robots; see `Compliance.turned`."""
-        turned = self._compliance.turned(
+        turned = self._compliance.compute_turn_rate(
             velocity, acceleration, shortfall, state[..., LAG], state[..., CREEP]
         )
         return turned - (state[..., COUPLING] * shortfall[..., :2]).sum(-1)
@@ -237,10 +237,10 @@ class RobotFilter:
         direction = velocity * [1.0, 1.0, self.arm] / np.maximum(self._travel(velocity), SLOW_M_S)
         return np.asarray(self._friction_ratios * state[..., FRICTION, None] * direction)
 
-    def _update(self, measured: Array | None, sent: CommandsInFlight, step: Step) -> None:
+    def _update(self, measured: Array | None, sent: CommandsInFlight, step: FilterStep) -> None:
         """Go on by a step; correct the states by poses (n, 3), which vision reports for the last step only."""
         state, period = self.state, self.period
-        latency = (self.latency + step.behind)[:, None]
+        latency = (self.latency + step.frames_behind)[:, None]
         latencies = np.maximum(latency + np.array([0, -1, 1])[:, None, None], 0)
         command, sooner, later = sent.felt(latencies)
         per_frame = (later - sooner) / (
@@ -260,7 +260,7 @@ class RobotFilter:
         speeds = np.stack(2 * [speed, speed, self.arm * np.abs(state[:, 5])], 1)
         shown = np.minimum(speeds / EVIDENT_M_S, 1) ** 2
         change = np.hypot(*(after[:, 3:5] - state[:, 3:5]).T)
-        trust = np.minimum(TRUSTED_INNOVATION / self.innovation, 1)[:, None, None]
+        trust = np.minimum(TRUSTED_INNOVATION / self.mean_nis, 1)[:, None, None]
         transition[:, :6, 11:] *= trust
         transition[:, :6, [11, 12, *range(LATENCY, SIZE)]] *= shown[..., None] * trust
         transition[:, :6, 11:13] /= 1 + (change[:, None, None] / (STEADY_M_S2 * period)) ** 2
@@ -270,7 +270,7 @@ class RobotFilter:
         responsive = (self._silent < SILENT_FRAMES)[:, None, None]
         covariance[:, :6, 6:] *= responsive
         covariance[:, 6:, :6] *= responsive
-        scale = np.clip(self.innovation, 1, MAX_NOISE_SCALE)
+        scale = np.clip(self.mean_nis, 1, MAX_NOISE_SCALE)
         unknown = (ACCELERATION_M_S2 * period) ** 2 + (ACCELERATION_SHARE * change) ** 2
         covariance[:, [3, 4], [3, 4]] += (scale * unknown)[:, None]
         covariance[:, 5, 5] += scale * (TURN_ACCELERATION_RAD_S2 * period) ** 2
@@ -278,10 +278,10 @@ class RobotFilter:
         covariance[:, TURNED, TURNED] += (np.sqrt(scale[:, None, None]) - 1) * self._renewed[
             TURNED, TURNED
         ]
-        self.state = np.where(step.held[:, None], state, predicted)
-        self.covariance = np.where(step.held[:, None, None], self.covariance, covariance)
+        self.state = np.where(step.frozen[:, None], state, predicted)
+        self.covariance = np.where(step.frozen[:, None, None], self.covariance, covariance)
         if measured is not None:
-            self._correct(measured, step.after[:, None], command)
+            self._correct(measured, step.capture_offset[:, None], command)
 
     def _correct(self, measured: Array, after: Array, command: Array) -> None:
         """Correct the states by poses (n, 3) that were seen a time `after` (n, 1) later, s."""
@@ -311,8 +311,8 @@ class RobotFilter:
         corrected[:, 9:] = np.clip(corrected[:, 9:], self._low, self._high)
         self.state, self.covariance = corrected, (spread + spread.swapaxes(1, 2)) / 2
         now = np.minimum(square, MAX_INNOVATION)
-        self.innovation = np.where(
-            seen, self.innovation + (now - self.innovation) / INNOVATION_FRAMES, self.innovation
+        self.mean_nis = np.where(
+            seen, self.mean_nis + (now - self.mean_nis) / INNOVATION_FRAMES, self.mean_nis
         )
         rims = np.array([1.0, 1.0, self.arm])
         commanded, moving = command * rims, self.state[:, VELOCITY] * rims
