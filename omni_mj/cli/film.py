@@ -96,15 +96,15 @@ def command(
     from omni_mj.config.settings import PERIOD_S
     from omni_mj.viz import film
 
-    if out.suffix not in film.KINDS:
-        raise OmniError(f"{out}: a film's name ends in {', '.join(film.KINDS)}")
-    settings, takes = film.read(folder, controllers)
+    if out.suffix not in film.SUFFIXES:
+        raise OmniError(f"{out}: a film's name ends in {', '.join(film.SUFFIXES)}")
+    settings, takes = film.load_trajectories(folder, controllers)
     last = PERIOD_S * max(len(take.poses) for take in takes)
     end = min(last if end_s is None else end_s, last)
     if begin_s >= end:
         raise OmniError(f"--from {begin_s:g} must be before the film's end at {end:g} s")
     instants = np.arange(begin_s, end, speed / rate)
-    drawn = film.Stage(settings, takes, view, size).pictures(instants)
+    drawn = film.FilmRenderer(settings, takes, view, size).render(instants)
     with click.progressbar(drawn, len(instants), file=sys.stderr) as pictures:
-        film.write(pictures, out, rate)
+        film.write_film(pictures, out, rate)
     print(f"film in {out}: {len(instants) / rate:.1f} s, {out.stat().st_size / 1e6:.1f} MB")

@@ -52,7 +52,7 @@ def command(
     try:
         image = _take(ViewerClient.connect(viewer.url), time_s, tabs)
     except (RuntimeError, OSError):
-        reason = f"the rerun viewer cannot draw: {viewer.complaint()}"
+        reason = f"the rerun viewer cannot draw: {viewer.error_message()}"
         raise OmniError(
             f"{reason}; without a graphics card it needs Debian's mesa-vulkan-drivers"
         ) from None

@@ -26,7 +26,7 @@ def command(folders: tuple[Path, ...], out: Path | None) -> None:
     from omni_mj.viz import report
 
     try:
-        report.write(folders, out)
+        report.write_report(folders, out)
     except OSError as error:
         raise OmniError(f"cannot write --out {out}: {error.strerror}") from None
     print(f"report in {out}")

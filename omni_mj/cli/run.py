@@ -138,10 +138,10 @@ def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = F
         if draw:
             from omni_mj.viz import figures
 
-            figures.save_all(result.outcomes[0], folder / "figures", svg)
+            figures.save_run_figures(result.outcomes[0], folder / "figures", svg)
         from omni_mj.viz import report
 
-        report.write([folder], folder / "report.html")
+        report.write_report([folder], folder / "report.html")
     finally:
         if not quiet:  # last, since the reader may go
             _print_tables(result)
@@ -160,7 +160,7 @@ def viewers(view: bool, connect: str | None) -> list[str]:
         return []
     from omni_mj.viz.recording import viewer
 
-    return ([] if connect is None else [viewer.check(connect)]) + (
+    return ([] if connect is None else [viewer.validate_url(connect)]) + (
         [viewer.open_viewer()] if view else []
     )
 

@@ -20,7 +20,7 @@ from omni_mj.results.summary import read as read_summary
 from omni_mj.viz import style
 from omni_mj.viz.recording.scene import HEIGHT_M, RADIUS_M, covers
 
-KINDS = (".gif", ".webp")
+SUFFIXES = (".gif", ".webp")
 NEEDS = "MuJoCo cannot draw here: {reason}; without a display it needs EGL, on Debian libegl1 and libgl1-mesa-dri"
 GAP = 4  # pixels between panels
 PIECES = 300  # of a path at most
@@ -34,7 +34,7 @@ MAX_GEOMS = 20_000  # a robot with whole wheels has some 200
 MARGIN_M = 0.35  # around the route, for the robots on it
 
 
-class Take(NamedTuple):
+class Trajectories(NamedTuple):
     """What one controller did with the first seed.
 
     Args:
@@ -52,7 +52,9 @@ class Take(NamedTuple):
     wheels: Array
 
 
-def read(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[Take]]:
+def load_trajectories(
+    folder: Path, controllers: Sequence[str] = ()
+) -> tuple[Settings, list[Trajectories]]:
     """Return the settings of a run's robots, and what its controllers did with its first seed.
 
     Args:
@@ -74,7 +76,7 @@ def read(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[
     if unknown := [name for name in controllers if name not in known]:
         raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
     first = pc.min(table["seed"])
-    slots, takes = style.slots(known), []
+    slots, takes = style.style_indices(known), []
     for name in controllers or known:
         part = table.filter((pc.field("controller") == name) & (pc.field("seed") == first))
         values = np.nan_to_num(np.column_stack([part[column].to_numpy() for column in numbers]))
@@ -83,14 +85,14 @@ def read(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[
         # Robots that failed have no frames after that, and stay where they are.
         robots = [np.pad(robot, [(0, longest - len(robot)), (0, 0)], "edge") for robot in robots]
         takes.append(
-            Take(
+            Trajectories(
                 name, style.colour(slots[name]), *np.split(np.stack(robots, axis=1), (3, 6), axis=2)
             )
         )
     return settings, takes
 
 
-class Stage:
+class FilmRenderer:
     """The robots of one world and a camera, which draws panels side by side.
 
     Args:
@@ -104,7 +106,7 @@ class Stage:
     """
 
     def __init__(
-        self, settings: Settings, takes: Sequence[Take], view: str, size: tuple[int, int]
+        self, settings: Settings, takes: Sequence[Trajectories], view: str, size: tuple[int, int]
     ) -> None:
         self._takes, self._size, places = takes, size, takes[0].poses.shape[1]
         width, height = size[0] // len(takes) - GAP, size[1]
@@ -138,7 +140,7 @@ class Stage:
         )
         self._thickness = LINE_SHARE * camera.distance
 
-    def pictures(self, instants: Array) -> Iterator[Image.Image]:
+    def render(self, instants: Array) -> Iterator[Image.Image]:
         """Yield a picture for each of the instants, s."""
         for instant in instants:
             picture = Image.new("RGB", self._size, "white")
@@ -148,7 +150,7 @@ class Stage:
                 )
             yield picture
 
-    def _panel(self, take: Take, instant: float) -> Image.Image:
+    def _panel(self, take: Trajectories, instant: float) -> Image.Image:
         frame = min(round(instant / PERIOD_S), len(take.poses) - 1)
         errors = 100 * np.linalg.norm(
             (take.poses - take.references)[: frame + 1, :, :2], axis=-1
@@ -173,7 +175,7 @@ class Stage:
         pen.text((panel.width - inset, inset), f"{instant:.1f} s", "white", small, "ra")
         return panel
 
-    def _set(self, take: Take, frame: int) -> None:
+    def _set(self, take: Trajectories, frame: int) -> None:
         """Put robots and lines where they are in a frame."""
         data, model, references = self._data, self._world.model, take.references[frame]
         colour = np.array(style.rgb(take.colour)) / 255
@@ -209,8 +211,8 @@ class Stage:
             scene.ngeom += 1
 
 
-def write(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
-    """Write pictures of one size to a file of a kind of `KINDS`, `rate` of them a second.
+def write_film(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
+    """Write pictures of one size to a file of a kind of `SUFFIXES`, `rate` of them a second.
 
     Raises:
         OmniError: The file cannot be written.

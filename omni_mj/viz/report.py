@@ -42,7 +42,7 @@ ENVIRONMENT = jinja2.Environment(  # compiles a template once
 ENVIRONMENT.filters |= {"number": number}
 
 
-def write(folders: Sequence[Path], out: Path) -> None:
+def write_report(folders: Sequence[Path], out: Path) -> None:
     """Write the report about what is in `folders` to the file `out`.
 
     Args:

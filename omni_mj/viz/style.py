@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 Rgb = tuple[int, int, int]  # bytes
-SHEET = Path(__file__).with_name("omni.mplstyle")
+STYLE_SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"
 COLOURS = (
@@ -34,7 +34,7 @@ SHIPPED = (
 )
 
 
-def slots(controllers: Iterable[str]) -> dict[str, int]:
+def style_indices(controllers: Iterable[str]) -> dict[str, int]:
     """Return the slot of each controller of a run, for `colour` and `line`: those that ship have their own."""
     names = dict.fromkeys(controllers)
     shipped = {name: SHIPPED.index(name) for name in names if name in SHIPPED}
@@ -48,7 +48,7 @@ def colour(slot: int) -> str:
     return COLOURS[slot % len(COLOURS)]
 
 
-def line(slot: int) -> dict[str, Any]:
+def line_style(slot: int) -> dict[str, Any]:
     """Return matplotlib's properties of the line of a slot: colour, dashes and marker."""
     marker, dashes = MARKERS[slot % len(MARKERS)], DASHES[slot % len(DASHES)]
     return {
@@ -63,7 +63,7 @@ def rgb(colour: str) -> Rgb:
     return red, green, blue
 
 
-def pale(colour: Rgb, share: float = 0.5) -> Rgb:
+def mix_with_white(colour: Rgb, share: float = 0.5) -> Rgb:
     """Return a colour with a `share` of white."""
     red, green, blue = (round(c + share * (255 - c)) for c in colour)
     return red, green, blue

@@ -281,7 +281,7 @@ def test_drawing_costs_no_numbers(
     def fails(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("omni_mj.viz.figures.save_all", fails)
+    monkeypatch.setattr("omni_mj.viz.figures.save_run_figures", fails)
     assert invoke(*KINEMATIC, "--no-record", "--out", tmp_path / "out") == code
     printed = capsys.readouterr()
     assert "plane, cm" in printed.out

@@ -11,7 +11,7 @@ from commands import invoke
 from PIL import Image, ImageSequence
 
 import omni_mj as om
-from omni_mj.viz.film import read
+from omni_mj.viz.film import load_trajectories
 
 SIDE = 480  # pixels
 MARGIN_M = 0.35  # around the route
@@ -94,7 +94,7 @@ def test_a_robot_that_failed_stays_where_it_is_and_others_go_on(tmp_path: Path) 
     om.run(
         om.load_scenario("rect", plant="kinematic", reference=route, world=places), [Breaks], [0]
     ).save(tmp_path)
-    _, (take,) = read(tmp_path)
+    _, (take,) = load_trajectories(tmp_path)
     rows = pq.read_table(tmp_path / "trajectory.parquet", filters=[("slot", "=", 1)]).to_pydict()
     np.testing.assert_array_equal(take.references[:, 1, 0], rows["ref_x_m"])
     assert len(rows["ref_x_m"]) > 60

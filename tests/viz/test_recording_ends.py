@@ -117,8 +117,8 @@ def test_a_file_that_takes_nothing_more_costs_the_recording_and_holds_up_nobody(
 import fcntl, os
 from pathlib import Path
 from typing import Any
-from benches.recording import record, set_patience, simulated
-set_patience(1.0)
+from benches.recording import record, set_flush_timeout, simulated
+set_flush_timeout(1.0)
 path = Path({str(tmp_path / "pipe")!r})
 os.mkfifo(path)
 held = os.open(path, os.O_RDWR)

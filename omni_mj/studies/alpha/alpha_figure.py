@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from omni_mj.studies.alpha.conditions import DIRECTIONS, DRIVE_TEXT, LABELS, WORN_TEXT
 from omni_mj.viz import style
-from omni_mj.viz.figures import canvas
+from omni_mj.viz.figures import plotting
 
 if TYPE_CHECKING:
     from omni_mj.studies.alpha import AlphaResult, Study
@@ -31,7 +31,7 @@ def save(result: "AlphaResult", stem: Path) -> None:
     names = list(study.changed)
     bands = -(-len(names) // COLUMNS)
     title = f"Gain and lag of a robot's motion: {DRIVE_TEXT}, unless the panel changes it"
-    with canvas.drawing(stem, title, figsize=(11, 3.6 + 4.0 * bands)) as figure:
+    with plotting.figure_file(stem, title, figsize=(11, 3.6 + 4.0 * bands)) as figure:
         *upper, lower = figure.subfigures(
             bands + 1, 1, height_ratios=[4.0] * bands + [3.2], squeeze=False
         )[:, 0]
@@ -50,7 +50,7 @@ def save(result: "AlphaResult", stem: Path) -> None:
         lower.suptitle(
             f"What takes how much ({WORN_TEXT}; mean over all orders, adds up)", x=0.01, ha="left"
         )
-        canvas.add_legend(figure, figure.axes)
+        plotting.add_legend(figure, figure.axes)
 
 
 def _draw_condition(study: "Study", name: str, gain: Axes, lag: Axes) -> None:
@@ -73,7 +73,7 @@ def _draw_condition(study: "Study", name: str, gain: Axes, lag: Axes) -> None:
     lag.set_ylim(0, 1050 * max(np.nanmax(r.lag_s) for r in results))
     gain.margins(x=0.06)
     if min(values) > 0 and max(values) > WIDE_RANGE * min(values):
-        canvas.use_log_scale(gain.xaxis)
+        plotting.use_log_scale(gain.xaxis)
     else:
         gain.set_xticks(values, [f"{value:g}" for value in values])
 

@@ -116,4 +116,4 @@ def _not_done(summary: Summary) -> Iterator[str]:
 
 
 def _list(lines: Iterable[str]) -> str:
-    return "\n".join(f"- {markdown_tables.plain(line)}" for line in lines)
+    return "\n".join(f"- {markdown_tables.escape_cell(line)}" for line in lines)

@@ -8,7 +8,7 @@ import numpy as np
 from omni_mj.studies.loop.drive import FREQUENCIES, STEP_M
 from omni_mj.studies.loop.response import interpolate
 from omni_mj.viz import style
-from omni_mj.viz.figures import canvas
+from omni_mj.viz.figures import plotting
 
 if TYPE_CHECKING:
     from omni_mj.studies.loop import LoopResult
@@ -23,15 +23,17 @@ TICKS_RAD_S = (2, 5, 10, 20)
 def save(result: "LoopResult", stem: Path) -> None:
     """Draw all loops into `stem`.png and `stem`.svg."""
     size = (WIDTH_IN * max(len(result.loops), 2), sum(HEIGHTS_IN))
-    with canvas.drawing(stem, result.title, svg=True, figsize=size) as figure:
+    with plotting.figure_file(stem, result.title, svg=True, figsize=size) as figure:
         grid = figure.subplots(4, len(result.loops), height_ratios=HEIGHTS_IN, squeeze=False)
         for (case, loops), (step, gain, phase, nyquist) in zip(
             result.loops.items(), grid.T, strict=True
         ):
-            for label, slot in style.slots(loops).items():
-                loop, look = loops[label], style.line(slot) | {"marker": ""}
+            for label, slot in style.style_indices(loops).items():
+                loop, look = loops[label], style.line_style(slot) | {"marker": ""}
                 if np.isfinite(loop.moved).all() and np.isfinite(loop.gains).all():
-                    step.plot(canvas.seconds(loop.moved), 100 * loop.moved, label=label, **look)
+                    step.plot(
+                        plotting.frame_times(loop.moved), 100 * loop.moved, label=label, **look
+                    )
                     frequencies, response = interpolate(FREQUENCIES, loop.gains)
                     gain.loglog(frequencies, np.abs(response), **look)
                     angle = np.degrees(np.unwrap(np.angle(response)))
@@ -54,4 +56,4 @@ def save(result: "LoopResult", stem: Path) -> None:
                 axes.set_xticks([], minor=True)
         for axes, label in zip(grid[:, 0], LABELS, strict=True):
             axes.set_ylabel(label)
-        canvas.add_legend(figure, grid[0])
+        plotting.add_legend(figure, grid[0])

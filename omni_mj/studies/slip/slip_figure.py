@@ -8,7 +8,7 @@ import numpy as np
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.studies.slip.fits import follow
 from omni_mj.viz import style
-from omni_mj.viz.figures import canvas
+from omni_mj.viz.figures import plotting
 
 if TYPE_CHECKING:
     from omni_mj.studies.slip import SlipResult
@@ -21,7 +21,7 @@ SHOWN_M_S = 0.2  # speed of the wheels above which the ratio is drawn
 def save(result: "SlipResult", stem: Path) -> None:
     """Draw robots into `stem`.png: points are samples of moves, lines are the fitted law."""
     robots = result.robots
-    with canvas.drawing(stem, TITLE, figsize=(10, 3.6 * len(robots))) as figure:
+    with plotting.figure_file(stem, TITLE, figsize=(10, 3.6 * len(robots))) as figure:
         grid = figure.subplots(len(robots), 2, squeeze=False)
         for (speeds, ratios), (name, robot) in zip(grid, robots.items(), strict=True):
             kinds = np.array([move.kind for move in robot.moves])

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from omni_control.kinematics import Array
 from omni_mj.studies.sweep.cells import STRAYED
 from omni_mj.viz import style
-from omni_mj.viz.figures import canvas
+from omni_mj.viz.figures import plotting
 
 if TYPE_CHECKING:
     from omni_mj.studies.sweep import Sweep
@@ -33,7 +33,7 @@ def save(result: "Sweep", path: Path) -> None:
     part = "" if result.complete else f", {result.done} of {len(plan.jobs)} shards"
     title = f"{plan.scenario.name} on the {plan.scenario.plant} plant{worst}{part}"
     if plan.axes:
-        with canvas.drawing(path.with_suffix(""), title) as figure:
+        with plotting.figure_file(path.with_suffix(""), title) as figure:
             (_draw_lines if len(plan.axes) == 1 else _draw_maps)(figure, result)
 
 
@@ -46,20 +46,20 @@ def _draw_lines(figure: Figure, result: "Sweep") -> None:
     median, low, high = (np.where(np.isfinite(values), values, np.nan) for values in errors)
     rates = [_values(result, f"failure_{key}") for key in ("rate", "low", "high")]
     x = np.arange(len(levels))
-    for i, slot in enumerate(style.slots(names).values()):
-        look, (failed, least, most) = style.line(slot), (values[:, i] for values in rates)
+    for i, slot in enumerate(style.style_indices(names).values()):
+        look, (failed, least, most) = style.line_style(slot), (values[:, i] for values in rates)
         error.plot(x, median[:, i], label=names[i], **look)
         error.fill_between(x, low[:, i], high[:, i], color=look["color"], alpha=0.2, lw=0)
         shift = (i / len(names) - 0.5) * SPREAD * len(x)
         rate.errorbar(x + shift, failed, [failed - least, most - failed], elinewidth=1.2, **look)
     if np.isfinite(median).any():
-        canvas.use_log_scale(error.yaxis)
+        plotting.use_log_scale(error.yaxis)
     error.set_ylabel(f"{ERROR}\nand its 95 % interval")
     rate.set(xlabel=setting, ylabel=f"{RATE},\nand 95 % intervals")
     rate.margins(x=0.03)
     rate.set_ylim(bottom=0)
     _set_ticks(rate.xaxis, levels)
-    canvas.add_legend(figure, [error])
+    plotting.add_legend(figure, [error])
 
 
 def _draw_maps(figure: Figure, result: "Sweep") -> None:

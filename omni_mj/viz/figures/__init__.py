@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from omni_mj.results.result_tables import where
 from omni_mj.viz import style
-from omni_mj.viz.figures import canvas, run_figures
-from omni_mj.viz.shown_robots import shown_robots
+from omni_mj.viz.figures import plotting, run_figures
+from omni_mj.viz.recorded_robots import select_robots
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome
@@ -43,7 +43,7 @@ PANELS: dict[str, tuple[float, Callable[[Entry], Entry]]] = {
 }
 
 
-def save_all(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
+def save_run_figures(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
     """Write each figure that a scenario's outcome has data for into `folder`, as PNG.
 
     Args:
@@ -63,14 +63,14 @@ def save_all(outcome: "Outcome", folder: Path, svg: bool = False) -> None:
     place = f"{outcome.scenario.name}, {where(outcome.entry)}, seed {log.seeds[0]}"
     for name, draw in drawings(outcome).items():
         title = "\n".join([f"{TITLES[name]}: {place}", *stopped]) if name in TITLES else ""
-        with canvas.drawing(folder / name, title, svg) as figure:
+        with plotting.figure_file(folder / name, title, svg) as figure:
             draw(figure)
 
 
 def drawings(outcome: "Outcome") -> dict[str, Callable[[Figure], None]]:
     """Return the functions that draw the figures for which an outcome has data, by name."""
     assert outcome.log
-    robots = [robot for robot in shown_robots(outcome.log, 1) if robot.length]
+    robots = [robot for robot in select_robots(outcome.log, 1) if robot.length]
     stopped = {failure.row for failure in outcome.failures}
     failed = {robot.name for robot in robots if robot.row in stopped}
     figures: dict[str, Callable[[Figure], None]] = {
@@ -88,7 +88,7 @@ def drawings(outcome: "Outcome") -> dict[str, Callable[[Figure], None]]:
 def save_comparison(summary: dict[str, Any], stem: Path) -> None:
     """Draw a comparison into `stem`.png and `stem`.svg, if any of its scenarios has results."""
     if any(entry["results"] for entry in summary["scenarios"].values()):
-        with canvas.drawing(stem, svg=True) as figure:
+        with plotting.figure_file(stem, svg=True) as figure:
             draw_comparison(summary["scenarios"], summary["informed"], figure)
 
 
@@ -101,7 +101,7 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
         figure: Empty figure.
     """
     entries = {label: entry for label, entry in entries.items() if entry["results"]}
-    slots = style.slots(name for entry in entries.values() for name in entry["results"])
+    slots = style.style_indices(name for entry in entries.values() for name in entry["results"])
     tops = np.cumsum([0.0, *(len(entry["results"]) + GAP for entry in entries.values())])
     figure.set_size_inches(11, 1.9 + LINE_IN[len(entries) == 1] * tops[-1])
     lines: dict[str, list[tuple[float, Entry]]] = {name: [] for name in slots}
@@ -119,7 +119,7 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
                 scale * np.array(numbers, float)
                 for numbers in (means, [spread["plus_minus"] or 0 for spread in spreads])
             )
-            look = style.line(slots[name]) | {
+            look = style.line_style(slots[name]) | {
                 "linestyle": "none",
                 "label": name + " (informed)" * (name in informed),
             }
@@ -133,13 +133,13 @@ def draw_comparison(entries: Mapping[str, Entry], informed: Iterable[str], figur
         if title != SETTLE and 0 < smallest < np.inf:
             largest = axes.dataLim.x1
             axes.set_xlim(max(smallest / 2, largest / WIDEST), 1.15 * largest)
-            canvas.use_log_scale(axes.xaxis)
+            plotting.use_log_scale(axes.xaxis)
         axes.set_xlabel(title)
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
     grid[0].set_yticks((tops[:-1] + tops[1:]) / 2, list(entries))
     grid[0].set_ylim(tops[-1], 0)
-    canvas.add_legend(figure, grid)
+    plotting.add_legend(figure, grid)
     places = {where(entry) for entry in entries.values()}
     where_all = f", {places.pop()}" if len(places) == 1 else ""
     counts = " to ".join(map(str, sorted({len(entry["seeds"]) for entry in entries.values()})))

@@ -11,8 +11,8 @@ from omni_control.kinematics import Array
 from omni_mj.config.settings import FRAME_RATE_HZ
 from omni_mj.results.metrics import ALPHA_WINDOW_FRAMES
 from omni_mj.viz import style
-from omni_mj.viz.figures import canvas
-from omni_mj.viz.shown_robots import ALPHA_RANGE, Robot
+from omni_mj.viz.figures import plotting
+from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot
 
 TURNED_DEG = 0.06  # error of heading from which on a robot turns
 PAPER_ALPHA = (0.7, 1.0)  # section 2
@@ -21,7 +21,7 @@ COLUMNS = 4  # squares in a row
 STEP_M = 0.0005  # of points on the path, to which distances are measured
 
 
-def draw_paths(robots: Sequence[Robot], failed: Collection[str], figure: Figure) -> None:
+def draw_paths(robots: Sequence[RecordedRobot], failed: Collection[str], figure: Figure) -> None:
     """Draw the reference and the paths (figures 7 and 10), enlarged where each controller strays farthest."""
     reference = max(robots, key=lambda robot: robot.length)["ref"][:, :2]
     columns = min(len(robots), COLUMNS)
@@ -55,10 +55,10 @@ def draw_paths(robots: Sequence[Robot], failed: Collection[str], figure: Figure)
         overview.plot(*centre, "s", mfc="none", mec=colour, ms=9 + 3 * i, mew=1.5, zorder=7)
     overview.margins(0.06)
     overview.set(xlabel="x in m", ylabel="y in m")
-    canvas.add_legend(figure, [overview])
+    plotting.add_legend(figure, [overview])
 
 
-def draw_output(robots: Sequence[Robot], failed: Collection[str], figure: Figure) -> None:
+def draw_output(robots: Sequence[RecordedRobot], failed: Collection[str], figure: Figure) -> None:
     """Draw the velocities commanded by the controllers (figures 8 and 11) and the reference's."""
     poses = max(robots, key=lambda robot: robot.length)["ref"]
     labels = ["velocity in x, m/s", "velocity in y, m/s", "turn rate, rad/s"]
@@ -68,27 +68,27 @@ def draw_output(robots: Sequence[Robot], failed: Collection[str], figure: Figure
         _compare(robots, failed, figure, labels, lambda robot: robot["command"])
     ):
         axes.plot(
-            canvas.seconds(poses),
+            plotting.frame_times(poses),
             reference[:, axis],
             color=style.BACKGROUND,
             lw=3.5,
             zorder=1,
             label="reference",
         )
-    canvas.add_legend(figure, figure.axes)
+    plotting.add_legend(figure, figure.axes)
 
 
-def draw_errors(robots: Sequence[Robot], failed: Collection[str], figure: Figure) -> None:
+def draw_errors(robots: Sequence[RecordedRobot], failed: Collection[str], figure: Figure) -> None:
     """Draw the absolute errors of position (figures 9 and 12), and of heading if there are any."""
     labels = ["|error| in x, cm", "|error| in y, cm", "|error| of heading, deg"]
     turns = max(np.abs(robot.error()[:, 2]).max() for robot in robots) > TURNED_DEG
     labels = labels if turns else labels[:2]
     for axes in _compare(robots, failed, figure, labels, lambda robot: np.abs(robot.error())):
         axes.set_ylim(bottom=0)
-    canvas.add_legend(figure, figure.axes)
+    plotting.add_legend(figure, figure.axes)
 
 
-def estimators(robots: Sequence[Robot]) -> list[Robot]:
+def estimators(robots: Sequence[RecordedRobot]) -> list[RecordedRobot]:
     """Return the robots whose controllers estimate alpha."""
     return [
         robot
@@ -97,13 +97,13 @@ def estimators(robots: Sequence[Robot]) -> list[Robot]:
     ]
 
 
-def draw_alpha(robots: Sequence[Robot], figure: Figure) -> None:
+def draw_alpha(robots: Sequence[RecordedRobot], figure: Figure) -> None:
     """Draw the estimates of alpha, and displacement achieved over commanded where robots drive."""
-    grid = canvas.time_axes(figure, len(robots), 2, 1.4, sharey=True)
+    grid = plotting.create_time_axes(figure, len(robots), 2, 1.4, sharey=True)
     for (row, axis), axes in np.ndenumerate(grid):
         robot = robots[row]
         ratio, low, high, estimate = robot.alpha(axis).T
-        time, colour = canvas.seconds(ratio), style.colour(robot.slot)
+        time, colour = plotting.frame_times(ratio), style.colour(robot.slot)
         label = f"displacement achieved over commanded in {ALPHA_WINDOW_FRAMES} frames"
         axes.axhspan(
             *PAPER_ALPHA, color="#EEEEEE", lw=0, zorder=0, label="the paper's interval, 0.7 to 1"
@@ -123,18 +123,18 @@ def draw_alpha(robots: Sequence[Robot], figure: Figure) -> None:
             )
         axes.set(title=f"{robot.name}, {'xy'[axis]}", ylabel="" if axis else "alpha")
     grid[0, 0].set_ylim(ALPHA_RANGE)
-    canvas.add_legend(figure, grid.flat)
+    plotting.add_legend(figure, grid.flat)
 
 
 def _compare(
-    robots: Sequence[Robot],
+    robots: Sequence[RecordedRobot],
     failed: Collection[str],
     figure: Figure,
     labels: Sequence[str],
-    values: Callable[[Robot], Array],
+    values: Callable[[RecordedRobot], Array],
 ) -> list[Axes]:
     """Draw values (frames, axes) of all robots, a panel for each label with room for those that did not fail."""
-    grid: list[Axes] = list(canvas.time_axes(figure, len(labels), 1, 1.8)[:, 0])
+    grid: list[Axes] = list(plotting.create_time_axes(figure, len(labels), 1, 1.8)[:, 0])
     kept = np.concatenate(
         [values(robot) for robot in robots if robot.name not in failed] or [np.zeros((1, 3))]
     )
@@ -143,8 +143,8 @@ def _compare(
         low, high = kept[:, axis].min(initial=0.0), kept[:, axis].max(initial=1e-9)
         axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
         for robot in robots:
-            drawn, look = values(robot)[:, axis], style.line(robot.slot) | {"marker": ""}
-            axes.plot(canvas.seconds(drawn), drawn, label=robot.name, zorder=3, **look)
+            drawn, look = values(robot)[:, axis], style.line_style(robot.slot) | {"marker": ""}
+            axes.plot(plotting.frame_times(drawn), drawn, label=robot.name, zorder=3, **look)
     return grid
 
 
@@ -160,7 +160,7 @@ def distance_to_path(path: Array, points: Array) -> Array:
 
 def _draw(
     axes: Axes,
-    robots: Iterable[Robot],
+    robots: Iterable[RecordedRobot],
     reference: Array,
     origin: Array | float = 0.0,
     scale: float = 1.0,
@@ -172,7 +172,7 @@ def _draw(
     for robot in robots:
         travelled, look = (
             scale * (robot["pose"][:, :2] - origin),
-            style.line(robot.slot) | {"marker": ""},
+            style.line_style(robot.slot) | {"marker": ""},
         )
         axes.plot(*travelled.T, zorder=3, label=robot.name, **look)
     axes.set_aspect("equal", adjustable="box")

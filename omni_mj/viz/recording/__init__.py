@@ -17,17 +17,17 @@ from omni_mj.config.settings import FRAME_RATE_HZ
 from omni_mj.files import check_room
 from omni_mj.results import events
 from omni_mj.simulation.simulation import Simulation
+from omni_mj.viz.recorded_robots import RecordedRobot, select_robots
 from omni_mj.viz.recording import plots, scene
-from omni_mj.viz.recording.feed import Feed
 from omni_mj.viz.recording.layout import blueprint
-from omni_mj.viz.shown_robots import Robot, shown_robots
+from omni_mj.viz.recording.rerun_stream import RerunStream
 
 BLOCK_FRAMES = 5 * FRAME_RATE_HZ  # to write at a time, and so the most that a killed process loses
 LIVE_BLOCK_FRAMES = FRAME_RATE_HZ // 2
 NUMBER_B = 8  # of a table, before compression
 
 
-class Recording(Feed):
+class Recording(RerunStream):
     """A recording of a run in a file, or in a viewer while it goes on.
 
     It begins with the first block. A file ends if the disk has no more room than the numbers will
@@ -43,7 +43,7 @@ class Recording(Feed):
         self._simulation, self._log, self._sent = simulation, simulation.log, 0
         self._begun = set[str]()  # entities of series that have begun
         self._columns: Sequence[str] = ()  # channels of which the layout knows
-        self._robots = shown_robots(self._log)
+        self._robots = select_robots(self._log)
         references = [simulation.references[robot.row] for robot in self._robots]
         self._paths = [reference.poses for reference in dict.fromkeys(references)]
         self._n_events = [0] * len(self._robots)  # that were sent
@@ -96,7 +96,7 @@ class Recording(Feed):
             self._send_events(robot, happened[self._n_events[i] :])
             self._n_events[i] = len(happened)
 
-    def _send_series(self, robot: Robot, frames: scene.Frames) -> None:
+    def _send_series(self, robot: RecordedRobot, frames: scene.Frames) -> None:
         """Send a robot's series, each from the block of its first number on; NaN is a gap."""
         begin = max(int(frames[0]) - plots.HISTORY_FRAMES, 0)
         part = replace(robot, first=begin)
@@ -108,7 +108,7 @@ class Recording(Feed):
             if entity in self._begun:
                 self._stream.send_columns(entity, scene.indexes(frames), scene.scalars(values))
 
-    def _send_events(self, robot: Robot, happened: Sequence[events.Event]) -> None:
+    def _send_events(self, robot: RecordedRobot, happened: Sequence[events.Event]) -> None:
         """Send what happened to a robot."""
         if happened:
             columns = rr.TextLog.columns(

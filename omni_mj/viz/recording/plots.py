@@ -12,7 +12,7 @@ from omni_mj.results import saturation
 from omni_mj.results.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
 from omni_mj.simulation.log import CHANNEL_PREFIX, Log
 from omni_mj.viz import style
-from omni_mj.viz.shown_robots import ALPHA_RANGE, Robot
+from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot
 
 # Before a block, on which its values depend
 HISTORY_FRAMES = ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES
@@ -36,14 +36,14 @@ class Plot(NamedTuple):
 
     path: str
     title: str
-    values: Callable[[Robot], Array]
+    values: Callable[[RecordedRobot], Array]
     lines: tuple[str, ...] = ("",)
     channel: str = "pose"
     white: tuple[float, ...] = ()
     range: tuple[float, float] | None = None
     wheels: int = 0
 
-    def look(self, robot: Robot) -> rr.SeriesLines:
+    def look(self, robot: RecordedRobot) -> rr.SeriesLines:
         """Return names, colours and widths of a robot's lines."""
         white = [*self.white, *[0.0] * (len(self.lines) - len(self.white))]
         hues = [
@@ -52,7 +52,9 @@ class Plot(NamedTuple):
         ]
         return rr.SeriesLines(
             names=[line if self.wheels else f"{robot.name} {line}".strip() for line in self.lines],
-            colors=[style.pale(hue, share) for hue, share in zip(hues, white, strict=True)],
+            colors=[
+                style.mix_with_white(hue, share) for hue, share in zip(hues, white, strict=True)
+            ],
             widths=[0.8 if share else 1.5 for share in white],
         )
 
@@ -65,7 +67,7 @@ def tabs(log: Log) -> dict[str, list[Plot]]:
     )
     white = (0.6,) * len(wheels)
 
-    def wheel_speeds(robot: Robot) -> Array:
+    def wheel_speeds(robot: RecordedRobot) -> Array:
         """Return the speeds of wheels that roll without slip as the command asks, and the true ones."""
         twist = world_to_body(robot["applied"], robot["pose"][:, 2])
         return np.hstack([geometry.wheel_speeds(twist), robot["wheel_speed"]])
@@ -148,19 +150,19 @@ def _own(channel: str, count: int) -> Plot:
     return _channel(channel, path, name, lines, white=tuple(np.linspace(0.6, 0, count)))
 
 
-def _limited(robot: Robot) -> Array:
+def _limited(robot: RecordedRobot) -> Array:
     """Return the largest share of all drivers."""
     return robot["current_limited"].max(-1, keepdims=True)
 
 
-def _distance(robot: Robot) -> Array:
+def _distance(robot: RecordedRobot) -> Array:
     return np.linalg.norm(robot.error()[:, :2], axis=1, keepdims=True)
 
 
 def _velocity(plot: str, title: str, axis: int) -> Plot:
     """Return what was sent, what arrived at the robot, and what was achieved since the frame before."""
 
-    def values(robot: Robot) -> Array:
+    def values(robot: RecordedRobot) -> Array:
         pose = robot["pose"][:, axis]
         achieved = np.diff(pose, prepend=pose[0]) / PERIOD_S
         return np.stack([robot["command"][:, axis], robot["applied"][:, axis], achieved], axis=1)
@@ -181,12 +183,12 @@ def _alpha(name: str, axis: int) -> Plot:
     )
 
 
-def _sliding(robot: Robot) -> Array:
+def _sliding(robot: RecordedRobot) -> Array:
     """Return by how much the wheel that slides most does, m/s; zero if none does."""
     beyond = saturation.slip_beyond(robot["pose"], robot["slip"], robot.settings)
     return np.concatenate([[0.0], np.maximum(beyond.max(-1), 0.0)])[:, None]
 
 
-def _held_back(robot: Robot) -> Array:
+def _held_back(robot: RecordedRobot) -> Array:
     """Return 1 in the frames in which the command is at a limit, else 0."""
     return saturation.held_back(robot["command"], robot.settings.control)[:, None].astype(float)

@@ -13,7 +13,7 @@ from omni_control.kinematics import Array
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.mjcf import field, world_builder
 from omni_mj.viz import style
-from omni_mj.viz.shown_robots import Robot
+from omni_mj.viz.recorded_robots import RecordedRobot
 
 Frames = NDArray[np.int_]  # numbers of frames, (n,)
 FRAME, TIME = "frame", "time"  # timelines
@@ -47,7 +47,9 @@ def scalars(values: Array) -> rr.ComponentColumnList:
     )
 
 
-def log_static(stream: rr.RecordingStream, robots: Sequence[Robot], paths: Sequence[Array]) -> None:
+def log_static(
+    stream: rr.RecordingStream, robots: Sequence[RecordedRobot], paths: Sequence[Array]
+) -> None:
     """Log what does not change: the field, the references (frames, 3) on it, and how robots look."""
     stream.log("world", rr.ViewCoordinates.FLU, static=True)
     log_field(stream)
@@ -87,7 +89,7 @@ def log_field(stream: rr.RecordingStream) -> None:
     )
 
 
-def send(stream: rr.RecordingStream, robot: Robot, frames: Frames) -> None:
+def send(stream: rr.RecordingStream, robot: RecordedRobot, frames: Frames) -> None:
     """Send where a robot was in successive `frames`, and where it was believed to be."""
     entity, pose, lift = f"world/{robot.name}", robot["pose"], robot.order * TIE_M
     time = indexes(frames)
@@ -117,7 +119,7 @@ def send(stream: rr.RecordingStream, robot: Robot, frames: Frames) -> None:
                 lengths=[HEIGHT_M - low],
                 radii=[RADIUS_M],
                 centers=[[0, 0, (HEIGHT_M + low) / 2]],
-                colors=[style.pale(robot.colour)],
+                colors=[style.mix_with_white(robot.colour)],
                 line_radii=[_points(1.2)],
                 fill_mode=["majorwireframe"],
             )

@@ -10,7 +10,7 @@ from omni_mj.config.settings import Settings
 from omni_mj.files import check_room
 from omni_mj.simulation.log import Log
 from omni_mj.viz.recording import scene
-from omni_mj.viz.recording.feed import Feed
+from omni_mj.viz.recording.rerun_stream import RerunStream
 
 PLOTS = (
     "command",
@@ -24,7 +24,7 @@ TABLE_BYTES = 20e6  # of disk, that a recording leaves to the table, which goes 
 BELOW_M = 10.0  # the carpet: where robots are that are not there
 
 
-class ServedRecording(Feed):
+class ServedRecording(RerunStream):
     """A recording of served robots in a file, or in a viewer.
 
     Args:

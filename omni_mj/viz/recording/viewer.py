@@ -28,7 +28,7 @@ QUIET = {
     "no_proxy": "127.0.0.1,localhost",
 }
 QUIET |= {name.upper(): value for name, value in QUIET.items()}
-QUIET |= {"XDG_CONFIG_HOME": str(Path(__file__).parent / "quiet")}
+QUIET |= {"XDG_CONFIG_HOME": str(Path(__file__).parent / "viewer_config")}
 
 
 class Viewer:
@@ -66,10 +66,10 @@ class Viewer:
         while not self._shows():
             if self._process.poll() is not None or time.monotonic() > deadline:
                 self.stop()
-                raise OmniError(f"the rerun viewer does not start: {self.complaint()}")
+                raise OmniError(f"the rerun viewer does not start: {self.error_message()}")
             time.sleep(0.05)
 
-    def complaint(self) -> str:
+    def error_message(self) -> str:
         """Return why it ended, in its own words."""
         self._output.seek(0)
         match = re.search(r"(?:Error: |panicked at ')(.*)", self._output.read())
@@ -84,12 +84,12 @@ class Viewer:
     def _shows(self) -> bool:
         """Return whether its window answers, not only its server."""
         try:
-            return answers(self.url) and bool(ViewerClient.connect(self.url).get_state())
+            return is_listening(self.url) and bool(ViewerClient.connect(self.url).get_state())
         except (RuntimeError, OSError):
             return False
 
 
-def answers(url: str) -> bool:
+def is_listening(url: str) -> bool:
     """Return whether anybody listens at an address like rerun+http://127.0.0.1:9876/proxy."""
     address = urlsplit(url)
     try:
@@ -99,7 +99,7 @@ def answers(url: str) -> bool:
         return False
 
 
-def check(url: str) -> str:
+def validate_url(url: str) -> str:
     """Return `url` if it can be that of a viewer.
 
     Raises:

@@ -59,7 +59,7 @@ def outcome(
 def drawn(result: Outcome, *names: str) -> dict[str, Figure]:
     """Return figures of an outcome by name, all if none is named."""
     shown = {}
-    with rc_context(fname=style.SHEET):
+    with rc_context(fname=style.STYLE_SHEET):
         drawings = figures.drawings(result)
         for name in names or drawings:
             drawings[name](shown.setdefault(name, Figure()))
@@ -68,7 +68,7 @@ def drawn(result: Outcome, *names: str) -> dict[str, Figure]:
 
 def compared(entries: dict[str, Any], informed: Sequence[str] = ()) -> Figure:
     """Return the figure that compares entries of a summary."""
-    with rc_context(fname=style.SHEET):
+    with rc_context(fname=style.STYLE_SHEET):
         figure = Figure()
         figures.draw_comparison(entries, informed, figure)
         figure.draw_without_rendering()
@@ -86,4 +86,4 @@ def curves(axes: Axes, label: str) -> list[NDArray]:
 
 def look(controllers: Sequence[str]) -> list[dict[str, Any]]:
     """Return the line properties of the controllers of a run."""
-    return [style.line(slot) for slot in style.slots(controllers).values()]
+    return [style.line_style(slot) for slot in style.style_indices(controllers).values()]

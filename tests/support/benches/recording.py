@@ -23,9 +23,11 @@ from omni_control.controllers.base import Controller
 from omni_mj.config import scenario
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.study_runner import drive
-from omni_mj.viz.recording import Recording, feed
+from omni_mj.viz.recording import Recording, rerun_stream
 
-set_patience = partial(setattr, feed, "FLUSH_S")  # seconds that a recording waits for its file
+set_flush_timeout = partial(
+    setattr, rerun_stream, "FLUSH_TIMEOUT_S"
+)  # seconds that a recording waits for its file
 RERUN = Path(sys.executable).with_name("rerun")
 
 

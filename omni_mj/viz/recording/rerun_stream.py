@@ -12,12 +12,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from omni_control.errors import OmniError
-from omni_mj.viz.recording.viewer import answers
+from omni_mj.viz.recording.viewer import is_listening
 
-FLUSH_S = 30.0  # a block has a megabyte
+FLUSH_TIMEOUT_S = 30.0  # a block has a megabyte
 
 
-class Feed:
+class RerunStream:
     """A file or a viewer that is fed; a context manager.
 
     What fails ends the feed, and never what is shown by it. If a viewer is not there, or goes away,
@@ -37,7 +37,7 @@ class Feed:
             "omni-mj", recording_id=uuid.uuid4(), batcher_config=never
         )
         self._stream.set_log_time_enabled(False)
-        if isinstance(target, str) and not answers(target):
+        if isinstance(target, str) and not is_listening(target):
             self._fail("nobody answers")
 
     def __enter__(self) -> Self:
@@ -94,7 +94,7 @@ def _flush(stream: rr.RecordingStream) -> None:
         RuntimeError: It was not written and will not be.
     """
     try:
-        stream.flush(timeout_sec=FLUSH_S)
+        stream.flush(timeout_sec=FLUSH_TIMEOUT_S)
     except RuntimeError:
         atexit.unregister(rr.rerun_shutdown)
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))  # never finalized

@@ -17,7 +17,7 @@ SIGMA = CHANNEL_PREFIX + "alpha_sigma"
 
 
 @dataclass(frozen=True)
-class Robot:
+class RecordedRobot:
     """A robot that is shown, and what was recorded of it.
 
     Args:
@@ -78,16 +78,16 @@ class Robot:
         return np.hstack([ratio, estimate - 2 * sigma, estimate + 2 * sigma, estimate])
 
 
-def shown_robots(log: Log, places: int | None = None) -> list[Robot]:
+def select_robots(log: Log, places: int | None = None) -> list[RecordedRobot]:
     """Return the robots of each controller's first world, or as many of them, controller by controller."""
-    robots: list[Robot] = []
-    for controller, slot in style.slots(row.controller for row in log.rows).items():
+    robots: list[RecordedRobot] = []
+    for controller, slot in style.style_indices(row.controller for row in log.rows).items():
         world = log.rows[log.first(controller)].world
         together = [row for row in log.of(controller).tolist() if log.rows[row].world == world][
             :places
         ]
         for k, row in enumerate(together):
             name = controller if len(together) == 1 else f"{controller}/{log.rows[row].slot}"
-            colour = style.pale(style.rgb(style.colour(slot)), min(k * PALER, PALEST))
-            robots.append(Robot(log, row, len(robots), name, slot, colour))
+            colour = style.mix_with_white(style.rgb(style.colour(slot)), min(k * PALER, PALEST))
+            robots.append(RecordedRobot(log, row, len(robots), name, slot, colour))
     return robots

@@ -23,7 +23,7 @@ WIDE_RANGE = 200.0  # ratio of limits above which a logarithmic axis labels powe
 
 
 @contextmanager
-def drawing(stem: Path, title: str = "", svg: bool = False, **options: Any) -> Iterator[Figure]:
+def figure_file(stem: Path, title: str = "", svg: bool = False, **options: Any) -> Iterator[Figure]:
     """Yield a figure in the program's style, then write it to `stem`.png and, if requested, `stem`.svg.
 
     Args:
@@ -32,10 +32,10 @@ def drawing(stem: Path, title: str = "", svg: bool = False, **options: Any) -> I
         svg: Whether to write an SVG as well.
         **options: Arguments of `matplotlib.figure.Figure`, such as `figsize`.
     """
-    with rc_context(fname=style.SHEET):
+    with rc_context(fname=style.STYLE_SHEET):
         figure = Figure(**options)
         yield figure
-        figure.suptitle(wrapped(title or figure.get_suptitle(), figure), x=0.01, ha="left")
+        figure.suptitle(wrap_title(title or figure.get_suptitle(), figure), x=0.01, ha="left")
         for kind in ("png", "svg") if svg else ("png",):
             with whole(stem.with_suffix(f".{kind}")) as file:
                 figure.savefig(
@@ -43,7 +43,7 @@ def drawing(stem: Path, title: str = "", svg: bool = False, **options: Any) -> I
                 )
 
 
-def wrapped(text: str, figure: Figure) -> str:
+def wrap_title(text: str, figure: Figure) -> str:
     """Return a text whose lines are broken to the width of a figure."""
     width = round(LETTERS_PER_INCH * figure.get_figwidth())
     return "\n".join(
@@ -51,7 +51,9 @@ def wrapped(text: str, figure: Figure) -> str:
     )
 
 
-def time_axes(figure: Figure, rows: int, columns: int, height: float, **shared: Any) -> np.ndarray:
+def create_time_axes(
+    figure: Figure, rows: int, columns: int, height: float, **shared: Any
+) -> np.ndarray:
     """Return axes of shape (rows, columns) over time in s; ticks name the frame, as in the paper, and the second.
 
     Args:
@@ -69,7 +71,7 @@ def time_axes(figure: Figure, rows: int, columns: int, height: float, **shared: 
     return grid
 
 
-def seconds(values: Array) -> Array:
+def frame_times(values: Array) -> Array:
     """Return the times of the frames of `values`, s."""
     return np.arange(len(values)) / FRAME_RATE_HZ
 
