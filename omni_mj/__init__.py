@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.identify import identify
     from omni_mj.studies.limit import find_limit
     from omni_mj.studies.robot_facts import load_robot
-    from omni_mj.studies.run import run
+    from omni_mj.studies.run_scenario import run
     from omni_mj.studies.slip import measure_slip
     from omni_mj.studies.sweep import sweep
 
@@ -45,7 +45,7 @@ _HOMES = {
     "identify": "omni_mj.studies.identify",
     "find_limit": "omni_mj.studies.limit",
     "load_robot": "omni_mj.studies.robot_facts",
-    "run": "omni_mj.studies.run",
+    "run": "omni_mj.studies.run_scenario",
     "load_scenario": "omni_mj.config.scenario",
     "measure_slip": "omni_mj.studies.slip",
     "sweep": "omni_mj.studies.sweep",

@@ -27,18 +27,17 @@ from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
 from omni_mj.config.team_model import creep
 from omni_mj.results.result_tables import DASH, Table, text
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies import run
+from omni_mj.studies import run_scenario
 from omni_mj.studies.identify import (
-    RADIUS_SHARE,
-    ROLLS,
     Estimate,
-    Identified,
+    IdentificationResult,
     identify,
     identify_logs,
-    robot_file,
+    robot_file_writer,
 )
-from omni_mj.studies.identify.logs import read
-from omni_mj.studies.study_runner import drive
+from omni_mj.studies.identify.identification import RADIUS_SHARE, ROLLS
+from omni_mj.studies.identify.robot_logs import read
+from omni_mj.studies.study_runner import run_simulation
 
 ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam-twente")
 # Omni3's encoder and gear; its wheels turn the other way than ours
@@ -67,7 +66,7 @@ def write_robot(path: Path, robot: str, changes: Mapping[tuple[str, str], object
     """Write a robot's file with other numbers and return its path."""
     values = {place: f"{value} # a guess" for place, value in changes.items()}
     path.write_text(
-        robot_file.write_changes(
+        robot_file_writer.write_changes(
             robot_files.robot_path(robot).read_text("utf-8"), values, ["a guess"]
         ),
         "utf-8",
@@ -149,7 +148,7 @@ def true_numbers(settings: Settings) -> dict[str, float]:
 
 def identify_drawn(
     robot: str, numbers: range, folder: Path
-) -> list[tuple[Identified, dict[str, float]]]:
+) -> list[tuple[IdentificationResult, dict[str, float]]]:
     """Drive logs of a robot in one batch, unless the folder has them, and identify each."""
     base = load_scenario("identify", robot=robot)
     base = base.replace(settings=base.settings.replace(wheels={"model": "two-rollers"}))
@@ -161,7 +160,7 @@ def identify_drawn(
             for i, (number, drawn) in enumerate(zip(numbers, settings, strict=True))
         ]
         simulation = Simulation(base, rows=rows)
-        run.of(simulation, drive(simulation)).save(drives)
+        run_scenario.build_result(simulation, run_simulation(simulation)).save(drives)
     logs = read(drives / "trajectory.parquet")
     return [
         (
@@ -238,9 +237,9 @@ def measured(runs: Path, folder: Path) -> Table:
     return Table("omni3, by wheels and true poses; K times 102 mm", headings, rows, 1)
 
 
-def told(result: Identified) -> dict[str, Estimate]:
+def told(result: IdentificationResult) -> dict[str, Estimate]:
     """Return the estimates that the data tell, by name."""
-    return {name: estimate for name, estimate in result.estimates.items() if estimate.told}
+    return {name: estimate for name, estimate in result.estimates.items() if estimate.is_identified}
 
 
 def format_estimate(estimate: Estimate | None, unit: float) -> str:

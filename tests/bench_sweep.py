@@ -2,7 +2,7 @@
 
     python tests/bench_sweep.py [--plant kinematic planar mujoco] [--runs 1000 10000] [--controller
     comp-flc]
-                                [--at-once 512] [--set SECTION.FIELD=VALUE ...]
+                                [--batch-size 512] [--set SECTION.FIELD=VALUE ...]
 
 Each sweep is a process of its own, whose highest memory is told. The dead time is varied over ten values.
 """
@@ -25,7 +25,7 @@ def measured(plant: str, runs: int, given: argparse.Namespace) -> tuple[float, f
         command = [
             sys.executable, "-m", "omni_mj.cli.main", "sweep", "--quiet", "--scenario", "rect", "--plant", plant,
             "--controller", given.controller, "--vary", f"radio.delay_frames=0:{POINTS - 1}:1",
-            "--seeds", str(runs // POINTS), "--at-once", str(given.at_once), "--out", str(out), *sets,
+            "--seeds", str(runs // POINTS), "--batch-size", str(given.batch_size), "--out", str(out), *sets,
         ]  # fmt: skip
         _, status, used = os.wait4(subprocess.Popen(command).pid, 0)
         assert status == 0, "the sweep failed"
@@ -41,7 +41,7 @@ def main() -> None:
     given.add_argument("--plant", nargs="+", default=["kinematic", "planar"])
     given.add_argument("--runs", type=int, nargs="+", default=[1000, 10_000])
     given.add_argument("--controller", default="comp-flc")
-    given.add_argument("--at-once", type=int, default=512)
+    given.add_argument("--batch-size", type=int, default=512)
     given.add_argument("--set", action="append", default=[])
     chosen = given.parse_args()
     print("plant          runs    CPU-s  highest GB  bytes a run  CPU-hours of a million")

@@ -66,15 +66,15 @@ def command(
 
     plant = choice.plant or "mujoco"
     choice = replace(choice, controllers=choice.controllers or available(), plant=plant)
-    names = names or compare.usual(plant)
+    names = names or compare.default_scenarios(plant)
     chosen = [choice.load(name) for name in names]
-    compare.check(chosen, subject)
+    compare.check_scenarios(chosen, subject)
     folder = output_folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 
     def save(result: "Result") -> None:
         result.repeat = console.command_line()
         result.save_summary(folder)
-        write(folder / "compare.md", compare_table.markdown(result.summary()))
+        write(folder / "compare.md", compare_table.to_markdown(result.summary()))
 
     with (
         console.writing(folder),
@@ -90,14 +90,14 @@ def command(
         seeds = chosen[0].seed_list
         result = compare.compare(
             chosen, choice.controllers, seeds, subject,
-            begin=lambda *what: console.checked(interrupts.check, begin(*what)), after=after,
+            start_progress=lambda *what: console.checked(interrupts.check, begin(*what)), after_scenario=after,
         )  # fmt: skip
     with console.writing(folder):
         save(result)
         summary = result.summary()
         figures.save_comparison(summary, folder / "compare")
     if not quiet:
-        compare_table.show(summary)
+        compare_table.print_comparison(summary)
         print(f"{console.results(folder, (*OUTPUTS, *KEPT))} after {result.wall_s:.0f} s")
     status = [outcome.entry["status"] for outcome in result.outcomes]
     interrupts.end(

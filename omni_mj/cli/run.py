@@ -58,14 +58,14 @@ def command(
 ) -> None:
     """Run a scenario with one or several controllers and compare them."""
     from omni_mj.config.toml_files import builtin
-    from omni_mj.studies import run
+    from omni_mj.studies import run_scenario
 
     if name is None:
         raise OmniError(
             f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file"
         )
     chosen = choice.load(name)
-    simulation = run.prepare(chosen)
+    simulation = run_scenario.prepare_simulation(chosen)
     shown_by = viewers(outputs.view, outputs.connect)
     folder = output_folders.prepare(out, chosen.name, OUTPUTS, overwrite)
     with console.writing(folder):
@@ -96,8 +96,8 @@ def recorded(
         study: the command's name.
     """
     from omni_mj.files import write
-    from omni_mj.studies import run
-    from omni_mj.studies.study_runner import drive, total_frames
+    from omni_mj.studies import run_scenario
+    from omni_mj.studies.study_runner import count_frames, run_simulation
 
     console.quiet_mujoco()
     scenario = simulation.scenario
@@ -111,7 +111,7 @@ def recorded(
 
             recordings = [stack.enter_context(Recording(target, simulation)) for target in targets]
         begin = stack.enter_context(console.progress(quiet))
-        show = begin(scenario.name, total_frames(simulation))
+        show = begin(scenario.name, count_frames(simulation))
 
         def after_frame(frame: int) -> None:
             interrupts.check()
@@ -120,11 +120,11 @@ def recorded(
                 recording.update()
 
         try:
-            outcome = drive(simulation, after_frame)
+            outcome = run_simulation(simulation, after_frame)
         finally:
             for recording in recordings:
                 recording.write()
-        result = run.of(simulation, outcome)
+        result = run_scenario.build_result(simulation, outcome)
         allow_code = ["--allow-code"] * scenario.has_code
         words = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml"), *allow_code]
         result.repeat = shlex.join(words) if study == "run" else console.command_line()

@@ -11,7 +11,7 @@ from omni_mj.cli import console, options, output_folders
 from omni_mj.config.scenario import Scenario
 
 if TYPE_CHECKING:
-    from omni_mj.studies.study_runner import Begin
+    from omni_mj.studies.study_runner import StartProgress
 
 WRITTEN = ("summary.json", "scenario.toml", "scenarios", "trajectory.parquet")
 
@@ -38,8 +38,8 @@ def alpha(choice: options.Choice, **output: Any) -> None:
     _run(
         "alpha",
         [chosen],
-        lambda begin: measure_alpha(chosen, begin=begin),
-        alpha_figure.save,
+        lambda begin: measure_alpha(chosen, start_progress=begin),
+        alpha_figure.save_alpha_figure,
         **output,
     )
 
@@ -104,7 +104,7 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
     from omni_mj.viz import figures
 
     chosen = choice.load(name)
-    study.check(chosen, iterations)
+    study.check_limit(chosen, iterations)
 
     def draw(result: study.LimitResult, stem: Path) -> None:
         figures.save_comparison(result.summary(), stem)
@@ -112,7 +112,7 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
     _run(
         "limit",
         [chosen],
-        lambda begin: study.find_limit(chosen, chosen.seed_list, iterations, begin=begin),
+        lambda begin: study.find_limit(chosen, chosen.seed_list, iterations, start_progress=begin),
         draw,
         **output,
     )
@@ -139,15 +139,15 @@ def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> 
 def loop(choice: options.Choice, name: str, **output: Any) -> None:
     """Measure how control loops answer a step, and their gain, phase and delay margins."""
     from omni_mj.studies.loop import loop_figure, measure_loop
-    from omni_mj.studies.study_runner import competitors
+    from omni_mj.studies.study_runner import list_competitors
 
-    controllers = choice.controllers or competitors()
+    controllers = choice.controllers or list_competitors()
     chosen = replace(choice, controllers=controllers).load(name, "wheels.model=two-rollers")
     _run(
         "loop",
         [chosen],
-        lambda begin: measure_loop(chosen, chosen.controllers, begin=begin),
-        loop_figure.save,
+        lambda begin: measure_loop(chosen, chosen.controllers, start_progress=begin),
+        loop_figure.save_loop_figure,
         **output,
     )
 
@@ -164,21 +164,25 @@ def loop(choice: options.Choice, name: str, **output: Any) -> None:
 def slip(choice: options.Choice, robots: Sequence[str], **output: Any) -> None:
     """Identify gain, slip and drag of robots as TIGERs Mannheim do."""
     from omni_mj.config.robot_files import DEFAULT
-    from omni_mj.studies.slip import PUBLISHED, measure_slip, named, slip_figure
+    from omni_mj.studies.slip import PUBLISHED, measure_slip, prepare_slip_scenario, slip_figure
 
     chosen = [
-        named(replace(choice, robot=robot).load("rect", "wheels.model=two-rollers"))
+        prepare_slip_scenario(replace(choice, robot=robot).load("rect", "wheels.model=two-rollers"))
         for robot in robots or ([DEFAULT] if choice.model else PUBLISHED)
     ]
     _run(
-        "slip", chosen, lambda begin: measure_slip(chosen, begin=begin), slip_figure.save, **output
+        "slip",
+        chosen,
+        lambda begin: measure_slip(chosen, start_progress=begin),
+        slip_figure.save_slip_figure,
+        **output,
     )
 
 
 def _run(
     name: str,
     chosen: Sequence[Scenario],
-    measure: "Callable[[Begin], Any]",
+    measure: "Callable[[StartProgress], Any]",
     draw: Callable[[Any, Path], None],
     out: Path | None,
     overwrite: bool,

@@ -12,8 +12,7 @@ from omni_mj.cli import console, options, output_folders
 
 if TYPE_CHECKING:
     from omni_mj.studies.study_runner import AfterFrame
-    from omni_mj.studies.sweep import Plan
-    from omni_mj.studies.sweep.plan import Job
+    from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
 
 OUTPUTS = (
     "sweep.json",
@@ -45,7 +44,7 @@ OUTPUTS = (
 )
 @options.SETTINGS
 @click.option(
-    "--at-once",
+    "--batch-size",
     type=int,
     default=128,
     metavar="N",
@@ -69,7 +68,7 @@ def command(
     choice: options.Choice,
     name: str | None,
     varied: tuple[str, ...],
-    at_once: int,
+    batch_size: int,
     out: Path | None,
     quiet: bool,
     jobs: int,
@@ -82,13 +81,13 @@ def command(
     carpet.friction='{uniform = [0.4, 0.9]}') are drawn for each seed.
     """
     from omni_mj.studies.sweep import workers
-    from omni_mj.studies.sweep.plan import Plan, axes, parse_axis
+    from omni_mj.studies.sweep.sweep_plan import SweepPlan, check_axes, parse_axis
 
     if name is None:
         raise OmniError(
             "--scenario is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8"
         )
-    plan = Plan(choice.load(name), axes(map(parse_axis, varied)), at_once)
+    plan = SweepPlan(choice.load(name), check_axes(map(parse_axis, varied)), batch_size)
     plan.check(jobs)  # before there is a folder
     if cluster and jobs > 1:
         raise OmniError("give --jobs, which are processes of this machine, or a --cluster")
@@ -98,27 +97,30 @@ def command(
         _run(plan, out, quiet, jobs=jobs, executor=executor)
 
 
-def _run(plan: "Plan", folder: Path, quiet: bool, **how: Any) -> None:
-    from omni_mj.studies.sweep import study, sweep_figure, sweep_table
+def _run(plan: "SweepPlan", folder: Path, quiet: bool, **how: Any) -> None:
+    from omni_mj.studies.sweep import sweep_figure, sweep_study, sweep_table
 
     with console.writing(folder):
         with console.Interrupts() as interrupts, console.progress(quiet) as begin:
             console.quiet_mujoco()
-            show, shards = begin("sweep", plan.frames * len(study.left(plan, folder))), count()
+            show, shards = (
+                begin("sweep", plan.frames * len(sweep_study.remaining_shards(plan, folder))),
+                count(),
+            )
 
-            def before_shard(_: "Job") -> "AfterFrame":
+            def before_shard(_: "Shard") -> "AfterFrame":
                 done = next(shards) * plan.frames
                 return console.checked(interrupts.check, lambda frame: show(done + frame))
 
-            result = study.run(
+            result = sweep_study.run_sweep(
                 plan, folder, before_shard=before_shard, check=interrupts.check, **how
             )
-        done = f"{result.done} of {len(plan.jobs)} shards are"
+        done = f"{result.done} of {len(plan.shards)} shards are"
         if result.done:
-            sweep_table.save(result, folder / "sweep.md")
-            sweep_figure.save(result, folder / "sweep.png")
+            sweep_table.save_sweep_table(result, folder / "sweep.md")
+            sweep_figure.save_sweep_figure(result, folder / "sweep.png")
             if not quiet:
-                print(sweep_table.shown(result))
+                print(sweep_table.format_sweep_tables(result))
                 print(f"repeat the worst: {result.summary['worst'][0]['repeat']}")
                 print(f"{done} done; {console.results(folder, OUTPUTS)}")
     interrupts.end(result.stopped, f"{done} in {folder}; the same with --out {folder} goes on")

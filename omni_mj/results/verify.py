@@ -17,7 +17,13 @@ from omni_mj.results import summary
 from omni_mj.results.provenance import FILE, FORMAT, digest, environment
 from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.study_runner import Begin, StoppedError, begin_nothing, drive, total_frames
+from omni_mj.studies.study_runner import (
+    StartProgress,
+    StoppedError,
+    count_frames,
+    no_progress,
+    run_simulation,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -58,12 +64,12 @@ class Repetition:
         return "\n".join([head, *(f"note: {note}" for note in self.notes)])
 
 
-def verify(folder: str | Path, begin: Begin = begin_nothing) -> Repetition:
+def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> Repetition:
     """Run again what a folder holds, and compare bit for bit, as `omni-mj verify` does.
 
     Args:
         folder: Folder that a run, a comparison or `Result.save` left.
-        begin: Called with a title and a number of frames before a scenario is run; its result is
+        start_progress: Called with a title and a number of frames before a scenario is run; its result is
             called after each frame.
 
     Raises:
@@ -74,14 +80,14 @@ def verify(folder: str | Path, begin: Begin = begin_nothing) -> Repetition:
         raise OmniError(f"{path} holds no run that can be repeated: it has no {FILE}")
     record = read_json(path / FILE)
     try:
-        return _repeat(path, record, begin)
+        return _repeat(path, record, start_progress)
     except OmniError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
         raise OmniError(f"{path} is not as a run leaves it; make the run again") from error
 
 
-def _repeat(path: Path, record: Mapping[str, Any], begin: Begin) -> Repetition:
+def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress) -> Repetition:
     if record["format"] != FORMAT:
         raise OmniError(f"{path / FILE} is of format {record['format']!r}; known is {FORMAT}")
     if record["study"] not in REPEATED:
@@ -97,7 +103,7 @@ def _repeat(path: Path, record: Mapping[str, Any], begin: Begin) -> Repetition:
             continue
         place = "scenarios/{}.toml" if len(scenarios) > 1 else "scenario.toml"
         chosen = _load(path, path / place.format(name), record["scenarios"][name], entry)
-        outcome = _run(chosen, entry, begin)
+        outcome = _run(chosen, entry, start_progress)
         result.rows += len(outcome.rows)
         if record["frames_kept"]:
             place = "trajectories/{}.parquet" if len(scenarios) > 1 else "trajectory.parquet"
@@ -155,18 +161,18 @@ def _load(path: Path, file: Path, said: Mapping[str, Any], entry: Mapping[str, A
     return scenario.load(str(file), (), head, sections=sections)
 
 
-def _run(chosen: Scenario, entry: Mapping[str, Any], begin: Begin) -> Outcome:
+def _run(chosen: Scenario, entry: Mapping[str, Any], start_progress: StartProgress) -> Outcome:
     """Run a scenario as far as it was run."""
     simulation = Simulation(chosen)
-    count = entry["frames"] if entry["status"] == "stopped" else total_frames(simulation)
-    show = begin(chosen.name, count)
+    count = entry["frames"] if entry["status"] == "stopped" else count_frames(simulation)
+    show = start_progress(chosen.name, count)
 
     def after_frame(frame: int) -> None:
         show(frame)
         if entry["status"] == "stopped" and frame + 1 == count:
             raise StoppedError(str(entry["reason"]))
 
-    return drive(simulation, after_frame)
+    return run_simulation(simulation, after_frame)
 
 
 def _frame_differences(recorded: "pa.Table", again: "pa.Table") -> Iterator[str]:

@@ -18,7 +18,7 @@ from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
 
 AfterFrame = Callable[[int], None]
-Begin = Callable[[str, int], AfterFrame]  # given a title and the number of frames to come
+StartProgress = Callable[[str, int], AfterFrame]  # given a title and the number of frames to come
 # Of a robot-frame in the log, with what is made of it to measure, and its reference
 FRAME_BYTES = 1200
 
@@ -35,13 +35,13 @@ class StoppedError(Exception):
         super().__init__(reason)
 
 
-def nothing(_: object) -> None:
+def ignore_frame(_: object) -> None:
     """What is called after a frame where nobody wants to know."""
 
 
-def begin_nothing(title: str, frames: int) -> AfterFrame:
+def no_progress(title: str, frames: int) -> AfterFrame:
     """Return what to call after each frame where nobody wants to know."""
-    return nothing
+    return ignore_frame
 
 
 def check_memory(robots: int, frames: int) -> None:
@@ -57,7 +57,7 @@ def check_memory(robots: int, frames: int) -> None:
         )
 
 
-def resting(frames: int) -> dict[str, Any]:
+def resting_reference(frames: int) -> dict[str, Any]:
     """Return the settings of a reference that rests, for so many frames at least."""
     return {
         "shape": "waypoints",
@@ -67,7 +67,7 @@ def resting(frames: int) -> dict[str, Any]:
     }
 
 
-def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
+def open_loop_settings(settings: Settings, frames: int, **sections: Any) -> Settings:
     """Settings for robots that are commanded from outside, each alone, without dead time and faults.
 
     Args:
@@ -76,7 +76,7 @@ def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
         sections: further values, by section and field.
     """
     return settings.replace(
-        reference={**resting(frames), **sections.pop("reference", {})},
+        reference={**resting_reference(frames), **sections.pop("reference", {})},
         radio={"delay_frames": 0, "jitter_frames": 0},
         world={"start_poses": [[0, 0, 0]]},
         fault=(),
@@ -84,7 +84,7 @@ def standing(settings: Settings, frames: int, **sections: Any) -> Settings:
     )
 
 
-def drive(simulation: Simulation, after_frame: AfterFrame = nothing) -> Outcome:
+def run_simulation(simulation: Simulation, after_frame: AfterFrame = ignore_frame) -> Outcome:
     """Run a simulation and measure what came of it.
 
     Args:
@@ -109,7 +109,9 @@ def drive(simulation: Simulation, after_frame: AfterFrame = nothing) -> Outcome:
     return Outcome(simulation.scenario, entry, log.rows, failures, measured, log, drawn)
 
 
-def command(simulation: Simulation, twists: Iterable[Array], after_frame: AfterFrame) -> str | None:
+def send_twists(
+    simulation: Simulation, twists: Iterable[Array], after_frame: AfterFrame
+) -> str | None:
     """Send robots twists (n, 3) frame by frame, in place of controllers; return why that was stopped, or None."""
     try:
         for frame, twist in enumerate(twists):
@@ -120,7 +122,7 @@ def command(simulation: Simulation, twists: Iterable[Array], after_frame: AfterF
     return None
 
 
-def commanded(
+def open_loop_outcome(
     scenario: Scenario,
     simulation: Simulation,
     started: float,
@@ -141,16 +143,16 @@ def commanded(
     return Outcome(scenario, entry, simulation.rows, failures, measured)
 
 
-def total_frames(simulation: Simulation) -> int:
+def count_frames(simulation: Simulation) -> int:
     """How many frames a simulation has from start to end."""
     return max(reference.frames for reference in simulation.references)
 
 
-def informed(scenario: Scenario) -> list[str]:
+def list_informed(scenario: Scenario) -> list[str]:
     """Labels of the controllers that are given the truth: no competitors."""
     return [label(kind) for kind in scenario.controllers if find_controller(kind).knows_truth]
 
 
-def competitors() -> tuple[str, ...]:
+def list_competitors() -> tuple[str, ...]:
     """Return the controllers that come with the package, but for those that are given the truth."""
     return tuple(name for name in available() if not find_controller(name).knows_truth)

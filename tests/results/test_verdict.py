@@ -137,5 +137,5 @@ def test_who_never_settles_counts_and_who_fails_too() -> None:
     assert (
         of["failing"]["effort_m_s2"]["mean"] is of["failing"]["excess_effort_m_s2"]["mean"] is None
     )
-    text = compare_table.markdown(compared(of, [], None))
+    text = compare_table.to_markdown(compared(of, [], None))
     assert all(words in text for words in ("never (1/4)", "0.00 (3/4)"))

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from benches.studies import NAMES, AlphaResult, StoppedError, Study, conditions
+from benches.studies import NAMES, AlphaResult, AlphaStudy, StoppedError, conditions
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -32,7 +32,7 @@ def result() -> Iterator[AlphaResult]:
 
 
 @pytest.fixture(scope="module")
-def study(result: AlphaResult) -> Study:
+def study(result: AlphaResult) -> AlphaStudy:
     assert result.study is not None
     return result.study
 
@@ -46,7 +46,7 @@ def softness(settings: om.Scenario) -> np.ndarray:
     return of_both
 
 
-def test_creep_alone_takes_what_its_law_says(study: Study) -> None:
+def test_creep_alone_takes_what_its_law_says(study: AlphaStudy) -> None:
     """Its lag is T g^2 U / 2, beside the wheel loops'; the slope of the ramp that of T a s^2 + s / g = 1."""
     found, speed = conditions.PROFILE, conditions.PROFILE.speed_m_s
     both, curve = slice(0, 2), softness(om.load_scenario("rect"))
@@ -62,7 +62,9 @@ def test_creep_alone_takes_what_its_law_says(study: Study) -> None:
     )
 
 
-def test_lag_does_not_depend_on_acceleration_but_the_gain_of_speeding_up_does(study: Study) -> None:
+def test_lag_does_not_depend_on_acceleration_but_the_gain_of_speeding_up_does(
+    study: AlphaStudy,
+) -> None:
     slow, fast = study.base, study.changed["acceleration_m_s2"].at(0)
     np.testing.assert_allclose(
         fast.lag_s[:2], slow.lag_s[:2], rtol=0.05
@@ -72,21 +74,21 @@ def test_lag_does_not_depend_on_acceleration_but_the_gain_of_speeding_up_does(st
     assert (fast.speeding_up < fast.steady - 0.02).all()
 
 
-def test_robots_creep_more_sideways(study: Study) -> None:
+def test_robots_creep_more_sideways(study: AlphaStudy) -> None:
     """Where fewer wheels pull, see `softness`."""
     for each in (study.base, study.worn):
         assert each.steady[SIDEWAYS] < each.steady[FORWARD]
         assert each.lag_s[SIDEWAYS] > each.lag_s[FORWARD]
 
 
-def test_more_pile_less_charge_and_heat_cost_what_they_can(study: Study) -> None:
+def test_more_pile_less_charge_and_heat_cost_what_they_can(study: AlphaStudy) -> None:
     """Pile and charge the gain; heat, which takes stiffness from the wheel loops, lag."""
     for name, sign in (("pile", -1), ("charge", 1)):
         assert (sign * (study.changed[name].steady[0] - study.base.steady) > 0.01).all(), name
     assert (study.changed["winding_c"].lag_s[0] > study.base.lag_s + 0.001).all()
 
 
-def test_shares_add_up_to_what_all_causes_do(study: Study) -> None:
+def test_shares_add_up_to_what_all_causes_do(study: AlphaStudy) -> None:
     for name in NAMES:
         added = sum(study.shares(name).values())
         np.testing.assert_allclose(
@@ -111,7 +113,7 @@ def test_shares_are_fair(data: st.DataObject) -> None:
     assert both == pytest.approx([0.25, 0.25, *[0] * (causes - 2)], abs=1e-12)
 
 
-def test_rows_summary_and_table_say_the_same(result: AlphaResult, study: Study) -> None:
+def test_rows_summary_and_table_say_the_same(result: AlphaResult, study: AlphaStudy) -> None:
     """One line per robot: settings, direction, profile and response."""
     rows = [row for row in result.rows().to_pylist() if row["direction"] is not None]
     assert len(rows) == 3 * (1 + len(CHANGED) + 2 ** len(conditions.CAUSES))
@@ -136,6 +138,6 @@ def test_a_study_that_is_stopped_has_found_nothing() -> None:
         if frame == 3:
             raise StoppedError("interrupted")
 
-    stopped = om.measure_alpha(fast(), {}, begin=lambda title, frames: stop)
+    stopped = om.measure_alpha(fast(), {}, start_progress=lambda title, frames: stop)
     assert (stopped.study, stopped.stopped, stopped.table()) == (None, "interrupted", "")
     assert stopped.summary()["alpha"] is None

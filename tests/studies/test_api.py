@@ -53,7 +53,7 @@ def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
     for module in (
         "omni_mj.run",
         "omni_mj.config.scenario",
-        "omni_mj.studies.run",
+        "omni_mj.studies.run_scenario",
         "omni_mj.studies.compare",
     ):
         importlib.import_module(module)
@@ -78,7 +78,7 @@ def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
     )
-    assert done.stdout.split() == ["run", "omni_mj.studies.run"]
+    assert done.stdout.split() == ["run", "omni_mj.studies.run_scenario"]
 
 
 def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:

@@ -28,7 +28,7 @@ def scenarios() -> list[om.Scenario]:
 
 @pytest.fixture(scope="module")
 def result(scenarios: list[om.Scenario]) -> om.Result:
-    return om.compare(scenarios, CONTROLLERS, SEEDS, subject="comp-flc", keep=True)
+    return om.compare(scenarios, CONTROLLERS, SEEDS, subject="comp-flc", keep_frames=True)
 
 
 def same(ours: Any, theirs: Any) -> None:
@@ -87,7 +87,7 @@ def test_what_is_stopped_keeps_what_was_done(scenarios: list[om.Scenario]) -> No
 
     result = om.compare(
         scenarios, ("flc", "comp-flc"), 2, "flc",
-        begin=lambda title, frames: at_frame, after=lambda result, outcome: done.append(outcome),
+        start_progress=lambda title, frames: at_frame, after_scenario=lambda result, outcome: done.append(outcome),
     )  # fmt: skip
     assert (result.complete, result.stopped) == (False, "interrupted")
     assert [entry["status"] for entry in result.summary()["scenarios"].values()] == [

@@ -9,7 +9,7 @@ import pytest
 from synthetic import COMMAND, LATE_S, POSE, SETTINGS, STIFFNESS, WHEELS, Columns, driven, write
 
 import omni_mj as om
-from omni_mj.studies.identify import Identified
+from omni_mj.studies.identify import IdentificationResult
 
 OTHER: dict[str, Any] = {
     "radio": {"delay_frames": 5},
@@ -19,7 +19,7 @@ OTHER: dict[str, Any] = {
 }
 
 
-def identified(columns: Columns, folder: Path) -> Identified:
+def identified(columns: Columns, folder: Path) -> IdentificationResult:
     return om.identify([write(folder / "log.csv", columns)])
 
 
@@ -77,7 +77,7 @@ def test_motion_along_one_axis_tells_nothing_of_the_other(tmp_path: Path) -> Non
     wheels = SETTINGS.wheels.kinematics.wheel_speeds(np.stack([speed, 0 * speed, 0 * speed], 1))
     names = ("time_s", *POSE, *(f"{name}_s" for name in WHEELS))
     found = identified(dict(zip(names, [time, *pose.T, *wheels.T], strict=True)), tmp_path)
-    assert found["wheels.gain_forward"].told
+    assert found["wheels.gain_forward"].is_identified
     assert "moves sideways at 0.0" in (found["wheels.gain_sideways"].why_not or "")
     assert "turns at 0.0" in (found["wheels.gain_turning"].why_not or "")
 
@@ -109,7 +109,7 @@ def test_wheels_tell_radius_arm_and_clock(tmp_path: Path) -> None:
         ("clock_s", 0.07, {"abs": 0.01}),
     ):
         assert found[f"wheels.{name}"].value == pytest.approx(value, **within), name
-    assert not found["wheels.creep_stiffness"].told
+    assert not found["wheels.creep_stiffness"].is_identified
     assert not found.misfits
 
 

@@ -184,7 +184,7 @@ def test_one_that_is_stopped_says_so_and_has_what_it_learned() -> None:
         return after_frame
 
     result = om.find_limit(
-        om.load_scenario("rect", plant="kinematic", reference=ROUTE), 1, begin=begin
+        om.load_scenario("rect", plant="kinematic", reference=ROUTE), 1, start_progress=begin
     )
     assert (result.stopped, result.complete, result.table()) == ("interrupted", False, "")
     assert result.summary()["stopped"] == "interrupted"

@@ -9,7 +9,7 @@ from benches.studies import (
     STEP,
     STEP_M,
     WARM_UP,
-    Drive,
+    LoopExperiment,
     LoopResult,
     StoppedError,
     find_margins,
@@ -169,7 +169,7 @@ def test_a_loop_bears_as_much_more_dead_time_as_its_margin_says(small: LoopResul
             radio={"delay_frames": DELAY + more},
             control={**IDEAL["control"], "delay_error_frames": -more},
         )
-        drive = Drive(late.replace(controllers=("p",)))
+        drive = LoopExperiment(late.replace(controllers=("p",)))
         drive.disturbance[:] = 0
         assert drive.run(stop_at(WARM_UP + 600)) == "interrupted"
         error = np.abs(drive.answers()[0][WARM_UP:, 0, 0, 0] - STEP_M)
@@ -205,7 +205,7 @@ def test_noise_of_vision_falls_out_and_a_controller_that_fails_spoils_nobodys_fi
 
 
 def test_a_study_that_is_stopped_has_found_nothing_and_what_there_is_not_is_said() -> None:
-    stopped = measure_loop(ideal(), ["p"], begin=lambda title, frames: stop_at(3))
+    stopped = measure_loop(ideal(), ["p"], start_progress=lambda title, frames: stop_at(3))
     assert (stopped.loops, stopped.stopped, stopped.table()) == ({}, "interrupted", "")
     assert stopped.summary()["loop"] is None
     with pytest.raises(om.OmniError, match="unknown controller 'pp'"):

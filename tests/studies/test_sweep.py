@@ -28,7 +28,7 @@ def scenario(**sections: object) -> om.Scenario:
     return om.load_scenario("rect", plant="kinematic", reference=SHORT, **sections)
 
 
-def swept(folder: Path, **how: Any) -> bench.Sweep:
+def swept(folder: Path, **how: Any) -> bench.SweepResult:
     return bench.sweep(scenario(), VARY, NAMES, range(3), out=folder, **how)
 
 
@@ -36,7 +36,7 @@ def words(folder: Path) -> list[str]:
     """The command of the same sweep."""
     return [
         "sweep", "--quiet", *ROUTE,
-        "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--at-once", "2", "--out", str(folder),
+        "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--batch-size", "2", "--out", str(folder),
         "--vary", "radio.delay_frames=0:4:4", "--vary", "kinematic.alpha_low=0.7,0.9", "--controller", "p",
         "--controller", "flc",
     ]  # fmt: skip
@@ -48,11 +48,11 @@ def bits(table: pa.Table) -> dict[str, list[str]]:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> bench.Sweep:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bench.SweepResult:
     return swept(tmp_path_factory.mktemp("sweep") / "whole")
 
 
-def test_each_run_is_what_it_is_alone(whole: bench.Sweep) -> None:
+def test_each_run_is_what_it_is_alone(whole: bench.SweepResult) -> None:
     """Bit for bit, at each point; and all are there, once."""
     table = whole.rows()
     assert table.num_rows == 2 * 2 * 2 * 3
@@ -95,17 +95,17 @@ def test_robots_on_other_wheels_are_not_simulated_together(tmp_path: Path) -> No
     ]
 
 
-@pytest.mark.parametrize("at_once", [1, 5])
+@pytest.mark.parametrize("batch_size", [1, 5])
 def test_results_do_not_depend_on_how_many_run_at_once(
-    whole: bench.Sweep, tmp_path: Path, at_once: int
+    whole: bench.SweepResult, tmp_path: Path, batch_size: int
 ) -> None:
-    again = swept(tmp_path / "sweep", at_once=at_once)
-    assert len(again.plan.jobs) > len(whole.plan.jobs)
+    again = swept(tmp_path / "sweep", batch_size=batch_size)
+    assert len(again.plan.shards) > len(whole.plan.shards)
     assert bits(again.rows()) == bits(whole.rows())
 
 
 def test_a_sweep_that_was_stopped_goes_on_and_computes_nothing_twice(
-    whole: bench.Sweep, tmp_path: Path
+    whole: bench.SweepResult, tmp_path: Path
 ) -> None:
     run: list[int] = []
 
@@ -113,24 +113,24 @@ def test_a_sweep_that_was_stopped_goes_on_and_computes_nothing_twice(
         if len(run) == 3:
             raise bench.StoppedError("enough")
         run.append(job.number)
-        return bench.nothing
+        return bench.ignore_frame
 
     folder = tmp_path / "sweep"
-    part = swept(folder, at_once=4, before_shard=three_at_most)
+    part = swept(folder, batch_size=4, before_shard=three_at_most)
     assert (part.done, part.stopped, part.complete) == (3, "enough", False)
-    assert part.rows().num_rows == sum(len(NAMES) * len(job.runs) for job in part.plan.jobs[:3])
+    assert part.rows().num_rows == sum(len(NAMES) * len(job.runs) for job in part.plan.shards[:3])
     assert json.loads((folder / "summary.json").read_text())["complete"] is False
     rest: list[int] = []
     done = swept(
-        folder, at_once=4, before_shard=lambda job: rest.append(job.number) or bench.nothing
+        folder, batch_size=4, before_shard=lambda job: rest.append(job.number) or bench.ignore_frame
     )
-    assert sorted(run + rest) == [job.number for job in done.plan.jobs]
+    assert sorted(run + rest) == [job.number for job in done.plan.shards]
     assert bits(done.rows()) == bits(whole.rows())
-    swept(folder, at_once=4, before_shard=lambda job: pytest.fail("nothing is left"))
+    swept(folder, batch_size=4, before_shard=lambda job: pytest.fail("nothing is left"))
 
 
 def test_a_killed_process_loses_no_shard_that_was_done(
-    whole: bench.Sweep, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    whole: bench.SweepResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Killed as soon as two shards are on the disk; another process, this one, goes on."""
     folder = tmp_path / "sweep"
@@ -184,7 +184,7 @@ def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
 
 
 def test_a_cluster_of_which_a_worker_is_killed_and_processes_find_the_same(
-    whole: bench.Sweep, cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+    whole: bench.SweepResult, cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
 ) -> None:
     """Killed when two of twelve shards are done and others are on their way."""
     from distributed import Client
@@ -196,14 +196,14 @@ def test_a_cluster_of_which_a_worker_is_killed_and_processes_find_the_same(
         done.append(job.number)
         if len(done) == 2:
             processes[0].kill()
-        return bench.nothing
+        return bench.ignore_frame
 
     with Client(address) as client:
         there = client.get_executor(pure=False)
-        found = swept(tmp_path / "there", at_once=2, executor=there, before_shard=kill_one)
-    assert sorted(done) == [job.number for job in found.plan.jobs] == list(range(12))
+        found = swept(tmp_path / "there", batch_size=2, executor=there, before_shard=kill_one)
+    assert sorted(done) == [job.number for job in found.plan.shards] == list(range(12))
     assert bits(found.rows()) == bits(whole.rows())
-    assert bits(swept(tmp_path / "jobs", at_once=8, jobs=2).rows()) == bits(whole.rows())
+    assert bits(swept(tmp_path / "jobs", batch_size=8, jobs=2).rows()) == bits(whole.rows())
     assert invoke(*words(tmp_path / "command"), "--cluster", address) == 0
     assert bits(pq.read_table(tmp_path / "command" / "rows.parquet")) == bits(whole.rows())
     with Client(address) as client, pytest.MonkeyPatch.context() as patch:
@@ -231,7 +231,7 @@ def test_what_is_not_allowed_is_said_in_a_line(tmp_path: Path) -> None:
         (lambda: bench.sweep("rect", {"carpet.friction": []}, NAMES, out=none), "1 to 1000 values"),
         (lambda: bench.sweep("rect", {"carpet.friction": [0.5, 0.5]}, NAMES, out=none), "each once"),
         (lambda: bench.sweep("rect", {"carpet.friction": [0.5, 50.0]}, NAMES, out=none), "carpet.friction must be"),
-        (lambda: bench.sweep(LONG, {"radio.delay_frames": range(4)}, NAMES, range(1000), out=none, at_once=8000),
+        (lambda: bench.sweep(LONG, {"radio.delay_frames": range(4)}, NAMES, range(1000), out=none, batch_size=8000),
          "GB are free; run fewer at a time"),
         (lambda: swept(none, jobs=0), "jobs must be at least 1, not 0"),
         (lambda: bench.sweep("rect", {}, NAMES, out=none), "nothing varies"),
@@ -253,20 +253,22 @@ def test_axes_are_read_as_they_are_written() -> None:
         ("wheels.model=rollers,two-rollers", ["rollers", "two-rollers"]),
         ("carpet.friction=1,0.5", [1.0, 0.5]),
     ):
-        assert bench.axes([bench.parse_axis(text)]) == {text.split("=")[0]: tuple(values)}
+        assert bench.check_axes([bench.parse_axis(text)]) == {text.split("=")[0]: tuple(values)}
     for text in (
         "carpet.friction=0.3:1.0", "radio.delay_frames=0:12:0", "radio.delay_frames=0:1.5:2", "nothing.at_all=1:2:3",
     ):  # fmt: skip
         with pytest.raises(om.OmniError):
-            bench.axes([bench.parse_axis(text)])
+            bench.check_axes([bench.parse_axis(text)])
 
 
 def test_rows_that_cannot_share_a_batch_are_run_apart() -> None:
     """Wheels of two sorts in one sweep on the MuJoCo plant: a shard holds one sort only."""
     vary = {"wheels.model": ["rollers", "two-rollers"], "carpet.friction": [0.5, 0.8]}
-    plan = bench.Plan(om.load_scenario("rect", controllers=["p"], seeds=2), bench.axes(vary))
-    assert [len(job.runs) for job in plan.jobs] == [4, 4]
-    for job in plan.jobs:
+    plan = bench.SweepPlan(
+        om.load_scenario("rect", controllers=["p"], seeds=2), bench.check_axes(vary)
+    )
+    assert [len(job.runs) for job in plan.shards] == [4, 4]
+    for job in plan.shards:
         assert len({plan.points[point]["wheels.model"] for point, _ in job.runs}) == 1
 
 
@@ -306,7 +308,9 @@ def test_what_matters_and_the_worst_runs_are_said(
     assert again["error_m"]["distance"]["max"]["seeds"] == [worst["distance_max_m"]]
 
 
-def test_cells_have_rates_and_medians_of_their_rows_with_intervals(whole: bench.Sweep) -> None:
+def test_cells_have_rates_and_medians_of_their_rows_with_intervals(
+    whole: bench.SweepResult,
+) -> None:
     """Of three robots none of which failed: a rate of 0 % up to 56 % by Wilson's interval; too few for a median's."""
     cells = whole.summary["cells"]
     assert [(c["point"], c["controller"]) for c in cells] == [

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from omni_mj.studies.alpha.conditions import DIRECTIONS, DRIVE_TEXT, LABELS, WORN_TEXT
+from omni_mj.studies.alpha.operating_conditions import DIRECTIONS, DRIVE_TEXT, LABELS, WORN_TEXT
 from omni_mj.viz import style
 from omni_mj.viz.figures import plotting
 
 if TYPE_CHECKING:
-    from omni_mj.studies.alpha import AlphaResult, Study
+    from omni_mj.studies.alpha import AlphaResult, AlphaStudy
 
 QUANTITIES = {
     "steady": "steady gain",
@@ -24,7 +24,7 @@ BAR = 0.27  # width, if causes are 1 apart
 WIDE_RANGE = 30  # ratio of values above which an axis is logarithmic
 
 
-def save(result: "AlphaResult", stem: Path) -> None:
+def save_alpha_figure(result: "AlphaResult", stem: Path) -> None:
     """Draw the study into `stem`.png: conditions in pairs of panels, gain above lag; below them what causes take."""
     study = result.study
     assert study is not None
@@ -53,7 +53,7 @@ def save(result: "AlphaResult", stem: Path) -> None:
         plotting.add_legend(figure, figure.axes)
 
 
-def _draw_condition(study: "Study", name: str, gain: Axes, lag: Axes) -> None:
+def _draw_condition(study: "AlphaStudy", name: str, gain: Axes, lag: Axes) -> None:
     """Draw gain and lag over the values of a condition, a colour for each direction."""
     values, result = study.conditions[name], study.changed[name]
     for i, (direction, mark) in enumerate(zip(DIRECTIONS, MARKS, strict=True)):
@@ -78,7 +78,7 @@ def _draw_condition(study: "Study", name: str, gain: Axes, lag: Axes) -> None:
         gain.set_xticks(values, [f"{value:g}" for value in values])
 
 
-def _draw_causes(study: "Study", name: str, axes: Axes) -> None:
+def _draw_causes(study: "AlphaStudy", name: str, axes: Axes) -> None:
     """Draw what each cause adds to a quantity, and what the wheel loop leaves without any of them."""
     is_lag = name == "lag_s"
     parts = {"wheel loop": getattr(study.loop, name) - (0.0 if is_lag else 1.0)} | study.shares(

@@ -11,7 +11,7 @@ Summary = dict[str, Any]
 WITHIN_CHANCE = "?"
 
 
-def show(summary: Summary) -> None:
+def print_comparison(summary: Summary) -> None:
     """Print the table, the verdicts, and what was not done."""
     errors, verdicts = table(summary), verdict_table(summary)
     if errors.rows:
@@ -29,7 +29,7 @@ def show(summary: Summary) -> None:
         print(f"note: {line}")
 
 
-def markdown(summary: Summary) -> str:
+def to_markdown(summary: Summary) -> str:
     """Return all of it as Markdown."""
     errors, verdicts = table(summary), verdict_table(summary)
     blocks = [f"# {errors.title}", f"`{summary['repeat']}`" if summary["repeat"] else ""]

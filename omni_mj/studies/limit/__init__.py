@@ -1,9 +1,16 @@
-"""What is possible on a plant: the least error of robots that have learned the path, without noise and with it.
+"""The limit study: the least error that is possible on a plant, with and without noise.
 
-Without noise, iterative learning finds the limit of actuators and traction (`learning`); with noise, feedback on the
-best estimate along what was learned finds that of information (`tracking`). docs/limit.md says what both are worth.
+Without noise, iterative learning finds the limit of actuators and traction (`iterative_learning`).
+With noise, LQR tracking of the learned run finds the limit of information (`lqr_tracking`).
+docs/limit.md discusses both.
 """
 
-from omni_mj.studies.limit.study import LIMIT, WITHOUT_NOISE, LimitResult, check, find_limit
+from omni_mj.studies.limit.limit_study import (
+    LIMIT,
+    WITHOUT_NOISE,
+    LimitResult,
+    check_limit,
+    find_limit,
+)
 
-__all__ = ["LIMIT", "WITHOUT_NOISE", "LimitResult", "check", "find_limit"]
+__all__ = ["LIMIT", "WITHOUT_NOISE", "LimitResult", "check_limit", "find_limit"]

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omni_mj.studies.loop.drive import FREQUENCIES, STEP_M
-from omni_mj.studies.loop.response import interpolate
+from omni_mj.studies.loop.loop_experiment import FREQUENCIES, STEP_M
+from omni_mj.studies.loop.stability_margins import interpolate
 from omni_mj.viz import style
 from omni_mj.viz.figures import plotting
 
@@ -20,7 +20,7 @@ SENSITIVITY = 2.0
 TICKS_RAD_S = (2, 5, 10, 20)
 
 
-def save(result: "LoopResult", stem: Path) -> None:
+def save_loop_figure(result: "LoopResult", stem: Path) -> None:
     """Draw all loops into `stem`.png and `stem`.svg."""
     size = (WIDTH_IN * max(len(result.loops), 2), sum(HEIGHTS_IN))
     with plotting.figure_file(stem, result.title, svg=True, figsize=size) as figure:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_mj.config.settings import PERIOD_S
-from omni_mj.studies.slip.fits import follow
+from omni_mj.studies.slip.slip_fits import follow
 from omni_mj.viz import style
 from omni_mj.viz.figures import plotting
 
@@ -18,7 +18,7 @@ TITLE = "Body against wheels in moves at 2 m/s²: samples, and the law that is f
 SHOWN_M_S = 0.2  # speed of the wheels above which the ratio is drawn
 
 
-def save(result: "SlipResult", stem: Path) -> None:
+def save_slip_figure(result: "SlipResult", stem: Path) -> None:
     """Draw robots into `stem`.png: points are samples of moves, lines are the fitted law."""
     robots = result.robots
     with plotting.figure_file(stem, TITLE, figsize=(10, 3.6 * len(robots))) as figure:

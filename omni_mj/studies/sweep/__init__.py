@@ -1,6 +1,6 @@
-"""How often does it fail, and where: a scenario under many settings and seeds, in shards that a kill does not lose."""
+"""The sweep: one scenario under many settings and seeds, in shards that survive a kill."""
 
-from omni_mj.studies.sweep.plan import Plan, axes, parse_axis
-from omni_mj.studies.sweep.study import Sweep, run, sweep
+from omni_mj.studies.sweep.sweep_plan import SweepPlan, check_axes, parse_axis
+from omni_mj.studies.sweep.sweep_study import SweepResult, run_sweep, sweep
 
-__all__ = ["Plan", "Sweep", "axes", "parse_axis", "run", "sweep"]
+__all__ = ["SweepPlan", "SweepResult", "check_axes", "parse_axis", "run_sweep", "sweep"]

@@ -10,12 +10,12 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
-from omni_mj.studies.sweep.cells import STRAYED
+from omni_mj.studies.sweep.sweep_statistics import STRAYED
 from omni_mj.viz import style
 from omni_mj.viz.figures import plotting
 
 if TYPE_CHECKING:
-    from omni_mj.studies.sweep import Sweep
+    from omni_mj.studies.sweep import SweepResult
 
 ERROR, RATE = "maximum error in the plane, cm: median", "robots that failed, %"
 # Of the axis, over which the intervals at a value are spread so that they do not overlap
@@ -23,21 +23,21 @@ SPREAD = 0.03
 MAX_TICKS = 8
 
 
-def save(result: "Sweep", path: Path) -> None:
+def save_sweep_figure(result: "SweepResult", path: Path) -> None:
     """Draw a sweep into a PNG over its first two settings, if it has any; of several values of others, the worst.
 
     The worst is shown because a mean over settings that nobody weighted has no meaning.
     """
     plan = result.plan
     worst = "; the worst over the others" if len(plan.axes) > 2 else ""
-    part = "" if result.complete else f", {result.done} of {len(plan.jobs)} shards"
+    part = "" if result.complete else f", {result.done} of {len(plan.shards)} shards"
     title = f"{plan.scenario.name} on the {plan.scenario.plant} plant{worst}{part}"
     if plan.axes:
         with plotting.figure_file(path.with_suffix(""), title) as figure:
             (_draw_lines if len(plan.axes) == 1 else _draw_maps)(figure, result)
 
 
-def _draw_lines(figure: Figure, result: "Sweep") -> None:
+def _draw_lines(figure: Figure, result: "SweepResult") -> None:
     """Draw median errors with their intervals, and failure rates below."""
     figure.set_size_inches(8, 5.5)
     error, rate = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
@@ -62,7 +62,7 @@ def _draw_lines(figure: Figure, result: "Sweep") -> None:
     plotting.add_legend(figure, [error])
 
 
-def _draw_maps(figure: Figure, result: "Sweep") -> None:
+def _draw_maps(figure: Figure, result: "SweepResult") -> None:
     """Draw a column per controller: errors, grey where there is no bound, and failure rates if any robot failed."""
     (down, down_values), (across, across_values), *_ = result.plan.axes.items()
     names = result.plan.scenario.labels
@@ -90,7 +90,7 @@ def _draw_maps(figure: Figure, result: "Sweep") -> None:
     _set_ticks(grid[0, 0].yaxis, down_values)
 
 
-def _values(result: "Sweep", *path: str) -> Array:
+def _values(result: "SweepResult", *path: str) -> Array:
     """Return a number of each cell times 100, (points, controllers); infinite without bound, NaN for missing cells."""
     values = np.full((len(result.plan.points), len(result.plan.scenario.labels)), np.nan)
     for cell in result.summary["cells"]:

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Any
 
 from omni_mj.files import write
 from omni_mj.results.result_tables import Table, number, text
-from omni_mj.studies.sweep.cells import SHOWN, STRAYED
+from omni_mj.studies.sweep.sweep_statistics import SHOWN, STRAYED
 from omni_mj.viz import markdown_tables
 
 if TYPE_CHECKING:
-    from omni_mj.studies.sweep import Sweep
+    from omni_mj.studies.sweep import SweepResult
 
 MAX_LINES = 60  # on a terminal
 
 
-def shown(result: "Sweep") -> str:
+def format_sweep_tables(result: "SweepResult") -> str:
     """Return the tables as text; of a large sweep those lines where most robots fail and stray farthest."""
     cells = result.summary["cells"]
     if len(cells) > MAX_LINES:
@@ -24,7 +24,7 @@ def shown(result: "Sweep") -> str:
     return "\n\n".join(map(text, [_table(result, cells), *_correlations(result)]))
 
 
-def save(result: "Sweep", path: Path) -> None:
+def save_sweep_table(result: "SweepResult", path: Path) -> None:
     """Write the whole tables as Markdown."""
     whole = [_table(result, result.summary["cells"]), *_correlations(result)]
     parts = [
@@ -34,14 +34,14 @@ def save(result: "Sweep", path: Path) -> None:
     write(path, "\n".join(parts))
 
 
-def _table(result: "Sweep", cells: list[dict[str, Any]]) -> Table:
+def _table(result: "SweepResult", cells: list[dict[str, Any]]) -> Table:
     """Return failure rates and maximum errors in the plane, medians and 90th percentiles, with 95 % intervals."""
     plan, names = result.plan, list(result.plan.axes)
     n_all = len(result.summary["cells"])
     counts = sorted({cell["robots"] for cell in cells})
     robots = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
     title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, {robots} robots a line"
-    title += "" if result.complete else f", {result.done} of {len(plan.jobs)} shards"
+    title += "" if result.complete else f", {result.done} of {len(plan.shards)} shards"
     title += f"; the worst {len(cells)} of {n_all} lines" if len(cells) < n_all else ""
     headings = [
         *names,
@@ -55,7 +55,7 @@ def _table(result: "Sweep", cells: list[dict[str, Any]]) -> Table:
     return Table(title, headings, [_line(cell, names) for cell in cells], len(names) + 1)
 
 
-def _correlations(result: "Sweep") -> list[Table]:
+def _correlations(result: "SweepResult") -> list[Table]:
     """Return a table of what matters for the errors, if anything is known to."""
     rows = [
         [line["controller"], line["setting"], *(number(line[error]) for error in SHOWN)]

@@ -13,19 +13,23 @@ from typing import TYPE_CHECKING, Any
 from omni_control.errors import OmniError
 from omni_mj.results.provenance import source_digest
 from omni_mj.results.summary import versions
-from omni_mj.studies.sweep.plan import Job, Plan
+from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 LOOK_S = 0.2  # between two looks at whether it shall stop
 ANSWER_S = 10.0  # that a scheduler may take
-Shard = Callable[[Plan, Job], "pa.Table"]
+RunShard = Callable[[SweepPlan, Shard], "pa.Table"]
 
 
 def tables(
-    executor: Executor, shard: Shard, plan: Plan, jobs: Sequence[Job], check: Callable[[], None]
-) -> "Iterator[tuple[Job, pa.Table]]":
+    executor: Executor,
+    shard: RunShard,
+    plan: SweepPlan,
+    jobs: Sequence[Shard],
+    check: Callable[[], None],
+) -> "Iterator[tuple[Shard, pa.Table]]":
     """Have shards run, and yield their tables, each as soon as it is there.
 
     Args:
@@ -58,7 +62,7 @@ def tables(
                 raise OmniError(f"a worker could not run shard {job.number}: {reason}") from error
 
 
-def _run(shard: Shard, plan: Plan, job: Job, expected: dict[str, str]) -> "pa.Table":
+def _run(shard: RunShard, plan: SweepPlan, job: Shard, expected: dict[str, str]) -> "pa.Table":
     """Return a shard's table; on a worker."""
     present = dependencies()
     differ = [

@@ -22,7 +22,7 @@ from rerun.chunk import RrdReader
 from omni_control.controllers.base import Controller
 from omni_mj.config import scenario
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.study_runner import drive
+from omni_mj.studies.study_runner import run_simulation
 from omni_mj.viz.recording import Recording, rerun_stream
 
 set_flush_timeout = partial(
@@ -141,7 +141,7 @@ def record(
             for recording in recordings:
                 recording.update()
 
-        drive(simulation, update)
+        run_simulation(simulation, update)
         for recording in recordings:
             recording.write()
 

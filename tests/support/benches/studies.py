@@ -12,27 +12,30 @@ from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.config.team_model import creep, loads
 from omni_mj.results.ramp_response import NAMES
 from omni_mj.results.result import Outcome
-from omni_mj.studies.alpha import AlphaResult, Study, conditions
-from omni_mj.studies.identify.logs import read
-from omni_mj.studies.limit.learning import Drives, learn
-from omni_mj.studies.limit.model import DepartureModel, improve
-from omni_mj.studies.limit.study import quiet
-from omni_mj.studies.limit.tracking import POSE, Policy, Tracker, _regulator
+from omni_mj.studies.alpha import AlphaResult, AlphaStudy
+from omni_mj.studies.alpha import operating_conditions as conditions
+from omni_mj.studies.identify.robot_logs import read
+from omni_mj.studies.limit.deviation_model import DeviationModel, improve
+from omni_mj.studies.limit.iterative_learning import Drives, learn
+from omni_mj.studies.limit.limit_study import quiet
+from omni_mj.studies.limit.lqr_tracking import POSE, Policy, Tracker, _regulator
 from omni_mj.studies.loop import LoopResult, measure_loop
-from omni_mj.studies.loop import drive as loop_drive
-from omni_mj.studies.loop.drive import FREQUENCIES, STEP, STEP_M, WARM_UP, Drive
-from omni_mj.studies.loop.response import find_margins, measure_step
-from omni_mj.studies.slip import PUBLISHED, fits, moves
-from omni_mj.studies.slip.moves import Move, straight
-from omni_mj.studies.study_runner import StoppedError, nothing
-from omni_mj.studies.sweep import Plan, Sweep, axes, parse_axis, sweep, workers
+from omni_mj.studies.loop import loop_experiment as loop_drive
+from omni_mj.studies.loop.loop_experiment import FREQUENCIES, STEP, STEP_M, WARM_UP, LoopExperiment
+from omni_mj.studies.loop.stability_margins import find_margins, measure_step
+from omni_mj.studies.slip import PUBLISHED
+from omni_mj.studies.slip import slip_fits as fits
+from omni_mj.studies.slip import slip_moves as moves
+from omni_mj.studies.slip.slip_moves import Move, straight
+from omni_mj.studies.study_runner import StoppedError, ignore_frame
+from omni_mj.studies.sweep import SweepPlan, SweepResult, check_axes, parse_axis, sweep, workers
 
-PRIOR = DepartureModel.prior
-Model = DepartureModel
-FIT = DepartureModel.fit
+PRIOR = DeviationModel.prior
+Model = DeviationModel
+FIT = DeviationModel.fit
 
 
-def departures(model: DepartureModel, commands: Array) -> Array:
+def departures(model: DeviationModel, commands: Array) -> Array:
     """Return the poses (F, 3) that changes of the commands (F, 3) lead to."""
     transition, push = model.operators()
     return np.linalg.solve(transition.toarray(), push @ commands.ravel())[: commands.size].reshape(
@@ -40,12 +43,12 @@ def departures(model: DepartureModel, commands: Array) -> Array:
     )
 
 
-def planned(model: DepartureModel, limits: MotionLimits, errors: Array) -> tuple[Array, Array]:
+def planned(model: DeviationModel, limits: MotionLimits, errors: Array) -> tuple[Array, Array]:
     """Return commands and expected errors (F, 3) planned for a run that was sent nothing."""
     return improve(model, limits, errors, np.zeros_like(errors))
 
 
-def regulator_gains(model: DepartureModel, weight: float) -> Array:
+def regulator_gains(model: DeviationModel, weight: float) -> Array:
     """Return the gains (F, 3, 9) on pose, velocity and last command."""
     return _regulator(model, weight)
 
@@ -64,7 +67,7 @@ def predicted_poses(
     """
     zero = np.zeros_like(poses)
     policies = [Policy(0.1, noise)] * poses.shape[1]
-    tracker = Tracker(DepartureModel.prior(len(poses), delay, 0.0), zero, zero, scenario, policies)
+    tracker = Tracker(DeviationModel.prior(len(poses), delay, 0.0), zero, zero, scenario, policies)
     for k in range(len(poses) - delay):
         ahead = tracker.predict(measured[k], np.zeros(poses.shape[1]), np.zeros(poses.shape[1:]))
     return ahead[:, POSE]
@@ -73,5 +76,5 @@ def predicted_poses(
 def learned(scenario: om.Scenario, attempts: int) -> tuple[Drives, list[dict[Any, float]]]:
     """Return the best run of a robot that learns without noise, and its history."""
     history: list[dict[Any, float]] = []
-    best, _ = learn(quiet(scenario), attempts, history, lambda title, frames: nothing)
+    best, _ = learn(quiet(scenario), attempts, history, lambda title, frames: ignore_frame)
     return best, history

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
-from omni_mj.studies.loop.drive import FREQUENCIES, PERIOD_FRAMES, TONES
+from omni_mj.studies.loop.loop_experiment import FREQUENCIES, PERIOD_FRAMES, TONES
 
 Gains = NDArray[np.complex128]
 _FINE = 2000  # frequencies between the lowest and the highest, where margins are looked for

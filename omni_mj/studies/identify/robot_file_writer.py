@@ -5,7 +5,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 
 from omni_mj.config.settings import PERIOD_S
-from omni_mj.studies.identify.findings import Estimate
+from omni_mj.studies.identify.derived_parameters import Estimate
 
 Changes = dict[tuple[str, str], str]  # section and field -> value as TOML has it, and a comment
 # Estimate -> section and field of settings; commands tell what the team's computer believes.
@@ -33,7 +33,11 @@ LEAST = {
 
 def changes(estimates: Mapping[str, Estimate]) -> Changes:
     """Return which of all estimates, by name, change the file: as far as the data tell them and settings allow them."""
-    told = {name for name, e in estimates.items() if e.told and e.value >= LEAST.get(e.name, 0.0)}
+    told = {
+        name
+        for name, e in estimates.items()
+        if e.is_identified and e.value >= LEAST.get(e.name, 0.0)
+    }
     if not told >= set(DRAG):  # a log tells the sum of pile and rollers better than each
         told -= set(DRAG)
     made = {}

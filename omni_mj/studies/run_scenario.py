@@ -9,7 +9,13 @@ from omni_mj.config.scenario import Scenario, load
 from omni_mj.results.result import Outcome, Result
 from omni_mj.robot.backends import choose_backend
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.study_runner import AfterFrame, check_memory, drive, informed, nothing
+from omni_mj.studies.study_runner import (
+    AfterFrame,
+    check_memory,
+    ignore_frame,
+    list_informed,
+    run_simulation,
+)
 
 
 def run(
@@ -18,7 +24,7 @@ def run(
     seeds: int | Iterable[int] | None = None,
     *,
     subject: str | None = None,
-    after_frame: AfterFrame = nothing,
+    after_frame: AfterFrame = ignore_frame,
 ) -> Result:
     """Run a scenario with one or several controllers and compare them.
 
@@ -37,24 +43,24 @@ def run(
         OmniError: there is no such scenario or controller, one cannot be run, the subject is not
             run, or seeds that do not count up.
     """
-    simulation = prepare(scenario, controllers, seeds)
+    simulation = prepare_simulation(scenario, controllers, seeds)
     check_subject(simulation.scenario, subject)
-    return of(simulation, drive(simulation, after_frame), subject)
+    return build_result(simulation, run_simulation(simulation, after_frame), subject)
 
 
-def prepare(
+def prepare_simulation(
     scenario: Scenario | str,
     controllers: Sequence[str | type[Controller]] | None = None,
     seeds: int | Iterable[int] | None = None,
 ) -> Simulation:
     """The simulation that `run` runs, at its start."""
-    found = chosen(scenario, controllers, seeds)
+    found = resolve_scenario(scenario, controllers, seeds)
     robots = len(found.controllers) * found.seeds * len(found.settings.world.start_poses)
     check_memory(robots, timed(found.settings).frames)
     return Simulation(found)
 
 
-def chosen(
+def resolve_scenario(
     scenario: Scenario | str,
     controllers: Sequence[str | type[Controller]] | None = None,
     seeds: int | Iterable[int] | None = None,
@@ -65,7 +71,7 @@ def chosen(
         is_one = isinstance(controllers, str | type)
         found = found.replace(controllers=(controllers,) if is_one else tuple(controllers))
     if seeds is not None:
-        numbers = counted(seeds)
+        numbers = list_seeds(seeds)
         found = found.replace(seed=numbers[0], seeds=len(numbers))
     return found
 
@@ -78,7 +84,7 @@ def check_subject(scenario: Scenario, subject: str | None) -> None:
         )
 
 
-def with_backend(scenario: Scenario, robots: int) -> Scenario:
+def choose_shared_backend(scenario: Scenario, robots: int) -> Scenario:
     """Return the scenario with the backend that suits so many robots at once, which all its simulations then share."""
     settings = scenario.settings
     if settings.physics.backend != "auto":
@@ -87,7 +93,7 @@ def with_backend(scenario: Scenario, robots: int) -> Scenario:
     return scenario.replace(settings=settings.replace(physics={"backend": backend}))
 
 
-def counted(seeds: int | Iterable[int]) -> list[int]:
+def list_seeds(seeds: int | Iterable[int]) -> list[int]:
     """Seeds that count up one by one, from 0 if only their number is given.
 
     A scenario names them by the first and their number.
@@ -104,13 +110,13 @@ def counted(seeds: int | Iterable[int]) -> list[int]:
     return given
 
 
-def of(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:
+def build_result(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:
     """The result of one simulation."""
     reason = outcome.entry["reason"]
     return Result(
         [outcome],
         list(simulation.log.controllers),
-        informed(simulation.scenario),
+        list_informed(simulation.scenario),
         simulation.log.seeds,
         subject,
         wall_s=outcome.entry["wall_s"],

@@ -21,7 +21,7 @@ from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.study_runner import AfterFrame, command, resting
+from omni_mj.studies.study_runner import AfterFrame, resting_reference, send_twists
 
 # Whether robots drive, and the axis along which they jump and are disturbed: 0 forward, 1 to the
 # left
@@ -99,7 +99,7 @@ class SteppedMotion:
         return here + self.jump[self.rows], (later - here) / PERIOD_S
 
 
-class Drive:
+class LoopExperiment:
     """Rows for each controller, case, seed and sign, in this order of a grid.
 
     The loop is opened where commands are sent, behind filter, controller and limits. What the sines
@@ -118,7 +118,7 @@ class Drive:
 
     def __init__(self, scenario: Scenario) -> None:
         settings = scenario.settings.replace(
-            reference=resting(FRAMES), world={"start_poses": [[0, 0, 0]]}
+            reference=resting_reference(FRAMES), world={"start_poses": [[0, 0, 0]]}
         )
         self._shape = len(scenario.labels), len(CASES), scenario.seeds, 2
         grid = list(itertools.product(scenario.labels, CASES, scenario.seed_list, (1, -1)))
@@ -147,7 +147,7 @@ class Drive:
         Args:
             after_frame: Called with each frame's number; it may raise `StoppedError`.
         """
-        return command(self.simulation, self._commands(), after_frame)
+        return send_twists(self.simulation, self._commands(), after_frame)
 
     def _commands(self) -> Iterator[Array]:
         """Yield what robots are sent in each frame."""

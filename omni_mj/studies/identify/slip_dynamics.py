@@ -30,7 +30,7 @@ from omni_mj.config import team_model
 from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
 from omni_mj.robot.carpet import AT_REST_M_S
 from omni_mj.robot.motors import Motor
-from omni_mj.studies.identify.stretches import Stretches
+from omni_mj.studies.identify.log_segments import Stretches
 
 Parameters = dict[str, float]
 LATE = "latency_s"  # the parameter by which inputs act late

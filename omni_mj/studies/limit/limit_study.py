@@ -16,10 +16,16 @@ from omni_mj.results.result import Outcome, Result
 from omni_mj.results.result_tables import Table, plus_minus, text, where
 from omni_mj.results.statistics import ERRORS, plane_error
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.limit.learning import AIMS, Aim, lead, learn, led
-from omni_mj.studies.limit.tracking import Policy, Tracker
-from omni_mj.studies.run import chosen, with_backend
-from omni_mj.studies.study_runner import Begin, StoppedError, begin_nothing, competitors, drive
+from omni_mj.studies.limit.iterative_learning import AIMS, Aim, lead, learn, led
+from omni_mj.studies.limit.lqr_tracking import Policy, Tracker
+from omni_mj.studies.run_scenario import choose_shared_backend, resolve_scenario
+from omni_mj.studies.study_runner import (
+    StartProgress,
+    StoppedError,
+    list_competitors,
+    no_progress,
+    run_simulation,
+)
 
 LIMIT, WITHOUT_NOISE = "limit", "limit without noise"
 SEEDS, ATTEMPTS = 20, 16
@@ -73,7 +79,7 @@ def find_limit(
     seeds: int | Iterable[int] = SEEDS,
     iterations: int = ATTEMPTS,
     *,
-    begin: Begin = begin_nothing,
+    start_progress: StartProgress = no_progress,
 ) -> LimitResult:
     """Find out what is possible on a scenario's plant.
 
@@ -84,7 +90,7 @@ def find_limit(
         seeds: Of the random numbers under which robots show what they can, or how many, counting up
             from 0.
         iterations: Attempts, at most.
-        begin: Called with a title and the number of frames before robots drive; what it returns is
+        start_progress: Called with a title and the number of frames before robots drive; what it returns is
             called after each frame, and may raise `StoppedError`.
 
     Returns:
@@ -96,13 +102,13 @@ def find_limit(
             are fewer than two iterations, or no controller comes to the scenario's end.
     """
     started = time.perf_counter()
-    driven = chosen(scenario, seeds=seeds)
-    check(driven, iterations)
+    driven = resolve_scenario(scenario, seeds=seeds)
+    check_limit(driven, iterations)
     settings = driven.settings.replace(variation=VariationSettings().model_dump())
-    driven = with_backend(driven.replace(settings=settings), driven.seeds)
+    driven = choose_shared_backend(driven.replace(settings=settings), driven.seeds)
     result = LimitResult([Outcome.not_run(driven)], [LIMIT, WITHOUT_NOISE], seeds=driven.seed_list)
     try:
-        _find(result, driven, iterations, begin)
+        _find(result, driven, iterations, start_progress)
         result.complete = True
     except StoppedError as error:
         result.stopped = error.reason
@@ -110,7 +116,7 @@ def find_limit(
     return result
 
 
-def check(scenario: Scenario, iterations: int) -> None:
+def check_limit(scenario: Scenario, iterations: int) -> None:
     """Raise OmniError if the limit of a scenario cannot be found."""
     distributions.refuse(scenario.distributions, "limit")
     if (places := len(scenario.settings.world.start_poses)) > 1:
@@ -136,21 +142,25 @@ def quiet(scenario: Scenario) -> Scenario:
     return scenario.replace(settings=settings)
 
 
-def _find(result: LimitResult, scenario: Scenario, iterations: int, begin: Begin) -> None:
+def _find(
+    result: LimitResult, scenario: Scenario, iterations: int, start_progress: StartProgress
+) -> None:
     """Fill in the result; raise StoppedError if it is stopped."""
     calm, seeds = quiet(scenario), scenario.seed_list
-    run, model = learn(calm, iterations, result.history, begin)
+    run, model = learn(calm, iterations, result.history, start_progress)
 
     def tracker(policies: Sequence[Policy]) -> Tracker:
         return Tracker(model, run.sent, run.poses, scenario, policies)
 
     training = [seeds[0] + FIRST_SEED + i for i in range(PRACTICE_SEEDS)]
     practice = tracker([policy for policy in POLICIES for _ in training])
-    made = lead(scenario, training * len(POLICIES), practice, begin("feedback", model.frames))
+    made = lead(
+        scenario, training * len(POLICIES), practice, start_progress("feedback", model.frames)
+    )
     errors = [made.size(aim).reshape(len(POLICIES), -1).mean(1) for aim in AIMS]
     policy = POLICIES[int(sum(error / error.min() for error in errors).argmin())]
 
-    names = competitors()
+    names = list_competitors()
     commands = iter(run.sent)
     kinds: list[str | type[Controller]] = [
         led(LIMIT, tracker([policy] * len(seeds))),
@@ -163,8 +173,9 @@ def _find(result: LimitResult, scenario: Scenario, iterations: int, begin: Begin
         Row(i, 0, name, seed, each.settings, scenario.robot)
         for i, (name, seed, each) in enumerate(table)
     ]
-    outcome = drive(
-        Simulation(scenario, kinds, rows=rows), begin("limit and controllers", model.frames)
+    outcome = run_simulation(
+        Simulation(scenario, kinds, rows=rows),
+        start_progress("limit and controllers", model.frames),
     )
     if outcome.entry["reason"]:
         raise StoppedError(outcome.entry["reason"])

@@ -9,7 +9,7 @@ import numpy as np
 
 from omni_mj.config.plugins import written
 from omni_mj.results.statistics import CONFIDENCE, plain
-from omni_mj.studies.sweep.plan import Plan
+from omni_mj.studies.sweep.sweep_plan import SweepPlan
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -87,7 +87,7 @@ def correlations(table: "pa.Table") -> list[dict[str, Any]]:
     return result
 
 
-def worst(table: "pa.Table", plan: Plan, folder: Path) -> list[dict[str, Any]]:
+def worst(table: "pa.Table", plan: SweepPlan, folder: Path) -> list[dict[str, Any]]:
     """Return the worst runs, and the command that repeats each: those that failed first, then those that strayed most.
 
     Args:

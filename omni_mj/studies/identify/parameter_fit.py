@@ -18,8 +18,8 @@ from scipy.special import stdtrit
 from scipy.stats import norm
 
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.law import LATE, Body, Parameters, simulate
-from omni_mj.studies.identify.stretches import LEAST, Stretches
+from omni_mj.studies.identify.log_segments import LEAST, Stretches
+from omni_mj.studies.identify.slip_dynamics import LATE, Body, Parameters, simulate
 
 # Name -> size of a change that matters, step of finite differences, lowest and highest value.
 RANGES = {

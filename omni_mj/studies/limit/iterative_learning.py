@@ -19,9 +19,9 @@ from omni_mj.config import reference_factory
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.limit.model import DepartureModel, improve
-from omni_mj.studies.limit.tracking import Policy, Tracker
-from omni_mj.studies.study_runner import AfterFrame, Begin
+from omni_mj.studies.limit.deviation_model import DeviationModel, improve
+from omni_mj.studies.limit.lqr_tracking import Policy, Tracker
+from omni_mj.studies.study_runner import AfterFrame, StartProgress
 
 Aim = Literal["max", "mean"]
 AIMS: tuple[Aim, ...] = ("max", "mean")
@@ -112,8 +112,11 @@ def lead(
 
 
 def learn(
-    scenario: Scenario, attempts: int, history: list[dict[Aim, float]], begin: Begin
-) -> tuple[Drives, DepartureModel]:
+    scenario: Scenario,
+    attempts: int,
+    history: list[dict[Aim, float]],
+    start_progress: StartProgress,
+) -> tuple[Drives, DeviationModel]:
     """Learn the commands of a scenario without noise; return the best run and how robots depart from it.
 
     Args:
@@ -121,17 +124,17 @@ def learn(
         attempts: From each the best run so far is planned anew, until nothing is gained any more;
             so many at most.
         history: Takes maximum and mean error in the plane of the best run, m, after each attempt.
-        begin: Called with a title and the number of frames before each attempt; what it returns is
+        start_progress: Called with a title and the number of frames before each attempt; what it returns is
             called after each frame.
     """
     settings, seed, idle = scenario.settings, scenario.seed, 0
     reference = reference_factory.timed(settings, settings.world.start_poses[0]).poses
     limits, random = reference_factory.motion_limits(settings.control), np.random.default_rng(0)
-    model = DepartureModel.prior(
+    model = DeviationModel.prior(
         len(reference), settings.radio.delay_frames, 2 * settings.control.lag_s
     )
     teachers = Simulation(scenario, TEACHERS, [seed])
-    teachers.run(begin("controllers", len(reference)))
+    teachers.run(start_progress("controllers", len(reference)))
     best = Drives.of(teachers).best
     if not np.isfinite(best.merit).all():
         raise OmniError(
@@ -154,7 +157,7 @@ def learn(
             scenario,
             [seed] * len(policies),
             lambda *seen, tracker=tracker, frames=frames: tracker(*seen) + next(frames),
-            begin(f"attempt {number + 1}", len(reference)),
+            start_progress(f"attempt {number + 1}", len(reference)),
         )
         model = _fitted(model, reference, made)
         gain = float((best.merit - made.best.merit)[0])
@@ -163,7 +166,7 @@ def learn(
     return best, model
 
 
-def _fitted(model: DepartureModel, reference: Array, made: Drives) -> DepartureModel:
+def _fitted(model: DeviationModel, reference: Array, made: Drives) -> DeviationModel:
     """Return the model fitted to how rows near the best one differ from it, if there are enough."""
     farthest = made.size("max")
     rows = np.argsort(farthest, kind="stable")
@@ -173,4 +176,4 @@ def _fitted(model: DepartureModel, reference: Array, made: Drives) -> DepartureM
     poses, commands = (
         values[:, near[1:]] - values[:, near[:1]] for values in (made.poses, made.sent)
     )
-    return DepartureModel.fit(reference, model.delay, poses, commands)
+    return DeviationModel.fit(reference, model.delay, poses, commands)

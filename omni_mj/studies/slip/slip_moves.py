@@ -18,7 +18,7 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.study_runner import AfterFrame, command, standing
+from omni_mj.studies.study_runner import AfterFrame, open_loop_settings, send_twists
 
 AXES = ("forward", "sideways", "turning")
 SPEEDS_M_S, ACCELERATION_M_S2, WAY_M, ROLL_OUT_S = (0.5, 1.0, 1.25, 1.5), 2.0, 3.0, 0.5
@@ -129,7 +129,7 @@ def drive(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFrame) ->
         after_frame: Called with each frame's number; it may raise `StoppedError`.
     """
     frames = count_frames(moves) + 1
-    settings = standing(scenario.settings, frames + 1, reference={"lead_s": 0.0})
+    settings = open_loop_settings(scenario.settings, frames + 1, reference={"lead_s": 0.0})
     chosen = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
     rows = [
         Row(i, 0, Controller.__name__, chosen.seed + i, settings, chosen.robot)
@@ -146,7 +146,7 @@ def drive(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFrame) ->
             plant.hold(held[frame])
             yield twist
 
-    stopped = command(simulation, twists(), after_frame)
+    stopped = send_twists(simulation, twists(), after_frame)
     pose, angle = simulation.log.channel("pose"), simulation.log.channel("wheel_angle")
     per_rad = settings.sensors.encoder_counts * settings.motor.gear / (2 * np.pi)
     counts = np.diff(np.floor(angle * per_rad), axis=0)

@@ -11,8 +11,8 @@ from omni_control.kinematics import Array
 from omni_control.traction import GRAVITY
 from omni_mj.config import team_model
 from omni_mj.config.settings import PERIOD_S, Settings
-from omni_mj.studies.identify.fit import RANGES, Fit
-from omni_mj.studies.identify.law import LATE, Body
+from omni_mj.studies.identify.parameter_fit import RANGES, Fit
+from omni_mj.studies.identify.slip_dynamics import LATE, Body
 
 FAST_M_S, PULLING_M_S2, MOVING_M_S, LONG_ENOUGH_S = (
     1.0,
@@ -110,14 +110,14 @@ class Estimate:
     why_not: str | None
 
     @property
-    def told(self) -> bool:
+    def is_identified(self) -> bool:
         """Whether the data tell it."""
         return self.why_not is None
 
     def report(self) -> dict[str, Any]:
         """Return it as JSON has it, without numbers where the data cannot tell."""
         head = {"title": self.title, "unit": self.unit, "source": self.source, "value": self.value}
-        if not self.told:
+        if not self.is_identified:
             return head | {"value": None, "not_identifiable": self.why_not}
         return head | {"standard_error": self.error, "interval_95": [self.low, self.high]}
 

@@ -22,21 +22,21 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.files import write
 from omni_mj.results.metrics import row_metrics
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.run import chosen
-from omni_mj.studies.study_runner import AfterFrame, StoppedError, nothing
-from omni_mj.studies.sweep.cells import cells, correlations, worst
-from omni_mj.studies.sweep.plan import AT_ONCE, Job, Plan, axes
+from omni_mj.studies.run_scenario import resolve_scenario
+from omni_mj.studies.study_runner import AfterFrame, StoppedError, ignore_frame
+from omni_mj.studies.sweep.sweep_plan import AT_ONCE, Shard, SweepPlan, check_axes
+from omni_mj.studies.sweep.sweep_statistics import cells, correlations, worst
 from omni_mj.studies.sweep.workers import processes, tables
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 ROWS, SHARDS = "rows.parquet", "shards"
-BeforeShard = Callable[[Job], AfterFrame]
+BeforeShard = Callable[[Shard], AfterFrame]
 
 
 @dataclass(frozen=True)
-class Sweep:
+class SweepResult:
     """What came of a sweep.
 
     Attributes:
@@ -46,7 +46,7 @@ class Sweep:
         folder: Where it is.
     """
 
-    plan: Plan
+    plan: SweepPlan
     done: int
     stopped: str | None
     folder: Path
@@ -54,7 +54,7 @@ class Sweep:
     @property
     def complete(self) -> bool:
         """Return whether all of it is there."""
-        return self.done == len(self.plan.jobs)
+        return self.done == len(self.plan.shards)
 
     def rows(self) -> "pa.Table":
         """Return a line per robot that was simulated, by point, controller, seed and place; see `run_shard`."""
@@ -66,7 +66,7 @@ class Sweep:
         """Return what summary.json holds."""
         table, names = self.rows(), list(self.plan.axes)
         return {
-            "complete": self.complete, "shards": len(self.plan.jobs), "done": self.done, "cells": cells(table, names),
+            "complete": self.complete, "shards": len(self.plan.shards), "done": self.done, "cells": cells(table, names),
             "correlations": correlations(table), "worst": worst(table, self.plan, self.folder),
         }  # fmt: skip
 
@@ -78,9 +78,9 @@ def sweep(
     seeds: int | Iterable[int] | None = None,
     *,
     out: str | Path,
-    at_once: int = AT_ONCE,
+    batch_size: int = AT_ONCE,
     **how: Any,
-) -> Sweep:
+) -> SweepResult:
     """Run a scenario under all combinations of settings, with all seeds and controllers.
 
     Args:
@@ -91,7 +91,7 @@ def sweep(
         seeds: Of the random numbers, counting up, or how many from 0 on; the same everywhere. [the
             scenario's]
         out: Folder that a sweep is begun in, or gone on with if it is the same.
-        at_once: Robots that are simulated at once: memory grows with them, and not with the number
+        batch_size: Robots that are simulated at once: memory grows with them, and not with the number
             of runs.
         how: It is run: `jobs`, `executor`, `before_shard` of `run`.
 
@@ -99,18 +99,22 @@ def sweep(
         OmniError: Something is unknown or not allowed, what is asked for does not fit into memory,
             or another sweep is in the folder.
     """
-    return run(Plan(chosen(scenario, controllers, seeds), axes(vary), at_once), out, **how)
+    return run_sweep(
+        SweepPlan(resolve_scenario(scenario, controllers, seeds), check_axes(vary), batch_size),
+        out,
+        **how,
+    )
 
 
-def run(
-    plan: Plan,
+def run_sweep(
+    plan: SweepPlan,
     out: str | Path,
     *,
     jobs: int = 1,
     executor: Executor | None = None,
-    before_shard: BeforeShard = lambda job: nothing,
+    before_shard: BeforeShard = lambda job: ignore_frame,
     check: Callable[[], None] = lambda: None,
-) -> Sweep:
+) -> SweepResult:
     """Run a plan, or the shards of it that are not in its folder yet.
 
     Args:
@@ -135,7 +139,7 @@ def run(
         elif (folder / name).read_text(encoding="utf-8") != text:
             raise OmniError(f"{folder} holds another sweep, by its {name}; name another --out")
     (folder / SHARDS).mkdir(exist_ok=True)
-    missing = left(plan, folder)
+    missing = remaining_shards(plan, folder)
     try:
         with nullcontext(executor) if executor or jobs == 1 else processes(jobs) as workers:
             if workers is None:
@@ -147,28 +151,30 @@ def run(
                     before_shard(job)(plan.frames - 1)
     except StoppedError as error:
         stopped = error.reason
-    result = Sweep(plan, len(plan.jobs) - len(left(plan, folder)), stopped, folder)
+    result = SweepResult(
+        plan, len(plan.shards) - len(remaining_shards(plan, folder)), stopped, folder
+    )
     if result.complete and not (folder / ROWS).exists():
         parquet.write([_gathered(plan, folder)], folder / ROWS)
     if result.done:
         write(folder / "summary.json", json.dumps(result.summary, indent=1, allow_nan=False) + "\n")
     if result.complete:
-        for job in plan.jobs:
+        for job in plan.shards:
             _file(folder, job).unlink(missing_ok=True)
         (folder / SHARDS).rmdir()
     return result
 
 
-def left(plan: Plan, folder: Path) -> list[Job]:
+def remaining_shards(plan: SweepPlan, folder: Path) -> list[Shard]:
     """Return the shards that are still to be run."""
     return (
         []
         if (folder / ROWS).exists()
-        else [job for job in plan.jobs if not _file(folder, job).exists()]
+        else [job for job in plan.shards if not _file(folder, job).exists()]
     )
 
 
-def simulation(plan: Plan, job: Job) -> Simulation:
+def simulation(plan: SweepPlan, job: Shard) -> Simulation:
     """Return the simulation of a shard's robots at its start, a world for each run and controller.
 
     Raises:
@@ -185,7 +191,7 @@ def simulation(plan: Plan, job: Job) -> Simulation:
     return Simulation(there[job.runs[0][0]], rows=rows)
 
 
-def run_shard(plan: Plan, job: Job, after_frame: AfterFrame = nothing) -> "pa.Table":
+def run_shard(plan: SweepPlan, job: Shard, after_frame: AfterFrame = ignore_frame) -> "pa.Table":
     """Simulate a shard and measure it.
 
     Args:
@@ -224,10 +230,10 @@ def run_shard(plan: Plan, job: Job, after_frame: AfterFrame = nothing) -> "pa.Ta
     return pa.table(columns | row_metrics(log, driven.failures))
 
 
-def _gathered(plan: Plan, folder: Path) -> "pa.Table":
+def _gathered(plan: SweepPlan, folder: Path) -> "pa.Table":
     import pyarrow as pa
 
-    files = [_file(folder, job) for job in plan.jobs if _file(folder, job).exists()]
+    files = [_file(folder, job) for job in plan.shards if _file(folder, job).exists()]
     if not files:
         raise OmniError(f"nothing of the sweep in {folder} has been run yet")
     table = pa.concat_tables([parquet.read(file) for file in files], promote_options="permissive")
@@ -238,5 +244,5 @@ def _gathered(plan: Plan, folder: Path) -> "pa.Table":
     return table.append_column("order", order).sort_by(keys).drop_columns("order")
 
 
-def _file(folder: Path, job: Job) -> Path:
+def _file(folder: Path, job: Shard) -> Path:
     return folder / SHARDS / f"{job.number:06d}.parquet"

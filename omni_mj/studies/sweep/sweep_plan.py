@@ -18,7 +18,7 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import every_setting
 from omni_mj.config.validation import shown
 from omni_mj.simulation.simulation import alike, all_alike
-from omni_mj.studies.run import with_backend
+from omni_mj.studies.run_scenario import choose_shared_backend
 from omni_mj.studies.study_runner import check_memory
 
 Value = int | float | str | bool
@@ -26,7 +26,7 @@ AT_ONCE = 128  # robots that are simulated at once
 MAX_VALUES = 1000  # of an axis
 
 
-def axes(
+def check_axes(
     vary: Mapping[str, Iterable[Any]] | Iterable[tuple[str, Iterable[Any]]],
 ) -> dict[str, tuple[Value, ...]]:
     """Return settings, section.field, and their values in order, if these are allowed.
@@ -75,7 +75,7 @@ def parse_axis(text: str) -> tuple[str, Iterable[Any]]:
         ) from None
 
 
-class Job(NamedTuple):
+class Shard(NamedTuple):
     """A shard: runs that one batch can hold.
 
     Attributes:
@@ -88,13 +88,13 @@ class Job(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """A sweep, before it is run.
 
     Attributes:
         scenario: With its controllers, seeds and all that is not varied.
         axes: What is varied, section.field -> values; nothing if seeds draw settings.
-        at_once: Robots that are simulated at once, at most.
+        batch_size: Robots that are simulated at once, at most.
 
     Raises:
         OmniError: A point is not allowed, or nothing is varied or drawn.
@@ -102,15 +102,15 @@ class Plan:
 
     scenario: Scenario
     axes: Mapping[str, tuple[Value, ...]]
-    at_once: int = AT_ONCE
+    batch_size: int = AT_ONCE
 
     def __post_init__(self) -> None:
         """Check every point, and choose the backend, once for all shards."""
-        if self.at_once < 1:
-            raise OmniError(f"robots at once must be at least 1, not {self.at_once}")
+        if self.batch_size < 1:
+            raise OmniError(f"robots at once must be at least 1, not {self.batch_size}")
         if not self.axes and not self.scenario.distributions:
             raise OmniError("nothing varies: --vary carpet.friction=0.3:1.0:8 varies a setting")
-        object.__setattr__(self, "scenario", with_backend(self.scenario, self.at_once))
+        object.__setattr__(self, "scenario", choose_shared_backend(self.scenario, self.batch_size))
         _ = self.there
 
     def __getstate__(self) -> dict[str, Any]:
@@ -143,7 +143,7 @@ class Plan:
         )
 
     @cached_property
-    def jobs(self) -> list[Job]:
+    def shards(self) -> list[Shard]:
         """Return the shards: runs whose robots one batch can hold, all controllers of a run in the same."""
         groups: dict[Hashable, list[tuple[int, int]]] = {}
         for point, scenario in enumerate(self.there):
@@ -153,9 +153,9 @@ class Plan:
         parts = []
         for runs in groups.values():
             n_places = len(self.there[runs[0][0]].settings.world.start_poses)
-            size = max(1, self.at_once // (len(self.scenario.controllers) * n_places))
+            size = max(1, self.batch_size // (len(self.scenario.controllers) * n_places))
             parts += [tuple(runs[i : i + size]) for i in range(0, len(runs), size)]
-        return [Job(number, runs) for number, runs in enumerate(parts)]
+        return [Shard(number, runs) for number, runs in enumerate(parts)]
 
     @cached_property
     def frames(self) -> int:
@@ -166,13 +166,13 @@ class Plan:
         """Raise OmniError if shards cannot be run in so many processes at once, or do not fit into memory."""
         if processes < 1:
             raise OmniError(f"jobs must be at least 1, not {processes}")
-        robots = max(len(job.runs) for job in self.jobs) * len(self.scenario.controllers)
+        robots = max(len(job.runs) for job in self.shards) * len(self.scenario.controllers)
         check_memory(processes * robots, self.frames)
 
     @property
     def files(self) -> dict[str, str]:
         """Return by name the files that say what is run, the same for plans of the same sweep."""
-        content = {"axes": self.axes, "at_once": self.at_once}
+        content = {"axes": self.axes, "batch_size": self.batch_size}
         described = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
         return {"sweep.json": described, "scenario.toml": self.scenario.to_toml()}
 

@@ -23,7 +23,7 @@ from omni_control.kinematics import Array
 from omni_mj.config import team_model
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.robot.motors import Motor
-from omni_mj.studies.slip.moves import AXES, Move, Record
+from omni_mj.studies.slip.slip_moves import AXES, Move, Record
 
 FLOOR_S = 0.001  # added to T |u| in their law
 SUBSTEPS = 4  # of a frame

@@ -41,7 +41,7 @@ SCALE = np.array([1.0, 1.0, ARM_M])
 
 
 @dataclass(frozen=True, eq=False)
-class DepartureModel:
+class DeviationModel:
     """Matrices of F frames in the world frame; m, rad, s.
 
     Attributes:
@@ -60,7 +60,7 @@ class DepartureModel:
         return len(self.velocity)
 
     @classmethod
-    def prior(cls, frames: int, delay: int, lag_s: float) -> "DepartureModel":
+    def prior(cls, frames: int, delay: int, lag_s: float) -> "DeviationModel":
         """Return the model of a robot that follows its commands with a first-order lag."""
         decay = np.exp(-PERIOD_S / lag_s) if lag_s else 0.0
         # Share of a frame's path due to the velocity before
@@ -73,7 +73,7 @@ class DepartureModel:
         )
 
     @classmethod
-    def fit(cls, reference: Array, delay: int, poses: Array, commands: Array) -> "DepartureModel":
+    def fit(cls, reference: Array, delay: int, poses: Array, commands: Array) -> "DeviationModel":
         """Fit the model by least squares to how runs differ from one of them.
 
         Args:
@@ -131,7 +131,7 @@ def _delayed(values: Array, frames: int) -> Array:
 
 
 def improve(
-    model: DepartureModel, limits: MotionLimits, errors: Array, commands: Array
+    model: DeviationModel, limits: MotionLimits, errors: Array, commands: Array
 ) -> tuple[Array, Array]:
     """Return better commands for a run, and the errors expected of them.
 

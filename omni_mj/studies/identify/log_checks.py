@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
-from omni_mj.studies.identify.logs import LEAST_LINES, RobotLog, integrate
+from omni_mj.studies.identify.robot_logs import LEAST_LINES, RobotLog, integrate
 
 SHORTEST_S, LONGEST_S = 5e-4, 0.5  # between lines
 WINDOW_S, LATEST_S, DELAY_STEP_S, MOST_WINDOWS = 0.1, 0.5, 1 / 120, 2000

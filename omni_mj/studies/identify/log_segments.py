@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.logs import GAP, RobotLog, integrate
+from omni_mj.studies.identify.robot_logs import GAP, RobotLog, integrate
 
 STRETCH_S = 0.75
 LEAST, LEAST_POSES = 4, 8  # stretches, and poses in each

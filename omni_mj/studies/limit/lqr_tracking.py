@@ -19,7 +19,7 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.faults import ON_WHEELS
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
-from omni_mj.studies.limit.model import SCALE, DepartureModel
+from omni_mj.studies.limit.deviation_model import SCALE, DeviationModel
 
 POSE, SPEED, DRIFT, COMPASS, BIAS, GAIN = (
     slice(0, 3),
@@ -66,7 +66,7 @@ class Tracker:
 
     def __init__(
         self,
-        model: DepartureModel,
+        model: DeviationModel,
         commands: Array,
         poses: Array,
         scenario: Scenario,
@@ -229,7 +229,7 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
     return sizes, gain, decay
 
 
-def _regulator(model: DepartureModel, weight: float) -> Array:
+def _regulator(model: DeviationModel, weight: float) -> Array:
     """Return gains K (F, 3, 9) of du(k) = -K(k) [dp, dv, du(k-1)] at the time at which du(k) acts.
 
     They minimize the sum over frames of |dp|^2 + weight |du|^2, turns counted at an arm's length.
