@@ -5,13 +5,15 @@ from collections import deque
 import numpy as np
 
 from omni_control import MotionLimits, Team, TeamModel, TimedReference
-from omni_control.controllers import make
+from omni_control.controllers import make_controller
 from omni_control.kinematics import body_to_world, world_to_body
 
 model = TeamModel(period=1 / 60, delay_frames=6)  # the dead time matters most
 limits = MotionLimits(speed=2.0, acceleration=1.5)
 reference = TimedReference([[0, 0, 0], [1.0, 0.5, 1.5], [0, 0, 0]], limits, model.period)
-team = Team(make("adaptive-comp-flc", model, reference, n=1), start=reference.poses[:1])
+team = Team(
+    make_controller("adaptive-comp-flc", model, reference, n=1), start_poses=reference.poses[:1]
+)
 pose, radio = reference.poses[0].copy(), deque([np.zeros(3)] * model.delay_frames)
 
 for frame in range(reference.frames + 60):  # 60 times a second, for each frame of your camera

@@ -7,7 +7,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from omni_control.errors import OmniError, printable
+from omni_control.errors import OmniError, to_printable
 from omni_mj.files import whole
 
 if TYPE_CHECKING:
@@ -70,4 +70,4 @@ def _opened(path: Path) -> "Iterator[pa.NativeFile]":
             yield file
     except (OSError, pa.ArrowException, UnicodeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise OmniError(f"{path} cannot be read: {printable(reason)}") from None
+        raise OmniError(f"{path} cannot be read: {to_printable(reason)}") from None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from omni_control.controllers.base import Controller, Observation, TeamModel
-    from omni_control.delay_compensation import CommandsInFlight
+    from omni_control.delay_compensation import CommandHistory
     from omni_control.errors import ControllerError, OmniError
     from omni_control.kinematics import Kinematics
     from omni_control.reference import (
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "CURVES": "reference",
-    "CommandsInFlight": "delay_compensation",
+    "CommandHistory": "delay_compensation",
     "Controller": "controllers.base",
     "ControllerError": "errors",
     "CurveReference": "reference",
@@ -45,7 +45,7 @@ _HOME = {
 
 __all__ = [
     "CURVES",
-    "CommandsInFlight",
+    "CommandHistory",
     "Controller",
     "ControllerError",
     "CurveReference",

@@ -11,7 +11,7 @@ from omni_control.kinematics import Array
 Rows = slice | Sequence[int] | np.ndarray[Any, np.dtype[np.intp]]
 
 
-class CommandsInFlight:
+class CommandHistory:
     """The last commands sent by each robot's controller, newest last.
 
     With a dead time of k_d frames, the pose measured in frame k has felt the commands up to k - k_d
@@ -42,24 +42,24 @@ class CommandsInFlight:
         table.flags.writeable = False
         self._sent, self.length = table, len(table)
 
-    def push(self, command: Array) -> None:
+    def append(self, command: Array) -> None:
         """Add the commands (n, 3) that were sent in the frame just past."""
         if self.length:
             self._store(
                 np.concatenate([self._sent[1:], command[None]])
             )  # who was handed the last table keeps it
 
-    def of(self, rows: Rows, length: int | None = None) -> "CommandsInFlight":
+    def select(self, rows: Rows, length: int | None = None) -> "CommandHistory":
         """Return a queue of some robots' last `length` commands [all].
 
         Raises:
             OmniError: more than are stored.
         """
-        part = object.__new__(CommandsInFlight)
-        part._store(self.last(self.length if length is None else length)[:, rows])
+        part = object.__new__(CommandHistory)
+        part._store(self.get_latest(self.length if length is None else length)[:, rows])
         return part
 
-    def last(self, count: int, skip: int = 0) -> Array:
+    def get_latest(self, count: int, skip: int = 0) -> Array:
         """Return the `count` commands sent before the `skip` newest, (count, n, 3), oldest first, to be read only.
 
         Raises:
@@ -71,7 +71,7 @@ class CommandsInFlight:
             )
         return self._sent[self.length - skip - count : self.length - skip]
 
-    def ahead(self, latency: float | Array, count: int | None = None) -> Array:
+    def get_pending_fractions(self, latency: float | Array, count: int | None = None) -> Array:
         """Return the share of each command that is still to act, (count, n or 1, 3 or 1).
 
         Args:
@@ -84,7 +84,7 @@ class CommandsInFlight:
         shares: Array = np.minimum(np.maximum(latency - since, 0.0), 1.0)
         return shares
 
-    def felt(self, latency: float | Array) -> Array:
+    def get_delayed(self, latency: float | Array) -> Array:
         """Return the commands that acted in the frame just past, on its average, (..., n, 3).
 
         Args:
@@ -102,7 +102,7 @@ class CommandsInFlight:
         return np.asarray(newer + (latency - frames) * (older - newer))
 
 
-def compensation(in_flight: Array, alpha: Array | float, period: float) -> Array:
+def predict_displacement(in_flight: Array, alpha: Array | float, period: float) -> Array:
     """Displacement (n, 3) that commands in flight will still cause (equation 11).
 
     Args:

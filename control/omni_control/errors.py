@@ -14,7 +14,7 @@ class ControllerError(OmniError):
     """A controller failed when it was made or while it ran; says which, when and where."""
 
 
-def printable(text: str, most: int = 500) -> str:
+def to_printable(text: str, most: int = 500) -> str:
     """A text of whoever it is as a message shows it: in one line, without control characters, not too long."""
     line = "".join(
         c if c.isprintable() else c.encode("unicode_escape").decode()
@@ -23,7 +23,7 @@ def printable(text: str, most: int = 500) -> str:
     return line if len(line) <= most else f"{line[:most]}..."
 
 
-def choose(wrong: object, allowed: Iterable[str]) -> str:
+def suggest_names(wrong: object, allowed: Iterable[str]) -> str:
     """'did you mean X? choose from A, B, C' for a misspelt name; the names in the order given.
 
     Where there are more than anybody reads, and some are like it, those alone: 'did you mean X, Y

@@ -13,8 +13,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_control.controllers.base import RECORDED, Controller, Observation, error_place, record_of
-from omni_control.delay_compensation import CommandsInFlight, Rows
+from omni_control.controllers.base import (
+    RECORDED,
+    Controller,
+    Observation,
+    collect_channels,
+    describe_error,
+)
+from omni_control.delay_compensation import CommandHistory, Rows
 from omni_control.errors import ControllerError, OmniError
 from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.estimation.vision_tracker import MAX_FRAMES_BEHIND, VisionTracker
@@ -24,7 +30,7 @@ from omni_control.reference import MotionLimits
 OnFailure = Callable[[NDArray[np.intp], ControllerError], None]
 
 
-class CommandLimits:
+class CommandLimiter:
     """Limits on velocity commands and their change per frame, by the norm of translation and by turn.
 
     Args:
@@ -82,7 +88,7 @@ class Team:
     def __init__(
         self,
         controllers: Controller | Sequence[Controller],
-        start: ArrayLike,
+        start_poses: ArrayLike,
         rows: Sequence[ArrayLike] | None = None,
         *,
         on_failure: OnFailure | None = None,
@@ -90,7 +96,7 @@ class Team:
         self.controllers = (
             [controllers] if isinstance(controllers, Controller) else list(controllers)
         )
-        pose = np.array(start, float)
+        pose = np.array(start_poses, float)
         if pose.ndim != 2 or pose.shape[1] != 3 or not np.isfinite(pose).all():
             raise OmniError(f"the start must be finite poses (n, 3), not of shape {pose.shape}")
         self.n, self.frame, self.estimate = len(pose), -1, pose
@@ -111,7 +117,7 @@ class Team:
         self._delay = int(delays[0]) if (delays == delays[0]).all() else delays
         noise, limits = np.array([t.vision_noise for t in model]), [t.limits for t in model]
         latency = np.array([[t.latency_frames] for t in model])
-        self._limits = CommandLimits(limits, period)
+        self._limits = CommandLimiter(limits, period)
         self._tracker = VisionTracker(
             pose, noise, latency, period, OutlierGate(noise, limits, period)
         )
@@ -119,52 +125,56 @@ class Team:
         self._memory = [
             max(c.memory_frames, math.ceil(c.model.latency_frames) + 1) for c in self.controllers
         ]
-        self._sent = CommandsInFlight(
+        self._sent = CommandHistory(
             self.n, max(*self._memory, self._tracker.memory_frames) + MAX_FRAMES_BEHIND
         )
         self.knows_truth = any(type(c).knows_truth for c in self.controllers)
         self._records = [
-            record_of(c, n) for c, n in zip(self.controllers, self._sizes, strict=True)
+            collect_channels(c, n) for c, n in zip(self.controllers, self._sizes, strict=True)
         ]
 
         self.twist = self._tracker.twist
-        self.last, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
+        self.last_command, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
         self._seen: Observation | None = None  # until it is answered by commands
         self._true: Observation | None = None
 
     def observe(
         self,
-        measured: ArrayLike,
-        truth: tuple[ArrayLike, ArrayLike] | None = None,
-        age: ArrayLike | None = None,
+        measured_poses: ArrayLike,
+        true_state: tuple[ArrayLike, ArrayLike] | None = None,
+        measurement_age: ArrayLike | None = None,
     ) -> Observation:
         """Begin a frame with what vision reports; return what is known of all robots, to be read only.
 
         Args:
-            measured: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not
+            measured_poses: poses seen (n, 3), headings in (-pi, pi]; not a number where a robot was not
                 seen.
-            truth: true poses and twists (n, 3), for controllers that know them; their headings
+            true_state: true poses and twists (n, 3), for controllers that know them; their headings
                 count full turns.
-            age: time from when each robot was seen there until this frame, (n,) s. [0]
+            measurement_age: time from when each robot was seen there until this frame, (n,) s. [0]
 
         Raises:
             OmniError: poses of another shape, infinite ones, ages that cannot be, or no truth for a
                 controller that knows it.
         """
-        reported = _numbers(measured, (self.n, 3), "what vision reports")
+        reported = _numbers(measured_poses, (self.n, 3), "what vision reports")
         reported[self.failed] = np.nan
         ages = (
-            np.zeros(self.n) if age is None else _numbers(age, (self.n,), "ages, in s from 0 on,")
+            np.zeros(self.n)
+            if measurement_age is None
+            else _numbers(measurement_age, (self.n,), "ages, in s from 0 on,")
         )
         if np.count_nonzero(ages >= 0) < self.n:
-            raise OmniError(f"ages must be ({self.n},) finite numbers of s from 0 on, not {age!r}")
-        if self.knows_truth and truth is None:
+            raise OmniError(
+                f"ages must be ({self.n},) finite numbers of s from 0 on, not {measurement_age!r}"
+            )
+        if self.knows_truth and true_state is None:
             raise OmniError(
                 "a controller of this team knows the truth, which must be given with what vision reports"
             )
 
         self.frame += 1
-        self._sent.push(self.last)
+        self._sent.append(self.last_command)
         now = self._tracker
         believed = now.update(reported, ages, self._sent)
         self.estimate, self.twist = now.pose, now.twist
@@ -174,8 +184,8 @@ class Team:
         self._seen = Observation(
             now.pose, now.twist, believed, self._sent, period, self._delay, ages, now.steps
         )
-        if self.knows_truth and truth is not None:
-            true, twist = (_numbers(values, (self.n, 3), "the truth") for values in truth)
+        if self.knows_truth and true_state is not None:
+            true, twist = (_numbers(values, (self.n, 3), "the truth") for values in true_state)
             true[self.failed], twist[self.failed] = (
                 now.pose[self.failed],
                 0.0,
@@ -183,41 +193,41 @@ class Team:
             self._true = Observation(true, twist, true, self._sent, period, self._delay)
         return self._seen
 
-    def command(self, wanted: ArrayLike | None = None) -> Array:
+    def command(self, override: ArrayLike | None = None) -> Array:
         """Return the commands (n, 3) within the limits, and count them as sent.
 
         Args:
-            wanted: commands (n, 3) in place of what the controllers say. [they are asked]
+            override: commands (n, 3) in place of what the controllers say. [they are asked]
 
         Raises:
             OmniError: nothing was observed since the last commands, or they are not (n, 3) finite
                 numbers.
             ControllerError: a controller failed, and nobody handles it.
         """
-        if wanted is None and self._seen is None:
+        if override is None and self._seen is None:
             raise OmniError("robots must be observed before they are commanded, in every frame")
-        if wanted is None:
+        if override is None:
             commands = np.zeros((self.n, 3))
             for i, rows in enumerate(self._rows):
                 if np.count_nonzero(self.failed[rows]) < self._sizes[i]:
                     commands[rows] = self._ask(i)
         else:
-            commands = _numbers(wanted, (self.n, 3), "commands")
+            commands = _numbers(override, (self.n, 3), "commands")
             if np.count_nonzero(np.isnan(commands)):
                 raise OmniError("commands must be finite numbers")
-        command = self._limits(commands, self.last)
+        command = self._limits(commands, self.last_command)
         command[self.failed] = 0.0
-        self.last, self._seen = command, None
+        self.last_command, self._seen = command, None
         return command.copy()
 
     def step(
         self,
-        measured: ArrayLike,
-        truth: tuple[ArrayLike, ArrayLike] | None = None,
-        age: ArrayLike | None = None,
+        measured_poses: ArrayLike,
+        true_state: tuple[ArrayLike, ArrayLike] | None = None,
+        measurement_age: ArrayLike | None = None,
     ) -> Array:
         """Return the commands (n, 3) for what vision reports: `observe`, then `command`."""
-        self.observe(measured, truth, age)
+        self.observe(measured_poses, true_state, measurement_age)
         return self.command()
 
     def stop(self, rows: Rows) -> None:
@@ -229,13 +239,13 @@ class Team:
         controller, rows = self.controllers[i], self._rows[i]
         known = self._true if controller.knows_truth else self._seen
         assert known is not None, "checked when it was observed"
-        own = known.of(rows, self._memory[i], controller.model.delay_frames)
+        own = known.select(rows, self._memory[i], controller.model.delay_frames)
         robots, name = np.arange(self.n)[rows], type(controller).__name__
         try:
             wanted = _command(controller, self.frame, own)
-            self._records[i] = record_of(controller, len(wanted))
+            self._records[i] = collect_channels(controller, len(wanted))
         except Exception as error:
-            place = error_place(type(controller), error)
+            place = describe_error(type(controller), error)
             failure = ControllerError(f"{name} failed in frame {self.frame}{place}")
             failure.__cause__ = error
             self._fail(robots, failure)

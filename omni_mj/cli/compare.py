@@ -58,14 +58,16 @@ def command(
 
     Without --controller all that are installed are compared.
     """
-    from omni_control.registry import available
+    from omni_control.controllers import list_available_controllers
     from omni_mj.files import write
     from omni_mj.studies import compare
     from omni_mj.studies.compare import compare_table
     from omni_mj.viz import figures
 
     plant = choice.plant or "mujoco"
-    choice = replace(choice, controllers=choice.controllers or available(), plant=plant)
+    choice = replace(
+        choice, controllers=choice.controllers or list_available_controllers(), plant=plant
+    )
     names = names or compare.default_scenarios(plant)
     chosen = [choice.load(name) for name in names]
     compare.check_scenarios(chosen, subject)

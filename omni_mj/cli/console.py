@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from omni_control.errors import OmniError, printable
+from omni_control.errors import OmniError, to_printable
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome, Result
@@ -79,7 +79,7 @@ def command_line() -> str | None:
 def fail(message: str, code: int) -> NoReturn:
     """Print each line of a message as an error on stderr and exit with `code`."""
     for line in message.split("\n"):
-        click.echo(f"error: {printable(line, MESSAGE)}", err=True)
+        click.echo(f"error: {to_printable(line, MESSAGE)}", err=True)
     sys.exit(code)
 
 

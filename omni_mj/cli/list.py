@@ -4,7 +4,7 @@ import json
 
 import click
 
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, suggest_names
 from omni_mj.cli import options
 from omni_mj.viz import catalog
 
@@ -20,7 +20,7 @@ def command(what: str | None, word: str | None) -> None:
     """
     only = next((title for title in catalog.TITLES if what in (title, title[:-1])), None)
     if only is None and word is not None:
-        raise OmniError(f"there is no list {what!r}; {choose(what, catalog.TITLES)}")
+        raise OmniError(f"there is no list {what!r}; {suggest_names(what, catalog.TITLES)}")
     catalog.show(only, (word if only else what) or "")
 
 

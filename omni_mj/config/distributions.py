@@ -11,7 +11,7 @@ from zlib import crc32
 
 import numpy as np
 
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, suggest_names
 from omni_mj.config.settings import Settings, every_setting
 from omni_mj.config.validation import shown
 
@@ -154,7 +154,7 @@ def put(settings: Settings, values: Mapping[str, Value]) -> Settings:
 def _made(name: str, given: Mapping[str, Any]) -> Distribution:
     known = {each.full: each for each in every_setting()}
     if name not in known:
-        raise OmniError(f"unknown setting {name}; {choose(name, known)}")
+        raise OmniError(f"unknown setting {name}; {suggest_names(name, known)}")
     kind, values = next(iter(given.items()), ("", ()))
     if len(given) != 1 or kind not in KINDS:
         raise OmniError(

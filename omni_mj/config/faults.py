@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, computed_field
 
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, suggest_names
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.plugins import PLANTS, find_plant
 from omni_mj.config.validation import FRICTIONS, REACH_M, Checked, in_one, setting, shown
@@ -379,7 +379,7 @@ def _one(given: Any) -> Fault:
     fields = dict(given) if isinstance(given, Mapping) else {"kind": given}
     kind = str(fields.pop("kind", None))
     if kind not in KINDS:
-        raise OmniError(f"kind must be a fault's, not {shown(kind)}; {choose(kind, KINDS)}")
+        raise OmniError(f"kind must be a fault's, not {shown(kind)}; {suggest_names(kind, KINDS)}")
     return KINDS[kind](**fields)
 
 

@@ -9,11 +9,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from omni_control import controllers
-from omni_control.controllers import checked_parameters
-from omni_control.controllers.base import Controller, error_place
-from omni_control.errors import OmniError, choose, printable
-from omni_control.registry import CONTROLLERS
+from omni_control.controllers import CONTROLLERS, load_controller_class, validate_parameters
+from omni_control.controllers.base import Controller, describe_error
+from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_mj.config.validation import in_one
 
 Kind = str | type[Controller]
@@ -37,9 +35,9 @@ def find_controller(kind: Kind) -> type[Controller]:
         return kind
     name = str(kind)
     if name in CONTROLLERS:
-        return controllers.find(name)
+        return load_controller_class(name)
     if not names_class(name):
-        hint = choose(name, sorted(CONTROLLERS))
+        hint = suggest_names(name, sorted(CONTROLLERS))
         raise OmniError(f"unknown controller {name!r}; {hint}, or a class of yours: file.py:Class")
     return find_class(
         name, "derived from omni_control.Controller", lambda found: issubclass(found, Controller)
@@ -58,7 +56,7 @@ def find_plant(name: str) -> type[Any]:
         return kind
     if not names_class(name):
         raise OmniError(
-            f"unknown plant {name!r}; {choose(name, PLANTS)}, or a class of yours: file.py:Class"
+            f"unknown plant {name!r}; {suggest_names(name, PLANTS)}, or a class of yours: file.py:Class"
         )
     fits = find_class(
         name,
@@ -77,7 +75,7 @@ def _guarded(plant: type[Any], call: str) -> Callable[..., Any]:
         try:
             return getattr(plant, call)(*arguments, **keywords)
         except Exception as error:
-            raise OmniError(f"the plant {plant.__name__}{error_place(plant, error)}") from error
+            raise OmniError(f"the plant {plant.__name__}{describe_error(plant, error)}") from error
 
     return guarded
 
@@ -113,8 +111,8 @@ def check_parameters(
     for name, values in parameters.items():
         try:
             if name not in known:
-                raise OmniError(f"there is no such controller; {choose(name, known)}")
-            result[name] = checked_parameters(find_controller(known[name]), values)
+                raise OmniError(f"there is no such controller; {suggest_names(name, known)}")
+            result[name] = validate_parameters(find_controller(known[name]), values)
         except OmniError as error:
             errors += [f"controller.{name}: {line}" for line in str(error).splitlines()]
     in_one(errors)
@@ -141,7 +139,7 @@ def find_class(name: str, what: str, fits: Callable[[type], bool]) -> type[Any]:
     file, _, class_name = name.rpartition(":")
     path = Path(file)
     if not path.is_file():
-        raise OmniError(f"there is no file {printable(file)}")
+        raise OmniError(f"there is no file {to_printable(file)}")
     module = _module(path.resolve(), path.stat().st_mtime_ns)
     kinds = {
         key: kind for key, kind in vars(module).items() if inspect.isclass(kind) and fits(kind)
@@ -169,6 +167,6 @@ def _module(file: Path, changed: int) -> ModuleType:
             else ""
         )
         raise OmniError(
-            f"{file} cannot be run: {type(error).__name__}: {printable(str(error))}{hint}"
+            f"{file} cannot be run: {type(error).__name__}: {to_printable(str(error))}{hint}"
         ) from error
     return module

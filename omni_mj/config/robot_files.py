@@ -5,7 +5,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, suggest_names
 from omni_mj.config import toml_files
 
 DEFAULT = "tigers-v2016"
@@ -28,7 +28,7 @@ def robot_path(robot: str) -> Path:
         return Path(robot)
     if robot not in builtin():
         raise OmniError(
-            f"unknown robot {robot!r}; {choose(robot, builtin())}, or a file of yours: robot.toml"
+            f"unknown robot {robot!r}; {suggest_names(robot, builtin())}, or a file of yours: robot.toml"
         )
     return builtin()[robot]
 

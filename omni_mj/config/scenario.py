@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from omni_control.controllers import CONTROLLERS
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
-from omni_control.registry import CONTROLLERS
 from omni_mj.config import distributions, faults, plugins, robot_files
 from omni_mj.config.resolve import Robot, resolve
 from omni_mj.config.settings import Settings

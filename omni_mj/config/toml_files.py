@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from omni_control.errors import OmniError, choose, printable
+from omni_control.errors import OmniError, suggest_names, to_printable
 
 MOST_BYTES = 2_000_000
 NAME_LETTERS = 100  # longest name of a scenario
@@ -46,7 +46,7 @@ def read(path: Path, what: str) -> dict[str, Any]:
     except (
         ValueError
     ) as error:  # not TOML, not UTF-8, a number of absurd length, a file name with a null
-        raise OmniError(f"{what} {path} is not valid TOML: {printable(str(error))}") from None
+        raise OmniError(f"{what} {path} is not valid TOML: {to_printable(str(error))}") from None
 
 
 def parse(text: str) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def read_scenario(name_or_path: str) -> tuple[dict[str, Any], str]:
     """
     path = builtin().get(name_or_path, Path(name_or_path))
     if name_or_path not in builtin() and not (path.suffix == ".toml" or os.path.isfile(path)):
-        hint = choose(name_or_path, sorted(builtin()))
+        hint = suggest_names(name_or_path, sorted(builtin()))
         raise OmniError(f"unknown scenario {name_or_path!r}; {hint}, or a .toml file")
     name = re.sub(r"[^\w.-]+", "-", path.stem)[:NAME_LETTERS].strip(".")
     return read(path, "scenario"), name or "scenario"
@@ -85,7 +85,7 @@ def put(data: dict[str, Any], text: str) -> None:
     *sections, name = key.strip().split(".", 2 if key.strip().startswith("controller.") else 1)
     if not equals or not sections:
         raise OmniError(
-            f"cannot read --set {printable(text)}; write section.field=value, such as radio.delay_frames=3"
+            f"cannot read --set {to_printable(text)}; write section.field=value, such as radio.delay_frames=3"
         )
     try:
         value = parse(f"value = {written}")["value"]
@@ -94,5 +94,7 @@ def put(data: dict[str, Any], text: str) -> None:
     for section in sections:
         data = data.setdefault(section, {})
         if not isinstance(data, dict):
-            raise OmniError(f"cannot set {printable(key)}: {printable(section)} is not a section")
+            raise OmniError(
+                f"cannot set {to_printable(key)}: {to_printable(section)} is not a section"
+            )
     data[name] = value

@@ -17,7 +17,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from omni_control.errors import OmniError, choose, printable
+from omni_control.errors import OmniError, suggest_names, to_printable
 
 REACH_M = 100.0  # largest coordinate of a pose
 FRICTIONS = 0.01, 5.0  # smallest and largest coefficient of friction
@@ -151,8 +151,8 @@ class Checked(BaseModel):
         if kind == "value_error":  # one of our own
             yield from str(error["ctx"]["error"]).splitlines()
         elif kind == "extra_forbidden":
-            hint = choose(full, [each.full for each in declared.values()])
-            yield f"{cls.unknown} {printable(full, SHOWN)}; {hint}"
+            hint = suggest_names(full, [each.full for each in declared.values()])
+            yield f"{cls.unknown} {to_printable(full, SHOWN)}; {hint}"
         elif kind == "missing":
             yield f"{full} is missing: {declared[str(name)].doc}"
         elif kind == "model_type":
@@ -187,7 +187,7 @@ def collected(errors: list[str]) -> Iterator[None]:
 def shown(value: object) -> str:
     """Return a wrong value as a message shows it, on one line."""
     try:
-        return printable(repr(value), SHOWN)
+        return to_printable(repr(value), SHOWN)
     except (
         ValueError,
         RecursionError,

@@ -50,7 +50,7 @@ def observation(
             poses[chosen] - observation.predicted_pose,
             twists[chosen],
             observation.twist[None],
-            observation.sent_commands.last(memory),
+            observation.sent_commands.get_latest(memory),
         ]
     )
     own = np.moveaxis(world_to_body(vectors, heading), 0, 1).reshape(len(heading), -1)

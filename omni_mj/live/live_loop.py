@@ -134,7 +134,7 @@ class Live(Simulation):
         """
         if (is_unseen := self._plant.unseen > SILENT_FRAMES).any():
             command = np.where(is_unseen[:, None], 0.0, command)
-            self.team.last = command
+            self.team.last_command = command
         in_flight = np.clip(self._turn_latency - np.arange(MEMORY_FRAMES)[:, None], 0.0, 1.0)
         turned = (in_flight * self._turn_rates).sum(0) + command[:, 2] / 2
         headings = heading + self._turn_alpha * turned * PERIOD_S

@@ -20,7 +20,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from omni_control.errors import OmniError, printable
+from omni_control.errors import OmniError, to_printable
 from omni_mj.config.validation import in_one
 from omni_mj.mjcf import adapt_custom_robot
 from omni_mj.mjcf.model_files import parts_of
@@ -71,7 +71,7 @@ def read(file: str | Path) -> Own:
     path = Path(file)
     if not os.path.isfile(path):
         raise OmniError(
-            f"there is no model {printable(str(path))}; give the path of a robot's MJCF: robot.xml"
+            f"there is no model {to_printable(str(path))}; give the path of a robot's MJCF: robot.xml"
         )
     changed = tuple(part.stat().st_mtime_ns for part in parts_of(path) if part.is_file())
     try:

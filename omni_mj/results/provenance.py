@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import omni_control
-from omni_control import controllers as known_controllers
-from omni_control.registry import CONTROLLERS
+from omni_control.controllers import CONTROLLERS, get_parameters
 from omni_mj.config import plugins, robot_files
 from omni_mj.config.scenario import Scenario
 from omni_mj.files import write
@@ -145,7 +144,7 @@ def _controller(kind: plugins.Kind, scenario: Scenario, files: dict[str, bytes])
     label, found = plugins.label(kind), plugins.find_controller(kind)
     entry = {"name": label} if kind in CONTROLLERS else _class(kind, files)
     given = scenario.settings.controller.get(label, {})
-    return entry | {"parameters": known_controllers.parameters(found) | dict(given)}
+    return entry | {"parameters": get_parameters(found) | dict(given)}
 
 
 def _class(kind: plugins.Kind, files: dict[str, bytes]) -> dict[str, Any]:

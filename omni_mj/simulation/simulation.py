@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from omni_control.controllers.base import Controller, Observation
-from omni_control.errors import OmniError, choose, printable
+from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
 from omni_mj.config import faults, plugins, reference_factory
@@ -121,7 +121,7 @@ class Simulation:
         for label in dict.fromkeys(row.controller for row in self._table):
             if label not in self._kinds:
                 raise OmniError(
-                    f"a row names the controller {label!r}; {choose(label, self._kinds)}"
+                    f"a row names the controller {label!r}; {suggest_names(label, self._kinds)}"
                 )
         for settings in {id(row.settings): row.settings for row in self._table}.values():
             faults.check(settings.fault, self.scenario.plant, len(settings.world.start_poses))
@@ -274,7 +274,7 @@ class Simulation:
 
     def _stop(self, rows: np.ndarray, cause: object) -> None:
         """Stop rows that run, for a cause that can be said in words."""
-        reason = printable(str(cause))
+        reason = to_printable(str(cause))
         for i in rows[self._running[rows]]:
             row = self.rows[i]
             self.failures.append(

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from omni_control.controllers import make
+from omni_control.controllers import make_controller
 from omni_control.controllers.base import Controller, TeamModel
 from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
@@ -62,7 +62,7 @@ def assemble(
         known = team_model(row.settings, geometry, wheels)
         reference = _reference([rows[i] for i in group]) if follow is None else follow(group)
         try:
-            made.append(make(kind, known, reference, n, dict(_parameters(row))))
+            made.append(make_controller(kind, known, reference, n, dict(_parameters(row))))
         except ControllerError as error:
             on_failure(group, error)
             unmade.append(group)

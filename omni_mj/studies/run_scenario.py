@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from omni_control.controllers.base import Controller
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, suggest_names
 from omni_mj.config.reference_factory import timed
 from omni_mj.config.scenario import Scenario, load
 from omni_mj.results.result import Outcome, Result
@@ -80,7 +80,7 @@ def check_subject(scenario: Scenario, subject: str | None) -> None:
     """Raise OmniError if the controller of which a verdict is asked for is not run."""
     if subject not in (None, *scenario.labels):
         raise OmniError(
-            f"the subject {subject!r} is not among the controllers; {choose(subject, scenario.labels)}"
+            f"the subject {subject!r} is not among the controllers; {suggest_names(subject, scenario.labels)}"
         )
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from omni_control.controllers import list_available_controllers
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.registry import available
 from omni_mj.config.plugins import find_controller, label
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S, Settings
@@ -155,4 +155,6 @@ def list_informed(scenario: Scenario) -> list[str]:
 
 def list_competitors() -> tuple[str, ...]:
     """Return the controllers that come with the package, but for those that are given the truth."""
-    return tuple(name for name in available() if not find_controller(name).knows_truth)
+    return tuple(
+        name for name in list_available_controllers() if not find_controller(name).knows_truth
+    )

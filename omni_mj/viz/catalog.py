@@ -12,8 +12,8 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-from omni_control.errors import OmniError, choose
-from omni_control.registry import CONTROLLERS, missing
+from omni_control.controllers import CONTROLLERS, find_missing_package
+from omni_control.errors import OmniError, suggest_names
 from omni_mj.config import robot_files, toml_files
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def show(only: str | None = None, word: str = "") -> None:
     if not any(matching.values()):
         names = {part for lines in lists.values() for row in lines for part in row[0].split(".")}
         raise OmniError(
-            f"there is no {word!r} in the {only or 'lists'}; {choose(word, sorted(names))}"
+            f"there is no {word!r} in the {only or 'lists'}; {suggest_names(word, sorted(names))}"
         )
     for title, lines in matching.items():
         if lines:
@@ -121,7 +121,7 @@ def in_full(name: str, overrides: Sequence[str] = (), robot: str | None = None) 
     else:
         names = [*toml_files.builtin(), *robot_files.builtin(), *CONTROLLERS]
         raise OmniError(
-            f"there is nothing called {name!r}; {choose(name, names)}, or a file: .toml, or file.py:Class"
+            f"there is nothing called {name!r}; {suggest_names(name, names)}, or a file: .toml, or file.py:Class"
         )
     if overrides or robot:
         raise OmniError(f"--set and --robot change a scenario; {name} is a {kind}")
@@ -170,18 +170,18 @@ def _robot(name: str) -> str:
 
 def _controller(name: str) -> str:
     """Return what a controller does, by its docstring, and its parameters."""
-    from omni_control.controllers import parameters
+    from omni_control.controllers import get_parameters
     from omni_mj.config import plugins
 
     kind, label = plugins.find_controller(name), plugins.label(name)
     lines = [
         inspect.getdoc(kind) or f"{label}: its class has no docstring",
         "",
-        "parameters:" if parameters(kind) else "no parameters",
+        "parameters:" if get_parameters(kind) else "no parameters",
     ]
     lines += [
         f"  --set controller.{label}.{key}={json.dumps(value)}"
-        for key, value in parameters(kind).items()
+        for key, value in get_parameters(kind).items()
     ]
     return "\n".join([*lines, "", f"source: {inspect.getsourcefile(kind)}"]) + "\n"
 
@@ -236,7 +236,7 @@ def _print(lines: Rows) -> None:
 
 
 def _remark(controller: str) -> str:
-    package = missing(controller)
+    package = find_missing_package(controller)
     return f" (needs {package}: pip install 'omni-mj[{controller}]')" if package else ""
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.control import Array, Reference, make
+from benches.control import Array, Reference, make_controller
 from closed_loop import WHEELS, Creeping, T, loop, vision
 
 from omni_control import IteratedReference, MotionLimits, Team, TeamModel, TimedReference
@@ -18,7 +18,7 @@ UNKNOWN = {"lag_s": 0.0, "creep_s2_m": 0.0, "drag_m_s": 0.0}
 
 def team(name: str, delay: int = 6, route: Reference = ROUTE, n: int = 1, **known: object) -> Team:
     model = TeamModel(T, delay, geometry=WHEELS, **{**RIGHT, **known})  # type: ignore[arg-type]
-    return Team(make(name, model, route, n), np.zeros((n, 3)))
+    return Team(make_controller(name, model, route, n), np.zeros((n, 3)))
 
 
 def errors(record: dict[str, Array], route: TimedReference = ROUTE) -> tuple[Array, Array]:
@@ -51,7 +51,7 @@ def test_what_knowledge_is_worth_and_what_learning_is_worth() -> None:
 
 def test_inverse_flc_learns_nothing() -> None:
     record = loop(team("inverse-flc"), Creeping(np.zeros((1, 3))), 200)
-    for name in ("alpha_hat", "latency", "creep", "friction", "disturbance"):
+    for name in ("alpha_hat", "latency", "creep", "friction", "velocity_disturbance"):
         assert np.ptp(record[name], axis=0).max() == 0, name
     assert record["alpha_sigma"].max() == 0
 
@@ -78,8 +78,8 @@ def test_nothing_is_learned_of_a_robot_that_does_not_respond() -> None:
         hears=lambda frame: frame not in silent,
     )
     until = slice(silent.start, silent.stop + 12)
-    assert np.abs(record["disturbance"][until, 0, 2]).max() < 0.25
-    assert np.abs(record["disturbance"][until, 0, :2]).max() < 0.25
+    assert np.abs(record["velocity_disturbance"][until, 0, 2]).max() < 0.25
+    assert np.abs(record["velocity_disturbance"][until, 0, :2]).max() < 0.25
     assert np.ptp(record["alpha_hat"][until], axis=0).max() < 0.2
     distance, heading = errors(record)
     assert heading[silent.stop + 40 :].max() < np.radians(6)

@@ -1,7 +1,7 @@
 """Laws of the motor correction factor's estimate, on the plant of equation 7 with known factors."""
 
 import numpy as np
-from benches.control import AlphaEstimator, Array, CommandsInFlight
+from benches.control import AlphaEstimator, Array, CommandHistory
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,10 +21,10 @@ def travelled(commands: Array, alpha: Array, delay: int) -> Array:
 def estimate(positions: Array, commands: Array, window: int, delay: int) -> Array:
     """Values (frames, n, 2) of the estimate, frame by frame."""
     n = commands.shape[1]
-    sent, estimator = CommandsInFlight(n, window + delay), AlphaEstimator(n, window, delay, T)
+    sent, estimator = CommandHistory(n, window + delay), AlphaEstimator(n, window, delay, T)
     values = []
     for k, position in enumerate(positions):
-        sent.push(commands[k - 1] if k else np.zeros((n, 3)))
+        sent.append(commands[k - 1] if k else np.zeros((n, 3)))
         values.append(estimator.update(position, sent).copy())
     return np.array(values)
 
@@ -92,9 +92,9 @@ def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> No
 
 def test_at_the_confidence_displacement_old_and_new_weigh_the_same() -> None:
     """One frame in which confidence_m was commanded and 0.8 of it seen gives the mean of 1 and 0.8."""
-    sent, estimator = CommandsInFlight(1, 1), AlphaEstimator(1, 1, 0, T)
+    sent, estimator = CommandHistory(1, 1), AlphaEstimator(1, 1, 0, T)
     estimator.update(np.zeros((1, 2)), sent)
-    sent.push(np.array([[CONFIDENCE_M / T, -CONFIDENCE_M / T, 0]]))
+    sent.append(np.array([[CONFIDENCE_M / T, -CONFIDENCE_M / T, 0]]))
     value = estimator.update(np.array([[0.8 * CONFIDENCE_M, -0.8 * CONFIDENCE_M]]), sent)
     # A few roundings of a number of size 1.
     np.testing.assert_allclose(value, [[0.9, 0.9]], rtol=0, atol=1e-15)

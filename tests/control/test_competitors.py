@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.control import CONTROLLERS, find, make
+from benches.control import CONTROLLERS, load_controller_class, make_controller
 from closed_loop import Lagged, T, commands_for, loop, seen_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -18,8 +18,8 @@ each_linear = pytest.mark.parametrize("name", LINEAR)
 
 
 def test_only_the_oracle_knows_the_truth_and_says_so() -> None:
-    assert [name for name in CONTROLLERS if find(name).knows_truth] == ["oracle"]
-    assert "knows the true state" in (find("oracle").__doc__ or "").splitlines()[0]
+    assert [name for name in CONTROLLERS if load_controller_class(name).knows_truth] == ["oracle"]
+    assert "knows the true state" in (load_controller_class("oracle").__doc__ or "").splitlines()[0]
 
 
 of_other_robots = given(
@@ -57,7 +57,7 @@ def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: in
     """
     rng, frames = np.random.default_rng(seed), 240 if name in IDENTIFYING else 360
     start = rng.uniform(-0.1, 0.1, (n, 3))
-    controller = make(name, model(delay, lag), REST, n)
+    controller = make_controller(name, model(delay, lag), REST, n)
     alpha, noise = rng.uniform(0.5, 1.1, (n, 3)), np.zeros((frames, n, 3))
     pose = loop(Team(controller, start), Lagged(start, delay + wrong, lag, alpha), noise)["pose"]
     # The slowest loop, p with a latency of 11 frames and alpha 0.5, leaves some exp(-0.5 * 2.7 / s
@@ -75,7 +75,7 @@ def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands() -> None:
             alpha = rng.uniform(0.7, 1, (3, 3))
             runs = [
                 loop(
-                    Team(make(name, model(6, noisy=True), along(kind, 3, side), 3), side * start),
+                    Team(make_controller(name, model(6, noisy=True), along(kind, 3, side), 3), side * start),
                     Lagged(side * start, 6, 0.02, alpha), side * noise,
                 )["command"]
                 for side in (np.ones(3), mirror)
@@ -89,7 +89,9 @@ def test_headings_take_the_short_way() -> None:
     """Full turns are no error, and from -3 to 3 rad a robot turns over pi."""
     for name in COMPETITORS:
         for turns in [-3, 1, 40]:
-            controller = make(name, model(0, 0.0), TimedReference([[0, 0, 3.0]], LIMITS, T), 2)
+            controller = make_controller(
+                name, model(0, 0.0), TimedReference([[0, 0, 3.0]], LIMITS, T), 2
+            )
             pose = np.array([[0, 0, 3.0 + 2 * np.pi * turns], [0, 0, -3.0]])
             seen = seen_at(controller.model, pose, commands_for(controller), np.zeros((2, 3)), pose)
             command = controller.command(0, seen)
@@ -106,7 +108,7 @@ def test_the_truth_is_never_worse_than_noise() -> None:
     noise = rng.normal(0, 1, (path.frames, n, 3)) * (0.0013, 0.0013, 0.01)
     error = {}
     for name in ("oracle", ADAPTIVE):
-        controller = make(name, model(6, noisy=True), path, n)
+        controller = make_controller(name, model(6, noisy=True), path, n)
         start = np.zeros((n, 3))
         off = (
             loop(Team(controller, start), Lagged(start, 6, 0.02, alpha), noise)["pose"]

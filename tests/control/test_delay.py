@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.control import Array, CommandsInFlight, OmniError, compensation
+from benches.control import Array, CommandHistory, OmniError, predict_displacement
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,11 +11,11 @@ from omni_control import Observation
 T = 1 / 60
 
 
-def sent_before(frame: int, commands: Array, length: int) -> CommandsInFlight:
+def sent_before(frame: int, commands: Array, length: int) -> CommandHistory:
     """The queue as it is in `frame`, after the commands (frames, n, 3) of the frames before it were sent."""
-    queue = CommandsInFlight(commands.shape[1], length)
+    queue = CommandHistory(commands.shape[1], length)
     for command in commands[:frame]:
-        queue.push(command)
+        queue.append(command)
     return queue
 
 
@@ -31,9 +31,11 @@ def test_frame_by_frame_table_of_three_frames_dead_time() -> None:
     }
     commands = np.arange(1.0, 7.0)[:, None, None] * [1.0, 0.0, -1.0]
     for frame, (speeds, distance) in table.items():
-        flying = sent_before(frame, commands, length=3).last(3)
+        flying = sent_before(frame, commands, length=3).get_latest(3)
         assert flying[:, 0, 0].tolist() == speeds
-        assert compensation(flying, np.ones((1, 3)), 1.0).tolist() == [[distance, 0, -distance]]
+        assert predict_displacement(flying, np.ones((1, 3)), 1.0).tolist() == [
+            [distance, 0, -distance]
+        ]
 
 
 @given(st.integers(0, 12), st.integers(0, 20), st.integers(1, 4), st.integers(0, 2**32 - 1))
@@ -48,11 +50,11 @@ def test_the_compensated_pose_is_where_the_plant_will_be(
     for k in range(frames):
         felt = commands[k - delay] if k >= delay else np.zeros((n, 3))
         poses.append(poses[-1] + alpha * T * felt)
-    queue = CommandsInFlight(n, delay + spare)
+    queue = CommandHistory(n, delay + spare)
     for k in range(frames - delay):
         if k:
-            queue.push(commands[k - 1])
-        predicted = poses[k] + compensation(queue.last(delay), alpha, T)
+            queue.append(commands[k - 1])
+        predicted = poses[k] + predict_displacement(queue.get_latest(delay), alpha, T)
         # Twelve additions to a pose of size 4 in one order and in another.
         np.testing.assert_allclose(predicted, poses[k + delay], rtol=0, atol=2e-14)
 
@@ -76,38 +78,42 @@ def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -
             start = now - 8 - ticks[robot, axis]
             expected = by_eighths[start : start + 8, robot, axis].mean()
             # A mean of eight numbers of size 3.
-            assert queue.felt(ticks / 8)[robot, axis] == pytest.approx(expected, abs=1e-14)
+            assert queue.get_delayed(ticks / 8)[robot, axis] == pytest.approx(expected, abs=1e-14)
             to_come = by_eighths[start + 8 :, robot, axis].sum() / 8
-            ahead = (queue.ahead(ticks / 8) * queue.last(14)).sum(0)[robot, axis]
+            ahead = (queue.get_pending_fractions(ticks / 8) * queue.get_latest(14)).sum(0)[
+                robot, axis
+            ]
             assert ahead == pytest.approx(to_come, abs=1e-13)
 
 
 def test_commands_that_are_not_kept_cannot_be_asked_for() -> None:
-    queue = CommandsInFlight(2, 5)
-    assert queue.last(3, skip=2).shape == (3, 2, 3)
+    queue = CommandHistory(2, 5)
+    assert queue.get_latest(3, skip=2).shape == (3, 2, 3)
     with pytest.raises(OmniError, match="6 commands were asked for, but only 5 are kept"):
-        queue.last(4, skip=2)
+        queue.get_latest(4, skip=2)
 
 
 def test_what_was_handed_out_stays_and_can_only_be_read() -> None:
     """Views of past frames keep their numbers however many commands follow; parts of them are those of some robots."""
     commands = np.random.default_rng(0).normal(size=(40, 5, 3))
-    queue, views, parts = CommandsInFlight(5, 4), [], []
+    queue, views, parts = CommandHistory(5, 4), [], []
     for command in commands:
-        queue.push(command)
-        views.append(queue.last(3, skip=1))
-        parts.append(queue.of([3, 1], 3))
+        queue.append(command)
+        views.append(queue.get_latest(3, skip=1))
+        parts.append(queue.select([3, 1], 3))
     for frame in range(4, 40):
         np.testing.assert_array_equal(views[frame], commands[frame - 3 : frame])
-        np.testing.assert_array_equal(parts[frame].last(3), commands[frame - 2 : frame + 1, [3, 1]])
+        np.testing.assert_array_equal(
+            parts[frame].get_latest(3), commands[frame - 2 : frame + 1, [3, 1]]
+        )
     part = parts[-1]
     assert part.length == 3
-    np.testing.assert_array_equal(part.felt(1.5), queue.felt(1.5)[[3, 1]])
-    for view in (views[-1], part.last(1), queue.of(slice(2)).last(4)):
+    np.testing.assert_array_equal(part.get_delayed(1.5), queue.get_delayed(1.5)[[3, 1]])
+    for view in (views[-1], part.get_latest(1), queue.select(slice(2)).get_latest(4)):
         with pytest.raises(ValueError, match="read-only"):
             view += 1.0
     with pytest.raises(OmniError, match="only 4 are kept"):
-        queue.of(slice(None), 5)
+        queue.select(slice(None), 5)
 
 
 def test_where_dead_times_differ_each_robot_arrives_after_its_own() -> None:

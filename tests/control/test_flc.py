@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.control import Array, make
+from benches.control import Array, make_controller
 from closed_loop import Lagged, Run, T, drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -52,7 +52,7 @@ def test_without_dead_time_both_controllers_are_the_same() -> None:
         rng = np.random.default_rng(0)
         start, noise = rng.uniform(-0.1, 0.1, (4, 3)), rng.normal(0, 0.01, (FRAMES, 4, 3))
         flc, comp_flc = (
-            follow(make(name, TeamModel(T, 0), along(kind, 4), 4), start, 0, noise)
+            follow(make_controller(name, TeamModel(T, 0), along(kind, 4), 4), start, 0, noise)
             for name in FUZZY
         )
         assert np.array_equal(flc.sent, comp_flc.sent)
@@ -70,9 +70,13 @@ def test_compensation_takes_the_dead_time_out_of_the_loop(
     Nothing moves it in the first k_d frames. From then on it goes, under comp-FLC, the way of a
     robot without dead time that starts at k_d under FLC.
     """
-    late = follow(make("comp-flc", TeamModel(T, delay), along(kind), 1), [start], delay)
+    late = follow(make_controller("comp-flc", TeamModel(T, delay), along(kind), 1), [start], delay)
     prompt = follow(
-        make("flc", TeamModel(T, 0), along(kind), 1), [start], 0, FRAMES - delay, first_frame=delay
+        make_controller("flc", TeamModel(T, 0), along(kind), 1),
+        [start],
+        0,
+        FRAMES - delay,
+        first_frame=delay,
     )
     assert (late.pose[:delay] == start).all()
     # Poses of size 3 round at 4e-16; the loop's gain of at most 15 / s forgets them, but near the
@@ -88,7 +92,10 @@ def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
 ) -> None:
     """On a perfect plant x_p of frame k is x(k + k_d), also when limits cut what the controller asked for."""
     run = follow(
-        make("comp-flc", TeamModel(T, delay), along(kind), 1), [start], delay, highest=highest
+        make_controller("comp-flc", TeamModel(T, delay), along(kind), 1),
+        [start],
+        delay,
+        highest=highest,
     )
     # Twelve additions to poses of size 3; the estimate of alpha is 1 to 1e-12.
     np.testing.assert_allclose(
@@ -114,7 +121,12 @@ def test_flc_lags_a_constant_acceleration_by_a_known_error_and_comp_flc_does_not
     reference = TimedReference([[0, 0, 0], [20, 0, 0]], MotionLimits(speed=10), T)
     error = {}
     for name in FUZZY:
-        run = follow(make(name, TeamModel(T, delay), reference, 1), np.zeros((1, 3)), delay, frames)
+        run = follow(
+            make_controller(name, TeamModel(T, delay), reference, 1),
+            np.zeros((1, 3)),
+            delay,
+            frames,
+        )
         error[name] = reference.poses[frames - 1, 0] - run.pose[-1, 0, 0]
     lag = brentq(lambda e: fuzzy_velocity(e) - LIMITS.acceleration * delay * T, 0, 0.05)
     # Integration in steps of 5e-5 is good to 1e-8 m/s, which a gain of 10 / s makes 1e-9 m; the
@@ -129,7 +141,10 @@ def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
     maximum, mean = {}, {}
     for name in FUZZY:
         run = follow(
-            make(name, TeamModel(T, 6), reference, 1), np.zeros((1, 3)), 6, reference.frames
+            make_controller(name, TeamModel(T, 6), reference, 1),
+            np.zeros((1, 3)),
+            6,
+            reference.frames,
         )
         error = position_error(run, reference)
         maximum[name], mean[name] = error.max(), error.mean()
@@ -146,7 +161,10 @@ def test_the_heading_returns_the_short_way_at_the_gain() -> None:
         gain = 5.0
         reference = TimedReference([[0, 0, 3.0]], LIMITS, T)
         run = follow(
-            make(name, TeamModel(T, 0, heading_gain=gain), reference, 1), [[0.0, 0.0, -3.0]], 0, 60
+            make_controller(name, TeamModel(T, 0, heading_gain=gain), reference, 1),
+            [[0.0, 0.0, -3.0]],
+            0,
+            60,
         )
         error = (2 * np.pi - 6) * (1 - gain * T) ** np.arange(60)
         # Roundings of angles of size 6.

@@ -1,7 +1,14 @@
 """Laws of the gate: what a robot can do passes as it is, what it cannot does not, and no doubt lasts."""
 
 import numpy as np
-from benches.control import MAX_REJECTIONS, MAX_REPEATS, Array, OutlierGate, make, wrap_angle
+from benches.control import (
+    MAX_REJECTIONS,
+    MAX_REPEATS,
+    Array,
+    OutlierGate,
+    make_controller,
+    wrap_angle,
+)
 from closed_loop import NOISE, Lagged, T, loop, reported, vision
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -137,7 +144,7 @@ def test_a_team_drives_on_as_if_nothing_had_been_mistaken(seed: int, share: floa
     model, start = TeamModel(T, 4), starts(n)
     driven = [
         loop(
-            Team(make("comp-flc", model, along(TIMED, n), n), start),
+            Team(make_controller("comp-flc", model, along(TIMED, n), n), start),
             Lagged(start, 4, alpha=0.9),
             each,
         )

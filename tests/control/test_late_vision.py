@@ -17,8 +17,8 @@ def estimated(
     model = TeamModel(T, 0, lag_s=0.0, position_noise_m=NOISE[0], heading_noise_rad=NOISE[2])
     team, seen = Team(Controller(model, None, len(start)), start), []  # type: ignore[arg-type]
     for k, (pose, each) in enumerate(zip(measured, age, strict=True)):
-        seen.append(team.observe(pose, age=each))
-        team.last = displacement[min(k + 1, len(displacement) - 1)] / T
+        seen.append(team.observe(pose, measurement_age=each))
+        team.last_command = displacement[min(k + 1, len(displacement) - 1)] / T
     return np.array([one.pose for one in seen]), np.array([one.twist for one in seen])
 
 
@@ -116,7 +116,9 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
 
     def commanded(rows: list[int]) -> Array:
         team = Team(AdaptiveCompFlc(model, way, len(rows)), np.zeros((len(rows), 3)))
-        return np.array([team.step(seen[k, rows], age=ages[k, rows]) for k in range(frames)])
+        return np.array(
+            [team.step(seen[k, rows], measurement_age=ages[k, rows]) for k in range(frames)]
+        )
 
     together = commanded([0, 1, 2])
     for row in range(3):
@@ -127,4 +129,4 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
 def test_ages_that_cannot_be_are_refused(age: object) -> None:
     team = Team(Controller(TeamModel(T, 0), None, 1), np.zeros((1, 3)))  # type: ignore[arg-type]
     with pytest.raises(OmniError, match=r"^ages.* must be .*finite numbers"):
-        team.observe(np.zeros((1, 3)), age=age)  # type: ignore[arg-type]
+        team.observe(np.zeros((1, 3)), measurement_age=age)  # type: ignore[arg-type]

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from benches.control import CommandLimits
+from benches.control import CommandLimiter
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ sequences = st.lists(st.tuples(number, number, number), min_size=1, max_size=40)
 
 def play(commands: NDArray, *each: MotionLimits) -> NDArray:
     """What robots that want the `commands` (frames, n, 3) are sent, within the limits of each."""
-    limits, sent = CommandLimits(each, FRAME_S), [np.zeros(commands.shape[1:])]
+    limits, sent = CommandLimiter(each, FRAME_S), [np.zeros(commands.shape[1:])]
     for command in commands:
         sent.append(limits(command, sent[-1]))
     return np.array(sent[1:])

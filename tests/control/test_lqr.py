@@ -58,13 +58,13 @@ def gain_of(delay: int, lag: float) -> Array:
             # Brings a robot from rest to a mm/s
             commands[part] = LITTLE / (1 - robot.keep) if part == 1 else LITTLE
         for command in commands[:-1]:
-            sent.push(command)
+            sent.append(command)
             controller.command(0, seen_at(controller.model, pose, sent))
         if part == 1:
             pose = (T - robot.slide) * commands[
                 1
             ]  # where it is then, so that there is no disturbance
-        sent.push(commands[-1])
+        sent.append(commands[-1])
         answer = -controller.command(0, seen_at(controller.model, pose, sent))[0] / LITTLE
         assert (answer == answer[0]).all(), "the same for all axes"
         gains.append(answer[0] - gains[0] * pose[0, 0] / LITTLE if part == 1 else answer[0])

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import numpy as np
-from benches.control import Array, Limits, make, minimize
+from benches.control import Array, Limits, make_controller, minimize
 from closed_loop import Lagged, T, drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -131,7 +131,7 @@ def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:
         return command
 
     plant = Lagged(np.zeros((1, 3)), 4, alpha=0.9)
-    run = drive(make("mpc", model, reference, 1), plant, reference.frames, limits=noted)
+    run = drive(make_controller("mpc", model, reference, 1), plant, reference.frames, limits=noted)
     assert (
         max(wanted) < 4.7 + 1e-5
     )  # 1e-9 m/s to which programs are solved, in a frame of 1/60 s, and some rounding
@@ -150,11 +150,12 @@ def test_without_piqp_it_says_in_a_line_how_to_get_it_and_the_others_go_on() -> 
     )
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
-        "error: controller 'mpc' needs the package piqp, which is not installed; get it by pip install 'omni-mj[mpc]'"
+        "error: controller 'mpc' needs the package piqp, which is not installed; install it with pip install 'omni-mj[mpc]'"
     ]
     others = hidden + (
-        "from omni_control.registry import CONTROLLERS, available; "
-        "assert set(CONTROLLERS) - set(available()) == {'mpc'}; " + cli.format("'list'")
+        "from omni_control.controllers import CONTROLLERS, list_available_controllers; "
+        "assert set(CONTROLLERS) - set(list_available_controllers()) == {'mpc'}; "
+        + cli.format("'list'")
     )
     done = subprocess.run(
         [sys.executable, "-c", others], capture_output=True, text=True, timeout=60, check=False

@@ -6,7 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from benches.control import CONTROLLERS, checked_parameters, find, make, parameters
+from benches.control import (
+    CONTROLLERS,
+    get_parameters,
+    load_controller_class,
+    make_controller,
+    validate_parameters,
+)
 from closed_loop import T
 from ways import TIMED
 
@@ -38,35 +44,41 @@ class More(Gains):
 
 def test_every_name_leads_to_a_controller_that_can_be_made() -> None:
     for name in CONTROLLERS:
-        controller = make(name, TOLD, TIMED, 2)
-        assert type(controller) is find(name)
+        controller = make_controller(name, TOLD, TIMED, 2)
+        assert type(controller) is load_controller_class(name)
         assert controller.memory_frames >= TOLD.delay_frames
-        assert (find(name).__doc__ or "").lower().startswith(f"{name}:")
+        assert (load_controller_class(name).__doc__ or "").lower().startswith(f"{name}:")
     with pytest.raises(OmniError, match="unknown controller 'com-flc'; did you mean 'comp-flc'"):
-        find("com-flc")
+        load_controller_class("com-flc")
 
 
 def test_parameters_are_annotated_numbers_texts_and_truths() -> None:
-    assert parameters(Gains) == {"gain": 3.0, "window": 5, "bold": False, "law": "pd", "quoted": 1}
-    assert parameters(More) == {**parameters(Gains), "gain": 4.0, "speed": 0.5}
-    assert all(parameters(find(name)) == {} for name in CONTROLLERS)
+    assert get_parameters(Gains) == {
+        "gain": 3.0,
+        "window": 5,
+        "bold": False,
+        "law": "pd",
+        "quoted": 1,
+    }
+    assert get_parameters(More) == {**get_parameters(Gains), "gain": 4.0, "speed": 0.5}
+    assert all(get_parameters(load_controller_class(name)) == {} for name in CONTROLLERS)
 
 
 def test_parameters_are_set_before_the_constructor_runs_and_for_one_controller_only() -> None:
     given = {"gain": 5, "window": np.int64(9), "bold": True, "law": "p", "quoted": np.float64(0.5)}
-    controller = make(More, TOLD, TIMED, 1, given)
+    controller = make_controller(More, TOLD, TIMED, 1, given)
     assert isinstance(controller, More)
     assert {name: getattr(controller, name) for name in given} == {**given, "gain": 5.0}
     assert type(controller.gain) is type(controller.quoted) is float
     assert type(controller.window) is int
     assert (controller.speed, controller.at_once) == (0.5, 10.0)
-    assert make(More, TOLD, TIMED, 1).gain == 4.0  # type: ignore[attr-defined]
+    assert make_controller(More, TOLD, TIMED, 1).gain == 4.0  # type: ignore[attr-defined]
 
 
 def test_wrong_parameters_are_named_all_at_once() -> None:
     wrong = {"gian": 5.0, "gain": "high", "window": 2.5, "bold": 1, "law": True, "speed": False}
     with pytest.raises(OmniError) as error:
-        make(More, TOLD, TIMED, 1, wrong)
+        make_controller(More, TOLD, TIMED, 1, wrong)
     assert str(error.value).split("\n") == [
         "More has no parameter 'gian'; did you mean 'gain'? choose from gain, window, bold, law, quoted, speed",
         "parameter gain of More must be a number, not 'high'",
@@ -75,8 +87,8 @@ def test_wrong_parameters_are_named_all_at_once() -> None:
         "parameter law of More must be a text, not True",
         "parameter speed of More must be a number, not False",
     ]
-    with pytest.raises(OmniError, match="Flc has no parameter 'gain'; it has none at all"):
-        checked_parameters(find("flc"), {"gain": 1.0})
+    with pytest.raises(OmniError, match="Flc has no parameter 'gain'; it has no parameters"):
+        validate_parameters(load_controller_class("flc"), {"gain": 1.0})
 
 
 def test_a_controller_that_cannot_be_made_says_where() -> None:
@@ -92,9 +104,9 @@ def test_a_controller_that_cannot_be_made_says_where() -> None:
         ControllerError,
         match=r"Broken cannot be made \(test_registry.py, line \d+\): KeyError: 'gain'",
     ):
-        make(Broken, TOLD, TIMED, 1)
+        make_controller(Broken, TOLD, TIMED, 1)
     with pytest.raises(ControllerError, match="Forgetful cannot be made"):
-        make(Forgetful, TOLD, TIMED, 1)
+        make_controller(Forgetful, TOLD, TIMED, 1)
 
 
 def test_what_is_told_is_checked_and_can_be_compared() -> None:
@@ -126,9 +138,9 @@ import sys
 from omni_control import *
 import omni_control, omni_control.errors
 assert set(omni_control.__all__) <= set(dir(omni_control)) and "Team" in globals()
-from omni_control.controllers import find
-from omni_control.registry import CONTROLLERS
-for name in CONTROLLERS: find(name)
+from omni_control.controllers import load_controller_class
+from omni_control.controllers import CONTROLLERS
+for name in CONTROLLERS: load_controller_class(name)
 heavy = {name.split(".")[0] for name in sys.modules} & {"scipy", "mujoco", "omni_mj", "matplotlib"}
 assert not heavy, heavy
 """

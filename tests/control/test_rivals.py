@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.control import NominalRobot, Proportional, Smith, simc_gain
+from benches.control import NominalRobot, Proportional, SmithPredictor, compute_simc_gain
 from closed_loop import Lagged, T, drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 from ways import KINDS, LIMITS, REST, STRAIGHT, along, model
 
-from omni_control import CommandsInFlight, TimedReference
+from omni_control import CommandHistory, TimedReference
 
 starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1, 1))
 delays, lags = st.integers(0, 9), st.sampled_from([0.0, 1e-4, 0.02, 2 * T, 0.1])
@@ -23,9 +23,9 @@ def test_the_nominal_robot_is_its_differential_equation_sampled(
     """Displacement in the last frame, and state at the end of the dead time, are those of scipy's discretisation."""
     commands = np.random.default_rng(seed).uniform(-3, 3, (20, 1, 3))
     robot = NominalRobot(model(delay, lag), 1)
-    queue = CommandsInFlight(1, delay + 1)
+    queue = CommandHistory(1, delay + 1)
     for command in commands:
-        queue.push(command)
+        queue.append(command)
         robot.advance(queue)
     equation = (
         np.array([[0, 1], [0, -1 / lag]]),
@@ -44,7 +44,7 @@ def test_the_nominal_robot_is_its_differential_equation_sampled(
         before = state[0].copy()
     start = np.array([[1.0, 2.0, 3.0]])
     np.testing.assert_allclose(robot.moved[0], moved, rtol=0, atol=1e-13)
-    pose, velocity = robot.at_the_end_of_the_dead_time(start, queue.last(delay))
+    pose, velocity = robot.at_the_end_of_the_dead_time(start, queue.get_latest(delay))
     # Roundings of numbers of size 3.
     np.testing.assert_allclose(pose[0] - start[0], state[0] if delay else 0, rtol=0, atol=1e-13)
     np.testing.assert_allclose(velocity[0], state[1], rtol=0, atol=1e-13)
@@ -53,7 +53,7 @@ def test_the_nominal_robot_is_its_differential_equation_sampled(
 @pytest.mark.parametrize("latency", [0.01, 0.14])
 def test_the_gain_has_the_margins_of_the_simc_rule(latency: float) -> None:
     """Of the open loop K exp(-j w L) / (j w): 61 degrees of phase at gain 1, and a gain of 1 / pi at -180 degrees."""
-    gain = simc_gain(latency)
+    gain = compute_simc_gain(latency)
 
     def phase(w: float) -> float:
         return -np.pi / 2 - w * latency
@@ -95,7 +95,7 @@ def test_smith_takes_the_dead_time_out_of_the_loop(
 
     def follow(delay: int, frames: int, first_frame: int) -> np.ndarray:
         return drive(
-            Smith(model(delay, lag), along(kind), 1),
+            SmithPredictor(model(delay, lag), along(kind), 1),
             Lagged([start], delay, lag),
             frames,
             first_frame=first_frame,
@@ -115,7 +115,9 @@ def test_with_a_lag_smith_is_behind_an_acceleration_by_half_the_square_of_it() -
     """
     for lag_frames in [1, 2, 5]:
         reference, lag = TimedReference(STRAIGHT, LIMITS, T), lag_frames * T
-        run = drive(Smith(model(3, lag), reference, 1), Lagged(np.zeros((1, 3)), 3, lag), 200)
+        run = drive(
+            SmithPredictor(model(3, lag), reference, 1), Lagged(np.zeros((1, 3)), 3, lag), 200
+        )
         error = reference.poses[199, 0] - run.pose[-1, 0, 0]
         # The transient of a loop with a gain of 5 / s and more is 1e-6 of its first error after 3
         # s.

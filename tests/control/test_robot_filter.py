@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from omni_control import CommandsInFlight, Kinematics, Observation, TeamModel
+from omni_control import CommandHistory, Kinematics, Observation, TeamModel
 
 KNOWN = {"lag_s": 0.0267, "creep_s2_m": 0.06, "drag_m_s": 0.0375, "alpha": (0.92, 0.87)}
 PLAIN = TeamModel(
@@ -78,7 +78,7 @@ def identify(
     """What is found of robots that weave about, each its own way; in the last `tail` frames nothing is asked."""
     n, rng = len(robots.pose), np.random.default_rng(seed)
     ekf = filter_of(model, n)
-    sent = CommandsInFlight(n, ekf.memory_frames)
+    sent = CommandHistory(n, ekf.memory_frames)
     phase, rate = rng.uniform(0, 2 * np.pi, (2, 1, n, 3)) * [1, 1, 1]
     commands = np.array([1.0, 1.0, 2.0]) * np.sin(
         phase + 0.4 * rate * T * np.arange(frames)[:, None, None]
@@ -90,10 +90,15 @@ def identify(
         image[:, 2] = np.angle(np.exp(1j * image[:, 2]))
         ekf.observe(
             Observation(
-                robots.pose, np.zeros((n, 3)), image, sent.of(slice(None)), T, model.delay_frames
+                robots.pose,
+                np.zeros((n, 3)),
+                image,
+                sent.select(slice(None)),
+                T,
+                model.delay_frames,
             )
         )
-        sent.push(command)
+        sent.append(command)
         robots.advance(command)
     return ekf
 
@@ -132,8 +137,8 @@ def test_a_robot_that_is_put_elsewhere_has_not_driven_there(hand: float) -> None
     before = found.state.copy()
     image = robots.pose + np.array([hand, 0, 0])
     image[:, 2] = np.angle(np.exp(1j * image[:, 2]))
-    sent = CommandsInFlight(1, found.memory_frames)
-    found.observe(Observation(robots.pose, np.zeros((1, 3)), image, sent.of(slice(None)), T, 6))
+    sent = CommandHistory(1, found.memory_frames)
+    found.observe(Observation(robots.pose, np.zeros((1, 3)), image, sent.select(slice(None)), T, 6))
     np.testing.assert_allclose(found.state[0, :2], image[0, :2], rtol=0, atol=1e-6)
     np.testing.assert_allclose(found.state[0, 9:], before[0, 9:], rtol=0.01, atol=0.01)
     assert np.abs(found.state[0, DISTURBANCE] - before[0, DISTURBANCE]).max() < 0.02
@@ -145,14 +150,14 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
     def found(rows: list[int]) -> Array:
         rng, ekf = np.random.default_rng(0), filter_of(model, len(rows))
         sent, images = (
-            CommandsInFlight(len(rows), ekf.memory_frames),
+            CommandHistory(len(rows), ekf.memory_frames),
             rng.normal(0, 0.01, (40, 3, 3)),
         )
         images[rng.random((40, 3)) < 0.1] = np.nan
         for image in images:
             pose = np.zeros((len(rows), 3))
-            ekf.observe(Observation(pose, pose, image[rows], sent.of(slice(None)), T, 6))
-            sent.push(20 * np.nan_to_num(image[rows]))
+            ekf.observe(Observation(pose, pose, image[rows], sent.select(slice(None)), T, 6))
+            sent.append(20 * np.nan_to_num(image[rows]))
         return ekf.state
 
     together = found([0, 1, 2])

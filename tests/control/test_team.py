@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from benches.control import CONTROLLERS, Array, CommandLimits, KalmanFilter, make
+from benches.control import CONTROLLERS, Array, CommandLimiter, KalmanFilter, make_controller
 from closed_loop import Plant, T, loop, reported
 from ways import KINDS, TIGHT, TIMED, Knowing, Straight, along, noise_of, plant_of, starts
 
-from omni_control import CommandsInFlight, Controller, Observation, OmniError, Team, TeamModel
+from omni_control import CommandHistory, Controller, Observation, OmniError, Team, TeamModel
 
 
 def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Array:
@@ -16,13 +16,13 @@ def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Ar
     model, n, sent = controllers[0].model, noise.shape[1], np.zeros((noise.shape[1], 3))
     kalman, limits = (
         KalmanFilter(plant.pose, T, model.vision_noise),
-        CommandLimits([model.limits] * n, T),
+        CommandLimiter([model.limits] * n, T),
     )
-    queue, commands = CommandsInFlight(n, 40), []
+    queue, commands = CommandHistory(n, 40), []
     for frame, error in enumerate(noise):
         measured = reported(plant.pose + error)
-        queue.push(sent)
-        estimate = kalman.update(measured, queue.felt(model.latency_frames) * T)
+        queue.append(sent)
+        estimate = kalman.update(measured, queue.get_delayed(model.latency_frames) * T)
         wanted, first = [], 0
         for controller in controllers:
             rows = slice(first, first := first + len(controller.predicted_pose))
@@ -32,7 +32,7 @@ def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Ar
                 else (estimate, kalman.twist, measured)
             )
             observation = Observation(
-                *(values[rows] for values in known), queue.of(rows), T, model.delay_frames
+                *(values[rows] for values in known), queue.select(rows), T, model.delay_frames
             )
             wanted.append(controller.command(frame, observation))
         sent = limits(np.concatenate(wanted), sent)
@@ -45,7 +45,10 @@ def test_it_is_the_loop_written_by_hand() -> None:
     """Every controller, side by side in one team, bit for bit."""
     model, start = TeamModel(T, 6, limits=TIGHT), starts(2 * len(CONTROLLERS))
     for kind in KINDS:
-        made = [[make(name, model, along(kind, 2), 2) for name in CONTROLLERS] for _ in range(2)]
+        made = [
+            [make_controller(name, model, along(kind, 2), 2) for name in CONTROLLERS]
+            for _ in range(2)
+        ]
         expected = by_hand(made[0], plant_of(start), noise_of(len(start)))
         assert np.array_equal(
             loop(Team(made[1], start), plant_of(start), noise_of(len(start)))["command"], expected
@@ -63,7 +66,9 @@ def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
     for name in CONTROLLERS:
 
         def run(*rows: int, name: str = name) -> dict[str, Array]:
-            team = Team(make(name, model, along(kind, len(rows)), len(rows)), start[list(rows)])
+            team = Team(
+                make_controller(name, model, along(kind, len(rows)), len(rows)), start[list(rows)]
+            )
             return loop(team, plant_of(start, list(rows)), noise[:, rows])
 
         batch = run(0, 1, 2, 3)
@@ -107,7 +112,7 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
             for got, expected in zip((own.pose, own.twist, own.measured_pose), known, strict=True):
                 np.testing.assert_array_equal(got, expected[rows])
             past = np.array(commands)[9 + k - memory : 9 + k, rows]
-            np.testing.assert_array_equal(own.sent_commands.last(memory), past)
+            np.testing.assert_array_equal(own.sent_commands.get_latest(memory), past)
             np.testing.assert_array_equal(own.commands_in_flight, past[memory - delay :])
 
 

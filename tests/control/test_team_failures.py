@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.control import Array, make
+from benches.control import Array, make_controller
 from closed_loop import T, loop
 from ways import TIMED, Knowing, Straight, noise_of, plant_of, starts
 
@@ -56,7 +56,7 @@ def team_with(how: str, on_failure: Callable[..., None] | None = None) -> Team:
     model = TeamModel(T, 2)
     made = [
         Straight(model, TIMED, 2),
-        make(Failing, model, TIMED, 3, {"how": how}),
+        make_controller(Failing, model, TIMED, 3, {"how": how}),
         Knowing(model, TIMED, 1),
     ]
     return Team(made, starts(6), on_failure=on_failure)

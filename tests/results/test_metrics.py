@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import omni_mj as om
 from omni_control.reference import MotionLimits
-from omni_control.team import CommandLimits
+from omni_control.team import CommandLimiter
 
 T = 1 / 60
 RECT = om.load_scenario("rect").settings
@@ -177,7 +177,7 @@ def test_what_the_limits_change_is_what_is_held_back(axis: int) -> None:
         control.max_speed_m_s, control.max_acceleration_m_s2, control.max_turn_rate_rad_s,
         control.max_turn_acceleration_rad_s2,
     )  # fmt: skip
-    pass_on, sent = CommandLimits([limits], T), np.zeros((61, 3))
+    pass_on, sent = CommandLimiter([limits], T), np.zeros((61, 3))
     for frame in range(60):
         sent[frame + 1] = pass_on(wanted[frame, None], sent[frame, None])[0]
     changed = np.abs(sent[1:] - wanted).max(1) > 1e-6

@@ -29,7 +29,7 @@ class Witness(Controller):
                     observation.pose,
                     observation.twist,
                     observation.measured_pose,
-                    observation.sent_commands.last(1)[0],
+                    observation.sent_commands.get_latest(1)[0],
                 )
             )
         )
@@ -47,7 +47,7 @@ class Vandal(Witness):
             observation.pose,
             observation.twist,
             observation.measured_pose,
-            observation.sent_commands.last(1),
+            observation.sent_commands.get_latest(1),
             self.reference.at(frame, observation.pose)[0],
         ):
             with suppress(ValueError):  # read-only

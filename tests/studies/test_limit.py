@@ -10,9 +10,9 @@ from scipy.linalg import solve_discrete_are
 from scipy.optimize import minimize
 
 import omni_mj as om
+from omni_control.controllers import CONTROLLERS
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
-from omni_control.registry import CONTROLLERS
 
 PERIOD_S = 1 / 60
 LAG_S, DELAY = 0.05, 3

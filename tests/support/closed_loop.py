@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omni_control import CommandsInFlight, Controller, Kinematics, Observation, Team, TeamModel
+from omni_control import CommandHistory, Controller, Kinematics, Observation, Team, TeamModel
 from omni_control.kinematics import Array
 
 T, SUBSTEPS = 1 / 60, 8
@@ -149,15 +149,15 @@ def reported(pose: Array) -> Array:
     return np.column_stack([pose[:, :2], np.angle(np.exp(1j * pose[:, 2]))])
 
 
-def commands_for(controller: Controller) -> CommandsInFlight:
+def commands_for(controller: Controller) -> CommandHistory:
     """The commands that a controller is to see: all zero, and as many as it needs."""
-    return CommandsInFlight(len(controller.predicted_pose), controller.memory_frames)
+    return CommandHistory(len(controller.predicted_pose), controller.memory_frames)
 
 
 def seen_at(
     model: TeamModel,
     pose: ArrayLike,
-    sent: CommandsInFlight,
+    sent: CommandHistory,
     twist: Array | None = None,
     measured: Array | None = None,
 ) -> Observation:
@@ -166,7 +166,7 @@ def seen_at(
     unknown = np.full_like(pose, np.nan)
     twist, measured = (unknown if values is None else values for values in (twist, measured))
     return Observation(
-        pose, twist, measured, sent.of(slice(None)), model.period, model.delay_frames
+        pose, twist, measured, sent.select(slice(None)), model.period, model.delay_frames
     )
 
 
@@ -182,7 +182,7 @@ def drive(
     sent, queue = np.zeros_like(plant.pose), commands_for(controller)
     rows = []
     for k, error in enumerate(np.zeros((noise, 1, 3)) if isinstance(noise, int) else noise):
-        queue.push(sent)
+        queue.append(sent)
         seen = plant.pose + error
         sent = limits(
             controller.command(

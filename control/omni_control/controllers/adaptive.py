@@ -128,8 +128,8 @@ class InverseFlc(Controller):
         self.channels = {
             "alpha_sigma": self.alpha_hat**2 * sigma[:, INVERSE_GAIN],
             "lag": lag,
-            "disturbance": state[:, DISTURBANCE],
-            "surprise": ekf.mean_nis,
+            "velocity_disturbance": state[:, DISTURBANCE],
+            "nis": ekf.mean_nis,
         }
         for name in ("latency", "creep", "friction"):
             column = getattr(robot_ekf, name.upper())

@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from omni_control.delay_compensation import CommandsInFlight, Rows, compensation
-from omni_control.errors import OmniError, printable
+from omni_control.delay_compensation import CommandHistory, Rows, predict_displacement
+from omni_control.errors import OmniError, to_printable
 from omni_control.estimation.vision_tracker import FilterStep
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
@@ -124,19 +124,19 @@ class Observation:
     pose: Array
     twist: Array
     measured_pose: Array
-    sent_commands: CommandsInFlight
+    sent_commands: CommandHistory
     period: float
     delay_frames: int | Array
     measurement_age: Array | None = None
     filter_steps: tuple[FilterStep, ...] = ()
 
-    def of(self, rows: Rows, memory: int, delay_frames: int | Array) -> "Observation":
+    def select(self, rows: Rows, memory: int, delay_frames: int | Array) -> "Observation":
         """The same of some robots with that dead time and so many commands, in arrays of its own."""
         return Observation(
             self.pose[rows].copy(),
             self.twist[rows].copy(),
             self.measured_pose[rows].copy(),
-            self.sent_commands.of(rows, memory),
+            self.sent_commands.select(rows, memory),
             self.period,
             delay_frames,
             None if self.measurement_age is None else self.measurement_age[rows],
@@ -160,16 +160,16 @@ class Observation:
         is zero.
         """
         if not isinstance(self.delay_frames, np.ndarray):
-            return self.sent_commands.last(self.delay_frames)
+            return self.sent_commands.get_latest(self.delay_frames)
         longest = int(self.delay_frames.max())
-        return self.sent_commands.ahead(
+        return self.sent_commands.get_pending_fractions(
             self.delay_frames[:, None], longest
-        ) * self.sent_commands.last(longest)
+        ) * self.sent_commands.get_latest(longest)
 
     @property
     def predicted_pose(self) -> Array:
         """Poses (n, 3) to which the commands in flight lead by the end of the dead time (equation 11), alpha = 1."""
-        return self.pose + compensation(self.commands_in_flight, 1.0, self.period)
+        return self.pose + predict_displacement(self.commands_in_flight, 1.0, self.period)
 
 
 class Controller:
@@ -223,7 +223,7 @@ class Controller:
         raise NotImplementedError
 
 
-def record_of(controller: Controller, n: int) -> dict[str, Array]:
+def collect_channels(controller: Controller, n: int) -> dict[str, Array]:
     """Return what a controller of n robots records in this frame: (n, k) by name."""
     values = {name: getattr(controller, name) for name in RECORDED} | controller.channels
     record = {name: np.asarray(value, float) for name, value in values.items()}
@@ -238,7 +238,7 @@ def record_of(controller: Controller, n: int) -> dict[str, Array]:
     return record
 
 
-def error_place(kind: type, error: Exception) -> str:
+def describe_error(kind: type, error: Exception) -> str:
     """Return where in the file of a class an exception was raised, and what it says."""
     try:
         file = inspect.getfile(kind)
@@ -247,4 +247,4 @@ def error_place(kind: type, error: Exception) -> str:
     frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
     place = f" ({Path(file).name}, line {frames[-1].lineno})" if frames else ""
     name = "" if isinstance(error, OmniError) else f"{type(error).__name__}: "
-    return f"{place}: {name}{printable(str(error))}"
+    return f"{place}: {name}{to_printable(str(error))}"

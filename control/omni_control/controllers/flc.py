@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from omni_control.controllers.base import Controller, Observation, TeamModel
-from omni_control.delay_compensation import CommandsInFlight, compensation
+from omni_control.delay_compensation import CommandHistory, predict_displacement
 from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import Reference
@@ -44,14 +44,14 @@ class AlphaEstimator:
         self._window, self._delay, self._period = window_frames, delay_frames, period
         self._positions: list[Array] = []
 
-    def update(self, position: Array, sent: CommandsInFlight) -> Array:
+    def update(self, position: Array, sent: CommandHistory) -> Array:
         """Return alpha (n, 2) for x and y, given the filtered positions (n, 2) and the commands sent so far."""
         self._positions.append(position.copy())
         if len(self._positions) > self._window + 1:
             del self._positions[0]
         achieved = position - self._positions[0]
         count = len(self._positions) - 1
-        commanded = np.add.reduce(sent.last(count, skip=self._delay)[..., :2]) * self._period
+        commanded = np.add.reduce(sent.get_latest(count, skip=self._delay)[..., :2]) * self._period
         rho = CONFIDENCE_M**2
         ratio = (achieved * commanded + rho * self.value) / (commanded * commanded + rho)
         self.value = np.minimum(np.maximum(ratio, LOWEST_ALPHA), HIGHEST_ALPHA)
@@ -101,8 +101,8 @@ class CompFlc(Flc):
         pose, sent = observation.pose, observation.sent_commands
         self.alpha_hat[:, :2] = self.alpha.update(pose[:, :2], sent)
         count = math.ceil(self.latency)
-        in_flight = sent.ahead(self.latency, count) * sent.last(count)
-        predicted = pose + compensation(in_flight, self.alpha_hat, self.model.period)
+        in_flight = sent.get_pending_fractions(self.latency, count) * sent.get_latest(count)
+        predicted = pose + predict_displacement(in_flight, self.alpha_hat, self.model.period)
         return self.track(frame + self.latency, predicted)
 
 

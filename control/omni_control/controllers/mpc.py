@@ -68,7 +68,7 @@ class Mpc(AdaptiveCompFlc):
     number: the team then stops that robot, and says so. The heading is held as by
     adaptive-comp-flc.
 
-    `channels["bound"]` is 1 for robots whose program was bound by limits.
+    `channels["limits_active"]` is 1 for robots whose program was bound by limits.
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
@@ -100,10 +100,14 @@ class Mpc(AdaptiveCompFlc):
             hessian,
             gradient,
             Limits(
-                observation.sent_commands.last(1)[0, :, :2], sent, directions, step, limits.speed
+                observation.sent_commands.get_latest(1)[0, :, :2],
+                sent,
+                directions,
+                step,
+                limits.speed,
             ),
         )
-        self.channels["bound"] = bound.astype(float)
+        self.channels["limits_active"] = bound.astype(float)
         command = planned[0] - disturbance
         command[:, :2] += best[:, 0]
         command[:, 2] -= self.model.heading_gain * wrap_angle(error[:, 2])

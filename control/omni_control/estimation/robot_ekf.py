@@ -20,7 +20,7 @@ are states; those of the other axes are in proportion, by the directions of the 
 import numpy as np
 
 from omni_control.controllers.base import Observation, TeamModel
-from omni_control.delay_compensation import CommandsInFlight
+from omni_control.delay_compensation import CommandHistory
 from omni_control.estimation.vision_tracker import FilterStep
 from omni_control.estimation.yaw_coupling import WheelCompliance
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
@@ -212,8 +212,8 @@ class RobotEkf:
         )
         count = int(np.ceil(latency.max()))
         state = self.state
-        shares = observation.sent_commands.ahead(latency[:, None], count)[..., 0]
-        for command, share in zip(observation.sent_commands.last(count), shares, strict=True):
+        shares = observation.sent_commands.get_pending_fractions(latency[:, None], count)[..., 0]
+        for command, share in zip(observation.sent_commands.get_latest(count), shares, strict=True):
             after = self.step(state, command, share * self.period)
             state = np.where(share[:, None] > 0, after, state)
         return state
@@ -237,12 +237,12 @@ class RobotEkf:
         direction = velocity * [1.0, 1.0, self.arm] / np.maximum(self._travel(velocity), SLOW_M_S)
         return np.asarray(self._friction_ratios * state[..., FRICTION, None] * direction)
 
-    def _update(self, measured: Array | None, sent: CommandsInFlight, step: FilterStep) -> None:
+    def _update(self, measured: Array | None, sent: CommandHistory, step: FilterStep) -> None:
         """Go on by a step; correct the states by poses (n, 3), which vision reports for the last step only."""
         state, period = self.state, self.period
         latency = (self.latency + step.frames_behind)[:, None]
         latencies = np.maximum(latency + np.array([0, -1, 1])[:, None, None], 0)
-        command, sooner, later = sent.felt(latencies)
+        command, sooner, later = sent.get_delayed(latencies)
         per_frame = (later - sooner) / (
             latencies[2] - latencies[1]
         )  # how the command that acts depends on the latency

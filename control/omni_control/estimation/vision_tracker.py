@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_control.delay_compensation import CommandsInFlight, Rows
+from omni_control.delay_compensation import CommandHistory, Rows
 from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.kinematics import Array, wrap_angle
 
@@ -230,7 +230,7 @@ class VisionTracker:
         self.pose, self.twist = self.filter.pose, self.filter.twist
         self.steps: tuple[FilterStep, ...] = (self._now,)
 
-    def update(self, measured: Array, age: Array, sent: CommandsInFlight) -> Array:
+    def update(self, measured: Array, age: Array, sent: CommandHistory) -> Array:
         """Take in a frame; return the poses (n, 3) that the gate lets pass.
 
         Args:
@@ -242,11 +242,11 @@ class VisionTracker:
         if np.count_nonzero(age) or np.count_nonzero(self._clock.frames_behind):
             self._update_late(measured, age, sent)
         else:
-            self.pose = self.filter.update(measured, sent.felt(self._usual) * self._period)
+            self.pose = self.filter.update(measured, sent.get_delayed(self._usual) * self._period)
             self.twist, self.steps = self.filter.twist, (self._now,)
         return measured
 
-    def _update_late(self, measured: Array, age: Array, sent: CommandsInFlight) -> None:
+    def _update_late(self, measured: Array, age: Array, sent: CommandHistory) -> None:
         """Take in a frame where robots were seen a while ago, or the filter is behind for that."""
         latency, self.steps = (
             self._latency,
@@ -254,12 +254,12 @@ class VisionTracker:
         )
         for step in self.steps:
             behind, share = step.frames_behind[:, None], step.capture_offset[:, None] / self._period
-            displacement = sent.felt(latency + behind) * self._period
-            onward = share * sent.felt(latency + np.maximum(behind - 1, 0.0)) * self._period
+            displacement = sent.get_delayed(latency + behind) * self._period
+            onward = share * sent.get_delayed(latency + np.maximum(behind - 1, 0.0)) * self._period
             seen = measured if step is self.steps[-1] else np.full_like(measured, np.nan)
             self.filter.update(seen, displacement, step, onward)
         behind, drift = self._clock.frames_behind[:, None], self.filter.drift
-        shares = sent.ahead(latency + behind) - sent.ahead(latency)
-        since = (shares * sent.last(sent.length)).sum(0)
+        shares = sent.get_pending_fractions(latency + behind) - sent.get_pending_fractions(latency)
+        since = (shares * sent.get_latest(sent.length)).sum(0)
         self.pose = self.filter.pose + (since + behind * drift) * self._period
-        self.twist = sent.felt(latency) + drift
+        self.twist = sent.get_delayed(latency) + drift

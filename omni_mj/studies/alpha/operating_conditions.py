@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, suggest_names
 from omni_control.kinematics import Array
 from omni_mj.config.motor_settings import RAD_S
 from omni_mj.config.settings import Settings
@@ -76,7 +76,7 @@ def changed(settings: Settings, condition: str, value: float) -> tuple[Settings,
         return settings, replace(PROFILE, **{condition: value})
     if condition not in SECTIONS:
         raise OmniError(
-            f"unknown condition {condition!r}; {choose(condition, [*vars(PROFILE), *SECTIONS])}"
+            f"unknown condition {condition!r}; {suggest_names(condition, [*vars(PROFILE), *SECTIONS])}"
         )
     fields = {condition: value}
     if condition == "winding_c":

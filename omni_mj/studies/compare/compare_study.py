@@ -4,9 +4,9 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
+from omni_control.controllers import list_available_controllers
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
-from omni_control.registry import available
 from omni_mj.config import faults
 from omni_mj.config.scenario import Scenario, load
 from omni_mj.config.toml_files import builtin
@@ -65,7 +65,10 @@ def compare(
     """
     started = time.perf_counter()
     given = default_scenarios() if scenarios is None else scenarios
-    kinds, numbers = available() if controllers is None else controllers, list_seeds(seeds)
+    kinds, numbers = (
+        list_available_controllers() if controllers is None else controllers,
+        list_seeds(seeds),
+    )
     all_chosen = [resolve_scenario(each, kinds) for each in given]
     check_scenarios(all_chosen, subject)
     result = Result([Outcome.not_run(each) for each in all_chosen], seeds=numbers, subject=subject)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from omni_control.errors import OmniError, choose, printable
+from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_mj import parquet
 
@@ -66,7 +66,9 @@ def read(file: Path | str) -> list[RobotLog]:
     command = next((names for names in (OURS, WORLD, BODY) if columns.keys() >= set(names)), ())
     for name in ("time_s", *POSE):
         if name not in columns:
-            raise OmniError(f"{path.name}: column {name} is missing; {choose(name, columns)}")
+            raise OmniError(
+                f"{path.name}: column {name} is missing; {suggest_names(name, columns)}"
+            )
     if not command and not wheels:
         raise OmniError(f"{path.name}: neither commands nor wheels; give {INPUTS}")
     pose = _numbers(path, columns, VISION if columns.keys() >= set(VISION) else POSE)
@@ -164,9 +166,9 @@ def _table(path: Path) -> "Columns":
         raise OmniError(f"there is no log {path}")
     try:
         table = readers[path.suffix.lower()](path)
-        names = [printable(name).strip("# \"'").lower() for name in table.column_names]
+        names = [to_printable(name).strip("# \"'").lower() for name in table.column_names]
     except (pa.ArrowException, OSError, UnicodeError) as error:
-        raise OmniError(f"{path} cannot be read: {printable(str(error))}") from None
+        raise OmniError(f"{path} cannot be read: {to_printable(str(error))}") from None
     return dict(zip(names, table.columns, strict=True))
 
 
@@ -198,6 +200,6 @@ def _numbers(path: Path, columns: "Columns", names: Sequence[str]) -> Array:
             values.append(columns[name].cast("float64").to_numpy()[:, None])
         except pa.ArrowException as error:
             raise OmniError(
-                f"{path.name}: column {name} must hold numbers: {printable(str(error), 200)}"
+                f"{path.name}: column {name} must hold numbers: {to_printable(str(error), 200)}"
             ) from None
     return np.concatenate(values, axis=1)

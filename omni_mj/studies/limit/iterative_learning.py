@@ -93,7 +93,7 @@ def led(label: str, leader: Leader) -> type[Controller]:
         return leader(
             observation.extrapolated_pose,
             observation.pose[:, 2],
-            observation.sent_commands.last(1)[0],
+            observation.sent_commands.get_latest(1)[0],
         )
 
     return type(label, (Controller,), {"command": command})

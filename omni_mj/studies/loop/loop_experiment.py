@@ -160,9 +160,9 @@ class LoopExperiment:
             sent = wanted.copy()
             sent[self._along] += disturbance
             # As if in the frame before, so that the limit on changes lets the disturbance through
-            team.last = sent
+            team.last_command = sent
             yield sent
-            team.last = wanted
+            team.last_command = wanted
 
     def answers(self) -> tuple[Array, Array, Array]:
         """Return positions, commands and disturbances along the axis asked, half the difference of each pair.

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from omni_control.errors import OmniError, choose
+from omni_control.errors import OmniError, suggest_names
 from omni_mj.config.distributions import put
 from omni_mj.config.reference_factory import timed
 from omni_mj.config.scenario import Scenario
@@ -181,7 +181,7 @@ def _kind(name: str) -> Any:
     """Return the type of a setting's values."""
     known = {setting.full: setting.kind for setting in every_setting()}
     if name not in known:
-        raise OmniError(f"unknown setting {name}; {choose(name, list(known))}")
+        raise OmniError(f"unknown setting {name}; {suggest_names(name, list(known))}")
     return known[name]
 
 

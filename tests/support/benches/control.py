@@ -1,12 +1,24 @@
 """A bench of a team's parts: the internal names of `omni_control` that its tests use."""
 # ruff: noqa: F401
 
-from omni_control.controllers import checked_parameters, find, make, parameters
+from omni_control.controllers import (
+    CONTROLLERS,
+    get_parameters,
+    load_controller_class,
+    make_controller,
+    validate_parameters,
+)
 from omni_control.controllers.adaptive import AdaptiveCompFlc, anticipate
-from omni_control.controllers.baselines import Lqr, NominalRobot, Proportional, Smith, simc_gain
+from omni_control.controllers.baselines import (
+    NominalRobot,
+    Proportional,
+    SmithPredictor,
+    compute_simc_gain,
+)
 from omni_control.controllers.flc import AlphaEstimator
+from omni_control.controllers.lqr import Lqr
 from omni_control.controllers.mpc import Limits, minimize
-from omni_control.delay_compensation import CommandsInFlight, compensation
+from omni_control.delay_compensation import CommandHistory, predict_displacement
 from omni_control.errors import OmniError
 from omni_control.estimation import vision_tracker as vision_filter
 from omni_control.estimation.outlier_gate import MAX_REJECTIONS, MAX_REPEATS, OutlierGate
@@ -24,6 +36,5 @@ from omni_control.fuzzy import LABELS, FuzzyLaw, memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import PerRobotReference, Reference
 from omni_control.reference.curves import CURVES, Curve, CurveReference
-from omni_control.registry import CONTROLLERS
-from omni_control.team import CommandLimits
-from omni_control.traction import traction_limit, traction_limits
+from omni_control.team import CommandLimiter
+from omni_control.traction import traction, traction_limits
