@@ -43,10 +43,10 @@ def drawn(seed: int, number: int, plant: str) -> om.Scenario:
         "wheel_share": 1.0 if beyond else rng.uniform(0.7, 0.85),
     }
     weak = {
-        "kind": "motor-weak",
-        "at": 0.0,
+        "kind": "motor-demagnetized",
+        "start_s": 0.0,
         "wheel": int(rng.integers(1, 5)),
-        "to": rng.uniform(0.6, 0.9),
+        "factor": rng.uniform(0.6, 0.9),
     }
     pushes = [_push(rng), _push(rng)]
     has = {"beyond": beyond} | {trait: rng.random() < share for trait, share in TRAITS.items()}
@@ -88,7 +88,7 @@ def _route(rng: np.random.Generator) -> tuple[str, dict[str, Any]]:
 def _push(rng: np.random.Generator) -> dict[str, Any]:
     """Return a push as strong as a crash that the rules allow, or weaker (`fault-push`)."""
     lasts, bearing = rng.uniform(0.05, 0.3), rng.uniform(-180, 180)
-    push = {"kind": "push", "at": rng.uniform(0.5, 5), "for": lasts}
+    push = {"kind": "push", "start_s": rng.uniform(0.5, 5), "duration_s": lasts}
     return push | {"force_n": min(rng.uniform(0.5, 2) / lasts, 20.0), "direction_deg": bearing}
 
 

@@ -35,10 +35,12 @@ class Fault(Checked):
 
     plants: ClassVar[tuple[str, ...] | None] = None
 
-    at: float = setting(
+    start_s: float = setting(
         ..., "s", "when it begins, from the start of the run; to the nearest frame", 0, 36_000
     )
-    for_: float = setting(0.0, "s", "how long it lasts; 0: until the end of the run", 0, 36_000)
+    duration_s: float = setting(
+        0.0, "s", "how long it lasts; 0: until the end of the run", 0, 36_000
+    )
     robots: Robots = setting(
         (),
         "",
@@ -71,9 +73,9 @@ class Fault(Checked):
     @property
     def told(self) -> str:
         """Its text, and when it happens to which robots."""
-        until = f"to {self.at + self.for_:g} s" if self.for_ else "on"
+        until = f"to {self.start_s + self.duration_s:g} s" if self.duration_s else "on"
         whose = f", of robots {', '.join(map(str, self.robots))}" if self.robots else ""
-        return f"{self.text}, from {self.at:g} s {until}{whose}"
+        return f"{self.text}, from {self.start_s:g} s {until}{whose}"
 
     def concerns(self, robot: int) -> bool:
         """Return whether it happens to the robot of this number."""
@@ -81,8 +83,8 @@ class Fault(Checked):
 
     def contradictions(self) -> Iterator[str]:
         """Yield what its values cannot be."""
-        if 0 < self.for_ < 0.999 * PERIOD_S:
-            yield f"for must be 0 or at least a frame, {PERIOD_S:.4f} s, not {self.for_:g}"
+        if 0 < self.duration_s < 0.999 * PERIOD_S:
+            yield f"duration_s must be 0 or at least a frame, {PERIOD_S:.4f} s, not {self.duration_s:g}"
 
 
 def _kind(cls: type[Fault]) -> str:
@@ -159,7 +161,9 @@ class Tilt(OnWheels):
 class Friction(OnWheels):
     """Another carpet, wherever there is no patch."""
 
-    to: float = setting(..., "", "coefficient of friction, in place of carpet.friction", *FRICTIONS)
+    friction: float = setting(
+        ..., "", "coefficient of friction, in place of carpet.friction", *FRICTIONS
+    )
 
 
 class FrictionPatch(OnWheels):
@@ -168,23 +172,23 @@ class FrictionPatch(OnWheels):
     x_m: float = setting(..., "m", "its centre", -REACH_M, REACH_M)
     y_m: float = setting(..., "m", "same", -REACH_M, REACH_M)
     radius_m: float = setting(..., "m", "its radius", 0.01, 20)
-    to: float = setting(..., "", "coefficient of friction on it", *FRICTIONS)
+    friction: float = setting(..., "", "coefficient of friction on it", *FRICTIONS)
 
 
 class Alpha(Fault):
     """Another gain alpha of equation 7, along all axes."""
 
     plants = KINEMATIC
-    to: float = setting(..., "", "alpha, in place of what is drawn", 0, 2)
+    alpha: float = setting(..., "", "alpha, in place of what is drawn", 0, 2)
 
 
 # Of the robot.
 
 
-class MotorWeak(OnOneWheel):
+class MotorDemagnetized(OnOneWheel):
     """A motor whose magnets have lost some of their field: less torque per current, and less back-EMF per speed."""
 
-    to: float = setting(..., "", "factor of its torque constant", 0.05, 2)
+    factor: float = setting(..., "", "factor of its torque constant", 0.05, 2)
 
 
 class MotorDead(OnOneWheel):
@@ -198,10 +202,10 @@ class MotorBlocked(OnOneWheel):
 class WheelWorn(OnOneWheel):
     """A wheel whose rollers have lost their rubber: it grips less; its radius stays."""
 
-    to: float = setting(..., "", "factor of the carpet's friction", 0.01, 2)
+    factor: float = setting(..., "", "factor of the carpet's friction", 0.01, 2)
 
 
-class WheelRoller(OnOneWheel):
+class WheelMissingRollers(OnOneWheel):
     """A wheel that has lost rollers, side by side: once a turn, while the gap is below, it grips nothing."""
 
     rollers: int = setting(1, "", "how many, side by side", 1, 8)
@@ -216,19 +220,19 @@ class EncoderDropout(OnOneWheel):
 class EncoderScale(OnOneWheel):
     """An encoder of other counts per turn than the firmware believes."""
 
-    to: float = setting(..., "", "factor of its counts", 0.1, 4)
+    factor: float = setting(..., "", "factor of its counts", 0.1, 4)
 
 
 class GyroBias(OnWheels):
     """A gyro that shows more than there is, in addition to sensors.gyro_bias_rad_s."""
 
-    rad_s: float = setting(..., "rad/s", "how much too much", -10, 10)
+    bias_rad_s: float = setting(..., "rad/s", "how much too much", -10, 10)
 
 
 class GyroScale(OnWheels):
     """A gyro of another sensitivity than the firmware believes."""
 
-    to: float = setting(..., "", "factor of all that it shows; 0: it shows nothing", 0, 4)
+    factor: float = setting(..., "", "factor of all that it shows; 0: it shows nothing", 0, 4)
 
 
 class FirmwareTimeout(OnWheels):
@@ -238,7 +242,7 @@ class FirmwareTimeout(OnWheels):
 class BrownOut(OnWheels):
     """A supply that sinks: motors have a part of the battery's voltage only; the processor goes on."""
 
-    to: float = setting(..., "", "factor of the battery's voltage", 0.05, 1)
+    factor: float = setting(..., "", "factor of the battery's voltage", 0.05, 1)
 
 
 class Reboot(OnWheels):
@@ -258,10 +262,10 @@ class Reboot(OnWheels):
 # Between robot and team.
 
 
-class Delay(Fault):
+class RadioDelay(Fault):
     """Another dead time of the radio, for what is sent from then on; the team does not know."""
 
-    to: int = setting(..., "frames", "dead time, in place of radio.delay_frames", 0, 600)
+    delay_frames: int = setting(..., "frames", "dead time, in place of radio.delay_frames", 0, 600)
 
 
 class RadioLoss(Fault):
@@ -272,15 +276,17 @@ class RadioLoss(Fault):
     )
 
 
-class RadioBursts(Fault):
+class RadioBurstLoss(Fault):
     """Packets that are lost in bursts: the channel of Gilbert (1960) and Elliott (1963).
 
     A Markov chain steps from frame to frame between a state in which nothing is lost, in which it
     begins, and one in which packets are.
     """
 
-    frames: float = setting(..., "frames", "how long a burst lasts, on average", 1, 600)
-    share: float = setting(..., "", "of the time that is in bursts, in the long run", 0.001, 0.5)
+    mean_burst_frames: float = setting(..., "frames", "how long a burst lasts, on average", 1, 600)
+    burst_fraction: float = setting(
+        ..., "", "of the time that is in bursts, in the long run", 0.001, 0.5
+    )
     probability: float = _chance("that a packet of a burst is lost", 1.0)
 
 
@@ -288,7 +294,7 @@ class RadioDuplicates(Fault):
     """Packets that come twice; a robot applies the copy until the next packet comes."""
 
     probability: float = _chance("that a packet comes again")
-    frames: int = setting(
+    delay_frames: int = setting(
         ..., "frames", "how long after it; a copy comes last of what comes in a frame", 1, 120
     )
 
@@ -297,12 +303,12 @@ class RadioReorder(Fault):
     """Packets that come late, after younger ones; a robot applies them all the same until the next comes."""
 
     probability: float = _chance("that a packet is late")
-    frames: int = setting(
+    delay_frames: int = setting(
         ..., "frames", "by how much; a late packet comes last of what comes in a frame", 1, 120
     )
 
 
-class VisionOut(Fault):
+class VisionLoss(Fault):
     """A camera that does not see the robot."""
 
 
@@ -328,20 +334,20 @@ class VisionBias(Fault):
     probability: float = _chance("of an image", 1.0)
 
 
-class VisionClock(Fault):
+class VisionClockDrift(Fault):
     """A camera's clock that goes wrong: images are said to be older than they are by a time that grows.
 
     By that much farther the team carries what was seen on. When the fault ends, the clock is set
     right.
     """
 
-    ms_per_s: float = setting(..., "ms/s", "how much it loses; below 0: gains", -100, 100)
+    drift_ms_per_s: float = setting(..., "ms/s", "how much it loses; below 0: gains", -100, 100)
 
 
 class VisionJitter(Fault):
     """Images that come late, each by another time, of which the team knows when they were taken."""
 
-    s: float = setting(
+    jitter_s: float = setting(
         ..., "s", "how late at most, uniformly, in addition to vision.jitter_s", 0, 1
     )
 
@@ -349,7 +355,7 @@ class VisionJitter(Fault):
 class VisionDelay(Fault):
     """Another latency of the camera."""
 
-    to: float = setting(
+    delay_s: float = setting(
         ..., "s", "from an image to its packet's arrival, in place of vision.delay_s", 0, 1
     )
 
@@ -390,8 +396,8 @@ def of_robot(faults: Iterable[Fault], robot: int) -> tuple[Fault, ...]:
 
 def span(fault: Fault) -> tuple[int, float]:
     """Return a fault's first frame, and the first frame after it; infinite if it lasts until the end of the run."""
-    start = round(fault.at * FRAME_RATE_HZ)
-    return start, start + round(fault.for_ * FRAME_RATE_HZ) if fault.for_ else math.inf
+    start = round(fault.start_s * FRAME_RATE_HZ)
+    return start, start + round(fault.duration_s * FRAME_RATE_HZ) if fault.duration_s else math.inf
 
 
 def misfits(faults: Iterable[Fault], settings: "Settings") -> Iterator[str]:
@@ -401,8 +407,8 @@ def misfits(faults: Iterable[Fault], settings: "Settings") -> Iterator[str]:
         where = f"fault {number}: {fault.kind}"
         if isinstance(fault, OnOneWheel) and fault.wheel > wheels:
             yield f"{where}: wheel must be 1 to {wheels}, not {fault.wheel}: the robot has {wheels}"
-        if isinstance(fault, Delay) and fault.to < jitter:
-            yield f"{where}: to must be at least radio.jitter_frames, {jitter}, not {fault.to}"
+        if isinstance(fault, RadioDelay) and fault.delay_frames < jitter:
+            yield f"{where}: delay_frames must be at least radio.jitter_frames, {jitter}, not {fault.delay_frames}"
 
 
 def known(plant: str) -> list[str]:

@@ -15,11 +15,11 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.faults import (
     Fault,
     VisionBias,
-    VisionClock,
+    VisionClockDrift,
     VisionDelay,
     VisionFreeze,
     VisionJitter,
-    VisionOut,
+    VisionLoss,
     VisionWrongId,
     span,
 )
@@ -61,7 +61,7 @@ class Camera:
         self._misses = uniform(seeds, Stream.VISION_MISSES)
         # Drawn for each image whatever goes on, so that a fault changes nothing of another.
         self._chance = uniform(seeds, Stream.CAMERA_FAULTS, 2)
-        self._schedule = Schedule(faults, VisionOut, VisionFreeze, VisionWrongId, VisionBias)
+        self._schedule = Schedule(faults, VisionLoss, VisionFreeze, VisionWrongId, VisionBias)
         n = len(seeds)
         self._missed = np.full(
             n, -1.0
@@ -95,7 +95,7 @@ class Camera:
         """Return what there is to see in a frame in place of true poses (n, 3), but for noise."""
         if (active := self._schedule.at(frame)) is not None:
             self._out[:] = self._frozen[:] = False
-            self._out[[row for row, _ in active.of(VisionOut)]] = True
+            self._out[[row for row, _ in active.of(VisionLoss)]] = True
             self._frozen[[row for row, _ in active.of(VisionFreeze)]] = True
             self._wrong_ids, self._biases = (
                 list(active.of(VisionWrongId)),
@@ -135,7 +135,7 @@ class Timing:
             uniform(seeds, stream)
             for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES, Stream.CAMERA_LATE)
         )
-        self._schedule = Schedule(faults, VisionClock, VisionJitter, VisionDelay)
+        self._schedule = Schedule(faults, VisionClockDrift, VisionJitter, VisionDelay)
         self._delay = self._usual
         self._more_jitter, self._loses, self._lost_s = np.zeros((3, len(seeds)))
 
@@ -153,12 +153,12 @@ class Timing:
             self._delay = self._usual.copy()
             self._more_jitter, self._loses, self._lost_s = np.zeros((3, len(self._usual)))
             for row, late in active.of(VisionDelay):
-                self._delay[row] = late.to
+                self._delay[row] = late.delay_s
             for row, jitter in active.of(VisionJitter):
-                self._more_jitter[row] += jitter.s
-            for row, clock in active.of(VisionClock):
-                self._loses[row] += clock.ms_per_s / 1000
-                self._lost_s[row] -= clock.ms_per_s / 1000 * span(clock)[0] * PERIOD_S
+                self._more_jitter[row] += jitter.jitter_s
+            for row, clock in active.of(VisionClockDrift):
+                self._loses[row] += clock.drift_ms_per_s / 1000
+                self._lost_s[row] -= clock.drift_ms_per_s / 1000 * span(clock)[0] * PERIOD_S
         delay = self._delay + self._more_jitter * self._chance.next()[:, 0]
         arrival = time + delay + self._jitter * self._late.next()[:, 0]
         lost = self._lost.next()[:, 0] < self._loss

@@ -8,9 +8,9 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.config.faults import (
-    Delay,
     Fault,
-    RadioBursts,
+    RadioBurstLoss,
+    RadioDelay,
     RadioDuplicates,
     RadioLoss,
     RadioReorder,
@@ -51,9 +51,9 @@ class Received(NamedTuple):
 
 def longest(settings: RadioSettings, faults: Sequence[Fault]) -> int:
     """Return how many frames a packet takes at most."""
-    delays = [fault.to for fault in faults if isinstance(fault, Delay)]
+    delays = [fault.delay_frames for fault in faults if isinstance(fault, RadioDelay)]
     behind = [
-        fault.frames for fault in faults if isinstance(fault, (RadioDuplicates, RadioReorder))
+        fault.delay_frames for fault in faults if isinstance(fault, (RadioDuplicates, RadioReorder))
     ]
     return max(settings.delay_frames, *delays, 0) + settings.jitter_frames + max(behind, default=0)
 
@@ -111,11 +111,11 @@ class Radio:
         )
         self._chance = uniform(seeds, Stream.RADIO_FAULTS, 4)
         self._schedule = Schedule(
-            faults, Delay, RadioLoss, RadioBursts, RadioDuplicates, RadioReorder
+            faults, RadioDelay, RadioLoss, RadioBurstLoss, RadioDuplicates, RadioReorder
         )
         self._passes, self._outside_burst = np.ones((2, n))  # probabilities of a packet
         self._chains = dict[
-            tuple[int, RadioBursts], bool
+            tuple[int, RadioBurstLoss], bool
         ]()  # of the bursts that go on: whether in one
         self._copied, self._overtaken = np.zeros(
             (2, n)
@@ -198,22 +198,22 @@ class Radio:
         if (active := self._schedule.at(self._tick // self._ticks)) is not None:
             self._delay = self._usual.copy()
             self._passes[:], self._copied[:], self._overtaken[:] = 1.0, 0.0, 0.0
-            for row, fault in active.of(Delay):
-                self._delay[row] = fault.to * self._ticks
+            for row, fault in active.of(RadioDelay):
+                self._delay[row] = fault.delay_frames * self._ticks
             for row, loss in active.of(RadioLoss):
                 self._passes[row] *= 1 - loss.probability
             for row, copies in active.of(RadioDuplicates):
-                self._copied[row], self._copied_by[row] = copies.probability, copies.frames
+                self._copied[row], self._copied_by[row] = copies.probability, copies.delay_frames
             for row, late in active.of(RadioReorder):
-                self._overtaken[row], self._overtaken_by[row] = late.probability, late.frames
+                self._overtaken[row], self._overtaken_by[row] = late.probability, late.delay_frames
             self._chains = {
-                chain: self._chains.get(chain, False) for chain in active.of(RadioBursts)
+                chain: self._chains.get(chain, False) for chain in active.of(RadioBurstLoss)
             }
         drawn = self._steps.next()[:, 0]
         self._outside_burst[:] = 1.0
         for (row, bursts), inside in self._chains.items():
-            leave = 1 / bursts.frames
-            enter = leave * bursts.share / (1 - bursts.share)
+            leave = 1 / bursts.mean_burst_frames
+            enter = leave * bursts.burst_fraction / (1 - bursts.burst_fraction)
             inside = bool(drawn[row] >= leave if inside else drawn[row] < enter)
             self._chains[row, bursts] = inside
             self._outside_burst[row] *= 1 - bursts.probability * inside

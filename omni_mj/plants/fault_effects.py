@@ -20,7 +20,7 @@ from omni_mj.network.random_streams import Noise, Stream
 from omni_mj.robot.carpet import covered
 
 STUCK_NM = 100.0  # dry friction of a hub that is stuck: more than motor and carpet can turn
-TO, NONE = attrgetter("to"), lambda fault: 0.0  # factors by which faults of a kind multiply
+FACTOR, NONE = attrgetter("factor"), lambda fault: 0.0  # factors by which faults of a kind multiply
 
 
 class Faulty(ABC):
@@ -95,17 +95,26 @@ class Faults:
         carpet, motors = self._base.carpet, self._base.onboard.motors
         patches = [list(row.settings.carpet.patches) for row in self._rows]
         for row, patch in active.of(faults.FrictionPatch):
-            patches[row].append((patch.x_m, patch.y_m, patch.radius_m, patch.to))
-        lost = _join(active, faults.WheelRoller, 0 * self._wheels, attrgetter("rollers"), max)
+            patches[row].append((patch.x_m, patch.y_m, patch.radius_m, patch.friction))
+        lost = _join(
+            active, faults.WheelMissingRollers, 0 * self._wheels, attrgetter("rollers"), max
+        )
         rollers = np.array([row.settings.wheels.rollers for row in self._rows])
         changed = carpet._replace(
-            friction=_join(active, faults.Friction, carpet.friction, by=lambda _, last: last),
+            friction=_join(
+                active,
+                faults.Friction,
+                carpet.friction,
+                attrgetter("friction"),
+                lambda _, last: last,
+            ),
             patches=covered(patches, self._patches),
             grip=carpet.grip * _join(active, faults.WheelWorn, self._wheels),
             gap=2 * np.pi * lost / rollers,
         )
         motors = motors._replace(
-            cold_constant=motors.cold_constant * _join(active, faults.MotorWeak, self._wheels)
+            cold_constant=motors.cold_constant
+            * _join(active, faults.MotorDemagnetized, self._wheels)
         )
         onboard = self._base.onboard._replace(motors=motors)
         self._plant.parameters = self._plant.parameters._replace(carpet=changed, onboard=onboard)
@@ -130,7 +139,7 @@ class Faults:
             active, faults.Push, self._none, lambda push: push.force_n * _direction(push), add
         )
         self.gyro_bias = _join(
-            active, faults.GyroBias, 0 * robots[:, None], attrgetter("rad_s"), add
+            active, faults.GyroBias, 0 * robots[:, None], attrgetter("bias_rad_s"), add
         )
         self._encoder_scale = _join(active, faults.EncoderScale, wheels)
         self._dropouts = 1 - _join(
@@ -151,7 +160,7 @@ def _join(
     active: Active,
     kind: type[faults.Fault],
     start: Array,
-    value: Callable[[Any], Any] = TO,
+    value: Callable[[Any], Any] = FACTOR,
     by: Callable[[Any, Any], Any] = mul,
 ) -> Array:
     """Return what faults of a kind make of numbers of each robot (n, ...), or of each wheel (W, n).

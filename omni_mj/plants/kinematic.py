@@ -61,7 +61,7 @@ class KinematicPlant:
         if (active := self._schedule.at(self._frame)) is not None:
             self._given = np.full((len(alpha), 1), np.nan)
             for row, fault in active.of(Alpha):
-                self._given[row] = fault.to
+                self._given[row] = fault.alpha
             for row, kidnap in active.begun(Kidnap):
                 self._pose = self._pose.copy()
                 self._pose[row] += kidnap.moved

@@ -265,8 +265,8 @@ def _recovery(log: Log, rows: np.ndarray, measured: Mapping[str, Array]) -> list
             {
                 "fault": fault.told,
                 "kind": fault.kind,
-                "at_s": fault.at,
-                "for_s": fault.for_ or None,
+                "at_s": fault.start_s,
+                "for_s": fault.duration_s or None,
                 **numbers,
             }
         )

@@ -103,7 +103,7 @@ def test_the_effective_scenario_repeats_the_run_bit_for_bit(
 def test_faults_are_told_in_table_summary_report_and_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    faults = '[[fault]]\nkind = "vision-out"\nat = 0.2\nfor = 0.1\n\n[[fault]]\nkind = "delay"\nat = 0.4\nto = 9\n'
+    faults = '[[fault]]\nkind = "vision-loss"\nstart_s = 0.2\nduration_s = 0.1\n\n[[fault]]\nkind = "radio-delay"\nstart_s = 0.4\ndelay_frames = 9\n'
     (tmp_path / "met.toml").write_text(
         'plant = "kinematic"\n[reference]\nwaypoints = [[0, 0], [0.2, 0]]\n\n' + faults
     )
@@ -123,12 +123,12 @@ def test_faults_are_told_in_table_summary_report_and_recording(
     )
     printed = capsys.readouterr().out
     assert "worst, cm" in printed
-    assert "delay (to = 9), from 0.4 s on" in printed
+    assert "radio-delay (delay_frames = 9), from 0.4 s on" in printed
     told = [event["text"] for event in strict(out / "summary.json")["scenarios"]["met"]["events"]]
     assert [each.split()[:2] for each in told if "vision" in each or "delay" in each] == [
-        ["begins:", "vision-out"], ["ends:", "vision-out"], ["begins:", "delay"],
+        ["begins:", "vision-loss"], ["ends:", "vision-loss"], ["begins:", "radio-delay"],
     ]  # fmt: skip
-    assert "begins: delay" in (out / "report.html").read_text()
+    assert "begins: radio-delay" in (out / "report.html").read_text()
     batches = [
         chunk.to_record_batch() for chunk in RrdReader(out / "recording.rrd").stream().to_chunks()
     ]
@@ -138,7 +138,9 @@ def test_faults_are_told_in_table_summary_report_and_recording(
         for name in batch.schema.names
         if name.startswith("Text")
     ]
-    assert any("begins: delay" in str(text) for column in columns for text in column.to_pylist())
+    assert any(
+        "begins: radio-delay" in str(text) for column in columns for text in column.to_pylist()
+    )
 
 
 def test_bad_input_is_a_line_each_that_says_what_is_allowed(
@@ -156,7 +158,7 @@ def test_bad_input_is_a_line_each_that_says_what_is_allowed(
             "seeds",
             "plant",
         ),
-        ("--scenario rect --set fault.at=3", "fault"),
+        ("--scenario rect --set fault.start_s=3", "fault"),
         ("--scenario rect --sead 3", "--seed"),
     ):
         assert invoke("run", *arguments.split(), "--out", tmp_path / "run") == 2

@@ -8,7 +8,13 @@ import pytest
 
 import omni_mj as om
 
-PUSH: dict[str, Any] = {"kind": "push", "at": 3, "for": 0.2, "force_n": 20.0, "direction_deg": 90.0}
+PUSH: dict[str, Any] = {
+    "kind": "push",
+    "start_s": 3,
+    "duration_s": 0.2,
+    "force_n": 20.0,
+    "direction_deg": 90.0,
+}
 DOCUMENT = Path(__file__).parents[2] / "docs" / "faults.md"
 
 
@@ -21,7 +27,7 @@ def lines(faults: Any, **more: Any) -> list[str]:
 def test_faults_are_tables_in_files_and_dictionaries_in_python(tmp_path: Path) -> None:
     file = tmp_path / "given.toml"
     file.write_text(
-        '[[fault]]\nkind = "push"\nat = 3\nfor = 0.2\nforce_n = 20\ndirection_deg = 90\n'
+        '[[fault]]\nkind = "push"\nstart_s = 3\nduration_s = 0.2\nforce_n = 20\ndirection_deg = 90\n'
     )
     read, made = om.load_scenario(file), om.load_scenario("rect", fault=[PUSH])
     assert read.settings.fault == made.settings.fault
@@ -43,9 +49,13 @@ def test_fault_all_has_every_kind_of_plants_on_wheels_and_the_page_documents_all
     described = {fault.kind: fault for fault in om.load_scenario("fault-all").settings.fault}
     assert described.keys() == documented.keys() - {"alpha"}
     for kind, fault in described.items():
-        assert fault.values().keys() - {"kind", "at", "for", "robots", "wheel"} == documented[
-            kind
-        ] - {
+        assert fault.values().keys() - {
+            "kind",
+            "start_s",
+            "duration_s",
+            "robots",
+            "wheel",
+        } == documented[kind] - {
             "coast",
             "brake",
             "wheel",
@@ -54,14 +64,21 @@ def test_fault_all_has_every_kind_of_plants_on_wheels_and_the_page_documents_all
 
 def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:
     found = lines(
-        [PUSH, {"kind": "psh"}, {**PUSH, "at": -1, "forc_n": 3}, 3, {"kind": "tilt"}, {"at": 1}]
+        [
+            PUSH,
+            {"kind": "psh"},
+            {**PUSH, "start_s": -1, "forc_n": 3},
+            3,
+            {"kind": "tilt"},
+            {"start_s": 1},
+        ]
     )
     expected = [
         ("fault 2: ", "'psh'", "did you mean 'push'"),
-        ("fault 3: ", "at ", "0 to 36000 s", "-1"),
+        ("fault 3: ", "start_s ", "0 to 36000 s", "-1"),
         ("fault 3: ", "forc_n", "did you mean 'force_n'"),
         ("fault 4: ", "3"),
-        ("fault 5: ", "at is missing"),
+        ("fault 5: ", "start_s is missing"),
         ("fault 5: ", "angle_deg is missing"),
         ("fault 6: ", "None"),
     ]
@@ -73,21 +90,29 @@ def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:
 @pytest.mark.parametrize(
     ("fault", "more", "words"),
     [
-        ({**PUSH, "for": 0.01}, {}, "at least a frame"),
+        ({**PUSH, "duration_s": 0.01}, {}, "at least a frame"),
         ({**PUSH, "robots": [16]}, {}, "15"),
-        ({"kind": "delay", "at": 1, "to": 1.5}, {}, "a valid integer (0 to 600 frames)"),
         (
-            {"kind": "delay", "at": 1, "to": 1},
+            {"kind": "radio-delay", "start_s": 1, "delay_frames": 1.5},
+            {},
+            "a valid integer (0 to 600 frames)",
+        ),
+        (
+            {"kind": "radio-delay", "start_s": 1, "delay_frames": 1},
             {"radio": {"jitter_frames": 2}},
             "radio.jitter_frames",
         ),
-        ({"kind": "motor-weak", "at": 1, "wheel": 5, "to": 0.5}, {}, "the robot has 4"),
         (
-            {"kind": "push", "at": 1, "force_n": 1},
+            {"kind": "motor-demagnetized", "start_s": 1, "wheel": 5, "factor": 0.5},
+            {},
+            "the robot has 4",
+        ),
+        (
+            {"kind": "push", "start_s": 1, "force_n": 1},
             {"plant": "kinematic"},
             "the plant kinematic has no push",
         ),
-        ({"kind": "alpha", "at": 1, "to": 1}, {}, "the plant mujoco has no alpha"),
+        ({"kind": "alpha", "start_s": 1, "alpha": 1}, {}, "the plant mujoco has no alpha"),
     ],
 )
 def test_what_makes_no_sense_is_refused(fault: Any, more: dict[str, Any], words: str) -> None:

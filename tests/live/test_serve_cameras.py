@@ -11,24 +11,24 @@ CYCLE_S = 1 / 960
 FAULTS = """
 [[fault]]
 kind = "firmware-timeout"
-at = 0.2
+start_s = 0.2
 robots = [3]
 
 [[fault]]
 kind = "vision-bias"
-at = 0.0
+start_s = 0.0
 robots = [1]
 x_m = 0.25
 
 [[fault]]
-kind = "vision-clock"
-at = 0.0
-ms_per_s = 50.0
+kind = "vision-clock-drift"
+start_s = 0.0
+drift_ms_per_s = 50.0
 
 [[fault]]
 kind = "vision-delay"
-at = 0.0
-to = 0.1
+start_s = 0.0
+delay_s = 0.1
 """
 
 

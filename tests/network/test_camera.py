@@ -119,7 +119,7 @@ def test_images_arrive_as_often_as_rate_and_losses_say(
 def test_jitter_delays_up_to_as_much_as_set_and_no_older_image_follows_a_newer_one() -> None:
     for vision, faults in (
         ({"jitter_s": 3 * FRAME_S}, []),
-        ({}, [fault("vision-jitter", s=3 * FRAME_S)]),
+        ({}, [fault("vision-jitter", jitter_s=3 * FRAME_S)]),
     ):
         seen, _ = watch(moving(300), [faults], **SHARP, **vision)
         age = np.arange(300) - seen[:, 0, 0] / (TWIST[0] * FRAME_S)  # frames
@@ -162,7 +162,7 @@ def shown(*robots: list[dict[str, Any]], frames: int = 80, **vision: Any) -> NDA
 def test_a_camera_that_is_out_sees_nothing_then_and_all_else_as_before() -> None:
     spans: list[list[dict[str, Any]]] = [[], [(10, 5)], [(40, 0)], [(0, 3), (20, 10), (25, 10)]]
     got = shown(
-        *([fault("vision-out", *span) for span in own] for own in spans), miss_probability=0.1
+        *([fault("vision-loss", *span) for span in own] for own in spans), miss_probability=0.1
     )
     hidden = np.zeros((80, 4), bool)
     hidden[10:15, 1], hidden[40:, 2], hidden[:3, 3], hidden[20:35, 3] = True, True, True, True
@@ -210,12 +210,12 @@ def test_a_clock_that_loses_has_robots_carried_too_far() -> None:
     """By twist times the time since the fault began times its rate."""
     rate, start, end, frame = 0.05, 12, 60, np.arange(80)
     error = np.where((frame >= start) & (frame < end), rate * (frame - start) * FRAME_S, 0.0)
-    got = shown([fault("vision-clock", start, end - start, ms_per_s=1000 * rate)])
+    got = shown([fault("vision-clock-drift", start, end - start, drift_ms_per_s=1000 * rate)])
     same(got[:, 0], moving(80)[:, 0] + error[:, None] * TWIST)
 
 
 def test_a_latency_that_changes_delays_the_images_from_then_on() -> None:
-    seen, age = watch(moving(80), [[fault("vision-delay", 20, 30, to=4 * FRAME_S)]], **SHARP)
+    seen, age = watch(moving(80), [[fault("vision-delay", 20, 30, delay_s=4 * FRAME_S)]], **SHARP)
     assert np.isnan(seen[20:24]).all()
     np.testing.assert_allclose(age[24:50], 4 * FRAME_S, atol=1e-12)
     same(seen[24:50], moving(80)[20:46])
@@ -225,13 +225,13 @@ def test_a_latency_that_changes_delays_the_images_from_then_on() -> None:
 @pytest.mark.parametrize(
     ("kind", "values"),
     [
-        ("vision-out", {}),
+        ("vision-loss", {}),
         ("vision-freeze", {}),
         ("vision-wrong-id", {"x_m": 1.5, "y_m": -0.5, "probability": 0.5}),
         ("vision-bias", {"x_m": 0.05, "heading_deg": 5.0}),
-        ("vision-clock", {"ms_per_s": 20.0}),
-        ("vision-jitter", {"s": 0.05}),
-        ("vision-delay", {"to": 0.06}),
+        ("vision-clock-drift", {"drift_ms_per_s": 20.0}),
+        ("vision-jitter", {"jitter_s": 0.05}),
+        ("vision-delay", {"delay_s": 0.06}),
     ],
 )
 def test_a_fault_that_is_over_leaves_the_camera_as_it_was_and_concerns_no_other_row(

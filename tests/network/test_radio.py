@@ -35,15 +35,18 @@ def late(delay: int, faults: list[dict[str, Any]], frames: int) -> list[int]:
     for frame in range(frames):
         arrives = frame + delay
         for each in faults:
-            start, lasts = round(each["at"] / FRAME_S), round(each["for"] / FRAME_S) or np.inf
+            start, lasts = (
+                round(each["start_s"] / FRAME_S),
+                round(each["duration_s"] / FRAME_S) or np.inf,
+            )
             if start <= frame < start + lasts:
-                arrives = frame + each["to"]
+                arrives = frame + each["delay_frames"]
         arrivals.append(arrives)
     return arrivals
 
 
 delays = st.builds(
-    lambda start, frames, to: fault("delay", start, frames, to=to),
+    lambda start, frames, to: fault("radio-delay", start, frames, delay_frames=to),
     *[st.integers(0, 40)] * 2,
     st.integers(0, 15),
 )
@@ -101,7 +104,13 @@ def test_bursts_are_as_long_and_as_frequent_as_gilbert_and_elliott_say(
 ) -> None:
     """Lengths of bursts are geometric with that mean, gaps with the mean that the share leaves for them."""
     lost = (
-        np.diff(hold([[fault("radio-bursts", frames=length, share=share)]], 8000, delay=0)[:, 0])
+        np.diff(
+            hold(
+                [[fault("radio-burst-loss", mean_burst_frames=length, burst_fraction=share)]],
+                8000,
+                delay=0,
+            )[:, 0]
+        )
         == 0
     )
     edges = np.flatnonzero(np.diff(lost.astype(int)))
@@ -121,7 +130,7 @@ def test_packets_that_are_late_or_come_again_come_last_in_their_frame(
     """A robot applies whatever comes last; here all packets of a while do so."""
     kinds = {"radio-reorder": False, "radio-duplicates": True}
     got = hold(
-        [[fault(kind, start, lasts, probability=1.0, frames=k)] for kind in kinds], 90, delay
+        [[fault(kind, start, lasts, probability=1.0, delay_frames=k)] for kind in kinds], 90, delay
     )
     for row, original in enumerate(kinds.values()):
         held = -1
@@ -138,10 +147,10 @@ def test_packets_that_are_late_or_come_again_come_last_in_their_frame(
     ("kind", "values"),
     [
         ("radio-loss", {"probability": 0.4}),
-        ("radio-bursts", {"frames": 6.0, "share": 0.4}),
-        ("radio-duplicates", {"probability": 0.5, "frames": 4}),
-        ("radio-reorder", {"probability": 0.5, "frames": 3}),
-        ("delay", {"to": 7}),
+        ("radio-burst-loss", {"mean_burst_frames": 6.0, "burst_fraction": 0.4}),
+        ("radio-duplicates", {"probability": 0.5, "delay_frames": 4}),
+        ("radio-reorder", {"probability": 0.5, "delay_frames": 3}),
+        ("radio-delay", {"delay_frames": 7}),
     ],
 )
 def test_a_fault_that_is_over_leaves_the_radio_as_it_was_and_concerns_no_other_row(
@@ -180,7 +189,7 @@ def test_a_longer_dead_time_is_that_of_a_radio_of_which_the_team_believes_the_ol
         "rect", plant="planar", reference={"waypoints": [[0, 0, 0], [0.2, 0, 1.0]], "settle_s": 0.2}
     )
     told = chosen.settings.replace(radio={"delay_frames": 9}, control={"delay_error_frames": -3})
-    met = chosen.settings.replace(fault=[{"kind": "delay", "at": 0, "to": 9}])
+    met = chosen.settings.replace(fault=[{"kind": "radio-delay", "start_s": 0, "delay_frames": 9}])
     one, other = (
         om.run(chosen.replace(settings=own), ["comp-flc"]).frames() for own in (told, met)
     )

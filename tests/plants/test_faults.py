@@ -25,34 +25,40 @@ from omni_mj.config.settings import Settings
 
 PlantOf = Callable[[list[Settings]], Any]
 EVERYTHING: list[dict[str, Any]] = [
-    {"kind": "push", "at": 0.05, "for": 0.1, "force_n": 15.0, "direction_deg": 30.0},
-    {"kind": "tilt", "at": 0.1, "for": 0.1, "angle_deg": 3.0, "direction_deg": -60.0},
-    {"kind": "friction", "at": 0.05, "for": 0.2, "to": 0.2},
-    {"kind": "payload", "at": 0.1, "for": 0.1, "mass_kg": 0.8, "height_m": 0.13},
-    {"kind": "motor-weak", "at": 0.0, "for": 0.2, "wheel": 3, "to": 0.6},
-    {"kind": "gyro-bias", "at": 0.05, "for": 0.1, "rad_s": 0.5},
-    {"kind": "kidnap", "at": 0.1, "for": 0.1, "x_m": 0.05, "heading_deg": 20.0},
+    {"kind": "push", "start_s": 0.05, "duration_s": 0.1, "force_n": 15.0, "direction_deg": 30.0},
+    {"kind": "tilt", "start_s": 0.1, "duration_s": 0.1, "angle_deg": 3.0, "direction_deg": -60.0},
+    {"kind": "friction", "start_s": 0.05, "duration_s": 0.2, "friction": 0.2},
+    {"kind": "payload", "start_s": 0.1, "duration_s": 0.1, "mass_kg": 0.8, "height_m": 0.13},
+    {"kind": "motor-demagnetized", "start_s": 0.0, "duration_s": 0.2, "wheel": 3, "factor": 0.6},
+    {"kind": "gyro-bias", "start_s": 0.05, "duration_s": 0.1, "bias_rad_s": 0.5},
+    {"kind": "kidnap", "start_s": 0.1, "duration_s": 0.1, "x_m": 0.05, "heading_deg": 20.0},
     {
         "kind": "friction-patch",
-        "at": 0.05,
-        "for": 0.1,
+        "start_s": 0.05,
+        "duration_s": 0.1,
         "x_m": 0.1,
         "y_m": 0.0,
         "radius_m": 1.0,
-        "to": 0.1,
+        "friction": 0.1,
     },
-    {"kind": "motor-dead", "at": 0.05, "for": 0.15, "wheel": 1},
-    {"kind": "motor-blocked", "at": 0.05, "for": 0.15, "wheel": 4},
-    {"kind": "wheel-worn", "at": 0.0, "for": 0.2, "wheel": 2, "to": 0.2},
-    {"kind": "wheel-roller", "at": 0.0, "for": 0.2, "wheel": 3, "rollers": 6},
-    {"kind": "encoder-dropout", "at": 0.1, "for": 0.1, "wheel": 2},
-    {"kind": "encoder-dropout", "at": 0.05, "for": 0.15, "wheel": 3, "probability": 0.6},
-    {"kind": "encoder-scale", "at": 0.05, "for": 0.15, "wheel": 1, "to": 1.3},
-    {"kind": "gyro-scale", "at": 0.05, "for": 0.15, "to": 1.8},
-    {"kind": "gyro-scale", "to": 0.0, "at": 0.1, "for": 0.1},
-    {"kind": "firmware-timeout", "at": 0.1, "for": 0.1},
-    {"kind": "brown-out", "at": 0.05, "for": 0.15, "to": 0.3},
-    {"kind": "reboot", "at": 0.1, "for": 0.1, "motors": "brake"},
+    {"kind": "motor-dead", "start_s": 0.05, "duration_s": 0.15, "wheel": 1},
+    {"kind": "motor-blocked", "start_s": 0.05, "duration_s": 0.15, "wheel": 4},
+    {"kind": "wheel-worn", "start_s": 0.0, "duration_s": 0.2, "wheel": 2, "factor": 0.2},
+    {"kind": "wheel-missing-rollers", "start_s": 0.0, "duration_s": 0.2, "wheel": 3, "rollers": 6},
+    {"kind": "encoder-dropout", "start_s": 0.1, "duration_s": 0.1, "wheel": 2},
+    {
+        "kind": "encoder-dropout",
+        "start_s": 0.05,
+        "duration_s": 0.15,
+        "wheel": 3,
+        "probability": 0.6,
+    },
+    {"kind": "encoder-scale", "start_s": 0.05, "duration_s": 0.15, "wheel": 1, "factor": 1.3},
+    {"kind": "gyro-scale", "start_s": 0.05, "duration_s": 0.15, "factor": 1.8},
+    {"kind": "gyro-scale", "factor": 0.0, "start_s": 0.1, "duration_s": 0.1},
+    {"kind": "firmware-timeout", "start_s": 0.1, "duration_s": 0.1},
+    {"kind": "brown-out", "start_s": 0.05, "duration_s": 0.15, "factor": 0.3},
+    {"kind": "reboot", "start_s": 0.1, "duration_s": 0.1, "motors": "brake"},
 ]
 
 
@@ -107,7 +113,7 @@ def test_a_fault_that_has_ended_leaves_nothing_behind() -> None:
 def test_a_robot_that_failed_is_pushed_no_more() -> None:
     """In a world that another robot, which is, keeps going."""
     plant = plant_of(
-        [meets({"kind": "push", "at": 0.0, "force_n": 9.0}, **ICE)] * 2,
+        [meets({"kind": "push", "start_s": 0.0, "force_n": 9.0}, **ICE)] * 2,
         [[0, 0, 0], [1, 0, 0]],
         places=2,
     )

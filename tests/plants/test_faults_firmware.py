@@ -16,7 +16,7 @@ START, LASTS = 30, 20  # frames
 
 
 def fault(kind: str, **values: Any) -> dict[str, Any]:
-    return {"kind": kind, "at": START * FRAME_S, "for": LASTS * FRAME_S, **values}
+    return {"kind": kind, "start_s": START * FRAME_S, "duration_s": LASTS * FRAME_S, **values}
 
 
 @ON_WHEELS
@@ -46,7 +46,7 @@ def test_motors_have_as_much_less_voltage_as_the_supply_has_sunk(plant_of: Plant
         "motor": {"no_load_current_a": 0.0},
         "battery": {"resistance_ohm": 0.0},
     }
-    sinks = {"kind": "brown-out", "at": 0.0, "for": 40 * FRAME_S, "to": share}
+    sinks = {"kind": "brown-out", "start_s": 0.0, "duration_s": 40 * FRAME_S, "factor": share}
     plant = plant_of([meets(sinks, **slick), meets(**slick)])
     drive(plant, constant([0, 0, 100.0], 40, 2))
     told = plant.telemetry()
@@ -86,7 +86,9 @@ def test_a_robot_that_has_started_anew_believes_the_first_heading_that_it_is_tol
     """It stands until then, has forgotten its gyro's bias and what its loops were at, and then goes on."""
     blind = {"heading_gain": 0.0, "bias_gain": 0.0}
     own = meets(
-        fault("reboot"), {"kind": "gyro-bias", "at": 0.0, "for": 0.3, "rad_s": 2.0}, firmware=blind
+        fault("reboot"),
+        {"kind": "gyro-bias", "start_s": 0.0, "duration_s": 0.3, "bias_rad_s": 2.0},
+        firmware=blind,
     )
     plant, none = plant_of([own, meets(firmware=blind)]), np.zeros(2, int)
     drive(plant, ramp([TWIST] * 2, 3.0, START + LASTS))

@@ -49,7 +49,7 @@ def inertia_about(origin: NDArray, body: tuple[float, NDArray, NDArray]) -> NDAr
 @given(st.lists(st.tuples(st.floats(0, 20), st.floats(0.001, 0.5)), min_size=1, max_size=3))
 def test_a_load_is_a_point_mass_on_the_chassis(loads: list[tuple[float, float]]) -> None:
     """Mass, first and second moments about the origin are sums over the bodies: they are independent of its axes."""
-    payloads = [{"kind": "payload", "at": 0.0, "mass_kg": m, "height_m": h} for m, h in loads]
+    payloads = [{"kind": "payload", "start_s": 0.0, "mass_kg": m, "height_m": h} for m, h in loads]
     plant = plant_of([meets(*payloads), quiet()])
     empty = chassis_of(plant, 0)
     standing(plant, 1)
@@ -93,7 +93,7 @@ def test_wheels_bear_a_load_and_its_inertia() -> None:
     shift = (ahead[2] - np.cos(angle) * ahead[0]) - (ahead[3] - np.cos(angle) * ahead[4])
     assert shift == pytest.approx(mass * height * np.sin(angle), rel=0.02)
 
-    push = {"kind": "push", "at": 2 * SETTLE * FRAME_S, "force_n": 12.0, "direction_deg": 90.0}
+    push = {"kind": "push", "start_s": 2 * SETTLE * FRAME_S, "force_n": 12.0, "direction_deg": 90.0}
     plant = plant_of([meets(more, push, **ICE), meets(push, **ICE)])
     standing(plant, 2 * SETTLE + 8)
     heavy, light = plant.twist()[:, 1]

@@ -27,7 +27,13 @@ def test_a_weak_motor_pulls_and_turns_by_its_constant() -> None:
         "carpet": {"friction": 0.01},
         "drive": {"gear_friction_nm": 0.0, "roller_friction": 0.0},
     }
-    fault = {"kind": "motor-weak", "at": 0.0, "for": 0.7, "wheel": 2, "to": share}
+    fault = {
+        "kind": "motor-demagnetized",
+        "start_s": 0.0,
+        "duration_s": 0.7,
+        "wheel": 2,
+        "factor": share,
+    }
     plant = plant_of(
         [meets(fault, motor=motor, **slick, **FAST), quiet(motor=motor, **slick, **FAST)]
     )
@@ -46,7 +52,7 @@ def test_a_weak_motor_pulls_and_turns_by_its_constant() -> None:
 def test_a_gyros_bias_turns_what_a_robot_holds_for_its_heading() -> None:
     """By bias times time, where vision corrects nothing."""
     bias, frames = 0.4, 20
-    fault = {"kind": "gyro-bias", "for": frames * FRAME_S, "rad_s": bias}
+    fault = {"kind": "gyro-bias", "duration_s": frames * FRAME_S, "bias_rad_s": bias}
     blind = {"heading_gain": 0.0, "bias_gain": 0.0, "turn_gain": 0.0}
     plant = plant_of([meets(fault, firmware=blind), quiet(firmware=blind)])
     standing(plant, SETTLE + frames + 10)
@@ -59,7 +65,7 @@ def test_a_gyros_bias_turns_what_a_robot_holds_for_its_heading() -> None:
 def test_alpha_takes_the_place_of_what_is_drawn() -> None:
     """Equation 7 as a sum; before and after, and beside, what would have been drawn anyway."""
     commands = np.random.default_rng(0).normal(size=(30, 2, 3))
-    fault = {"kind": "alpha", "at": 10 * FRAME_S, "for": 0.2, "to": 0.3}
+    fault = {"kind": "alpha", "start_s": 10 * FRAME_S, "duration_s": 0.2, "alpha": 0.3}
     chosen = [with_settings(fault=[fault]), Settings()]
     poses = drive(KinematicPlant(rows(chosen, [3, 3]), np.zeros((2, 3))), commands)
     moved = np.diff(poses, axis=0)

@@ -34,7 +34,10 @@ def test_encoders_that_count_otherwise_have_the_robot_drive_otherwise(
     plant_of: PlantOf, factor: float
 ) -> None:
     """Loops that integrate bring what they see to what is asked: wheels turn at w / factor."""
-    scales = [{"kind": "encoder-scale", "wheel": w, "to": factor, "at": 0.0} for w in (1, 2, 3, 4)]
+    scales = [
+        {"kind": "encoder-scale", "wheel": w, "factor": factor, "start_s": 0.0}
+        for w in (1, 2, 3, 4)
+    ]
     plant, twist = plant_of([meets(*scales, firmware=STIFF)]), np.array([0.5, 0.3, 0.0])
     drive(plant, ramp([twist], 1.5, 60))
     turned = plant.telemetry().wheel_angle
@@ -50,7 +53,7 @@ def test_encoders_that_count_otherwise_have_the_robot_drive_otherwise(
 def test_a_loose_encoder_stands_still_in_as_many_frames_as_said(plant_of: PlantOf) -> None:
     """A binomial share; the wheels beside it count in all."""
     share, frames = 0.4, 150
-    fault = {"kind": "encoder-dropout", "wheel": 4, "probability": share, "at": 0.0}
+    fault = {"kind": "encoder-dropout", "wheel": 4, "probability": share, "start_s": 0.0}
     plant = plant_of([meets(fault)])
     drive(plant, ramp([[0.8, 0.0, 0.0]], 3.0, SETTLE))
     stands = []
@@ -73,12 +76,12 @@ def test_a_gyro_of_another_scale_turns_what_a_robot_holds_for_its_heading(
 ) -> None:
     """By its factor times the true turn; one that shows nothing leaves it as it was."""
     own = [
-        {"kind": "gyro-scale", "to": 0.7},
-        {"kind": "gyro-scale", "to": 1.5},
-        {"kind": "gyro-scale", "to": 0.0},
+        {"kind": "gyro-scale", "factor": 0.7},
+        {"kind": "gyro-scale", "factor": 1.5},
+        {"kind": "gyro-scale", "factor": 0.0},
     ]
     plant = plant_of(
-        [*(meets({**each, "at": 0.0}, firmware=BLIND) for each in own), meets(firmware=BLIND)]
+        [*(meets({**each, "start_s": 0.0}, firmware=BLIND) for each in own), meets(firmware=BLIND)]
     )
     drive(plant, ramp([[0.0, 0.0, 2.0]] * 4, 4.0, 30))
     turned, held = plant.pose()[:, 2], held_heading(plant)
@@ -90,7 +93,7 @@ def test_a_gyro_of_another_scale_turns_what_a_robot_holds_for_its_heading(
 
 @ON_WHEELS
 def test_a_dead_gyro_shows_no_bias_either(plant_of: PlantOf) -> None:
-    faults = [{"kind": "gyro-bias", "rad_s": 0.5}, {"kind": "gyro-scale", "to": 0.0}]
+    faults = [{"kind": "gyro-bias", "bias_rad_s": 0.5}, {"kind": "gyro-scale", "factor": 0.0}]
     plant = plant_of([meets(*faults, firmware=BLIND), meets(faults[0], firmware=BLIND)])
     standing(plant, SETTLE + 12)
     np.testing.assert_allclose(held_heading(plant), [0.0, 0.1], atol=1e-3)

@@ -24,7 +24,7 @@ AHEAD = np.array([1.0, 0.0, 0.0])
 
 
 def all_wheels(kind: str, **values: Any) -> list[dict[str, Any]]:
-    return [{"kind": kind, "wheel": wheel, "at": 0.0, **values} for wheel in (1, 2, 3, 4)]
+    return [{"kind": kind, "wheel": wheel, "start_s": 0.0, **values} for wheel in (1, 2, 3, 4)]
 
 
 @ON_WHEELS
@@ -35,7 +35,10 @@ def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> 
         "drive": {"gear_friction_nm": 0.0},
     }
     plant = plant_of(
-        [meets({"kind": "motor-dead", "wheel": 2, "for": 20 * FRAME_S}, **smooth), meets(**smooth)]
+        [
+            meets({"kind": "motor-dead", "wheel": 2, "duration_s": 20 * FRAME_S}, **smooth),
+            meets(**smooth),
+        ]
     )
     drive(plant, ramp([AHEAD] * 2, 2.0, 32))
     told, motor = plant.telemetry(), Settings().motor
@@ -62,7 +65,12 @@ def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> 
 def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -> None:
     """I = V / R; it slides as fast as the carpet passes. After that it turns as before."""
     plant = plant_of(
-        [meets({"kind": "motor-blocked", "wheel": 3, "at": 0.0, "for": 20 * FRAME_S}), meets()]
+        [
+            meets(
+                {"kind": "motor-blocked", "wheel": 3, "start_s": 0.0, "duration_s": 20 * FRAME_S}
+            ),
+            meets(),
+        ]
     )
     drive(plant, ramp([AHEAD] * 2, 2.0, 20))
     told, motor = plant.telemetry(), Settings().motor
@@ -88,9 +96,10 @@ def test_wheels_that_are_worn_alike_are_a_carpet_of_as_much_less_friction(
 ) -> None:
     """To the bit; friction is a factor of both."""
     friction, worn = 0.8, 0.5
-    one = meets(*all_wheels("wheel-worn", to=worn), carpet={"friction": friction})
+    one = meets(*all_wheels("wheel-worn", factor=worn), carpet={"friction": friction})
     other = meets(
-        {"kind": "friction", "at": 0.0, "to": friction * worn}, carpet={"friction": friction}
+        {"kind": "friction", "start_s": 0.0, "friction": friction * worn},
+        carpet={"friction": friction},
     )
     poses = drive(plant_of([one, other, meets()]), constant([3.0, 0.5, 2.0], 15, 3))
     np.testing.assert_array_equal(poses[:, 0], poses[:, 1])
@@ -106,7 +115,7 @@ def test_wheels_without_half_of_their_rollers_pull_half_as_much(plant_of: PlantO
         "firmware": {"turn_gain": 0.0},
     }
     plant = plant_of(
-        [meets(*all_wheels("wheel-roller", rollers=ROLLERS // 2), **slick), meets(**slick)]
+        [meets(*all_wheels("wheel-missing-rollers", rollers=ROLLERS // 2), **slick), meets(**slick)]
     )
     drive(plant, constant([5.0, 0.0, 0.0], 30, 2))
     half, whole = plant.twist()[:, 0]

@@ -45,7 +45,7 @@ def test_a_push_gives_momentum_and_ends() -> None:
     """M v = F t less what ice holds, whatever heading and direction; then the speed stays."""
     force, frames, bearings = 20.0, 6, (0.0, 90.0, -125.0)
     pushes = [
-        {"kind": "push", "for": frames * FRAME_S, "force_n": force, "direction_deg": b}
+        {"kind": "push", "duration_s": frames * FRAME_S, "force_n": force, "direction_deg": b}
         for b in bearings
     ]
     plant = plant_of(
@@ -126,7 +126,12 @@ def test_robots_of_a_world_stand_on_one_carpet() -> None:
 def test_a_wheel_that_slides_pulls_by_the_friction_of_the_moment() -> None:
     """Momentum over what the wheels bear, along the rims, before, while and after."""
     usual, other, first, frames = 0.25, 0.5, 4, 7
-    fault = {"kind": "friction", "at": first * FRAME_S, "for": frames * FRAME_S, "to": other}
+    fault = {
+        "kind": "friction",
+        "start_s": first * FRAME_S,
+        "duration_s": frames * FRAME_S,
+        "friction": other,
+    }
     free: dict[str, Any] = {
         "drive": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0},
         "firmware": STIFF,
@@ -150,17 +155,17 @@ def test_a_patch_that_comes_is_one_that_was_there_and_covers_it_until_it_goes() 
     there = {"friction": 0.8, "patches": [[0, 0, 5.0, 0.3]]}
     comes = {
         "kind": "friction-patch",
-        "at": 0.0,
+        "start_s": 0.0,
         "x_m": 0.0,
         "y_m": 0.0,
         "radius_m": 5.0,
-        "to": 0.3,
+        "friction": 0.3,
     }
     own = [
         meets(comes, carpet={"friction": 0.8}),
         quiet(carpet=there),
         meets({**comes, "x_m": 9.0, "radius_m": 1.0}, carpet=there),
-        meets({**comes, "for": 10 * FRAME_S}, carpet={"friction": 0.8}),
+        meets({**comes, "duration_s": 10 * FRAME_S}, carpet={"friction": 0.8}),
         quiet(carpet={"friction": 0.8}),
     ]
     plant = plant_of(own)
@@ -179,7 +184,7 @@ def test_a_patch_that_comes_is_one_that_was_there_and_covers_it_until_it_goes() 
 def test_a_hand_puts_a_robot_elsewhere_at_rest(make: Callable[[list[Settings]], Any]) -> None:
     """As far as it says, of whatever heading, in one frame; whoever is told to stand stays there."""
     hand = {"kind": "kidnap", "x_m": 0.7, "y_m": -0.4, "heading_deg": 150.0}
-    plant = make([meets({"kind": "vision-out"}, hand), meets()])
+    plant = make([meets({"kind": "vision-loss"}, hand), meets()])
     drive(plant, ramp([[1.0, 0.5, 0.5]] * 2, 3.0, SETTLE))
     before = plant.pose()
     poses = standing(plant, 1)

@@ -84,8 +84,8 @@ def test_sliding_wheels_pull_by_friction_times_load() -> None:
 
 def test_a_robot_on_a_slope_weighs_on_its_wheels_as_statics_says() -> None:
     """Loads add up to m g cos; their moment is that of g sin at the height of the centre of mass, downhill."""
-    faults = [{"kind": "motor-blocked", "at": 0.0, "wheel": wheel} for wheel in (1, 2, 3, 4)]
-    tilt = {"kind": "tilt", "at": 0.0, "angle_deg": 5.0, "direction_deg": 30.0}
+    faults = [{"kind": "motor-blocked", "start_s": 0.0, "wheel": wheel} for wheel in (1, 2, 3, 4)]
+    tilt = {"kind": "tilt", "start_s": 0.0, "angle_deg": 5.0, "direction_deg": 30.0}
     plant = planar([quiet(fault=[tilt, *faults])])
     drive(plant, constant([0, 0, 0], 60, 1))
     (still,) = wheel_loads(plant)
@@ -134,8 +134,8 @@ def test_a_turning_robot_rolls_on_as_lagrange_says() -> None:
 
 
 def test_a_robot_that_would_topple_stops_and_leaves_the_others_alone() -> None:
-    push = {"kind": "push", "at": 0.0, "for": 0.2, "force_n": 60.0}
-    load = {"kind": "payload", "at": 0.0, "mass_kg": 2.0, "height_m": 0.3}
+    push = {"kind": "push", "start_s": 0.0, "duration_s": 0.2, "force_n": 60.0}
+    load = {"kind": "payload", "start_s": 0.0, "mass_kg": 2.0, "height_m": 0.3}
     plant = planar([quiet(fault=[push, load]), quiet()])
     causes: dict[int, str] = {}
     for _ in range(10):

@@ -55,7 +55,7 @@ def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_
 def test_events_stay_the_same_while_the_log_grows() -> None:
     """No event depends on later frames: after each frame those before are the same, so they are after several."""
     route = {"waypoints": [[0, 0], [0.4, 0], [0.4, 0.2]], "settle_s": 0}
-    out = {"kind": "vision-out", "at": 0.4, "for": 0.3}
+    out = {"kind": "vision-loss", "start_s": 0.4, "duration_s": 0.3}
     chosen = om.load_scenario(
         "rect", plant="planar", reference=route, motor={"limit_c": 25.02}, fault=[out]
     )
@@ -75,8 +75,8 @@ def test_events_stay_the_same_while_the_log_grows() -> None:
 
 
 def test_faults_and_rows_that_were_stopped_are_events_of_every_row() -> None:
-    push = {"kind": "push", "at": 1.0, "for": 0.5, "force_n": 10.0}
-    own = settings().replace(fault=(push, {"kind": "tilt", "at": 3.0, "angle_deg": 2.0}))
+    push = {"kind": "push", "start_s": 1.0, "duration_s": 0.5, "force_n": 10.0}
+    own = settings().replace(fault=(push, {"kind": "tilt", "start_s": 3.0, "angle_deg": 2.0}))
     log = filled(rows(("a", "b"), settings=own), 200, [200, 85], winding=25.0, battery=22.0)
     found = [
         (e.frame, e.controller, e.text.split(":")[0]) for e in events.find(log, [failure(log, 1)])

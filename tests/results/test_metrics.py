@@ -26,11 +26,11 @@ T = 1 / 60
 RECT = om.load_scenario("rect").settings
 PUSH = {
     "kind": "push",
-    "at": 1.0,
-    "for": 0.5,
+    "start_s": 1.0,
+    "duration_s": 0.5,
     "force_n": 10.0,
 }  # frames 60 to 89, looked at until 209
-TILT = {"kind": "tilt", "at": 3.0, "angle_deg": 2.0}  # from frame 180 on
+TILT = {"kind": "tilt", "start_s": 3.0, "angle_deg": 2.0}  # from frame 180 on
 
 
 def of(frames: int, lengths: Any = None, **channels: Any) -> dict[str, NDArray]:
@@ -234,7 +234,10 @@ def test_recovery_is_known_of_rows_that_meet_a_fault() -> None:
 def test_a_run_tells_how_its_controllers_recover() -> None:
     """What the table says is what the summary holds, which is what the rows have; nothing where no fault is."""
     route = {"waypoints": [[0, 0], [0.5, 0]]}
-    happens = [{"kind": "vision-out", "at": 0.5, "for": 0.5}, {"kind": "alpha", "at": 2, "to": 0.8}]
+    happens = [
+        {"kind": "vision-loss", "start_s": 0.5, "duration_s": 0.5},
+        {"kind": "alpha", "start_s": 2, "alpha": 0.8},
+    ]
     scenario = om.load_scenario("rect", plant="kinematic", reference=route, fault=happens)
     result = om.run(scenario, ["flc", "comp-flc"], seeds=[0, 1, 2])
     found = result.summary()["scenarios"]["rect"]["results"]

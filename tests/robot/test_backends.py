@@ -24,9 +24,9 @@ COMMON: dict[str, Any] = {
     "disturbance": {"force_n": 5.0},
     "firmware": {"ki": 0.5, "derate": True, "timeout_s": 0.1},
     "fault": [
-        {"kind": "payload", "at": 0.1, "mass_kg": 0.5}, {"kind": "tilt", "at": 0.2, "angle_deg": 3.0},
-        {"kind": "reboot", "at": 0.2, "for": 0.1}, {"kind": "encoder-scale", "at": 0.1, "wheel": 1, "to": 0.9},
-        {"kind": "gyro-scale", "at": 0.1, "to": 0.5}, {"kind": "wheel-roller", "at": 0.1, "wheel": 2, "rollers": 3},
+        {"kind": "payload", "start_s": 0.1, "mass_kg": 0.5}, {"kind": "tilt", "start_s": 0.2, "angle_deg": 3.0},
+        {"kind": "reboot", "start_s": 0.2, "duration_s": 0.1}, {"kind": "encoder-scale", "start_s": 0.1, "wheel": 1, "factor": 0.9},
+        {"kind": "gyro-scale", "start_s": 0.1, "factor": 0.5}, {"kind": "wheel-missing-rollers", "start_s": 0.1, "wheel": 2, "rollers": 3},
     ],
 }  # fmt: skip
 

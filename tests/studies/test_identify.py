@@ -15,7 +15,7 @@ OTHER: dict[str, Any] = {
     "radio": {"delay_frames": 5},
     "drive": {"creep_stiffness": 3.0, "roller_friction": 0.05},
     "carpet": {"pile": 0.03},
-    "fault": [{"kind": "tilt", "at": 0.0, "angle_deg": 1.8, "direction_deg": 20.0}],
+    "fault": [{"kind": "tilt", "start_s": 0.0, "angle_deg": 1.8, "direction_deg": 20.0}],
 }
 
 

@@ -16,7 +16,7 @@ Fault = dict[str, Any]
 
 def fault(kind: str, start: int = 0, lasts: int = 0, **values: Any) -> Fault:
     """Return a fault that begins in a frame and lasts for some frames; 0: until the end."""
-    return {"kind": kind, "at": start * FRAME_S, "for": lasts * FRAME_S, **values}
+    return {"kind": kind, "start_s": start * FRAME_S, "duration_s": lasts * FRAME_S, **values}
 
 
 def watch(

@@ -117,7 +117,7 @@ FAST: dict[str, Any] = {"wheels": {"model": "two-rollers"}}
 
 def meets(*faults: dict[str, Any], **sections: Any) -> Settings:
     """A robot to which these happen, from the frame `SETTLE` on if nothing else is said."""
-    return quiet(**sections, fault=[{"at": SETTLE * FRAME_S, **each} for each in faults])
+    return quiet(**sections, fault=[{"start_s": SETTLE * FRAME_S, **each} for each in faults])
 
 
 def standing(plant: Plant, frames: int = SETTLE) -> NDArray:
