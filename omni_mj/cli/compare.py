@@ -61,8 +61,7 @@ def command(
     from omni_control.controllers import list_available_controllers
     from omni_mj.files import write
     from omni_mj.studies import compare
-    from omni_mj.studies.compare import compare_table
-    from omni_mj.viz import figures
+    from omni_mj.studies.compare import compare_figure, compare_table
 
     plant = choice.plant or "mujoco"
     choice = replace(
@@ -97,7 +96,7 @@ def command(
     with console.writing(folder):
         save(result)
         summary = result.summary()
-        figures.save_comparison(summary, folder / "compare")
+        compare_figure.save_comparison_figure(summary, folder / "compare")
     if not quiet:
         compare_table.print_comparison(summary)
         print(f"{console.results(folder, (*OUTPUTS, *KEPT))} after {result.wall_s:.0f} s")

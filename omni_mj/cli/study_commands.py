@@ -101,13 +101,13 @@ def identify(
 def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> None:
     """Find out what is possible: without noise, by learning the way; with noise, by feedback along it."""
     from omni_mj.studies import limit as study
-    from omni_mj.viz import figures
+    from omni_mj.studies.compare.compare_figure import save_comparison_figure
 
     chosen = choice.load(name)
     study.check_limit(chosen, iterations)
 
     def draw(result: study.LimitResult, stem: Path) -> None:
-        figures.save_comparison(result.summary(), stem)
+        save_comparison_figure(result.summary(), stem)
 
     _run(
         "limit",

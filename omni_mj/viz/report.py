@@ -85,13 +85,13 @@ def _page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> str:
         if (file := folders[0] / "scenario.toml").is_file():
             page["scenario"] = file.read_text(encoding="utf-8", errors="replace")
     else:
-        from omni_mj.viz import figures
+        from omni_mj.studies.compare.compare_figure import save_comparison_figure
 
         page["title"] = (
             f"Comparison of {len(entries)} {'scenarios' if len(summaries) == 1 else 'runs'}"
         )
         with TemporaryDirectory() as folder:
-            figures.save_comparison(whole, Path(folder) / "compare")
+            save_comparison_figure(whole, Path(folder) / "compare")
             page["figures"] = _images(Path(folder))
     page |= {"statistics": STATISTICS, "causes": saturation.NAMES, "peaks": PEAKS}
     return ENVIRONMENT.get_template("report.html.j2").render(page)

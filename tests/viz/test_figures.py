@@ -125,12 +125,19 @@ def test_controllers_are_told_apart_without_colour_and_keep_their_look(
     )
 
 
-def test_a_comparison_has_a_dot_at_each_mean_of_all_seeds() -> None:
-    """In cm; without a dot where a seed has no value."""
+def test_a_heat_map_holds_the_maximum_error_of_all_seeds() -> None:
+    """In cm; "failed" where a seed has no value, and no line for a scenario without results."""
     run = outcome(ends={5: 100}).entry
-    figure = compared({"s1": outcome().entry, "s2": run, "s3": run | {"results": {}}}, ["c1"])
+    entries = {"s1": outcome().entry, "s2": run, "s3": run | {"results": {}}}
+    figure = compared({name: e for name, e in entries.items() if e["results"]}, ["c1"])
     axes = figure.axes[0]
-    dots = {bar.get_label(): bar.lines[0].get_xdata() for bar in axes.containers}
-    expected = np.sqrt(2) * np.array([[0.1, 0.1], [1.1, np.nan]])
-    np.testing.assert_allclose([dots["c0"], dots["c1 (informed)"]], expected)
+    cells = [text.get_text() for text in axes.texts]
+    assert cells == ["0.14", "1.56", "0.14", "failed"]
     assert [label.get_text() for label in axes.get_yticklabels()] == ["s1", "s2"]
+
+
+def test_a_figure_over_seeds_has_a_dot_at_each_mean() -> None:
+    """In cm; without a dot where a seed has no value."""
+    figure = drawn(outcome(ends={5: 100}), "seeds")["seeds"]
+    dots = {bar.get_label(): bar.lines[0].get_xdata()[0] for bar in figure.axes[0].containers}
+    np.testing.assert_allclose([dots["c0"], dots["c1"]], [np.sqrt(2) * 0.1, np.nan])

@@ -14,6 +14,7 @@ from omni_mj.config import scenario
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.results import metrics, summary
 from omni_mj.results.result import Outcome
+from omni_mj.studies.compare import compare_figure
 from omni_mj.viz import figures, style
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
@@ -67,10 +68,10 @@ def drawn(result: Outcome, *names: str) -> dict[str, Figure]:
 
 
 def compared(entries: dict[str, Any], informed: Sequence[str] = ()) -> Figure:
-    """Return the figure that compares entries of a summary."""
+    """Return the heat map of entries of a summary."""
     with rc_context(fname=style.STYLE_SHEET):
         figure = Figure()
-        figures.draw_comparison(entries, informed, figure)
+        compare_figure.draw_heat_map(entries, list(informed), figure)
         figure.draw_without_rendering()
     return figure
 

@@ -1,0 +1,118 @@
+"""Figure of a comparison: a heat map of scenarios and controllers, or bars for a single scenario."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from omni_control.kinematics import Array
+from omni_mj.results.result_tables import DASH, where
+from omni_mj.results.statistics import plane_error
+from omni_mj.viz.figures import plotting
+from omni_mj.viz.figures.seed_figure import draw_seed_statistics
+
+Summary = dict[str, Any]
+BASELINES = ("comp-flc", "flc")  # whose error is 1 in the color scale, if it was compared
+MAX_RATIO = 10.0  # of errors, at the ends of the color scale
+TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10)  # of the color scale
+DARK_RATIO = 4.0  # beyond, cells are so dark that their text is white
+CELL_IN = (1.1, 0.24)  # width and height of a cell
+
+
+def save_comparison_figure(summary: Summary, stem: Path) -> None:
+    """Draw a comparison into `stem`.png and `stem`.svg, if any of its scenarios has results."""
+    entries = {name: entry for name, entry in summary["scenarios"].items() if entry["results"]}
+    if not entries:
+        return
+    with plotting.figure_file(stem, svg=True) as figure:
+        if len(entries) == 1:
+            ((name, entry),) = entries.items()
+            draw_seed_statistics(name, entry, summary["informed"], figure)
+        else:
+            draw_heat_map(entries, summary["informed"], figure)
+
+
+def draw_heat_map(entries: dict[str, Summary], informed: list[str], figure: Figure) -> None:
+    """Draw the maximum position error of each controller in each scenario.
+
+    The number in a cell is the error in cm, mean over the seeds. The color is its ratio to the
+    error of a baseline controller in the same scenario. The least error of a scenario, informed
+    controllers aside, is bold.
+
+    Args:
+        entries: Entries of a summary, all with results, by scenario.
+        informed: Controllers that know the true state.
+        figure: Empty figure.
+    """
+    controllers = list(dict.fromkeys(name for e in entries.values() for name in e["results"]))
+    baseline = next((name for name in BASELINES if name in controllers), controllers[0])
+    errors = _maximum_errors(entries, controllers)
+    with np.errstate(invalid="ignore"):  # infinite over infinite, where both failed
+        ratios = errors / errors[:, [controllers.index(baseline)]]
+    width, height = CELL_IN
+    figure.set_size_inches(3.2 + width * len(controllers), 1.7 + height * len(entries))
+    axes = figure.subplots()
+    image = axes.imshow(
+        np.where(np.isfinite(ratios), ratios, np.nan),
+        cmap="RdBu_r",
+        norm=LogNorm(1 / MAX_RATIO, MAX_RATIO),
+        aspect="auto",
+    )
+    is_informed = np.array([name in informed for name in controllers])
+    _write_errors(axes, errors, ratios, is_informed)
+    labels = [name + "\n(informed)" * (name in informed) for name in controllers]
+    axes.set_xticks(range(len(labels)), labels)
+    axes.set_yticks(range(len(entries)), list(entries))
+    axes.tick_params(length=0, labeltop=True, labelbottom=False)
+    axes.grid(visible=False)
+    axes.spines[:].set_visible(False)
+    color_bar = figure.colorbar(image, ax=axes, label=f"error / error of {baseline}")
+    color_bar.set_ticks(TICKS, labels=[f"{tick:g}" for tick in TICKS], minor=False)
+    color_bar.minorticks_off()
+    figure.suptitle(_title(entries))
+
+
+def _maximum_errors(entries: dict[str, Summary], controllers: list[str]) -> Array:
+    """Return maximum position errors, (scenarios, controllers) m.
+
+    An error is infinite if a seed failed, and NaN if the controller was not run.
+    """
+    errors = np.full((len(entries), len(controllers)), np.nan)
+    for i, entry in enumerate(entries.values()):
+        for name, result in entry["results"].items():
+            errors[i, controllers.index(name)] = plane_error(result, "max")
+    return errors
+
+
+def _write_errors(axes: Axes, errors: Array, ratios: Array, is_informed: np.ndarray) -> None:
+    """Write each error in cm into its cell, the least of a scenario in bold."""
+    least = np.where(is_informed | np.isnan(errors), np.inf, errors).min(axis=1)
+    for (i, j), error in np.ndenumerate(errors):
+        if np.isfinite(error):
+            label = f"{100 * error:.2f}" if error < 0.1 else f"{100 * error:.1f}"
+        else:
+            label = DASH if np.isnan(error) else "failed"
+        is_dark = abs(np.log(ratios[i, j])) > np.log(DARK_RATIO)
+        is_best = error == least[i] < np.inf and not is_informed[j]
+        axes.text(
+            j,
+            i,
+            label,
+            ha="center",
+            va="center",
+            color="white" if is_dark else "black",
+            weight="bold" if is_best else "normal",
+        )
+
+
+def _title(entries: dict[str, Summary]) -> str:
+    """Return the title: what the numbers are, where, and over how many seeds."""
+    places = {where(entry) for entry in entries.values()}
+    place = f", {places.pop()}" if len(places) == 1 else ""
+    counts = sorted({len(entry["seeds"]) for entry in entries.values()})
+    seeds = " to ".join(map(str, counts))
+    over = "one seed" if seeds == "1" else f"mean of {seeds} seeds"
+    return f"Maximum position error in cm{place}, {over}. Bold: least error of the scenario"

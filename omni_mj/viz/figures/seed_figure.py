@@ -1,0 +1,88 @@
+"""Figure of one scenario over all seeds: errors, effort and settling time of each controller."""
+
+from collections.abc import Callable, Collection
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from omni_control.kinematics import Array
+from omni_mj.results.result_tables import where
+from omni_mj.viz import style
+from omni_mj.viz.figures import plotting
+
+Summary = dict[str, Any]
+LINE_IN = 0.3  # height of a controller's line
+# Ratio of the limits of an axis; smaller errors, such as those of rounding, are left of it
+WIDEST = 1e4
+SETTLING_TIME = "settling time\nin s"
+# Label of a panel -> factor from SI units to the label's, and statistics of a controller's result
+PANELS: dict[str, tuple[float, Callable[[Summary], Summary]]] = {
+    "maximum position\nerror in cm": (100, lambda result: result["error_m"]["distance"]["max"]),
+    "mean position\nerror in cm": (100, lambda result: result["error_m"]["distance"]["mean"]),
+    "maximum heading\nerror in degrees": (
+        180 / np.pi,
+        lambda result: result["error_rad"]["heading"]["max"],
+    ),
+    "excess effort\nin m/s²": (1, lambda result: result["excess_effort_m_s2"]),
+    SETTLING_TIME: (1, lambda result: result["settle_s"]),
+}
+
+
+def draw_seed_statistics(
+    scenario: str, entry: Summary, informed: Collection[str], figure: Figure
+) -> None:
+    """Draw each controller's means over the seeds with their intervals, a panel per statistic.
+
+    Args:
+        scenario: Name of the scenario.
+        entry: Entry of the scenario in a summary.
+        informed: Controllers that know the true state.
+        figure: Empty figure.
+    """
+    results = entry["results"]
+    figure.set_size_inches(11, 1.4 + LINE_IN * len(results))
+    grid = figure.subplots(1, len(PANELS), sharey=True)
+    for axes, (label, (scale, select_spread)) in zip(grid, PANELS.items(), strict=True):
+        spreads = {name: select_spread(result) for name, result in results.items()}
+        means = _draw_means(axes, spreads, scale)
+        axes.margins(x=0.08)
+        if label != SETTLING_TIME and np.nanmin(means, initial=np.inf) > 0:
+            _use_log_scale(axes, means)
+        axes.set_xlabel(label)
+        axes.grid(axis="y", visible=False)
+        axes.tick_params(axis="y", length=0)
+    labels = [name + " (informed)" * (name in informed) for name in results]
+    grid[0].set_yticks(range(len(labels)), labels)
+    grid[0].set_ylim(len(labels) - 0.5, -0.5)
+    n_seeds = len(entry["seeds"])
+    seeds = "one seed" if n_seeds == 1 else f"mean of {n_seeds} seeds ± 95 % interval"
+    figure.suptitle(f"Controllers compared: {scenario}, {where(entry)}, {seeds}")
+
+
+def _draw_means(axes: Axes, spreads: dict[str, Summary], scale: float) -> Array:
+    """Draw a controller's mean and half interval on each line; return the means, scaled.
+
+    The mean is NaN, and is not drawn, if a seed failed or never settled.
+    """
+    indices, means = style.style_indices(spreads), np.full(len(spreads), np.nan)
+    for line, (name, spread) in enumerate(spreads.items()):
+        if spread["mean"] is not None and None not in spread["seeds"]:
+            means[line] = scale * spread["mean"]
+        axes.errorbar(
+            means[line],
+            line,
+            xerr=scale * (spread["plus_minus"] or 0.0),
+            elinewidth=1.2,
+            **style.line_style(indices[name]) | {"linestyle": "none", "label": name},
+        )
+    return means
+
+
+def _use_log_scale(axes: Axes, means: Array) -> None:
+    """Make the axis of positive means logarithmic, with limits at most `WIDEST` apart."""
+    if np.isfinite(means).any():
+        largest = axes.dataLim.x1
+        axes.set_xlim(max(np.nanmin(means) / 2, largest / WIDEST), 1.15 * largest)
+        plotting.use_log_scale(axes.xaxis)
