@@ -4,6 +4,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+LESSONS := dead-time alpha-and-slip identify
 
 # What was tested, each file by its hash, and then this checkout, which has none; nothing else is fetched.
 INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check --no-deps
@@ -37,17 +38,17 @@ bench: $(VENV)/.installed-test
 	$(BIN)/python tests/bench_gym.py
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_serve.py
 
-# Warnings, as of a link that leads nowhere, fail it.
+# Any warning fails it, for example a link without a target.
 docs: $(VENV)/.installed-docs
 	$(BIN)/sphinx-build -q -W --keep-going -b html -c docs . build/site
 	@echo "the site is in build/site/index.html"
 
-# The lessons' programs, which must print what the pages say; `make lessons WRITE=--write` writes it, and the figures. And what
-# the other documents tell to type.
+# Run the programs of the lessons, which must print what the pages show, and the commands of all
+# other pages. `make lessons WRITE=--write` writes the output and the figures of the lessons.
 lessons: $(VENV)/.installed-test
 	rm -rf build/lessons && mkdir -p build/lessons
-	cd build/lessons && ../../$(BIN)/python ../../docs/lessons/run.py $(WRITE) ../../docs/lessons/*.md
-	$(if $(WRITE),cp build/lessons/*.png docs/lessons/)
+	cd build/lessons && ../../$(BIN)/python ../../docs/tutorials/run.py $(WRITE) $(LESSONS:%=../../docs/tutorials/%.md)
+	$(if $(WRITE),cp build/lessons/*.png docs/tutorials/)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m pages -n auto
 
 # The source and the wheel made of it, installed somewhere else and run there: the model and the scenarios must travel along.

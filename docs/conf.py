@@ -1,14 +1,28 @@
-"""The documentation site: the pages of the repository as they stand, and references made from the code.
+"""Build the documentation site: the pages of the repository and references made from the code.
 
-Built by `make docs`, which any warning fails, such as one of a link that leads nowhere.
+`make docs` runs it. Every warning is an error, for example a link without a target.
+
+Pages are plain Markdown and can be read on a forge. For the site this file adds three things:
+
+- tables of settings, faults, scenarios, robots and columns, read from the package;
+- a table in place of each paragraph that is only a link to a CSV file in `docs/data`;
+- the navigation in the side bar.
 """
 
-from collections.abc import Iterable
+import csv
+import re
+import tomllib
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version as installed
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
+from omni_mj.simulation.log import channels
+from omni_mj.studies.robot_facts import load_robot
 from omni_mj.viz import catalog
+
+HERE = Path(__file__).parent
 
 project = "omni-mj"
 author = copyright = "the omni-mj authors"
@@ -25,39 +39,6 @@ include_patterns = [
     "models/README.md",
 ]
 exclude_patterns = [".*", "build", "dist", "runs", "tests", "omni_mj", "examples"]
-
-# The pages below their headings, in the side bar; pages know nothing of the site, since they are
-# read on forges too.
-NAVIGATION = {
-    "Begin": ["docs/install", "docs/tour", "docs/commands", "docs/python"],
-    "Lessons": ["docs/lessons/dead-time", "docs/lessons/alpha-and-slip", "docs/lessons/identify"],
-    "How to": [
-        "docs/scenarios",
-        "docs/reference",
-        "docs/faults",
-        "docs/scale",
-        "docs/gym",
-        "docs/robust",
-        "docs/robots",
-        "docs/identify",
-        "docs/live",
-        "docs/outputs",
-        "docs/repeat",
-        "control/README",
-    ],
-    "How it drives": ["docs/results", "docs/controllers", "docs/limit", "docs/loop", "docs/paper"],
-    "How it is made": [
-        "docs/physics",
-        "docs/slip",
-        "docs/planar",
-        "docs/performance",
-        "models/README",
-        "docs/architecture",
-        "CONTRIBUTING",
-    ],
-    "Reference": ["docs/api", "docs/command-line", "docs/settings", "CHANGELOG"],
-}
-
 myst_heading_anchors = 4
 default_role = "code"
 autodoc_member_order = "bysource"
@@ -69,9 +50,109 @@ html_additional_pages = {"index": "to_readme.html"}
 html_show_sourcelink = False
 templates_path = ["site"]
 
+NAVIGATION = {
+    "Tutorials": [
+        "docs/tutorials/tour",
+        "docs/tutorials/dead-time",
+        "docs/tutorials/alpha-and-slip",
+        "docs/tutorials/identify",
+    ],
+    "How to": [
+        "docs/how-to/install",
+        "docs/how-to/write-a-scenario",
+        "docs/how-to/change-the-dead-time",
+        "docs/how-to/add-a-robot",
+        "docs/how-to/write-a-controller",
+        "docs/how-to/use-from-python",
+        "docs/how-to/measure-latency",
+        "docs/how-to/connect-your-software",
+        "docs/how-to/identify-a-robot",
+        "docs/how-to/run-a-sweep",
+        "docs/how-to/train-a-policy",
+        "docs/how-to/verify-a-run",
+        "docs/how-to/make-figures",
+        "control/README",
+    ],
+    "Reference": [
+        "docs/reference/commands",
+        "docs/reference/settings",
+        "docs/reference/faults",
+        "docs/reference/scenarios",
+        "docs/reference/robots",
+        "docs/reference/run-folder",
+        "docs/reference/columns",
+        "docs/reference/python-api",
+        "docs/reference/protocols",
+        "models/README",
+        "docs/glossary",
+    ],
+    "Explanation": [
+        "docs/explanation/architecture",
+        "docs/explanation/physics",
+        "docs/explanation/planar-plant",
+        "docs/explanation/controllers",
+        "docs/explanation/trajectories",
+        "docs/explanation/results",
+        "docs/explanation/stability-margins",
+        "docs/explanation/paper",
+        "docs/explanation/identification",
+        "docs/explanation/performance",
+        "docs/explanation/limits",
+    ],
+    "Project": ["docs/data/README", "CONTRIBUTING", "CHANGELOG"],
+}
+
+# Channel of the log -> what its columns mean. A channel without an entry fails the build.
+CHANNEL_MEANINGS = {
+    "ref": "pose of the reference",
+    "pose": "true pose",
+    "vision": "pose measured by the camera; NaN if `vision_valid` is false",
+    "vision_valid": "whether the camera detected the robot in this frame",
+    "predicted": "pose for which the controller computed its command",
+    "command": "command sent to the radio, after the limits, world frame",
+    "applied": "command that left the radio and acts until the next frame, world frame",
+    "alpha_hat": "alpha estimated by the controller, if it estimates one",
+    "latency_hat": "latency estimated by the controller, if it estimates one",
+    "wheel_angle": "angle of each wheel, behind the gear",
+    "wheel_speed": "speed of each wheel, behind the gear",
+    "voltage": "voltage of each motor",
+    "current": "current of each motor",
+    "voltage_mean": "mean voltage of each motor since the previous frame",
+    "current_mean": "mean current of each motor since the previous frame",
+    "duty_peak": "largest duty cycle of all motors since the previous frame",
+    "voltage_peak": "largest motor voltage since the previous frame",
+    "current_peak": "largest motor current since the previous frame",
+    "current_limited": "fraction of the time since the previous frame at the current limit",
+    "winding": "temperature of each winding",
+    "housing": "temperature of each housing",
+    "battery": "voltage of the battery",
+    "slip": "speed at which the contact point of each wheel slides over the carpet",
+}
+
+# Setting -> heading of the reference of robots.
+ROBOT_COLUMNS = {
+    "body.mass_kg": "mass, kg",
+    "body.yaw_inertia_kg_m2": "yaw inertia, kg m²",
+    "wheels.azimuths_deg": "azimuths, deg",
+    "wheels.arm_m": "arm, m",
+    "wheels.radius_m": "wheel radius, m",
+    "wheels.rollers": "rollers",
+    "motor.gear": "gear",
+    "battery.cells": "cells",
+    "firmware.rate_hz": "loop rate, Hz",
+    "firmware.kp": "kp",
+    "firmware.ki": "ki",
+    "drive.creep_stiffness": "creep stiffness",
+    "carpet.pile": "pile",
+}
+
+DATA_LINK = re.compile(
+    r"^\[[^\]]*\]\(((?:\.\./)*(?:docs/)?data/([a-z0-9-]+)\.csv)\)$", re.MULTILINE
+)
+
 
 def navigation() -> str:
-    """The tables of contents that the side bar shows."""
+    """Return the tables of contents that the side bar shows."""
     return "".join(
         f"\n```{{toctree}}\n:hidden:\n:caption: {heading}\n\n"
         + "\n".join(f"/{page}" for page in pages)
@@ -81,33 +162,121 @@ def navigation() -> str:
 
 
 def settings() -> str:
-    """The lists of settings and faults as tables, the settings by section."""
-    sections = groupby(catalog.rows("settings"), lambda line: line[0].partition(".")[0])
-    tables = [f"\n## [{section}]\n\n" + _table(lines) for section, lines in sections]
-    return "".join(tables) + "\n## Faults: [[fault]]\n\n" + _table(catalog.faults())
+    """Return a table of settings per section."""
+    sections = groupby(catalog.rows("settings"), lambda row: row[0].partition(".")[0])
+    return "".join(f"\n## [{section}]\n\n" + _settings_table(rows) for section, rows in sections)
 
 
-def _table(lines: Iterable[list[str]]) -> str:
-    """Lines of a list as a table; the default and its unit in one column, for want of room."""
-    rows = [
-        [f"`{name.rpartition('.')[2].strip()}`", f"{default} {unit}".strip(), allowed, meaning]
-        for name, default, unit, allowed, meaning in lines
+def faults() -> str:
+    """Return a table of the fields of all faults, then a section per kind of fault."""
+    text, rows = "\n## Fields of every fault\n\n", []
+    for row in catalog.rows("faults"):
+        if row[0].startswith("kind = "):
+            text += (_settings_table(rows) if rows else "") + f"\n### {row[0][7:]}\n\n{row[-1]}\n\n"
+            rows = []
+        else:
+            rows.append(row)
+    return text + (_settings_table(rows) if rows else "")
+
+
+def scenarios() -> str:
+    """Return a table of the scenarios that ship."""
+    return "\n" + _table(["scenario", "description"], _named(catalog.rows("scenarios")))
+
+
+def robots() -> str:
+    """Return a table of the robots that ship and one of their numbers."""
+    rows = catalog.rows("robots")
+    numbers = []
+    for name, _ in rows:
+        robot_settings = load_robot(name).settings.plain()
+        values = [
+            robot_settings[section][field]
+            for section, field in (setting.split(".") for setting in ROBOT_COLUMNS)
+        ]
+        numbers.append([f"`{name}`", *(_short(value) for value in values)])
+    transposed = [list(column) for column in zip(*numbers, strict=True)]
+    head = ["", *transposed[0]]
+    body = [
+        [title, *cells] for title, cells in zip(ROBOT_COLUMNS.values(), transposed[1:], strict=True)
     ]
-    whole = [["", "default", "allowed", "meaning"], ["---"] * 4, *rows]
     return (
-        "\n".join(
-            "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in whole
-        )
-        + "\n"
+        "\n"
+        + _table(["robot", "description"], _named(rows))
+        + "\n## Numbers\n\n"
+        + _table(head, body)
     )
 
 
+def columns() -> str:
+    """Return a table of the columns of trajectory.parquet, for a robot with four wheels."""
+    declared = channels(4)
+    if declared.keys() != CHANNEL_MEANINGS.keys():
+        raise ValueError(
+            f"CHANNEL_MEANINGS and the log differ: {declared.keys() ^ CHANNEL_MEANINGS.keys()}"
+        )
+    rows = [
+        [", ".join(f"`{title}`" for title in titles), CHANNEL_MEANINGS[channel]]
+        for channel, titles in declared.items()
+    ]
+    return "\n" + _table(["columns", "meaning"], rows)
+
+
+def data_table(name: str, path: str) -> str:
+    """Return a CSV file of `docs/data` as a table, with its title and the command that made it."""
+    source = tomllib.loads((HERE / "data" / "sources.toml").read_text("utf-8"))[name]
+    with (HERE / "data" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        head, *rows = csv.reader(file)
+    commands = source["command"].strip().splitlines()
+    return (
+        f"**{source['title']}**\n\n"
+        + _table(head, rows)
+        + f"\nData: [{name}.csv]({path}), made by:\n\n"
+        + "".join(f"    {line}\n" for line in commands)
+    )
+
+
+def _named(rows: Iterable[Sequence[str]]) -> list[list[str]]:
+    return [[f"`{name}`", description] for name, description in rows]
+
+
+def _settings_table(rows: Iterable[Sequence[str]]) -> str:
+    """Return settings as a table with the default and its unit in one column."""
+    cells = [
+        [f"`{name.rpartition('.')[2].strip()}`", f"{default} {unit}".strip(), allowed, meaning]
+        for name, default, unit, allowed, meaning in rows
+    ]
+    return _table(["name", "default", "allowed", "meaning"], cells)
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines
+    )
+
+
+def _short(value: Any) -> str:
+    return ", ".join(map(_short, value)) if isinstance(value, list | tuple) else f"{value:g}"
+
+
+GENERATED = {
+    root_doc: navigation,
+    "docs/reference/settings": settings,
+    "docs/reference/faults": faults,
+    "docs/reference/scenarios": scenarios,
+    "docs/reference/robots": robots,
+    "docs/reference/columns": columns,
+}
+
+
 def setup(app: Any) -> None:
-    """Have pages read with what a forge could not show."""
-    added = {root_doc: navigation, "docs/settings": settings}
+    """Add generated text to pages while Sphinx reads them."""
 
-    def read(app: Any, page: str, source: list[str]) -> None:
-        if page in added:
-            source[0] += added[page]()
+    def extend_page(app: Any, page: str, source: list[str]) -> None:
+        source[0] = DATA_LINK.sub(lambda link: data_table(link[2], link[1]), source[0])
+        if page in GENERATED:
+            source[0] += GENERATED[page]()
 
-    app.connect("source-read", read)
+    app.connect("source-read", extend_page)

@@ -5,7 +5,7 @@
                                  [--seeds 20] [--finer] [--set SECTION.FIELD=VALUE ...] [--out
                                  FILE.jsonl] [--known]
 
-By default all scenarios and robots, which takes an hour with JAX. Prints the table of docs/planar.md. What
+By default all scenarios and robots, which takes an hour with JAX. Prints the table of docs/explanation/planar-plant.md. What
 is compared is the rms of a robot's distance from its reference over a run. Both plants are given the same noise, so
 that a seed's two errors are a pair: a difference is the mean of the logarithms of their ratios, as per cent, with half
 its 95 % interval. Seeds are added five by five until it is known on which side of its bar a difference is, or there are

@@ -39,7 +39,7 @@ SECTIONS = {  # heading -> command -> what it is for, at most what fits a line o
 COMMANDS = {name: what for commands in SECTIONS.values() for name, what in commands.items()}
 EPILOG = """
 \b
-Examples, of which docs/commands.md has more:
+Examples, of which docs/reference/commands.md has more:
 omni-mj run --scenario rect
     the paper's experiment, with figures, report and recording
 omni-mj run --scenario rect --controller comp-flc --controller mpc --view
@@ -55,8 +55,8 @@ omni-mj run --scenario rect --controller comp-flc --controller mine.py:Mine
 omni-mj list settings friction
     what can be set, of which that word says something
 
-omni-mj COMMAND --help tells what a command takes. docs/tour.md is a tour of a quarter of an hour,
-docs/python.md tells how to do all this from Python.
+omni-mj COMMAND --help tells what a command takes. docs/tutorials/tour.md is a tour of a quarter of an hour,
+docs/how-to/use-from-python.md tells how to do all this from Python.
 """
 
 

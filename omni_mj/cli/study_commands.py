@@ -57,7 +57,7 @@ def identify(
     overwrite: bool,
     quiet: bool,
 ) -> None:
-    """Identify a robot from logs: CSV or Parquet with named columns (docs/identify.md).
+    """Identify a robot from logs: CSV or Parquet with named columns (docs/how-to/identify-a-robot.md).
 
     --robot is that from which it starts. The scenario identify has moves to drive for logs.
     """

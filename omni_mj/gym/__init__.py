@@ -1,4 +1,4 @@
-"""The testbed as environments of Gymnasium: `omni_mj/Track-v0`, one robot or many; see docs/gym.md.
+"""The testbed as environments of Gymnasium: `omni_mj/Track-v0`, one robot or many; see docs/how-to/train-a-policy.md.
 
     import gymnasium
     import omni_mj.gym

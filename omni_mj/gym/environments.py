@@ -212,7 +212,7 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
 
 
 class Track(gymnasium.Env[Numbers, Numbers]):
-    """A robot that is to follow the reference of a scenario: `Tracks` of one; see docs/gym.md.
+    """A robot that is to follow the reference of a scenario: `Tracks` of one; see docs/how-to/train-a-policy.md.
 
     Args:
         scenario, given: As of `Tracks`.

@@ -1,4 +1,4 @@
-"""The planar plant: robots in the plane, on wheels that creep and slide, driven by their firmware (docs/planar.md)."""
+"""The planar plant: robots in the plane, on wheels that creep and slide, driven by their firmware (docs/explanation/planar-plant.md)."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""A robot in the plane on wheels that creep and slide (docs/planar.md).
+"""A robot in the plane on wheels that creep and slide (docs/explanation/planar-plant.md).
 
 **A wheel.** The hub turns at w with its motor, whose inertia over a step h is 1 / G. The rim turns at J v with the
 body's twist v, because contacts do not slide. Rubber lets hub and rim differ by S times the torque t between them. In a

@@ -1,40 +1,66 @@
-"""The documents as a newcomer takes them: all their commands and code, in order, each document in an empty folder."""
+"""The pages of the documentation: their commands, programs, links and names.
+
+A block of `sh`, `python`, `toml` or `xml` runs here. The lessons run by `docs/tutorials/run.py`.
+An indented block or a block of `text` holds commands that need a network, hardware or minutes;
+their options and settings are checked against the code.
+"""
 
 import os
 import re
+import shlex
 import subprocess
 import sys
+import tomllib
+from itertools import pairwise
 from pathlib import Path
 
+import click
 import pytest
 
+from omni_mj.cli.main import cli
+from omni_mj.config.settings import every_setting
+
 ROOT = Path(__file__).parents[2]
+DATA = ROOT / "docs" / "data"
 BLOCK = re.compile(r"^```(sh|toml|python|xml) ?(\S*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-# Document -> files that its commands must leave, with something that they must hold.
-DOCUMENTS = {
-    "docs/tour.md": {"runs.html": "late", "compared/compare.md": "Gentle"},
-    "docs/python.md": {"runs/mine/summary.json": "comp-flc"},
-    "docs/commands.md": {"late/scenario.toml": "delay_frames = 9", "own/summary.json": "Steady"},
-    "docs/robots.md": {"robot.schema.json": "azimuths_deg", "three/provenance.json": "three.xml"},
-    "CONTRIBUTING.md": {
-        "mine/summary.json": "Mine",
-        "toy/summary.json": "toy.py:Toy",
-        "three/summary.json": "three.toml",
-    },
+LESSONS = {"dead-time", "alpha-and-slip", "identify"}
+PAGES = sorted(
+    str(path.relative_to(ROOT))
+    for path in [
+        ROOT / "CONTRIBUTING.md",
+        *ROOT.glob("docs/how-to/*.md"),
+        *ROOT.glob("docs/tutorials/*.md"),
+        *ROOT.glob("docs/reference/*.md"),
+        *ROOT.glob("docs/explanation/*.md"),
+    ]
+    if path.stem not in LESSONS and BLOCK.search(path.read_text(encoding="utf-8"))
+)
+# Page -> files that its commands must leave, with a text that they must contain.
+EXPECTED = {
+    "docs/tutorials/tour.md": {"runs.html": "late", "compared/compare.md": "Gentle"},
+    "docs/how-to/use-from-python.md": {"runs/mine/summary.json": "comp-flc"},
+    "docs/how-to/add-a-robot.md": {"three/provenance.json": "three.xml"},
+    "CONTRIBUTING.md": {"mine/summary.json": "Mine", "toy/summary.json": "toy.py:Toy"},
 }
+TEXTS = [
+    *(path for path in ROOT.glob("*.md") if path.name != "CHANGELOG.md"),
+    *ROOT.glob("docs/**/*.md"),
+    *(ROOT / name / "README.md" for name in ("control", "models")),
+]
 
 
 @pytest.mark.pages
-@pytest.mark.parametrize("document", DOCUMENTS)
-def test_every_block_of_a_document_works(document: str, tmp_path: Path) -> None:
-    """Blocks with a file's name are written to it, the others run; each must succeed."""
+@pytest.mark.parametrize("page", PAGES)
+def test_blocks_of_a_page_run_in_order(page: str, tmp_path: Path) -> None:
+    """Blocks with a file name are written to that file, the others run; each must succeed."""
     environment = os.environ | {
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     }
-    blocks = BLOCK.findall((ROOT / document).read_text(encoding="utf-8"))
-    for language, name, text in blocks:
+    for language, name, text in BLOCK.findall((ROOT / page).read_text(encoding="utf-8")):
         if name:
             (tmp_path / name).write_text(text, encoding="utf-8")
+            continue
+        if language in ("toml", "xml"):
             continue
         program = ["bash", "-e", "-c"] if language == "sh" else [sys.executable, "-c"]
         done = subprocess.run(
@@ -47,30 +73,75 @@ def test_every_block_of_a_document_works(document: str, tmp_path: Path) -> None:
             check=False,
         )
         assert done.returncode == 0, f"{text}\n{done.stderr}"
-    for file, holds in DOCUMENTS[document].items():
-        assert holds in (tmp_path / file).read_text(encoding="utf-8"), file
+    for file, content in EXPECTED.get(page, {}).items():
+        assert content in (tmp_path / file).read_text(encoding="utf-8"), file
 
 
-def test_files_that_the_documents_name_exist() -> None:
-    """Files of the repository that the texts link or name are there; the change log names those of its time."""
-    for path in (
-        *(path for path in ROOT.glob("*.md") if path.name != "CHANGELOG.md"),
-        *ROOT.glob("docs/*.md"),
-        *(ROOT / name / "README.md" for name in ("control", "models")),
-    ):
-        document = path.relative_to(ROOT)
-        text = (ROOT / document).read_text(encoding="utf-8")
+def commands_of(text: str) -> list[list[str]]:
+    """Return the words of each `omni-mj` command in a text, in blocks and in inline code."""
+    joined = text.replace("\\\n", " ")
+    blocks = re.findall(r"^(?: {4})?(omni-mj .*)$", joined, re.MULTILINE)
+    inline = re.findall(r"`(omni-mj [^`]*)`", joined.replace("\n", " "))
+    words = [shlex.split(command, comments=True) for command in [*blocks, *inline]]
+    return [command[1:] for command in words if "COMMAND" not in command]
+
+
+def options_of(command: click.Command) -> dict[str, bool]:
+    """Return each option of a command, and whether it is a flag."""
+    return {
+        name: parameter.is_flag
+        for parameter in command.params
+        if isinstance(parameter, click.Option)
+        for name in (*parameter.opts, *parameter.secondary_opts)
+    }
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_options_and_settings_of_commands_exist(path: Path) -> None:
+    """Every option of every command on a page exists, and so does every setting of `--set`."""
+    assert isinstance(cli, click.Group)
+    names = {setting.full for setting in every_setting()}
+    sources = tomllib.loads((DATA / "sources.toml").read_text(encoding="utf-8"))
+    text = path.read_text(encoding="utf-8")
+    if path.name == "README.md" and path.parent == DATA:
+        text += "\n".join(source["command"] for source in sources.values())
+    for words in commands_of(text):
+        if not words or words[0].startswith("--"):
+            words = ["run", *words]
+        assert words[0] in cli.commands, words
+        known = options_of(cli.commands[words[0]]) | {"--help": True}
+        used = [word.partition("=")[0] for word in words if word.startswith("--")]
+        assert set(used) <= known.keys(), (words, set(used) - known.keys())
+        for option, value in pairwise(words):
+            setting = value.partition("=")[0]
+            if option in ("--set", "--vary") and not setting.startswith("controller."):
+                assert setting in names, (words, setting)
+
+
+def test_links_and_files_of_the_pages_exist() -> None:
+    """Files of the repository that a page links or names exist."""
+    for path in TEXTS:
+        text = path.read_text(encoding="utf-8")
         linked = [
             target
             for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
             if "://" not in target
         ]
-        assert all(((ROOT / document).parent / target).exists() for target in linked), (
-            document,
-            linked,
-        )
+        missing = [target for target in linked if not (path.parent / target).exists()]
+        assert not missing, (path, missing)
         named = re.findall(r"`((?:omni_mj|control|tests|models|docs|examples)/[^`\s]*\.\w+)`", text)
-        assert all((ROOT / target).exists() for target in named), (document, named)
+        missing = [target for target in named if not (ROOT / target).exists()]
+        assert not missing, (path, missing)
+
+
+def test_data_has_a_source_and_a_page() -> None:
+    """Every CSV file in docs/data has a title and a command, and a page shows it."""
+    sources = tomllib.loads((DATA / "sources.toml").read_text(encoding="utf-8"))
+    assert sources.keys() == {path.stem for path in DATA.glob("*.csv")}
+    assert all(source["title"] and source["command"] for source in sources.values())
+    pages = "".join(path.read_text(encoding="utf-8") for path in TEXTS)
+    for name in sources:
+        assert re.search(rf"^\[[^\]]*\]\([^)]*data/{name}\.csv\)$", pages, re.MULTILINE), name
 
 
 @pytest.mark.pages

@@ -1,12 +1,12 @@
 """Faults as settings: what is read, written and refused, and which plants know which."""
 
-import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import omni_mj as om
+from omni_mj.config.faults import KINDS
 
 PUSH: dict[str, Any] = {
     "kind": "push",
@@ -15,7 +15,6 @@ PUSH: dict[str, Any] = {
     "force_n": 20.0,
     "direction_deg": 90.0,
 }
-DOCUMENT = Path(__file__).parents[2] / "docs" / "faults.md"
 
 
 def lines(faults: Any, **more: Any) -> list[str]:
@@ -38,28 +37,9 @@ def test_faults_are_tables_in_files_and_dictionaries_in_python(tmp_path: Path) -
     assert made.settings.replace(fault=[]).fault == ()
 
 
-def test_fault_all_has_every_kind_of_plants_on_wheels_and_the_page_documents_all() -> None:
-    """Each with its settings."""
-    kinds = re.findall(r"^\| `([a-z-]+)` \|(.*?)\|", DOCUMENT.read_text(), re.MULTILINE)
-    documented = {
-        kind: set(re.findall(r"`([a-z_]+)`", cells))
-        for kind, cells in kinds
-        if not kind.startswith("fault-")
-    }
-    described = {fault.kind: fault for fault in om.load_scenario("fault-all").settings.fault}
-    assert described.keys() == documented.keys() - {"alpha"}
-    for kind, fault in described.items():
-        assert fault.values().keys() - {
-            "kind",
-            "start_s",
-            "duration_s",
-            "robots",
-            "wheel",
-        } == documented[kind] - {
-            "coast",
-            "brake",
-            "wheel",
-        }
+def test_fault_all_has_every_kind_of_plants_on_wheels() -> None:
+    present = {fault.kind for fault in om.load_scenario("fault-all").settings.fault}
+    assert present == KINDS.keys() - {"alpha"}
 
 
 def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:

@@ -29,6 +29,8 @@ def test_the_example_learns_and_drives(
 
 def test_the_lines_of_the_document_run() -> None:
     for text in re.findall(
-        r"^```python\n(.*?)^```", (ROOT / "docs" / "gym.md").read_text(), re.MULTILINE | re.DOTALL
+        r"^```python\n(.*?)^```",
+        (ROOT / "docs" / "how-to" / "train-a-policy.md").read_text(),
+        re.MULTILINE | re.DOTALL,
     ):
         exec(text, {"__name__": "printed"})

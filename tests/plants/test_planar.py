@@ -161,7 +161,7 @@ def test_robots_that_could_meet_are_refused() -> None:
 
 @pytest.mark.parametrize("azimuths", [[60, 180, 300], [60, 135, 225, 300]])
 def test_errors_are_those_of_the_full_plant(azimuths: list[float]) -> None:
-    """On a short way: within 2 %, which is more than what docs/planar.md has of whole scenarios."""
+    """On a short way: within 2 %, which is more than what docs/explanation/planar-plant.md has of whole scenarios."""
     found = []
     for plant in ("mujoco", "planar"):
         chosen = om.load_scenario(

@@ -1,4 +1,4 @@
-"""Read logs of robots: CSV and Parquet; docs/identify.md names the columns.
+"""Read logs of robots: CSV and Parquet; docs/how-to/identify-a-robot.md names the columns.
 
 From trajectory.parquet of omni-mj, `vision_*` where valid, `command_*` and `wheel_angle_*` are
 taken. Each controller, seed and place is a log of its own.

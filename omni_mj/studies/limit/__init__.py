@@ -2,7 +2,7 @@
 
 Without noise, iterative learning finds the limit of actuators and traction (`iterative_learning`).
 With noise, LQR tracking of the learned run finds the limit of information (`lqr_tracking`).
-docs/limit.md discusses both.
+docs/explanation/results.md discusses both.
 """
 
 from omni_mj.studies.limit.limit_study import (
