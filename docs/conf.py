@@ -39,6 +39,7 @@ include_patterns = [
     "models/README.md",
 ]
 exclude_patterns = [".*", "build", "dist", "runs", "tests", "omni_mj", "examples"]
+
 myst_heading_anchors = 4
 default_role = "code"
 autodoc_member_order = "bysource"

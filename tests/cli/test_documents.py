@@ -80,7 +80,9 @@ def test_blocks_of_a_page_run_in_order(page: str, tmp_path: Path) -> None:
 def commands_of(text: str) -> list[list[str]]:
     """Return the words of each `omni-mj` command in a text, in blocks and in inline code."""
     joined = text.replace("\\\n", " ")
-    blocks = re.findall(r"^(?: {4})?(omni-mj .*)$", joined, re.MULTILINE)
+    blocks = re.findall(r"^ {4}(omni-mj .*)$", joined, re.MULTILINE)
+    for _, _, block in BLOCK.findall(joined):
+        blocks += re.findall(r"^(omni-mj .*)$", block, re.MULTILINE)
     inline = re.findall(r"`(omni-mj [^`]*)`", joined.replace("\n", " "))
     words = [shlex.split(command, comments=True) for command in [*blocks, *inline]]
     return [command[1:] for command in words if "COMMAND" not in command]
@@ -104,7 +106,7 @@ def test_options_and_settings_of_commands_exist(path: Path) -> None:
     sources = tomllib.loads((DATA / "sources.toml").read_text(encoding="utf-8"))
     text = path.read_text(encoding="utf-8")
     if path.name == "README.md" and path.parent == DATA:
-        text += "\n".join(source["command"] for source in sources.values())
+        text += "".join(f"```sh\n{source['command']}\n```\n" for source in sources.values())
     for words in commands_of(text):
         if not words or words[0].startswith("--"):
             words = ["run", *words]
