@@ -22,8 +22,9 @@ from omni_control.controllers.base import (
 )
 from omni_control.delay_compensation import CommandHistory, Rows
 from omni_control.errors import ControllerError, OmniError
+from omni_control.estimation.delayed_measurements import MAX_FRAMES_BEHIND
 from omni_control.estimation.outlier_gate import OutlierGate
-from omni_control.estimation.vision_tracker import MAX_FRAMES_BEHIND, VisionTracker
+from omni_control.estimation.vision_tracker import VisionTracker
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
 

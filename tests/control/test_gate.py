@@ -39,9 +39,9 @@ def driven(rng: np.random.Generator, frames: int, n: int, missed: float) -> tupl
 def test_all_that_a_robot_can_do_is_believed_to_the_bit(seed: int, missed: float) -> None:
     """Whatever blows it gets, however images are late or missed: the gate changes nothing."""
     images, ages = driven(np.random.default_rng(seed), 60, 5, missed)
-    believes = gate_of(5)
+    gate = gate_of(5)
     for image, age in zip(images, ages, strict=True):
-        np.testing.assert_array_equal(believes(image, age), image)
+        np.testing.assert_array_equal(gate.reject_outliers(image, age), image)
 
 
 @given(seeds, st.floats(0.18, 10.0), st.floats(-np.pi, np.pi))
@@ -49,19 +49,19 @@ def test_another_robot_is_not_taken_for_this_one(seed: int, away: float, directi
     """One that stands anywhere beside a robot at rest is seen in some images, not in two in a row: none is believed."""
     rng = np.random.default_rng(seed)
     other = np.array([[away * np.cos(direction), away * np.sin(direction), 1.0]])
-    believes, mistaken = gate_of(1), True
+    gate, mistaken = gate_of(1), True
     for _ in range(100):
         mistaken = not mistaken and rng.random() < 0.5
         pose = NOISE * rng.standard_normal((1, 3))
         np.testing.assert_array_equal(
-            believes(pose + mistaken * other), np.nan if mistaken else pose
+            gate.reject_outliers(pose + mistaken * other), np.nan if mistaken else pose
         )
 
 
 @given(seeds, st.floats(-np.pi, np.pi), st.floats(-20, 20))
 def test_headings_seen_backwards_are_turned_back(seed: int, heading: float, rate: float) -> None:
     """In any images but the first, up to nine in a row, of robots that turn: to rounding."""
-    rng, believes, in_a_row = np.random.default_rng(seed), gate_of(1), 0
+    rng, gate, in_a_row = np.random.default_rng(seed), gate_of(1), 0
     for k in range(100):
         true = np.array([[0, 0, wrap_angle(heading + rate * T * k)]]) + NOISE * rng.standard_normal(
             (1, 3)
@@ -70,7 +70,7 @@ def test_headings_seen_backwards_are_turned_back(seed: int, heading: float, rate
         in_a_row = in_a_row + 1 if backwards else 0
         image = true.copy()
         image[:, 2] = wrap_angle(true[:, 2] + np.pi * backwards)
-        found = believes(image)
+        found = gate.reject_outliers(image)
         np.testing.assert_array_equal(found[:, :2], true[:, :2])
         assert abs(wrap_angle(found[0, 2] - true[0, 2])) < 1e-14
 
@@ -84,14 +84,14 @@ def test_whatever_was_seen_a_robot_is_believed_within_ten_images(
     seed: int, missed: float, place: tuple[float, float, float]
 ) -> None:
     """After any images: from the tenth of where a robot really is, each is believed, as it is. No gate is stuck."""
-    rng, believes = np.random.default_rng(seed), gate_of(3)
+    rng, gate = np.random.default_rng(seed), gate_of(3)
     for _ in range(rng.integers(0, 60)):
         image = rng.uniform(-4, 4, (3, 3))
         image[rng.random(3) < missed] = np.nan
-        believes(image, rng.uniform(0, 0.2, 3))
+        gate.reject_outliers(image, rng.uniform(0, 0.2, 3))
     for k in range(3 * MAX_REJECTIONS):
         image = reported(np.array(place) + NOISE * rng.standard_normal((3, 3)))
-        found = believes(image)
+        found = gate.reject_outliers(image)
         if k >= MAX_REJECTIONS - 1:
             np.testing.assert_array_equal(found[:, :2], image[:, :2])
         if k >= 2 * MAX_REJECTIONS - 2:  # a heading is first looked at when the place is believed
@@ -100,11 +100,11 @@ def test_whatever_was_seen_a_robot_is_believed_within_ten_images(
 
 def test_a_robot_may_come_out_of_a_frozen_image_as_far_as_it_has_driven() -> None:
     """The image is believed while it lasts; afterwards it is as old as it is."""
-    believes, image = gate_of(1), np.array([[0.1, 0.2, 0.3]])
+    gate, image = gate_of(1), np.array([[0.1, 0.2, 0.3]])
     for _ in range(20):
-        np.testing.assert_array_equal(believes(image), image)
+        np.testing.assert_array_equal(gate.reject_outliers(image), image)
     moved = image + np.array([1.5, 0.0, 0.0])  # 4.5 m/s
-    np.testing.assert_array_equal(believes(moved), moved)
+    np.testing.assert_array_equal(gate.reject_outliers(moved), moved)
 
 
 @given(st.floats(0.0, 3.5), st.floats(-np.pi, np.pi))
@@ -117,15 +117,15 @@ def test_what_was_too_fast_to_stand_is_not_seen_to_stand_for_a_second(
     """
     step = speed * T * np.array([[np.cos(direction), np.sin(direction), 0.0]])
     for repeats in (4, MAX_REPEATS + 4):
-        believes = gate_of(1)
+        gate = gate_of(1)
         for k in range(3):
-            believes(k * step + 0.1)
-        found = np.array([believes(2 * step + 0.1)[0, 0] for _ in range(repeats)])
+            gate.reject_outliers(k * step + 0.1)
+        found = np.array([gate.reject_outliers(2 * step + 0.1)[0, 0] for _ in range(repeats)])
         doubted = MAX_REPEATS - 1 if speed > 0.01 else 0
         if abs(speed - 0.01) > 1e-6:
             np.testing.assert_array_equal(np.isnan(found), np.arange(repeats) < doubted)
         went_on = (3 + repeats) * step + 0.1
-        np.testing.assert_array_equal(believes(went_on), went_on)
+        np.testing.assert_array_equal(gate.reject_outliers(went_on), went_on)
 
 
 @settings(max_examples=12)

@@ -19,8 +19,8 @@ import numpy as np
 
 from omni_control.controllers.base import Controller, Observation, TeamModel
 from omni_control.estimation import robot_ekf
+from omni_control.estimation.delayed_measurements import MAX_FRAMES_BEHIND
 from omni_control.estimation.robot_ekf import DISTURBANCE, INVERSE_GAIN, POSE, VELOCITY, RobotEkf
-from omni_control.estimation.vision_tracker import MAX_FRAMES_BEHIND
 from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import IteratedReference, Reference

@@ -15,7 +15,7 @@ import numpy as np
 
 from omni_control.delay_compensation import CommandHistory, Rows, predict_displacement
 from omni_control.errors import OmniError, to_printable
-from omni_control.estimation.vision_tracker import FilterStep
+from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
 

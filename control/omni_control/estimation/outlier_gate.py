@@ -1,25 +1,30 @@
-"""Which images of vision are believed: those of where a robot can be, by where it was seen before.
+"""Outlier gate for camera measurements of robot poses.
 
-A camera may take another robot for this one, or read its pattern backwards. That is no noise, and a filter that takes
-it for noise is led astray, with all that learns from it. The gate compares images with images, not with what a filter
-expects: whatever state a filter is in, what it is shown does not depend on it.
+A camera may confuse two robots or read a pattern backwards. Such an error is not noise: a Kalman
+filter that takes it for noise is corrupted, with everything that learns from it. The gate compares
+measurements with earlier measurements, not with the prediction of a filter. Its decision therefore
+does not depend on the state of any filter.
 
-**Places.** A robot that drives at v can be made to go at 2 v by a blow, if what hits it as fast is much heavier. Images
-that are t apart are no farther from each other than 2 v t, but for the noise of both; two robots stand 0.18 m apart at
-least, which at 60 images a second and the 3.7 m/s of the league's simulators is more. The noise is exceeded once in
-1 / `FALSE_ALARM` images: of a plane, a distance r of two images with standard deviation s each, with exp(-r^2 / 4 s^2).
+**Positions.** A robot that moves at speed v leaves a collision with at most 2 v, if the other
+object is as fast and much heavier. Two measurements t seconds apart are therefore at most 2 v t
+apart, plus noise. Two different robots are at least 0.18 m apart, which at 60 frames per second and
+3.7 m/s (the league's simulators) is more than that. Two measurements of one position with standard
+deviation s are more than r apart with probability exp(-r^2 / 4 s^2). The margin for noise is the r
+at which this probability is `FALSE_ALARM`.
 
-**Headings.** What looks turned by more than a right angle, in a time in which the robot cannot turn that far, is a
-pattern read backwards, and is turned back.
+**Headings.** A heading that changed by more than 90 degrees, in a time in which the robot cannot
+turn that far, is a pattern read backwards. The gate turns it by 180 degrees.
 
-**Repeats.** A camera may be frozen. What it shows is believed, as that of a robot that stands, unless the images
-before differed by more than `STILL_M_S`, by motion or by noise. Then nothing but a robot that stops dead, seen without
-any noise, shows the same to the bit: it is believed after `REPEATED` images, 5 s at 60 Hz. Where it ends, that
-image counts as being as old as it is.
+**Frozen images.** A repeated measurement is accepted as a robot at standstill, unless the apparent
+speed before was above `STANDSTILL_SPEED_M_S`, by motion or by noise. Then only a robot that stops
+dead, measured without any noise, could repeat a measurement bit for bit. The repeated measurement
+is then rejected until it has come `MAX_REPEATS` times, 5 s at 60 Hz. The first different
+measurement is compared with the frozen one at that one's age.
 
-**Doubt ends.** Robots are carried off, and images that were believed may have been the wrong ones. What is seen in
-`DOUBTED` images in a row is so. If q of all images were wrong, and each by itself, that would happen by mistake once
-in 1 / ((1 - q) q^DOUBTED) images: with q = 0.3 once in 67 minutes.
+**Recovery.** Robots are carried away, and an accepted measurement may have been the wrong one. A
+position far away is accepted when it has come `MAX_REJECTIONS` times in a row. If a fraction q of
+all measurements is wrong, independently, a wrong one is accepted once in
+1 / ((1 - q) q^MAX_REJECTIONS) frames: once in 67 minutes for q = 0.3.
 """
 
 import math
@@ -31,88 +36,108 @@ from numpy.typing import NDArray
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import MotionLimits
 
-Flags = NDArray[np.bool_]
+Mask = NDArray[np.bool_]
 
-OTHERS = 3.7, 26.0  # m/s and rad/s of robots in the league's simulators (ssl-simulation-setup)
-STILL_M_S = 0.01  # speed between images, up to which a robot may be standing
-BLOW = 2.0  # times its own speed, that a robot may have after a blow
-FALSE_ALARM = 1e-9  # of noise alone, in an image
-MAX_REJECTIONS = 10  # images in a row, of which the last is believed
-MAX_REPEATS = 300  # same, of a robot that cannot have stopped like that
-
-NOISE = 2 * math.sqrt(
-    -math.log(FALSE_ALARM)
-)  # how far noise alone leads two images apart, standard deviations
+SIMULATOR_LIMITS = 3.7, 26.0  # m/s and rad/s, robots in the league's simulators
+STANDSTILL_SPEED_M_S = 0.01  # apparent speed up to which a robot may be standing
+COLLISION_SPEED_RATIO = 2.0  # speed after a collision over the speed before
+FALSE_ALARM = 1e-9  # probability per measurement that noise alone exceeds the margin
+MAX_REJECTIONS = 10  # measurements in a row, the last of which is accepted
+MAX_REPEATS = 300  # same, for a robot that cannot have stopped dead
+# Distance that noise alone causes between two measurements, in standard deviations.
+NOISE_MARGIN = 2 * math.sqrt(-math.log(FALSE_ALARM))
 
 
 class OutlierGate:
-    """What may be believed of the images of n robots.
+    """Outlier gate for the measured poses of n robots.
 
     Args:
-        noise: standard deviation of what vision reports, (n, 3), m and rad.
-        limits: of what each of them may be commanded; blows of others are of `OTHERS` at least.
-        period: length of a frame, s.
+        noise: Standard deviation of measured poses, (n, 3), m and rad.
+        limits: Command limits of each robot. Other robots may be faster: the gate assumes at least
+            `SIMULATOR_LIMITS`.
+        period: Length of a frame, s.
     """
 
     def __init__(self, noise: Array, limits: Sequence[MotionLimits], period: float) -> None:
         n = len(noise)
-        self._period, self._no_age = period, np.zeros(n)
-        speed, self._turn_rate = np.maximum(
-            OTHERS, [[limit.speed, limit.turn_rate] for limit in limits]
-        ).T
-        self._speed, self._noise = BLOW * speed, NOISE * noise[:, 0]
-        self._shown, self._believed = np.full(
-            (2, n, 3), np.nan
-        )  # the last image, the last that was believed
-        self._age, self._since, self._pace = np.zeros(
-            (3, n)
-        )  # of the latter: s, how long ago it came s, speed m/s
-        self._elsewhere, self._backwards, self._repeated = np.zeros((3, n))  # images in a row
+        self._period, self._zeros = period, np.zeros(n)
+        own_limits = [[limit.speed, limit.turn_rate] for limit in limits]
+        speed, self._max_turn_rate = np.maximum(SIMULATOR_LIMITS, own_limits).T
+        self._max_speed = COLLISION_SPEED_RATIO * speed
+        self._noise_margin = NOISE_MARGIN * noise[:, 0]
+        self._last_measured, self._last_accepted = np.full((2, n, 3), np.nan)
+        # Of the last accepted measurement: its age when it came (s), the time since then (s), and
+        # the apparent speed that led to it (m/s).
+        self._accepted_age, self._elapsed, self._apparent_speed = np.zeros((3, n))
+        # Measurements in a row that were too far away, read backwards, repeated.
+        self._far_count, self._reversed_count, self._repeat_count = np.zeros((3, n))
 
-    def __call__(self, measured: Array, age: Array | None = None) -> Array:
-        """Return poses (n, 3) to believe, headings in (-pi, pi]; not a number where there is none.
+    def reject_outliers(self, measured_pose: Array, age: Array | None = None) -> Array:
+        """Return the accepted poses (n, 3), headings in (-pi, pi]; NaN where there is none.
 
         Args:
-            measured: poses seen (n, 3), not a number where a robot was not seen.
-            age: for how long robots had been where they were seen, (n,) s. [none]
+            measured_pose: Measured poses (n, 3), NaN where a robot was not seen.
+            age: Time from the capture of each measurement to this frame, (n,) s. Default: 0.
         """
-        age, moved = self._no_age if age is None else age, measured - self._believed
-        self._since = self._since + self._period
-        between = self._since + np.abs(
-            age - self._age
-        )  # at least a frame, whatever cameras' clocks say
-        distance, allowed = np.hypot(moved[:, 0], moved[:, 1]), self._speed * between + self._noise
-        fits = (distance > 0) & (distance <= allowed) & (np.abs(moved[:, 2]) < np.pi / 2)
-        if np.count_nonzero(fits) == len(fits):  # nearly always: the rest takes as long as a filter
-            self._shown = self._believed = measured
-            self._age, self._since, self._pace = age, self._no_age, distance / between
-            self._elsewhere = self._backwards = self._repeated = self._since
-            return measured
+        age = self._zeros if age is None else age
+        self._elapsed = self._elapsed + self._period
+        # At least one frame, whatever the clocks of the cameras say.
+        interval = self._elapsed + np.abs(age - self._accepted_age)
+        change = measured_pose - self._last_accepted
+        distance = np.hypot(change[:, 0], change[:, 1])
+        max_distance = self._max_speed * interval + self._noise_margin
+        plausible = (distance > 0) & (distance <= max_distance) & (np.abs(change[:, 2]) < np.pi / 2)
+        if np.count_nonzero(plausible) < len(plausible):
+            return self._check_all(measured_pose, age, interval, change, distance > max_distance)
+        # The usual case: the full check takes as long as an update of the filter.
+        self._last_measured = self._last_accepted = measured_pose
+        self._accepted_age, self._elapsed = age, self._zeros
+        self._apparent_speed = distance / interval
+        self._far_count = self._reversed_count = self._repeat_count = self._zeros
+        return measured_pose
 
-        repeated, seen = (measured == self._shown).all(1), ~np.isnan(measured[:, 0])
-        far = seen & (distance > allowed)
-        self._elsewhere = _counted(self._elsewhere, far, seen)
-        found = self._elsewhere >= MAX_REJECTIONS
-        self._elsewhere = np.where(found, 0.0, self._elsewhere)
-        # And not the same one, told once more
-        later = self._since - (age - self._age) > self._period / 2
-        self._repeated = _counted(self._repeated, repeated & later & (self._pace > STILL_M_S), seen)
-        taken = seen & (~far | found) & ((self._repeated == 0) | (self._repeated >= MAX_REPEATS))
-        turned = np.abs(wrap_angle(moved[:, 2])) > np.pi / 2
-        back = taken & ~far & turned & (self._turn_rate * between < np.pi / 2)
-        self._backwards = _counted(self._backwards, back, taken)
-        back &= self._backwards < MAX_REJECTIONS
+    def _check_all(
+        self, measured_pose: Array, age: Array, interval: Array, change: Array, is_far: Mask
+    ) -> Array:
+        """Return the accepted poses (n, 3) after every check of the module's docstring.
 
-        believed = np.where(taken[:, None], measured, np.nan)
-        believed[back, 2] = wrap_angle(believed[back, 2] + np.pi)
-        self._shown = np.where(seen[:, None], measured, self._shown)
-        self._believed = np.where(taken[:, None], believed, self._believed)
-        fresh = taken & ~repeated
-        self._pace = np.where(fresh, distance / between, self._pace)
-        self._age, self._since = np.where(fresh, age, self._age), np.where(fresh, 0.0, self._since)
-        return believed
+        Args:
+            measured_pose: Measured poses (n, 3), NaN where a robot was not seen.
+            age: Age of the measurements, (n,) s.
+            interval: Time since the capture of the last accepted measurement, (n,) s.
+            change: Difference to the last accepted poses, (n, 3).
+            is_far: Whether its translation is more than a robot can have moved, (n,).
+        """
+        is_repeated = (measured_pose == self._last_measured).all(1)
+        is_visible = ~np.isnan(measured_pose[:, 0])
+        is_far = is_visible & is_far
+        self._far_count = _count_in_a_row(self._far_count, is_far, is_visible)
+        is_confirmed = self._far_count >= MAX_REJECTIONS
+        self._far_count = np.where(is_confirmed, 0.0, self._far_count)
+        # A new image, not the last one sent again.
+        is_new = self._elapsed - (age - self._accepted_age) > self._period / 2
+        is_suspicious = is_repeated & is_new & (self._apparent_speed > STANDSTILL_SPEED_M_S)
+        self._repeat_count = _count_in_a_row(self._repeat_count, is_suspicious, is_visible)
+        is_live = (self._repeat_count == 0) | (self._repeat_count >= MAX_REPEATS)
+        is_accepted = is_visible & (~is_far | is_confirmed) & is_live
+        is_flipped = np.abs(wrap_angle(change[:, 2])) > np.pi / 2
+        cannot_turn = self._max_turn_rate * interval < np.pi / 2
+        is_reversed = is_accepted & ~is_far & is_flipped & cannot_turn
+        self._reversed_count = _count_in_a_row(self._reversed_count, is_reversed, is_accepted)
+        is_reversed &= self._reversed_count < MAX_REJECTIONS
+
+        accepted = np.where(is_accepted[:, None], measured_pose, np.nan)
+        accepted[is_reversed, 2] = wrap_angle(accepted[is_reversed, 2] + np.pi)
+        self._last_measured = np.where(is_visible[:, None], measured_pose, self._last_measured)
+        self._last_accepted = np.where(is_accepted[:, None], accepted, self._last_accepted)
+        is_fresh = is_accepted & ~is_repeated
+        distance = np.hypot(change[:, 0], change[:, 1])
+        self._apparent_speed = np.where(is_fresh, distance / interval, self._apparent_speed)
+        self._accepted_age = np.where(is_fresh, age, self._accepted_age)
+        self._elapsed = np.where(is_fresh, 0.0, self._elapsed)
+        return accepted
 
 
-def _counted(count: Array, event: Flags, judged: Flags) -> Array:
-    """Return how often in a row (n,) an event happened, of robots that are judged now."""
-    return np.where(judged, (count + 1) * event, count)
+def _count_in_a_row(count: Array, event: Mask, is_checked: Mask) -> Array:
+    """Return how often in a row (n,) an event happened to the robots that are checked now."""
+    return np.where(is_checked, (count + 1) * event, count)

@@ -21,7 +21,7 @@ import numpy as np
 
 from omni_control.controllers.base import Observation, TeamModel
 from omni_control.delay_compensation import CommandHistory
-from omni_control.estimation.vision_tracker import FilterStep
+from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.estimation.yaw_coupling import WheelCompliance
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 

@@ -1,125 +1,63 @@
-"""Track robots by vision of any age: an outlier gate, and a Kalman filter that knows the commands.
+"""Tracking of robots from camera measurements and commands: outlier gate and Kalman filter.
 
-Per axis the state is the position x and a drift b, the speed at which a robot departs from its commands:
+Per axis the filter's state is the position x and a drift b, the velocity that the commands do not
+explain:
 
-    x(k+1) = x(k) + q(k) + T b(k) + noise of GAIN_ERROR |q|
+    x(k+1) = x(k) + q(k) + T b(k) + noise of standard deviation GAIN_ERROR |q|
     b(k+1) = b(k) exp(-T / DRIFT_TIME_S) + noise
 
-with q the commanded displacement. How much a robot departs differs between plants, so the process
-noise is scaled until the normalized innovations squared average 1.
-
-Where images are late, the filter stays at the last frame that was over when vision saw a robot. From there to the
-present robots are predicted by the commands, as over the dead time. To correct the present by the past would need the
-velocity that is to be corrected, and take for evidence what came upon it since.
+with q the commanded displacement. The deviation from the commands differs between plants. The
+process noise is therefore scaled until the normalized innovations squared (NIS) average 1.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_control.delay_compensation import CommandHistory, Rows
+from omni_control.delay_compensation import CommandHistory
+from omni_control.estimation.delayed_measurements import FilterSchedule, FilterStep
 from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.kinematics import Array, wrap_angle
 
-GAIN_ERROR = 0.06  # standard deviation of a frame's displacement over the commanded one
-DRIFT_M_S1_5, DRIFT_RAD_S1_5 = (
-    0.1,
-    0.5,
-)  # random walk of the drift, m/s and rad/s per square root of a second
+GAIN_ERROR = 0.06  # standard deviation of the displacement in a frame over the commanded one
+# Random walk of the drift, m/s and rad/s per square root of a second.
+DRIFT_M_S1_5, DRIFT_RAD_S1_5 = 0.1, 0.5
 DRIFT_TIME_S = 0.5
-SCALE_MEMORY, MAX_SQUARED_INNOVATION = 0.97, 9.0  # of the process noise's scale; of 3 sigma
+SCALE_MEMORY = 0.97  # decay per frame of what the scale of the process noise has learned
+MAX_NIS = 9.0  # 3 sigma
 SCALE_BOUNDS = 0.1, 100.0
-RESOLUTION = 1e-5, 1e-5, 1e-4  # of a camera, m and rad
-MAX_FRAMES_BEHIND = (
-    15  # that filters may be behind; of what is older they are told that it is no older
-)
-_ROUNDING = 1e-6  # of a frame
-
-
-class FilterStep(NamedTuple):
-    """A step of filters of n robots, which ends at this frame, or at one in the past.
-
-    Attributes:
-        behind: by how many frames its end lies before the present, (n,); of no meaning for a filter
-            that is held.
-        held: filters that do not move in this step, (n,).
-        after: time from its end to when vision saw the robot, (n,) s, negative if before; 0 but for
-            the last step.
-    """
-
-    frames_behind: Array
-    frozen: NDArray[np.bool_]
-    capture_offset: Array
-
-    @classmethod
-    def to_present(cls, n: int) -> "FilterStep":
-        """Return the step to this frame of filters that were at the one before, to be read only: filters keep it."""
-        return cls(np.broadcast_to(0.0, n), np.broadcast_to(False, n), np.broadcast_to(0.0, n))
-
-    def select(self, rows: Rows) -> "FilterStep":
-        """Return the same of some robots."""
-        return FilterStep(self.frames_behind[rows], self.frozen[rows], self.capture_offset[rows])
-
-
-class FilterSchedule:
-    """Where filters of n robots are: `behind` frames (n,) before the present.
-
-    Args:
-        n: robots.
-        period: length of a frame, s.
-    """
-
-    def __init__(self, n: int, period: float) -> None:
-        self._period, self.frames_behind = period, np.zeros(n)
-
-    def steps(self, age: Array, seen: Array) -> list[FilterStep]:
-        """The steps of this frame, of which the last has what vision reports: of this age (n,) s, of robots seen (n,).
-
-        If an image is older than the frame where a robot's filter is, as after a frame without an
-        image of it, the filter is held, `after` is negative, and the image is compared with where
-        the robot was then.
-        """
-        frames = np.minimum(age / self._period, MAX_FRAMES_BEHIND)
-        wanted = np.where(seen, np.ceil(frames - _ROUNDING), self.frames_behind)
-        behind = np.minimum(wanted, self.frames_behind + 1)
-        steps = self.frames_behind + 1 - behind
-        after = np.where(seen, (behind - frames) * self._period, 0.0)
-        self.frames_behind = behind
-        left = range(max(int(steps.max()), 1) - 1, -1, -1)
-        return [
-            FilterStep(behind + more, steps <= more, after if more == 0 else 0 * after)
-            for more in left
-        ]
+CAMERA_RESOLUTION = 1e-5, 1e-5, 1e-4  # m and rad
 
 
 class KalmanFilter:
-    """Poses of n robots from vision, given the displacement that their commands should have caused.
+    """Kalman filter for the poses of n robots, with the commanded displacements as inputs.
 
     Args:
-        pose: poses at the start, (n, 3).
-        period: time between frames, s.
-        noise: standard deviation of vision, per axis (3,) or per robot and axis (n, 3), m and rad.
+        pose: Initial poses, (n, 3).
+        period: Length of a frame, s.
+        noise: Standard deviation of measurements, per axis (3,) or per robot and axis (n, 3), m and
+            rad.
 
     Attributes:
-        pose: filtered poses (n, 3); headings count full turns.
-        drift: the part of the twist that commands do not explain, (n, 3).
-        twist: filtered twists (n, 3).
+        pose: Filtered poses (n, 3); headings count full turns.
+        drift: Part of the twist that the commands do not explain, (n, 3).
+        twist: Filtered twists (n, 3).
     """
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
-        self._period, self._now = period, FilterStep.to_present(len(pose))
-        self._noise = np.maximum(np.broadcast_to(noise, pose.shape), RESOLUTION) ** 2
-        self._kept = math.exp(-period / DRIFT_TIME_S)  # of a drift, in a frame
-        self._wander = np.array([DRIFT_M_S1_5, DRIFT_M_S1_5, DRIFT_RAD_S1_5]) ** 2 * period
+        self._period, self._default_step = period, FilterStep.to_present(len(pose))
+        sigma = np.maximum(np.broadcast_to(noise, pose.shape), CAMERA_RESOLUTION)
+        self._measurement_variance = sigma**2
+        self._drift_decay = math.exp(-period / DRIFT_TIME_S)
+        drift_rates = np.array([DRIFT_M_S1_5, DRIFT_M_S1_5, DRIFT_RAD_S1_5])
+        self._drift_noise = drift_rates**2 * period
         self.pose, self.drift, self.twist = pose.copy(), np.zeros_like(pose), np.zeros_like(pose)
-        # Variances of pose and drift, and their covariance: each axis by itself, so that a table of
-        # each is enough.
-        self._pose_variance = self._noise.copy()
+        # The axes are independent, so that three numbers per axis hold its 2x2 covariance.
+        self._pose_variance = self._measurement_variance.copy()
         self._covariance, self._drift_variance = np.zeros((2, *pose.shape))
-        self._scale = np.ones_like(pose)  # of the process noise
-        self._innovation, self._expected_square = np.full((2, *pose.shape), np.nan)
+        self._noise_scale = np.ones_like(pose)
+        self._innovation, self._innovation_variance = np.full((2, *pose.shape), np.nan)
 
     @property
     def sigma(self) -> Array:
@@ -128,138 +66,157 @@ class KalmanFilter:
 
     @property
     def normalized_innovation(self) -> Array:
-        """Innovations over their standard deviations (n, 3); not a number for robots that were not seen."""
-        return self._innovation / np.sqrt(self._expected_square)
+        """Innovations over their standard deviations (n, 3); NaN for robots that were not seen."""
+        return self._innovation / np.sqrt(self._innovation_variance)
 
     def update(
         self,
-        measured: Array,
+        measured_pose: Array,
         displacement: Array,
         step: FilterStep | None = None,
-        onward: Array | float = 0.0,
+        capture_displacement: Array | float = 0.0,
     ) -> Array:
-        """Return the filtered poses (n, 3).
+        """Predict the poses by the commands, correct them by measurements, and return them (n, 3).
 
         Args:
-            measured: poses seen (n, 3); not a number where a robot was not seen.
-            displacement: what commands should have caused since the last frame, (n, 3), m and rad.
-            step: that of the filter. [to the next frame, in which robots were seen]
-            onward: what commands should have caused until robots were seen, (n, 3).
+            measured_pose: Measured poses (n, 3); NaN where a robot was not seen.
+            displacement: Commanded displacement since the last frame, (n, 3), m and rad.
+            step: Step of the filter. Default: to the next frame, with measurements captured there.
+            capture_displacement: Commanded displacement from the end of the step to the capture of
+                the measurements, (n, 3).
         """
-        period, kept = self._period, self._kept
-        held, after = (
-            (step or self._now).frozen[:, None],
-            (step or self._now).capture_offset[:, None],
-        )
-        moving = self._scale * (GAIN_ERROR * displacement) ** 2
-        ahead = self._covariance + period * self._drift_variance
-        pose, drift = self.pose + period * self.drift + displacement, kept * self.drift
-        pose_variance = self._pose_variance + period * (self._covariance + ahead) + moving
-        covariance, drift_variance = (
-            kept * ahead,
-            kept**2 * self._drift_variance + self._scale * self._wander,
-        )
-        if np.count_nonzero(held):
-            pose, drift = np.where(held, self.pose, pose), np.where(held, self.drift, drift)
-            pose_variance = np.where(held, self._pose_variance, pose_variance)
-            covariance = np.where(held, self._covariance, covariance)
-            drift_variance = np.where(held, self._drift_variance, drift_variance)
-        # Vision sees robots `after` the step ends: covariances of pose and drift with what it
-        # should see then.
-        expected, with_pose, with_drift = pose, pose_variance, covariance
-        square = pose_variance + self._noise
-        if np.count_nonzero(after):
-            expected = pose + onward + after * drift
-            with_pose, with_drift = (
-                pose_variance + after * covariance,
-                covariance + after * drift_variance,
-            )
-            square = (
-                with_pose
-                + after * with_drift
-                + self._noise
-                + np.maximum(after / period, 0.0) * moving
-            )
-        innovation = measured - expected
-        innovation[:, 2] = wrap_angle(innovation[:, 2])
-        self._innovation, self._expected_square = innovation, square
-        ratio = innovation**2 / square
-        pose_gain, drift_gain = with_pose / square, with_drift / square
-        missed = np.isnan(innovation)
-        if np.count_nonzero(missed):
-            innovation, ratio = np.where(missed, 0.0, innovation), np.where(missed, 1.0, ratio)
-            pose_gain[missed], drift_gain[missed] = 0.0, 0.0
-        self.pose, self.drift = pose + pose_gain * innovation, drift + drift_gain * innovation
-        self._pose_variance = pose_variance - pose_gain * with_pose
-        self._covariance = covariance - pose_gain * with_drift
-        self._drift_variance = drift_variance - drift_gain * with_drift
-        growth = np.exp((1 - SCALE_MEMORY) * (np.minimum(ratio, MAX_SQUARED_INNOVATION) - 1))
-        self._scale = np.minimum(np.maximum(self._scale * growth, SCALE_BOUNDS[0]), SCALE_BOUNDS[1])
-        self.twist = displacement / period + self.drift
+        step = step or self._default_step
+        process_noise = self._predict(displacement, step.frozen[:, None])
+        offset = step.capture_offset[:, None]
+        self._correct(measured_pose, offset, capture_displacement, process_noise)
+        self.twist = displacement / self._period + self.drift
         return self.pose
+
+    def _predict(self, displacement: Array, frozen: NDArray[np.bool_]) -> Array:
+        """Advance state and covariance by a frame; return the process noise of the poses (n, 3)."""
+        period, decay = self._period, self._drift_decay
+        process_noise = self._noise_scale * (GAIN_ERROR * displacement) ** 2
+        next_covariance = self._covariance + period * self._drift_variance
+        pose = self.pose + period * self.drift + displacement
+        drift = decay * self.drift
+        pose_growth = period * (self._covariance + next_covariance)
+        pose_variance = self._pose_variance + pose_growth + process_noise
+        covariance = decay * next_covariance
+        drift_variance = decay**2 * self._drift_variance + self._noise_scale * self._drift_noise
+        if np.count_nonzero(frozen):
+            pose, drift = np.where(frozen, self.pose, pose), np.where(frozen, self.drift, drift)
+            pose_variance = np.where(frozen, self._pose_variance, pose_variance)
+            covariance = np.where(frozen, self._covariance, covariance)
+            drift_variance = np.where(frozen, self._drift_variance, drift_variance)
+        self.pose, self.drift, self._pose_variance = pose, drift, pose_variance
+        self._covariance, self._drift_variance = covariance, drift_variance
+        return process_noise
+
+    def _correct(
+        self,
+        measured_pose: Array,
+        offset: Array,
+        capture_displacement: Array | float,
+        process_noise: Array,
+    ) -> None:
+        """Correct state and covariance by poses (n, 3) captured a time `offset` (n, 1) later, s."""
+        expected, expected_variance = self.pose, self._pose_variance + self._measurement_variance
+        # Covariance of pose and drift with the expected measurement.
+        pose_covariance, drift_covariance = self._pose_variance, self._covariance
+        if np.count_nonzero(offset):
+            expected = self.pose + capture_displacement + offset * self.drift
+            pose_covariance = self._pose_variance + offset * self._covariance
+            drift_covariance = self._covariance + offset * self._drift_variance
+            expected_variance = (
+                pose_covariance
+                + offset * drift_covariance
+                + self._measurement_variance
+                + np.maximum(offset / self._period, 0.0) * process_noise
+            )
+        innovation = measured_pose - expected
+        innovation[:, 2] = wrap_angle(innovation[:, 2])
+        self._innovation, self._innovation_variance = innovation, expected_variance
+        nis = innovation**2 / expected_variance
+        pose_gain = pose_covariance / expected_variance
+        drift_gain = drift_covariance / expected_variance
+        is_missing = np.isnan(innovation)
+        if np.count_nonzero(is_missing):
+            innovation, nis = np.where(is_missing, 0.0, innovation), np.where(is_missing, 1.0, nis)
+            pose_gain[is_missing], drift_gain[is_missing] = 0.0, 0.0
+        self.pose = self.pose + pose_gain * innovation
+        self.drift = self.drift + drift_gain * innovation
+        self._pose_variance = self._pose_variance - pose_gain * pose_covariance
+        self._drift_variance = self._drift_variance - drift_gain * drift_covariance
+        self._covariance = self._covariance - pose_gain * drift_covariance
+        growth = np.exp((1 - SCALE_MEMORY) * (np.minimum(nis, MAX_NIS) - 1))
+        scale = np.maximum(self._noise_scale * growth, SCALE_BOUNDS[0])
+        self._noise_scale = np.minimum(scale, SCALE_BOUNDS[1])
 
 
 class VisionTracker:
-    """Filter and gate of n robots, and what commands have done since the frame where the filter is.
+    """Outlier gate and Kalman filter of n robots, with extrapolation to the present.
 
     Args:
-        pose: poses at the start, (n, 3).
-        noise: standard deviation of vision, (n, 3), m and rad.
-        latency: from a command to its effect, (n, 1) frames.
-        period: length of a frame, s.
-        gate: of images.
+        pose: Initial poses, (n, 3).
+        noise: Standard deviation of measurements, (n, 3), m and rad.
+        latency: Time from a command to its effect, (n, 1) frames.
+        period: Length of a frame, s.
+        gate: Outlier gate of these robots.
 
     Attributes:
-        filter: behind the present where images are late.
-        memory_frames: number of commands that may have acted in the frame just past.
-        pose, twist: at this frame, (n, 3).
-        steps: those that the filter made in it.
+        filter: Kalman filter; it is behind the present where measurements are late.
+        memory_frames: Number of commands that may have acted in the last frame.
+        pose, twist: Estimates for this frame, (n, 3).
+        steps: Steps that the filter made in this frame.
     """
 
     def __init__(
         self, pose: Array, noise: Array, latency: Array, period: float, gate: OutlierGate
     ) -> None:
+        n = len(latency)
         self.filter, self._gate = KalmanFilter(pose, period, noise), gate
         self._latency, self._period = latency, period
-        self._usual = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
-        self._clock, self._now = (
-            FilterSchedule(len(latency), period),
-            FilterStep.to_present(len(latency)),
-        )
+        # Looking up commands is faster for one latency than for an array.
+        self._common_latency = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
+        self._schedule, self._default_step = FilterSchedule(n, period), FilterStep.to_present(n)
         self.memory_frames = math.ceil(latency.max()) + 1
         self.pose, self.twist = self.filter.pose, self.filter.twist
-        self.steps: tuple[FilterStep, ...] = (self._now,)
+        self.steps: tuple[FilterStep, ...] = (self._default_step,)
 
-    def update(self, measured: Array, age: Array, sent: CommandHistory) -> Array:
-        """Take in a frame; return the poses (n, 3) that the gate lets pass.
+    def update(self, measured_pose: Array, age: Array, sent: CommandHistory) -> Array:
+        """Process the measurements of a frame; return the poses (n, 3) that pass the gate.
 
         Args:
-            measured: poses seen by vision (n, 3), not a number where a robot was not seen.
-            age: how long before this frame that was, (n,) s.
-            sent: commands up to the frame before, `MOST_FRAMES` more than `longest`.
+            measured_pose: Poses measured by vision (n, 3), NaN where a robot was not seen.
+            age: Time from the capture of each measurement to this frame, (n,) s.
+            sent: Commands up to the previous frame, at least `memory_frames` plus
+                `MAX_FRAMES_BEHIND` of them.
         """
-        measured = self._gate(measured, age)
-        if np.count_nonzero(age) or np.count_nonzero(self._clock.frames_behind):
-            self._update_late(measured, age, sent)
+        accepted = self._gate.reject_outliers(measured_pose, age)
+        if np.count_nonzero(age) or np.count_nonzero(self._schedule.frames_behind):
+            self._update_delayed(accepted, age, sent)
         else:
-            self.pose = self.filter.update(measured, sent.get_delayed(self._usual) * self._period)
-            self.twist, self.steps = self.filter.twist, (self._now,)
-        return measured
+            displacement = sent.get_delayed(self._common_latency) * self._period
+            self.pose = self.filter.update(accepted, displacement)
+            self.twist, self.steps = self.filter.twist, (self._default_step,)
+        return accepted
 
-    def _update_late(self, measured: Array, age: Array, sent: CommandHistory) -> None:
-        """Take in a frame where robots were seen a while ago, or the filter is behind for that."""
-        latency, self.steps = (
-            self._latency,
-            tuple(self._clock.steps(age, ~np.isnan(measured[:, 0]))),
-        )
+    def _update_delayed(self, accepted: Array, age: Array, sent: CommandHistory) -> None:
+        """Process a frame with late measurements, or with a filter behind the present."""
+        latency, period = self._latency, self._period
+        self.steps = tuple(self._schedule.plan_steps(age, ~np.isnan(accepted[:, 0])))
         for step in self.steps:
-            behind, share = step.frames_behind[:, None], step.capture_offset[:, None] / self._period
-            displacement = sent.get_delayed(latency + behind) * self._period
-            onward = share * sent.get_delayed(latency + np.maximum(behind - 1, 0.0)) * self._period
-            seen = measured if step is self.steps[-1] else np.full_like(measured, np.nan)
-            self.filter.update(seen, displacement, step, onward)
-        behind, drift = self._clock.frames_behind[:, None], self.filter.drift
-        shares = sent.get_pending_fractions(latency + behind) - sent.get_pending_fractions(latency)
-        since = (shares * sent.get_latest(sent.length)).sum(0)
-        self.pose = self.filter.pose + (since + behind * drift) * self._period
+            frames_behind, offset = step.frames_behind[:, None], step.capture_offset[:, None]
+            displacement = sent.get_delayed(latency + frames_behind) * period
+            next_command = sent.get_delayed(latency + np.maximum(frames_behind - 1, 0.0))
+            capture_displacement = offset / period * next_command * period
+            is_final = step is self.steps[-1]
+            measured = accepted if is_final else np.full_like(accepted, np.nan)
+            self.filter.update(measured, displacement, step, capture_displacement)
+        frames_behind, drift = self._schedule.frames_behind[:, None], self.filter.drift
+        fractions = sent.get_pending_fractions(
+            latency + frames_behind
+        ) - sent.get_pending_fractions(latency)
+        commanded = (fractions * sent.get_latest(sent.length)).sum(0)
+        self.pose = self.filter.pose + (commanded + frames_behind * drift) * period
         self.twist = sent.get_delayed(latency) + drift

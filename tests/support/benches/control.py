@@ -37,4 +37,4 @@ from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_b
 from omni_control.reference import PerRobotReference, Reference
 from omni_control.reference.curves import CURVES, Curve, CurveReference
 from omni_control.team import CommandLimiter
-from omni_control.traction import traction, traction_limits
+from omni_control.traction import traction_limit, traction_limits
