@@ -1,4 +1,4 @@
-"""A robot by name or file, read, completed and checked as a whole."""
+"""Load a robot and derive its top speed, traction, lag and friction loss."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,54 +16,59 @@ from omni_mj.mjcf import world_builder
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
-    """Read a robot, check every number of it, and build it once, so that what is wrong with it is said now.
+    """Read a robot's file, check every number, and build its MuJoCo model once to find errors.
 
-    What it gives may be passed wherever a robot's name may. Its `facts`::
+    The result may be passed wherever a robot's name may. It has these `facts`; those that end in
+    _forward have a counterpart that ends in _sideways::
 
-        mass_kg               with the wheels
-        top_speed_ahead_m_s   at which the back-EMF of the fastest wheel is the firmware's nominal voltage; and aside
-        grip_ahead_m_s2       acceleration at which the wheels begin to slide on `carpet.friction`; and aside
-        tips_at_m_s2          acceleration, in the worst direction, at which a wheel lifts
-        lag_ahead_s           time constant of its speed at rest, of a loop that integrates that of its gain; and aside
-        drag_ahead_m_s        speed that dry friction costs; and aside. The same
+        mass_kg                     mass with the wheels
+        top_speed_forward_m_s       speed at which the back-EMF of the fastest wheel reaches the
+                                    nominal voltage of the firmware
+        traction_limit_forward_m_s2 acceleration at which wheels start to slide on
+                                    `carpet.friction`
+        tipping_limit_m_s2          acceleration, in the worst direction, that lifts a wheel
+        lag_forward_s               time constant of the closed speed loop at low speed
+        drag_forward_m_s            speed lost to dry friction
 
-    What its team is told of it is in `settings.control`: lag_s, drag_m_s, creep_s2_m, alpha_forward
-    and others.
+    `settings.control` holds the model that the robot's team assumes: lag_s, drag_m_s, creep_s2_m,
+    alpha_forward and others.
 
     Args:
-        name_or_path: of a robot that comes with the package, or the path of a .toml file.
+        name_or_path: Name of a built-in robot, or the path of a .toml file.
 
     Raises:
-        OmniError: there is no such robot, its file is no robot's, lacks something, or its numbers
-            contradict each other or physics; a line for each.
+        OmniError: The robot does not exist, its file is not a robot's or lacks a value, or its
+            numbers contradict each other or physics; one line for each error.
     """
     name = str(name_or_path)
-    path, says = robot_files.robot_path(name), robot_files.description(name)
+    path, description = robot_files.robot_path(name), robot_files.description(name)
     settings = resolve({}, name)
     try:
         world_builder.world(settings)
     except OmniError as error:
         raise OmniError(f"{path}: {error}") from None
-    return Robot(name, path, says, settings, _facts(settings))
+    return Robot(name, path, description, settings, _derive_facts(settings))
 
 
-def _facts(settings: Settings) -> Mapping[str, float]:
+def _derive_facts(settings: Settings) -> Mapping[str, float]:
+    """Return the facts that `load_robot` documents, by name."""
     body, wheels, motor = settings.body, settings.wheels, settings.motor
     kinematics = wheels.kinematics
-    fastest = (
+    rim_speed = (
         settings.firmware.nominal_voltage_v / (motor.constant_nm_a * motor.gear) * wheels.radius_m
     )
-    inside = support(wheels.azimuths_deg, wheels.arm_m, body.centre_x_m)
-    of_axes = {
-        "top_speed_{}_m_s": fastest / np.abs(kinematics.matrix[:, :2]).max(0),
-        "grip_{}_m_s2": traction_limits(kinematics, settings.carpet.friction, body.centre_height_m),
+    support_radius = support(wheels.azimuths_deg, wheels.arm_m, body.centre_x_m)
+    tipping_limit = support_radius / body.centre_height_m * GRAVITY
+    axis_facts = {
+        "top_speed_{}_m_s": rim_speed / np.abs(kinematics.matrix[:, :2]).max(0),
+        "traction_limit_{}_m_s2": traction_limits(
+            kinematics, settings.carpet.friction, body.centre_height_m
+        ),
         "lag_{}_s": team_model.lag(settings),
         "drag_{}_m_s": team_model.drag(settings),
     }
-    facts = {"mass_kg": body.mass_kg, "tips_at_m_s2": inside / body.centre_height_m * GRAVITY}
-    for name, values in of_axes.items():
-        facts |= {
-            name.format(axis): float(value)
-            for axis, value in zip(("ahead", "aside"), values, strict=True)
-        }
+    facts = {"mass_kg": body.mass_kg, "tipping_limit_m_s2": tipping_limit}
+    for name, (forward, sideways) in axis_facts.items():
+        facts[name.format("forward")] = float(forward)
+        facts[name.format("sideways")] = float(sideways)
     return MappingProxyType(facts)

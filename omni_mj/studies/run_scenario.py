@@ -1,4 +1,4 @@
-"""One scenario, all its controllers, side by side."""
+"""Run one scenario with all its controllers and compare them."""
 
 from collections.abc import Iterable, Sequence
 
@@ -29,19 +29,20 @@ def run(
     """Run a scenario with one or several controllers and compare them.
 
     Args:
-        scenario: what is run, or its name.
-        controllers: names, `file.py:Class`, or classes derived from `Controller`. [the scenario's]
-        seeds: of the random numbers, counting up, or how many from 0 on; the same for all
-            controllers. [the scenario's]
-        subject: the controller of which a verdict is asked for.
-        after_frame: called with each frame's number.
+        scenario: The scenario or its name.
+        controllers: Names, `file.py:Class`, or classes derived from `Controller`. Default: the
+            scenario's.
+        seeds: Consecutive seeds, or a number of seeds that start at 0; the same for all
+            controllers. Default: the scenario's.
+        subject: Controller that the verdict is about. Default: no verdict.
+        after_frame: Called with each frame's number.
 
     Returns:
-        Everything that was recorded, measured; rows that failed are in it up to there.
+        Recorded frames and metrics. Rows that failed end with their failure.
 
     Raises:
-        OmniError: there is no such scenario or controller, one cannot be run, the subject is not
-            run, or seeds that do not count up.
+        OmniError: The scenario or a controller does not exist, a controller cannot be run, the
+            subject is not among the controllers, or the seeds are not consecutive.
     """
     simulation = prepare_simulation(scenario, controllers, seeds)
     check_subject(simulation.scenario, subject)
@@ -53,11 +54,12 @@ def prepare_simulation(
     controllers: Sequence[str | type[Controller]] | None = None,
     seeds: int | Iterable[int] | None = None,
 ) -> Simulation:
-    """The simulation that `run` runs, at its start."""
-    found = resolve_scenario(scenario, controllers, seeds)
-    robots = len(found.controllers) * found.seeds * len(found.settings.world.start_poses)
-    check_memory(robots, timed(found.settings).frames)
-    return Simulation(found)
+    """Return the simulation that `run` runs, at its start."""
+    scenario = resolve_scenario(scenario, controllers, seeds)
+    settings = scenario.settings
+    robots = len(scenario.controllers) * scenario.seeds * len(settings.world.start_poses)
+    check_memory(robots, timed(settings).frames)
+    return Simulation(scenario)
 
 
 def resolve_scenario(
@@ -65,27 +67,29 @@ def resolve_scenario(
     controllers: Sequence[str | type[Controller]] | None = None,
     seeds: int | Iterable[int] | None = None,
 ) -> Scenario:
-    """The scenario, or the one of that name, with these controllers and seeds in place of its own."""
-    found = scenario if isinstance(scenario, Scenario) else load(str(scenario))
+    """Return a scenario, loaded if it is a name, with other controllers and seeds if given."""
+    scenario = scenario if isinstance(scenario, Scenario) else load(str(scenario))
     if controllers is not None:
         is_one = isinstance(controllers, str | type)
-        found = found.replace(controllers=(controllers,) if is_one else tuple(controllers))
+        scenario = scenario.replace(controllers=(controllers,) if is_one else tuple(controllers))
     if seeds is not None:
         numbers = list_seeds(seeds)
-        found = found.replace(seed=numbers[0], seeds=len(numbers))
-    return found
+        scenario = scenario.replace(seed=numbers[0], seeds=len(numbers))
+    return scenario
 
 
 def check_subject(scenario: Scenario, subject: str | None) -> None:
-    """Raise OmniError if the controller of which a verdict is asked for is not run."""
+    """Raise OmniError if the subject of a verdict is not among the scenario's controllers."""
     if subject not in (None, *scenario.labels):
-        raise OmniError(
-            f"the subject {subject!r} is not among the controllers; {suggest_names(subject, scenario.labels)}"
-        )
+        choices = suggest_names(subject, scenario.labels)
+        raise OmniError(f"the subject {subject!r} is not among the controllers; {choices}")
 
 
 def choose_shared_backend(scenario: Scenario, robots: int) -> Scenario:
-    """Return the scenario with the backend that suits so many robots at once, which all its simulations then share."""
+    """Return the scenario with the backend for this many robots, if its backend is "auto".
+
+    Simulations of one study share a backend, because backends differ in the last bits.
+    """
     settings = scenario.settings
     if settings.physics.backend != "auto":
         return scenario
@@ -94,24 +98,24 @@ def choose_shared_backend(scenario: Scenario, robots: int) -> Scenario:
 
 
 def list_seeds(seeds: int | Iterable[int]) -> list[int]:
-    """Seeds that count up one by one, from 0 if only their number is given.
+    """Return consecutive seeds, from 0 on if only their number is given.
 
-    A scenario names them by the first and their number.
+    A scenario's file stores the first seed and their number.
 
     Raises:
-        OmniError: these do not.
+        OmniError: The seeds are not consecutive.
     """
-    given = list(range(seeds) if isinstance(seeds, int) else seeds)
-    if not given or given != list(range(given[0], given[0] + len(given))):
+    numbers = list(range(seeds) if isinstance(seeds, int) else seeds)
+    if not numbers or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
         raise OmniError(
-            "seeds must count up one by one, as range(5) does, or the scenario's file could not repeat the run,"
-            f" unlike {given}; om.Simulation takes any"
+            f"seeds must count up one by one, such as range(5), got {numbers}: a scenario's file "
+            "could not repeat the run; om.Simulation takes any seeds"
         )
-    return given
+    return numbers
 
 
 def build_result(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:
-    """The result of one simulation."""
+    """Return the result of one simulation."""
     reason = outcome.entry["reason"]
     return Result(
         [outcome],

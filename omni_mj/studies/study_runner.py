@@ -1,4 +1,4 @@
-"""What all studies are made of: a simulation that is run, and the outcome of it."""
+"""Shared parts of the studies: callbacks, memory check, settings, and the run of a simulation."""
 
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -17,17 +17,17 @@ from omni_mj.results import metrics, summary
 from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
 
-AfterFrame = Callable[[int], None]
-StartProgress = Callable[[str, int], AfterFrame]  # given a title and the number of frames to come
-# Of a robot-frame in the log, with what is made of it to measure, and its reference
+AfterFrame = Callable[[int], None]  # called with the number of each frame
+StartProgress = Callable[[str, int], AfterFrame]  # called with a title and the number of frames
+# Memory per robot and frame: log, reference, and temporary arrays of the metrics
 FRAME_BYTES = 1200
 
 
 class StoppedError(Exception):
-    """Raised by a callback between two frames: the study shall end here and keep what it has.
+    """Raised by a callback between two frames to end a study; results so far are kept.
 
     Attributes:
-        reason: in a word.
+        reason: Reason in one word, such as "interrupted".
     """
 
     def __init__(self, reason: str) -> None:
@@ -36,29 +36,34 @@ class StoppedError(Exception):
 
 
 def ignore_frame(_: object) -> None:
-    """What is called after a frame where nobody wants to know."""
+    """Do nothing after a frame."""
 
 
 def no_progress(title: str, frames: int) -> AfterFrame:
-    """Return what to call after each frame where nobody wants to know."""
+    """Return `ignore_frame`, for studies whose progress is not shown."""
     return ignore_frame
 
 
 def check_memory(robots: int, frames: int) -> None:
-    """Raise OmniError if so many robots at once take more memory than this computer has free, as far as it says."""
+    """Raise OmniError if robots that are simulated together need more memory than is free.
+
+    Without `/proc/meminfo` nothing is checked.
+    """
     try:
         free_b = 1024 * int(Path("/proc/meminfo").read_text().split("MemAvailable:")[1].split()[0])
     except (OSError, IndexError):
         return
-    if robots * frames * FRAME_BYTES > free_b:
+    needed_b = robots * frames * FRAME_BYTES
+    if needed_b > free_b:
         raise OmniError(
-            f"{robots} robots at once for {frames} frames take about {robots * frames * FRAME_BYTES / 1e9:.2g} GB of"
-            f" memory, and {free_b / 1e9:.2g} GB are free; run fewer at a time, or something shorter"
+            f"{robots} robots at once for {frames} frames take about {needed_b / 1e9:.2g} GB of "
+            f"memory, and {free_b / 1e9:.2g} GB are free; "
+            "run fewer at a time, or a shorter scenario"
         )
 
 
 def resting_reference(frames: int) -> dict[str, Any]:
-    """Return the settings of a reference that rests, for so many frames at least."""
+    """Return the settings of a reference that stays at its start for at least `frames` frames."""
     return {
         "shape": "waypoints",
         "waypoints": [[0, 0], [0, 0]],
@@ -68,12 +73,14 @@ def resting_reference(frames: int) -> dict[str, Any]:
 
 
 def open_loop_settings(settings: Settings, frames: int, **sections: Any) -> Settings:
-    """Settings for robots that are commanded from outside, each alone, without dead time and faults.
+    """Return settings for robots that are commanded without a controller.
+
+    Each robot has a world of its own, no dead time and no faults.
 
     Args:
-        settings: all else.
-        frames: for how many the reference, which rests, lasts at least.
-        sections: further values, by section and field.
+        settings: All other settings.
+        frames: Least duration of the run, frames.
+        **sections: Further values, by section and field.
     """
     return settings.replace(
         reference={**resting_reference(frames), **sections.pop("reference", {})},
@@ -85,26 +92,25 @@ def open_loop_settings(settings: Settings, frames: int, **sections: Any) -> Sett
 
 
 def run_simulation(simulation: Simulation, after_frame: AfterFrame = ignore_frame) -> Outcome:
-    """Run a simulation and measure what came of it.
+    """Run a simulation and compute the metrics of its rows.
 
     Args:
-        simulation: at its start.
-        after_frame: called with each frame's number; it may raise `StoppedError`.
+        simulation: At its start.
+        after_frame: Called with each frame's number; it may raise `StoppedError`.
 
     Returns:
-        The outcome with its log; of a run that was stopped, up to there.
+        The outcome with its log, up to the last frame if the run was stopped.
     """
-    started, stopped = time.perf_counter(), None
+    start_time, stopped = time.perf_counter(), None
     try:
         simulation.run(after_frame)
     except StoppedError as error:
         stopped = error.reason
     log, drawn = simulation.log, simulation.drawn
-    failures = sorted(
-        simulation.failures, key=lambda failure: (failure.time_s, failure.row)
-    )  # whatever the batch
+    # Their order must not depend on how rows were split into batches.
+    failures = sorted(simulation.failures, key=lambda failure: (failure.time_s, failure.row))
     measured = metrics.row_metrics(log, failures)
-    wall_s = time.perf_counter() - started
+    wall_s = time.perf_counter() - start_time
     entry = summary.entry(simulation.scenario, log, failures, measured, wall_s, stopped, drawn)
     return Outcome(simulation.scenario, entry, log.rows, failures, measured, log, drawn)
 
@@ -112,7 +118,16 @@ def run_simulation(simulation: Simulation, after_frame: AfterFrame = ignore_fram
 def send_twists(
     simulation: Simulation, twists: Iterable[Array], after_frame: AfterFrame
 ) -> str | None:
-    """Send robots twists (n, 3) frame by frame, in place of controllers; return why that was stopped, or None."""
+    """Send twists to the robots in place of their controllers.
+
+    Args:
+        simulation: At its start.
+        twists: Twists (n, 3) of each frame.
+        after_frame: Called with each frame's number; it may raise `StoppedError`.
+
+    Returns:
+        The reason if the run was stopped, else None.
+    """
     try:
         for frame, twist in enumerate(twists):
             simulation.step(twist)
@@ -125,36 +140,39 @@ def send_twists(
 def open_loop_outcome(
     scenario: Scenario,
     simulation: Simulation,
-    started: float,
+    start_time: float,
     stopped: str | None,
     measured: Mapping[str, np.ndarray],
 ) -> Outcome:
-    """Return the outcome of robots that were commanded from outside, whose errors mean nothing.
+    """Return the outcome of robots that were commanded without a controller.
+
+    Its entry has no tracking errors, because there was nothing to track.
 
     Args:
-        scenario: That was asked for.
-        simulation: That was run.
-        started: When, by `time.perf_counter`.
-        stopped: Why it ended before its time, or None.
-        measured: Numbers of each row.
+        scenario: The requested scenario.
+        simulation: The simulation that was run.
+        start_time: Start of the study by `time.perf_counter`, s.
+        stopped: Reason why it ended early, or None.
+        measured: Columns of numbers, one value per row.
     """
-    log, failures, wall_s = simulation.log, list(simulation.failures), time.perf_counter() - started
+    log, failures = simulation.log, list(simulation.failures)
+    wall_s = time.perf_counter() - start_time
     entry = summary.entry(scenario, log, failures, {}, wall_s, stopped, simulation.drawn)
     return Outcome(scenario, entry, simulation.rows, failures, measured)
 
 
 def count_frames(simulation: Simulation) -> int:
-    """How many frames a simulation has from start to end."""
+    """Return the number of frames of a simulation from start to end."""
     return max(reference.frames for reference in simulation.references)
 
 
 def list_informed(scenario: Scenario) -> list[str]:
-    """Labels of the controllers that are given the truth: no competitors."""
+    """Return the labels of the scenario's controllers that know the true state."""
     return [label(kind) for kind in scenario.controllers if find_controller(kind).knows_truth]
 
 
 def list_competitors() -> tuple[str, ...]:
-    """Return the controllers that come with the package, but for those that are given the truth."""
+    """Return the package's controllers except those that know the true state."""
     return tuple(
         name for name in list_available_controllers() if not find_controller(name).knows_truth
     )

@@ -240,7 +240,7 @@ def measured(robot: str) -> list[tuple[float, float]]:
 def test_lag_and_drag_of_a_robot_follow_from_its_gains() -> None:
     """Rotors and rolling resistance, which the formula leaves out, and scatter: 20 and 25 %."""
     facts = om.load_robot("tigers-v2020").facts
-    for side, (lag, drag) in zip(("ahead", "aside"), measured("tigers-v2020"), strict=True):
+    for side, (lag, drag) in zip(("forward", "sideways"), measured("tigers-v2020"), strict=True):
         assert facts[f"lag_{side}_s"] == pytest.approx(lag, rel=0.2)
         assert facts[f"drag_{side}_m_s"] == pytest.approx(drag, rel=0.25)
 
@@ -258,12 +258,14 @@ def test_a_team_is_told_what_its_robots_gains_and_creep_make_of_them(name: str) 
     if robot.settings.firmware.ki:
         assert (told.alpha_forward, told.alpha_sideways) == (0, 0)
         return
-    assert told.lag_s == pytest.approx((facts["lag_ahead_s"] + facts["lag_aside_s"]) / 2, rel=0.25)
+    assert told.lag_s == pytest.approx(
+        (facts["lag_forward_s"] + facts["lag_sideways_s"]) / 2, rel=0.25
+    )
     assert told.drag_m_s == pytest.approx(
-        (facts["drag_ahead_m_s"] + facts["drag_aside_m_s"]) / 2, abs=1e-3
+        (facts["drag_forward_m_s"] + facts["drag_sideways_m_s"]) / 2, abs=1e-3
     )
     reached = np.diag(driven(name, np.tile(np.eye(3)[:2], (90, 1, 1))).plant.twist()[:, :2])
-    reached = reached / (1 - np.array([facts["drag_ahead_m_s"], facts["drag_aside_m_s"]]))
+    reached = reached / (1 - np.array([facts["drag_forward_m_s"], facts["drag_sideways_m_s"]]))
     assert (told.alpha_forward, told.alpha_sideways) == pytest.approx(tuple(reached), abs=0.015)
 
 

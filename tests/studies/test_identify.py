@@ -40,7 +40,7 @@ def test_a_robot_comes_out_of_its_log(other: bool, tmp_path: Path) -> None:
         assert abs(found[name].value - value) < 4 * found[name].error, name
     assert found["wheels.creep_stiffness"].value == pytest.approx(stiffness, rel=0.1)
     assert found["commands.latency_s"].value == pytest.approx(late, abs=0.3 / 60)
-    lag = om.load_robot("tigers-v2016").facts["lag_ahead_s"]
+    lag = om.load_robot("tigers-v2016").facts["lag_forward_s"]
     assert found["commands.lag_forward_s"].value == pytest.approx(lag, abs=0.005)
 
 
