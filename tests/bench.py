@@ -19,7 +19,7 @@ from omni_mj.config import scenario
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.mjcf import world_builder
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import mujoco
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.simulation.simulation import Simulation
@@ -85,7 +85,7 @@ def report(robots: int, wheels: str) -> dict[str, float]:
     taped.plant._batch = tape
     log = taped.run()
     assert not taped.failures
-    commands = [Received.at_once(command) for command in log.channel("applied")]
+    commands = [ReceivedCommand.without_delay(command) for command in log.channel("applied")]
 
     def bare() -> Callable[[], object]:
         step, ctrl = (
@@ -116,7 +116,7 @@ def report_planar(robots: int) -> dict[str, float]:
         for backend in BACKENDS
     }
     log = Simulation(chosen["numpy"]).run()
-    commands = [Received.at_once(command) for command in log.channel("applied")]
+    commands = [ReceivedCommand.without_delay(command) for command in log.channel("applied")]
 
     simulated = len(commands) * PERIOD_S * robots
     return {
@@ -136,7 +136,7 @@ def report_frames(controller: str) -> dict[str, float]:
 
 
 def _works(
-    chosen: dict[str, Scenario], commands: Sequence[Received]
+    chosen: dict[str, Scenario], commands: Sequence[ReceivedCommand]
 ) -> dict[str, Callable[[], Callable[[], object]]]:
     """What is timed, by name: the plant alone under these commands, and the loop around it, by each backend."""
     works: dict[str, Callable[[], Callable[[], object]]] = {}
@@ -148,7 +148,7 @@ def _works(
     return works
 
 
-def _plant(chosen: Scenario, commands: Sequence[Received]) -> Callable[[], object]:
+def _plant(chosen: Scenario, commands: Sequence[ReceivedCommand]) -> Callable[[], object]:
     driven = Simulation(chosen).plant
 
     def work() -> None:
@@ -164,9 +164,9 @@ def _whole(chosen: Scenario) -> Callable[[], object]:
 
 def _alone(chosen: Scenario) -> tuple[Callable[[], object], np.ndarray]:
     """What steps a robot that stands, and the voltages that it is told: a batch of one takes 7 % longer."""
-    one = world_builder.world(chosen.settings)
+    one = world_builder.build_world(chosen.settings)
     data = MjData(one.model)
-    data.qpos[:] = one.standing
+    data.qpos[:] = one.rest_qpos
     return partial(mj_step, one.model, data), data.ctrl
 
 
@@ -174,9 +174,9 @@ def _standing(
     chosen: Scenario, robots: int, threads: int
 ) -> tuple[Callable[[], object], np.ndarray]:
     """What steps a batch of standing robots, and the voltages that it is told."""
-    one = world_builder.world(chosen.settings)
+    one = world_builder.build_world(chosen.settings)
     batch = Batch(one.model, robots, threads)
-    batch.qpos[:] = one.standing
+    batch.qpos[:] = one.rest_qpos
     return batch.step, batch.bind("ctrl")
 
 

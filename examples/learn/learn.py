@@ -44,7 +44,7 @@ many = gymnasium.make_vec(
     POLICIES,
     scenario=given.scenario,
     plant="planar",
-    memory=MEMORY,
+    history_length=MEMORY,
     autoreset_mode="Disabled",
 )
 middle, spread = np.zeros_like(START), START
@@ -69,8 +69,8 @@ class Learned(om.Controller):
 
     def command(self, frame, observation):
         """See `Controller`."""
-        observed = omni_mj.gym.observation(frame, observation, self.reference, MEMORY)
-        return omni_mj.gym.command(act(middle, observed), observation, self.model.limits)
+        observed = omni_mj.gym.encode_observation(frame, observation, self.reference, MEMORY)
+        return omni_mj.gym.decode_action(act(middle, observed), observation, self.model.limits)
 
 
 names = ["p", "comp-flc", "adaptive-comp-flc", Learned]

@@ -18,7 +18,7 @@ from omni_mj.config.settings import ControlSettings, Settings
 from omni_mj.config.validation import Checked, in_one, merged
 
 if TYPE_CHECKING:
-    from omni_mj.mjcf.custom_robot import Own
+    from omni_mj.mjcf.custom_robot import CustomRobotSpec
 
 HARDWARE = (
     "body",
@@ -97,7 +97,7 @@ def resolve(given: Mapping[str, Any], robot: str) -> Settings:
     return Settings(**whole)
 
 
-def read_model(model: ModelSettings) -> "Own":
+def read_model(model: ModelSettings) -> "CustomRobotSpec":
     """Return the robot's own MJCF that these settings name.
 
     Raises:
@@ -119,13 +119,13 @@ def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, 
     if isinstance(model, ModelSettings) and model.file:
         mjcf = read_model(model)
         in_one(contradictions(given, mjcf))
-        whole = merged(whole, mjcf.numbers)
+        whole = merged(whole, mjcf.implied_settings)
     return whole
 
 
-def contradictions(given: Mapping[str, Any], mjcf: "Own") -> Iterator[str]:
+def contradictions(given: Mapping[str, Any], mjcf: "CustomRobotSpec") -> Iterator[str]:
     """Yield a line for each value of given sections that differs from a robot's own MJCF."""
-    for section, fields in mjcf.numbers.items():
+    for section, fields in mjcf.implied_settings.items():
         values = given.get(section)
         for field, number in fields.items():
             other = (

@@ -19,11 +19,18 @@ except ModuleNotFoundError as error:
         f"omni_mj.gym needs the package gymnasium, which is not installed: {get}"
     ) from None
 
-from omni_mj.gym.frames import AHEAD, command, observation, size
+from omni_mj.gym.observations import (
+    PREVIEW_FRAMES,
+    decode_action,
+    encode_observation,
+    get_observation_size,
+)
 
-__all__ = ["AHEAD", "command", "observation", "size"]
+__all__ = ["PREVIEW_FRAMES", "decode_action", "encode_observation", "get_observation_size"]
 
 _HOME = "omni_mj.gym.environments"
 gymnasium.register(
-    "omni_mj/Track-v0", entry_point=f"{_HOME}:Track", vector_entry_point=f"{_HOME}:Tracks"
+    "omni_mj/Track-v0",
+    entry_point=f"{_HOME}:TrackEnv",
+    vector_entry_point=f"{_HOME}:TrackVectorEnv",
 )

@@ -18,7 +18,7 @@ from omni_control.reference import PerRobotReference
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, Settings
-from omni_mj.gym import frames
+from omni_mj.gym import observations
 from omni_mj.simulation.simulation import Simulation, alike
 
 ARM_M = 0.09  # the league's largest radius of a robot: so far its hull is off per radian of heading
@@ -29,17 +29,17 @@ Numbers = NDArray[Any]
 Bools = NDArray[np.bool_]
 
 
-class Outside(Controller):
+class ExternalController(Controller):
     """Holds the place of a controller where commands come from outside; it is never asked."""
 
-    memory: int = 1  # frames
+    history_length: int = 1  # frames
 
     def __init__(self, model: object, reference: object, n: int) -> None:
         super().__init__(model, reference, n)  # type: ignore[arg-type]
-        self.memory_frames = max(self.memory, self.memory_frames)
+        self.memory_frames = max(self.history_length, self.memory_frames)
 
 
-class Batch:
+class EpisodeBatch:
     """Robots whose episodes began in the same frame: the rows of one simulation.
 
     Args:
@@ -57,7 +57,7 @@ class Batch:
         )
 
 
-class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
+class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
     """Many robots, simulated together; to the bit what as many of `Track` are, one by one.
 
     Robots whose episodes began in the same frame are one batch, which is what makes them fast.
@@ -66,8 +66,8 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
         num_envs: Number of robots.
         scenario: Its name, its file, or itself. What it draws from distributions is drawn for each
             episode.
-        memory: How many of the commands sent are observed. [as many as may be in flight, and one]
-        lost_m: How far off its reference a robot is lost, m.
+        history_length: How many of the commands sent are observed. [as many as may be in flight, and one]
+        max_error_m: How far off its reference a robot is lost, m.
         autoreset_mode: When an episode that has ended is followed by the next: with the next step
             (the action of which is ignored), or when `reset` says so. A robot whose episode has
             ended until then stays where it is and is rewarded with 0.
@@ -83,8 +83,8 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
         num_envs: int = 1,
         scenario: Scenario | str = "rect",
         *,
-        memory: int | None = None,
-        lost_m: float = LOST_M,
+        history_length: int | None = None,
+        max_error_m: float = LOST_M,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: None = None,
         **changes: Any,
@@ -99,22 +99,26 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
         chosen = scenario if isinstance(scenario, Scenario) else load_scenario(scenario, **changes)
         if len(chosen.settings.world.start_poses) > 1:
             raise OmniError("world.start_poses: an environment is one robot; leave one place")
-        self.memory = _memory(chosen) if memory is None else memory
-        if not 1 <= self.memory <= LONGEST_MEMORY or not 0 < lost_m < math.inf:
-            raise OmniError(f"memory must be from 1 to {LONGEST_MEMORY} frames, lost_m above 0")
-        parameters = {Outside.__name__: {"memory": self.memory}}
+        self.history_length = _memory(chosen) if history_length is None else history_length
+        if not 1 <= self.history_length <= LONGEST_MEMORY or not 0 < max_error_m < math.inf:
+            raise OmniError(
+                f"history_length must be from 1 to {LONGEST_MEMORY} frames, max_error_m above 0"
+            )
+        parameters = {ExternalController.__name__: {"history_length": self.history_length}}
         settings = Settings(**{**dict(chosen.settings), "controller": parameters})
-        self.scenario = chosen.replace(controllers=(Outside,), settings=settings)
-        self.num_envs, self.lost_m = num_envs, lost_m
-        self.metadata = {**Track.metadata, "autoreset_mode": self.autoreset_mode}
-        box, size = gymnasium.spaces.Box, frames.size(self.memory)
-        self.single_observation_space = box(-frames.HIGHEST, frames.HIGHEST, (size,), np.float32)
+        self.scenario = chosen.replace(controllers=(ExternalController,), settings=settings)
+        self.num_envs, self.max_error_m = num_envs, max_error_m
+        self.metadata = {**TrackEnv.metadata, "autoreset_mode": self.autoreset_mode}
+        box, size = gymnasium.spaces.Box, observations.get_observation_size(self.history_length)
+        self.single_observation_space = box(
+            -observations.HIGHEST, observations.HIGHEST, (size,), np.float32
+        )
         self.single_action_space = box(-1.0, 1.0, (3,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.seen = np.zeros((num_envs, size), np.float32)
         self.terminated, self.truncated = np.ones((2, num_envs), bool)
-        self._batches: list[Batch] = []
+        self._batches: list[EpisodeBatch] = []
         self._random: list[np.random.Generator | None] = [None] * num_envs
 
     def reset(
@@ -154,14 +158,18 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
         self._batches = [batch for batch in self._batches if self._going(batch).any()]
         for batch in self._batches:
             going, simulation = self._going(batch), batch.simulation
-            simulation.step(frames.command(given[batch.robots], simulation.observe(), batch.limits))
+            simulation.step(
+                observations.decode_action(given[batch.robots], simulation.observe(), batch.limits)
+            )
             poses = simulation.plant.pose()
             error = poses - batch.reference.at(simulation.frame, poses)[0]
             off, angle = np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angle(error[:, 2]))
             failed = np.isin(np.arange(len(off)), [failure.row for failure in simulation.failures])
-            terminated = failed | ~(off <= self.lost_m)  # what is no number has failed
-            cost = np.minimum(np.where(failed, self.lost_m, off + ARM_M * angle), self.lost_m)
-            cost += np.where(terminated, self.lost_m * (batch.last - simulation.frame), 0.0)
+            terminated = failed | ~(off <= self.max_error_m)  # what is no number has failed
+            cost = np.minimum(
+                np.where(failed, self.max_error_m, off + ARM_M * angle), self.max_error_m
+            )
+            cost += np.where(terminated, self.max_error_m * (batch.last - simulation.frame), 0.0)
             robots = batch.robots[going]
             reward[robots], distance[robots], turned[robots] = (
                 -cost[going],
@@ -193,25 +201,27 @@ class Tracks(VectorEnv[Numbers, Numbers, Numbers]):
             numbers[i] = seed = int(random.integers(LAST_SEED)) if seed is None else seed
             own = self.scenario.settings_of(seed)
             group = groups.setdefault(alike(self.scenario.plant, own), {})
-            group[i] = Row(len(group), 0, Outside.__name__, seed, own, self.scenario.robot)
+            group[i] = Row(
+                len(group), 0, ExternalController.__name__, seed, own, self.scenario.robot
+            )
         for group in groups.values():
             simulation = Simulation(self.scenario, rows=list(group.values()), logged=False)
-            self._batches.append(Batch(simulation, np.array(list(group))))
+            self._batches.append(EpisodeBatch(simulation, np.array(list(group))))
             self._observe(self._batches[-1])
         return {"seed": numbers, "_seed": begun}
 
-    def _going(self, batch: Batch) -> Bools:
+    def _going(self, batch: EpisodeBatch) -> Bools:
         return (batch.robots >= 0) & ~(self.terminated | self.truncated)[batch.robots]
 
-    def _observe(self, batch: Batch, going: Bools | slice = slice(None)) -> None:
+    def _observe(self, batch: EpisodeBatch, going: Bools | slice = slice(None)) -> None:
         simulation = batch.simulation
-        found = frames.observation(
-            simulation.frame, simulation.observe(), batch.reference, self.memory
+        found = observations.encode_observation(
+            simulation.frame, simulation.observe(), batch.reference, self.history_length
         )
         self.seen[batch.robots[going]] = found[going]
 
 
-class Track(gymnasium.Env[Numbers, Numbers]):
+class TrackEnv(gymnasium.Env[Numbers, Numbers]):
     """A robot that is to follow the reference of a scenario: `Tracks` of one; see docs/how-to/train-a-policy.md.
 
     Args:
@@ -224,7 +234,7 @@ class Track(gymnasium.Env[Numbers, Numbers]):
     metadata = {"render_modes": [], "render_fps": round(FRAME_RATE_HZ)}  # noqa: RUF012 - as the base class has it
 
     def __init__(self, scenario: Scenario | str = "rect", **given: Any) -> None:
-        self._one = Tracks(1, scenario, autoreset_mode=AutoresetMode.DISABLED, **given)
+        self._one = TrackVectorEnv(1, scenario, autoreset_mode=AutoresetMode.DISABLED, **given)
         self.observation_space = self._one.single_observation_space
         self.action_space = self._one.single_action_space
 
@@ -255,7 +265,7 @@ def _memory(scenario: Scenario) -> int:
     drawn = scenario.distributions.get("radio.delay_frames")
     if drawn is not None and not drawn.ends:
         raise OmniError(
-            "radio.delay_frames is drawn from a distribution without ends: give it some, or give memory="
+            "radio.delay_frames is drawn from a distribution without ends: give it some, or give history_length="
         )
     longest = radio.delay_frames if drawn is None else max(drawn.ends)
     return int(longest) + radio.jitter_frames + math.ceil(control.lag_s / PERIOD_S) + 1

@@ -13,7 +13,7 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.command_senders import Command, Radio
 from omni_mj.live.frame_clock import LOST_S, SILENT_S, Link
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import Plant, Telemetry
 from omni_mj.simulation.log import Log
 from omni_mj.simulation.simulation import Exchange, See, Simulation
@@ -45,7 +45,7 @@ class LivePlant:
                 "robots on the live plant are outside of this program: omni-mj drive drives them"
             )
         self.geometry: Kinematics | None = rows[0].settings.wheels.kinematics
-        self.age: Array | None = None
+        self.measurement_age: Array | None = None
         self.measured, self._start, self.unseen = np.array(start), start, np.zeros(len(rows), int)
         self._telemetry = Telemetry.of_no_wheels(len(rows), len(self.geometry.azimuths))
 
@@ -61,7 +61,7 @@ class LivePlant:
         """Return NaN: velocities are unknown."""
         return np.full_like(self._start, np.nan)
 
-    def advance(self, received: Received) -> dict[int, str]:
+    def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """Return the robots that are lost; they go on by themselves."""
         self.unseen = np.where(np.isnan(self.measured[:, 0]), self.unseen + 1, 0)
         return {
@@ -124,10 +124,10 @@ class Live(Simulation):
         self._is_past, self._plant.measured = True, np.full_like(measured, np.nan)
         for _ in range(skipped):
             super().step(self._sent)
-        self._is_past, self._plant.measured, self._plant.age = False, measured, age
+        self._is_past, self._plant.measured, self._plant.measurement_age = False, measured, age
         super().step(command)
 
-    def exchange(self, command: Array, heading: Array) -> Received:
+    def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
         """Send commands, shape (n, 3), to robots with headings, shape (n,).
 
         A robot is sent the heading that it will have in the middle of its command's frame.
@@ -145,7 +145,7 @@ class Live(Simulation):
             self._radio.send(
                 [Command(number, *values) for number, values in zip(self.ids, columns, strict=True)]
             )
-        return Received.at_once(command, heading)
+        return ReceivedCommand.without_delay(command, heading)
 
     def stop(self) -> None:
         """Tell the robots to stand, more than once as packets are lost."""

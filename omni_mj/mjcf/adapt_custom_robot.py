@@ -5,8 +5,8 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.mjcf.robot_geometry import Wheels
-from omni_mj.mjcf.robot_parts import HINGE, Robot, slip_hinges
+from omni_mj.mjcf.robot_geometry import WheelGeometry
+from omni_mj.mjcf.robot_indices import HINGE, RobotIndices, find_slip_hinges
 
 # Friction of hinges, as in models/ssl_robot.xml.
 STIFF = {"solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0], "solref_friction": [0.005, 1.0]}
@@ -43,7 +43,7 @@ def stand(chassis: mujoco.MjsBody) -> None:
     chassis.pos, chassis.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
 
 
-def touching(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> tuple[str, ...]:
+def touching(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices) -> tuple[str, ...]:
     """Names of the rollers' geoms that touch: of each those that collide, or all if none does; none does from here."""
     collides = {geom.name for geom in spec.geoms if geom.contype or geom.conaffinity}
     touching: list[str] = []
@@ -59,7 +59,9 @@ def touching(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> tuple[
     return tuple(touching)
 
 
-def drive(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot, wheels: Wheels) -> None:
+def drive(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices, wheels: WheelGeometry
+) -> None:
     """Make hinges of wheels turn the way that the program reckons with, and rims slip on them."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -68,7 +70,7 @@ def drive(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot, wheels: Whee
     ):
         hub = spec.joint(model.joint(joint).name)
         body = spec.body(model.body(rim).name)
-        slips = slip_hinges(model, int(joint), int(rim))
+        slips = find_slip_hinges(model, int(joint), int(rim))
         if slips:
             slip = spec.joint(model.joint(slips[0]).name)
         else:

@@ -30,12 +30,14 @@ NEVER_SLIDES = 5.0
 STIFFEST = 0.9999  # the highest impedance d that MuJoCo has
 
 
-def damping(wheel_load_kg: float) -> float:
+def compute_carpet_damping(wheel_load_kg: float) -> float:
     """Damping of the carpet under a roller, N s/m, for the mass on a wheel."""
     return 2 * DAMPING_RATIO * math.sqrt(STIFFNESS_N_M * (wheel_load_kg + ADDED_MASS_KG))
 
 
-def creeping(robot: mujoco.MjModel, rollers: np.ndarray, wheel_load_kg: float) -> dict[str, Any]:
+def make_roller_contact(
+    robot: mujoco.MjModel, rollers: np.ndarray, wheel_load_kg: float
+) -> dict[str, Any]:
     """Parameters of a pair of carpet and roller, named as MuJoCo names them, of wheels with a slip hinge.
 
     Args:
@@ -46,7 +48,7 @@ def creeping(robot: mujoco.MjModel, rollers: np.ndarray, wheel_load_kg: float) -
     inverse_mass = float(robot.body_invweight0[rollers, 0].max())
     d = inverse_mass / (inverse_mass + 1 / ADDED_MASS_KG)
     k = STIFFNESS_N_M / ADDED_MASS_KG
-    b = damping(wheel_load_kg) / ADDED_MASS_KG
+    b = compute_carpet_damping(wheel_load_kg) / ADDED_MASS_KG
     return {
         "solref": [-k * d, -b * d],  # MuJoCo divides by d
         "solreffriction": [-1.0, -FRICTION_RATE_HZ * d],

@@ -23,42 +23,42 @@ import numpy as np
 from omni_control.errors import OmniError, to_printable
 from omni_mj.config.validation import in_one
 from omni_mj.mjcf import adapt_custom_robot
-from omni_mj.mjcf.model_files import parts_of
-from omni_mj.mjcf.robot_geometry import Wheels, composite, measure_wheels
-from omni_mj.mjcf.robot_parts import Robot, find, find_chassis
+from omni_mj.mjcf.model_files import list_model_files
+from omni_mj.mjcf.robot_geometry import WheelGeometry, compute_composite_inertia, measure_wheels
+from omni_mj.mjcf.robot_indices import RobotIndices, find_chassis_names, find_robots
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class RobotSpec:
     """One robot, alone, to be attached to a world.
 
     Attributes:
         file: name of the file that it was made of.
         spec: to be copied, not changed.
-        touching: names of the rollers' geoms that touch the carpet.
-        hull: names of the geoms with which robots meet.
+        contact_geoms: names of the rollers' geoms that touch the carpet.
+        hull_geoms: names of the geoms with which robots meet.
     """
 
     file: str
     spec: mujoco.MjSpec
-    touching: tuple[str, ...]
-    hull: tuple[str, ...]
+    contact_geoms: tuple[str, ...]
+    hull_geoms: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Own(Part):
+class CustomRobotSpec(RobotSpec):
     """A user's own robot.
 
     Attributes:
-        numbers: what it says of settings, by section and field.
-        uniform: whether all rollers are alike, in one row and of one geom each.
+        implied_settings: what it says of settings, by section and field.
+        has_uniform_rollers: whether all rollers are alike, in one row and of one geom each.
     """
 
-    numbers: dict[str, dict[str, Any]]
-    uniform: bool
+    implied_settings: dict[str, dict[str, Any]]
+    has_uniform_rollers: bool
 
 
-def read(file: str | Path) -> Own:
+def read(file: str | Path) -> CustomRobotSpec:
     """Read a robot's MJCF.
 
     Args:
@@ -73,7 +73,7 @@ def read(file: str | Path) -> Own:
         raise OmniError(
             f"there is no model {to_printable(str(path))}; give the path of a robot's MJCF: robot.xml"
         )
-    changed = tuple(part.stat().st_mtime_ns for part in parts_of(path) if part.is_file())
+    changed = tuple(part.stat().st_mtime_ns for part in list_model_files(path) if part.is_file())
     try:
         return _read(path.resolve(), path.name, changed)
     except (
@@ -89,7 +89,7 @@ def read(file: str | Path) -> Own:
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, file: str, changed: tuple[int, ...]) -> Own:
+def _read(path: Path, file: str, changed: tuple[int, ...]) -> CustomRobotSpec:
     spec = mujoco.MjSpec.from_file(str(path))
     if spec.compiler.settotalmass > 0:
         raise OmniError(
@@ -98,30 +98,34 @@ def _read(path: Path, file: str, changed: tuple[int, ...]) -> Own:
     spec.compiler.discardvisual = spec.compiler.fusestatic = False  # all that is named stays
     adapt_custom_robot.name_all(spec)
     model = spec.compile()
-    name, *others = find_chassis(model)
+    name, *others = find_chassis_names(model)
     if others:
         raise OmniError(f"it has {1 + len(others)} robots, {', '.join([name, *others])}; leave one")
     chassis = spec.body(name)
     adapt_custom_robot.isolate(spec, chassis)
     adapt_custom_robot.stand(chassis)
     model = spec.compile()
-    (robot,) = find(model)
+    (robot,) = find_robots(model)
     touching = adapt_custom_robot.touching(spec, model, robot)
     wheels = measure_wheels(model, robot, np.array([model.geom(name).id for name in touching], int))
     in_one(_unfit(model, robot))
     adapt_custom_robot.drive(spec, model, robot, wheels)
     adapt_custom_robot.lower(chassis, wheels.radius - wheels.height)
     model = spec.compile()
-    (robot,) = find(model)
-    return Own(
+    (robot,) = find_robots(model)
+    return CustomRobotSpec(
         file, spec, touching, hull(spec), _numbers(model, robot, wheels), _uniform(model, robot)
     )
 
 
-def _numbers(model: mujoco.MjModel, robot: Robot, wheels: Wheels) -> dict[str, dict[str, Any]]:
+def _numbers(
+    model: mujoco.MjModel, robot: RobotIndices, wheels: WheelGeometry
+) -> dict[str, dict[str, Any]]:
     """What a model says of settings, by section and field."""
     motor, hub = int(robot.motors[0]), int(robot.wheel_dofs[0])
-    mass, (x, _, z), inertia = composite(model, np.flatnonzero(model.body_rootid == robot.chassis))
+    mass, (x, _, z), inertia = compute_composite_inertia(
+        model, np.flatnonzero(model.body_rootid == robot.chassis)
+    )
     gear = float(model.actuator_gear[motor, 0])
     body = {
         "mass_kg": mass,
@@ -150,7 +154,7 @@ def _numbers(model: mujoco.MjModel, robot: Robot, wheels: Wheels) -> dict[str, d
     return {"body": rounded["body"], "wheels": geometry, "motor": rounded["motor"]}
 
 
-def _uniform(model: mujoco.MjModel, robot: Robot) -> bool:
+def _uniform(model: mujoco.MjModel, robot: RobotIndices) -> bool:
     """Whether two rollers of a wheel could stand for all."""
     rollers = robot.rollers
     mass, inertia = model.body_mass[rollers], np.sort(model.body_inertia[rollers], axis=-1)
@@ -168,7 +172,7 @@ def hull(spec: mujoco.MjSpec) -> tuple[str, ...]:
     return tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
 
 
-def _unfit(model: mujoco.MjModel, robot: Robot) -> Iterator[str]:
+def _unfit(model: mujoco.MjModel, robot: RobotIndices) -> Iterator[str]:
     """Yield what a wheel or its motor cannot be here, in lines."""
     gears, armatures = model.actuator_gear[robot.motors, 0], model.actuator_armature[robot.motors]
     for motor, joint, gear, armature in zip(

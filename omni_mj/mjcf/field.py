@@ -16,7 +16,7 @@ DEFENCE_DEPTH_M, DEFENCE_WIDTH_M = 1.0, 2.0
 GOAL_WIDTH_M, GOAL_DEPTH_M, GOAL_HEIGHT_M, GOAL_WALL_M = 1.0, 0.18, 0.16, 0.02
 
 
-def lines() -> dict[str, tuple[float, float, float, float]]:
+def get_field_lines() -> dict[str, tuple[float, float, float, float]]:
     """Return the straight lines by SSL-Vision's names: x and y of both ends, m."""
     x, y, half = LENGTH_M / 2, WIDTH_M / 2, DEFENCE_WIDTH_M / 2
     result = {
@@ -34,7 +34,7 @@ def lines() -> dict[str, tuple[float, float, float, float]]:
     return result
 
 
-def goal_walls() -> tuple[Array, Array]:
+def get_goal_walls() -> tuple[Array, Array]:
     """Centres (6, 3) and half sizes (6, 3) of the walls of both goals, in m."""
     depth, thick = GOAL_DEPTH_M / 2, GOAL_WALL_M / 2
     back, middle, side = (

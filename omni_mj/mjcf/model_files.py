@@ -8,7 +8,7 @@ from pathlib import Path
 _FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 
 
-def parts_of(path: Path) -> list[Path]:
+def list_model_files(path: Path) -> list[Path]:
     """A model's file and all that it names: what it includes, and files of meshes, textures and heights.
 
     Files that do not exist are among them; of what is no XML, only itself.
@@ -18,7 +18,7 @@ def parts_of(path: Path) -> list[Path]:
     )
 
 
-def copies(path: Path) -> dict[str, bytes]:
+def read_model_files(path: Path) -> dict[str, bytes]:
     """What a model is made of, its own file first: where each file is, beside or below that of the others -> its bytes.
 
     Raises:
@@ -28,7 +28,7 @@ def copies(path: Path) -> dict[str, bytes]:
     for name in _named(path, path.parent, {}):
         if Path(name).is_absolute():
             raise ValueError(f"it names {name} by an absolute path; name it relative to the model")
-    parts = [Path(os.path.abspath(part)) for part in parts_of(path)]
+    parts = [Path(os.path.abspath(part)) for part in list_model_files(path)]
     top = Path(os.path.commonpath([part.parent for part in parts]))
     return {part.relative_to(top).as_posix(): part.read_bytes() for part in parts}
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.mjcf.robot_parts import Ids, Robot
+from omni_mj.mjcf.robot_indices import Ids, RobotIndices
 
 ALIKE_M = 5e-4  # by which wheels may differ that count as alike
 STRAIGHT = 0.01  # rad by which axles may miss the robot's middle, or the horizontal
@@ -17,7 +17,7 @@ _GEOM = mujoco.mjtGeom
 
 
 @dataclass(frozen=True)
-class Wheels:
+class WheelGeometry:
     """Of one robot's wheels, upright with its frame in the world's.
 
     Args:
@@ -37,7 +37,7 @@ class Wheels:
     height: float
 
 
-def measure_wheels(model: mujoco.MjModel, robot: Robot, touching: Ids) -> Wheels:
+def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, touching: Ids) -> WheelGeometry:
     """Measure a robot's wheels.
 
     Args:
@@ -79,7 +79,7 @@ def measure_wheels(model: mujoco.MjModel, robot: Robot, touching: Ids) -> Wheels
     arm, radius, roller, height = (
         float(np.round(value, DIGITS)) for value in np.mean(reaches, axis=0)
     )
-    return Wheels(tuple(azimuths), tuple(outward), arm, radius, roller, height)
+    return WheelGeometry(tuple(azimuths), tuple(outward), arm, radius, roller, height)
 
 
 def _reach(
@@ -96,13 +96,15 @@ def _reach(
     length = float(np.linalg.norm(spoke))
     geoms = touching[model.geom_bodyid[touching] == roller]
     radius = (
-        max(support(model, data, int(geom), spoke / length) for geom in geoms)
+        max(compute_support_distance(model, data, int(geom), spoke / length) for geom in geoms)
         - anchor @ spoke / length
     )
     return float((anchor + (hinge @ axle) * axle)[:2] @ axle[:2]), radius, radius - length
 
 
-def support(model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: Array) -> float:
+def compute_support_distance(
+    model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: Array
+) -> float:
     """How far a geom reaches along a unit vector (3,), from the world's origin, m."""
     along = direction @ data.geom_xmat[geom].reshape(3, 3)
     a, b, c = model.geom_size[geom]
@@ -124,7 +126,7 @@ def support(model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: Ar
     return float(direction @ data.geom_xpos[geom] + reach)
 
 
-def weigh(body: mujoco.MjsBody, mass: float, centre: Array, inertia: Array) -> None:
+def set_inertial(body: mujoco.MjsBody, mass: float, centre: Array, inertia: Array) -> None:
     """Give a body its mass, centre of mass (3,) and inertia (3, 3) about it, in its own frame."""
     body.explicitinertial = True
     body.mass, body.ipos, body.iquat = mass, centre, [1.0, 0.0, 0.0, 0.0]
@@ -132,7 +134,9 @@ def weigh(body: mujoco.MjsBody, mass: float, centre: Array, inertia: Array) -> N
     body.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
-def composite(model: mujoco.MjModel, bodies: Iterable[int]) -> tuple[float, Array, Array]:
+def compute_composite_inertia(
+    model: mujoco.MjModel, bodies: Iterable[int]
+) -> tuple[float, Array, Array]:
     """Mass, centre of mass (3,) and inertia (3, 3) about it of some bodies as modelled, in the world's frame."""
     data, chosen = mujoco.MjData(model), list(bodies)
     mujoco.mj_kinematics(model, data)
@@ -141,10 +145,10 @@ def composite(model: mujoco.MjModel, bodies: Iterable[int]) -> tuple[float, Arra
     inertia = np.zeros((3, 3))
     for number, m, r in zip(chosen, mass, at - centre, strict=True):
         axes = data.ximat[number].reshape(3, 3)
-        inertia += axes @ np.diag(model.body_inertia[number]) @ axes.T + m * spread(r)
+        inertia += axes @ np.diag(model.body_inertia[number]) @ axes.T + m * point_mass_inertia(r)
     return float(mass.sum()), centre, inertia
 
 
-def spread(r: Array) -> Array:
+def point_mass_inertia(r: Array) -> Array:
     """Inertia of a unit mass at r about the origin, m^2."""
     return np.asarray(r @ r * np.eye(3) - np.outer(r, r))

@@ -19,14 +19,14 @@ from omni_mj.config.robot_files import robot_model
 from omni_mj.config.robot_settings import BodySettings, ModelSettings, WheelSettings
 from omni_mj.config.settings import Settings
 from omni_mj.config.validation import in_one
-from omni_mj.mjcf.custom_robot import Part, hull
-from omni_mj.mjcf.robot_geometry import composite, spread, weigh
+from omni_mj.mjcf.custom_robot import RobotSpec, hull
+from omni_mj.mjcf.robot_geometry import compute_composite_inertia, point_mass_inertia, set_inertial
 
 Element = ElementTree.Element
 
 
 @dataclass(frozen=True)
-class Shape:
+class RobotShape:
     """What of its settings a robot's model depends on.
 
     Args:
@@ -44,7 +44,7 @@ class Shape:
     model: ModelSettings
 
     @classmethod
-    def of(cls, settings: Settings) -> "Shape":
+    def from_settings(cls, settings: Settings) -> "RobotShape":
         """That of a robot under these settings."""
         motor = settings.motor
         return cls(
@@ -52,7 +52,7 @@ class Shape:
         )
 
 
-def part_of(shape: Shape) -> Part:
+def build_robot_spec(shape: RobotShape) -> RobotSpec:
     """The robot of a shape, alone: ours with the numbers of its settings, or a user's own model.
 
     Raises:
@@ -66,7 +66,7 @@ def part_of(shape: Shape) -> Part:
     in_one(
         resolve.contradictions({"body": shape.body, "wheels": shape.wheels, "motor": motor}, own)
     )
-    if shape.wheels.model == "two-rollers" and not own.uniform:
+    if shape.wheels.model == "two-rollers" and not own.has_uniform_rollers:
         raise OmniError(
             f"{own.file}: wheels.model = two-rollers needs rollers that are all alike, in one row, of one geom each; "
             "take rollers"
@@ -75,7 +75,7 @@ def part_of(shape: Shape) -> Part:
 
 
 @lru_cache(maxsize=16)
-def _ours(shape: Shape) -> Part:
+def _ours(shape: RobotShape) -> RobotSpec:
     path = robot_model()
     root = ElementTree.parse(path).getroot()
     _write_wheels(root, shape)
@@ -85,10 +85,10 @@ def _ours(shape: Shape) -> Part:
     for key in list(spec.keys):  # of another size than the world's
         spec.delete(key)
     rollers = tuple(geom.name for geom in spec.geoms if geom.parent.name.startswith("roller_"))
-    return Part(path.name, spec, rollers, hull(spec))
+    return RobotSpec(path.name, spec, rollers, hull(spec))
 
 
-def _write_wheels(root: Element, shape: Shape) -> None:
+def _write_wheels(root: Element, shape: RobotShape) -> None:
     """Put a copy of the first wheel, with its motor and its encoder, where each wheel is."""
     wheels, count = shape.wheels, len(shape.wheels.azimuths_deg)
     for azimuth, frame in zip(
@@ -126,11 +126,11 @@ def _repeat_first(root: Element, path: str, count: int) -> list[Element]:
     for element in root.findall(path):
         parent.remove(element)
     text = ElementTree.tostring(first, encoding="unicode")
-    copies = [
+    read_model_files = [
         ElementTree.fromstring(text.replace("_1", f"_{number}")) for number in range(1, count + 1)
     ]
-    parent.extend(copies)
-    return copies
+    parent.extend(read_model_files)
+    return read_model_files
 
 
 def _child(parent: Element, path: str) -> Element:
@@ -145,7 +145,7 @@ def _balance(spec: mujoco.MjSpec, body: BodySettings) -> None:
     (chassis,) = spec.worldbody.bodies
     model = spec.compile()
     others = [number for number in range(1, model.nbody) if number != chassis.id]
-    mass, centre, inertia = composite(model, others)
+    mass, centre, inertia = compute_composite_inertia(model, others)
     left = body.mass_kg - mass
     whole = np.array([body.centre_x_m, 0.0, body.centre_height_m])
     if left <= 0:
@@ -154,11 +154,16 @@ def _balance(spec: mujoco.MjSpec, body: BodySettings) -> None:
         )
     at = (body.mass_kg * whole - mass * centre) / left
     own = np.diag([body.tilt_inertia_kg_m2, body.tilt_inertia_kg_m2, body.yaw_inertia_kg_m2])
-    own = own - inertia - mass * spread(centre - whole) - left * spread(at - whole)
+    own = (
+        own
+        - inertia
+        - mass * point_mass_inertia(centre - whole)
+        - left * point_mass_inertia(at - whole)
+    )
     principal = np.linalg.eigvalsh(own)
     if principal[0] <= 0 or principal[2] > principal[:2].sum():
         raise OmniError(
             f"body.yaw_inertia_kg_m2 and body.tilt_inertia_kg_m2 leave the chassis without its wheels the principal "
             f"inertias {principal} kg m^2, which no body has"
         )
-    weigh(chassis, left, at, own)
+    set_inertial(chassis, left, at, own)

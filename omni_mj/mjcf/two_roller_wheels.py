@@ -18,11 +18,11 @@ the radius at which it turns), a drag of its own at one roller a pitch. So the n
 
 import mujoco
 
-from omni_mj.mjcf.robot_geometry import composite, weigh
-from omni_mj.mjcf.robot_parts import KEPT, Robot
+from omni_mj.mjcf.robot_geometry import compute_composite_inertia, set_inertial
+from omni_mj.mjcf.robot_indices import RETAINED_ROLLERS, RobotIndices
 
 
-def reduce(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> None:
+def reduce(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices) -> None:
     """Leave two rollers a wheel, the one at the bottom and the next to come there, and make the rims heavier.
 
     Every step of what is then compiled must be followed by
@@ -37,10 +37,10 @@ def reduce(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: Robot) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     for rim, rollers in zip(robot.rims, robot.rollers, strict=True):
-        others = rollers[KEPT:].tolist()
-        mass, centre, inertia = composite(model, [int(rim), *others])
+        others = rollers[RETAINED_ROLLERS:].tolist()
+        mass, centre, inertia = compute_composite_inertia(model, [int(rim), *others])
         axes = data.xmat[rim].reshape(3, 3)
-        weigh(
+        set_inertial(
             spec.body(model.body(rim).name),
             mass,
             axes.T @ (centre - data.xpos[rim]),

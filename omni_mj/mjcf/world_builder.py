@@ -17,11 +17,11 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.robot_files import models
 from omni_mj.config.settings import Settings
-from omni_mj.mjcf import contact_parameters, robot_parts, two_roller_wheels
-from omni_mj.mjcf.custom_robot import Part
-from omni_mj.mjcf.robot_geometry import support
-from omni_mj.mjcf.robot_parts import Ids, Robot
-from omni_mj.mjcf.robot_spec import Shape, part_of
+from omni_mj.mjcf import contact_parameters, robot_indices, two_roller_wheels
+from omni_mj.mjcf.custom_robot import RobotSpec
+from omni_mj.mjcf.robot_geometry import compute_support_distance
+from omni_mj.mjcf.robot_indices import Ids, RobotIndices
+from omni_mj.mjcf.robot_spec import RobotShape, build_robot_spec
 
 SETTLING_S = 0.25
 
@@ -36,56 +36,58 @@ class World:
     Args:
         model: robots named `robot_1/...` and so on by their places, all at the origin.
         robots: n of one shape, in the order of their places.
-        standing: positions (nq,) with every robot at rest at the origin, its weight on its rollers.
+        rest_qpos: positions (nq,) with every robot at rest at the origin, its weight on its rollers.
         kinematics: of each robot's wheels.
-        loads: addresses in sensordata of the forces on each robot's wheels in the direction of z,
+        load_addresses: addresses in sensordata of the forces on each robot's wheels in the direction of z,
             (n, wheels).
-        reach: radius of the circle about a robot's middle that its hull stays in, m; 0 without a
+        hull_radius: radius of the circle about a robot's middle that its hull stays in, m; 0 without a
             hull.
     """
 
     model: mujoco.MjModel
-    robots: tuple[Robot, ...]
-    standing: Array
+    robots: tuple[RobotIndices, ...]
+    rest_qpos: Array
     kinematics: Kinematics
-    loads: Ids
-    reach: float
+    load_addresses: Ids
+    hull_radius: float
 
 
-def prefix(place: int) -> str:
+def get_name_prefix(place: int) -> str:
     """Before the names of all that belongs to the robot at a place."""
     return f"robot_{place + 1}/"
 
 
-def world(settings: Settings | None = None, places: int = 1, hulls: bool | None = None) -> World:
+def build_world(
+    settings: Settings | None = None, robots_per_world: int = 1, with_hulls: bool | None = None
+) -> World:
     """A field with robots of one shape on it, built once.
 
     Args:
-        settings: of the robots; what their `Shape` says counts. [the default robot's]
-        places: number of robots.
-        hulls: whether robots meet each other and walls. [if they are several]
+        settings: of the robots; what their `RobotShape` says counts. [the default robot's]
+        robots_per_world: number of robots.
+        with_hulls: whether robots meet each other and walls. [if they are several]
 
     Raises:
         OmniError: numbers of which no robot can be made, or a robot's file that lacks a part.
     """
     settings = settings or Settings()
-    shape = Shape.of(settings)
+    shape = RobotShape.from_settings(settings)
     return _world(
-        part_of(shape),
+        build_robot_spec(shape),
         shape,
-        places,
+        robots_per_world,
         settings.physics.substeps,
-        places > 1 if hulls is None else hulls,
+        robots_per_world > 1 if with_hulls is None else with_hulls,
     )
 
 
 @lru_cache(maxsize=16)
-def _world(part: Part, shape: Shape, places: int, substeps: int, hulls: bool) -> World:
+def _world(part: RobotSpec, shape: RobotShape, places: int, substeps: int, hulls: bool) -> World:
     field = mujoco.MjSpec.from_file(str(models() / "field.xml"))
-    spec, rollers = part.spec.copy(), part.touching
+    spec, rollers = part.spec.copy(), part.contact_geoms
     alone = spec.compile()
-    (robot,) = robot_parts.find(alone)
-    pair = contact_parameters.creeping(
+    (robot,) = robot_indices.find_robots(alone)
+    pair = contact_parameters.make_roller_contact(
         alone, robot.rollers.ravel(), shape.body.mass_kg / len(robot.wheels)
     )
     if shape.wheels.model == "two-rollers":
@@ -94,18 +96,20 @@ def _world(part: Part, shape: Shape, places: int, substeps: int, hulls: bool) ->
         rollers = tuple(name for name in rollers if name in left)
     for name in _SCENES:
         setattr(spec, name, getattr(field, name))
-    if hulls and not part.hull:
+    if hulls and not part.hull_geoms:
         raise OmniError(
             f"{part.file}: no hull; robots that share a world meet with their geoms of the class 'hull'"
         )
-    for name in part.hull if hulls else ():
+    for name in part.hull_geoms if hulls else ():
         spec.geom(name).contype = spec.geom(name).conaffinity = 1
     for place in range(places):
-        field.attach(spec.copy(), frame=field.worldbody.add_frame(), prefix=prefix(place))
+        field.attach(spec.copy(), frame=field.worldbody.add_frame(), prefix=get_name_prefix(place))
         for roller in rollers:
-            field.add_pair(geomname1="carpet", geomname2=prefix(place) + roller, condim=3, **pair)
+            field.add_pair(
+                geomname1="carpet", geomname2=get_name_prefix(place) + roller, condim=3, **pair
+            )
         for rim in robot.rims:
-            _add_load_sensor(field, prefix(place) + alone.body(rim).name)
+            _add_load_sensor(field, get_name_prefix(place) + alone.body(rim).name)
     if places == 1:  # what touches is one island, of which to make a list costs 7 % of a step
         field.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     field.option.impratio = contact_parameters.FRICTION_STIFFER
@@ -114,7 +118,7 @@ def _world(part: Part, shape: Shape, places: int, substeps: int, hulls: bool) ->
         model = field.compile()
     except ValueError as error:
         raise OmniError(f"{part.file}: {' '.join(str(error).split())}") from error
-    robots = tuple(robot_parts.find(model))
+    robots = tuple(robot_indices.find_robots(model))
     for each in robots:  # backward Euler: a slip speed decays within a step
         model.dof_solref[each.slip_dofs] = -1.0, -contact_parameters.STIFFEST / model.opt.timestep
         model.dof_solimp[each.slip_dofs, :2] = contact_parameters.STIFFEST
@@ -124,10 +128,10 @@ def _world(part: Part, shape: Shape, places: int, substeps: int, hulls: bool) ->
         one = _world(part, shape, 1, substeps, False)
         standing = model.qpos0.copy()
         for each in robots:
-            standing[each.qpos] = one.standing[one.robots[0].qpos]
+            standing[each.qpos] = one.rest_qpos[one.robots[0].qpos]
     kinematics = shape.wheels.kinematics
     return World(
-        model, robots, standing, kinematics, _loads(model, robots), _reach(alone, part.hull)
+        model, robots, standing, kinematics, _loads(model, robots), _reach(alone, part.hull_geoms)
     )
 
 
@@ -139,7 +143,11 @@ def _reach(model: mujoco.MjModel, hull: Sequence[str]) -> float:
         np.array([np.cos(angle), np.sin(angle), 0.0]) for angle in np.linspace(0, 2 * np.pi, 73)
     ]
     return max(
-        (support(model, data, model.geom(name).id, way) for name in hull for way in around),
+        (
+            compute_support_distance(model, data, model.geom(name).id, way)
+            for name in hull
+            for way in around
+        ),
         default=0.0,
     )
 
@@ -154,7 +162,7 @@ def _add_load_sensor(field: mujoco.MjSpec, rim: str) -> None:
     sensor.intprm[:3] = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1
 
 
-def _loads(model: mujoco.MjModel, robots: tuple[Robot, ...]) -> Ids:
+def _loads(model: mujoco.MjModel, robots: tuple[RobotIndices, ...]) -> Ids:
     """Addresses of the loads of each robot's wheels, (robots, wheels)."""
     return np.array(
         [

@@ -24,8 +24,8 @@ from omni_mj.config.faults import (
     span,
 )
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, VisionSettings, gather
-from omni_mj.network.fault_schedule import Schedule
-from omni_mj.network.random_streams import Noise, Seed, Stream, uniform
+from omni_mj.network.fault_schedule import FaultSchedule
+from omni_mj.network.random_streams import Noise, Seed, Stream, make_uniform_noise
 
 _SAME_S = 1e-9  # times that differ by less are the same
 
@@ -58,10 +58,10 @@ class Camera:
         self._errors = Noise(
             seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3))
         )
-        self._misses = uniform(seeds, Stream.VISION_MISSES)
+        self._misses = make_uniform_noise(seeds, Stream.VISION_MISSES)
         # Drawn for each image whatever goes on, so that a fault changes nothing of another.
-        self._chance = uniform(seeds, Stream.CAMERA_FAULTS, 2)
-        self._schedule = Schedule(faults, VisionLoss, VisionFreeze, VisionWrongId, VisionBias)
+        self._chance = make_uniform_noise(seeds, Stream.CAMERA_FAULTS, 2)
+        self._schedule = FaultSchedule(faults, VisionLoss, VisionFreeze, VisionWrongId, VisionBias)
         n = len(seeds)
         self._missed = np.full(
             n, -1.0
@@ -93,13 +93,13 @@ class Camera:
 
     def _misled(self, pose: Array, frame: int) -> Array:
         """Return what there is to see in a frame in place of true poses (n, 3), but for noise."""
-        if (active := self._schedule.at(frame)) is not None:
+        if (active := self._schedule.update(frame)) is not None:
             self._out[:] = self._frozen[:] = False
-            self._out[[row for row, _ in active.of(VisionLoss)]] = True
-            self._frozen[[row for row, _ in active.of(VisionFreeze)]] = True
+            self._out[[row for row, _ in active.of_kind(VisionLoss)]] = True
+            self._frozen[[row for row, _ in active.of_kind(VisionFreeze)]] = True
             self._wrong_ids, self._biases = (
-                list(active.of(VisionWrongId)),
-                list(active.of(VisionBias)),
+                list(active.of_kind(VisionWrongId)),
+                list(active.of_kind(VisionBias)),
             )
         chances, shown = self._chance.next(), pose.copy()
         for row, bias in self._biases:
@@ -111,7 +111,7 @@ class Camera:
         return shown
 
 
-class Timing:
+class ImageTiming:
     """When images of n robots arrive, and how old they are said to be.
 
     Errors of clocks and jitters of several faults add up.
@@ -132,14 +132,14 @@ class Timing:
             gather(settings, name) for name in ("delay_s", "jitter_s", "loss_probability")
         )
         self._late, self._lost, self._chance = (
-            uniform(seeds, stream)
+            make_uniform_noise(seeds, stream)
             for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES, Stream.CAMERA_LATE)
         )
-        self._schedule = Schedule(faults, VisionClockDrift, VisionJitter, VisionDelay)
+        self._schedule = FaultSchedule(faults, VisionClockDrift, VisionJitter, VisionDelay)
         self._delay = self._usual
         self._more_jitter, self._loses, self._lost_s = np.zeros((3, len(seeds)))
 
-    def at(self, frame: int, time: float) -> tuple[Array, Array]:
+    def schedule_arrival(self, frame: int, time: float) -> tuple[Array, Array]:
         """Return when an image arrives, infinite if it is lost, and how much older it is said to be than it is.
 
         Args:
@@ -149,14 +149,14 @@ class Timing:
         Returns:
             Both (n,), s.
         """
-        if (active := self._schedule.at(frame)) is not None:
+        if (active := self._schedule.update(frame)) is not None:
             self._delay = self._usual.copy()
             self._more_jitter, self._loses, self._lost_s = np.zeros((3, len(self._usual)))
-            for row, late in active.of(VisionDelay):
+            for row, late in active.of_kind(VisionDelay):
                 self._delay[row] = late.delay_s
-            for row, jitter in active.of(VisionJitter):
+            for row, jitter in active.of_kind(VisionJitter):
                 self._more_jitter[row] += jitter.jitter_s
-            for row, clock in active.of(VisionClockDrift):
+            for row, clock in active.of_kind(VisionClockDrift):
                 self._loses[row] += clock.drift_ms_per_s / 1000
                 self._lost_s[row] -= clock.drift_ms_per_s / 1000 * span(clock)[0] * PERIOD_S
         delay = self._delay + self._more_jitter * self._chance.next()[:, 0]
@@ -183,7 +183,7 @@ class Cameras:
         faults: Of each row.
 
     Attributes:
-        age: For how long robots had been where they were last seen, (n,) s.
+        measurement_age: For how long robots had been where they were last seen, (n,) s.
     """
 
     def __init__(
@@ -202,13 +202,13 @@ class Cameras:
             ]
             rows = slice(None) if len(own) == len(rates) else np.flatnonzero(np.equal(rates, rate))
             self._groups.append((rows, _SameRate(*(list(part) for part in zip(*own, strict=True)))))
-        self.age: Array | None = None
+        self.measurement_age: Array | None = None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
         """Return the poses (n, 3) that arrived since the frame before, NaN where none did, and whether one did (n,)."""
-        measured, self.age = np.full(pose.shape, np.nan), np.zeros(len(pose))
+        measured, self.measurement_age = np.full(pose.shape, np.nan), np.zeros(len(pose))
         for rows, group in self._groups:
-            measured[rows], self.age[rows] = group.arrive(pose[rows])
+            measured[rows], self.measurement_age[rows] = group.arrive(pose[rows])
         return measured, ~np.isnan(measured[:, 0])
 
 
@@ -223,7 +223,7 @@ class _SameRate:
     ) -> None:
         self._camera, self._timing = (
             Camera(settings, seeds, faults),
-            Timing(settings, seeds, faults),
+            ImageTiming(settings, seeds, faults),
         )
         self._rate = settings[0].rate_hz
         self._before: Array | None = None
@@ -256,7 +256,7 @@ class _SameRate:
     def _take(self, time: float, pose: Array) -> None:
         frame = int((time + _SAME_S) * FRAME_RATE_HZ)
         poses = self._camera(pose, frame)
-        arrival, behind = self._timing.at(frame, time)
+        arrival, behind = self._timing.schedule_arrival(frame, time)
         poses[np.isinf(arrival)] = np.nan
         arrival[np.isinf(arrival)] = time
         self._flying.append(_Image(time, poses, arrival, behind))

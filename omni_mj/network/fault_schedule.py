@@ -10,7 +10,7 @@ Kind = TypeVar("Kind", bound=Fault)
 
 
 @dataclass(frozen=True)
-class Active:
+class ActiveFaults:
     """The faults that go on: (row, fault), row by row, in a row in the order of its scenario.
 
     Attributes:
@@ -21,16 +21,16 @@ class Active:
     faults: Sequence[tuple[int, Fault]]
     new: Sequence[tuple[int, Fault]] = ()
 
-    def of(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
+    def of_kind(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
         """Return those of a kind."""
         return ((row, fault) for row, fault in self.faults if isinstance(fault, kind))
 
-    def begun(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
+    def started(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
         """Return those of a kind that are new."""
         return ((row, fault) for row, fault in self.new if isinstance(fault, kind))
 
 
-class Schedule:
+class FaultSchedule:
     """Faults by the frames in which they begin and end.
 
     Args:
@@ -50,7 +50,7 @@ class Schedule:
         )
         self._last = -1
 
-    def at(self, frame: int) -> Active | None:
+    def update(self, frame: int) -> ActiveFaults | None:
         """Return the faults that go on in a frame, not before that of the last call; None if nothing has changed."""
         if not self._changes or self._changes[-1] > frame:
             return None
@@ -60,7 +60,7 @@ class Schedule:
         going = [
             (row, fault, start) for row, fault, start, end in self._spans if start <= frame < end
         ]
-        return Active(
+        return ActiveFaults(
             [each[:2] for each in going],
             [(row, fault) for row, fault, start in going if start > last],
         )

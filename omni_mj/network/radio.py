@@ -16,11 +16,11 @@ from omni_mj.config.faults import (
     RadioReorder,
 )
 from omni_mj.config.settings import RadioSettings, gather
-from omni_mj.network.fault_schedule import Schedule
-from omni_mj.network.random_streams import Seed, Stream, uniform
+from omni_mj.network.fault_schedule import FaultSchedule
+from omni_mj.network.random_streams import Seed, Stream, make_uniform_noise
 
 
-class Received(NamedTuple):
+class ReceivedCommand(NamedTuple):
     """What n robots hold of the radio in a frame.
 
     Args:
@@ -28,28 +28,28 @@ class Received(NamedTuple):
         heading: vision's heading that was sent with it (n,), rad; not a number where nothing new
             arrived.
         age: frames since it was sent (n,).
-        new: whether it arrived in this frame (n,); None where all did.
-        body: whether its velocities are along the robot's own axes (n,); None where none are.
-        wheels: rim speeds asked for in its place (n, wheels) m/s, not a number where it is
+        is_new: whether it arrived in this frame (n,); None where all did.
+        in_body_frame: whether its velocities are along the robot's own axes (n,); None where none are.
+        rim_speeds: rim speeds asked for in its place (n, wheels) m/s, not a number where it is
             velocities; None for none.
     """
 
     command: Array
     heading: Array
     age: np.ndarray
-    new: np.ndarray | None = None
-    body: np.ndarray | None = None
-    wheels: Array | None = None
+    is_new: np.ndarray | None = None
+    in_body_frame: np.ndarray | None = None
+    rim_speeds: Array | None = None
 
     @classmethod
-    def at_once(cls, command: Array, heading: Array | None = None) -> "Received":
+    def without_delay(cls, command: Array, heading: Array | None = None) -> "ReceivedCommand":
         """Commands (n, 3) without a radio's delay, and headings (n,) if vision sees any."""
         n = len(command)
         seen = np.full(n, np.nan) if heading is None else heading
         return cls(command, seen, np.zeros(n, int), np.ones(n, bool))
 
 
-def longest(settings: RadioSettings, faults: Sequence[Fault]) -> int:
+def compute_max_delay_frames(settings: RadioSettings, faults: Sequence[Fault]) -> int:
     """Return how many frames a packet takes at most."""
     delays = [fault.delay_frames for fault in faults if isinstance(fault, RadioDelay)]
     behind = [
@@ -106,11 +106,11 @@ class Radio:
         # Drawn for each packet, or each frame, whatever goes on, so that a fault changes nothing of
         # another.
         self._late, self._losses, self._steps = (
-            uniform(seeds, stream)
+            make_uniform_noise(seeds, stream)
             for stream in (Stream.RADIO_JITTER, Stream.RADIO_LOSSES, Stream.RADIO_BURSTS)
         )
-        self._chance = uniform(seeds, Stream.RADIO_FAULTS, 4)
-        self._schedule = Schedule(
+        self._chance = make_uniform_noise(seeds, Stream.RADIO_FAULTS, 4)
+        self._schedule = FaultSchedule(
             faults, RadioDelay, RadioLoss, RadioBurstLoss, RadioDuplicates, RadioReorder
         )
         self._passes, self._outside_burst = np.ones((2, n))  # probabilities of a packet
@@ -129,14 +129,14 @@ class Radio:
         self._delay = self._usual  # of what is sent from now on, (n,)
         self._begin_frame()
 
-    def exchange(self, command: Array, heading: Array) -> Received:
+    def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
         """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
         packets = np.empty((len(command), 4))
         packets[:, :3], packets[:, 3] = command, heading
         self.send(packets)
         packets, new, age = self.deliver()
         packets[~new, 3] = np.nan
-        return Received(packets[:, :3], packets[:, 3], age, new)
+        return ReceivedCommand(packets[:, :3], packets[:, 3], age, new)
 
     def send(self, packets: Array, to: np.ndarray | None = None) -> None:
         """Send packets (n, k) to the robots of these numbers, by default to all."""
@@ -168,15 +168,15 @@ class Radio:
                 flight.sent_tick,
                 True,
             )
-        self.wait()
+        self.skip_ticks()
         return self._current.copy(), new, tick - self._sent_ticks
 
     @property
-    def quiet(self) -> int:
+    def ticks_to_next_arrival(self) -> int:
         """The number of ticks from this one on in which nothing arrives of what was sent until now."""
         return min(self._in_flight) - self._tick if self._in_flight else sys.maxsize
 
-    def wait(self, ticks: int = 1) -> None:
+    def skip_ticks(self, ticks: int = 1) -> None:
         """End ticks in which all is quiet, without asking what robots hold."""
         for _ in range(ticks):
             self._tick += 1
@@ -195,19 +195,19 @@ class Radio:
 
     def _begin_frame(self) -> None:
         """Apply the faults of the frame that begins."""
-        if (active := self._schedule.at(self._tick // self._ticks)) is not None:
+        if (active := self._schedule.update(self._tick // self._ticks)) is not None:
             self._delay = self._usual.copy()
             self._passes[:], self._copied[:], self._overtaken[:] = 1.0, 0.0, 0.0
-            for row, fault in active.of(RadioDelay):
+            for row, fault in active.of_kind(RadioDelay):
                 self._delay[row] = fault.delay_frames * self._ticks
-            for row, loss in active.of(RadioLoss):
+            for row, loss in active.of_kind(RadioLoss):
                 self._passes[row] *= 1 - loss.probability
-            for row, copies in active.of(RadioDuplicates):
+            for row, copies in active.of_kind(RadioDuplicates):
                 self._copied[row], self._copied_by[row] = copies.probability, copies.delay_frames
-            for row, late in active.of(RadioReorder):
+            for row, late in active.of_kind(RadioReorder):
                 self._overtaken[row], self._overtaken_by[row] = late.probability, late.delay_frames
             self._chains = {
-                chain: self._chains.get(chain, False) for chain in active.of(RadioBurstLoss)
+                chain: self._chains.get(chain, False) for chain in active.of_kind(RadioBurstLoss)
             }
         drawn = self._steps.next()[:, 0]
         self._outside_burst[:] = 1.0

@@ -64,6 +64,6 @@ class Noise:
         return self._block[self._used - 1]
 
 
-def uniform(seeds: Sequence[Seed], stream: Stream, count: int = 1) -> Noise:
+def make_uniform_noise(seeds: Sequence[Seed], stream: Stream, count: int = 1) -> Noise:
     """Return the stream of so many numbers from 0 to 1 a time."""
     return Noise(seeds, stream, lambda rng, length: rng.random((length, count)))

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 
 
 class Telemetry:
@@ -95,7 +95,7 @@ class Plant(Protocol):
         """True twists (n, 3) now, world frame."""
         ...
 
-    def advance(self, received: Received) -> dict[int, str]:
+    def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """Move on by one frame in which the robots obey what they `received`.
 
         Returns:

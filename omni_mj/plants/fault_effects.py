@@ -15,7 +15,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.config import faults
 from omni_mj.config.rows import Row
-from omni_mj.network.fault_schedule import Active, Schedule
+from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
 from omni_mj.network.random_streams import Noise, Stream
 from omni_mj.robot.carpet import covered
 
@@ -62,12 +62,12 @@ class Faults:
         self._rows, self._plant, self._base, self._bodies = rows, plant, plant.parameters, bodies
         self._kinds = {type(fault) for row in rows for fault in row.faults}
         self._schedule, self._frame = (
-            Schedule([row.faults for row in rows], faults.OnWheels, faults.Kidnap),
+            FaultSchedule([row.faults for row in rows], faults.OnWheels, faults.Kidnap),
             0,
         )
         self._robots, self._wheels = np.ones(len(rows)), np.ones(plant.parameters.carpet.grip.shape)
         self._none = np.zeros((len(rows), 2))
-        self._change_inputs(Active([]))
+        self._change_inputs(ActiveFaults([]))
         seeds = [row.noise_seed for row in rows]
         self._chance = Noise(
             seeds, Stream.ENCODER_FAULTS, lambda rng, count: rng.random((count, len(self._wheels)))
@@ -80,7 +80,7 @@ class Faults:
 
     def begin(self) -> None:
         """Let begin what begins in the next frame, and end what ends."""
-        active = self._schedule.at(self._frame)
+        active = self._schedule.update(self._frame)
         self._frame += 1
         if active is not None:
             self._change_parameters(active)
@@ -90,11 +90,11 @@ class Faults:
             self._dropouts > self._chance.next().T, 0.0, self._encoder_scale
         )
 
-    def _change_parameters(self, active: Active) -> None:
+    def _change_parameters(self, active: ActiveFaults) -> None:
         """Change carpet, wheels and magnets."""
         carpet, motors = self._base.carpet, self._base.onboard.motors
         patches = [list(row.settings.carpet.patches) for row in self._rows]
-        for row, patch in active.of(faults.FrictionPatch):
+        for row, patch in active.of_kind(faults.FrictionPatch):
             patches[row].append((patch.x_m, patch.y_m, patch.radius_m, patch.friction))
         lost = _join(
             active, faults.WheelMissingRollers, 0 * self._wheels, attrgetter("rollers"), max
@@ -119,20 +119,20 @@ class Faults:
         onboard = self._base.onboard._replace(motors=motors)
         self._plant.parameters = self._plant.parameters._replace(carpet=changed, onboard=onboard)
 
-    def _change_bodies(self, active: Active) -> None:
+    def _change_bodies(self, active: ActiveFaults) -> None:
         """Load, lean, block and move robots."""
         if faults.Payload in self._kinds:
             self._bodies.carry(
-                [(row, load.mass_kg, load.height_m) for row, load in active.of(faults.Payload)]
+                [(row, load.mass_kg, load.height_m) for row, load in active.of_kind(faults.Payload)]
             )
         if faults.Tilt in self._kinds:
             self._bodies.lean(_join(active, faults.Tilt, self._none, _slope, add))
         if faults.MotorBlocked in self._kinds:
             self._bodies.block(_join(active, faults.MotorBlocked, self._wheels, NONE) == 0)
-        for row, hand in active.begun(faults.Kidnap):
+        for row, hand in active.started(faults.Kidnap):
             self._bodies.put(row, hand.moved)
 
-    def _change_inputs(self, active: Active) -> None:
+    def _change_inputs(self, active: ActiveFaults) -> None:
         """Change pushes, sensors, drivers, processors and supplies."""
         robots, wheels = self._robots, self._wheels
         self.push = _join(
@@ -157,7 +157,7 @@ class Faults:
 
 
 def _join(
-    active: Active,
+    active: ActiveFaults,
     kind: type[faults.Fault],
     start: Array,
     value: Callable[[Any], Any] = FACTOR,
@@ -173,7 +173,7 @@ def _join(
         by: Joins the number so far and that of a fault.
     """
     result = start.copy()
-    for row, fault in active.of(kind):
+    for row, fault in active.of_kind(kind):
         at = (fault.wheel - 1, row) if isinstance(fault, faults.OnOneWheel) else row
         result[at] = by(result[at], value(fault))
     return result

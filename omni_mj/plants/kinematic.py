@@ -8,8 +8,8 @@ from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.faults import Alpha, Kidnap
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import PERIOD_S, gather
-from omni_mj.network.fault_schedule import Schedule
-from omni_mj.network.radio import Received
+from omni_mj.network.fault_schedule import FaultSchedule
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.network.random_streams import Noise, Seed, Stream
 from omni_mj.plants import Telemetry
 
@@ -38,7 +38,7 @@ class KinematicPlant:
         self._amplitude = gather(rows, "settings.disturbance.velocity_m_s")[:, None]
         self._pose = np.array(start, float)
         self._twist, self._disturbance = np.zeros((2, *self._pose.shape))
-        self._schedule, self._frame = Schedule([row.faults for row in rows], Alpha, Kidnap), 0
+        self._schedule, self._frame = FaultSchedule([row.faults for row in rows], Alpha, Kidnap), 0
         # Alpha where a fault gives it, otherwise not a number, (n, 1)
         self._given: Array | None = None
         self._telemetry = Telemetry.of_no_wheels(
@@ -53,16 +53,16 @@ class KinematicPlant:
         """See `Plant`: that of the frame just past."""
         return self._twist
 
-    def advance(self, received: Received) -> dict[int, str]:
+    def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`; what it moves in are world coordinates, whatever the heading."""
         alpha = np.clip(
             self._low + (self._high - self._low) * self._quantile.next(), self._low, self._high
         )
-        if (active := self._schedule.at(self._frame)) is not None:
+        if (active := self._schedule.update(self._frame)) is not None:
             self._given = np.full((len(alpha), 1), np.nan)
-            for row, fault in active.of(Alpha):
+            for row, fault in active.of_kind(Alpha):
                 self._given[row] = fault.alpha
-            for row, kidnap in active.begun(Kidnap):
+            for row, kidnap in active.started(Kidnap):
                 self._pose = self._pose.copy()
                 self._pose[row] += kidnap.moved
         if self._given is not None:

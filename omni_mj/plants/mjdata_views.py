@@ -11,8 +11,8 @@ from numpy.lib.stride_tricks import as_strided
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.settings import Settings, gather
-from omni_mj.mjcf.robot_geometry import spread
-from omni_mj.mjcf.robot_parts import Ids
+from omni_mj.mjcf.robot_geometry import point_mass_inertia
+from omni_mj.mjcf.robot_indices import Ids
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.domain_randomization import Drawn
 from omni_mj.plants.fault_effects import STUCK_NM, Faulty
@@ -90,7 +90,7 @@ class Bound(Faulty):
             Entries(sensors, ids("gyro")[:, None]),
             Entries(sensors, ids("encoders")),
         )
-        self.load = Entries(sensors, world.loads)
+        self.load = Entries(sensors, world.load_addresses)
         self.voltage = Entries(batch.bind("ctrl"), motors)
         self.resistance, self.constant = (
             self._entries("actuator_gainprm", motors, i) for i in range(2)
@@ -196,7 +196,7 @@ class Bound(Faulty):
             # About the common centre of mass two bodies turn as their reduced mass does at their
             # distance.
             share = load / (mass[0, row] + load)
-            more = mass[0, row] * share * spread(apart)
+            more = mass[0, row] * share * point_mass_inertia(apart)
             mass[:, row] += load
             subtree[:, row] += load
             centre[:, row] += share * apart

@@ -10,7 +10,7 @@ import numpy as np
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import Telemetry, world_batch
 from omni_mj.plants.domain_randomization import Drawn
 from omni_mj.plants.mjdata_views import Bound
@@ -58,7 +58,7 @@ class MujocoPlant(WheeledPlant):
 
     Args:
         rows: Of all robots, those of one world one after the other by their places; every world has
-            as many. What their models are made of (`Shape`) and the physics must be the same for
+            as many. What their models are made of (`RobotShape`) and the physics must be the same for
             all.
         start: Poses at the start, (n, 3).
         threads: Of the physics. Results do not depend on it. [one below 16 robots, else as many as
@@ -84,7 +84,7 @@ class MujocoPlant(WheeledPlant):
         world_batch.check(rows)
         n, worlds = len(rows), len(rows) // places
         self._places, self.substeps = places, settings[0].physics.substeps
-        self._world = world = world_builder.world(settings[0], places, hulls=hulls)
+        self._world = world = world_builder.build_world(settings[0], places, with_hulls=hulls)
         if threads is None:
             threads = 1 if n < THREADED else os.cpu_count() or 1
         self._batch = world_batch.made(world, worlds, min(threads, worlds))
@@ -132,11 +132,11 @@ class MujocoPlant(WheeledPlant):
         """See `Plant`."""
         return self._at.velocity.get()[[0, 1, 5]].T
 
-    def advance(self, received: Received) -> dict[int, str]:
+    def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
         return self.go(self.cycles, received)
 
-    def go(self, count: int, received: Received | None) -> dict[int, str]:
+    def go(self, count: int, received: ReceivedCommand | None) -> dict[int, str]:
         """Go through some cycles of the wheel loops, no more than are left of the frame.
 
         Args:
@@ -211,7 +211,7 @@ class MujocoPlant(WheeledPlant):
             loops=set_heading(self.onboard.loops, chosen, headings)
         )
 
-    def _accept(self, received: Received) -> None:
+    def _accept(self, received: ReceivedCommand) -> None:
         """Take over commands, and keep vision's headings until the next frame begins."""
         self.onboard = hear(self.parameters.onboard, self.onboard, self._command(received))
         (seen, age), missing = self._heard, np.isnan(received.heading)
@@ -265,7 +265,7 @@ class MujocoPlant(WheeledPlant):
         """Put the robots of some worlds where they start, at rest on their rollers; their sensors say so."""
         places = self._places
         rows = (worlds[:, None] * places + np.arange(places)).ravel()
-        standing = self._world.standing[np.array([robot.qpos for robot in self._world.robots])]
+        standing = self._world.rest_qpos[np.array([robot.qpos for robot in self._world.robots])]
         positions, speeds = self._at.qpos.get(), self._at.qvel.get()
         x, y, heading = self._start_poses[rows].T
         positions[:, rows], speeds[:, rows] = standing[rows % places].T, 0.0

@@ -9,7 +9,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import Telemetry
 from omni_mj.plants.domain_randomization import Drawn
 from omni_mj.plants.fault_effects import STUCK_NM, Faulty
@@ -43,7 +43,7 @@ class PlanarPlant(WheeledPlant, Faulty):
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
         _check(rows)
         settings = [row.settings for row in rows]
-        world = world_builder.world(settings[0])
+        world = world_builder.build_world(settings[0])
         x, y, heading = np.array(start, float).T
         drawn = Drawn.of(rows)
         super().__init__(rows, world.kinematics, drawn, heading)
@@ -94,7 +94,7 @@ class PlanarPlant(WheeledPlant, Faulty):
         """See `Plant`."""
         return self._twist
 
-    def advance(self, received: Received) -> dict[int, str]:
+    def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
         inputs = self._inputs(received.heading, received.age, self._stopped)
         report = self._backend.run(advance_frame, self._command(received), inputs)

@@ -45,9 +45,9 @@ from omni_mj.mjcf.contact_parameters import (
     FRICTION_RATE_HZ,
     FRICTION_STIFFER,
     STIFFNESS_N_M,
-    damping,
+    compute_carpet_damping,
 )
-from omni_mj.mjcf.robot_geometry import composite
+from omni_mj.mjcf.robot_geometry import compute_composite_inertia
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.domain_randomization import Drawn
 from omni_mj.robot.array_namespace import total
@@ -112,7 +112,9 @@ class PlanarBodies:
         motors = [Motor.of(s.motor) for s in settings]
         turning = gather(motors, "inertia") * gather(motors, "gear") ** 2
         self._hub = float(model.body_inertia[robot.wheels[0]].max()) + turning
-        _, _, rim = composite(model, [int(robot.rims[0]), *robot.rollers[0].tolist()])
+        _, _, rim = compute_composite_inertia(
+            model, [int(robot.rims[0]), *robot.rollers[0].tolist()]
+        )
         axle = kinematics.axles[0]
         self._rim = float(axle @ rim @ axle)
         self._roller = float(model.body_inertia[robot.rollers[0, 0]].min())
@@ -120,7 +122,7 @@ class PlanarBodies:
 
         names = "mass_kg", "centre_height_m", "centre_x_m", "yaw_inertia_kg_m2"
         mass, height, ahead, inertia = (gather(settings, f"body.{name}") for name in names)
-        wheels_mass, wheels_centre, wheels_inertia = composite(
+        wheels_mass, wheels_centre, wheels_inertia = compute_composite_inertia(
             model, [i for i in range(1, model.nbody) if i != robot.chassis]
         )
         if (mass <= wheels_mass).any():
@@ -253,7 +255,11 @@ def _stand(wheels: WheelSettings, load: float) -> tuple[float, ...]:
         come down, 1/m^2; cost and lift of turning, each with what it fades by, and the ripple of
         the load with what it grows by, as `BodyParameters` has them.
     """
-    outer, radius, damper = wheels.radius_m, wheels.roller_radius_m, damping(load / GRAVITY)
+    outer, radius, damper = (
+        wheels.radius_m,
+        wheels.roller_radius_m,
+        compute_carpet_damping(load / GRAVITY),
+    )
     phi = np.linspace(-np.pi / 2, np.pi / 2, 1501)
     share = (phi[1] - phi[0]) * wheels.rollers / (2 * np.pi)
     along = np.sqrt((radius * np.cos(phi)) ** 2 + outer * radius * np.sin(phi) ** 2)

@@ -6,7 +6,7 @@ import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.rows import Row
-from omni_mj.network.radio import Received, longest
+from omni_mj.network.radio import ReceivedCommand, compute_max_delay_frames
 from omni_mj.plants import Telemetry
 from omni_mj.plants.domain_randomization import Chance, Drawn
 from omni_mj.plants.fault_effects import Faults, Faulty
@@ -46,7 +46,7 @@ class WheeledPlant:
         )  # of the frame just past
         frames = (
             max(
-                *(longest(row.settings.radio, row.settings.fault) for row in rows),
+                *(compute_max_delay_frames(row.settings.radio, row.settings.fault) for row in rows),
                 self.remembered_frames,
             )
             + 1
@@ -75,15 +75,15 @@ class WheeledPlant:
             None if current is None or np.isnan(current).all() else np.array(current, float).T
         )
 
-    def _command(self, received: Received) -> Command:
+    def _command(self, received: ReceivedCommand) -> Command:
         n = len(self._rows)
         wheels = None
-        if received.wheels is not None:
+        if received.rim_speeds is not None:
             assert self.geometry is not None
-            wheels = received.wheels.T / self.geometry.radius
+            wheels = received.rim_speeds.T / self.geometry.radius
         x, y, turn = np.array(received.command, float).T
-        is_new = np.ones(n, bool) if received.new is None else received.new
-        return Command(x, y, turn, is_new, received.body, wheels)
+        is_new = np.ones(n, bool) if received.is_new is None else received.is_new
+        return Command(x, y, turn, is_new, received.in_body_frame, wheels)
 
     def _inputs(self, seen_heading: Array, age: np.ndarray, stopped: np.ndarray) -> FrameInputs:
         """Return what acts in the next frame; nothing pushes robots that were `stopped` (n,)."""

@@ -9,7 +9,7 @@ from mujoco.batch import Batch
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.rows import Row
-from omni_mj.mjcf.robot_spec import Shape
+from omni_mj.mjcf.robot_spec import RobotShape
 from omni_mj.mjcf.world_builder import World
 
 # In which robots may start in each other or in a wall: that of a hard contact
@@ -29,7 +29,7 @@ def check(rows: Sequence[Row]) -> None:
             for name in ("body", "wheels", "physics")
             if getattr(row.settings, name) != getattr(first, name)
         ]
-        if not differ and Shape.of(row.settings) != Shape.of(first):
+        if not differ and RobotShape.from_settings(row.settings) != RobotShape.from_settings(first):
             differ = ["motor.gear or motor.rotor_inertia_kg_m2"]
         if differ:
             raise OmniError(

@@ -18,7 +18,7 @@ from omni_control.controllers import CONTROLLERS, get_parameters
 from omni_mj.config import plugins, robot_files
 from omni_mj.config.scenario import Scenario
 from omni_mj.files import write
-from omni_mj.mjcf.model_files import copies
+from omni_mj.mjcf.model_files import read_model_files
 from omni_mj.results.summary import versions
 
 FORMAT = 1
@@ -131,7 +131,7 @@ def _describe(scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
     if name := scenario.settings.model.file:
         entry["model"] = {"name": Path(name).name}
         try:
-            found = copies(Path(name))
+            found = read_model_files(Path(name))
         except (OSError, ValueError) as error:
             entry["model"]["why"] = f"could not be copied: {error}"
         else:

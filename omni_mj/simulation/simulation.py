@@ -18,9 +18,9 @@ from omni_mj.config import faults, plugins, reference_factory
 from omni_mj.config.rows import Row, table
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S, Settings
-from omni_mj.mjcf.robot_spec import Shape
+from omni_mj.mjcf.robot_spec import RobotShape
 from omni_mj.network.camera import Cameras
-from omni_mj.network.radio import Radio, Received
+from omni_mj.network.radio import Radio, ReceivedCommand
 from omni_mj.plants import Plant
 from omni_mj.robot.backends import choose_backend
 from omni_mj.simulation.log import Log
@@ -35,7 +35,7 @@ _OF_PLANT = {
 class See(Protocol):
     """What cameras do; see `omni_mj.network.camera.Cameras`."""
 
-    age: Array | None
+    measurement_age: Array | None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
         """Return the poses seen (n, 3) of robots at true poses, and whether each was seen (n,)."""
@@ -45,7 +45,7 @@ class See(Protocol):
 class Exchange(Protocol):
     """What a radio does; see `omni_mj.network.radio.Radio`."""
 
-    def exchange(self, command: Array, heading: Array) -> Received:
+    def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
         """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
         ...
 
@@ -217,7 +217,7 @@ class Simulation:
             self._pose = self.plant.pose()
             measured, self._valid = self.camera(self._pose)
             truth = (self._pose, self.plant.twist()) if self.team.knows_truth else None
-            self._seen = self.team.observe(measured, truth, self.camera.age)
+            self._seen = self.team.observe(measured, truth, self.camera.measurement_age)
         return self._seen
 
     def step(self, command: Array | None = None) -> None:
@@ -250,7 +250,7 @@ class Simulation:
             Radio([row.settings.radio for row in self.rows], seeds, own_faults),
         )
 
-    def _record(self, vision: Array, sent: Array, received: Received) -> None:
+    def _record(self, vision: Array, sent: Array, received: ReceivedCommand) -> None:
         poses = np.array([each.poses[min(self.frame, each.frames - 1)] for each in self._distinct])
         self.log.write(
             self._recorded,
@@ -302,7 +302,7 @@ def alike(plant: str, settings: Settings) -> Hashable:
     """Return a key; rows of a plant with equal keys can share a simulation: those of one model, or of one wheel."""
     n_places = len(settings.world.start_poses)
     if plant == "mujoco":
-        return Shape.of(settings), settings.physics, n_places
+        return RobotShape.from_settings(settings), settings.physics, n_places
     return (settings.wheels, n_places) if plant == "planar" else n_places
 
 

@@ -44,7 +44,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
     path, description = robot_files.robot_path(name), robot_files.description(name)
     settings = resolve({}, name)
     try:
-        world_builder.world(settings)
+        world_builder.build_world(settings)
     except OmniError as error:
         raise OmniError(f"{path}: {error}") from None
     return Robot(name, path, description, settings, _derive_facts(settings))

@@ -110,8 +110,8 @@ class FilmRenderer:
     ) -> None:
         self._takes, self._size, places = takes, size, takes[0].poses.shape[1]
         width, height = size[0] // len(takes) - GAP, size[1]
-        self._world = world_builder.world(
-            settings.replace(wheels={"model": "rollers"}), places, hulls=False
+        self._world = world_builder.build_world(
+            settings.replace(wheels={"model": "rollers"}), places, with_hulls=False
         )
         self._data, visual = mujoco.MjData(self._world.model), self._world.model.vis
         visual.global_.offwidth, visual.global_.offheight = width, height
@@ -179,7 +179,7 @@ class FilmRenderer:
         """Put robots and lines where they are in a frame."""
         data, model, references = self._data, self._world.model, take.references[frame]
         colour = np.array(style.rgb(take.colour)) / 255
-        data.qpos[:] = self._world.standing
+        data.qpos[:] = self._world.rest_qpos
         for place, robot in enumerate(self._world.robots):
             x, y, heading = take.poses[frame, place]
             data.qpos[robot.qpos[:2]] = x, y

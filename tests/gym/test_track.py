@@ -50,8 +50,8 @@ class Policy(om.Controller):
         self.memory_frames = MEMORY
 
     def command(self, frame: int, observation: om.Observation) -> np.ndarray:
-        observed = omni_mj.gym.observation(frame, observation, self.reference, MEMORY)
-        return omni_mj.gym.command(answer(observed, 4.0), observation, self.model.limits)
+        observed = omni_mj.gym.encode_observation(frame, observation, self.reference, MEMORY)
+        return omni_mj.gym.decode_action(answer(observed, 4.0), observation, self.model.limits)
 
 
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
@@ -70,7 +70,7 @@ def test_a_policy_is_rewarded_for_the_errors_that_it_makes_as_a_controller() -> 
     x, y, turn = (np.subtract(table[a], table[f"ref_{a}"]) for a in ("x_m", "y_m", "heading_rad"))
     expected = -(np.hypot(x, y) + 0.09 * np.abs(turn))
 
-    env = track("rect", memory=MEMORY, **changes)
+    env = track("rect", history_length=MEMORY, **changes)
     seen, info = env.reset(seed=5)
     rewards, end = [], False
     while not end:
@@ -83,7 +83,7 @@ def test_a_policy_is_rewarded_for_the_errors_that_it_makes_as_a_controller() -> 
 
 def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
     """Without noise and with alpha = 1: full speed ahead is a ramp of the highest acceleration, and as late as told."""
-    delay, memory, speed, most = 3, 5, 2.0, 4.7
+    delay, history_length, speed, most = 3, 5, 2.0, 4.7
     route = {"waypoints": [[0, 0, 1.0], [0, 0.5, 1.0]], "settle_s": 0.5}
     env = track(
         "rect",
@@ -94,7 +94,7 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
         kinematic={"alpha_low": 1.0, "alpha_high": 1.0},
         disturbance={"velocity_m_s": 0.0},
         vision={"position_noise_m": 0.0, "heading_noise_rad": 0.0},
-        memory=memory,
+        history_length=history_length,
     )
     seen, _ = env.reset(seed=0)
     step = 1 / 60
@@ -102,7 +102,7 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
     reference = (
         om.Simulation(om.load_scenario("rect", reference=route), ["p"]).references[0].poses[:, :2]
     )
-    sent = [0.0] * (memory + delay)
+    sent = [0.0] * (history_length + delay)
     for frame in range(1, 20):
         sent.append(min(sent[-1] + most * step, speed))
         seen, *_ = env.step([1.0, 0.0, 0.0])
@@ -114,18 +114,22 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
             seen[3:5], own @ (reference[frame + delay] - all_sent * forward), atol=1.3e-3
         )
         np.testing.assert_allclose(
-            seen[-3 * memory :].reshape(memory, 3)[:, 0], sent[-memory:], atol=1e-3
+            seen[-3 * history_length :].reshape(history_length, 3)[:, 0],
+            sent[-history_length:],
+            atol=1e-3,
         )
-        np.testing.assert_allclose(seen[-3 * memory :].reshape(memory, 3)[:, 1:], 0, atol=1e-3)
+        np.testing.assert_allclose(
+            seen[-3 * history_length :].reshape(history_length, 3)[:, 1:], 0, atol=1e-3
+        )
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
 def test_many_are_what_one_by_one_they_are(mode: AutoresetMode) -> None:
     """To the bit, against Gymnasium's own vector of single ones: episodes that end apart, others begun after them."""
     n, lost = 4, 0.12
-    many = tracks(n, "rect", lost_m=lost, autoreset_mode=mode, **DRAWN)
+    many = tracks(n, "rect", max_error_m=lost, autoreset_mode=mode, **DRAWN)
     ones = SyncVectorEnv(
-        [lambda: track("rect", lost_m=lost, **DRAWN) for _ in range(n)], autoreset_mode=mode
+        [lambda: track("rect", max_error_m=lost, **DRAWN) for _ in range(n)], autoreset_mode=mode
     )
     random = np.random.default_rng(0)
     same(many.reset(seed=3), ones.reset(seed=3))
@@ -159,7 +163,7 @@ def same(found: Any, expected: Any) -> None:
 
 def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> None:
     """What is left of it is charged as if the robot had stayed where it was lost: no policy gains by getting lost."""
-    env = track("rect", lost_m=0.2, plant="kinematic", reference=SHORT)
+    env = track("rect", max_error_m=0.2, plant="kinematic", reference=SHORT)
     env.reset(seed=1)
     rewards, terminated = [], False
     while not terminated:
@@ -196,10 +200,10 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
     [
         ({"scenario": "recht"}, "unknown scenario"),
         ({"plant": "planer"}, "unknown plant"),
-        ({"memory": 0}, "memory must be from 1"),
-        ({"lost_m": 0.0}, "lost_m above 0"),
+        ({"history_length": 0}, "history_length must be from 1"),
+        ({"max_error_m": 0.0}, "max_error_m above 0"),
         ({"world": {"start_poses": [[0, 0, 0], [0, 2, 0]]}}, "an environment is one robot"),
-        ({"radio": {"delay_frames": {"normal": [6, 1]}}}, "give memory="),
+        ({"radio": {"delay_frames": {"normal": [6, 1]}}}, "give history_length="),
         ({"autoreset_mode": "SameStep"}, "must be NextStep or Disabled"),
     ],
 )
@@ -234,7 +238,7 @@ def test_gymnasium_imports_what_a_name_asks_for() -> None:
     for code, words in (
         (
             "import gymnasium; print(gymnasium.make_vec('omni_mj.gym:omni_mj/Track-v0', 2, plant='kinematic'))",
-            "Tracks",
+            "TrackVectorEnv",
         ),
         (
             "import sys; sys.modules['gymnasium'] = None; import omni_mj.gym",

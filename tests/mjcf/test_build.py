@@ -12,7 +12,7 @@ from omni_mj.mjcf import world_builder
 
 
 def test_every_robot_of_a_world_is_the_one_alone() -> None:
-    one, three = world_builder.world(), world_builder.world(places=3)
+    one, three = world_builder.build_world(), world_builder.build_world(robots_per_world=3)
     alone = one.robots[0]
     bodies, dofs = one.model.nbody - 1, one.model.nv
     for i, robot in enumerate(three.robots):
@@ -39,14 +39,14 @@ def test_every_robot_of_a_world_is_the_one_alone() -> None:
             np.testing.assert_allclose(
                 share, value[first:], rtol=1e-12 if "weight" in name else 0, err_msg=name
             )
-        np.testing.assert_array_equal(three.standing[robot.qpos], one.standing[alone.qpos])
+        np.testing.assert_array_equal(three.rest_qpos[robot.qpos], one.rest_qpos[alone.qpos])
         np.testing.assert_array_equal(
             robot.encoders - three.robots[0].encoders, i * one.model.nsensordata
         )
 
 
 def test_a_roller_is_at_the_bottom_when_its_turn_has_come() -> None:
-    world = world_builder.world()
+    world = world_builder.build_world()
     data = mujoco.MjData(world.model)
     robot = world.robots[0]
     for turn in range(16):
@@ -69,7 +69,7 @@ def test_what_no_robot_can_be_is_refused_in_a_line() -> None:
         ({"body": {"yaw_inertia_kg_m2": 1e-3}}, "principal inertias"),
     ):
         with pytest.raises(OmniError, match=message) as error:
-            world_builder.world(with_settings(**sections))
+            world_builder.build_world(with_settings(**sections))
         assert str(error.value).startswith("body.")
         assert "\n" not in str(error.value)
 
@@ -82,7 +82,7 @@ def test_the_robot_weighs_and_balances_as_its_settings_say() -> None:
         "yaw_inertia_kg_m2": 0.016,
     }
     for wheels in ({}, {"model": "two-rollers"}, {"azimuths_deg": [60, 180, 300], "arm_m": 0.07}):
-        world = world_builder.world(
+        world = world_builder.build_world(
             with_settings(body=body | {"tilt_inertia_kg_m2": 0.009}, wheels=wheels)
         )
         data = mujoco.MjData(world.model)
@@ -101,16 +101,16 @@ def test_the_robot_weighs_and_balances_as_its_settings_say() -> None:
 
 def test_loads_are_of_their_own_wheels() -> None:
     """Standing apart, each robot's wheels carry its weight."""
-    world = world_builder.world(places=3)
+    world = world_builder.build_world(robots_per_world=3)
     data = mujoco.MjData(world.model)
-    data.qpos = world.standing
+    data.qpos = world.rest_qpos
     for place, robot in enumerate(world.robots):
         data.qpos[robot.qpos[1]] = 0.5 * place
     mujoco.mj_step(world.model, data, nstep=200)
-    for robot, loads in zip(world.robots, world.loads, strict=True):
+    for robot, loads in zip(world.robots, world.load_addresses, strict=True):
         weight = world.model.body_subtreemass[robot.chassis] * 9.81
         assert data.sensordata[loads].sum() == pytest.approx(weight, rel=1e-3)
 
 
 def test_a_hull_reaches_as_far_as_its_cylinder() -> None:
-    assert world_builder.world().reach == 0.09  # models/ssl_robot.xml
+    assert world_builder.build_world().hull_radius == 0.09  # models/ssl_robot.xml

@@ -19,7 +19,7 @@ from benches.plant import (
 from benches.plant import mujoco as plant_of
 
 from omni_mj.mjcf import world_builder
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 
 # A stiff wheel loop, so that what is seen is the contact and not the firmware.
 SHARP = {"firmware": STIFF}
@@ -78,7 +78,7 @@ def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
     for _ in range(6 * plant.cycles):
         told = plant.telemetry()
         true.append([*told.wheel_angle[0], plant.twist()[0, 2]])
-        plant.go(1, Received.at_once(np.array([[0.5, 0.2, 3.0]])))
+        plant.go(1, ReceivedCommand.without_delay(np.array([[0.5, 0.2, 3.0]])))
         shown.append(sensed(plant))
     # The gyro feels the chassis's own axis, which tilts by less than a milliradian.
     np.testing.assert_allclose(np.array(shown)[:, :4], np.array(true)[:, :4], rtol=0, atol=1e-12)
@@ -87,7 +87,7 @@ def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
 
 
 def test_what_is_shared_of_a_world_is_left_as_it_was() -> None:
-    before = copy.copy(world_builder.world().model)
+    before = copy.copy(world_builder.build_world().model)
     drive(
         plant_of([quiet(carpet={"friction": 0.3}, physics={"substeps": 2})]),
         constant([1, 0, 0], 2, 1),
@@ -100,6 +100,6 @@ def test_what_is_shared_of_a_world_is_left_as_it_was() -> None:
         "actuator_gainprm",
     ):
         np.testing.assert_array_equal(
-            getattr(world_builder.world().model, name), getattr(before, name)
+            getattr(world_builder.build_world().model, name), getattr(before, name)
         )
-    assert world_builder.world().model.opt.timestep == before.opt.timestep
+    assert world_builder.build_world().model.opt.timestep == before.opt.timestep

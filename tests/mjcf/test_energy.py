@@ -9,7 +9,7 @@ from benches.plant import FRAME_S, GRAVITY, MASS_KG, mujoco, quiet
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mujoco import MujocoPlant
 
 STATE = ("qpos", "qvel", "ctrl", "xfrc_applied")
@@ -99,7 +99,10 @@ def test_energy_audit_of_a_driven_robot(friction: float, substeps: int) -> None:
         # full motion.
         time = frame * FRAME_S
         twist = [1.8 * np.sin(4.5 * time), 0.8 * np.sin(3.0 * time), 4.0 * np.sin(6.0 * time)]
-        assert plant.advance(Received.at_once(np.array([twist]), plant.pose()[:, 2])) == {}
+        assert (
+            plant.advance(ReceivedCommand.without_delay(np.array([twist]), plant.pose()[:, 2]))
+            == {}
+        )
         currents.append(plant._record.current[:, :, 0])
         if frame == 0:
             constant = (

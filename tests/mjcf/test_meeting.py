@@ -40,13 +40,13 @@ def collide(speed: float, aside: float) -> tuple[NDArray, NDArray, float]:
         Momenta (steps, 2, 2) in N s, kinetic energies (steps,) in J, and how deep one hull enters
         the other, m.
     """
-    world = world_builder.world(places=2)
+    world = world_builder.build_world(robots_per_world=2)
     model = copy.copy(world.model)
     model.pair_dim[:] = 1  # without friction
     model.dof_frictionloss[:] = 0
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data = mujoco.MjData(model)
-    data.qpos[:] = world.standing
+    data.qpos[:] = world.rest_qpos
     for robot, side in zip(world.robots, (-1, 1), strict=True):
         data.qpos[robot.qpos[:2]] = [side * 0.12, side * aside / 2]
         data.qvel[robot.dofs[0]] = -side * speed

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from omni_mj.config.robot_files import models
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
-from omni_mj.mjcf.robot_spec import Shape, part_of
+from omni_mj.mjcf.robot_spec import RobotShape, build_robot_spec
 from omni_mj.robot.motors import Motor
 
 DIGITS = 1e-6  # of the numbers in the files
@@ -26,8 +26,8 @@ def written(numbers: Any) -> str:
 def expected() -> list[str]:
     """What must stand in ssl_robot.xml, for the settings of the default robot."""
     settings = Settings()
-    wheels, motor, world = settings.wheels, Motor.of(settings.motor), world_builder.world()
-    (chassis,) = part_of(Shape.of(settings)).spec.worldbody.bodies
+    wheels, motor, world = settings.wheels, Motor.of(settings.motor), world_builder.build_world()
+    (chassis,) = build_robot_spec(RobotShape.from_settings(settings)).spec.worldbody.bodies
     pair = {
         name: getattr(world.model, f"pair_{name}")[0]
         for name in ("solref", "solimp", "solreffriction")
@@ -72,7 +72,7 @@ def test_the_plain_file_holds_the_default_robots_numbers() -> None:
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
     """But for the sensors of load, which the build adds, and what is written in every step."""
     plain = arrays(mujoco.MjModel.from_xml_path(str(models() / "scene.xml")))
-    built = arrays(world_builder.world().model)
+    built = arrays(world_builder.build_world().model)
     assert plain.keys() == built.keys()
     assert len(plain) > 300
     own = plain["nsensor"]

@@ -17,7 +17,7 @@ from benches.steps import Tape
 from numpy.typing import NDArray
 
 from omni_mj.config.settings import Settings
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 
 FORWARD, LEFT, DIAGONAL, TURN = np.array([[1, 0, 0], [0, 1, 0], [0.7, 0.7, 0], [0, 0, 12.0]])
 MODELS = ("rollers", "two-rollers")
@@ -128,7 +128,7 @@ def stands(height: float, friction: float) -> bool:
     )
     plant = mujoco([settings])
     return not any(
-        plant.advance(Received.at_once(3 * each * FORWARD[None], plant.pose()[:, 2]))
+        plant.advance(ReceivedCommand.without_delay(3 * each * FORWARD[None], plant.pose()[:, 2]))
         for each in share
     )
 

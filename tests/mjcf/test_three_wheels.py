@@ -13,7 +13,7 @@ THREE = {"azimuths_deg": AZIMUTHS_DEG, "rollers": 18}
 
 
 def test_its_geometry_is_that_of_its_settings() -> None:
-    world = world_builder.world(quiet(wheels=THREE))
+    world = world_builder.build_world(quiet(wheels=THREE))
     np.testing.assert_allclose(np.degrees(world.kinematics.azimuths), AZIMUTHS_DEG)
     assert world.robots[0].rollers.shape == (3, 18)
     assert (world.model.npair, world.model.nu) == (3 * 18, 3)

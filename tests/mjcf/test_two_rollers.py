@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
 from omni_mj.mjcf import world_builder
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 
 FAST = {"model": "two-rollers"}
 EITHER = (quiet(), quiet(wheels=FAST))
@@ -36,7 +36,7 @@ def inertia(world: world_builder.World, turned: float) -> Array:
 
 @pytest.mark.parametrize("turned", [0.0, 0.1, 0.3])
 def test_robots_with_either_wheel_weigh_and_turn_the_same(turned: float) -> None:
-    worlds = [world_builder.world(each) for each in EITHER]
+    worlds = [world_builder.build_world(each) for each in EITHER]
     assert [world.model.nv for world in worlds] == [78, 22]
     assert [world.model.npair for world in worlds] == [64, 8]
     # Equal up to rounding: lumping moves nothing, and a mass matrix at rest knows nothing of the
@@ -84,7 +84,9 @@ def test_a_rectangle_is_driven_alike(turn: float) -> None:
         for wanted, ahead in zip(way, speed, strict=True):
             path.append(plant.pose()[0])
             plant.advance(
-                Received.at_once((ahead + 3.0 * (wanted - path[-1]))[None], plant.pose()[:, 2])
+                ReceivedCommand.without_delay(
+                    (ahead + 3.0 * (wanted - path[-1]))[None], plant.pose()[:, 2]
+                )
             )
             slip.append(plant.telemetry().slip)
         paths.append(np.array(path))

@@ -171,12 +171,12 @@ def test_packets_to_some_robots_leave_the_others_with_what_they_hold() -> None:
     link = radio([{"delay_frames": 0}] * 3, ticks=16, nothing=(0.0, -1.0))
     link.send(np.full((3, 2), 1.0), np.array([0, 1]))
     link.send(np.full((3, 2), 2.0), np.array([1]))
-    assert link.quiet == 0
+    assert link.ticks_to_next_arrival == 0
     held, new, _ = link.deliver()
     np.testing.assert_array_equal(held, [[1, 1], [2, 2], [0, -1]])
     assert new.tolist() == [True, True, False]
-    assert link.quiet > 1000
-    link.wait(200)
+    assert link.ticks_to_next_arrival > 1000
+    link.skip_ticks(200)
     again, new, age = link.deliver()
     np.testing.assert_array_equal(again, held)
     assert not new.any()

@@ -8,7 +8,7 @@ import pytest
 from benches.plant import FRAME_S, ON_WHEELS, constant, drive, held_heading, meets, ramp
 
 from omni_mj.config.settings import Settings
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 
 PlantOf = Callable[[list[Settings]], Any]
 TWIST = np.array([1.0, 0.4, 0.0])
@@ -95,9 +95,9 @@ def test_a_robot_that_has_started_anew_believes_the_first_heading_that_it_is_tol
     assert held_heading(plant)[0] > 0.3  # of the bias, which has gone
     commands = np.tile(TWIST, (2, 1))
     for _ in range(12):  # packets without a heading
-        plant.advance(Received(commands, np.full(2, np.nan), none))
+        plant.advance(ReceivedCommand(commands, np.full(2, np.nan), none))
     assert np.linalg.norm(plant.twist()[0, :2]) < 0.02
-    plant.advance(Received(commands, plant.pose()[:, 2], none))
+    plant.advance(ReceivedCommand(commands, plant.pose()[:, 2], none))
     assert held_heading(plant)[0] == pytest.approx(plant.pose()[0, 2], abs=0.02)
     drive(plant, constant(TWIST, 40, 2))
     np.testing.assert_allclose(held_heading(plant), plant.pose()[:, 2], atol=2e-3)

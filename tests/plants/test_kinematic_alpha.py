@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from omni_mj.config.settings import Settings
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.kinematic import KinematicPlant
 
 
@@ -19,7 +19,7 @@ def alphas(settings: list[Settings], seeds: list[int], frames: int) -> NDArray:
     plant = KinematicPlant(rows(settings, seeds), np.zeros((n, 3)))
     result = np.empty((frames, n, 3))
     for frame in range(frames):
-        plant.advance(Received.at_once(np.ones((n, 3))))
+        plant.advance(ReceivedCommand.without_delay(np.ones((n, 3))))
         result[frame] = plant.twist()
     return result
 

@@ -11,7 +11,7 @@ from benches.plant import quiet, rows, with_settings
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mujoco import MujocoPlant
 
 # Wheels that grip like this carry the centre of mass over them when they brake; on the league's
@@ -36,7 +36,9 @@ def run(
     for frame in range(frames):
         speed = np.minimum(top, frame * 0.08) if frame < BRAKES else -top
         command = np.stack([speed, 0 * speed, 0 * speed], axis=1)
-        for row, cause in plant.advance(Received.at_once(command, plant.pose()[:, 2])).items():
+        for row, cause in plant.advance(
+            ReceivedCommand.without_delay(command, plant.pose()[:, 2])
+        ).items():
             assert row not in failed, "said once"
             failed[row] = frame, cause
         poses.append(plant.pose())

@@ -31,7 +31,7 @@ from scipy.integrate import solve_ivp
 import omni_mj as om
 from omni_control.errors import OmniError
 from omni_mj.config.settings import Settings
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 
 STIFFNESS = 2.5
 NOTHING = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
@@ -140,14 +140,14 @@ def test_a_robot_that_would_topple_stops_and_leaves_the_others_alone() -> None:
     causes: dict[int, str] = {}
     for _ in range(10):
         causes |= plant.advance(
-            Received.at_once(np.array([[0.0, 0, 0], [0.5, 0, 0]]), plant.pose()[:, 2])
+            ReceivedCommand.without_delay(np.array([[0.0, 0, 0], [0.5, 0, 0]]), plant.pose()[:, 2])
         )
     assert list(causes) == [0]
     assert "topple" in causes[0]
     assert not plant.twist()[0].any()
     beside = planar([quiet()])
     for _ in range(10):
-        beside.advance(Received.at_once(np.array([[0.5, 0, 0]]), beside.pose()[:, 2]))
+        beside.advance(ReceivedCommand.without_delay(np.array([[0.5, 0, 0]]), beside.pose()[:, 2]))
     np.testing.assert_array_equal(plant.pose()[1], beside.pose()[0])
 
 

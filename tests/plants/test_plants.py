@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from omni_mj.config.settings import Settings
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import NAMES
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
@@ -84,8 +84,8 @@ def test_poses_and_twists_handed_out_do_not_change_afterwards(
 ) -> None:
     plant = kind(rows([Settings()]), np.zeros((1, 3)))
     pose, twist = plant.pose(), plant.twist()
-    plant.advance(Received.at_once(np.ones((1, 3)), np.zeros(1)))
-    plant.advance(Received.at_once(np.ones((1, 3)), np.zeros(1)))
+    plant.advance(ReceivedCommand.without_delay(np.ones((1, 3)), np.zeros(1)))
+    plant.advance(ReceivedCommand.without_delay(np.ones((1, 3)), np.zeros(1)))
     for before, after in ((pose, plant.pose()), (twist, plant.twist())):
         assert (before == 0).all()
         assert (after != 0).all()
@@ -100,7 +100,9 @@ def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
     for frame in range(frames):
         before = plant.twist()
         plant.advance(
-            Received.at_once(np.tile([0.5 + 0.3 * math.sin(frame / 10), 0.5, 3.0], (2, 1)))
+            ReceivedCommand.without_delay(
+                np.tile([0.5 + 0.3 * math.sin(frame / 10), 0.5, 3.0], (2, 1))
+            )
         )
         way += (before + plant.twist()) / 2 * FRAME_S
     moved = plant.pose() - start
@@ -112,10 +114,10 @@ def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
 
 def test_telemetry_handed_out_does_not_change_afterwards() -> None:
     plant = plant_of([Settings()])
-    plant.advance(Received.at_once(0.1 * np.ones((1, 3)), np.zeros(1)))
+    plant.advance(ReceivedCommand.without_delay(0.1 * np.ones((1, 3)), np.zeros(1)))
     telemetry = plant.telemetry()
     before = telemetry.columns.copy()
-    plant.advance(Received.at_once(-np.ones((1, 3)), np.zeros(1)))
+    plant.advance(ReceivedCommand.without_delay(-np.ones((1, 3)), np.zeros(1)))
     later = plant.telemetry()
     np.testing.assert_array_equal(telemetry.columns, before)
     for name in NAMES:

@@ -15,7 +15,7 @@ from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
 from omni_mj.live.wire import MM_PER_M
 from omni_mj.live.wire.league_pb2 import Calibration, Detection, FieldSize, Point, Shape, Team
 from omni_mj.mjcf import field
-from omni_mj.network.camera import Camera, Timing
+from omni_mj.network.camera import Camera, ImageTiming
 from omni_mj.network.random_streams import Noise, Seed, Stream
 
 CYCLES_PER_FRAME = CYCLE_RATE_HZ // FRAME_RATE_HZ
@@ -85,7 +85,7 @@ class FieldCamera:
     def set_robots(self, rows: Sequence[Row], cycle: int) -> None:
         """Observe these robots from a cycle on, from which times of faults count."""
         self._first_cycle = cycle
-        self._timing = Timing([self._vision], self._seeds, [rows[0].faults])
+        self._timing = ImageTiming([self._vision], self._seeds, [rows[0].faults])
         seeds = [
             row.noise_seed if self._number == 0 else (*row.noise_seed, SEED_OFFSET + self._number)
             for row in rows
@@ -110,7 +110,7 @@ class FieldCamera:
         frame, elapsed_s = elapsed // CYCLES_PER_FRAME, elapsed / CYCLE_RATE_HZ
         measured = self._camera(poses, frame) + self._offset
         measured[~self._sees(poses[:, :2])] = np.nan
-        (arrival_s,), (clock_lag_s,) = self._timing.at(frame, elapsed_s)
+        (arrival_s,), (clock_lag_s,) = self._timing.schedule_arrival(frame, elapsed_s)
         sent_s = begun_s + float(arrival_s)
         epoch_s += self._clock_offset_s - clock_lag_s
         detection = Detection(
@@ -191,7 +191,7 @@ def standard_field() -> FieldSize:
     )
     for name, value in lengths_m.items():
         setattr(size, name, round(MM_PER_M * value))
-    for shape, ends in field.lines().items():
+    for shape, ends in field.get_field_lines().items():
         x1, y1, x2, y2 = (MM_PER_M * end for end in ends)
         size.field_lines.add(
             name=shape.title().replace("_", ""),

@@ -53,7 +53,7 @@ class ServedPlant(MujocoPlant):
         """
         self.present[robot], self._failed[robot] = True, False
         self._move(
-            robot, pose, float(self._world.standing[self._world.robots[robot].qpos[2]]), twist
+            robot, pose, float(self._world.rest_qpos[self._world.robots[robot].qpos[2]]), twist
         )
         self._heading[robot], self._sensed[0][robot] = pose[2], twist[2]
         self.know_heading(robot, float(pose[2]))

@@ -81,7 +81,7 @@ class Pitch:
         self._headings = dict[
             RobotName, tuple[float, int]
         ]()  # that vision saw last, and the cycles of the images
-        self._reach = world_builder.world(scenario.settings).reach
+        self._reach = world_builder.build_world(scenario.settings).hull_radius
         self.cameras = list[FieldCamera]()
         for name in poses:
             if obstacle := self._find_obstacle(name, poses):
@@ -131,8 +131,8 @@ class Pitch:
         with robots at rest.
         """
         arrived, plant = None, self.plant
-        if self._radio.quiet:
-            self._radio.wait()
+        if self._radio.ticks_to_next_arrival:
+            self._radio.skip_ticks()
         else:
             packets, is_new, _ = self._radio.deliver()
             if is_new.any():

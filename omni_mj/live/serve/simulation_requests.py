@@ -15,7 +15,7 @@ from omni_mj.live.wire.league_pb2 import (
     TeleportBall,
     TeleportRobot,
 )
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 
 # Columns of a packet: velocities [vx, vy, w]; the heading that vision saw, and the cycle of its
 # image; whether the velocities are in the robot's frame; rim speeds, NaN where there are none.
@@ -78,7 +78,7 @@ def encode_packet(command: RobotCommand, n_wheels: int) -> list[float] | None:
     return packet
 
 
-def decode_packets(packets: Array, is_new: np.ndarray, cycle: int) -> Received:
+def decode_packets(packets: Array, is_new: np.ndarray, cycle: int) -> ReceivedCommand:
     """Return what robots hold.
 
     Args:
@@ -89,13 +89,13 @@ def decode_packets(packets: Array, is_new: np.ndarray, cycle: int) -> Received:
     age = np.rint((cycle - packets[:, IMAGE_CYCLE]) / CYCLES_PER_FRAME).astype(int)
     is_known = is_new & (age <= HEADING_MEMORY_FRAMES)
     is_local, rims = packets[:, IS_LOCAL] > 0, packets[:, WHEELS:]
-    return Received(
+    return ReceivedCommand(
         command=packets[:, :3],
         heading=np.where(is_known, packets[:, HEADING], np.nan),
         age=age * is_known,
-        new=is_new,
-        body=is_local if is_local.any() else None,
-        wheels=None if np.isnan(rims).all() else rims,
+        is_new=is_new,
+        in_body_frame=is_local if is_local.any() else None,
+        rim_speeds=None if np.isnan(rims).all() else rims,
     )
 
 

@@ -71,7 +71,7 @@ def log_static(
 def log_field(stream: rr.RecordingStream) -> None:
     """Log carpet, lines and goals."""
     carpet = [[*np.array(field.SURFACE_M) / 2, 0.01]]
-    centres, half_sizes = field.goal_walls()
+    centres, half_sizes = field.get_goal_walls()
     for name, sizes, at, colour in (
         ("carpet", carpet, [[0, 0, -0.011]], CARPET),
         ("goals", half_sizes, centres, GOALS),
@@ -80,7 +80,7 @@ def log_field(stream: rr.RecordingStream) -> None:
         stream.log(f"world/field/{name}", shape, static=True)
     angle = np.linspace(0, 2 * np.pi, 73)
     circle = field.CIRCLE_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
-    lines = [circle, *np.reshape([*field.lines().values()], (-1, 2, 2))]
+    lines = [circle, *np.reshape([*field.get_field_lines().values()], (-1, 2, 2))]
     strips = [_at(line, 0.0) for line in lines]
     stream.log(
         "world/field/lines",
@@ -200,7 +200,7 @@ def log_robot(
 @lru_cache(maxsize=4)
 def _at_rest(settings: Settings) -> tuple[world_builder.World, mujoco.MjData]:
     """Return the model of whole wheels, its first robot over the origin: world coordinates are the robot's own."""
-    world = world_builder.world(settings.replace(wheels={"model": "rollers"}))
+    world = world_builder.build_world(settings.replace(wheels={"model": "rollers"}))
     data, qpos = mujoco.MjData(world.model), world.robots[0].qpos
     data.qpos[qpos[:7]] = [0, 0, data.qpos[qpos[2]], 1, 0, 0, 0]
     mujoco.mj_kinematics(world.model, data)

@@ -44,7 +44,7 @@ def watch(
         measured, valid = cameras(pose)
         np.testing.assert_array_equal(valid, ~np.isnan(measured[:, 0]))
         seen.append(measured)
-        ages.append(np.zeros(n) if cameras.age is None else cameras.age)
+        ages.append(np.zeros(n) if cameras.measurement_age is None else cameras.measurement_age)
     return np.array(seen), np.array(ages)
 
 

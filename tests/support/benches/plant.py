@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import Plant
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.plants.planar import PlanarPlant
@@ -85,7 +85,7 @@ def drive(plant: Plant, commands: NDArray, age: NDArray | int = 0) -> NDArray:
     poses = [plant.pose()]
     ages = np.broadcast_to(age, commands.shape[1])
     for command in commands:
-        assert plant.advance(Received(command, plant.pose()[:, 2], ages)) == {}
+        assert plant.advance(ReceivedCommand(command, plant.pose()[:, 2], ages)) == {}
         poses.append(plant.pose())
     return np.array(poses)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benches.plant import CONTACTS
-from omni_mj.network.radio import Received
+from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mujoco import MujocoPlant
 
 
@@ -46,7 +46,9 @@ class Tape:
         plant = self._plant
         for command in np.asarray(commands, float):
             assert (
-                plant.advance(Received(command, plant.pose()[:, 2], np.zeros(len(command), int)))
+                plant.advance(
+                    ReceivedCommand(command, plant.pose()[:, 2], np.zeros(len(command), int))
+                )
                 == {}
             )
             self.currents.append(plant._record.current.swapaxes(1, 2))

@@ -18,8 +18,8 @@ from omni_mj.config.validation import in_one
 
 Ids = NDArray[np.int_]
 # Rollers of a wheel that is computed with those at the bottom alone (`wheels.model = two-rollers`)
-KEPT = 2
-LEAST = 3  # wheels, or rollers of one
+RETAINED_ROLLERS = 2
+MIN_COUNT = 3  # wheels, or rollers of one
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
 _WRITE = (
     'write <dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'
@@ -28,7 +28,7 @@ _ALONG = 0.5  # cosine of the angle to the axle, above which a hinge turns as th
 
 
 @dataclass(frozen=True, eq=False)
-class Robot:
+class RobotIndices:
     """Numbers of one robot's parts in a compiled model, and addresses of what belongs to them.
 
     Args:
@@ -70,7 +70,7 @@ class Robot:
     phases: Array
 
 
-def find(model: mujoco.MjModel) -> tuple[Robot, ...]:
+def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
     """Find the robots of a model, which stand upright in it, in the order of their bodies.
 
     Raises:
@@ -88,7 +88,7 @@ def find(model: mujoco.MjModel) -> tuple[Robot, ...]:
     return tuple(robot for robot in robots if robot)
 
 
-def find_chassis(model: mujoco.MjModel) -> list[str]:
+def find_chassis_names(model: mujoco.MjModel) -> list[str]:
     """Names of the bodies that carry wheels, however they stand.
 
     Raises:
@@ -102,7 +102,7 @@ def find_chassis(model: mujoco.MjModel) -> list[str]:
     ]
 
 
-def slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
+def find_slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
     """The hinge on which a rim slips, or none.
 
     Args:
@@ -131,7 +131,7 @@ def _wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> Ids:
     for joint in np.flatnonzero(model.jnt_type == HINGE).tolist():
         body = model.jnt_bodyid[joint]
         is_known = body in wheels or model.body_parentid[body] in wheels
-        if not is_known and _find_rollers(model, data, joint).size >= LEAST:
+        if not is_known and _find_rollers(model, data, joint).size >= MIN_COUNT:
             errors.append(
                 f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: {_WRITE}"
             )
@@ -149,7 +149,7 @@ def _find_rollers(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Ids
 
 def _find_robot(
     model: mujoco.MjModel, data: mujoco.MjData, chassis: int, motors: Ids, errors: list[str]
-) -> Robot | None:
+) -> RobotIndices | None:
     """Find the parts of a robot; None if some are missing, with a line of errors for each."""
     before, free = len(errors), int(model.body_jntadr[chassis])
     joints = model.actuator_trnid[motors, 0]
@@ -157,8 +157,8 @@ def _find_robot(
         errors.append(
             f"the body {model.body(chassis).name!r}, which carries the wheels, has no <freejoint>"
         )
-    if len(joints) < LEAST:
-        errors.append(f"{len(joints)} wheels; it takes {LEAST} to move in every direction")
+    if len(joints) < MIN_COUNT:
+        errors.append(f"{len(joints)} wheels; it takes {MIN_COUNT} to move in every direction")
     if len(set(joints.tolist())) < len(joints):
         errors.append("two <dcmotor>s drive one hinge; one must")
     parts = [_order_rollers(model, data, int(joint), errors) for joint in joints]
@@ -169,7 +169,7 @@ def _find_robot(
     slips = [
         joint
         for joint, rim in zip(joints, rims, strict=True)
-        for joint in slip_hinges(model, joint, rim)
+        for joint in find_slip_hinges(model, joint, rim)
     ]
     if len(set(counts)) > 1:
         errors.append(f"wheels with different numbers of rollers: {counts}")
@@ -183,7 +183,7 @@ def _find_robot(
     )  # joints, one after the other
     first, last = own[0], own[-1]
     qpos, dofs = [*model.jnt_qposadr, model.nq], [*model.jnt_dofadr, model.nv]
-    return Robot(
+    return RobotIndices(
         chassis=chassis,
         qpos=range(int(qpos[first]), int(qpos[last + 1])),
         dofs=range(int(dofs[first]), int(dofs[last + 1])),
@@ -218,10 +218,10 @@ def _order_rollers(
     ahead = np.arctan2(
         np.cross(spokes, down) @ axle, spokes @ down
     )  # how far the wheel must turn for each
-    slips = slip_hinges(model, joint, int(rims[0]))
+    slips = find_slip_hinges(model, joint, int(rims[0]))
     ahead = ahead + (model.qpos0[model.jnt_qposadr[slips[0]]] if slips else 0.0)
     count = len(bodies)
-    if count == KEPT:  # of a wheel whose other rollers are lumped
+    if count == RETAINED_ROLLERS:  # of a wheel whose other rollers are lumped
         return int(rims[0]), bodies[np.argsort(np.abs(ahead))], 0.0
     pitch = 2 * np.pi / count
     phase = float(np.angle(np.exp(1j * ahead * count).mean())) / count

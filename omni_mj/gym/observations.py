@@ -12,52 +12,55 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, body_to_world, world_to_body
 from omni_control.reference import MotionLimits, Reference
 
-AHEAD = (0, 3, 6, 9, 12)  # frames after the end of the dead time at which the reference is shown
+# Times after the end of the dead time at which the reference is observed, frames.
+PREVIEW_FRAMES = (0, 3, 6, 9, 12)
 HIGHEST = 100.0  # m, m/s, rad or rad/s: an observation beyond is cut off
 
 
-def size(memory: int) -> int:
+def get_observation_size(history_length: int) -> int:
     """How many numbers an observation has."""
-    return 3 * (2 + 2 * len(AHEAD) + memory)
+    return 3 * (2 + 2 * len(PREVIEW_FRAMES) + history_length)
 
 
-def observation(
-    frame: int, observation: Observation, reference: Reference, memory: int
+def encode_observation(
+    frame: int, observation: Observation, reference: Reference, history_length: int
 ) -> NDArray[np.float32]:
-    """What a policy sees of n robots, (n, size(memory)).
+    """What a policy sees of n robots, (n, get_observation_size(history_length)).
 
     All is along the axes of each robot [forward, left, counter-clockwise], as far as vision knows
     its heading, three numbers each: the way from the robot to its reference now; the way from where
     commands in flight lead (alpha = 1) to the reference at each frame of `AHEAD` after the dead
     time, in m and rad; the reference's twists there, and the robot's, in m/s and rad/s; the last
-    `memory` commands that were sent, the oldest first.
+    `history_length` commands that were sent, the oldest first.
 
     Args:
         frame: its number.
         observation: what the team sees, n robots.
         reference: where they should be.
-        memory: commands to be shown; `observation.sent_commands` must hold as many.
+        history_length: commands to be shown; `observation.sent_commands` must hold as many.
     """
     heading = observation.pose[:, 2]
     here, _ = reference.at(frame, observation.pose)
     poses, twists = reference.preview(
-        frame + observation.delay_frames, observation.predicted_pose, AHEAD[-1] + 1
+        frame + observation.delay_frames, observation.predicted_pose, PREVIEW_FRAMES[-1] + 1
     )
-    chosen = list(AHEAD)
+    chosen = list(PREVIEW_FRAMES)
     vectors = np.concatenate(
         [
             (here - observation.pose)[None],
             poses[chosen] - observation.predicted_pose,
             twists[chosen],
             observation.twist[None],
-            observation.sent_commands.get_latest(memory),
+            observation.sent_commands.get_latest(history_length),
         ]
     )
     own = np.moveaxis(world_to_body(vectors, heading), 0, 1).reshape(len(heading), -1)
     return np.clip(own, -HIGHEST, HIGHEST).astype(np.float32)
 
 
-def command(action: ArrayLike, observation: Observation, limits: MotionLimits | Array) -> Array:
+def decode_action(
+    action: ArrayLike, observation: Observation, limits: MotionLimits | Array
+) -> Array:
     """The commands [vx, vy, w] (n, 3) that actions mean, world frame, m/s and rad/s, before the team's limits.
 
     Args:
