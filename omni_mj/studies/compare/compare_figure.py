@@ -1,4 +1,4 @@
-"""Figure of a comparison: a heat map of scenarios and controllers, or bars for a single scenario."""
+"""Figure of a comparison: a heat map, or a panel per statistic for a single scenario."""
 
 from pathlib import Path
 from typing import Any

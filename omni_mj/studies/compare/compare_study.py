@@ -1,4 +1,4 @@
-"""Many scenarios, all with the same controllers and seeds: who wins where."""
+"""Compare controllers on many scenarios with the same seeds."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -27,8 +27,8 @@ from omni_mj.studies.study_runner import (
     run_simulation,
 )
 
-# Long; all faults at once; maneuvers for a log, which are no task
-LEFT_OUT = ("hot-motors", "fault-all", "identify")
+# Excluded by default: a long scenario, all faults at once, and maneuvers for identification
+EXCLUDED = ("hot-motors", "fault-all", "identify")
 SEEDS = 10
 
 
@@ -42,75 +42,71 @@ def compare(
     start_progress: StartProgress = no_progress,
     after_scenario: Callable[[Result, Outcome], None] = lambda result, outcome: None,
 ) -> Result:
-    """Run controllers on many scenarios and seeds.
+    """Run the same controllers and seeds on many scenarios.
 
-    A scenario that cannot be run is noted, and the others go on.
+    A scenario that cannot be run is reported in the result, and the others are still run.
 
     Args:
-        scenarios: what is run, or names. [all that come with the package, but for hot-motors,
-            fault-all and identify]
-        controllers: names, `file.py:Class`, or classes derived from `Controller`. [all that come
-            with the package, but for those that need what is not installed]
-        seeds: of the random numbers, or how many, counting up from 0.
-        subject: the controller of which verdicts are asked for.
-        keep_frames: whether to keep all frames.
-        start_progress: called with a title and the number of frames before each scenario is run; what it
-            returns is called after each frame, and may raise `StoppedError`.
-        after_scenario: called with what there is so far, and the outcome that has come to it, with its
-            frames.
+        scenarios: Scenarios or their names. Default: all built-in scenarios except hot-motors,
+            fault-all and identify.
+        controllers: Names, `file.py:Class`, or classes derived from `Controller`. Default: all
+            built-in controllers whose packages are installed.
+        seeds: Consecutive seeds, or a number of seeds that start at 0.
+        subject: Controller that the verdicts are about. Default: no verdicts.
+        keep_frames: Whether the result keeps the frames of all rows.
+        start_progress: Called with a title and the number of frames before each scenario. It
+            returns a function that is called with each frame's number and may raise
+            `StoppedError`.
+        after_scenario: Called after each scenario with the result so far and the outcome of this
+            scenario, with its frames.
 
     Raises:
-        OmniError: there is no such scenario or controller, two scenarios share a name, the subject
-            is not compared, or seeds do not count up.
+        OmniError: A scenario or controller does not exist, two scenarios share a name, the
+            subject is not among the controllers, or the seeds are not consecutive.
     """
-    started = time.perf_counter()
-    given = default_scenarios() if scenarios is None else scenarios
-    kinds, numbers = (
-        list_available_controllers() if controllers is None else controllers,
-        list_seeds(seeds),
-    )
-    all_chosen = [resolve_scenario(each, kinds) for each in given]
-    check_scenarios(all_chosen, subject)
-    result = Result([Outcome.not_run(each) for each in all_chosen], seeds=numbers, subject=subject)
-    if all_chosen:
-        result.controllers, result.informed = (
-            list(all_chosen[0].labels),
-            list_informed(all_chosen[0]),
-        )
+    start_time, seed_list = time.perf_counter(), list_seeds(seeds)
+    names = default_scenarios() if scenarios is None else scenarios
+    controllers = list_available_controllers() if controllers is None else controllers
+    resolved = [resolve_scenario(name, controllers) for name in names]
+    check_scenarios(resolved, subject)
+    outcomes = [Outcome.not_run(scenario) for scenario in resolved]
+    result = Result(outcomes, seeds=seed_list, subject=subject)
+    if resolved:
+        result.controllers = list(resolved[0].labels)
+        result.informed = list_informed(resolved[0])
     try:
-        for i, scenario in enumerate(all_chosen):
-            outcome = _run(
-                scenario, numbers, f"{scenario.name} ({i + 1} of {len(all_chosen)})", start_progress
-            )
+        for i, scenario in enumerate(resolved):
+            title = f"{scenario.name} ({i + 1} of {len(resolved)})"
+            outcome = _run_to_end(scenario, seed_list, title, start_progress)
             result.outcomes[i] = outcome if keep_frames else replace(outcome, log=None)
-            result.wall_s = time.perf_counter() - started
+            result.wall_s = time.perf_counter() - start_time
             after_scenario(result, outcome)
         result.complete = True
     except StoppedError as error:
         result.stopped = error.reason
-    result.wall_s = time.perf_counter() - started
+    result.wall_s = time.perf_counter() - start_time
     return result
 
 
 def default_scenarios(plant: str = "mujoco") -> tuple[str, ...]:
-    """The scenarios that are compared unless others are named, but for those with faults that the plant has none of."""
+    """Return the built-in scenarios that are compared by default and whose faults the plant has."""
     kinds = faults.known(plant)
-    there = (name for name in builtin() if name not in LEFT_OUT)
+    names = (name for name in builtin() if name not in EXCLUDED)
     return tuple(
-        name for name in there if all(fault.kind in kinds for fault in load(name).settings.fault)
+        name for name in names if all(fault.kind in kinds for fault in load(name).settings.fault)
     )
 
 
 def check_scenarios(scenarios: Sequence[Scenario], subject: str | None) -> None:
-    """See that scenarios, all with the same controllers, can stand in one table.
+    """Check that scenarios, all with the same controllers, can be compared in one table.
 
     Raises:
-        OmniError: two of them share a name, or the subject is none of the controllers; a line for
-            each.
+        OmniError: Two of them share a name, or the subject is not among the controllers; one line
+            for each error.
     """
-    names = [each.name for each in scenarios]
+    names = [scenario.name for scenario in scenarios]
     errors = [
-        f"two scenarios are called {name!r}; give each once, or files with another name in them"
+        f"two scenarios are called {name!r}; give each once, or files with different names in them"
         for name in names
         if names.count(name) > 1
     ]
@@ -120,13 +116,13 @@ def check_scenarios(scenarios: Sequence[Scenario], subject: str | None) -> None:
     in_one(errors)
 
 
-def _run(
+def _run_to_end(
     scenario: Scenario, seeds: Sequence[int], title: str, start_progress: StartProgress
 ) -> Outcome:
-    """Return the outcome of a scenario, or that it cannot be run.
+    """Return the outcome of a scenario, or the reason why it cannot be run.
 
     Raises:
-        StoppedError: before its end: half of it would not compare.
+        StoppedError: The run was stopped. Its partial metrics are not comparable.
     """
     try:
         simulation = prepare_simulation(scenario, seeds=seeds)
