@@ -12,6 +12,7 @@ from benches.control import (
     LAG,
     LATENCY,
     Array,
+    MotionModel,
     RobotEkf,
     WheelCompliance,
     anticipate,
@@ -38,7 +39,7 @@ def filter_of(model: TeamModel, n: int = 1) -> RobotEkf:
 @given(st.tuples(*[number] * 5))
 def test_a_step_is_the_solution_of_the_law(drawn: tuple[float, ...]) -> None:
     """(tau + g^2 T |v|) v' = u - g v in the body's axes; |v| is that at the beginning of each of many steps."""
-    model, fine = filter_of(PLAIN), 64
+    model, fine = MotionModel(PLAIN), 64
     state = model.prior.copy()[None]
     state[0, 3:5], command = drawn[:2], np.array([[*drawn[2:4], 0.0]])
     gain, ratio = model.prior[INVERSE_GAIN], np.array([1.0, 5 / 3])
@@ -59,12 +60,11 @@ def test_a_step_is_the_solution_of_the_law(drawn: tuple[float, ...]) -> None:
 @given(st.tuples(*[number] * 7))
 def test_the_inverse_leads_from_one_velocity_to_another(drawn: tuple[float, ...]) -> None:
     """With all that the law knows, but for friction where motions are slow, and loads that follow the real command."""
-    model = filter_of(TeamModel(T, 6, geometry=WHEELS, **{**KNOWN, "drag_m_s": 0.0}))  # type: ignore[arg-type]
+    model = MotionModel(TeamModel(T, 6, geometry=WHEELS, **{**KNOWN, "drag_m_s": 0.0}))  # type: ignore[arg-type]
     before = np.array([[2 * drawn[0], 2 * drawn[1], 0.0]])
     after = before + 0.05 * np.array([[drawn[2], drawn[3], 0.0]])
-    model.state[:] = model.prior
     heading = np.array([3 * drawn[4]])
-    command = model.invert(before, after, heading)
+    command = model.invert(model.prior[None], before, after, heading)
     state = model.prior.copy()[None]
     state[0, 2], state[0, 3:6] = heading[0], before[0]
     reached = model.step(state, command, T)[0, 3:6]
@@ -88,7 +88,7 @@ def identify(
     for command in commands:
         image = robots.pose + NOISE * rng.standard_normal(robots.pose.shape)
         image[:, 2] = np.angle(np.exp(1j * image[:, 2]))
-        ekf.observe(
+        ekf.update(
             Observation(
                 robots.pose,
                 np.zeros((n, 3)),
@@ -138,7 +138,7 @@ def test_a_robot_that_is_put_elsewhere_has_not_driven_there(hand: float) -> None
     image = robots.pose + np.array([hand, 0, 0])
     image[:, 2] = np.angle(np.exp(1j * image[:, 2]))
     sent = CommandHistory(1, found.memory_frames)
-    found.observe(Observation(robots.pose, np.zeros((1, 3)), image, sent.select(slice(None)), T, 6))
+    found.update(Observation(robots.pose, np.zeros((1, 3)), image, sent.select(slice(None)), T, 6))
     np.testing.assert_allclose(found.state[0, :2], image[0, :2], rtol=0, atol=1e-6)
     np.testing.assert_allclose(found.state[0, 9:], before[0, 9:], rtol=0.01, atol=0.01)
     assert np.abs(found.state[0, DISTURBANCE] - before[0, DISTURBANCE]).max() < 0.02
@@ -156,7 +156,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
         images[rng.random((40, 3)) < 0.1] = np.nan
         for image in images:
             pose = np.zeros((len(rows), 3))
-            ekf.observe(Observation(pose, pose, image[rows], sent.select(slice(None)), T, 6))
+            ekf.update(Observation(pose, pose, image[rows], sent.select(slice(None)), T, 6))
             sent.append(20 * np.nan_to_num(image[rows]))
         return ekf.state
 

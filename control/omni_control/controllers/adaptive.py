@@ -18,9 +18,10 @@ from typing import ClassVar
 import numpy as np
 
 from omni_control.controllers.base import Controller, Observation, TeamModel
-from omni_control.estimation import robot_ekf
+from omni_control.estimation import motion_model
 from omni_control.estimation.delayed_measurements import MAX_FRAMES_BEHIND
-from omni_control.estimation.robot_ekf import DISTURBANCE, INVERSE_GAIN, POSE, VELOCITY, RobotEkf
+from omni_control.estimation.motion_model import DISTURBANCE, INVERSE_GAIN, POSE, VELOCITY
+from omni_control.estimation.robot_ekf import RobotEkf
 from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import IteratedReference, Reference
@@ -48,7 +49,7 @@ class InverseFlc(Controller):
 
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
-        self.filter.observe(observation)
+        self.filter.update(observation)
         state = self.filter.predict(observation)
         self.predicted_pose = state[:, POSE].copy()
         self._record()
@@ -59,7 +60,7 @@ class InverseFlc(Controller):
         period, ekf = self.model.period, self.filter
         poses, twists = self.around(frame + ekf.latency, HORIZON_FRAMES)
         velocities, headings = self.expected(poses, twists, state)
-        planned = ekf.invert(velocities[:-1], velocities[1:], headings)
+        planned = ekf.dynamics.invert(ekf.state, velocities[:-1], velocities[1:], headings)
         error = poses[1] - state[:, POSE]
         leading = error[:, :2] + self._lead(
             velocities[0], velocities[0] - state[:, VELOCITY], headings[0]
@@ -106,7 +107,7 @@ class InverseFlc(Controller):
         """Return what is added to errors (n, 2) of robots whose velocity is `behind` (n, 3), m, world frame."""
         ekf = self.filter
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        late = ekf.time_constants(ekf.state, speed[:, None])
+        late = ekf.dynamics.compute_time_constants(ekf.state, speed[:, None])
         times = (
             2
             * late
@@ -122,7 +123,10 @@ class InverseFlc(Controller):
             ekf.state,
             np.sqrt(np.maximum(np.diagonal(ekf.covariance, axis1=1, axis2=2), 0)),
         )
-        lag = ekf.time_constants(state, np.zeros((len(state), 1))) * state[:, INVERSE_GAIN]
+        lag = (
+            ekf.dynamics.compute_time_constants(state, np.zeros((len(state), 1)))
+            * state[:, INVERSE_GAIN]
+        )
         self.alpha_hat = 1 / state[:, INVERSE_GAIN]
         self.latency_hat = ekf.latency[:, None] + lag / self.model.period
         self.channels = {
@@ -132,7 +136,7 @@ class InverseFlc(Controller):
             "nis": ekf.mean_nis,
         }
         for name in ("latency", "creep", "friction"):
-            column = getattr(robot_ekf, name.upper())
+            column = getattr(motion_model, name.upper())
             self.channels |= {name: state[:, column], f"{name}_sigma": sigma[:, column]}
 
 

@@ -1,6 +1,6 @@
 """Model predictive control with preview: the best commands for the next frames within what may be commanded.
 
-Per axis of the body the law of `RobotEkf` has a lag that depends on the speed. With the reference's speed in
+Per axis of the body the `MotionModel` has a lag that depends on the speed. With the reference's speed in
 its place it is linear, and the errors of position and velocity, e_p and e_v, in the world, obey
 
     e_v(k+1) = D e_v(k) + G w(k)               D = decay of a velocity in a frame, G = (1 - D) / g
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from omni_control.controllers.adaptive import AdaptiveCompFlc
 from omni_control.controllers.base import Observation, TeamModel
-from omni_control.estimation.robot_ekf import DISTURBANCE, INVERSE_GAIN, POSE, VELOCITY
+from omni_control.estimation.motion_model import DISTURBANCE, INVERSE_GAIN, POSE, VELOCITY
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import Reference
 
@@ -82,7 +82,7 @@ class Mpc(AdaptiveCompFlc):
         ekf, limits = self.filter, self.model.limits
         poses, twists = self.around(frame + ekf.latency, FRAMES)
         velocities, headings = self.expected(poses, twists, state)
-        planned = ekf.invert(velocities[:-1], velocities[1:], headings)
+        planned = ekf.dynamics.invert(ekf.state, velocities[:-1], velocities[1:], headings)
         error = state[:, POSE] - poses[1]
         late = state[:, VELOCITY] - velocities[0]
         free, effect = self._errors(poses[1:, :, :2], velocities, headings, error, late)
@@ -136,7 +136,10 @@ class Mpc(AdaptiveCompFlc):
             world_to_body(velocities[1:], headings),
         )
         speed = np.hypot(before[..., 0], before[..., 1])
-        lag, gain = ekf.time_constants(ekf.state, speed[..., None]), ekf.state[:, INVERSE_GAIN]
+        lag, gain = (
+            ekf.dynamics.compute_time_constants(ekf.state, speed[..., None]),
+            ekf.state[:, INVERSE_GAIN],
+        )
         decay = np.exp(-period / lag)
         carried = (1 - decay) * lag
         towards = (after - decay * before) / (1 - decay)

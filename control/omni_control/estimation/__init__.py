@@ -1,1 +1,1 @@
-"""What is estimated while robots drive: where they are, and how they answer to commands."""
+"""Estimation of the poses, velocities and parameters of robots from vision and commands."""

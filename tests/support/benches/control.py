@@ -21,15 +21,16 @@ from omni_control.controllers.mpc import Limits, minimize
 from omni_control.delay_compensation import CommandHistory, predict_displacement
 from omni_control.errors import OmniError
 from omni_control.estimation import vision_tracker as vision_filter
-from omni_control.estimation.outlier_gate import MAX_REJECTIONS, MAX_REPEATS, OutlierGate
-from omni_control.estimation.robot_ekf import (
+from omni_control.estimation.motion_model import (
     CREEP,
     DISTURBANCE,
     INVERSE_GAIN,
     LAG,
     LATENCY,
-    RobotEkf,
+    MotionModel,
 )
+from omni_control.estimation.outlier_gate import MAX_REJECTIONS, MAX_REPEATS, OutlierGate
+from omni_control.estimation.robot_ekf import RobotEkf
 from omni_control.estimation.vision_tracker import KalmanFilter
 from omni_control.estimation.yaw_coupling import CENTER_HEIGHT_M, WheelCompliance
 from omni_control.fuzzy import LABELS, FuzzyLaw, memberships
