@@ -50,22 +50,22 @@ def test_creep_alone_takes_what_its_law_says(study: AlphaStudy) -> None:
     """Its lag is T g^2 U / 2, beside the wheel loops'; the slope of the ramp that of T a s^2 + s / g = 1."""
     found, speed = conditions.PROFILE, conditions.PROFILE.speed_m_s
     both, curve = slice(0, 2), softness(om.load_scenario("rect"))
-    alone = study.caused.at((1, 0, 0))  # creep without drag and battery
-    creep = {name: (getattr(alone, name) - getattr(study.loop, name))[both] for name in NAMES}
-    gain = study.loop.steady[both] + creep["steady"]
+    alone = study.by_causes.at((1, 0, 0))  # creep without drag and battery
+    creep = {name: (getattr(alone, name) - getattr(study.wheel_loop, name))[both] for name in NAMES}
+    gain = study.wheel_loop.steady[both] + creep["steady"]
     # What accelerates the robot leans on some wheels more than others, and the law has their mean.
     np.testing.assert_allclose(creep["lag_s"], curve * gain**2 * speed / 2, rtol=0.1)
     curve = curve * found.acceleration_m_s2
     slope = (np.sqrt(1 + 4 * curve) - 1) / (2 * curve)
     np.testing.assert_allclose(
-        study.loop.speeding_up[both] + creep["speeding_up"], slope, atol=0.05
+        study.wheel_loop.speeding_up[both] + creep["speeding_up"], slope, atol=0.05
     )
 
 
 def test_lag_does_not_depend_on_acceleration_but_the_gain_of_speeding_up_does(
     study: AlphaStudy,
 ) -> None:
-    slow, fast = study.base, study.changed["acceleration_m_s2"].at(0)
+    slow, fast = study.baseline, study.by_condition["acceleration_m_s2"].at(0)
     np.testing.assert_allclose(
         fast.lag_s[:2], slow.lag_s[:2], rtol=0.05
     )  # of 60 to 100 ms: rollers ripple
@@ -76,7 +76,7 @@ def test_lag_does_not_depend_on_acceleration_but_the_gain_of_speeding_up_does(
 
 def test_robots_creep_more_sideways(study: AlphaStudy) -> None:
     """Where fewer wheels pull, see `softness`."""
-    for each in (study.base, study.worn):
+    for each in (study.baseline, study.worn):
         assert each.steady[SIDEWAYS] < each.steady[FORWARD]
         assert each.lag_s[SIDEWAYS] > each.lag_s[FORWARD]
 
@@ -84,15 +84,17 @@ def test_robots_creep_more_sideways(study: AlphaStudy) -> None:
 def test_more_pile_less_charge_and_heat_cost_what_they_can(study: AlphaStudy) -> None:
     """Pile and charge the gain; heat, which takes stiffness from the wheel loops, lag."""
     for name, sign in (("pile", -1), ("charge", 1)):
-        assert (sign * (study.changed[name].steady[0] - study.base.steady) > 0.01).all(), name
-    assert (study.changed["winding_c"].lag_s[0] > study.base.lag_s + 0.001).all()
+        assert (sign * (study.by_condition[name].steady[0] - study.baseline.steady) > 0.01).all(), (
+            name
+        )
+    assert (study.by_condition["winding_c"].lag_s[0] > study.baseline.lag_s + 0.001).all()
 
 
 def test_shares_add_up_to_what_all_causes_do(study: AlphaStudy) -> None:
     for name in NAMES:
-        added = sum(study.shares(name).values())
+        added = sum(study.contributions(name).values())
         np.testing.assert_allclose(
-            added, getattr(study.worn, name) - getattr(study.loop, name), atol=1e-12
+            added, getattr(study.worn, name) - getattr(study.wheel_loop, name), atol=1e-12
         )
 
 
@@ -102,14 +104,16 @@ def test_shares_are_fair(data: st.DataObject) -> None:
     causes = len(conditions.CAUSES)
     values = data.draw(arrays.arrays(float, (2,) * causes, elements=st.floats(-1, 1)))
     idle = data.draw(st.sampled_from(range(causes)))
-    found = conditions.shares(values).values()
+    found = conditions.shapley_values(values).values()
     assert sum(found) == pytest.approx(values.flat[-1] - values.flat[0], abs=1e-12)
     first = np.take(values, [0], idle)
-    of_idle = list(conditions.shares(np.concatenate([first, first], axis=idle)).values())[idle]
+    of_idle = list(conditions.shapley_values(np.concatenate([first, first], axis=idle)).values())[
+        idle
+    ]
     assert of_idle == pytest.approx(0, abs=1e-12)
     together = np.zeros_like(values)
     together[1, 1] = 0.5
-    both = list(conditions.shares(together).values())
+    both = list(conditions.shapley_values(together).values())
     assert both == pytest.approx([0.25, 0.25, *[0] * (causes - 2)], abs=1e-12)
 
 
@@ -118,17 +122,17 @@ def test_rows_summary_and_table_say_the_same(result: AlphaResult, study: AlphaSt
     rows = [row for row in result.rows().to_pylist() if row["direction"] is not None]
     assert len(rows) == 3 * (1 + len(CHANGED) + 2 ** len(conditions.CAUSES))
     full = [row for row in rows if row["battery.charge"] == 1.0]
-    assert [row["lag_s"] for row in full] == pytest.approx(study.changed["charge"].lag_s[0])
+    assert [row["lag_s"] for row in full] == pytest.approx(study.by_condition["charge"].lag_s[0])
     summary = result.summary()
     assert summary["complete"]
-    told = summary["alpha"]["changed"]["charge"]["steady"][0]
-    assert told == pytest.approx(study.changed["charge"].steady[0], abs=1e-6)
-    assert f"{study.base.steady[0]:.3f}" in result.table()
+    told = summary["alpha"]["by_condition"]["charge"]["steady"][0]
+    assert told == pytest.approx(study.by_condition["charge"].steady[0], abs=1e-6)
+    assert f"{study.baseline.steady[0]:.3f}" in result.table()
 
 
 def test_what_cannot_be_studied_is_said() -> None:
     with pytest.raises(om.OmniError, match="unknown condition 'lint'"):
-        om.measure_alpha(conditions={"lint": (0.1,)})
+        om.measure_alpha(condition_values={"lint": (0.1,)})
     with pytest.raises(om.OmniError, match="the plant 'kinematic' has none"):
         om.measure_alpha(om.load_scenario("rect", plant="kinematic"), {})
 

@@ -1,15 +1,16 @@
-"""How robots follow their commands, and why not better: gain and lag apart, and where they come from.
+"""How closely robots follow velocity commands: gain, lag, and the causes of both.
 
-The paper's motor correction factor alpha is a ratio of ways, achieved over commanded, in a window of time. A robot that
-is late shows a small one whenever it speeds up, however much of its speed it reaches in the end: alpha alone does not
-tell gain from lag. So robots drive standard profiles, from which both are measured apart (`measure.response`):
+The paper's motor correction factor alpha is the displacement achieved over the displacement
+commanded in a window of time. While a robot speeds up, a lag lowers this ratio as a low gain does.
+Alpha alone cannot tell them apart. So robots drive standard velocity profiles, from which gain and
+lag are measured separately (`omni_mj.results.ramp_response`):
 
-- under conditions that are changed one by one;
-- worn, with every combination of causes, which says how much of gain and lag each takes
-  (`conditions.shares`).
+- with operating conditions that are varied one by one;
+- worn, with every combination of causes. The Shapley value of a cause is its contribution to gain
+  and lag (`operating_conditions.shapley_values`).
 
-Profiles are commanded frame by frame: no controller, no dead time, and a camera without noise, whose heading keeps
-robots straight.
+Profiles are commanded frame by frame, without controller and dead time. The camera has no noise;
+its heading keeps the robots straight.
 """
 
 import time
@@ -34,17 +35,17 @@ from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.alpha.operating_conditions import (
     AXES,
     CAUSES,
-    CONDITIONS,
+    CONDITION_LABELS,
+    CONDITION_VALUES,
     DIRECTIONS,
-    DRIVE_TEXT,
-    LABELS,
     PROFILE,
+    PROFILE_TEXT,
     WORN,
     WORN_TEXT,
-    Conditions,
-    changed,
-    combinations,
-    shares,
+    ConditionValues,
+    ablate_causes,
+    apply_condition,
+    shapley_values,
 )
 from omni_mj.studies.run_scenario import resolve_scenario
 from omni_mj.studies.study_runner import (
@@ -56,191 +57,194 @@ from omni_mj.studies.study_runner import (
 )
 
 DEFINITIONS = {
-    "steady": "speed achieved / commanded in the last 0.5 s of the cruise",
-    "speeding_up": "slope of the speed achieved over that commanded in the second half of the ramp up",
-    "lag_s": "way missing after the ramp up and run on after that down, beside steady gain x way; / (2 gain speed)",
-    "share": "mean over all orders in which the causes could be added to a robot without any; shares add up",
+    "steady": "achieved / commanded speed in the last 0.5 s at constant speed",
+    "speeding_up": (
+        "slope of the achieved over the commanded speed in the second half of the ramp up"
+    ),
+    "lag_s": (
+        "displacement missing after the ramp up plus overrun after the ramp down, both relative to "
+        "steady gain x commanded displacement; divided by 2 x gain x speed"
+    ),
+    "share": "Shapley value: mean change over all orders in which the causes can be added; adds up",
 }
-# Without limits of the command, noise and pushes.
+# No limits of the command, no noise, no disturbance
 UNDISTURBED = {
     "control": {"max_speed_m_s": 20, "max_acceleration_m_s2": 1000},
     "vision": {"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
     "disturbance": {"force_n": 0},
 }
-Drives = Sequence[tuple[Settings, Profile]]  # settings are all of one shape (see `plants.mujoco`)
-_UNITS = {"steady": (1.0, 3), "speeding_up": (1.0, 3), "lag_s": (1000.0, 0)}
+Trials = Sequence[tuple[Settings, Profile]]  # settings share one shape, see `plants.mujoco`
+# Quantity of `Response` -> factor to the table's unit, decimal places
+_FORMATS = {"steady": (1.0, 3), "speeding_up": (1.0, 3), "lag_s": (1000.0, 0)}
 _HEADINGS = ["", "", "steady gain: fwd", "side", "speeding up: fwd", "side", "lag, ms: fwd", "side"]
 
 
 class Commanded(Controller):
-    """Stands where a controller would be named; what the robots are sent is the profile."""
+    """Placeholder for a controller; the robots are sent the profile."""
 
 
 @dataclass(frozen=True)
 class AlphaStudy:
-    """Responses, each with the directions of `DIRECTIONS` as its last axis.
+    """Responses of all trials. Their last axis is the direction of motion, see `DIRECTIONS`.
 
     Attributes:
-        conditions: Those that were changed alone, name -> values.
-        base: Response of the robot as the scenario has it, (directions,).
-        changed: Condition -> response under its values, (values, directions).
-        caused: Response of a worn robot with every combination of `CAUSES`: an axis of two for
-            each, then directions.
+        condition_values: Values of the conditions that were varied one by one, by name.
+        baseline: Response of the robot with the scenario's settings, (directions,).
+        by_condition: Condition -> response under its values, (values, directions).
+        by_causes: Response of a worn robot with every combination of `CAUSES`. The leading axes,
+            one per cause, have two entries: without and with the cause.
     """
 
-    conditions: Conditions
-    base: Response
-    changed: Mapping[str, Response]
-    caused: Response
+    condition_values: ConditionValues
+    baseline: Response
+    by_condition: Mapping[str, Response]
+    by_causes: Response
 
     @property
     def worn(self) -> Response:
-        """Response of the worn robot, with all causes, (directions,)."""
-        return self.caused.at((1,) * len(CAUSES))
+        """Response of the worn robot with all causes, (directions,)."""
+        return self.by_causes.at((1,) * len(CAUSES))
 
     @property
-    def loop(self) -> Response:
-        """Response of the same without any cause: what wheel loops and motors leave by themselves, (directions,)."""
-        return self.caused.at((0,) * len(CAUSES))
+    def wheel_loop(self) -> Response:
+        """Response of the worn robot without any cause: wheel loops and back-EMF, (directions,)."""
+        return self.by_causes.at((0,) * len(CAUSES))
 
-    def shares(self, quantity: str) -> dict[str, Array]:
-        """Return what each cause adds to a quantity of `Response`, (directions,)."""
-        return shares(getattr(self.caused, quantity))
+    def contributions(self, quantity: str) -> dict[str, Array]:
+        """Return each cause's contribution to a quantity of `Response`, (directions,)."""
+        return shapley_values(getattr(self.by_causes, quantity))
 
     def report(self) -> dict[str, Any]:
-        """Return the study in plain values."""
+        """Return the study as plain values for JSON."""
         return {
             "definitions": DEFINITIONS,
             "directions": list(DIRECTIONS),
             "profile": vars(PROFILE),
-            "base": _plain(self.base),
-            "changed": {
-                name: {"values": list(self.conditions[name])} | _plain(r)
-                for name, r in self.changed.items()
+            "baseline": _plain_response(self.baseline),
+            "by_condition": {
+                name: {"values": list(self.condition_values[name])} | _plain_response(response)
+                for name, response in self.by_condition.items()
             },
-            "worn": {"conditions": WORN, **_plain(self.worn)},
-            "wheel_loop_alone": _plain(self.loop),
+            "worn": {"conditions": WORN, **_plain_response(self.worn)},
+            "wheel_loop": _plain_response(self.wheel_loop),
             "causes": {
-                name: {cause: {"share": _list(share)} for cause, share in self.shares(name).items()}
+                name: {
+                    cause: {"share": _plain_list(values)}
+                    for cause, values in self.contributions(name).items()
+                }
                 for name in NAMES
             },
         }
 
     def text(self) -> str:
         """Return the study as tables of plain text."""
-        causes = f"where gain and lag come from: {DRIVE_TEXT}, {WORN_TEXT}"
+        condition_title = f"one condition varied, {PROFILE_TEXT}"
+        cause_title = f"causes of lost gain and of lag: {PROFILE_TEXT}, {WORN_TEXT}"
         tables = [
-            Table(
-                f"one condition changed, {DRIVE_TEXT}", _HEADINGS, list(self._condition_rows()), 2
-            ),
-            Table(causes, _HEADINGS, list(self._cause_rows()), 2),
+            Table(condition_title, _HEADINGS, list(self._condition_rows()), 2),
+            Table(cause_title, _HEADINGS, list(self._cause_rows()), 2),
         ]
         return "\n\n".join(map(aligned, tables))
 
     def _condition_rows(self) -> Iterator[list[str]]:
-        yield ["as it is", "", *_cells(self.base)]
-        for name, response in self.changed.items():
-            for i, value in enumerate(self.conditions[name]):
-                yield ["" if i else LABELS[name], f"{value:g}", *_cells(response.at(i))]
+        yield ["the scenario's settings", "", *_format_response(self.baseline)]
+        for name, response in self.by_condition.items():
+            for i, value in enumerate(self.condition_values[name]):
+                label = "" if i else CONDITION_LABELS[name]
+                yield [label, f"{value:g}", *_format_response(response.at(i))]
 
     def _cause_rows(self) -> Iterator[list[str]]:
-        yield ["wheel loop and back-EMF alone", "", *_cells(self.loop)]
+        yield ["wheel loop and back-EMF alone", "", *_format_response(self.wheel_loop)]
         for cause in CAUSES:
-            yield [
-                f"share of {cause}",
-                "",
-                *_cells(Response(*(self.shares(name)[cause] for name in NAMES)), "+"),
-            ]
-        yield ["sum: the worn robot", "", *_cells(self.worn)]
+            contribution = Response(*(self.contributions(name)[cause] for name in NAMES))
+            yield [f"contribution of {cause}", "", *_format_response(contribution, "+")]
+        yield ["sum: the worn robot", "", *_format_response(self.worn)]
 
 
 @dataclass
 class AlphaResult(Result):
-    """The result of the study; its rows hold settings, direction, profile and response of each drive.
+    """Result of the alpha study. Its rows hold settings, direction, profile and response.
 
     Attributes:
-        study: What was found; None of a study that was stopped.
+        study: Responses of all trials; None if the study was stopped.
     """
 
     study: AlphaStudy | None = None
 
     def summary(self) -> dict[str, Any]:
-        """Return that of any result, with the study as `alpha`."""
+        """Return the summary of any result, with the study as `alpha`."""
         return super().summary() | {"alpha": self.study.report() if self.study else None}
 
     def table(self) -> str:
-        """Return what was found as lines of text."""
+        """Return the study as lines of text; empty if it was stopped."""
         return self.study.text() if self.study else ""
 
 
 def measure_alpha(
     scenario: Scenario | str = "rect",
-    conditions: Conditions = CONDITIONS,
+    condition_values: ConditionValues = CONDITION_VALUES,
     *,
     start_progress: StartProgress = no_progress,
 ) -> AlphaResult:
-    """Study how robots follow their commands.
+    """Measure how closely a robot follows velocity commands, and the causes of the deviation.
 
     Args:
-        scenario: The robot and all its settings, or its name. Its reference is left out, and of the
-            standard profiles its radio and the camera's noise as well.
-        conditions: Those that are changed one by one, with their values.
-        start_progress: Called with a title and the number of frames to come; what it returns is called after
-            each frame with its number.
+        scenario: Scenario, or its name, with the robot and its settings. Its reference, dead time
+            and camera noise are not used.
+        condition_values: Values of the conditions to vary one by one, by name.
+        start_progress: Called with a title and the number of frames. It returns a function that is
+            called with each frame's number and may raise `StoppedError`.
 
     Returns:
-        Gain and lag, NaN for robots that failed, and their causes.
+        Gain and lag, NaN for robots that failed, and the contribution of each cause.
 
     Raises:
-        OmniError: There is no such scenario or condition, or the plant has no wheels.
+        OmniError: The scenario or a condition does not exist, or the plant has no wheels.
     """
-    started = time.perf_counter()
+    start_time = time.perf_counter()
     robot = resolve_scenario(scenario).replace(
         name="alpha", description="gain and lag, and their causes", paper_table=0, seeds=1
     )
     distributions.refuse(robot.distributions, "alpha")
-    drives = [(robot.settings, PROFILE)]
-    drives += [
-        changed(robot.settings, name, value)
-        for name, values in conditions.items()
+    trials = [(robot.settings, PROFILE)]
+    trials += [
+        apply_condition(robot.settings, name, value)
+        for name, values in condition_values.items()
         for value in values
     ]
-    drives += [(combined, PROFILE) for combined in combinations(robot.settings)]
-    simulation, twists = _prepare(robot, drives)
+    trials += [(settings, PROFILE) for settings in ablate_causes(robot.settings)]
+    simulation, twists = _prepare_trials(robot, trials)
     stopped = send_twists(simulation, twists, start_progress("alpha", len(twists)))
-    measured, study = {"direction": np.array([*DIRECTIONS] * len(drives))}, None
-    measured |= {
-        name: np.array([vars(p)[name] for _, p in drives for _ in DIRECTIONS])
-        for name in vars(PROFILE)
-    }
+    columns = _profile_columns(trials)
+    study = None
     if not stopped:
-        body = _respond(drives, simulation.log.channel("pose")[..., :2])
-        study = _study(conditions, body)
-        measured |= {name: values.ravel() for name, values in vars(body).items()}
+        response = _measure_responses(trials, simulation.log.channel("pose")[..., :2])
+        study = _build_study(condition_values, response)
+        columns |= {name: values.ravel() for name, values in vars(response).items()}
     return AlphaResult(
-        [open_loop_outcome(robot, simulation, started, stopped, measured)],
+        [open_loop_outcome(robot, simulation, start_time, stopped, columns)],
         [Commanded.__name__],
         seeds=[robot.seed],
-        wall_s=time.perf_counter() - started,
+        wall_s=time.perf_counter() - start_time,
         stopped=stopped,
         complete=not stopped,
         study=study,
     )
 
 
-def _prepare(scenario: Scenario, drives: Drives) -> tuple[Simulation, Array]:
-    """Return a simulation with a row per drive and direction, and what rows are sent, (frames, rows, 3).
+def _prepare_trials(scenario: Scenario, trials: Trials) -> tuple[Simulation, Array]:
+    """Return a simulation with a row per trial and direction, and its twists (frames, rows, 3).
 
     Raises:
         OmniError: The plant has no wheels.
     """
-    speeds = [profile.command() for _, profile in drives]
-    # The last frame only records the pose that the command of the frame before led to.
-    twists = np.zeros((1 + max(map(len, speeds)), len(drives), len(DIRECTIONS), 3))
+    speeds = [profile.command() for _, profile in trials]
+    # The last frame only records the pose that the last command led to.
+    twists = np.zeros((1 + max(map(len, speeds)), len(trials), len(DIRECTIONS), 3))
     for i, speed in enumerate(speeds):
         twists[: len(speed), i, :, :2] = speed[:, None, None] * np.array([*DIRECTIONS.values()])
     settings = [
-        open_loop_settings(s, len(twists), **UNDISTURBED) for s, _ in drives for _ in DIRECTIONS
+        open_loop_settings(s, len(twists), **UNDISTURBED) for s, _ in trials for _ in DIRECTIONS
     ]
     rows = [
         Row(i, 0, Commanded.__name__, scenario.seed, settings_i, scenario.robot)
@@ -252,42 +256,58 @@ def _prepare(scenario: Scenario, drives: Drives) -> tuple[Simulation, Array]:
     return simulation, twists.reshape(len(twists), -1, 3)
 
 
-def _respond(drives: Drives, positions: Array) -> Response:
-    """Return the response (drives, directions) for positions (frames, rows, 2); NaN for robots that failed."""
+def _profile_columns(trials: Trials) -> dict[str, np.ndarray]:
+    """Return direction and profile of each row."""
+    columns = {"direction": np.array([*DIRECTIONS] * len(trials))}
+    for name in vars(PROFILE):
+        values = [vars(profile)[name] for _, profile in trials]
+        columns[name] = np.repeat(values, len(DIRECTIONS))
+    return columns
+
+
+def _measure_responses(trials: Trials, positions: Array) -> Response:
+    """Return the response (trials, directions) for positions (frames, rows, 2).
+
+    It is NaN for robots that failed.
+    """
     directions = np.array([*DIRECTIONS.values()])
     travelled = (positions.reshape(len(positions), -1, *directions.shape) * directions).sum(-1)
     responses = [
-        measure(p, travelled[: len(p.command()) + 1, i]) for i, (_, p) in enumerate(drives)
+        measure(profile, travelled[: len(profile.command()) + 1, i])
+        for i, (_, profile) in enumerate(trials)
     ]
     return Response(*(np.array([vars(response)[name] for response in responses]) for name in NAMES))
 
 
-def _study(conditions: Conditions, body: Response) -> AlphaStudy:
-    """Return the study for responses (drives, directions): unchanged, conditions one by one, combined causes."""
-    start, changes = 1, {}
-    for name, values in conditions.items():
-        changes[name] = body.at(slice(start, start + len(values)))
+def _build_study(condition_values: ConditionValues, response: Response) -> AlphaStudy:
+    """Return the study of a response (trials, directions).
+
+    Trials are in this order: baseline, conditions one by one, combinations of causes.
+    """
+    start, by_condition = 1, {}
+    for name, values in condition_values.items():
+        by_condition[name] = response.at(slice(start, start + len(values)))
         start += len(values)
     shape = (2,) * len(CAUSES) + (len(DIRECTIONS),)
-    combined = Response(*(values[start:].reshape(shape) for values in vars(body).values()))
-    return AlphaStudy(conditions, body.at(0), changes, combined)
+    by_causes = Response(*(values[start:].reshape(shape) for values in vars(response).values()))
+    return AlphaStudy(condition_values, response.at(0), by_condition, by_causes)
 
 
-def _cells(response: Response, sign: str = "") -> list[str]:
-    """Return forward and sideways of each quantity as text."""
+def _format_response(response: Response, sign: str = "") -> list[str]:
+    """Return the forward and sideways values of each quantity as text."""
     return [
-        f"{factor * getattr(response, name)[j]:{sign}.{digits}f}"
-        for name, (factor, digits) in _UNITS.items()
-        for j in range(len(AXES))
+        f"{factor * getattr(response, name)[axis]:{sign}.{digits}f}"
+        for name, (factor, digits) in _FORMATS.items()
+        for axis in range(len(AXES))
     ]
 
 
-def _plain(response: Response) -> dict[str, Any]:
-    return {name: _list(values) for name, values in vars(response).items()}
+def _plain_response(response: Response) -> dict[str, Any]:
+    return {name: _plain_list(values) for name, values in vars(response).items()}
 
 
-def _list(values: Array) -> Any:
-    """Return nested lists, with None for what is not a number."""
+def _plain_list(values: Array) -> Any:
+    """Return nested lists, with None in place of NaN."""
     rounded = values.round(6).astype(object)
     rounded[np.isnan(values)] = None
     return rounded.tolist()

@@ -1,4 +1,8 @@
-"""What alpha is studied under: conditions one by one, and causes in all combinations."""
+"""Operating conditions of the alpha study, and the causes of lost gain and of lag.
+
+Conditions are varied one by one. Causes are removed in all combinations (an ablation), and Shapley
+values say how much each contributes.
+"""
 
 import itertools
 import math
@@ -13,11 +17,10 @@ from omni_mj.config.motor_settings import RAD_S
 from omni_mj.config.settings import Settings
 from omni_mj.results.ramp_response import Profile
 
-Conditions = Mapping[str, Sequence[float]]
-PROFILE = Profile(
-    speed_m_s=1.5, acceleration_m_s2=2.0
-)  # the fastest with which TIGERs Mannheim identify their robots
-CONDITIONS: Conditions = {
+ConditionValues = Mapping[str, Sequence[float]]
+# The fastest profile with which TIGERs Mannheim identify their robots
+PROFILE = Profile(speed_m_s=1.5, acceleration_m_s2=2.0)
+CONDITION_VALUES: ConditionValues = {
     "speed_m_s": (0.5, 1.0, 1.5, 2.0),
     "acceleration_m_s2": (1.0, 2.0, 3.0, 4.0),
     "friction": (0.5, 0.6, 0.8, 1.0),
@@ -26,104 +29,113 @@ CONDITIONS: Conditions = {
     "winding_c": (25.0, 75.0, 120.0),
     "charge": (1.0, 0.5, 0.15),
 }
-LABELS = {
-    "speed_m_s": "speed, m/s",
-    "acceleration_m_s2": "acceleration, m/s²",
+CONDITION_LABELS = {
+    "speed_m_s": "speed in m/s",
+    "acceleration_m_s2": "acceleration in m/s²",
     "friction": "carpet friction",
     "creep_stiffness": "creep stiffness",
-    "pile": "pile, share of load",
-    "winding_c": "winding, °C",
+    "pile": "drag of the pile / normal force",
+    "winding_c": "winding temperature in °C",
     "charge": "battery charge",
 }
-SECTIONS = {  # of settings, in which conditions are that are no part of the profile
+# Section of settings of each condition that is not part of the profile
+CONDITION_SECTIONS = {
     "friction": "carpet",
     "creep_stiffness": "drive",
     "pile": "carpet",
     "winding_c": "motor",
     "charge": "battery",
 }
-DRIVE_TEXT = f"{PROFILE.speed_m_s:g} m/s at {PROFILE.acceleration_m_s2:g} m/s²"
+PROFILE_TEXT = f"{PROFILE.speed_m_s:g} m/s at {PROFILE.acceleration_m_s2:g} m/s²"
 AXES = ("forward", "sideways")
-DIRECTIONS = {
+DIRECTIONS = {  # of motion, unit vectors in the body frame
     "forward": (1.0, 0.0),
     "sideways": (0.0, 1.0),
     "diagonal": (0.5**0.5, 0.5**0.5),
-}  # of drives
-WORN = {"winding_c": 120.0, "charge": 0.15}  # at the end of a game; the rest as the scenario has it
+}
+# A robot at the end of a game; its other settings are the scenario's
+WORN = {"winding_c": 120.0, "charge": 0.15}
 WORN_TEXT = f"windings at {WORN['winding_c']:g} °C, battery at {100 * WORN['charge']:g} %"
 
-CAUSES: dict[str, Callable[[Settings], Settings]] = {  # and how a robot is freed of each
+# Cause -> function that removes it from settings
+CAUSES: dict[str, Callable[[Settings], Settings]] = {
     "creep": lambda s: s.replace(drive={"creep_stiffness": 1000.0}),
     "drag": lambda s: s.replace(
         carpet={"pile": 0.0},
         drive={"roller_friction": 0.0, "gear_friction_nm": 0.0},
-        motor=_without_friction(s),
+        motor=_frictionless_no_load(s),
     ),
-    "heat": lambda s: changed(s, "winding_c", 25.0)[0],
+    "heat": lambda s: apply_condition(s, "winding_c", 25.0)[0],
     "battery": lambda s: s.replace(battery={"charge": 0.5, "resistance_ohm": 0.0}),
 }
 
 
-def changed(settings: Settings, condition: str, value: float) -> tuple[Settings, Profile]:
-    """Return settings, and the profile to drive, with another value of one condition.
+def apply_condition(settings: Settings, condition: str, value: float) -> tuple[Settings, Profile]:
+    """Return settings and profile with another value of one condition.
 
-    Hot windings come with a housing as warm as it gets in equilibrium with them.
+    If the windings are hot, the housing gets the temperature of their thermal equilibrium.
+
+    Args:
+        settings: All other settings.
+        condition: A key of `CONDITION_SECTIONS`, or a field of the profile.
+        value: Value in the unit of that setting.
 
     Raises:
-        OmniError: there is no such condition.
+        OmniError: The condition does not exist.
     """
     if condition in vars(PROFILE):
         return settings, replace(PROFILE, **{condition: value})
-    if condition not in SECTIONS:
-        raise OmniError(
-            f"unknown condition {condition!r}; {suggest_names(condition, [*vars(PROFILE), *SECTIONS])}"
-        )
+    if condition not in CONDITION_SECTIONS:
+        choices = suggest_names(condition, [*vars(PROFILE), *CONDITION_SECTIONS])
+        raise OmniError(f"unknown condition {condition!r}; {choices}")
     fields = {condition: value}
     if condition == "winding_c":
         motor = settings.motor
-        share = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
-        fields["housing_c"] = motor.ambient_c + share * (value - motor.ambient_c)
-    return settings.replace(**{SECTIONS[condition]: fields}), PROFILE
+        ratio = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
+        fields["housing_c"] = motor.ambient_c + ratio * (value - motor.ambient_c)
+    return settings.replace(**{CONDITION_SECTIONS[condition]: fields}), PROFILE
 
 
-def combinations(settings: Settings) -> list[Settings]:
-    """Return a worn robot with every combination of `CAUSES`, from none to all; the last of them changes first."""
-    worn, combined = settings, []
+def ablate_causes(settings: Settings) -> list[Settings]:
+    """Return the settings of a worn robot with every combination of `CAUSES`.
+
+    The first has none of them, the last has all. The last cause changes first.
+    """
+    worn, ablated = settings, []
     for condition, value in WORN.items():
-        worn, _ = changed(worn, condition, value)
-    for present in itertools.product((False, True), repeat=len(CAUSES)):
+        worn, _ = apply_condition(worn, condition, value)
+    for is_present in itertools.product((False, True), repeat=len(CAUSES)):
         robot = worn
-        for free, stays in zip(CAUSES.values(), present, strict=True):
-            robot = robot if stays else free(robot)
-        combined.append(robot)
-    return combined
+        for remove, stays in zip(CAUSES.values(), is_present, strict=True):
+            robot = robot if stays else remove(robot)
+        ablated.append(robot)
+    return ablated
 
 
-def shares(values: Array) -> dict[str, Array]:
-    """Return how much of what all causes do together is each one's.
+def shapley_values(values: Array) -> dict[str, Array]:
+    """Return the contribution of each cause to the effect of all causes together.
 
-    A cause's share is the mean of what adding it changes, over all orders in which causes could be
-    added one by one (L. S. Shapley, A Value for n-Person Games, 1953). Shares add up to what all do
-    together.
+    The Shapley value of a cause is the mean change when it is added, over all orders in which the
+    causes can be added one by one (L. S. Shapley, A Value for n-Person Games, 1953). Shapley values
+    add up to the effect of all causes.
 
     Args:
-        values: With every combination of causes, an axis of two for each (without, with), then any
-            others.
+        values: A quantity under every combination of causes. The leading axes, one per cause, have
+            two entries: without and with the cause. Further axes are kept.
     """
-    result = {cause: np.zeros(values.shape[len(CAUSES) :]) for cause in CAUSES}
+    contributions = {cause: np.zeros(values.shape[len(CAUSES) :]) for cause in CAUSES}
     for order in itertools.permutations(CAUSES):
         present = dict.fromkeys(CAUSES, 0)
         for cause in order:
-            before = values[tuple(present.values())]
+            without = values[tuple(present.values())]
             present[cause] = 1
-            result[cause] += (values[tuple(present.values())] - before) / math.factorial(
-                len(CAUSES)
-            )
-    return result
+            change = values[tuple(present.values())] - without
+            contributions[cause] += change / math.factorial(len(CAUSES))
+    return contributions
 
 
-def _without_friction(settings: Settings) -> dict[str, float]:
-    """A motor's no-load row, had it no friction: as fast as its back-EMF lets it."""
+def _frictionless_no_load(settings: Settings) -> dict[str, float]:
+    """Return a motor's no-load data if it had no friction: only its back-EMF limits its speed."""
     motor = settings.motor
     return {
         "no_load_current_a": 0.0,
