@@ -1,4 +1,4 @@
-"""Dead time: commands that are in flight, and the pose predicted to the end of it (equations 10 and 11)."""
+"""Dead time: history of sent commands, and the displacement by commands in flight (equation 11)."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,89 +8,85 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 
-Rows = slice | Sequence[int] | np.ndarray[Any, np.dtype[np.intp]]
+RowSelection = slice | Sequence[int] | np.ndarray[Any, np.dtype[np.intp]]
 
 
 class CommandHistory:
-    """The last commands sent by each robot's controller, newest last.
+    """The latest commands sent to n robots, newest last.
 
-    With a dead time of k_d frames, the pose measured in frame k has felt the commands up to k - k_d
-    - 1, and the command computed in frame k acts from frame k + k_d on. In between lie k_d commands
-    already sent:
+    With a dead time of k_d frames, the pose measured in frame k depends on the commands up to
+    k - k_d - 1. The command computed in frame k acts from frame k + k_d on. The k_d commands in
+    between are in flight:
 
         k_d = 2         frame k-3   k-2   k-1    k    k+1   k+2
         sent                u0     u1     u2     ?
-        felt in                           u0     u1    u2     ?      <- x(k) has felt u0's frame,
+        acts in                           u0     u1    u2     ?      <- x(k) includes u0's effect,
                                                                         u1 and u2 are in flight
 
-    Equation 11 sums to i = k, which includes the command that is being computed; the k_d in flight
-    are meant.
+    Equation 11 sums to i = k, which includes the command that is being computed. The k_d commands
+    in flight are meant.
 
-    A latency need not be a whole number of frames, nor the same for all robots and axes: with one
-    of 1.5 frames, the first half of the frame just past felt the command sent before the command
-    that its second half felt.
+    A latency need not be an integer, nor the same for all robots and axes. With a latency of 1.5
+    frames, one command acted in the first half of the previous frame and the next one in its
+    second half.
 
     Args:
-        n: robots.
-        length: commands kept, at least the dead time k_d.
+        n: Number of robots.
+        length: Number of stored commands, at least the dead time k_d.
     """
 
     def __init__(self, n: int, length: int) -> None:
         self._store(np.zeros((length, n, 3)))
 
-    def _store(self, table: Array) -> None:
-        table.flags.writeable = False
-        self._sent, self.length = table, len(table)
+    def _store(self, commands: Array) -> None:
+        commands.flags.writeable = False
+        self._sent, self.length = commands, len(commands)
 
     def append(self, command: Array) -> None:
-        """Add the commands (n, 3) that were sent in the frame just past."""
+        """Add the commands (n, 3) sent in the previous frame. Views returned before stay valid."""
         if self.length:
-            self._store(
-                np.concatenate([self._sent[1:], command[None]])
-            )  # who was handed the last table keeps it
+            self._store(np.concatenate([self._sent[1:], command[None]]))
 
-    def select(self, rows: Rows, length: int | None = None) -> "CommandHistory":
-        """Return a queue of some robots' last `length` commands [all].
+    def select(self, rows: RowSelection, length: int | None = None) -> "CommandHistory":
+        """Return the history of some robots with their latest `length` commands. Default: all.
 
         Raises:
-            OmniError: more than are stored.
+            OmniError: `length` exceeds the number of stored commands.
         """
-        part = object.__new__(CommandHistory)
-        part._store(self.get_latest(self.length if length is None else length)[:, rows])
-        return part
+        selection = object.__new__(CommandHistory)
+        selection._store(self.get_latest(self.length if length is None else length)[:, rows])
+        return selection
 
     def get_latest(self, count: int, skip: int = 0) -> Array:
-        """Return the `count` commands sent before the `skip` newest, (count, n, 3), oldest first, to be read only.
+        """Return `count` commands before the `skip` newest, (count, n, 3), oldest first; read-only.
 
         Raises:
-            OmniError: more than are stored.
+            OmniError: `count + skip` exceeds the number of stored commands.
         """
         if count + skip > self.length:
-            raise OmniError(
-                f"{count + skip} commands were asked for, but only {self.length} are kept"
-            )
+            raise OmniError(f"{count + skip} commands requested, but only {self.length} are stored")
         return self._sent[self.length - skip - count : self.length - skip]
 
     def get_pending_fractions(self, latency: float | Array, count: int | None = None) -> Array:
-        """Return the share of each command that is still to act, (count, n or 1, 3 or 1).
+        """Return the fraction of each command that is still to act, (count, n or 1, 3 or 1).
 
         Args:
-            latency: frames, one for all, or (n, 1), or (n, 3).
-            count: of the last commands. [all]
+            latency: Frames; one for all, (n, 1), or (n, 3).
+            count: Number of commands, counted from the newest. Default: all.
         """
-        since = np.arange((self.length if count is None else count) - 1, -1.0, -1)[
-            :, None, None
-        ]  # frames
-        shares: Array = np.minimum(np.maximum(latency - since, 0.0), 1.0)
-        return shares
+        n_commands = self.length if count is None else count
+        frames_since_sent = np.arange(n_commands - 1, -1.0, -1)[:, None, None]
+        fractions: Array = np.minimum(np.maximum(latency - frames_since_sent, 0.0), 1.0)
+        return fractions
 
     def get_delayed(self, latency: float | Array) -> Array:
-        """Return the commands that acted in the frame just past, on its average, (..., n, 3).
+        """Return the mean of the commands that acted in the previous frame, (..., n, 3).
 
         Args:
-            latency: frames, one for all, or (..., n, 1), or (..., n, 3).
+            latency: Frames; one for all, (..., n, 1), or (..., n, 3).
         """
-        if isinstance(latency, float | int):  # of most robots: a tenth of their team's time
+        # Most teams have one latency. This branch saves a tenth of their time.
+        if isinstance(latency, float | int):
             newest = self.length - 1 - int(latency)
             return np.asarray(
                 self._sent[newest] + latency % 1 * (self._sent[newest - 1] - self._sent[newest])
@@ -102,12 +98,12 @@ class CommandHistory:
         return np.asarray(newer + (latency - frames) * (older - newer))
 
 
-def predict_displacement(in_flight: Array, alpha: Array | float, period: float) -> Array:
-    """Displacement (n, 3) that commands in flight will still cause (equation 11).
+def predict_displacement(commands_in_flight: Array, alpha: Array | float, period: float) -> Array:
+    """Return the displacement (n, 3) that commands in flight will still cause (equation 11).
 
     Args:
-        in_flight: world-frame commands (k_d, n, 3), m/s and rad/s.
-        alpha: motor correction factors (n, 3), 1 for a robot that does as told.
-        period: length of a frame T, s.
+        commands_in_flight: World-frame commands (k_d, n, 3), m/s and rad/s.
+        alpha: Motor correction factors, (n, 3) or one for all; 1 for a nominal robot.
+        period: Length of a frame T, s.
     """
-    return alpha * in_flight.sum(0) * period
+    return alpha * commands_in_flight.sum(0) * period

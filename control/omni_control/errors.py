@@ -1,38 +1,37 @@
-"""The base class of errors that a user can cause, that of controllers that fail, and help with misspelt names."""
+"""Errors that a user can cause, and text for their messages."""
 
 import difflib
 from collections.abc import Iterable
 
-MANY = 60  # names
+MAX_LISTED_NAMES = 60
 
 
 class OmniError(ValueError):
-    """What a user gave, or asked for, cannot be: the message says what, why, and what is allowed."""
+    """Invalid input or request. The message says what is wrong, where, and what is allowed."""
 
 
 class ControllerError(OmniError):
-    """A controller failed when it was made or while it ran; says which, when and where."""
+    """Failure of a controller in its constructor or while it ran. The message says where."""
 
 
-def to_printable(text: str, most: int = 500) -> str:
-    """A text of whoever it is as a message shows it: in one line, without control characters, not too long."""
+def to_printable(text: str, max_length: int = 500) -> str:
+    """Return arbitrary text as one line of limited length without control characters."""
     line = "".join(
         c if c.isprintable() else c.encode("unicode_escape").decode()
         for c in " ".join(text.split())
     )
-    return line if len(line) <= most else f"{line[:most]}..."
+    return line if len(line) <= max_length else f"{line[:max_length]}..."
 
 
-def suggest_names(wrong: object, allowed: Iterable[str]) -> str:
-    """'did you mean X? choose from A, B, C' for a misspelt name; the names in the order given.
+def suggest_names(misspelled: object, allowed: Iterable[str]) -> str:
+    """Return 'did you mean X? choose from A, B, C', with the allowed names in the given order.
 
-    Where there are more than anybody reads, and some are like it, those alone: 'did you mean X, Y
-    or Z?'.
+    A long list is left out if similar names exist: 'did you mean X, Y or Z?'.
     """
     names = list(allowed)
-    near = difflib.get_close_matches(str(wrong), names, n=3)
-    if near and len(names) > MANY:
-        *others, last = map(repr, near)
-        return f"did you mean {', '.join(others)} or {last}?" if others else f"did you mean {last}?"
-    hint = f"did you mean {near[0]!r}? " if near else ""
+    similar = difflib.get_close_matches(str(misspelled), names, n=3)
+    if similar and len(names) > MAX_LISTED_NAMES:
+        listed = ", ".join(map(repr, similar[:-1]))
+        return f"did you mean {listed + ' or ' if listed else ''}{similar[-1]!r}?"
+    hint = f"did you mean {similar[0]!r}? " if similar else ""
     return f"{hint}choose from {', '.join(names)}"

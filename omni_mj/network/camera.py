@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omni_control.delay_compensation import Rows
+from omni_control.delay_compensation import RowSelection
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.faults import (
     Fault,
@@ -193,7 +193,7 @@ class Cameras:
         faults: Sequence[Sequence[Fault]],
     ) -> None:
         rates = [row.rate_hz for row in settings]
-        self._groups: list[tuple[Rows, _SameRate]] = []
+        self._groups: list[tuple[RowSelection, _SameRate]] = []
         for rate in dict.fromkeys(rates):
             own = [
                 part

@@ -89,7 +89,7 @@ def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -
 def test_commands_that_are_not_kept_cannot_be_asked_for() -> None:
     queue = CommandHistory(2, 5)
     assert queue.get_latest(3, skip=2).shape == (3, 2, 3)
-    with pytest.raises(OmniError, match="6 commands were asked for, but only 5 are kept"):
+    with pytest.raises(OmniError, match="6 commands requested, but only 5 are stored"):
         queue.get_latest(4, skip=2)
 
 
@@ -112,7 +112,7 @@ def test_what_was_handed_out_stays_and_can_only_be_read() -> None:
     for view in (views[-1], part.get_latest(1), queue.select(slice(2)).get_latest(4)):
         with pytest.raises(ValueError, match="read-only"):
             view += 1.0
-    with pytest.raises(OmniError, match="only 4 are kept"):
+    with pytest.raises(OmniError, match="only 4 are stored"):
         queue.select(slice(None), 5)
 
 

@@ -128,5 +128,5 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
 @pytest.mark.parametrize("age", [[-0.1], [np.nan], [np.inf], [0.1, 0.1], 0.1, "old"], ids=str)
 def test_ages_that_cannot_be_are_refused(age: object) -> None:
     team = Team(Controller(TeamModel(T, 0), None, 1), np.zeros((1, 3)))  # type: ignore[arg-type]
-    with pytest.raises(OmniError, match=r"^ages.* must be .*finite numbers"):
+    with pytest.raises(OmniError, match="measurement_age must be "):
         team.observe(np.zeros((1, 3)), measurement_age=age)  # type: ignore[arg-type]

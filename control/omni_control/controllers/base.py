@@ -1,7 +1,7 @@
-"""What drives robots: what it is told once, what it sees in each frame, and the class to derive from.
+"""Base class of controllers, the team's model of its robots, and the observation of a frame.
 
-A controller is called once a frame with what is known of its robots and the commands that were sent before (after the
-limits), and returns new commands in the world frame (figure 4 of the paper).
+Once per frame a controller gets an `Observation` of its robots and returns new commands in the
+world frame (figure 4 of the paper). The `TeamModel` is known in advance.
 """
 
 import inspect
@@ -13,44 +13,46 @@ from typing import ClassVar
 
 import numpy as np
 
-from omni_control.delay_compensation import CommandHistory, Rows, predict_displacement
+from omni_control.delay_compensation import CommandHistory, RowSelection, predict_displacement
 from omni_control.errors import OmniError, to_printable
 from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
 
-RECORDED = ("predicted_pose", "alpha_hat", "latency_hat")
-COMMAND_LIMITS = MotionLimits(
-    3.7, 4.7, 26.0, 50.8
-)  # of the league's simulators (ssl-simulation-setup)
+# Attributes of every controller that are recorded, shape (n, 3).
+RECORDED_ATTRIBUTES = ("predicted_pose", "alpha_hat", "latency_hat")
+# Limits of the league's simulators (ssl-simulation-setup).
+COMMAND_LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)
+_POSITIVE_FIELDS = ("period", "alpha", "alpha_window_frames")
+_INTEGER_FIELDS = ("delay_frames", "alpha_window_frames")
 
 
 @dataclass(frozen=True)
 class TeamModel:
-    """What every controller is told; hashable, so that robots of which the same is told can share a controller.
+    """The team's knowledge of its robots and of the control loop.
+
+    It is hashable: robots with equal models can share a controller.
 
     Args:
-        period: length of a frame T, s.
-        delay_frames: dead time k_d from command to robot, frames; as far as the team knows it.
-        lag_s: time constant of the robots' wheel loops, s; zero: unknown.
-        position_noise_m, heading_noise_rad: standard deviation of what vision sees, per axis.
-        drag_m_s: what dry friction may cost the robots of their speed, m/s; zero: unknown.
-        creep_s2_m: how much of their speed wheels creep per acceleration, forward, s^2/m; zero:
-            unknown.
-        creep_sideways_s2_m: the same sideways. [as the wheels' directions make it of that]
-        alpha: what robots reach of a command ahead and aside when they drive steadily: motor
-            correction factors. Who knows them knows lag, drag and creep of these robots well too.
-            [not known: 0.7 to 1]
-        error_range_m, speed_range_m_s: ranges of the fuzzy controller, m and m/s.
-        heading_gain: turn rate per heading error of the heading hold, 1/s.
-        alpha_window_frames: window of the estimate of alpha (equation 8), frames.
-        geometry: of the wheels, or None where nobody said.
-        limits: of what may be commanded, translation and turning; the defaults are the league
-            simulators'.
+        period: Length of a frame T, s.
+        delay_frames: Nominal dead time k_d from command to robot, frames.
+        lag_s: Time constant of the robots' wheel loops, s; 0: unknown.
+        position_noise_m, heading_noise_rad: Standard deviation of a vision measurement, per axis.
+        drag_m_s: Speed that a robot loses to dry friction, m/s; 0: unknown.
+        creep_s2_m: Creep of the wheels per forward acceleration, relative to the speed, s^2/m;
+            0: unknown.
+        creep_sideways_s2_m: Same for sideways acceleration, s^2/m. Default: computed from
+            `creep_s2_m` and the directions of the wheels.
+        alpha: Motor correction factors at a steady speed, forward and sideways. If they are given,
+            lag, drag and creep are trusted more, too. Default: unknown, 0.7 to 1.
+        error_range_m, speed_range_m_s: Ranges of the fuzzy controller, m and m/s.
+        heading_gain: Turn rate per heading error of the heading control, 1/s.
+        alpha_window_frames: Window of the estimate of alpha (equation 8), frames.
+        geometry: Geometry of the wheels; None: unknown.
+        limits: Limits of commands, translation and rotation. Default: the league simulators'.
 
     Raises:
-        OmniError: a time, a noise or a number of frames that cannot be; all that are wrong, one
-            line each.
+        OmniError: A time, a noise or a number of frames is out of range. One line per error.
     """
 
     period: float
@@ -70,55 +72,52 @@ class TeamModel:
     limits: MotionLimits = field(default=COMMAND_LIMITS)
 
     def __post_init__(self) -> None:
-        """Check the numbers; those of the fuzzy controller are checked where it is made."""
-        given = [
+        """Check all numbers. `FuzzyLaw` also checks the ranges of the fuzzy controller."""
+        values = [
             (name, value)
             for name, value in vars(self).items()
             if isinstance(value, int | float | np.integer)
         ]
-        given += [("alpha", value) for value in self.alpha or ()]
-        positive, whole = (
-            ("period", "alpha", "alpha_window_frames"),
-            ("delay_frames", "alpha_window_frames"),
-        )
-        wrong = [
-            f"{name} must be a {'whole ' * (name in whole)}number {'above' if name in positive else 'from'} 0: {value}"
-            for name, value in given
-            if not 0 <= value < math.inf
-            or (name in positive and not value)
-            or (name in whole and value % 1)
-        ]
-        if wrong:
-            raise OmniError("\n".join(wrong))
+        values += [("alpha", value) for value in self.alpha or ()]
+        errors = []
+        for name, value in values:
+            is_positive, is_integer = name in _POSITIVE_FIELDS, name in _INTEGER_FIELDS
+            in_range = 0 < value < math.inf if is_positive else 0 <= value < math.inf
+            if not in_range or (is_integer and value % 1):
+                kind = "a whole number" if is_integer else "a number"
+                minimum = "above 0" if is_positive else "from 0"
+                errors.append(f"{name} must be {kind} {minimum}, got {value}")
+        if errors:
+            raise OmniError("\n".join(errors))
 
     @property
     def latency_frames(self) -> float:
-        """Time from a command to its effect, on average: the dead time and the wheel loops' lag, frames."""
+        """Mean time from a command to its effect: dead time plus lag of the wheel loops, frames."""
         return self.delay_frames + self.lag_s / self.period
 
     @property
     def vision_noise(self) -> tuple[float, float, float]:
-        """Standard deviation of what vision sees, per axis of a pose, m and rad."""
+        """Standard deviation of a vision measurement [x, y, heading], m and rad."""
         return self.position_noise_m, self.position_noise_m, self.heading_noise_rad
 
 
 @dataclass(frozen=True)
 class Observation:
-    """What is known of n robots in a frame, world frame; headings count full turns.
+    """State of n robots in a frame as far as the team knows it, world frame.
+
+    Headings are continuous over full turns, except those of vision.
 
     Args:
-        pose: filtered [x, y, heading], (n, 3).
-        twist: filtered [vx, vy, w], (n, 3).
-        measured_pose: the pose that vision reported in this frame, (n, 3), its heading in (-pi,
-            pi]; not a number where a robot was not seen.
-        sent_commands: the last commands that were sent, within the limits, the newest in the frame
-            before; to be read only.
-        period: length of a frame T, s.
-        delay_frames: dead time k_d as far as the team knows it, frames: one for all robots, or one
-            each (n,).
-        measurement_age: for how long robots had been where they were seen when the frame began,
-            (n,) s. [not at all]
-        filter_steps: those of filters, which are behind the present by that. [one, to this frame]
+        pose: Filtered [x, y, heading], (n, 3).
+        twist: Filtered [vx, vy, w], (n, 3).
+        measured_pose: Pose that vision reported in this frame, (n, 3), heading in (-pi, pi]; NaN
+            if the robot was not detected.
+        sent_commands: Commands sent in earlier frames, after the limits; read-only.
+        period: Length of a frame T, s.
+        delay_frames: Nominal dead time k_d, frames; one for all robots, or (n,).
+        measurement_age: Age of the measurements at the start of this frame, (n,) s. Default: 0.
+        filter_steps: Steps of filters that process delayed measurements. Default: one step to
+            this frame.
     """
 
     pose: Array
@@ -130,13 +129,15 @@ class Observation:
     measurement_age: Array | None = None
     filter_steps: tuple[FilterStep, ...] = ()
 
-    def select(self, rows: Rows, memory: int, delay_frames: int | Array) -> "Observation":
-        """The same of some robots with that dead time and so many commands, in arrays of its own."""
+    def select(
+        self, rows: RowSelection, n_commands: int, delay_frames: int | Array
+    ) -> "Observation":
+        """Return a copy for some robots, with `n_commands` sent commands and that dead time."""
         return Observation(
             self.pose[rows].copy(),
             self.twist[rows].copy(),
             self.measured_pose[rows].copy(),
-            self.sent_commands.select(rows, memory),
+            self.sent_commands.select(rows, n_commands),
             self.period,
             delay_frames,
             None if self.measurement_age is None else self.measurement_age[rows],
@@ -145,59 +146,56 @@ class Observation:
 
     @property
     def extrapolated_pose(self) -> Array:
-        """What was measured, brought from when it was seen to this frame by the filtered twist, (n, 3)."""
+        """Measured pose, extrapolated to this frame with the filtered twist, (n, 3)."""
         if self.measurement_age is None or not np.count_nonzero(self.measurement_age):
             return self.measured_pose
-        brought = self.measured_pose + self.measurement_age[:, None] * self.twist
-        brought[:, 2] = wrap_angle(brought[:, 2])
-        return brought
+        pose = self.measured_pose + self.measurement_age[:, None] * self.twist
+        pose[:, 2] = wrap_angle(pose[:, 2])
+        return pose
 
     @property
     def commands_in_flight(self) -> Array:
-        """Commands that were sent and have not acted yet, (k_d, n, 3), oldest first, m/s and rad/s.
+        """Commands that have not acted yet, (k_d, n, 3), oldest first, m/s and rad/s.
 
-        Where dead times differ, the longest counts, and a command that has acted on a robot by then
-        is zero.
+        If dead times differ, k_d is the longest. Commands that have already acted on a robot are
+        zero.
         """
         if not isinstance(self.delay_frames, np.ndarray):
             return self.sent_commands.get_latest(self.delay_frames)
-        longest = int(self.delay_frames.max())
-        return self.sent_commands.get_pending_fractions(
-            self.delay_frames[:, None], longest
-        ) * self.sent_commands.get_latest(longest)
+        max_delay = int(self.delay_frames.max())
+        pending = self.sent_commands.get_pending_fractions(self.delay_frames[:, None], max_delay)
+        return pending * self.sent_commands.get_latest(max_delay)
 
     @property
     def predicted_pose(self) -> Array:
-        """Poses (n, 3) to which the commands in flight lead by the end of the dead time (equation 11), alpha = 1."""
+        """Pose (n, 3) predicted at the end of the dead time for alpha = 1 (equation 11)."""
         return self.pose + predict_displacement(self.commands_in_flight, 1.0, self.period)
 
 
 class Controller:
-    """A controller of n robots; derive from it and write `command`.
+    """Controller of n robots. Derive from it and write `command`.
 
-    Annotated class attributes with a number, a string, or True or False as their value are its
-    parameters:
+    Annotated class attributes that hold a number, a string or a bool are parameters:
 
         class Mine(Controller):
             gain: float = 3.0  # 1/s
 
-    They can be set from outside (`controllers.make`), which is done before the constructor runs.
+    `make_controller` sets them before it calls the constructor.
 
     Args:
-        told: what is known of the loop.
-        reference: where the robots should be.
-        n: robots.
+        model: The team's knowledge of the robots and the loop.
+        reference: Desired poses of the robots.
+        n: Number of robots.
 
     Attributes:
-        predicted_pose: pose (n, 3) for which the last command was computed, for the record.
-        alpha_hat: estimated motor correction factors (n, 3), for the record; 1 for a controller
-            that estimates none.
-        latency_hat: estimated time from a command to its effect forward, to the left and turning
-            (n, 3), frames, for the record; not a number for a controller that estimates none.
-        channels: what else is to be recorded of each frame, by name: numbers (n,) or (n, k).
-        memory_frames: how many of the commands sent `observation.sent_commands` holds; one that
-            needs more says so in its constructor.
-        knows_truth: whether it sees the true pose and twist instead of filtered vision.
+        predicted_pose: Pose (n, 3) for which the last command was computed; recorded.
+        alpha_hat: Estimated motor correction factors (n, 3); 1 without an estimate; recorded.
+        latency_hat: Estimated time from a command to its effect, forward, sideways and turning,
+            (n, 3), frames; NaN without an estimate; recorded.
+        channels: Further values to record in each frame, by name: (n,) or (n, k).
+        memory_frames: Number of commands in `observation.sent_commands`. A constructor may raise
+            it.
+        knows_truth: Whether the controller observes the true pose and twist instead of vision.
     """
 
     knows_truth: ClassVar[bool] = False
@@ -213,38 +211,43 @@ class Controller:
     def command(self, frame: int, observation: Observation) -> Array:
         """Return commands [vx, vy, w] (n, 3), world frame, m/s and rad/s.
 
-        A robot's command must not depend on the other robots of the batch.
+        The command of a robot must not depend on the other robots of the batch.
 
         Args:
-            frame: k, from 0.
-            observation: what is known of the robots in frame k; its arrays are the controller's
-                own, or can only be read.
+            frame: Frame number k, from 0.
+            observation: State of the robots in frame k. Its arrays are copies or read-only.
         """
         raise NotImplementedError
 
 
 def collect_channels(controller: Controller, n: int) -> dict[str, Array]:
-    """Return what a controller of n robots records in this frame: (n, k) by name."""
-    values = {name: getattr(controller, name) for name in RECORDED} | controller.channels
-    record = {name: np.asarray(value, float) for name, value in values.items()}
-    for name, value in record.items():
-        if name in RECORDED and value.shape != (n, 3):
-            raise OmniError(f"{name} has the shape {value.shape}; {(n, 3)} is needed")
+    """Return the values that a controller of n robots records in this frame, (n, k) by name.
+
+    Raises:
+        OmniError: A value has a wrong shape.
+    """
+    values = {name: getattr(controller, name) for name in RECORDED_ATTRIBUTES}
+    channels = {
+        name: np.asarray(value, float) for name, value in (values | controller.channels).items()
+    }
+    for name, value in channels.items():
+        if name in RECORDED_ATTRIBUTES and value.shape != (n, 3):
+            raise OmniError(f"{name} must have the shape {(n, 3)}, got {value.shape}")
         if value.ndim not in (1, 2) or len(value) != n:
             raise OmniError(
-                f"channel {name!r} has the shape {value.shape}; ({n},) or ({n}, k) is needed"
+                f"channel {name!r} must have the shape ({n},) or ({n}, k), got {value.shape}"
             )
-        record[name] = value.reshape(n, -1)
-    return record
+        channels[name] = value.reshape(n, -1)
+    return channels
 
 
-def describe_error(kind: type, error: Exception) -> str:
-    """Return where in the file of a class an exception was raised, and what it says."""
+def describe_error(failing_class: type, error: Exception) -> str:
+    """Return the line in the file of a class that raised an exception, and its message."""
     try:
-        file = inspect.getfile(kind)
-    except (TypeError, OSError):  # made without a file
+        file = inspect.getfile(failing_class)
+    except (TypeError, OSError):  # a class without a file
         file = ""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
-    place = f" ({Path(file).name}, line {frames[-1].lineno})" if frames else ""
+    location = f" ({Path(file).name}, line {frames[-1].lineno})" if frames else ""
     name = "" if isinstance(error, OmniError) else f"{type(error).__name__}: "
-    return f"{place}: {name}{to_printable(str(error))}"
+    return f"{location}: {name}{to_printable(str(error))}"

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_control.delay_compensation import Rows
+from omni_control.delay_compensation import RowSelection
 from omni_control.kinematics import Array
 
 MAX_FRAMES_BEHIND = 15  # older measurements are treated as that old
@@ -39,7 +39,7 @@ class FilterStep(NamedTuple):
         zeros = np.broadcast_to(0.0, n)
         return cls(zeros, np.broadcast_to(False, n), zeros)
 
-    def select(self, rows: Rows) -> "FilterStep":
+    def select(self, rows: RowSelection) -> "FilterStep":
         """Return the step of some robots."""
         return FilterStep(self.frames_behind[rows], self.frozen[rows], self.capture_offset[rows])
 

@@ -1,6 +1,7 @@
 """A bench of a team's parts: the internal names of `omni_control` that its tests use."""
 # ruff: noqa: F401
 
+from omni_control.command_limiter import CommandLimiter
 from omni_control.controllers import (
     CONTROLLERS,
     get_parameters,
@@ -37,5 +38,4 @@ from omni_control.fuzzy import LABELS, FuzzyLaw, memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import PerRobotReference, Reference
 from omni_control.reference.curves import CURVES, Curve, CurveReference
-from omni_control.team import CommandLimiter
 from omni_control.traction import traction_limit, traction_limits
