@@ -18,7 +18,8 @@ from omni_mj.files import whole
 from omni_mj.mjcf import world_builder
 from omni_mj.results.summary import read as read_summary
 from omni_mj.viz import style
-from omni_mj.viz.recording.scene import HEIGHT_M, RADIUS_M, covers
+from omni_mj.viz.recording.robot_shapes import cover_materials
+from omni_mj.viz.recording.scene import HEIGHT_M, RADIUS_M
 
 SUFFIXES = (".gif", ".webp")
 NEEDS = "MuJoCo cannot draw here: {reason}; without a display it needs EGL, on Debian libegl1 and libgl1-mesa-dri"
@@ -185,7 +186,7 @@ class FilmRenderer:
             data.qpos[robot.qpos[:2]] = x, y
             data.qpos[robot.qpos[3:7]] = np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)
             data.qpos[robot.wheel_qpos] = take.wheels[frame, place]
-        model.mat_rgba[covers(model), :3] = colour
+        model.mat_rgba[cover_materials(model), :3] = colour
         mujoco.mj_fwdPosition(model, data)
         if self._follows:
             self._camera.lookat[:2] = (take.poses[frame, 0, :2] + references[0, :2]) / 2

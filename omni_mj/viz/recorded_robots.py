@@ -1,4 +1,4 @@
-"""The robots that figures and recordings show, and what both compute of what was recorded."""
+"""Robots that figures and recordings show, with the quantities that both compute from the log."""
 
 from dataclasses import dataclass
 
@@ -10,84 +10,95 @@ from omni_mj.results.metrics import ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.simulation.log import CHANNEL_PREFIX, Log
 from omni_mj.viz import style
 
-PALER, PALEST = 0.35, 0.7  # share of white per robot of one controller, and at most
+WHITE_STEP, MAX_WHITE = 0.35, 0.7  # fraction of white per robot of one controller, and at most
 ALPHA_RANGE = (0.4, 1.3)  # of axes that show alpha
-# Channel of a controller's own, standard deviation of its estimate
-SIGMA = CHANNEL_PREFIX + "alpha_sigma"
+# Channel of a controller: standard deviation of its estimate of alpha.
+SIGMA_CHANNEL = CHANNEL_PREFIX + "alpha_sigma"
 
 
 @dataclass(frozen=True)
 class RecordedRobot:
-    """A robot that is shown, and what was recorded of it.
+    """A robot of a figure or recording, with its part of the log.
 
     Args:
         log: Log of the run.
-        row: Its row in the log.
-        order: Its number among the robots shown.
-        name: Its controller's, and its place if that drives several robots in a world.
-        slot: Its controller's in `style`.
-        colour: Its controller's, paler from place to place.
-        first: Frame from which its channels are returned.
+        row: Row of the robot in the log.
+        layer: Index of the robot's controller among those of the run.
+        name: Name of the controller, with the robot's slot if the controller drives several robots.
+        style_index: Index of the controller's colors and markers in `style`.
+        colour: Color of the controller, paler for each further robot of its world.
+        first_frame: First frame of the channels that are returned.
     """
 
     log: Log
     row: int
-    order: int
+    layer: int
     name: str
-    slot: int
+    style_index: int
     colour: style.Rgb
-    first: int = 0
+    first_frame: int = 0
 
     @property
     def settings(self) -> Settings:
-        """Its own settings."""
+        """Settings of the robot's row."""
         return self.log.rows[self.row].settings
 
     @property
     def length(self) -> int:
-        """Number of frames recorded."""
+        """Number of recorded frames."""
         return int(self.log.lengths[self.row])
 
     def __getitem__(self, channel: str) -> Array:
-        """Return a channel, (frames, columns)."""
-        return self.log.channel(channel)[self.first : self.length, self.row]
+        """Return a channel of the log from the first frame on, (frames, columns)."""
+        return self.log.channel(channel)[self.first_frame : self.length, self.row]
 
-    def error(self) -> Array:
-        """Return pose less reference, (frames, 3) cm, cm, deg."""
+    def pose_error(self) -> Array:
+        """Return true pose minus reference, (frames, 3) cm, cm, deg."""
         error = self["pose"] - self["ref"]
         return np.column_stack([100 * error[:, :2], np.rad2deg(wrap_angle(error[:, 2]))])
 
-    def alpha(self, axis: int) -> Array:
-        """Return what is known of alpha along x or y, NaN where nothing is.
+    def position_error(self) -> Array:
+        """Return the distance of the true position from the reference, (frames,) cm."""
+        return np.linalg.norm(self.pose_error()[:, :2], axis=1)
 
-        Returns:
-            Displacement achieved over commanded in the window that ends in each frame, the
-            controller's estimate less and plus two standard deviations, and the estimate; (frames,
-            4).
+    def alpha(self, axis: int) -> Array:
+        """Return the motor correction factor along one axis, (frames, 4), NaN where unknown.
+
+        The columns are: displacement achieved divided by displacement commanded in the window
+        that ends in each frame; the controller's estimate minus and plus two standard deviations;
+        the estimate.
+
+        Args:
+            axis: 0 for x, 1 for y.
         """
         estimate = self["alpha_hat"][:, axis, None]
-        estimate = np.where(
-            estimate == 1, np.nan, estimate
-        )  # exactly 1: nothing is estimated, or nothing yet
-        sigma = self[SIGMA][:, axis, None] if SIGMA in self.log.columns else np.nan
+        # The value 1 is the default of controllers that estimate nothing, or nothing yet.
+        estimate = np.where(estimate == 1, np.nan, estimate)
+        has_sigma = SIGMA_CHANNEL in self.log.columns
+        sigma = self[SIGMA_CHANNEL][:, axis, None] if has_sigma else np.nan
         ratio = np.full_like(estimate, np.nan)
         if len(ratio) > ALPHA_WINDOW_FRAMES:
-            ratio[ALPHA_WINDOW_FRAMES:, 0] = driven_alpha(
-                self["pose"][:, axis], self["applied"][:, axis]
-            )
+            position, command = self["pose"][:, axis], self["applied"][:, axis]
+            ratio[ALPHA_WINDOW_FRAMES:, 0] = driven_alpha(position, command)
         return np.hstack([ratio, estimate - 2 * sigma, estimate + 2 * sigma, estimate])
 
 
-def select_robots(log: Log, places: int | None = None) -> list[RecordedRobot]:
-    """Return the robots of each controller's first world, or as many of them, controller by controller."""
+def select_robots(log: Log, max_per_world: int | None = None) -> list[RecordedRobot]:
+    """Return the robots of each controller's first world.
+
+    Args:
+        log: Log of the run.
+        max_per_world: Number of robots per controller. Default: all.
+    """
     robots: list[RecordedRobot] = []
-    for controller, slot in style.style_indices(row.controller for row in log.rows).items():
+    indices = style.style_indices(row.controller for row in log.rows)
+    for layer, (controller, style_index) in enumerate(indices.items()):
         world = log.rows[log.first(controller)].world
-        together = [row for row in log.of(controller).tolist() if log.rows[row].world == world][
-            :places
-        ]
-        for k, row in enumerate(together):
-            name = controller if len(together) == 1 else f"{controller}/{log.rows[row].slot}"
-            colour = style.mix_with_white(style.rgb(style.colour(slot)), min(k * PALER, PALEST))
-            robots.append(RecordedRobot(log, row, len(robots), name, slot, colour))
+        rows = [row for row in log.of(controller).tolist() if log.rows[row].world == world]
+        rows = rows[:max_per_world]
+        for k, row in enumerate(rows):
+            name = controller if len(rows) == 1 else f"{controller}/{log.rows[row].slot}"
+            white = min(k * WHITE_STEP, MAX_WHITE)
+            colour = style.mix_with_white(style.rgb(style.colour(style_index)), white)
+            robots.append(RecordedRobot(log, row, layer, name, style_index, colour))
     return robots

@@ -1,8 +1,9 @@
-"""Colours, line styles and markers shared by figures and recordings.
+"""Colors, line styles and markers shared by figures, recordings and films.
 
-A controller keeps its own in every figure, recording, film and comparison: those that ship have slots, a user's take
-those left. The colours are Okabe and Ito's, then some of Tol's: distinct to the colour-blind. In grey some of them fall
-together; there a controller is known by its line style and marker.
+A built-in controller has the same style everywhere. Users' controllers take the styles that are left.
+The first six colors are Okabe and Ito's palette, the others follow Paul Tol's; all can be
+distinguished by people with color vision deficiency and stand out on white and on black. In
+grayscale, line style and marker identify the controller.
 """
 
 from collections.abc import Iterable
@@ -15,12 +16,14 @@ STYLE_SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"
 COLOURS = (
-    "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288",
-    "#661100", "#AA4499", "#117733",
+    "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#B0306A", "#999933",
+    "#7262D8", "#8C564B", "#AA4499", "#117733",
 )  # fmt: skip
 MARKERS = "os^DvPX*ph<>"
+LARGE_MARKERS = "PX*"  # which look smaller than others of the same size
+# Lengths of dashes and gaps in line widths; empty for a solid line.
 DASHES: tuple[tuple[float, ...], ...] = ((), (4, 1.5), (6, 1.5, 1, 1.5), (1.2, 1.2), (9, 2))
-SHIPPED = (
+BUILT_IN_CONTROLLERS = (
     "flc",
     "comp-flc",
     "adaptive-comp-flc",
@@ -35,35 +38,43 @@ SHIPPED = (
 
 
 def style_indices(controllers: Iterable[str]) -> dict[str, int]:
-    """Return the slot of each controller of a run, for `colour` and `line`: those that ship have their own."""
+    """Return the style index of each controller of a run, for `colour` and `line_style`."""
     names = dict.fromkeys(controllers)
-    shipped = {name: SHIPPED.index(name) for name in names if name in SHIPPED}
-    order = [*range(len(SHIPPED), len(COLOURS)), *range(len(SHIPPED))]
-    free = cycle(slot for slot in order if slot not in shipped.values())
-    return {name: shipped[name] if name in shipped else next(free) for name in names}
+    fixed = {
+        name: BUILT_IN_CONTROLLERS.index(name) for name in names if name in BUILT_IN_CONTROLLERS
+    }
+    n_fixed = len(BUILT_IN_CONTROLLERS)
+    order = [*range(n_fixed, len(COLOURS)), *range(n_fixed)]
+    free = cycle(index for index in order if index not in fixed.values())
+    return {name: fixed[name] if name in fixed else next(free) for name in names}
 
 
-def colour(slot: int) -> str:
-    """Colour of a slot; of a robot's wheel of that number where a plot shows one controller alone."""
-    return COLOURS[slot % len(COLOURS)]
+def colour(index: int) -> str:
+    """Return the color of a controller's style index, or of a wheel, like #D55E00."""
+    return COLOURS[index % len(COLOURS)]
 
 
-def line_style(slot: int) -> dict[str, Any]:
-    """Return matplotlib's properties of the line of a slot: colour, dashes and marker."""
-    marker, dashes = MARKERS[slot % len(MARKERS)], DASHES[slot % len(DASHES)]
+def line_style(index: int) -> dict[str, Any]:
+    """Return matplotlib's line properties of a style index: color, dashes and marker."""
+    marker = MARKERS[index % len(MARKERS)]
+    dashes = DASHES[index % len(DASHES)]
     return {
-        "color": colour(slot), "linestyle": (0, dashes) if dashes else "-", "marker": marker,
-        "markersize": 7.0 if marker in "PX*" else 5.0, "markeredgecolor": "white", "markeredgewidth": 0.6,
-    }  # fmt: skip
+        "color": colour(index),
+        "linestyle": (0, dashes) if dashes else "-",
+        "marker": marker,
+        "markersize": 7.0 if marker in LARGE_MARKERS else 5.0,
+        "markeredgecolor": "white",
+        "markeredgewidth": 0.6,
+    }
 
 
-def rgb(colour: str) -> Rgb:
-    """Return a colour like #D55E00 as three bytes."""
-    red, green, blue = bytes.fromhex(colour[1:])
+def rgb(hex_colour: str) -> Rgb:
+    """Return a color like #D55E00 as three bytes."""
+    red, green, blue = bytes.fromhex(hex_colour[1:])
     return red, green, blue
 
 
-def mix_with_white(colour: Rgb, share: float = 0.5) -> Rgb:
-    """Return a colour with a `share` of white."""
-    red, green, blue = (round(c + share * (255 - c)) for c in colour)
+def mix_with_white(colour: Rgb, fraction: float = 0.5) -> Rgb:
+    """Return a color mixed with a fraction of white."""
+    red, green, blue = (round(byte + fraction * (255 - byte)) for byte in colour)
     return red, green, blue

@@ -30,6 +30,19 @@ def test_poses_are_those_of_the_table(
     )
 
 
+def test_flags_are_position_errors_enlarged_ten_times(driven: Driven) -> None:
+    table, entity = rows(driven.table, "flc"), "/world/flc/error"
+    position, reference = (
+        np.column_stack([table[f"{prefix}{axis}_m"] for axis in "xy"]) for prefix in ("", "ref_")
+    )
+    strips = np.array(driven.recorded.column(entity, "LineStrips3D:strips"))[:, 0, :, :2]
+    np.testing.assert_allclose(strips[:, 0], reference, atol=1e-6)
+    np.testing.assert_allclose(strips[:, 2] - reference, 10 * (position - reference), atol=1e-6)
+    labels = driven.recorded.column(f"{entity}/label", "Points3D:labels")
+    distance_cm = 100 * np.hypot(*(position - reference).T)
+    assert labels == [[f"flc  {cm:.1f} cm"] for cm in distance_cm]
+
+
 def test_wheels_turn_by_the_angles_of_the_table(driven: Driven) -> None:
     """Axles point to the robot's centre, so that positive speeds drive it counter-clockwise."""
     table = rows(driven.table, "comp-flc")
@@ -83,7 +96,7 @@ def test_equal_runs_are_recorded_equally_and_different_ones_are_not(tmp_path: Pa
 def test_the_first_seed_is_recorded_and_no_wheels_where_there_are_none(tmp_path: Path) -> None:
     driven = driven_by(tmp_path / "recording.rrd", ["flc"], SHORT, seed=3, seeds=2)
     plots = {entity.split("/")[2] for entity in driven.recorded.entities() if "/plots/" in entity}
-    assert plots == {"error", "velocity", "alpha", "why"}
+    assert plots == {"error", "velocity", "alpha", "saturation"}
     shown = poses(driven.recorded, "/world/flc/robot")
     for seed, equal in ((3, True), (4, False)):
         assert np.allclose(shown[:, 0], rows(driven.table, "flc", seed)["x_m"], atol=1e-6) == equal
@@ -157,8 +170,8 @@ def expected_series(t: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         "wheel/winding": [t[f"winding_{i}_c"] for i in wheels],
         "battery": [t["battery_v"]],
         "error/distance": [100 * np.hypot(t["x_m"] - t["ref_x_m"], t["y_m"] - t["ref_y_m"])],
-        "why/duty": [t["duty_peak"]],
-        "why/limited": [np.max([t[f"current_limited_{i}"] for i in wheels], axis=0)],
+        "saturation/duty": [t["duty_peak"]],
+        "saturation/current": [np.max([t[f"current_limited_{i}"] for i in wheels], axis=0)],
     }
     for axis, place, speed, scale in (
         ("x", "x_m", "vx_m_s", 100),
@@ -184,7 +197,7 @@ def test_every_time_series_follows_from_the_table(driven: Driven, controller: st
         f"/plots/{name}/{controller}": v for name, v in expected.items() if not np.isnan(v).all()
     }
     measured = {
-        f"/plots/why/{name}/{controller}" for name in ("sliding", "held")
+        f"/plots/saturation/{name}/{controller}" for name in ("sliding", "command")
     }  # as tests of measures derive them
     assert {
         e for e in recorded.entities() if e.startswith("/plots/") and controller in e.split("/")

@@ -50,7 +50,7 @@ def count(image: NDArray, colour: tuple[int, int, int]) -> int:
 def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path) -> None:
     """Robots move on the field, and leave paths there; the first tab is shown, or the one that is named."""
     images = []
-    for time_s, *tab in ((0.0,), (3.0, "--tab", "why")):
+    for time_s, *tab in ((0.0,), (3.0, "--tab", "saturation")):
         out = tmp_path / f"{time_s}.png"
         assert invoke("picture", recording, out, "--time", time_s, *tab) == 0
         images.append(255 * imread(out)[..., :3])

@@ -32,7 +32,7 @@ def draw_paths(robots: Sequence[RecordedRobot], failed: Collection[str], figure:
     _draw(overview, robots, reference)
     overview.plot(*reference[0], "o", color="black", ms=6, zorder=6, label="start")
     for i, robot in enumerate(robots):
-        colour, travelled = style.colour(robot.slot), robot["pose"][:, :2]
+        colour, travelled = style.colour(robot.style_index), robot["pose"][:, :2]
         if robot.name in failed:
             overview.plot(
                 *travelled[-1],
@@ -81,9 +81,9 @@ def draw_output(robots: Sequence[RecordedRobot], failed: Collection[str], figure
 def draw_errors(robots: Sequence[RecordedRobot], failed: Collection[str], figure: Figure) -> None:
     """Draw the absolute errors of position (figures 9 and 12), and of heading if there are any."""
     labels = ["|error| in x, cm", "|error| in y, cm", "|error| of heading, deg"]
-    turns = max(np.abs(robot.error()[:, 2]).max() for robot in robots) > TURNED_DEG
+    turns = max(np.abs(robot.pose_error()[:, 2]).max() for robot in robots) > TURNED_DEG
     labels = labels if turns else labels[:2]
-    for axes in _compare(robots, failed, figure, labels, lambda robot: np.abs(robot.error())):
+    for axes in _compare(robots, failed, figure, labels, lambda robot: np.abs(robot.pose_error())):
         axes.set_ylim(bottom=0)
     plotting.add_legend(figure, figure.axes)
 
@@ -103,7 +103,7 @@ def draw_alpha(robots: Sequence[RecordedRobot], figure: Figure) -> None:
     for (row, axis), axes in np.ndenumerate(grid):
         robot = robots[row]
         ratio, low, high, estimate = robot.alpha(axis).T
-        time, colour = plotting.frame_times(ratio), style.colour(robot.slot)
+        time, colour = plotting.frame_times(ratio), style.colour(robot.style_index)
         label = f"displacement achieved over commanded in {ALPHA_WINDOW_FRAMES} frames"
         axes.axhspan(
             *PAPER_ALPHA, color="#EEEEEE", lw=0, zorder=0, label="the paper's interval, 0.7 to 1"
@@ -143,7 +143,10 @@ def _compare(
         low, high = kept[:, axis].min(initial=0.0), kept[:, axis].max(initial=1e-9)
         axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
         for robot in robots:
-            drawn, look = values(robot)[:, axis], style.line_style(robot.slot) | {"marker": ""}
+            drawn, look = (
+                values(robot)[:, axis],
+                style.line_style(robot.style_index) | {"marker": ""},
+            )
             axes.plot(plotting.frame_times(drawn), drawn, label=robot.name, zorder=3, **look)
     return grid
 
@@ -172,7 +175,7 @@ def _draw(
     for robot in robots:
         travelled, look = (
             scale * (robot["pose"][:, :2] - origin),
-            style.line_style(robot.slot) | {"marker": ""},
+            style.line_style(robot.style_index) | {"marker": ""},
         )
         axes.plot(*travelled.T, zorder=3, label=robot.name, **look)
     axes.set_aspect("equal", adjustable="box")

@@ -1,4 +1,4 @@
-"""Recordings for the rerun viewer: what the first robots of each controller do, sent in blocks while a run goes on."""
+"""Recordings of runs for the rerun viewer, sent in blocks while a run goes on."""
 
 import os
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
-# rerun's log would break into lines of our own; what matters in it comes back as an exception.
+# rerun logs to stderr, where it would break the progress bar. Its errors arrive as exceptions.
 os.environ.setdefault("RUST_LOG", "off")
 
 import numpy as np
@@ -19,19 +19,19 @@ from omni_mj.results import events
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.viz.recorded_robots import RecordedRobot, select_robots
 from omni_mj.viz.recording import plots, scene
-from omni_mj.viz.recording.layout import blueprint
-from omni_mj.viz.recording.rerun_stream import RerunStream
+from omni_mj.viz.recording.rerun_stream import Frames, RerunStream, scalar_columns, time_columns
+from omni_mj.viz.recording.viewer_layout import create_layout
 
-BLOCK_FRAMES = 5 * FRAME_RATE_HZ  # to write at a time, and so the most that a killed process loses
-LIVE_BLOCK_FRAMES = FRAME_RATE_HZ // 2
-NUMBER_B = 8  # of a table, before compression
+FILE_BLOCK_FRAMES = 5 * FRAME_RATE_HZ  # the most that a killed process loses
+VIEWER_BLOCK_FRAMES = FRAME_RATE_HZ // 2
+VALUE_BYTES = 8  # of one number of the trajectory table
 
 
 class Recording(RerunStream):
-    """A recording of a run in a file, or in a viewer while it goes on.
+    """A recording of the first world of each controller, in a file or in a viewer.
 
-    It begins with the first block. A file ends if the disk has no more room than the numbers will
-    need.
+    The stream opens with the first block. A file ends early if the disk would not have enough room
+    left for the trajectory table.
 
     Args:
         target: Path of the .rrd file, whose folder must exist, or address of the viewer.
@@ -40,80 +40,92 @@ class Recording(RerunStream):
 
     def __init__(self, target: Path | str, simulation: Simulation) -> None:
         super().__init__(target)
-        self._simulation, self._log, self._sent = simulation, simulation.log, 0
-        self._begun = set[str]()  # entities of series that have begun
-        self._columns: Sequence[str] = ()  # channels of which the layout knows
+        self._simulation = simulation
+        self._log = simulation.log
+        self._n_sent = 0  # frames
+        self._open_series = set[str]()  # entities of plots that have values so far
+        self._channels: Sequence[str] = ()  # channels of the log for which the layout has plots
         self._robots = select_robots(self._log)
         references = [simulation.references[robot.row] for robot in self._robots]
-        self._paths = [reference.poses for reference in dict.fromkeys(references)]
-        self._n_events = [0] * len(self._robots)  # that were sent
+        self._references = [reference.poses for reference in dict.fromkeys(references)]
+        _, size_m = scene.measure_scene(self._references)
+        n_controllers = len({robot.layer for robot in self._robots})
+        self._flag_heights = scene.choose_flag_heights(n_controllers, size_m)
+        self._n_events = [0] * len(self._robots)  # sent so far
 
     def update(self) -> None:
-        """Send what was recorded since the last time if it fills a block."""
-        block = BLOCK_FRAMES if isinstance(self._target, Path) else LIVE_BLOCK_FRAMES
-        if self._log.length - self._sent >= block:
+        """Send the frames recorded since the last block if they fill a block."""
+        is_file = isinstance(self._target, Path)
+        block_frames = FILE_BLOCK_FRAMES if is_file else VIEWER_BLOCK_FRAMES
+        if self._log.length - self._n_sent >= block_frames:
             self.write()
 
     def write(self) -> None:
-        """Send what was recorded since the last time, so that it stays readable whatever ends the run."""
+        """Send the frames recorded since the last block; all blocks sent stay readable."""
         if self._log.length:
-            self._attempt(self._send)
+            self._try_sending(self._send_block)
+
+    def _send_block(self) -> None:
+        """Send the new frames of all robots."""
+        self._check_disk()
+        if not self._channels:
+            self._begin()
+        elif self._channels != list(self._log.columns):  # a controller records a new channel
+            self._stream.send_blueprint(self._create_layout())
+        new_frames = np.arange(self._n_sent, self._log.length)
+        self._n_sent = self._log.length
+        for i, robot in enumerate(self._robots):
+            frames = new_frames[new_frames < robot.length]
+            if frames.size:
+                scene.send_robot(self._stream, robot, frames, self._flag_heights[robot.layer])
+                self._send_series(robot, frames)
+            robot_events = events.of_row(self._log, robot.row, self._simulation.failures)
+            self._send_events(robot, robot_events[self._n_events[i] :])
+            self._n_events[i] = len(robot_events)
+
+    def _check_disk(self) -> None:
+        """Raise OmniError if the disk would not have enough room left for the trajectory table."""
+        if isinstance(self._target, Path):
+            rows = sum(reference.frames for reference in self._simulation.references)
+            columns = sum(map(len, self._log.columns.values()))
+            check_room(self._target.parent, VALUE_BYTES * rows * columns)
 
     def _begin(self) -> None:
         """Open the stream and send everything that does not change."""
-        self._open(self._layout())
-        chosen = self._simulation.scenario
-        self._stream.send_recording_name(
-            f"{chosen.name} on {chosen.plant}, seed {self._log.rows[0].seed}"
-        )
-        scene.log_static(self._stream, self._robots, self._paths)
+        self._open(self._create_layout())
+        scenario = self._simulation.scenario
+        name = f"{scenario.name} on {scenario.plant}, seed {self._log.rows[0].seed}"
+        self._stream.send_recording_name(name)
+        scene.log_static(self._stream, self._robots)
+        scene.log_references(self._stream, self._references)
 
-    def _layout(self) -> rrb.Blueprint:
-        """Return the layout for the channels that there are now."""
-        self._columns, self._tabs = list(self._log.columns), plots.tabs(self._log)
+    def _create_layout(self) -> rrb.Blueprint:
+        """Return the viewer's layout for the channels recorded so far."""
+        self._channels = list(self._log.columns)
+        self._tabs = plots.create_tabs(self._log)
         names = [robot.name for robot in self._robots]
-        return blueprint(names, self._paths, self._tabs, live=isinstance(self._target, str))
+        is_live = isinstance(self._target, str)
+        return create_layout(names, self._references, self._tabs, is_live)
 
-    def _send(self) -> None:
-        log = self._log
-        if isinstance(self._target, Path):
-            numbers = sum(reference.frames for reference in self._simulation.references)
-            check_room(
-                self._target.parent, NUMBER_B * numbers * sum(map(len, log.columns.values()))
-            )
-        if not self._columns:
-            self._begin()
-        elif self._columns != list(log.columns):  # a controller records something else from now on
-            self._stream.send_blueprint(self._layout())
-        frames = np.arange(self._sent, log.length)
-        self._sent = log.length
-        for i, robot in enumerate(self._robots):
-            recorded = frames[frames < robot.length]
-            if recorded.size:
-                scene.send(self._stream, robot, recorded)
-                self._send_series(robot, recorded)
-            happened = events.of_row(log, robot.row, self._simulation.failures)
-            self._send_events(robot, happened[self._n_events[i] :])
-            self._n_events[i] = len(happened)
-
-    def _send_series(self, robot: RecordedRobot, frames: scene.Frames) -> None:
-        """Send a robot's series, each from the block of its first number on; NaN is a gap."""
+    def _send_series(self, robot: RecordedRobot, frames: Frames) -> None:
+        """Send a robot's plots, each from the block of its first value on; NaN is a gap."""
         begin = max(int(frames[0]) - plots.HISTORY_FRAMES, 0)
-        part = replace(robot, first=begin)
+        recent = replace(robot, first_frame=begin)
         for plot in chain(*self._tabs.values()):
-            entity, values = f"plots/{plot.path}/{robot.name}", plot.values(part)[frames - begin]
-            if entity not in self._begun and not np.isnan(values).all():
-                self._begun.add(entity)
-                self._stream.log(entity, plot.look(robot), static=True)
-            if entity in self._begun:
-                self._stream.send_columns(entity, scene.indexes(frames), scene.scalars(values))
+            entity = f"plots/{plot.path}/{robot.name}"
+            values = plot.values(recent)[frames - begin]
+            if entity not in self._open_series and not np.isnan(values).all():
+                self._open_series.add(entity)
+                self._stream.log(entity, plot.line_style(robot), static=True)
+            if entity in self._open_series:
+                self._stream.send_columns(entity, time_columns(frames), scalar_columns(values))
 
-    def _send_events(self, robot: RecordedRobot, happened: Sequence[events.Event]) -> None:
-        """Send what happened to a robot."""
-        if happened:
+    def _send_events(self, robot: RecordedRobot, new_events: Sequence[events.Event]) -> None:
+        """Send new events of a robot."""
+        if new_events:
             columns = rr.TextLog.columns(
-                text=[f"{event.time_s:.2f} s  {robot.name}: {event.text}" for event in happened],
-                color=[robot.colour] * len(happened),
+                text=[f"{event.time_s:.2f} s  {robot.name}: {event.text}" for event in new_events],
+                color=[robot.colour] * len(new_events),
             )
-            frames = np.array([event.frame for event in happened])
-            self._stream.send_columns(f"events/{robot.name}", scene.indexes(frames), columns)
+            frames = np.array([event.frame for event in new_events])
+            self._stream.send_columns(f"events/{robot.name}", time_columns(frames), columns)

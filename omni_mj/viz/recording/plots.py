@@ -14,24 +14,24 @@ from omni_mj.simulation.log import CHANNEL_PREFIX, Log
 from omni_mj.viz import style
 from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot
 
-# Before a block, on which its values depend
+# Frames before a block on which the block's values depend.
 HISTORY_FRAMES = ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES
-SINGLE = ("alpha", "wheels", "heat")  # tabs that show one robot at a time
-SHARE = (0.0, 1.05)  # range of axes
+ONE_ROBOT_TABS = ("alpha", "wheels", "temperature")  # with a tab for each robot inside
+FRACTION_RANGE = (0.0, 1.05)  # of axes that show a fraction
 
 
 class Plot(NamedTuple):
-    """A plot, which has the same lines for each robot.
+    """A plot with the same lines for each robot.
 
     Args:
         path: Path below plots/; the robots are below it.
-        title: Quantity and unit that it shows.
-        values: Maps a robot to values (frames, lines), NaN where there are none.
-        lines: Names of the lines; empty if there is nothing to tell apart.
-        channel: Channel of the log; if it holds no numbers there is no plot.
-        white: Share of white in the colours of the first lines, with which the others are compared.
-        range: Limits of the axis. [those of the data]
-        wheels: Number of wheels if each has a colour of its own; 0 if lines have the robot's.
+        title: Quantity and unit.
+        values: Function of a robot that returns values (frames, lines), NaN where there are none.
+        lines: Names of the lines; one empty name if there is only one line.
+        channel: Channel of the log that must contain numbers, otherwise the plot is left out.
+        white: Fractions of white in the colors of the first lines, which are drawn thinner.
+        range: Limits of the axis. Default: those of the data.
+        n_wheels: Number of wheels if each has its own color; 0 if lines have the robot's color.
     """
 
     path: str
@@ -41,154 +41,170 @@ class Plot(NamedTuple):
     channel: str = "pose"
     white: tuple[float, ...] = ()
     range: tuple[float, float] | None = None
-    wheels: int = 0
+    n_wheels: int = 0
 
-    def look(self, robot: RecordedRobot) -> rr.SeriesLines:
-        """Return names, colours and widths of a robot's lines."""
-        white = [*self.white, *[0.0] * (len(self.lines) - len(self.white))]
-        hues = [
-            style.rgb(style.colour(i % self.wheels)) if self.wheels else robot.colour
-            for i in range(len(white))
-        ]
+    def line_style(self, robot: RecordedRobot) -> rr.SeriesLines:
+        """Return names, colors and widths of a robot's lines."""
+        count = len(self.lines)
+        white = [*self.white, *[0.0] * (count - len(self.white))]
+        names = [f"{robot.name} {line}".strip() for line in self.lines]
+        colours = [robot.colour] * count
+        if self.n_wheels:
+            names = list(self.lines)
+            colours = [style.rgb(style.colour(i % self.n_wheels)) for i in range(count)]
         return rr.SeriesLines(
-            names=[line if self.wheels else f"{robot.name} {line}".strip() for line in self.lines],
-            colors=[
-                style.mix_with_white(hue, share) for hue, share in zip(hues, white, strict=True)
-            ],
-            widths=[0.8 if share else 1.5 for share in white],
+            names=names,
+            colors=[style.mix_with_white(*pair) for pair in zip(colours, white, strict=True)],
+            widths=[0.8 if fraction else 1.5 for fraction in white],
         )
 
 
-def tabs(log: Log) -> dict[str, list[Plot]]:
-    """Return the plots of each tab whose channels hold numbers so far."""
-    geometry = log.rows[0].settings.wheels.kinematics
-    wheels = tuple(
-        f"{i} at {azimuth:.0f}°" for i, azimuth in enumerate(np.rad2deg(geometry.azimuths), start=1)
-    )
-    white = (0.6,) * len(wheels)
-
-    def wheel_speeds(robot: RecordedRobot) -> Array:
-        """Return the speeds of wheels that roll without slip as the command asks, and the true ones."""
-        twist = world_to_body(robot["applied"], robot["pose"][:, 2])
-        return np.hstack([geometry.wheel_speeds(twist), robot["wheel_speed"]])
-
-    def per_wheel(channel: str, title: str) -> Plot:
-        return _channel(channel, f"wheel/{channel}", title, wheels, wheels=len(wheels))
-
-    speeds = tuple(f"{wheel} {kind}" for kind in ("commanded", "measured") for wheel in wheels)
-    speed = per_wheel("wheel_speed", "wheel speed, rad/s")._replace(
-        values=wheel_speeds, lines=speeds, white=white
-    )
+def create_tabs(log: Log) -> dict[str, list[Plot]]:
+    """Return the plots of each tab whose channels contain numbers so far."""
     tabs = {
-        "tracking": [
-            Plot("error/x", "tracking error in x, cm", lambda robot: robot.error()[:, :1]),
-            Plot("error/y", "tracking error in y, cm", lambda robot: robot.error()[:, 1:2]),
-            Plot("error/distance", "distance to the reference in the plane, cm", _distance),
-            Plot(
-                "error/heading",
-                "tracking error in heading, deg",
-                lambda robot: robot.error()[:, 2:],
-            ),
-        ],
+        "tracking": _tracking_plots(),
         "velocity": [
-            _velocity("velocity/x", "velocity in x, m/s", 0),
-            _velocity("velocity/y", "velocity in y, m/s", 1),
-            _velocity("velocity/turn", "turn rate, rad/s", 2),
+            _velocity_plot("velocity/x", "velocity in x, m/s", 0),
+            _velocity_plot("velocity/y", "velocity in y, m/s", 1),
+            _velocity_plot("velocity/turn", "turn rate, rad/s", 2),
         ],
-        "why": [
-            Plot(
-                "why/sliding",
-                "slip beyond creep of the wheel that slides most, m/s",
-                _sliding,
-                channel="slip",
-            ),
-            _channel("duty_peak", "why/duty", "greatest duty of the motors", range=SHARE),
-            Plot(
-                "why/limited",
-                "share of time at a driver's limit",
-                _limited,
-                channel="current_limited",
-                range=SHARE,
-            ),
-            Plot("why/held", "command held back by a limit (1: yes)", _held_back, range=SHARE),
-        ],
-        "alpha": [_alpha("x", 0), _alpha("y", 1)],
-        "wheels": [
-            speed,
-            per_wheel("voltage", "motor voltage, V"),
-            per_wheel("current", "motor current, A"),
-            per_wheel("slip", "slip of the contact points, m/s"),
-        ],
-        "heat": [
-            per_wheel("winding", "winding temperature, deg C"),
-            _channel("battery", "battery", "battery voltage under load, V"),
-        ],
+        "saturation": _saturation_plots(),
+        "alpha": [_alpha_plot("x", 0), _alpha_plot("y", 1)],
+        **_wheel_tabs(log),
         "channels": [
-            _own(channel, len(names))
-            for channel, names in log.columns.items()
+            _controller_plot(channel, len(columns))
+            for channel, columns in log.columns.items()
             if channel.startswith(CHANNEL_PREFIX)
         ],
     }
     known = {name for name in log.columns if not np.isnan(log.channel(name)).all()}
-    return {tab: [plot for plot in part if plot.channel in known] for tab, part in tabs.items()}
+    return {tab: [plot for plot in plots if plot.channel in known] for tab, plots in tabs.items()}
 
 
-def _channel(
-    channel: str, path: str, title: str, lines: tuple[str, ...] = ("",), **look: Any
-) -> Plot:
-    """Return the plot of a channel as it is."""
-    return Plot(path, title, lambda robot: robot[channel], lines, channel, **look)
+def _tracking_plots() -> list[Plot]:
+    """Return the plots of pose errors; the first one shows which controller is best."""
+    return [
+        Plot(
+            "error/distance",
+            "position error (distance to the reference), cm",
+            lambda robot: robot.position_error()[:, None],
+        ),
+        Plot("error/x", "position error in x, cm", lambda robot: robot.pose_error()[:, :1]),
+        Plot("error/y", "position error in y, cm", lambda robot: robot.pose_error()[:, 1:2]),
+        Plot("error/heading", "heading error, deg", lambda robot: robot.pose_error()[:, 2:]),
+    ]
 
 
-def _own(channel: str, count: int) -> Plot:
-    """Return the plot of a channel of a controller's own."""
-    name, lines = (
-        channel.removeprefix(CHANNEL_PREFIX),
-        tuple(map(str, range(1, count + 1))) if count > 1 else ("",),
-    )
-    path = f"channels/{rr.escape_entity_path_part(name)}"
-    return _channel(channel, path, name, lines, white=tuple(np.linspace(0.6, 0, count)))
-
-
-def _limited(robot: RecordedRobot) -> Array:
-    """Return the largest share of all drivers."""
-    return robot["current_limited"].max(-1, keepdims=True)
-
-
-def _distance(robot: RecordedRobot) -> Array:
-    return np.linalg.norm(robot.error()[:, :2], axis=1, keepdims=True)
-
-
-def _velocity(plot: str, title: str, axis: int) -> Plot:
-    """Return what was sent, what arrived at the robot, and what was achieved since the frame before."""
+def _velocity_plot(path: str, title: str, axis: int) -> Plot:
+    """Return the plot of velocities sent, received by the robot and achieved, in the world frame."""
 
     def values(robot: RecordedRobot) -> Array:
         pose = robot["pose"][:, axis]
         achieved = np.diff(pose, prepend=pose[0]) / PERIOD_S
         return np.stack([robot["command"][:, axis], robot["applied"][:, axis], achieved], axis=1)
 
-    return Plot(plot, title, values, ("sent", "arrived", "achieved"), white=(0.75, 0.45))
+    return Plot(path, title, values, ("sent", "received", "achieved"), white=(0.75, 0.45))
 
 
-def _alpha(name: str, axis: int) -> Plot:
-    lines, white = ("ratio", "less 2 sigma", "plus 2 sigma", "estimate"), (0.8, 0.6, 0.6)
-    title = f"motor correction factor alpha in {name}"
+def _saturation_plots() -> list[Plot]:
+    """Return the plots of sliding wheels and of limits that are reached."""
+    return [
+        Plot(
+            "saturation/sliding",
+            "sliding speed of the wheel that slides most (slip beyond creep), m/s",
+            _sliding_speed,
+            channel="slip",
+        ),
+        _channel_plot(
+            "duty_peak",
+            "saturation/duty",
+            "largest duty cycle of the motors",
+            range=FRACTION_RANGE,
+        ),
+        Plot(
+            "saturation/current",
+            "fraction of time at the current limit, largest of the motors",
+            lambda robot: robot["current_limited"].max(-1, keepdims=True),
+            channel="current_limited",
+            range=FRACTION_RANGE,
+        ),
+        Plot(
+            "saturation/command",
+            "command at a limit of speed or acceleration (1: yes)",
+            _is_command_limited,
+            range=FRACTION_RANGE,
+        ),
+    ]
+
+
+def _alpha_plot(axis_name: str, axis: int) -> Plot:
+    """Return the plot of the measured motor correction factor and its estimate."""
     return Plot(
-        f"alpha/{name}",
-        title,
+        f"alpha/{axis_name}",
+        f"motor correction factor alpha in {axis_name}",
         lambda robot: robot.alpha(axis),
-        lines,
-        white=white,
+        ("measured", "estimate - 2 sigma", "estimate + 2 sigma", "estimate"),
+        white=(0.8, 0.6, 0.6),
         range=ALPHA_RANGE,
     )
 
 
-def _sliding(robot: RecordedRobot) -> Array:
-    """Return by how much the wheel that slides most does, m/s; zero if none does."""
-    beyond = saturation.slip_beyond(robot["pose"], robot["slip"], robot.settings)
-    return np.concatenate([[0.0], np.maximum(beyond.max(-1), 0.0)])[:, None]
+def _wheel_tabs(log: Log) -> dict[str, list[Plot]]:
+    """Return the tabs of wheels and motors."""
+    geometry = log.rows[0].settings.wheels.kinematics
+    azimuths = np.rad2deg(geometry.azimuths)
+    wheels = tuple(f"{i} at {azimuth:.0f}°" for i, azimuth in enumerate(azimuths, start=1))
+
+    def wheel_speeds(robot: RecordedRobot) -> Array:
+        """Return the speeds at which wheels would roll without slip, and the true ones."""
+        twist = world_to_body(robot["applied"], robot["pose"][:, 2])
+        return np.hstack([geometry.wheel_speeds(twist), robot["wheel_speed"]])
+
+    def wheel_plot(channel: str, title: str) -> Plot:
+        return _channel_plot(channel, f"wheel/{channel}", title, wheels, n_wheels=len(wheels))
+
+    speed_plot = wheel_plot("wheel_speed", "wheel speed, rad/s")._replace(
+        values=wheel_speeds,
+        lines=tuple(f"{wheel} {kind}" for kind in ("commanded", "measured") for wheel in wheels),
+        white=(0.6,) * len(wheels),
+    )
+    return {
+        "wheels": [
+            speed_plot,
+            wheel_plot("voltage", "motor voltage, V"),
+            wheel_plot("current", "motor current, A"),
+            wheel_plot("slip", "slip of the contact points, m/s"),
+        ],
+        "temperature": [
+            wheel_plot("winding", "winding temperature, °C"),
+            _channel_plot("battery", "battery", "battery voltage under load, V"),
+        ],
+    }
 
 
-def _held_back(robot: RecordedRobot) -> Array:
-    """Return 1 in the frames in which the command is at a limit, else 0."""
-    return saturation.held_back(robot["command"], robot.settings.control)[:, None].astype(float)
+def _channel_plot(
+    channel: str, path: str, title: str, lines: tuple[str, ...] = ("",), **options: Any
+) -> Plot:
+    """Return the plot of a channel's own values."""
+    return Plot(path, title, lambda robot: robot[channel], lines, channel, **options)
+
+
+def _controller_plot(channel: str, count: int) -> Plot:
+    """Return the plot of a channel that a controller records, with `count` columns."""
+    name = channel.removeprefix(CHANNEL_PREFIX)
+    lines = tuple(str(i + 1) for i in range(count)) if count > 1 else ("",)
+    path = f"channels/{rr.escape_entity_path_part(name)}"
+    return _channel_plot(channel, path, name, lines, white=tuple(np.linspace(0.6, 0, count)))
+
+
+def _sliding_speed(robot: RecordedRobot) -> Array:
+    """Return the slip beyond creep of the wheel that slides most, (frames, 1) m/s; at least 0."""
+    slip_beyond_creep = saturation.slip_beyond(robot["pose"], robot["slip"], robot.settings)
+    speed = np.maximum(slip_beyond_creep.max(-1), 0.0)
+    return np.concatenate([[0.0], speed])[:, None]
+
+
+def _is_command_limited(robot: RecordedRobot) -> Array:
+    """Return 1 in the frames in which the command is at a limit, else 0, (frames, 1)."""
+    is_limited = saturation.held_back(robot["command"], robot.settings.control)
+    return is_limited[:, None].astype(float)

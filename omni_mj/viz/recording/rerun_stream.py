@@ -1,4 +1,4 @@
-"""A stream to a file or a viewer of rerun."""
+"""A rerun stream to a file or a viewer, and the columns that are sent through it."""
 
 import atexit
 import ctypes
@@ -8,90 +8,111 @@ from pathlib import Path
 from typing import Self
 
 import click
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_mj.config.settings import PERIOD_S
 from omni_mj.viz.recording.viewer import is_listening
 
-FLUSH_TIMEOUT_S = 30.0  # a block has a megabyte
+Frames = NDArray[np.int_]  # numbers of frames, (n,)
+FRAME, TIME = "frame", "time"  # names of the timelines
+FLUSH_TIMEOUT_S = 30.0  # for one block of about 1 MB
+
+
+def time_columns(frames: Frames) -> list[rr.TimeColumn]:
+    """Return the index columns of data for the given frames."""
+    return [rr.TimeColumn(FRAME, sequence=frames), rr.TimeColumn(TIME, duration=frames * PERIOD_S)]
+
+
+def scalar_columns(values: Array) -> rr.ComponentColumnList:
+    """Return the columns of a plot's values (frames, lines)."""
+    lengths = np.full(len(values), values.shape[1])
+    return rr.Scalars.columns(scalars=values.ravel()).partition(lengths)
 
 
 class RerunStream:
-    """A file or a viewer that is fed; a context manager.
+    """A context manager that sends data to an .rrd file or to a viewer.
 
-    What fails ends the feed, and never what is shown by it. If a viewer is not there, or goes away,
-    that costs a line on stderr.
+    A failure ends the stream and never the program that sends. A missing viewer costs one line on
+    stderr.
 
     Args:
         target: Path of the .rrd file, whose folder must exist, or address of the viewer.
     """
 
     def __init__(self, target: Path | str) -> None:
-        self._target, self._failure = target, ""
-        rr.set_strict_mode(True)  # otherwise rejected data is missing without a word
-        # Sent when it is flushed and never by the clock, or equal runs would differ in the order of
-        # chunks.
-        never = rr.ChunkBatcherConfig.NEVER()
+        self._target = target
+        self._failure = ""
+        rr.set_strict_mode(True)  # otherwise rerun drops rejected data silently
+        # Data is sent when it is flushed and never by the clock. Otherwise equal runs would differ
+        # in the order of chunks.
+        config = rr.ChunkBatcherConfig.NEVER()
         self._stream = rr.RecordingStream(
-            "omni-mj", recording_id=uuid.uuid4(), batcher_config=never
+            "omni-mj", recording_id=uuid.uuid4(), batcher_config=config
         )
         self._stream.set_log_time_enabled(False)
         if isinstance(target, str) and not is_listening(target):
-            self._fail("nobody answers")
+            self._fail("the viewer does not answer")
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """End it.
+        """Close the stream.
 
         Raises:
-            OSError: Not all of a file could be written.
+            OSError: A part of the file could not be written.
         """
-        if not self._failure:  # flushed after all that was sent
+        if not self._failure:
             self._stream.disconnect()
         elif isinstance(self._target, Path):
-            text = f"the recording could not be written to its end: {self._failure}"
-            raise OSError(None, text, str(self._target))
+            message = f"the recording could not be written to its end: {self._failure}"
+            raise OSError(None, message, str(self._target))
 
     def _open(self, layout: rrb.Blueprint, footer: bool = True) -> None:
-        """Begin the file, or connect to the viewer; without a footer nothing of a file is held in memory."""
+        """Begin the file, or connect to the viewer.
+
+        Args:
+            layout: Layout of the viewer.
+            footer: Whether the file ends with an index, which is held in memory until then.
+        """
         if isinstance(self._target, Path):
             self._stream.save(self._target, layout, write_footer=footer)
         else:
             self._stream.connect_grpc(self._target, default_blueprint=layout)
 
-    def _attempt(self, send: Callable[..., None], *arguments: object) -> None:
-        """Call a function and flush, unless the feed has failed; an exception is its failure."""
+    def _try_sending(self, send: Callable[..., None], *arguments: object) -> None:
+        """Call `send` with its arguments and flush, unless the stream has failed."""
         if self._failure:
             return
         try:
             send(*arguments)
             _flush(self._stream)
-        except Exception as error:  # rerun refused something, or something is wrong here
-            self._fail(
-                str(error) if isinstance(error, OmniError) else f"{type(error).__name__}: {error}"
-            )
+        except Exception as error:  # rerun does not document its exceptions
+            is_ours = isinstance(error, OmniError)
+            self._fail(str(error) if is_ours else f"{type(error).__name__}: {error}")
 
     def _fail(self, failure: str) -> None:
-        """Give up, as what is sent does not arrive."""
+        """Give up, because data does not arrive."""
         self._failure = " ".join(failure.split())
         if isinstance(self._target, str):
-            click.echo(
-                f"warning: no viewer at {self._target}; the run goes on without it", err=True
-            )
+            message = f"warning: no viewer at {self._target}; the run goes on without it"
+            click.echo(message, err=True)
 
 
 def _flush(stream: rr.RecordingStream) -> None:
     """Wait until everything sent is written.
 
-    If the writer dies of a full disk just as it is told to flush, rerun waits for it without end:
-    there, when the stream is finalized, and when the program exits. The latter two are prevented
-    here.
+    If rerun's writer stops because the disk is full, rerun waits for it forever: in a flush without
+    a timeout, when the stream is finalized, and when the program exits. This function prevents
+    all three.
 
     Raises:
-        RuntimeError: It was not written and will not be.
+        RuntimeError: The data was not written and will not be.
     """
     try:
         stream.flush(timeout_sec=FLUSH_TIMEOUT_S)

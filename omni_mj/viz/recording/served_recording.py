@@ -1,4 +1,4 @@
-"""A recording of robots that others drive: they come and go, and nobody knows how long it lasts."""
+"""A recording of the robots of `omni-mj serve`, which appear, disappear, and run without end."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,74 +9,77 @@ import rerun.blueprint as rrb
 from omni_mj.config.settings import Settings
 from omni_mj.files import check_room
 from omni_mj.simulation.log import Log
-from omni_mj.viz.recording import scene
-from omni_mj.viz.recording.rerun_stream import RerunStream
+from omni_mj.viz.recording import robot_shapes, scene
+from omni_mj.viz.recording.rerun_stream import TIME, RerunStream, scalar_columns, time_columns
 
-PLOTS = (
-    "command",
-    "wheel_speed",
-    "current",
-    "winding",
-    "battery",
-)  # channels of each robot that are plotted
-TEAMS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
-TABLE_BYTES = 20e6  # of disk, that a recording leaves to the table, which goes on
-BELOW_M = 10.0  # the carpet: where robots are that are not there
+PLOT_TITLES = {  # channel of the log -> title
+    "command": "command: vx, vy, m/s; turn rate, rad/s",
+    "wheel_speed": "wheel speed, rad/s",
+    "current": "motor current, A",
+    "winding": "winding temperature, °C",
+    "battery": "battery voltage, V",
+}
+TEAM_COLOURS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
+TABLE_BYTES = 20e6  # of disk space, reserved for the trajectory table
+# Static shapes cannot be removed. Robots that left the field are moved under the carpet.
+HIDDEN_HEIGHT_M = -10.0
 
 
 class ServedRecording(RerunStream):
-    """A recording of served robots in a file, or in a viewer.
+    """A recording of served robots in a file or in a viewer.
 
     Args:
         target: Path of the .rrd file, or address of the viewer.
-        settings: Of the robots.
+        settings: Settings of the robots.
     """
 
     def __init__(self, target: Path | str, settings: Settings) -> None:
         super().__init__(target)
         self._settings = settings
-        self._shown, self._present = set[str](), set[str]()
-        self._attempt(self._begin)
+        self._logged_robots = set[str]()  # names of robots whose shapes are logged
+        self._present_robots = set[str]()  # names of robots of the last block
+        self._try_sending(self._begin)
 
     def send(self, names: Sequence[str], log: Log) -> None:
         """Send a block of frames.
 
         Args:
-            names: Of the robots: team and number.
-            log: Of their rows.
+            names: Names of the robots, team and number, in the order of the log's rows.
+            log: Log of the block.
         """
-        self._attempt(self._send, names, log)
+        self._try_sending(self._send_block, names, log)
 
     def _begin(self) -> None:
+        """Open the stream and log the field."""
         field = rrb.Spatial3DView(origin="world", name="field", line_grid=False)
         plots = rrb.Tabs(
-            *(rrb.TimeSeriesView(origin=f"plots/{channel}", name=channel) for channel in PLOTS)
+            *(
+                rrb.TimeSeriesView(origin=f"plots/{channel}", name=title)
+                for channel, title in PLOT_TITLES.items()
+            )
         )
-        time = rrb.TimePanel(timeline=scene.TIME, play_state="following", state="collapsed")
-        layout = rrb.Blueprint(
-            rrb.Horizontal(field, plots, column_shares=[3, 2]), time, collapse_panels=True
-        )
-        self._open(layout, footer=False)
+        time = rrb.TimePanel(timeline=TIME, play_state="following", state="collapsed")
+        columns = rrb.Horizontal(field, plots, column_shares=[3, 2])
+        self._open(rrb.Blueprint(columns, time, collapse_panels=True), footer=False)
         scene.log_field(self._stream)
 
-    def _send(self, names: Sequence[str], log: Log) -> None:
+    def _send_block(self, names: Sequence[str], log: Log) -> None:
+        """Send poses and plots of the robots, and hide those that are no longer present."""
         if isinstance(self._target, Path):
             check_room(self._target.parent, TABLE_BYTES)
         frames = log.first_frame + np.arange(log.length)
-        time = scene.indexes(frames)
-        out_of_sight = scene.transform(
-            np.zeros((1, 3)), -BELOW_M
-        )  # shapes are static, which nothing clears
-        for name in self._present - set(names):
-            self._stream.send_columns(f"world/{name}", scene.indexes(frames[:1]), out_of_sight)
-        self._present = set(names)
+        hidden = robot_shapes.pose_columns(np.zeros((1, 3)), HIDDEN_HEIGHT_M)
+        for name in self._present_robots - set(names):
+            self._stream.send_columns(f"world/{name}", time_columns(frames[:1]), hidden)
+        self._present_robots = set(names)
         for row, name in enumerate(names):
             entity = f"world/{name}"
-            if name not in self._shown:
-                self._shown.add(name)
-                scene.log_robot(self._stream, entity, TEAMS[name.split()[0]], self._settings)
-            pose, angles = (log.channel(channel)[:, row] for channel in ("pose", "wheel_angle"))
-            scene.send_pose(self._stream, entity, time, pose, angles, self._settings)
-            for channel in PLOTS:
-                values = scene.scalars(log.channel(channel)[:, row])
-                self._stream.send_columns(f"plots/{channel}/{name}", time, values)
+            if name not in self._logged_robots:
+                self._logged_robots.add(name)
+                colour = TEAM_COLOURS[name.split()[0]]
+                robot_shapes.log_robot(self._stream, entity, colour, self._settings)
+            pose, angles = log.channel("pose")[:, row], log.channel("wheel_angle")[:, row]
+            robot_shapes.send_poses(self._stream, entity, frames, pose, angles, self._settings)
+            for channel in PLOT_TITLES:
+                values = scalar_columns(log.channel(channel)[:, row])
+                self._stream.send_columns(f"plots/{channel}/{name}", time_columns(frames), values)

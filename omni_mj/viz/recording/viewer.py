@@ -1,4 +1,4 @@
-"""Rerun viewers as processes of their own."""
+"""Start a rerun viewer in a process of its own, and find out whether one is listening."""
 
 import os
 import re
@@ -15,74 +15,75 @@ from rerun.experimental import ViewerClient
 
 from omni_control.errors import OmniError
 
-START_S, ANSWER_S = 60.0, 2.0  # for a viewer to show its window, and to answer once it does
-EXAMPLE = "rerun+http://127.0.0.1:9876/proxy"  # of a viewer that was started without options
-# A viewer would send usage statistics, unless its configuration says otherwise; and ask whether
-# there is a newer one, and for examples, which nothing turns off: what it asks of others it asks of
-# a proxy, and there is none.
-NOBODY = "http://127.0.0.1:9"
-QUIET = {
-    "http_proxy": NOBODY,
-    "https_proxy": NOBODY,
-    "all_proxy": NOBODY,
+START_TIMEOUT_S, CONNECT_TIMEOUT_S = 60.0, 2.0
+EXAMPLE_URL = "rerun+http://127.0.0.1:9876/proxy"  # of a viewer that was started without options
+# Environment of a viewer that connects to no other machine. Its configuration turns off usage
+# statistics. Nothing turns off the search for updates and examples, so a proxy address at which
+# nothing listens makes it fail.
+DEAD_PROXY = "http://127.0.0.1:9"
+OFFLINE_ENVIRONMENT = {
+    "http_proxy": DEAD_PROXY,
+    "https_proxy": DEAD_PROXY,
+    "all_proxy": DEAD_PROXY,
     "no_proxy": "127.0.0.1,localhost",
 }
-QUIET |= {name.upper(): value for name, value in QUIET.items()}
-QUIET |= {"XDG_CONFIG_HOME": str(Path(__file__).parent / "viewer_config")}
+OFFLINE_ENVIRONMENT |= {name.upper(): value for name, value in OFFLINE_ENVIRONMENT.items()}
+OFFLINE_ENVIRONMENT["XDG_CONFIG_HOME"] = str(Path(__file__).parent / "viewer_config")
 
 
 class Viewer:
-    """A viewer that was started; it listens on this machine alone, and asks nothing of any other.
+    """A viewer's process. It listens on this machine only and connects to no other.
 
     Args:
         options: Options of the command `rerun`.
-        file: File to read from its standard input, with the option `-`.
+        file: File to read from standard input, together with the option `-`.
 
     Attributes:
-        url: Its address.
+        url: Address at which the viewer listens.
 
     Raises:
-        OmniError: It cannot show its window, or draw without one.
+        OmniError: The viewer cannot open its window, or cannot draw without one.
     """
 
     def __init__(self, *options: str, file: Path | None = None) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = str(free.getsockname()[1])
+        with socket.socket() as free_socket:
+            free_socket.bind(("127.0.0.1", 0))
+            port = str(free_socket.getsockname()[1])
         self.url = f"rerun+http://127.0.0.1:{port}/proxy"
         command = [sys.executable, "-m", "rerun", *options, "--bind", "127.0.0.1", "--port", port]
-        self._output = output = tempfile.TemporaryFile("w+")  # noqa: SIM115 (as long as the viewer)
+        # Open as long as the viewer.
+        self._output = output = tempfile.TemporaryFile("w+")  # noqa: SIM115
         with open(file or os.devnull, "rb") as stdin:
-            # In a session of its own, which outlives this process and is ended as a whole.
+            # The new session outlives this process, and can be ended as a whole.
             self._process = subprocess.Popen(
                 command,
                 stdin=stdin,
                 stdout=output,
                 stderr=output,
                 start_new_session=True,
-                env=os.environ | QUIET,
+                env=os.environ | OFFLINE_ENVIRONMENT,
             )
-        deadline = time.monotonic() + START_S
-        while not self._shows():
+        deadline = time.monotonic() + START_TIMEOUT_S
+        while not self._is_ready():
             if self._process.poll() is not None or time.monotonic() > deadline:
                 self.stop()
                 raise OmniError(f"the rerun viewer does not start: {self.error_message()}")
             time.sleep(0.05)
 
     def error_message(self) -> str:
-        """Return why it ended, in its own words."""
+        """Return the viewer's own error message."""
         self._output.seek(0)
         match = re.search(r"(?:Error: |panicked at ')(.*)", self._output.read())
         return match[1] if match else "it does not answer"
 
     def stop(self) -> None:
-        """End it."""
+        """End the viewer's process and wait until it has ended."""
         if self._process.poll() is None:
             os.killpg(self._process.pid, signal.SIGTERM)
         self._process.wait()
 
-    def _shows(self) -> bool:
-        """Return whether its window answers, not only its server."""
+    def _is_ready(self) -> bool:
+        """Return whether the window answers; the server does so earlier."""
         try:
             return is_listening(self.url) and bool(ViewerClient.connect(self.url).get_state())
         except (RuntimeError, OSError):
@@ -90,24 +91,25 @@ class Viewer:
 
 
 def is_listening(url: str) -> bool:
-    """Return whether anybody listens at an address like rerun+http://127.0.0.1:9876/proxy."""
+    """Return whether a process listens at a URL like rerun+http://127.0.0.1:9876/proxy."""
     address = urlsplit(url)
+    host_and_port = (address.hostname or "", address.port or 0)
     try:
-        socket.create_connection((address.hostname or "", address.port or 0), ANSWER_S).close()
+        socket.create_connection(host_and_port, CONNECT_TIMEOUT_S).close()
         return True
     except OSError:
         return False
 
 
 def validate_url(url: str) -> str:
-    """Return `url` if it can be that of a viewer.
+    """Return `url` if it has the form of a viewer's address.
 
     Raises:
-        OmniError: It cannot.
+        OmniError: The URL has another form.
     """
     if not re.fullmatch(r"rerun(\+https?)?://[^/\s:]+:\d{1,5}/proxy", url):
         raise OmniError(
-            f"--connect needs the address of a rerun viewer, such as {EXAMPLE}, not {url!r}"
+            f"--connect needs the address of a rerun viewer, such as {EXAMPLE_URL}, not {url!r}"
         )
     return url
 
@@ -118,10 +120,10 @@ def open_viewer() -> str:
     Raises:
         OmniError: There is no display, or the viewer cannot use it.
     """
-    if sys.platform == "linux" and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
+    has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if sys.platform == "linux" and not has_display:
         raise OmniError(
-            "--view needs a display, and there is none; the recording can be opened where there is one"
+            "--view needs a display, and there is none;"
+            " leave out --view and open the recording on a computer with a display"
         )
     return Viewer("--expect-data-soon").url

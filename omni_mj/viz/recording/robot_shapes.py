@@ -1,0 +1,163 @@
+"""Shapes of a robot in a recording: chassis and wheels of its MuJoCo model, and their poses."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import mujoco
+import numpy as np
+import rerun as rr
+
+from omni_control.kinematics import Array
+from omni_mj.config.settings import Settings
+from omni_mj.mjcf import world_builder
+from omni_mj.viz import style
+from omni_mj.viz.recording.rerun_stream import Frames, time_columns
+
+# MuJoCo's viewer shows geoms of groups 0 to 2. The collision hulls have higher groups.
+VISIBLE_GROUPS = 3
+ROLLER_CONTRAST = 110  # added to the RGB bytes of every other roller
+UP = np.array([0.0, 0.0, 1.0])
+# Name of a MuJoCo geom type -> rerun shape with sizes (n, 3) and further arguments.
+SHAPES: dict[str, Callable[..., Any]] = {
+    "CYLINDER": lambda size, **attributes: rr.Cylinders3D(
+        radii=size[:, 0], lengths=2 * size[:, 1], **attributes
+    ),
+    "BOX": lambda size, **attributes: rr.Boxes3D(half_sizes=size, **attributes),
+    "ELLIPSOID": lambda size, **attributes: rr.Ellipsoids3D(half_sizes=size, **attributes),
+    "SPHERE": lambda size, **attributes: rr.Ellipsoids3D(radii=size[:, 0], **attributes),
+}
+SHAPES["CAPSULE"] = SHAPES["CYLINDER"]
+
+
+def log_robot(
+    stream: rr.RecordingStream, entity: str, cover_colour: style.Rgb, settings: Settings
+) -> None:
+    """Log chassis and wheels of a robot once, as static shapes.
+
+    Args:
+        stream: Stream of the recording.
+        entity: Path of the robot; its chassis and wheels are below it.
+        cover_colour: Color of the cover, which distinguishes robots.
+        settings: Settings of the robot.
+    """
+    world, data = _robot_at_origin(settings)
+    model, robot = world.model, world.robots[0]
+    wheel_bodies = np.concatenate([robot.wheels, robot.rims, robot.rollers.ravel()])
+    chassis_bodies = np.flatnonzero(model.body_rootid == robot.chassis)
+    colours = _geom_colours(world, cover_colour)
+    chassis = np.setdiff1d(chassis_bodies, wheel_bodies)
+    _log_bodies(stream, f"{entity}/chassis", model, data, chassis, np.zeros(3), colours)
+    for i, joint in enumerate(robot.joints):
+        wheel = np.append(robot.rollers[i], robot.wheels[i])
+        name = f"{entity}/wheel_{i + 1}"
+        _log_bodies(stream, name, model, data, wheel, data.xanchor[joint], colours)
+
+
+def send_poses(
+    stream: rr.RecordingStream,
+    entity: str,
+    frames: Frames,
+    pose: Array,
+    wheel_angles: Array,
+    settings: Settings,
+    height: float = 0.0,
+) -> None:
+    """Send transforms of a robot and of its wheels, whose shapes `log_robot` has logged.
+
+    Args:
+        stream: Stream of the recording.
+        entity: Path of the robot.
+        frames: Numbers of the frames, (n,).
+        pose: Poses, (n, 3) m, m, rad.
+        wheel_angles: Angles of the wheels, (n, wheels) rad; NaN if the plant has no wheels.
+        settings: Settings of the robot.
+        height: Height above the carpet, m.
+    """
+    time = time_columns(frames)
+    stream.send_columns(entity, time, pose_columns(pose, height))
+    world, data = _robot_at_origin(settings)
+    for i, joint in enumerate(world.robots[0].joints):
+        hub = np.broadcast_to(data.xanchor[joint], (len(wheel_angles), 3))
+        turns = _transform_columns(hub, np.nan_to_num(wheel_angles[:, i]), data.xaxis[joint])
+        stream.send_columns(f"{entity}/wheel_{i + 1}", time, turns)
+
+
+def pose_columns(pose: Array, height: float = 0.0) -> rr.ComponentColumnList:
+    """Return transforms of upright robots at poses (n, 3), at a height above the carpet in m."""
+    return _transform_columns(points_above(pose, height), pose[:, 2], UP)
+
+
+def points_above(pose: Array, height: float) -> Array:
+    """Return points (n, 3) at a height in m above poses or positions (n, 2 or 3)."""
+    return np.column_stack([pose[:, :2], np.full(len(pose), height)])
+
+
+def cover_materials(model: mujoco.MjModel) -> list[int]:
+    """Return the materials of covers, whose colors distinguish robots."""
+    return [i for i in range(model.nmat) if model.mat(i).name.endswith("/cover")]
+
+
+def _log_bodies(
+    stream: rr.RecordingStream,
+    entity: str,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    bodies: Array,
+    origin: Array,
+    colours: np.ndarray,
+) -> None:
+    """Log the visible geoms of bodies, relative to an origin (3,) in m."""
+    visible = np.isin(model.geom_bodyid, bodies) & (model.geom_group < VISIBLE_GROUPS)
+    centers = data.geom_xpos - origin
+    for name, shape in SHAPES.items():
+        geom_type = getattr(mujoco.mjtGeom, f"mjGEOM_{name}")
+        geoms = np.flatnonzero((model.geom_type == geom_type) & visible)
+        if not geoms.size:
+            continue
+        shapes = shape(
+            model.geom_size[geoms],
+            centers=centers[geoms],
+            quaternions=data.geom_xquat[geoms][:, [1, 2, 3, 0]],  # MuJoCo: wxyz, rerun: xyzw
+            colors=colours[geoms],
+            fill_mode="solid",
+        )
+        stream.log(f"{entity}/{name.lower()}s", shapes, static=True)
+    for geom in np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & visible):
+        mesh = model.mesh(model.geom_dataid[geom])
+        vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+        mesh_3d = rr.Mesh3D(
+            vertex_positions=vertices @ data.geom_xmat[geom].reshape(3, 3).T + centers[geom],
+            triangle_indices=model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]],
+            albedo_factor=colours[geom],
+        )
+        stream.log(f"{entity}/mesh_{geom}", mesh_3d, static=True)
+
+
+@lru_cache(maxsize=4)
+def _robot_at_origin(settings: Settings) -> tuple[world_builder.World, mujoco.MjData]:
+    """Return a model whose first robot, with complete wheels, stands at the world's origin."""
+    world = world_builder.build_world(settings.replace(wheels={"model": "rollers"}))
+    data, qpos = mujoco.MjData(world.model), world.robots[0].qpos
+    data.qpos[qpos[:7]] = [0, 0, data.qpos[qpos[2]], 1, 0, 0, 0]
+    mujoco.mj_kinematics(world.model, data)
+    return world, data
+
+
+def _geom_colours(world: world_builder.World, cover_colour: style.Rgb) -> np.ndarray:
+    """Return the colors of all geoms, (n, 3) bytes: from the material, the geom or the cover."""
+    model, material = world.model, world.model.geom_matid
+    rgba = np.where(material[:, None] >= 0, model.mat_rgba[material], model.geom_rgba)
+    colours = 255 * rgba[:, :3]
+    colours[np.isin(material, cover_materials(model))] = cover_colour
+    # Every other roller is lighter; otherwise the rotation of wheels would be invisible.
+    rollers = np.isin(model.geom_bodyid, world.robots[0].rollers[:, ::2])
+    colours[rollers] += ROLLER_CONTRAST
+    return np.minimum(colours, 255).astype(np.uint8)
+
+
+def _transform_columns(position: Array, angle: Array, axis: Array) -> rr.ComponentColumnList:
+    """Return transforms to positions (n, 3) with rotations by angles (n,) about an axis (3,)."""
+    half = angle[:, None] / 2
+    quaternion = np.concatenate([np.sin(half) * axis, np.cos(half)], axis=1)
+    return rr.Transform3D.columns(translation=position, quaternion=quaternion)

@@ -1,0 +1,126 @@
+"""Layout of a recording in the viewer: the field, close-ups of robots, plots and events."""
+
+from collections.abc import Mapping, Sequence
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from omni_control.kinematics import Array
+from omni_mj.config.settings import PERIOD_S
+from omni_mj.viz.recording.plots import ONE_ROBOT_TABS, Plot
+from omni_mj.viz.recording.rerun_stream import FRAME, TIME
+from omni_mj.viz.recording.scene import ERROR_SCALE, measure_scene
+
+LEGEND_LINES = 3  # that fit into a plot of normal height
+LEGEND_FRACTION = 0.4  # of a run's time, left free on the right for the legend
+CLOSE_UP_EYE = [0.22, 0.25, 0.09], [0.0, 0.0, 0.055]  # m; close enough to see the rollers
+FIELD_TITLE = f"field: each flag is a position error, drawn {ERROR_SCALE} times as long"
+Eye = tuple[list[float], list[float]]  # position of the eye, and the point it looks at, m
+
+
+def create_layout(
+    names: Sequence[str],
+    references: Sequence[Array],
+    tabs: Mapping[str, Sequence[Plot]],
+    is_live: bool,
+) -> rrb.Blueprint:
+    """Return the layout.
+
+    Args:
+        names: Names of the robots.
+        references: Reference poses that the robots follow, (frames, 3) each.
+        tabs: Plots of each tab.
+        is_live: Follow the end of the recording instead of waiting at its start.
+    """
+    # The first robot is often the baseline; the second one is more interesting.
+    active_robot = min(1, len(names) - 1)
+    robots = [f"world/{name}" for name in names]
+    field_contents = ["$origin/**"]
+    for robot in robots:
+        field_contents += [f"- {robot}/vision/**", f"- {robot}/predicted/**"]
+    field = _scene_view(FIELD_TITLE, field_contents, _field_eye(references), robots)
+    close_ups = [
+        _scene_view(name, _close_up_contents(robot), CLOSE_UP_EYE, [robot], f"{robot}/robot")
+        for name, robot in zip(names, robots, strict=True)
+    ]
+    left = rrb.Vertical(field, rrb.Tabs(*close_ups, active_tab=active_robot), row_shares=[4, 3])
+    duration_s = PERIOD_S * max(map(len, references))
+    right: list[rrb.Container | rrb.View] = []
+    for tab, plots in tabs.items():
+        if plots and tab in ONE_ROBOT_TABS:
+            stacks = [_stack_plots(name, plots, duration_s, 1, f"/{name}") for name in names]
+            right.append(rrb.Tabs(*stacks, name=tab, active_tab=active_robot))
+        elif plots:
+            right.append(_stack_plots(tab, plots, duration_s, len(names)))
+    right.append(rrb.TextLogView(origin="events", name="events"))
+    time_panel = rrb.TimePanel(
+        timeline=TIME, play_state="following" if is_live else "paused", state="collapsed"
+    )
+    return rrb.Blueprint(rrb.Horizontal(left, rrb.Tabs(*right)), time_panel, collapse_panels=True)
+
+
+def _field_eye(references: Sequence[Array]) -> Eye:
+    """Return an eye that sees all references from the side."""
+    (x, y), size_m = measure_scene(references)
+    return [x, y - 0.52 * size_m, 0.5 * size_m], [x, y, 0.05 * size_m]
+
+
+def _close_up_contents(robot: str) -> list[str]:
+    """Return the entities of a view that follows one robot, without its enlarged error."""
+    return ["world/field/**", "world/reference", f"{robot}/**", f"- {robot}/error/**"]
+
+
+def _scene_view(
+    name: str, contents: list[str], eye: Eye, robots: Sequence[str], origin: str = "world"
+) -> rrb.Spatial3DView:
+    """Return a view of the scene; paths of robots reach from the start to the time cursor.
+
+    Args:
+        name: Title of the view.
+        contents: Entities that the view shows, or excludes with a minus sign.
+        eye: Position of the eye, and the point it looks at, m.
+        robots: Entities of the robots whose paths are visible.
+        origin: Entity that defines the axes of the view.
+    """
+    start, cursor = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
+    ranges = rrb.VisibleTimeRanges(
+        [rrb.VisibleTimeRange(line, start=start, end=cursor) for line in (FRAME, TIME)]
+    )
+    position, target = eye
+    return rrb.Spatial3DView(
+        origin=origin,
+        contents=contents,
+        name=name,
+        eye_controls=rrb.EyeControls3D(position=position, look_target=target, eye_up=[0, 0, 1]),
+        line_grid=False,
+        overrides={f"{robot}/path": ranges for robot in robots},
+    )
+
+
+def _stack_plots(
+    name: str, plots: Sequence[Plot], duration_s: float, n_robots: int, suffix: str = ""
+) -> rrb.Vertical:
+    """Return plots above each other; the first has the legend and the height that it needs.
+
+    Args:
+        name: Name of the tab.
+        plots: Plots from top to bottom.
+        duration_s: Duration of the run, s.
+        n_robots: Number of robots in each plot.
+        suffix: End of the plots' entities: a slash and a robot's name, or empty for all robots.
+    """
+    start = rr.TimeRangeBoundary.absolute(seconds=0.0)
+    end = rr.TimeRangeBoundary.absolute(seconds=(1 + LEGEND_FRACTION) * duration_s)
+    views = [
+        rrb.TimeSeriesView(
+            origin=f"plots/{plot.path}{suffix}",
+            name=plot.title,
+            axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start, end)),
+            axis_y=rrb.ScalarAxis(range=plot.range) if plot.range else None,
+            plot_legend=rrb.PlotLegend(corner="RightTop", visible=not i),
+        )
+        for i, plot in enumerate(plots)
+    ]
+    n_lines = n_robots * len(plots[0].lines)
+    heights = [max(1.0, n_lines / LEGEND_LINES), *[1.0] * (len(plots) - 1)]
+    return rrb.Vertical(*views, name=name, row_shares=heights)
