@@ -18,7 +18,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from omni_mj.simulation.log import channels
+from omni_mj.simulation.log import channel_columns
 from omni_mj.studies.robot_facts import load_robot
 from omni_mj.viz import catalog
 
@@ -211,7 +211,7 @@ def robots() -> str:
 
 def columns() -> str:
     """Return a table of the columns of trajectory.parquet, for a robot with four wheels."""
-    declared = channels(4)
+    declared = channel_columns(4)
     if declared.keys() != CHANNEL_MEANINGS.keys():
         raise ValueError(
             f"CHANNEL_MEANINGS and the log differ: {declared.keys() ^ CHANNEL_MEANINGS.keys()}"

@@ -15,7 +15,7 @@ PARTIAL = ".partial"  # after the name of a file that is being written
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[BinaryIO]:
+def open_atomic(path: Path) -> Iterator[BinaryIO]:
     """Give a file to write to, which takes the place of `path` once all of it is on the disk.
 
     Raises:
@@ -37,13 +37,13 @@ def whole(path: Path) -> Iterator[BinaryIO]:
             partial.unlink(missing_ok=True)
 
 
-def write(path: Path, content: str) -> None:
+def write_text(path: Path, content: str) -> None:
     """Write a text to a file that appears whole or not at all.
 
     Raises:
-        OSError: see `whole`.
+        OSError: see `open_atomic`.
     """
-    with whole(path) as file:
+    with open_atomic(path) as file:
         file.write(content.encode())
 
 
@@ -64,7 +64,7 @@ def read_json(path: Path) -> dict[str, Any]:
     return found
 
 
-def check_room(folder: Path, needed_b: float) -> None:
+def check_disk_space(folder: Path, needed_b: float) -> None:
     """See that what can be done without leaves room for what cannot, so many bytes, on the disk of a folder.
 
     Raises:

@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from omni_control.errors import OmniError, to_printable
-from omni_mj.files import whole
+from omni_mj.files import open_atomic
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 # Of a file that is written in parts, of which some things stay in memory until the end
-GROUP_ROWS = 20_000
+ROWS_PER_GROUP = 20_000
 
 
-def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
+def read_table(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
     """The table in a file.
 
     Args:
@@ -38,17 +38,20 @@ def read(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
         return table.read(None if columns is None else list(columns), use_threads=False)
 
 
-def write(tables: "Iterable[pa.Table]", path: Path) -> None:
+def write_tables(tables: "Iterable[pa.Table]", path: Path) -> None:
     """Write tables with the same columns, at least one, one after the other to a file that appears whole or not at all.
 
     Raises:
-        OSError: see `omni_mj.files.whole`.
+        OSError: see `omni_mj.files.open_atomic`.
     """
     import pyarrow.parquet as pq
 
     parts = iter(tables)
     first = next(parts)
-    with whole(path) as file, pq.ParquetWriter(file, first.schema, compression="zstd") as writer:
+    with (
+        open_atomic(path) as file,
+        pq.ParquetWriter(file, first.schema, compression="zstd") as writer,
+    ):
         for each in chain([first], parts):
             writer.write_table(each)
 

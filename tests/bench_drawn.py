@@ -18,7 +18,7 @@ import numpy as np
 
 import omni_mj as om
 from omni_mj.config.robot_files import builtin as robots
-from omni_mj.results.result_tables import Table, text
+from omni_mj.results.result_tables import Table, format_table
 
 SUBJECT = "adaptive-comp-flc"
 CONTROLLERS = (SUBJECT, "comp-flc", "comp-flc-lag")
@@ -101,7 +101,7 @@ def ahead(entries: dict[str, Any]) -> Iterator[list[str]]:
                 for entry in entries.values()
             ]
             ratio = np.array([np.inf if pair["ratio"] is None else pair["ratio"] for pair in pairs])
-            sure = np.array([bool(pair["beyond_chance"]) for pair in pairs])
+            sure = np.array([bool(pair["significant"]) for pair in pairs])
             counts = [
                 (side & certain).sum()
                 for side in (ratio < 1, ratio >= 1)
@@ -116,7 +116,7 @@ def headings(entries: dict[str, Any]) -> Iterator[list[str]]:
     parts = dict[str, list[list[float]]]()
     for entry in entries.values():
         results = entry["results"]
-        slides = results[SUBJECT]["why"]["sliding_share"]["max"] > SLIDES
+        slides = results[SUBJECT]["saturation"]["sliding_fraction"]["max"] > SLIDES
         part = (
             "beyond friction"
             if "beyond" in entry["description"]
@@ -158,10 +158,12 @@ def main() -> None:
         "most",
     ]
     print(
-        text(Table(f"{SUBJECT}, means over seeds, over those of", columns, list(ahead(entries)), 1))
+        format_table(
+            Table(f"{SUBJECT}, means over seeds, over those of", columns, list(ahead(entries)), 1)
+        )
     )
     title = f"headings beyond {HEADING_DEG:g} degrees in a seed, and median of the greatest"
-    print(text(Table(title, ["", "scenarios", *CONTROLLERS], list(headings(entries)), 1)))
+    print(format_table(Table(title, ["", "scenarios", *CONTROLLERS], list(headings(entries)), 1)))
 
 
 if __name__ == "__main__":

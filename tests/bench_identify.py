@@ -25,7 +25,7 @@ from omni_mj.config.rows import Row
 from omni_mj.config.scenario import load_scenario
 from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
 from omni_mj.config.team_model import creep
-from omni_mj.results.result_tables import DASH, Table, text
+from omni_mj.results.result_tables import DASH, Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies import run_scenario
 from omni_mj.studies.identify import (
@@ -263,7 +263,7 @@ def main() -> None:
             table = measured(options.runs, Path(name))
         else:
             table = coverage(options.logs, options.folder or Path(name))
-    print(text(table))
+    print(format_table(table))
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ from omni_mj.config import scenario
 from omni_mj.config.robot_files import builtin as builtin_robots
 from omni_mj.config.toml_files import builtin as builtin_scenarios
 from omni_mj.results.metrics import row_metrics
-from omni_mj.results.statistics import confidence
+from omni_mj.results.statistics import confidence_interval
 from omni_mj.simulation.simulation import Simulation
 
 CONTROLLERS = "comp-flc", "adaptive-comp-flc", "lqr"
@@ -85,7 +85,7 @@ class Runs:
         for failure in simulation.failures:
             print(f"    {plant}: {failure}", flush=True)
         for row, distance, slides in zip(
-            simulation.rows, measured["distance_rms_m"], measured["sliding_share"], strict=True
+            simulation.rows, measured["position_rms_m"], measured["sliding_fraction"], strict=True
         ):
             run, values = (*cell, plant, row.controller, row.seed), (float(distance), float(slides))
             self.found[run] = values
@@ -179,7 +179,7 @@ def _said(difference: tuple[float, float]) -> str:
 
 def ratio(one: Array, other: Array) -> tuple[float, float]:
     """By how many per cent one is larger than the other, by the mean of logarithms, and half the interval of that."""
-    mean, half = confidence(np.log(one / other))
+    mean, half = confidence_interval(np.log(one / other))
     return float(100 * np.expm1(mean)), float(100 * np.expm1(half))
 
 

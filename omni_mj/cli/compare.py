@@ -59,7 +59,7 @@ def command(
     Without --controller all that are installed are compared.
     """
     from omni_control.controllers import list_available_controllers
-    from omni_mj.files import write
+    from omni_mj.files import write_text
     from omni_mj.studies import compare
     from omni_mj.studies.compare import compare_figure, compare_table
 
@@ -73,9 +73,9 @@ def command(
     folder = output_folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
 
     def save(result: "Result") -> None:
-        result.repeat = console.command_line()
+        result.repeat_command = console.command_line()
         result.save_summary(folder)
-        write(folder / "compare.md", compare_table.to_markdown(result.summary()))
+        write_text(folder / "compare.md", compare_table.to_markdown(result.summary()))
 
     with (
         console.writing(folder),

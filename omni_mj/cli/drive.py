@@ -150,7 +150,7 @@ def _drive(
     viewers: list[str],
     quiet: bool,
 ) -> None:
-    from omni_mj.files import write
+    from omni_mj.files import write_text
     from omni_mj.live import latency_fit, session
 
     def show(text: str) -> None:
@@ -168,7 +168,7 @@ def _drive(
                 live, folder, outputs.record, viewers, interrupts, quiet, "drive"
             )
     summary = latency_fit.summarize(live)
-    write(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    write_text(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     run_command.shown(result, folder, outputs.draw, quiet)
     show("\n".join([*latency_fit.describe(summary), *link.vision.describe()]))
     run_command.ended(result, folder, interrupts)

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.files import write
+from omni_mj.files import write_text
 
 ENDINGS = {"scenario": ".toml", "controller": ".py", "robot": ".toml"}
 DRIVE = {
@@ -44,7 +44,7 @@ def command(kind: str, name: str, overwrite: bool) -> None:
             resolve({}, robot_files.DEFAULT), robot_files.sections(robot_files.DEFAULT)
         )
     try:
-        write(path, text)
+        write_text(path, text)
     except OSError as error:
         raise OmniError(f"cannot write {path}: {error.strerror}") from None
     print(f"wrote {path}; drive it: omni-mj run {DRIVE[kind].format(path=path, name=class_name)}")

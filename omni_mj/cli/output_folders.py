@@ -77,11 +77,11 @@ def begin_record(
 ) -> None:
     """Write what is about to be run, and a summary of nothing done, which a killed run leaves.
 
-    Args and errors: see `omni_mj.results.provenance.save`.
+    Args and errors: see `omni_mj.results.provenance.save_provenance`.
     """
     from omni_mj.results import provenance
     from omni_mj.results.result import Outcome, Result
 
-    provenance.save(folder, study, command, scenarios, frames)
+    provenance.save_provenance(folder, study, command, scenarios, frames)
     outcomes = [Outcome.not_run(scenario) for scenario in scenarios]
     Result(outcomes, scenarios[0].labels, seeds=scenarios[0].seed_list).save_summary(folder)

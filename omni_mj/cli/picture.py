@@ -43,7 +43,7 @@ def command(
     """
     from rerun.experimental import ViewerClient
 
-    from omni_mj.files import whole
+    from omni_mj.files import open_atomic
     from omni_mj.viz.recording.viewer import Viewer
 
     # From its standard input a viewer loads all of a recording; of a file that it opens, only what
@@ -58,7 +58,7 @@ def command(
         ) from None
     finally:
         viewer.stop()
-    with whole(out) as file:
+    with open_atomic(out) as file:
         file.write(image)
 
 

@@ -95,14 +95,14 @@ def recorded(
         quiet: whether to show nothing while it runs.
         study: the command's name.
     """
-    from omni_mj.files import write
+    from omni_mj.files import write_text
     from omni_mj.studies import run_scenario
     from omni_mj.studies.study_runner import count_frames, run_simulation
 
     console.quiet_mujoco()
     scenario = simulation.scenario
     output_folders.begin_record(folder, study, console.command_line(), [scenario])
-    write(folder / "scenario.toml", scenario.to_toml())
+    write_text(folder / "scenario.toml", scenario.to_toml())
     targets: list[Path | str] = [*shown_by, *[folder / "recording.rrd"] * record]
     with ExitStack() as stack:
         recordings: list[Any] = []
@@ -127,7 +127,7 @@ def recorded(
         result = run_scenario.build_result(simulation, outcome)
         allow_code = ["--allow-code"] * scenario.has_code
         words = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml"), *allow_code]
-        result.repeat = shlex.join(words) if study == "run" else console.command_line()
+        result.repeat_command = shlex.join(words) if study == "run" else console.command_line()
         result.save_files(folder)
     return result
 
@@ -167,13 +167,18 @@ def viewers(view: bool, connect: str | None) -> list[str]:
 
 def _print_tables(result: "Result") -> None:
     """Print the tables, and what happened."""
-    from omni_mj.results.result_tables import recovery_table, table, text, why_table
+    from omni_mj.results.result_tables import (
+        format_table,
+        recovery_table,
+        results_table,
+        saturation_table,
+    )
 
     summary = result.summary()
     if result.outcomes[0].entry["results"]:
-        for each in (table(summary), why_table(summary), recovery_table(summary)):
+        for each in (results_table(summary), saturation_table(summary), recovery_table(summary)):
             if each:
-                print(text(each), end="\n\n")
+                print(format_table(each), end="\n\n")
         console.print_events(result.outcomes[0].entry)
 
 
@@ -191,6 +196,6 @@ def _print_files(result: "Result", folder: Path) -> None:
     ):
         if (folder / name).exists():
             print(f"  {what:10} {folder / name}")
-    print(f"  repeat     {result.repeat}")
+    print(f"  repeat     {result.repeat_command}")
     if (folder / "recording.rrd").exists():
         print(f"  recording  rerun {folder / 'recording.rrd'}")

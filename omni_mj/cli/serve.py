@@ -69,7 +69,7 @@ def command(
     **values: Any,
 ) -> None:
     """Simulate robots for software that speaks the league's protocols."""
-    from omni_mj.files import write
+    from omni_mj.files import write_text
     from omni_mj.live.serve import initial_setup
     from omni_mj.live.serve.served_world import Pitch
     from omni_mj.live.serve.server import Server
@@ -98,8 +98,8 @@ def command(
         if folder is not None:
             stack.enter_context(console.writing(folder))
             # First of all, since by it --overwrite knows the folder for ours.
-            provenance.save(folder, "serve", console.command_line(), [scenario])
-            write(folder / "scenario.toml", scenario.to_toml())
+            provenance.save_provenance(folder, "serve", console.command_line(), [scenario])
+            write_text(folder / "scenario.toml", scenario.to_toml())
             if values["record"]:
                 targets.append(folder / "recording.rrd")
         _record(stack, server, folder, targets)

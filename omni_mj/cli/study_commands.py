@@ -70,7 +70,9 @@ def identify(
     folder = output_folders.prepare(out, "identify", outputs, overwrite)
     with console.writing(folder):
         result.save(folder)
-        provenance.save(folder, "identify", console.command_line(), [result.start], frames=False)
+        provenance.save_provenance(
+            folder, "identify", console.command_line(), [result.start], frames=False
+        )
     if not quiet:
         print(result.table())
         print(console.results(folder, outputs))
@@ -210,7 +212,7 @@ def _run(
     ):
         output_folders.begin_record(folder, name, command, chosen, frames=name == "limit")
         result = measure(lambda *what: console.checked(interrupts.check, begin(*what)))
-        result.repeat = command
+        result.repeat_command = command
     with console.writing(folder):
         result.save_files(folder)
         if result.table():

@@ -121,6 +121,6 @@ def _run(plan: "SweepPlan", folder: Path, quiet: bool, **how: Any) -> None:
             sweep_figure.save_sweep_figure(result, folder / "sweep.png")
             if not quiet:
                 print(sweep_table.format_sweep_tables(result))
-                print(f"repeat the worst: {result.summary['worst'][0]['repeat']}")
+                print(f"repeat the worst: {result.summary['worst'][0]['repeat_command']}")
                 print(f"{done} done; {console.results(folder, OUTPUTS)}")
     interrupts.end(result.stopped, f"{done} in {folder}; the same with --out {folder} goes on")

@@ -19,7 +19,7 @@ from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, Settings
 from omni_mj.gym import observations
-from omni_mj.simulation.simulation import Simulation, alike
+from omni_mj.simulation.simulation import Simulation, batch_key
 
 ARM_M = 0.09  # the league's largest radius of a robot: so far its hull is off per radian of heading
 LOST_M = 1.0
@@ -200,7 +200,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
                 self._random[i] = random = seeding.np_random(seed)[0]
             numbers[i] = seed = int(random.integers(LAST_SEED)) if seed is None else seed
             own = self.scenario.settings_of(seed)
-            group = groups.setdefault(alike(self.scenario.plant, own), {})
+            group = groups.setdefault(batch_key(self.scenario.plant, own), {})
             group[i] = Row(
                 len(group), 0, ExternalController.__name__, seed, own, self.scenario.robot
             )

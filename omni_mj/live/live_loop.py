@@ -16,7 +16,7 @@ from omni_mj.live.frame_clock import LOST_S, SILENT_S, Link
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import Plant, Telemetry
 from omni_mj.simulation.log import Log
-from omni_mj.simulation.simulation import Exchange, See, Simulation
+from omni_mj.simulation.simulation import CameraModel, RadioModel, Simulation
 
 SILENT_FRAMES, LOST_FRAMES = round(SILENT_S * FRAME_RATE_HZ), round(LOST_S * FRAME_RATE_HZ)
 MEMORY_FRAMES = 64  # of turn rates in flight: more than a second
@@ -153,7 +153,7 @@ class Live(Simulation):
         for _ in range(3):
             self._radio.send([Command(number, 0.0, 0.0, 0.0, 0.0) for number in self.ids])
 
-    def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
+    def _robots(self, start: Array) -> tuple[Plant, CameraModel, RadioModel]:
         self._plant = LivePlant(self.rows, start, driven=True)
         settings = [row.settings for row in self.rows]
         latency = [

@@ -32,14 +32,14 @@ class Event:
     slot: int = 0
 
 
-def find(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
+def find_events(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
     """Return the events of all rows in order of time."""
     failures = list(failures)
-    found = [event for row in range(len(log.rows)) for event in of_row(log, row, failures)]
+    found = [event for row in range(len(log.rows)) for event in row_events(log, row, failures)]
     return sorted(found, key=lambda event: (event.frame, event.kind != STOPPED))
 
 
-def of_row(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event]:
+def row_events(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event]:
     """Return all events of a row in order of time: while its log grows, those before stay the same."""
     whose = log.rows[row]
     stopped = [

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 AXES = (
     "x",
     "y",
-    "distance",
-    "along",
-    "across",
+    "position",
+    "along_track",
+    "cross_track",
     "heading",
 )  # distance: in the plane; along and across: the path
 UNITS = dict.fromkeys(AXES, "m") | {"heading": "rad"}
@@ -31,7 +31,7 @@ STILL_M = 1e-6
 PEAKS = {
     "peak_voltage_v": "voltage_peak",
     "peak_current_a": "current_peak",
-    "peak_winding_c": "winding",
+    "peak_winding_temperature_c": "winding",
 }
 ALPHA_AXES = ("x", "y")
 ALPHA_WINDOW_FRAMES = 15  # 0.25 s
@@ -40,7 +40,7 @@ ALPHA_START_FRAMES = 9
 ALPHA_MIN_SPEED_M_S = 0.1  # below this mean commanded speed a window's ratio is mostly noise
 ALPHA_PERCENTILES = (5, 50, 95)
 SETTLED_M = 0.01
-AFTER_S, NEAR_M = (
+RECOVERY_WINDOW_S, RECOVERED_M = (
     2.0,
     0.02,
 )  # how long recovery from a fault is watched after it; what counts as recovered
@@ -50,15 +50,15 @@ EXCURSION, RECOVERY = "excursion_m", "recovery_s"
 def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array]:
     """Each row in single numbers, name -> (n,).
 
-    `x_max_m`, `distance_mean_m`, `across_p99_m`, `heading_rms_rad` and the like, `effort_m_s2`,
+    `x_max_m`, `position_mean_m`, `cross_track_p99_m`, `heading_rms_rad` and the like, `effort_m_s2`,
     `excess_effort_m_s2`, `settle_s`, the peaks, the shares of `causes`, `fault_1_excursion_m` and
     `fault_1_recovery_s`. A row that failed has errors, efforts and a time to settle without bound,
     so that no average gets better by failing; its peaks and its shares are not comparable: not a
     number, as for a row without any frame.
     """
-    error, failed = errors(log), [failure.row for failure in failures]
+    error, failed = tracking_errors(log), [failure.row for failure in failures]
     found = _statistics(error, log.lengths)
-    reference, distance = log.channel("ref"), error["distance"]
+    reference, distance = log.channel("ref"), error["position"]
     effort = _effort_square(log.channel("command")[..., :2])
     found["effort_m_s2"] = np.sqrt(effort)
     found["excess_effort_m_s2"] = np.sqrt(
@@ -68,34 +68,34 @@ def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array
     unbounded = set(found)
     for name, channel in PEAKS.items():
         found[name] = np.fmax.reduce(log.channel(channel), axis=(0, 2), initial=np.nan)
-    found |= saturation.shares(log)
+    found |= saturation.saturation_metrics(log)
     for name, values in found.items():
         values[log.lengths == 0] = np.nan
         values[failed] = np.inf if name in unbounded else np.nan
     return found | _recoveries(log.rows, distance, failed)
 
 
-def errors(log: Log) -> dict[str, Array]:
+def tracking_errors(log: Log) -> dict[str, Array]:
     """Absolute difference between the true pose and the timed reference, axis of `AXES` -> (frames, n) m or rad.
 
-    Distance is that in the plane; along is the part of it in the direction of `travel`, across the
+    Distance is that in the plane; along is the part of it in the direction of `travel_direction`, across the
     part to the left of that; headings that differ by full turns are equal. Not a number where a row
     has no frame.
     """
     reference = log.channel("ref")
     x, y, turn = np.moveaxis(log.channel("pose") - reference, -1, 0)
-    cosine, sine = np.moveaxis(travel(reference[..., :2]), -1, 0)
+    cosine, sine = np.moveaxis(travel_direction(reference[..., :2]), -1, 0)
     return {
         "x": np.abs(x),
         "y": np.abs(y),
-        "distance": np.hypot(x, y),
-        "along": np.abs(cosine * x + sine * y),
-        "across": np.abs(cosine * y - sine * x),
+        "position": np.hypot(x, y),
+        "along_track": np.abs(cosine * x + sine * y),
+        "cross_track": np.abs(cosine * y - sine * x),
         "heading": np.abs(wrap_angle(turn)),
     }
 
 
-def travel(reference: Array) -> Array:
+def travel_direction(reference: Array) -> Array:
     """The direction in which timed references travel: from the frame before to the frame after.
 
     At rest it is the last direction, before the first move that of the first, and x where there is
@@ -202,14 +202,14 @@ def _recoveries(rows: Sequence[Row], distance: Array, failed: Collection[int]) -
     for k, row in enumerate(rows):
         for i, fault in enumerate(row.settings.fault, start=1):
             first, end = span(fault)
-            stop = min(end + AFTER_S * FRAME_RATE_HZ, len(distance))
+            stop = min(end + RECOVERY_WINDOW_S * FRAME_RATE_HZ, len(distance))
             error = distance[int(min(first, stop)) : int(stop), k]
             error = error[~np.isnan(error)]
             if not fault.concerns(row.slot) or not (error.size or k in failed):
                 continue
             excursion, recovery = np.inf, np.inf
             if k not in failed:
-                excursion, far = error.max(), np.flatnonzero(error >= NEAR_M)
+                excursion, far = error.max(), np.flatnonzero(error >= RECOVERED_M)
                 if not far.size or far[-1] + 1 < error.size:
                     recovery = (far[-1] + 1) * PERIOD_S if far.size else 0.0
             found[f"fault_{i}_{EXCURSION}"][k], found[f"fault_{i}_{RECOVERY}"][k] = (

@@ -23,7 +23,7 @@ ON_WHEELS = ("carpet", "drive", "motor", "battery", "body", "wheels")
 PLANT_PARTS = {"kinematic": ("kinematic",), "mujoco": ON_WHEELS, "planar": ON_WHEELS}
 
 
-def table(scenario: Scenario) -> Table | None:
+def find_paper_table(scenario: Scenario) -> Table | None:
     """The paper's table that reports what `scenario` runs; None where that is not the paper's experiment."""
     if scenario.paper_table not in TABLES or scenario.plant == "live":
         return None

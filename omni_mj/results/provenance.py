@@ -17,9 +17,9 @@ import omni_control
 from omni_control.controllers import CONTROLLERS, get_parameters
 from omni_mj.config import plugins, robot_files
 from omni_mj.config.scenario import Scenario
-from omni_mj.files import write
+from omni_mj.files import write_text
 from omni_mj.mjcf.model_files import read_model_files
-from omni_mj.results.summary import versions
+from omni_mj.results.summary import package_versions
 
 FORMAT = 1
 FILE, SOURCES = "provenance.json", "sources"
@@ -28,7 +28,7 @@ GIT_S = 5.0  # that git may take, s
 _PACKAGE = Path(__file__).parents[1]
 
 
-def save(
+def save_provenance(
     folder: Path,
     study: str,
     command: str | None,
@@ -53,25 +53,25 @@ def save(
         "study": study,
         "command": command,
         "began": datetime.now(UTC).isoformat(timespec="seconds"),
-        "frames_kept": frames,
+        "frames_saved": frames,
         "scenarios": {scenario.name: _describe(scenario, files) for scenario in scenarios},
-        **environment(),
+        **describe_environment(),
     }
     # First of all, since by this file --overwrite knows the folder of a run.
-    write(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+    write_text(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
     for place, data in files.items():
         path = folder / place
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
 
 
-def environment() -> dict[str, Any]:
+def describe_environment() -> dict[str, Any]:
     """Return versions, a digest of the packages' source, the commit, the processor."""
     cpu = Path("/proc/cpuinfo")  # Python leaves the processor's name out on Linux
     text = cpu.read_text(encoding="utf-8", errors="replace") if cpu.exists() else ""
     name = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
     return {
-        "versions": versions(),
+        "versions": package_versions(),
         "source": source_digest(),
         "git": _commit(),
         "machine": {
@@ -81,7 +81,7 @@ def environment() -> dict[str, Any]:
     }
 
 
-def digest(data: bytes) -> str:
+def sha256(data: bytes) -> str:
     """Return the SHA-256 of data, in hexadecimal digits."""
     return hashlib.sha256(data).hexdigest()
 
@@ -89,12 +89,12 @@ def digest(data: bytes) -> str:
 def source_digest() -> str:
     """Return a digest of names and contents of the packages' files and of the models."""
     folders = _PACKAGE, Path(omni_control.__file__).parent, robot_files.models()
-    return digest("".join(line for folder in folders for line in _digests(folder)).encode())
+    return sha256("".join(line for folder in folders for line in _digests(folder)).encode())
 
 
 def _digests(folder: Path) -> Iterator[str]:
     for path in sorted(path for path in folder.rglob("*") if path.suffix in SUFFIXES):
-        yield f"{digest(path.read_bytes())} {path.relative_to(folder).as_posix()}\n"
+        yield f"{sha256(path.read_bytes())} {path.relative_to(folder).as_posix()}\n"
 
 
 def _commit() -> str | None:
@@ -133,7 +133,7 @@ def _describe(scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
         try:
             found = read_model_files(Path(name))
         except (OSError, ValueError) as error:
-            entry["model"]["why"] = f"could not be copied: {error}"
+            entry["model"]["reason"] = f"could not be copied: {error}"
         else:
             model, *parts = _copy(files, {f"model/{part}": data for part, data in found.items()})
             entry["model"] |= model | {"parts": parts}
@@ -153,7 +153,7 @@ def _class(kind: plugins.Kind, files: dict[str, bytes]) -> dict[str, Any]:
     entry = {"name": plugins.label(kind), "class": name}
     is_main = isinstance(kind, type) and kind.__module__ == "__main__"
     if is_main or "." in name or not Path(file).is_file():
-        return entry | {"why": "is not defined at the top level of a file that can be imported"}
+        return entry | {"reason": "is not defined at the top level of a file that can be imported"}
     (copy,) = _copy(files, {Path(file).name: Path(file).read_bytes()})
     return entry | copy
 
@@ -164,4 +164,4 @@ def _copy(files: dict[str, bytes], own: Mapping[str, bytes]) -> list[dict[str, s
     while any(files.get(f"{folder}/{name}", data) != data for name, data in own.items()):
         folder += "/other"  # there are other files of these names
     files |= {f"{folder}/{name}": data for name, data in own.items()}
-    return [{"file": f"{folder}/{name}", "sha256": digest(data)} for name, data in own.items()]
+    return [{"file": f"{folder}/{name}", "sha256": sha256(data)} for name, data in own.items()]

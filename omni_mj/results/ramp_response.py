@@ -38,7 +38,7 @@ REST_S = 0.75  # after the drive, for what is late
 
 
 @dataclass(frozen=True)
-class Profile:
+class RampProfile:
     """A drive: from rest to a speed, on at that speed, and back to rest.
 
     Args:
@@ -70,28 +70,30 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class Response:
+class RampResponse:
     """What was measured of drives, each an array of the same shape.
 
     Attributes:
-        steady: gain while cruising.
-        speeding_up: gain while speeding up.
+        steady_gain: gain while cruising.
+        acceleration_gain: gain while speeding up.
         lag_s: s.
     """
 
-    steady: Array
-    speeding_up: Array
+    steady_gain: Array
+    acceleration_gain: Array
     lag_s: Array
 
-    def at(self, index: int | slice | tuple[int, ...]) -> "Response":
+    def at(self, index: int | slice | tuple[int, ...]) -> "RampResponse":
         """A part of it."""
-        return Response(self.steady[index], self.speeding_up[index], self.lag_s[index])
+        return RampResponse(
+            self.steady_gain[index], self.acceleration_gain[index], self.lag_s[index]
+        )
 
 
-NAMES = tuple(Response.__dataclass_fields__)
+RESPONSE_FIELDS = tuple(RampResponse.__dataclass_fields__)
 
 
-def measure(profile: Profile, travelled: Array) -> Response:
+def measure_ramp_response(profile: RampProfile, travelled: Array) -> RampResponse:
     """Find the response of n robots that drove one profile.
 
     Args:
@@ -108,4 +110,4 @@ def measure(profile: Profile, travelled: Array) -> Response:
     wanted = command[ramp] - command[ramp].mean()
     speeds = np.diff(way, axis=0)[ramp] / PERIOD_S
     slope = np.einsum("f,fn->n", wanted, speeds) / (wanted @ wanted)
-    return Response(gain, slope, (late + over) / (2 * gain * profile.speed_m_s))
+    return RampResponse(gain, slope, (late + over) / (2 * gain * profile.speed_m_s))

@@ -12,9 +12,9 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
-from omni_mj.files import write
+from omni_mj.files import write_text
 from omni_mj.results import summary
-from omni_mj.results.result_tables import table, text
+from omni_mj.results.result_tables import format_table, results_table
 from omni_mj.simulation.log import Log
 
 if TYPE_CHECKING:
@@ -32,23 +32,23 @@ class Outcome:
         entry: what the summary says of it.
         rows: the robots that were run.
         failures: those that were stopped before their end, and why.
-        measured: numbers of each row, name -> (n,).
+        metrics: numbers of each row, name -> (n,).
         log: all that was recorded, where it was kept.
-        drawn: what sets the rows' robots apart, name -> (n,).
+        drawn_parameters: what sets the rows' robots apart, name -> (n,).
     """
 
     scenario: Scenario
     entry: summary.Entry
     rows: Sequence[Row] = ()
     failures: "Sequence[Failure]" = ()
-    measured: Mapping[str, np.ndarray] = field(default_factory=dict)
+    metrics: Mapping[str, np.ndarray] = field(default_factory=dict)
     log: Log | None = None
-    drawn: Mapping[str, np.ndarray] = field(default_factory=dict)
+    drawn_parameters: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def not_run(cls, scenario: Scenario, reason: str | None = None) -> "Outcome":
         """That of a scenario that has not been run, or that for a `reason` cannot be."""
-        entry = summary.nothing_run(scenario)
+        entry = summary.empty_entry(scenario)
         return cls(scenario, entry | {"status": "failed", "reason": reason} if reason else entry)
 
 
@@ -59,26 +59,26 @@ class Result:
     Attributes:
         outcomes: of each scenario, in the order in which they are run.
         controllers: labels of those that were compared.
-        informed: those of them that are given the true state, and are no competitors.
+        privileged: those of them that are given the true state, and are no competitors.
         seeds: of the random numbers.
         subject: the controller of which verdicts were asked for, or None.
         created: when the study began, ISO 8601.
         wall_s: how long it took, s.
         stopped: why it ended before its time, or None; the summary of one that is not complete
             without a reason says that it goes on, or was killed.
-        repeat: the command line that gives the same, where there is one.
+        repeat_command: the command line that gives the same, where there is one.
         complete: whether all that was asked for has been done.
     """
 
     outcomes: list[Outcome]
     controllers: Sequence[str] = ()
-    informed: Sequence[str] = ()
+    privileged: Sequence[str] = ()
     seeds: Sequence[int] = ()
     subject: str | None = None
     created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
     wall_s: float = 0.0
     stopped: str | None = None
-    repeat: str | None = None
+    repeat_command: str | None = None
     complete: bool = False
 
     @property
@@ -97,22 +97,22 @@ class Result:
             "complete",
             "stopped",
             "wall_s",
-            "repeat",
+            "repeat_command",
             "controllers",
-            "informed",
+            "privileged",
             "seeds",
         )
         head = {name: getattr(self, name) for name in (*names, "subject")}
-        head |= {name: list(head[name]) for name in ("controllers", "informed", "seeds")}
+        head |= {name: list(head[name]) for name in ("controllers", "privileged", "seeds")}
         head |= {"stopped": None if self.complete else self.stopped or summary.UNFINISHED}
         head |= {"wall_s": round(self.wall_s, 3)}
-        return summary.document(
+        return summary.build_summary(
             {outcome.scenario.name: outcome.entry for outcome in self.outcomes}, head
         )
 
     def table(self) -> str:
         """The controllers' errors, effort and time to settle, as lines of text."""
-        return text(table(self.summary()))
+        return format_table(results_table(self.summary()))
 
     def frames(self) -> "pa.Table":
         """Everything that was recorded: one line per row and frame, after the scenario's name if there are several.
@@ -168,7 +168,7 @@ class Result:
         study = type(self).__name__.removesuffix("Result").lower()
         study = study or ("compare" if len(self.outcomes) > 1 else "run")
         kept = all(outcome.log is not None for outcome in self.outcomes)
-        provenance.save(
+        provenance.save_provenance(
             Path(folder), study, None, [outcome.scenario for outcome in self.outcomes], kept
         )
 
@@ -181,14 +181,16 @@ class Result:
     def save_summary(self, folder: Path) -> None:
         """Write summary.json: strict JSON, in which nothing is not a number."""
         folder.mkdir(parents=True, exist_ok=True)
-        write(folder / "summary.json", json.dumps(self.summary(), indent=2, allow_nan=False) + "\n")
+        write_text(
+            folder / "summary.json", json.dumps(self.summary(), indent=2, allow_nan=False) + "\n"
+        )
 
     def save_outcome(self, outcome: Outcome, folder: Path) -> None:
         """Write a scenario as it was run and, where they were kept, its frames."""
         name, several = outcome.scenario.name, len(self.outcomes) > 1
         scenario = folder / "scenarios" / f"{name}.toml" if several else folder / "scenario.toml"
         scenario.parent.mkdir(parents=True, exist_ok=True)
-        write(scenario, outcome.scenario.to_toml())
+        write_text(scenario, outcome.scenario.to_toml())
         if outcome.log and outcome.log.lengths.any():
             frames = (
                 folder / "trajectories" / f"{name}.parquet"
@@ -203,7 +205,7 @@ def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
     """Yield a row's name, failure, settings and numbers, row by row."""
     failures = {failure.row: failure for failure in outcome.failures}
     settings = {id(row.settings): row.settings for row in outcome.rows}  # rows share them
-    plain = {key: dict(summary.flat(value.plain())) for key, value in settings.items()}
+    plain = {key: dict(summary.flatten(value.plain())) for key, value in settings.items()}
     for i, row in enumerate(outcome.rows):
         failure = failures.get(i)
         yield {
@@ -217,5 +219,8 @@ def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
                 name: json.dumps(value) if isinstance(value, list | tuple) else value
                 for name, value in plain[id(row.settings)].items()
             },
-            **{name: values[i] for name, values in {**outcome.measured, **outcome.drawn}.items()},
+            **{
+                name: values[i]
+                for name, values in {**outcome.metrics, **outcome.drawn_parameters}.items()
+            },
         }

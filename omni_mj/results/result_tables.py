@@ -6,15 +6,15 @@ from math import degrees
 from pathlib import Path
 from typing import Any
 
-from omni_mj.results.metrics import AFTER_S, EXCURSION, NEAR_M, RECOVERY
-from omni_mj.results.saturation import DUTY, NAMES
-from omni_mj.results.statistics import Spread
+from omni_mj.results.metrics import EXCURSION, RECOVERED_M, RECOVERY, RECOVERY_WINDOW_S
+from omni_mj.results.saturation import DUTY, METRIC_LABELS
+from omni_mj.results.statistics import SeedStatistics
 
 DASH = "\N{EN DASH}"
 PAPER = "paper's "  # before the names of controllers whose numbers the paper reports
 COLUMNS = {"x": ("x, cm", "error_m", 100.0), "y": ("y, cm", "error_m", 100.0)}
 COLUMNS |= {
-    "distance": ("plane, cm", "error_m", 100.0),
+    "position": ("plane, cm", "error_m", 100.0),
     "heading": ("heading, °", "error_rad", degrees(1)),
 }
 EFFORT = "excess, m/s²"  # effort above what the reference needs: one scale for all scenarios
@@ -32,7 +32,7 @@ class Table:
     left: int
 
 
-def table(summary: Summary) -> Table:
+def results_table(summary: Summary) -> Table:
     """The table of a summary: errors as maximum/mean, effort, time to settle, and the change against the first.
 
     A number is that of the one seed, or the median over the seeds. What the paper has follows the
@@ -51,34 +51,41 @@ def table(summary: Summary) -> Table:
         for i, line in enumerate([*_lines(summary, entry), *_paper_lines(entry)]):
             rows.append(["" if i else name] * several + line)
     name = "Controllers compared" if several else next(iter(summary["scenarios"]))
-    places = " and ".join(dict.fromkeys(where(entry) for entry in summary["scenarios"].values()))
-    return Table(f"{name}, {places}{over(summary)}; maximum/mean", headings, rows, 1 + several)
+    places = " and ".join(
+        dict.fromkeys(describe_plant(entry) for entry in summary["scenarios"].values())
+    )
+    return Table(
+        f"{name}, {places}{describe_seeds(summary)}; maximum/mean", headings, rows, 1 + several
+    )
 
 
-def why_table(summary: Summary) -> Table | None:
+def saturation_table(summary: Summary) -> Table | None:
     """Each controller's shares in per cent, beside its error; None where all are small, or for several scenarios."""
     entries = [entry for entry in summary["scenarios"].values() if entry["results"]]
     if len(entries) != 1:
         return None
     results = entries[0]["results"]
     met = {
-        name: max(result["why"][name]["median"] or 0.0 for result in results.values())
-        for name in NAMES
+        name: max(result["saturation"][name]["median"] or 0.0 for result in results.values())
+        for name in METRIC_LABELS
     }
-    if max(met[name] for name in NAMES if name != DUTY) < WORTH:
+    if max(met[name] for name in METRIC_LABELS if name != DUTY) < WORTH:
         return None
-    shown = [name for name in NAMES if met[name] > 0]
+    shown = [name for name in METRIC_LABELS if met[name] > 0]
     rows = [
         [
-            label(summary, controller, result),
-            _both(result["error_m"]["distance"], 100),
-            *(number(result["why"][name]["median"], 100, 1) for name in shown),
+            controller_label(summary, controller, result),
+            _both(result["error_m"]["position"], 100),
+            *(format_number(result["saturation"][name]["median"], 100, 1) for name in shown),
         ]
         for controller, result in results.items()
     ]
-    title = f"why{over(summary)}: shares of the frames, and mean duty"
+    title = f"why{describe_seeds(summary)}: shares of the frames, and mean duty"
     return Table(
-        title, ["controller", "plane, cm", *(f"{NAMES[name]}, %" for name in shown)], rows, 1
+        title,
+        ["controller", "plane, cm", *(f"{METRIC_LABELS[name]}, %" for name in shown)],
+        rows,
+        1,
     )
 
 
@@ -90,15 +97,22 @@ def recovery_table(summary: Summary) -> Table | None:
             *(result["recovery"] for result in entry["results"].values()), strict=False
         ):
             for i, (controller, fault) in enumerate(zip(entry["results"], faults, strict=True)):
-                time, worst = fault[RECOVERY]["median"], number(fault[EXCURSION]["median"], 100)
-                came_back = "never" if time is None else number(time)
+                time, worst = (
+                    fault[RECOVERY]["median"],
+                    format_number(fault[EXCURSION]["median"], 100),
+                )
+                came_back = "never" if time is None else format_number(time)
                 rows.append(["" if i else fault["fault"], controller, worst, came_back])
-    title = f"recovery{over(summary)}: worst excursion until {AFTER_S:g} s after a fault, time from its start until"
+    title = f"recovery{describe_seeds(summary)}: worst excursion until {RECOVERY_WINDOW_S:g} s after a fault, time from its start until"
     headings = ["fault", "controller", "worst, cm", "recovered, s"]
-    return Table(f"{title} below {100 * NEAR_M:g} cm for good", headings, rows, 2) if rows else None
+    return (
+        Table(f"{title} below {100 * RECOVERED_M:g} cm for good", headings, rows, 2)
+        if rows
+        else None
+    )
 
 
-def over(summary: Summary) -> str:
+def describe_seeds(summary: Summary) -> str:
     """What seeds a table is over, as an end of its title."""
     seeds = summary["seeds"]
     return (
@@ -110,13 +124,13 @@ def over(summary: Summary) -> str:
     )
 
 
-def where(entry: Mapping[str, Any]) -> str:
+def describe_plant(entry: Mapping[str, Any]) -> str:
     """The robot, if the plant has one, and the plant of a scenario's entry in a summary."""
     robot = "" if entry["plant"] == "kinematic" else f"{Path(entry['robot']).name} "
     return f"{robot}on the {entry['plant']} plant"
 
 
-def text(given: Table) -> str:
+def format_table(given: Table) -> str:
     """The table as lines of plain text."""
     lines = [given.headings, *given.rows]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -130,47 +144,51 @@ def text(given: Table) -> str:
     return "\n".join([given.title, *aligned])
 
 
-def label(summary: Summary, controller: str, result: Mapping[str, Any] | None = None) -> str:
+def controller_label(
+    summary: Summary, controller: str, result: Mapping[str, Any] | None = None
+) -> str:
     """A controller's name, with what must be known of its numbers: if it knows the truth, how many seeds failed."""
-    remarks = ["informed"] if controller in summary["informed"] else []
-    if result and result["failed"]:
-        remarks.append(f"failed {result['failed']} of {len(result['effort_m_s2']['seeds'])}")
+    remarks = ["privileged"] if controller in summary["privileged"] else []
+    if result and result["n_failed"]:
+        remarks.append(f"failed {result['n_failed']} of {len(result['effort_m_s2']['per_seed'])}")
     return f"{controller} ({', '.join(remarks)})" if remarks else controller
 
 
-def number(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
+def format_number(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
     """A number, never -0, or a dash where there is none."""
     return DASH if value is None else f"{factor * value:z.{digits}f}"
 
 
-def plus_minus(spread: Spread, factor: float = 1.0) -> str:
+def format_mean(spread: SeedStatistics, factor: float = 1.0) -> str:
     """The mean over the seeds and half its interval; a dash for what there is none of."""
     if spread["mean"] is None:
         return DASH
-    return f"{factor * spread['mean']:.2f}±{number(spread['plus_minus'], factor)}"
+    return f"{factor * spread['mean']:.2f}±{format_number(spread['ci95_half_width'], factor)}"
 
 
 def _both(error: Mapping[str, Any], factor: float) -> str:
     """Maximum and mean of an error: medians over the seeds."""
-    return "/".join(number(error[statistic]["median"], factor) for statistic in ("max", "mean"))
+    return "/".join(
+        format_number(error[statistic]["median"], factor) for statistic in ("max", "mean")
+    )
 
 
 def _lines(summary: Summary, entry: Mapping[str, Any]) -> Iterator[list[str]]:
-    base = next(iter(entry["results"].values()))["error_m"]["distance"]
+    base = next(iter(entry["results"].values()))["error_m"]["position"]
     for controller, result in entry["results"].items():
-        settle, count = result["settle_s"], len(result["settle_s"]["seeds"])
-        settled = "never" if settle["median"] is None else number(settle["median"])
-        error = result["error_m"]["distance"]
+        settle, count = result["settle_s"], len(result["settle_s"]["per_seed"])
+        settled = "never" if settle["median"] is None else format_number(settle["median"])
+        error = result["error_m"]["position"]
         medians = [(error[name]["median"], base[name]["median"]) for name in ("max", "mean")]
         changes = [
             DASH if new is None or not old else f"{100 * (new / old - 1):+.0f}"
             for new, old in medians
         ]
         yield [
-            label(summary, controller, result),
+            controller_label(summary, controller, result),
             *(_both(result[key][axis], factor) for axis, (_, key, factor) in COLUMNS.items()),
-            number(result["excess_effort_m_s2"]["median"]),
-            settled + ("" if result["settled"] == count else f" ({result['settled']}/{count})"),
+            format_number(result["excess_effort_m_s2"]["median"]),
+            settled + ("" if result["n_settled"] == count else f" ({result['n_settled']}/{count})"),
             "" if error is base else "/".join(changes),
         ]
 
@@ -178,7 +196,9 @@ def _lines(summary: Summary, entry: Mapping[str, Any]) -> Iterator[list[str]]:
 def _paper_lines(entry: Mapping[str, Any]) -> Iterator[list[str]]:
     for controller, error in (entry["paper"] or {}).items():
         cells = [
-            "/".join(number(error[axis][s], 100) for s in ("max", "mean")) if axis in error else ""
+            "/".join(format_number(error[axis][s], 100) for s in ("max", "mean"))
+            if axis in error
+            else ""
             for axis in COLUMNS
         ]
         yield [PAPER + controller, *cells, "", "", ""]

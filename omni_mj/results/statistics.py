@@ -9,36 +9,39 @@ import numpy as np
 from omni_control.kinematics import Array
 
 CONFIDENCE = 0.95
-CHANCE = 1 - CONFIDENCE
-ERRORS = {"max": "maximum", "mean": "mean"}  # of the error in the plane, by which verdicts are
-Spread = dict[str, Any]
+SIGNIFICANCE_LEVEL = 1 - CONFIDENCE
+STATISTIC_LABELS = {
+    "max": "maximum",
+    "mean": "mean",
+}  # of the error in the plane, by which verdicts are
+SeedStatistics = dict[str, Any]
 Results = Mapping[str, Any]
 Entry = Mapping[str, Any]
 
 DEFINITIONS = {
     "verdict": (
-        "by the means over the seeds of the error in the plane, against every other controller that is not informed; a"
+        "by the means over the seeds of the error in the plane, against every other controller that is not privileged; a"
         " controller of which a seed failed has no mean, and is behind all that have one"
     ),
     "p": (
         "each seed's noise is the same for all controllers, so that two of them are compared by their differences seed"
-        " by seed: p is that of Student's test of the mean difference, two-sided, and plus_minus half its"
+        " by seed: p is that of Student's test of the mean difference, two-sided, and ci95_half_width half its"
         f" {100 * CONFIDENCE:g} % interval, neither corrected for the number of verdicts; one seed, or one that failed,"
         " gives none"
     ),
     "p_adjusted": (
         "p by Holm's method over the family of all verdicts that have one: all scenarios that were done, all rivals,"
-        " maximum and mean error. beyond_chance is whether it is at most"
-        f" {100 * CHANCE:g} %: so likely is it at most that any difference beyond chance is by chance after all"
+        " maximum and mean error. significant is whether it is at most"
+        f" {100 * SIGNIFICANCE_LEVEL:g} %: so likely is it at most that any difference beyond chance is by chance after all"
     ),
-    "informed": (
+    "privileged": (
         "a controller that is given the true state in place of vision: no competitor; what it reaches is no limit of"
         " what is possible, which omni-mj limit finds"
     ),
 }
 
 
-def confidence(values: Array) -> tuple[Array, Array]:
+def confidence_interval(values: Array) -> tuple[Array, Array]:
     """Mean over the last axis, and half the width of its 95 % confidence interval by Student's t.
 
     Args:
@@ -56,8 +59,8 @@ def confidence(values: Array) -> tuple[Array, Array]:
     return mean, stdtrit(n - 1, (1 + CONFIDENCE) / 2) * values.std(-1, ddof=1) / np.sqrt(n)
 
 
-def spread(values: Array) -> Spread:
-    """Each seed's value, and median, least, greatest, mean and half the mean's interval (plus_minus).
+def seed_statistics(values: Array) -> SeedStatistics:
+    """Each seed's value, and median, least, greatest, mean and half the mean's interval (ci95_half_width).
 
     Args:
         values: (seeds,); infinite for a seed that failed or never settled, which all statistics
@@ -68,26 +71,28 @@ def spread(values: Array) -> Spread:
         Numbers, or None where there is none that is finite. One seed has no interval.
     """
     with np.errstate(invalid="ignore"):  # infinite less infinite
-        mean, half = confidence(values)
+        mean, half = confidence_interval(values)
         median = np.median(values)
     numbers = {
         "median": median,
         "min": values.min(),
         "max": values.max(),
         "mean": mean,
-        "plus_minus": half,
+        "ci95_half_width": half,
     }
-    return {"seeds": [plain(value) for value in values]} | {
-        name: plain(value) for name, value in numbers.items()
+    return {"per_seed": [finite_or_none(value) for value in values]} | {
+        name: finite_or_none(value) for name, value in numbers.items()
     }
 
 
-def plain(value: Any) -> float | None:
+def finite_or_none(value: Any) -> float | None:
     """A number as JSON has it: None for one that is not finite."""
     return float(value) if np.isfinite(value) else None
 
 
-def paired(ours: Spread, theirs: Spread) -> tuple[float | None, float | None, float | None]:
+def paired_difference(
+    ours: SeedStatistics, theirs: SeedStatistics
+) -> tuple[float | None, float | None, float | None]:
     """How two controllers' errors differ seed by seed, which takes out what the seeds' noise does to both.
 
     Args:
@@ -99,10 +104,10 @@ def paired(ours: Spread, theirs: Spread) -> tuple[float | None, float | None, fl
         so large is where there is none but by chance (p, two-sided, by Student's t); None for what
         cannot be said, since a seed has no value or is the only one.
     """
-    if None in ours["seeds"] or None in theirs["seeds"]:
+    if None in ours["per_seed"] or None in theirs["per_seed"]:
         return None, None, None
-    difference = np.array(ours["seeds"]) - np.array(theirs["seeds"])
-    mean, half = (float(value) for value in confidence(difference))
+    difference = np.array(ours["per_seed"]) - np.array(theirs["per_seed"])
+    mean, half = (float(value) for value in confidence_interval(difference))
     if len(difference) == 1:
         return mean, None, None
     if half == 0:  # the same in every seed
@@ -112,7 +117,7 @@ def paired(ours: Spread, theirs: Spread) -> tuple[float | None, float | None, fl
     return mean, half, float(ttest_1samp(difference, 0.0).pvalue)
 
 
-def holm(p: Array) -> Array:
+def holm_adjusted(p: Array) -> Array:
     """Holm's p, adjusted for their number: those at most 5 % are, but for 5 % of all studies, all no chance.
 
     S. Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of
@@ -131,20 +136,20 @@ def holm(p: Array) -> Array:
     return adjusted
 
 
-def plane_error(result: Mapping[str, Any], statistic: str) -> float:
+def mean_position_error(result: Mapping[str, Any], statistic: str) -> float:
     """Return a controller's error in the plane, m, mean over the seeds; infinite if one of them failed."""
-    mean: float | None = result["error_m"]["distance"][statistic]["mean"]
+    mean: float | None = result["error_m"]["position"][statistic]["mean"]
     return inf if mean is None else mean
 
 
-def verdicts(
-    entries: Mapping[str, Entry], informed: Collection[str], subject: str | None
+def judge_subject(
+    entries: Mapping[str, Entry], privileged: Collection[str], subject: str | None
 ) -> dict[str, dict[str, Any] | None]:
     """How the subject fares against every other competitor, in every scenario that was run to its end.
 
     Args:
         entries: scenario -> its entry in a summary.
-        informed: controllers that are no competitors.
+        privileged: controllers that are no competitors.
         subject: whose verdict is asked for, any controller's.
 
     Returns:
@@ -158,40 +163,41 @@ def verdicts(
     pairs: list[dict[str, Any]] = []
     for name, entry in entries.items():
         results = entry["results"]
-        rivals = [rival for rival in results if rival != subject and rival not in informed]
+        rivals = [rival for rival in results if rival != subject and rival not in privileged]
         if subject in results and rivals and entry["status"] == "done":
             errors = {
-                statistic: _judge(results, str(subject), rivals, statistic) for statistic in ERRORS
+                statistic: _judge(results, str(subject), rivals, statistic)
+                for statistic in STATISTIC_LABELS
             }
-            found[name] = {"of": subject, "errors": errors}
+            found[name] = {"subject": subject, "errors": errors}
             pairs += [
                 pair
                 for error in errors.values()
                 for pair in error["against"].values()
                 if pair["p"] is not None
             ]
-    for pair, p in zip(pairs, holm(np.array([pair["p"] for pair in pairs])), strict=True):
-        pair |= {"p_adjusted": float(p), "beyond_chance": bool(p <= CHANCE)}
+    for pair, p in zip(pairs, holm_adjusted(np.array([pair["p"] for pair in pairs])), strict=True):
+        pair |= {"p_adjusted": float(p), "significant": bool(p <= SIGNIFICANCE_LEVEL)}
     return found
 
 
 def _judge(results: Results, subject: str, rivals: list[str], statistic: str) -> dict[str, Any]:
     """Return the verdict on the subject by one statistic, before the correction for the number of verdicts."""
-    means, against = {name: plane_error(results[name], statistic) for name in results}, {}
+    means, against = {name: mean_position_error(results[name], statistic) for name in results}, {}
     for rival in rivals:
         ours, theirs = (
-            results[name]["error_m"]["distance"][statistic] for name in (subject, rival)
+            results[name]["error_m"]["position"][statistic] for name in (subject, rival)
         )
-        difference, half, p = paired(ours, theirs)
-        ratio = plain(means[subject] / means[rival]) if 0 < means[rival] < inf else None
+        difference, half, p = paired_difference(ours, theirs)
+        ratio = finite_or_none(means[subject] / means[rival]) if 0 < means[rival] < inf else None
         against[rival] = {
-            "ratio": ratio, "difference_m": difference, "plus_minus_m": half, "p": p, "p_adjusted": None,
-            "beyond_chance": None,
+            "ratio": ratio, "difference_m": difference, "ci95_half_width_m": half, "p": p, "p_adjusted": None,
+            "significant": None,
         }  # fmt: skip
     lost = [rival for rival in rivals if means[rival] <= means[subject]]
     return {
         "against": against,
-        "best": min(
+        "best_competitor": min(
             (rival for rival in rivals if means[rival] < inf), key=means.__getitem__, default=None
         ),
         "beats": [rival for rival in rivals if rival not in lost],

@@ -17,13 +17,13 @@ from omni_mj.config.settings import PERIOD_S
 from omni_mj.files import read_json
 from omni_mj.results import events, metrics, paper_tables, saturation, statistics
 from omni_mj.results.metrics import AXES, EXCURSION, RECOVERY, STATISTICS, UNITS
-from omni_mj.results.statistics import Spread, plain, spread
+from omni_mj.results.statistics import SeedStatistics, finite_or_none, seed_statistics
 from omni_mj.simulation.log import Log
 
 if TYPE_CHECKING:
     from omni_mj.simulation.simulation import Failure
 
-FORMAT = 4  # of summary.json
+FORMAT = 5  # of summary.json
 UNFINISHED = "unfinished (it goes on, or was killed)"  # in place of why a study was stopped
 Entry = dict[str, Any]  # what a summary says of one scenario
 SINGLE = ("effort_m_s2", "excess_effort_m_s2", "settle_s")  # a number of each row beside its errors
@@ -41,7 +41,7 @@ DEFINITIONS = {
         " direction; before its first move, that of the first; where it never moves, x"
     ),
     "spread": (
-        "each seed's value, and over the seeds median, least, greatest and mean; plus_minus is half the"
+        "each seed's value, and over the seeds median, least, greatest and mean; ci95_half_width is half the"
         f" {100 * statistics.CONFIDENCE:g} % confidence interval of the mean by Student's t, which one seed"
         " does not have"
     ),
@@ -69,10 +69,10 @@ DEFINITIONS = {
         f" {metrics.ALPHA_MIN_SPEED_M_S} m/s"
     ),
     "peak": (
-        "over all seeds the largest of voltage_peak_v and current_peak_a, which cover every physics step and motor, and"
+        "over all seeds the largest of peak_voltage_v and peak_current_a, which cover every physics step and motor, and"
         " of the temperatures of the windings"
     ),
-    "drawn": (
+    "drawn_parameters": (
         "what [variation] drew for the robot of a seed at a place, numbered by wheels: factors of friction, torque"
         " constant and of the mass that the wheels carry, what wheels have lost of their radius, the shift of the"
         " middle of that mass"
@@ -80,11 +80,11 @@ DEFINITIONS = {
     "events": "the first frame of each kind, controller and seed; of faults each beginning and end",
     EXCURSION: (
         "the greatest error in the plane of a seed from the first frame of a fault until"
-        f" {metrics.AFTER_S:g} s after its last, or the end of the run"
+        f" {metrics.RECOVERY_WINDOW_S:g} s after its last, or the end of the run"
     ),
     RECOVERY: (
         "time from the first frame of a fault until the error in the plane is below"
-        f" {100 * metrics.NEAR_M:g} cm and stays so for the rest of that; zero for a robot that never was farther,"
+        f" {100 * metrics.RECOVERED_M:g} cm and stays so for the rest of that; zero for a robot that never was farther,"
         " without bound for one that does not come back"
     ),
     **saturation.DEFINITIONS,
@@ -92,17 +92,17 @@ DEFINITIONS = {
 }
 
 
-def nothing_run(scenario: Scenario) -> Entry:
+def empty_entry(scenario: Scenario) -> Entry:
     """The entry of a scenario that was not run, or not yet."""
     return {
         "description": scenario.description, "plant": scenario.plant, "robot": scenario.robot,
         "status": "not run", "reason": None, "seeds": [], "frames": 0, "simulated_s": 0.0, "wall_s": 0.0,
-        "settings": scenario.plain_settings(), "paper_table": scenario.paper_table, "paper": paper_tables.table(scenario),
-        "drawn": [], "events": [], "failed": [], "results": {}, "verdict": None,
+        "settings": scenario.plain_settings(), "paper_table": scenario.paper_table, "paper": paper_tables.find_paper_table(scenario),
+        "drawn_parameters": [], "events": [], "failures": [], "results": {}, "verdict": None,
     }  # fmt: skip
 
 
-def entry(
+def scenario_entry(
     scenario: Scenario,
     log: Log,
     failures: "Iterable[Failure]",
@@ -123,17 +123,17 @@ def entry(
         drawn: what sets the rows' robots apart, name -> (n,).
     """
     failures, frames = list(failures), int(log.lengths.max(initial=0))
-    found = results(log, failures, measured) if measured and (frames or failures) else {}
-    return nothing_run(scenario) | {
+    found = controller_results(log, failures, measured) if measured and (frames or failures) else {}
+    return empty_entry(scenario) | {
         "status": "stopped" if stopped else "done",
         "reason": stopped,
         "seeds": log.seeds,
         "frames": frames,
         "simulated_s": frames * PERIOD_S,
         "wall_s": round(wall_s, 3),
-        "drawn": _each_robot(log, drawn) if drawn else [],
-        "events": [asdict(event) for event in events.find(log, failures)],
-        "failed": [
+        "drawn_parameters": _drawn_parameters(log, drawn) if drawn else [],
+        "events": [asdict(event) for event in events.find_events(log, failures)],
+        "failures": [
             {
                 "controller": f.controller, "seed": f.seed, "slot": log.rows[f.row].slot,
                 "time_s": f.time_s, "cause": f.cause,
@@ -144,17 +144,17 @@ def entry(
     }  # fmt: skip
 
 
-def results(
+def controller_results(
     log: Log, failures: "Iterable[Failure]", measured: Mapping[str, Array]
 ) -> dict[str, Any]:
     """Per controller its errors, efforts, time to settle, recovery, causes, alpha and peaks over its rows."""
     failed = {failure.row for failure in failures}
     found: dict[str, Any] = {}
     for controller in log.controllers:
-        rows = log.of(controller)
+        rows = log.rows_of(controller)
         error = {
             axis: {
-                statistic: spread(measured[f"{axis}_{statistic}_{UNITS[axis]}"][rows])
+                statistic: seed_statistics(measured[f"{axis}_{statistic}_{UNITS[axis]}"][rows])
                 for statistic in STATISTICS
             }
             for axis in AXES
@@ -162,36 +162,38 @@ def results(
         found[controller] = {
             "error_m": {axis: error[axis] for axis in AXES if UNITS[axis] == "m"},
             "error_rad": {axis: error[axis] for axis in AXES if UNITS[axis] == "rad"},
-            **{name: spread(measured[name][rows]) for name in SINGLE},
+            **{name: seed_statistics(measured[name][rows]) for name in SINGLE},
             "recovery": _recovery(log, rows, measured),
-            "why": {name: _known_spread(measured[name][rows]) for name in saturation.NAMES},
+            "saturation": {
+                name: _known_spread(measured[name][rows]) for name in saturation.METRIC_LABELS
+            },
             "alpha": metrics.alpha_percentiles(log, rows),
             **{name: _peak(measured[name][rows]) for name in metrics.PEAKS},
-            "failed": len(failed.intersection(rows.tolist())),
-            "settled": int(np.isfinite(measured["settle_s"][rows]).sum()),
+            "n_failed": len(failed.intersection(rows.tolist())),
+            "n_settled": int(np.isfinite(measured["settle_s"][rows]).sum()),
         }
     return found
 
 
-def document(entries: Mapping[str, Entry], head: Mapping[str, Any]) -> dict[str, Any]:
+def build_summary(entries: Mapping[str, Entry], head: Mapping[str, Any]) -> dict[str, Any]:
     """Return the whole summary, with verdicts, of scenarios that were run with the same controllers.
 
     Args:
         entries: Of the scenarios, by their names.
         head: All that is said of the study as a whole, by the keys of summary.json.
     """
-    judged = statistics.verdicts(entries, head["informed"], head["subject"])
+    judged = statistics.judge_subject(entries, head["privileged"], head["subject"])
     scenarios = {name: {**entry, "verdict": judged[name]} for name, entry in entries.items()}
     return {
         "format": FORMAT,
         **head,
         "scenarios": scenarios,
         "definitions": DEFINITIONS,
-        "versions": versions(),
+        "versions": package_versions(),
     }
 
 
-def read(folder: Path) -> dict[str, Any]:
+def read_summary(folder: Path) -> dict[str, Any]:
     """Return the summary in the folder of a run or comparison.
 
     Raises:
@@ -212,7 +214,7 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 @cache
-def versions() -> dict[str, str]:
+def package_versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that decide the result, as far as they are installed."""
     found = {"python": platform.python_version()}
     for name in (
@@ -232,20 +234,24 @@ def versions() -> dict[str, str]:
     return found
 
 
-def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the names `section.field` of nested settings, and their values."""
     for name, value in settings.items():
         if isinstance(value, Mapping):
-            yield from flat(value, f"{prefix}{name}.")
+            yield from flatten(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
 
 
-def _each_robot(log: Log, drawn: Mapping[str, Array]) -> list[dict[str, Any]]:
+def _drawn_parameters(log: Log, drawn: Mapping[str, Array]) -> list[dict[str, Any]]:
     """What was drawn for each seed and place, which is the same for all controllers."""
     first = {(row.seed, row.slot): i for i, row in reversed(list(enumerate(log.rows)))}
     return [
-        {"seed": seed, "slot": place, **{name: plain(values[i]) for name, values in drawn.items()}}
+        {
+            "seed": seed,
+            "slot": place,
+            **{name: finite_or_none(values[i]) for name, values in drawn.items()},
+        }
         for (seed, place), i in sorted(first.items())
     ]
 
@@ -259,7 +265,8 @@ def _recovery(log: Log, rows: np.ndarray, measured: Mapping[str, Array]) -> list
             if log.rows[row].settings.fault[i : i + 1] == (fault,) and fault.concerns(log.rows[row].slot)
         ]  # fmt: skip
         numbers = {
-            key: spread(measured[f"fault_{i + 1}_{key}"][same]) for key in (EXCURSION, RECOVERY)
+            key: seed_statistics(measured[f"fault_{i + 1}_{key}"][same])
+            for key in (EXCURSION, RECOVERY)
         }
         found.append(
             {
@@ -273,14 +280,14 @@ def _recovery(log: Log, rows: np.ndarray, measured: Mapping[str, Array]) -> list
     return found
 
 
-def _known_spread(values: Array) -> Spread:
+def _known_spread(values: Array) -> SeedStatistics:
     """Return the spread over the seeds that did not fail, with None as the value of those that did."""
     known = values[~np.isnan(values)]
-    return spread(known if known.size else np.array([np.nan])) | {
-        "seeds": [plain(value) for value in values]
+    return seed_statistics(known if known.size else np.array([np.nan])) | {
+        "per_seed": [finite_or_none(value) for value in values]
     }
 
 
 def _peak(values: Array) -> float | None:
     known = values[~np.isnan(values)]
-    return plain(known.max()) if known.size else None
+    return finite_or_none(known.max()) if known.size else None

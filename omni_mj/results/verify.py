@@ -14,7 +14,7 @@ from omni_mj.config import scenario
 from omni_mj.config.scenario import Scenario
 from omni_mj.files import read_json
 from omni_mj.results import summary
-from omni_mj.results.provenance import FILE, FORMAT, digest, environment
+from omni_mj.results.provenance import FILE, FORMAT, describe_environment, sha256
 from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.study_runner import (
@@ -29,12 +29,17 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 REPEATED = ("run", "compare")  # studies that are run again
-RESULTS = ("failed", "drawn", "events", "results")  # parts of a scenario's entry that frames decide
+RESULTS = (
+    "failures",
+    "drawn_parameters",
+    "events",
+    "results",
+)  # parts of a scenario's entry that frames decide
 ENVIRONMENT = ("versions", "source", "git", "machine")  # parts of a record
 
 
 @dataclass
-class Repetition:
+class VerifyResult:
     """The outcome of running it again.
 
     Attributes:
@@ -64,7 +69,7 @@ class Repetition:
         return "\n".join([head, *(f"note: {note}" for note in self.notes)])
 
 
-def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> Repetition:
+def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> VerifyResult:
     """Run again what a folder holds, and compare bit for bit, as `omni-mj verify` does.
 
     Args:
@@ -87,7 +92,7 @@ def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> R
         raise OmniError(f"{path} is not as a run leaves it; make the run again") from error
 
 
-def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress) -> Repetition:
+def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress) -> VerifyResult:
     if record["format"] != FORMAT:
         raise OmniError(f"{path / FILE} is of format {record['format']!r}; known is {FORMAT}")
     if record["study"] not in REPEATED:
@@ -95,8 +100,8 @@ def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress
             f"{path} is of omni-mj {record['study']}, which verify does not run again; repeat it as a "
             f"whole: {record['command'] or 'it was called from Python'}"
         )
-    scenarios = summary.read(path)["scenarios"]
-    result = Repetition()
+    scenarios = summary.read_summary(path)["scenarios"]
+    result = VerifyResult()
     for name, entry in scenarios.items():
         if not entry["frames"]:
             result.notes.append(f"{name} was not run: there is nothing to compare with")
@@ -105,9 +110,9 @@ def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress
         chosen = _load(path, path / place.format(name), record["scenarios"][name], entry)
         outcome = _run(chosen, entry, start_progress)
         result.rows += len(outcome.rows)
-        if record["frames_kept"]:
+        if record["frames_saved"]:
             place = "trajectories/{}.parquet" if len(scenarios) > 1 else "trajectory.parquet"
-            recorded = parquet.read(path / place.format(name))
+            recorded = parquet.read_table(path / place.format(name))
             result.frames += recorded.num_rows
             assert outcome.log is not None
             lines = _frame_differences(recorded, outcome.log.table())
@@ -135,15 +140,15 @@ def _load(path: Path, file: Path, said: Mapping[str, Any], entry: Mapping[str, A
     """
 
     def copy(part: Mapping[str, Any]) -> str:
-        if "why" in part:
-            raise OmniError(f"{part['name']} {part['why']}")
+        if "reason" in part:
+            raise OmniError(f"{part['name']} {part['reason']}")
         place = path / part["file"]
-        if not place.is_file() or digest(place.read_bytes()) != part["sha256"]:
+        if not place.is_file() or sha256(place.read_bytes()) != part["sha256"]:
             raise OmniError(f"{place} is missing, or not what was run: its SHA-256 is another")
         return str(place)
 
     def kind(part: Mapping[str, Any]) -> str:
-        is_here = "file" not in part and "why" not in part
+        is_here = "file" not in part and "reason" not in part
         return part["name"] if is_here else f"{copy(part)}:{part['class']}"
 
     head = {
@@ -209,7 +214,7 @@ def _frame_differences(recorded: "pa.Table", again: "pa.Table") -> Iterator[str]
 def _number_differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> Iterator[str]:
     """Yield how the entries of a scenario in two summaries differ."""
     old, new = (
-        dict(summary.flat({part: entry[part] for part in RESULTS})) for entry in (before, after)
+        dict(summary.flatten({part: entry[part] for part in RESULTS})) for entry in (before, after)
     )
     if differing := [name for name, value in old.items() if new.get(name, ...) != value]:
         name = differing[0]
@@ -220,8 +225,8 @@ def _number_differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> 
 
 def _changes(record: Mapping[str, Any]) -> list[str]:
     """Return how this environment differs from the recorded one, a line each."""
-    here, now = environment(), {part: record.get(part) for part in ENVIRONMENT}
-    old, new = dict(summary.flat(now)), dict(summary.flat(here))
+    here, now = describe_environment(), {part: record.get(part) for part in ENVIRONMENT}
+    old, new = dict(summary.flatten(now)), dict(summary.flatten(here))
     return [
         f"{name} was {old.get(name)} in the run, is {new.get(name)} here"
         for name in {**old, **new}

@@ -16,11 +16,11 @@ from omni_mj.plants import NAMES
 if TYPE_CHECKING:
     import pyarrow as pa
 
-FIRST_FRAMES = 512  # that there is room for at least
+INITIAL_CAPACITY = 512  # that there is room for at least
 CHANNEL_PREFIX = "channel_"  # before the names of channels of a controller's own
 
 
-def channels(wheels: int) -> dict[str, tuple[str, ...]]:
+def channel_columns(wheels: int) -> dict[str, tuple[str, ...]]:
     """Channel -> its columns in a table, for robots with as many wheels.
 
     A line of the table describes the instant of a frame; `applied` acts from there to the next
@@ -39,7 +39,7 @@ def channels(wheels: int) -> dict[str, tuple[str, ...]]:
         "alpha_hat": ("alpha_hat_x", "alpha_hat_y", "alpha_hat_heading"),
         "latency_hat": (
             "latency_hat_forward_frames",
-            "latency_hat_left_frames",
+            "latency_hat_sideways_frames",
             "latency_hat_turn_frames",
         ),
         "wheel_angle": tuple(f"wheel_angle_{i}_rad" for i in each),
@@ -48,13 +48,13 @@ def channels(wheels: int) -> dict[str, tuple[str, ...]]:
         "current": tuple(f"current_{i}_a" for i in each),
         "voltage_mean": tuple(f"mean_voltage_{i}_v" for i in each),
         "current_mean": tuple(f"mean_current_{i}_a" for i in each),
-        "duty_peak": ("duty_peak",),
-        "voltage_peak": ("voltage_peak_v",),
-        "current_peak": ("current_peak_a",),
-        "current_limited": tuple(f"current_limited_{i}" for i in each),
-        "winding": tuple(f"winding_{i}_c" for i in each),
-        "housing": tuple(f"housing_{i}_c" for i in each),
-        "battery": ("battery_v",),
+        "duty_peak": ("peak_duty",),
+        "voltage_peak": ("peak_voltage_v",),
+        "current_peak": ("peak_current_a",),
+        "current_limited": tuple(f"current_limited_fraction_{i}" for i in each),
+        "winding": tuple(f"winding_temperature_{i}_c" for i in each),
+        "housing": tuple(f"housing_temperature_{i}_c" for i in each),
+        "battery": ("battery_voltage_v",),
         "slip": tuple(f"slip_{i}_m_s" for i in each),
     }
 
@@ -78,7 +78,7 @@ class Log:
 
     def __init__(self, rows: Sequence[Row], wheels: int, frames: int = 0) -> None:
         self.rows = list(rows)
-        self.columns = channels(wheels)
+        self.columns = channel_columns(wheels)
         ends = np.cumsum([0, *map(len, self.columns.values())]).tolist()
         self._at = {
             name: slice(*span) for name, span in zip(self.columns, pairwise(ends), strict=True)
@@ -87,7 +87,7 @@ class Log:
         self.lengths = np.zeros(len(self.rows), int)
         # (frames, columns, rows) of all channels but controllers' own. Memory is taken only when it
         # is written.
-        self._data: Array = np.empty((max(frames, FIRST_FRAMES), ends[-1], len(self.rows)))
+        self._data: Array = np.empty((max(frames, INITIAL_CAPACITY), ends[-1], len(self.rows)))
         self._own: dict[str, Array] = {}
 
     @property
@@ -100,20 +100,20 @@ class Log:
         """The seeds, in the order of their first rows."""
         return list(dict.fromkeys(row.seed for row in self.rows))
 
-    def of(self, controller: str) -> np.ndarray:
+    def rows_of(self, controller: str) -> np.ndarray:
         """Numbers of the rows that a controller drives."""
         return np.flatnonzero([row.controller == controller for row in self.rows])
 
-    def first(self, controller: str) -> int:
+    def first_row_of(self, controller: str) -> int:
         """Number of the first row that a controller drives."""
-        return int(self.of(controller)[0])
+        return int(self.rows_of(controller)[0])
 
     @property
     def time(self) -> Array:
         """Time of each frame (length,), s."""
         return np.arange(self.length, dtype=float) * PERIOD_S
 
-    def write(
+    def append(
         self,
         recorded: np.ndarray,
         own: Mapping[str, Array],
@@ -178,8 +178,10 @@ class Log:
 
     def save(self, path: Path) -> None:
         """Write the table as Parquet, a part at a time to save memory; the file appears whole or not at all."""
-        firsts = range(0, max(int(self.lengths.sum()), 1), parquet.GROUP_ROWS)
-        parquet.write((self.table(first, first + parquet.GROUP_ROWS) for first in firsts), path)
+        firsts = range(0, max(int(self.lengths.sum()), 1), parquet.ROWS_PER_GROUP)
+        parquet.write_tables(
+            (self.table(first, first + parquet.ROWS_PER_GROUP) for first in firsts), path
+        )
 
     def _own_frames(self, name: str, width: int) -> Array:
         """Return the room of a controller's own channel (frames, columns, n), as wide as this at least."""

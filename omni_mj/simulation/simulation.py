@@ -24,7 +24,7 @@ from omni_mj.network.radio import Radio, ReceivedCommand
 from omni_mj.plants import Plant
 from omni_mj.robot.backends import choose_backend
 from omni_mj.simulation.log import Log
-from omni_mj.simulation.teams import Follow, assemble
+from omni_mj.simulation.teams import ReferenceFactory, build_team
 
 _OF_PLANT = {
     "mujoco": {"body", "wheels", "motor", "model", "physics"},
@@ -32,7 +32,7 @@ _OF_PLANT = {
 }  # sections that keys see
 
 
-class See(Protocol):
+class CameraModel(Protocol):
     """What cameras do; see `omni_mj.network.camera.Cameras`."""
 
     measurement_age: Array | None
@@ -42,7 +42,7 @@ class See(Protocol):
         ...
 
 
-class Exchange(Protocol):
+class RadioModel(Protocol):
     """What a radio does; see `omni_mj.network.radio.Radio`."""
 
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
@@ -105,7 +105,7 @@ class Simulation:
         controllers: Iterable[str | type[Controller]] | None = None,
         seeds: Iterable[int] | None = None,
         rows: Sequence[Row] | None = None,
-        follow: Follow | None = None,
+        follow: ReferenceFactory | None = None,
         logged: bool = True,
     ) -> None:
         self._logged = logged
@@ -171,7 +171,7 @@ class Simulation:
         geometry = self.rows[0].settings.wheels.kinematics
         self.plant, self.camera, self.radio = self._robots(start)
         rolls, wheels = self.plant.geometry is not None, self.plant.telemetry().wheel_angle.shape[1]
-        self.team = assemble(
+        self.team = build_team(
             self.rows, self._kinds, start, geometry, rolls, self._stop, self._follow
         )
         self._frames = np.array([reference.frames for reference in self.references])
@@ -192,7 +192,7 @@ class Simulation:
         return not np.count_nonzero(self._recorded)
 
     @property
-    def drawn(self) -> dict[str, Array]:
+    def drawn_parameters(self) -> dict[str, Array]:
         """What sets the rows' robots apart, name -> (n,); nothing where all are alike, or the plant draws nothing."""
         columns: dict[str, Array] = (
             self.plant.drawn.columns() if hasattr(self.plant, "drawn") else {}
@@ -241,7 +241,7 @@ class Simulation:
             self._stop(np.array([row]), cause)
             self.team.stop(np.array([row]))
 
-    def _robots(self, start: Array) -> tuple[Plant, See, Exchange]:
+    def _robots(self, start: Array) -> tuple[Plant, CameraModel, RadioModel]:
         """Return the robots at the start (n, 3), and what is between them and the team."""
         seeds, own_faults = [row.noise_seed for row in self.rows], [row.faults for row in self.rows]
         return (
@@ -252,7 +252,7 @@ class Simulation:
 
     def _record(self, vision: Array, sent: Array, received: ReceivedCommand) -> None:
         poses = np.array([each.poses[min(self.frame, each.frames - 1)] for each in self._distinct])
-        self.log.write(
+        self.log.append(
             self._recorded,
             self.team.channels,
             ref=poses[self._followed],
@@ -298,7 +298,7 @@ def _check_delays(table: Sequence[Row], ways: Sequence[SampledReference]) -> Non
             )
 
 
-def alike(plant: str, settings: Settings) -> Hashable:
+def batch_key(plant: str, settings: Settings) -> Hashable:
     """Return a key; rows of a plant with equal keys can share a simulation: those of one model, or of one wheel."""
     n_places = len(settings.world.start_poses)
     if plant == "mujoco":
@@ -306,7 +306,7 @@ def alike(plant: str, settings: Settings) -> Hashable:
     return (settings.wheels, n_places) if plant == "planar" else n_places
 
 
-def all_alike(scenario: Scenario) -> bool:
+def seeds_share_batch(scenario: Scenario) -> bool:
     """Return whether all seeds of a scenario can share a simulation, whatever they draw."""
     return _OF_PLANT.get(scenario.plant, set()).isdisjoint(
         name.split(".")[0] for name in scenario.distributions

@@ -17,17 +17,17 @@ from omni_mj.config.settings import PERIOD_S, Settings
 
 # Of lag, friction and creep, on plants without wheels; zero would mean that nobody knows them
 NONE = 1e-9
-Follow = Callable[[np.ndarray], Reference]
+ReferenceFactory = Callable[[np.ndarray], Reference]
 
 
-def assemble(
+def build_team(
     rows: Sequence[Row],
     kinds: Mapping[str, type[Controller]],
     start: Array,
     geometry: Kinematics,
     wheels: bool,
     on_failure: Callable[[np.ndarray, ControllerError], None],
-    follow: Follow | None = None,
+    follow: ReferenceFactory | None = None,
 ) -> Team:
     """Make the controllers of all rows and the team around them.
 
@@ -49,7 +49,12 @@ def assemble(
         )
         # One that is known in advance may be each robot's own
         ways = way if follow or _iterated(row) else None
-        key = row.controller, team_model(row.settings, geometry, wheels), ways, _parameters(row)
+        key = (
+            row.controller,
+            build_team_model(row.settings, geometry, wheels),
+            ways,
+            _parameters(row),
+        )
         together.setdefault(key, []).append(i)
     made, unmade, members = (
         list[Controller](),
@@ -59,7 +64,7 @@ def assemble(
     for group in members:
         row, n = rows[group[0]], len(group)
         kind = kinds[row.controller]
-        known = team_model(row.settings, geometry, wheels)
+        known = build_team_model(row.settings, geometry, wheels)
         reference = _reference([rows[i] for i in group]) if follow is None else follow(group)
         try:
             made.append(make_controller(kind, known, reference, n, dict(_parameters(row))))
@@ -73,7 +78,7 @@ def assemble(
 
 
 @lru_cache(maxsize=4096)
-def team_model(settings: Settings, geometry: Kinematics, wheels: bool) -> TeamModel:
+def build_team_model(settings: Settings, geometry: Kinematics, wheels: bool) -> TeamModel:
     """What the team's computer is told of the loop."""
     control, vision = settings.control, settings.vision
     alpha = control.alpha_forward, control.alpha_sideways

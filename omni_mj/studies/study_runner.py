@@ -106,12 +106,14 @@ def run_simulation(simulation: Simulation, after_frame: AfterFrame = ignore_fram
         simulation.run(after_frame)
     except StoppedError as error:
         stopped = error.reason
-    log, drawn = simulation.log, simulation.drawn
+    log, drawn = simulation.log, simulation.drawn_parameters
     # Their order must not depend on how rows were split into batches.
     failures = sorted(simulation.failures, key=lambda failure: (failure.time_s, failure.row))
     measured = metrics.row_metrics(log, failures)
     wall_s = time.perf_counter() - start_time
-    entry = summary.entry(simulation.scenario, log, failures, measured, wall_s, stopped, drawn)
+    entry = summary.scenario_entry(
+        simulation.scenario, log, failures, measured, wall_s, stopped, drawn
+    )
     return Outcome(simulation.scenario, entry, log.rows, failures, measured, log, drawn)
 
 
@@ -157,7 +159,9 @@ def open_loop_outcome(
     """
     log, failures = simulation.log, list(simulation.failures)
     wall_s = time.perf_counter() - start_time
-    entry = summary.entry(scenario, log, failures, {}, wall_s, stopped, simulation.drawn)
+    entry = summary.scenario_entry(
+        scenario, log, failures, {}, wall_s, stopped, simulation.drawn_parameters
+    )
     return Outcome(scenario, entry, simulation.rows, failures, measured)
 
 

@@ -14,9 +14,9 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj import parquet
 from omni_mj.config.settings import PERIOD_S, Settings
-from omni_mj.files import whole
+from omni_mj.files import open_atomic
 from omni_mj.mjcf import world_builder
-from omni_mj.results.summary import read as read_summary
+from omni_mj.results.summary import read_summary as read_summary
 from omni_mj.viz import style
 from omni_mj.viz.recording.robot_shapes import cover_materials
 from omni_mj.viz.recording.scene import HEIGHT_M, RADIUS_M
@@ -72,7 +72,9 @@ def load_trajectories(
     pose = ["x_m", "y_m", "heading_rad"]
     angles = [f"wheel_angle_{i + 1}_rad" for i in range(len(settings.wheels.azimuths_deg))]
     numbers = [*pose, *(f"ref_{name}" for name in pose), *angles]
-    table = parquet.read(folder / "trajectory.parquet", ["controller", "seed", "slot", *numbers])
+    table = parquet.read_table(
+        folder / "trajectory.parquet", ["controller", "seed", "slot", *numbers]
+    )
     known = table["controller"].unique().to_pylist()
     if unknown := [name for name in controllers if name not in known]:
         raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
@@ -219,7 +221,7 @@ def write_film(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
         OmniError: The file cannot be written.
     """
     try:
-        with whole(out) as file:
+        with open_atomic(out) as file:
             first, *others = pictures
             duration = round(1000 / rate)
             first.save(

@@ -15,10 +15,10 @@ import jinja2
 
 from omni_control.errors import OmniError
 from omni_mj.config.settings import every_setting
-from omni_mj.files import write as write_file
+from omni_mj.files import write_text as write_file
 from omni_mj.results import saturation
-from omni_mj.results.result_tables import DASH, Table, number, table, where
-from omni_mj.results.summary import read
+from omni_mj.results.result_tables import DASH, Table, describe_plant, format_number, results_table
+from omni_mj.results.summary import read_summary
 from omni_mj.studies.compare import compare_table
 
 FIGURES = (
@@ -30,7 +30,11 @@ FIGURES = (
     "compare",
 )  # in the order in which they are shown
 STATISTICS = {"max": "maximum", "p99": "99th percentile", "mean": "mean", "rms": "root mean square"}
-PEAKS = {"peak_voltage_v": "peak, V", "peak_current_a": "peak, A", "peak_winding_c": "winding, °C"}
+PEAKS = {
+    "peak_voltage_v": "peak, V",
+    "peak_current_a": "peak, A",
+    "peak_winding_temperature_c": "winding, °C",
+}
 Summary = dict[str, Any]
 ENVIRONMENT = jinja2.Environment(  # compiles a template once
     loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
@@ -39,7 +43,7 @@ ENVIRONMENT = jinja2.Environment(  # compiles a template once
     trim_blocks=True,
     lstrip_blocks=True,
 )
-ENVIRONMENT.filters |= {"number": number}
+ENVIRONMENT.filters |= {"number": format_number}
 
 
 def write_report(folders: Sequence[Path], out: Path) -> None:
@@ -52,7 +56,7 @@ def write_report(folders: Sequence[Path], out: Path) -> None:
     Raises:
         OmniError: A folder holds no summary, or one that cannot be read.
     """
-    summaries = [read(folder) for folder in folders]
+    summaries = [read_summary(folder) for folder in folders]
     names = [Path(os.path.realpath(folder)).name for folder in folders]
     labels = names if len(set(names)) == len(names) else list(map(str, folders))
     try:
@@ -76,11 +80,11 @@ def _page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> str:
     whole = _merged(summaries)
     entries = whole["scenarios"]
     page: dict[str, Any] = {"summary": whole, "sources": summaries, "scenario": ""}
-    page |= {"results": table(whole), "verdicts": compare_table.verdict_table(whole)}
+    page |= {"results": results_table(whole), "verdicts": compare_table.verdict_table(whole)}
     page["settings"] = _differences(entries)
     if len(entries) == 1:
         ((name, entry),) = entries.items()
-        page["title"] = f"{name}, {where(entry)}"
+        page["title"] = f"{name}, {describe_plant(entry)}"
         page["figures"] = _images(folders[0] / "figures")
         if (file := folders[0] / "scenario.toml").is_file():
             page["scenario"] = file.read_text(encoding="utf-8", errors="replace")
@@ -93,14 +97,14 @@ def _page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> str:
         with TemporaryDirectory() as folder:
             save_comparison_figure(whole, Path(folder) / "compare")
             page["figures"] = _images(Path(folder))
-    page |= {"statistics": STATISTICS, "causes": saturation.NAMES, "peaks": PEAKS}
+    page |= {"statistics": STATISTICS, "causes": saturation.METRIC_LABELS, "peaks": PEAKS}
     return ENVIRONMENT.get_template("report.html.j2").render(page)
 
 
 def _merged(summaries: Mapping[str, Summary]) -> Summary:
     """Return one summary of several, in which scenarios are called by folder and scenario if need be."""
     merged = dict(next(iter(summaries.values())))
-    for key in ("controllers", "informed", "seeds"):
+    for key in ("controllers", "privileged", "seeds"):
         merged[key] = list(
             dict.fromkeys(name for summary in summaries.values() for name in summary[key])
         )

@@ -187,7 +187,7 @@ def test_starters_run(
     )
     assert invoke(*drive, *SHORT, *bare, "--out", "out") == 0
     found = strict(tmp_path / "out" / "summary.json")["scenarios"]["rect"]["results"]["MyFirstOne"]
-    assert 0 < found["error_m"]["distance"]["max"]["mean"] < 0.2  # m: it follows a route of 0.22 m
+    assert 0 < found["error_m"]["position"]["max"]["mean"] < 0.2  # m: it follows a route of 0.22 m
 
     assert invoke("new", "robot", "mine") == 0
     assert om.load_robot("mine.toml").settings == om.load_robot("tigers-v2016").settings

@@ -71,10 +71,10 @@ def test_it_leaves_the_same_numbers_and_figures_again_and_a_row_that_fails_is_a_
     assert {path.name for path in Path("first").iterdir()} == FILES
     result = strict(Path("first/summary.json"))
     assert [entry["status"] for entry in result["scenarios"].values()] == ["done"] * 3
-    assert "no such delay" in result["scenarios"]["late"]["failed"][0]["cause"]
-    assert (result["controllers"], result["informed"]) == ([*CONTROLLERS, "Cheat"], ["Cheat"])
+    assert "no such delay" in result["scenarios"]["late"]["failures"][0]["cause"]
+    assert (result["controllers"], result["privileged"]) == ([*CONTROLLERS, "Cheat"], ["Cheat"])
     assert result["seeds"] == list(range(FIRST, FIRST + SEEDS))
-    for text in ("there", "bend", "Cheat (informed)", "Verdicts on comp-flc"):
+    for text in ("there", "bend", "Cheat (privileged)", "Verdicts on comp-flc"):
         assert text in printed
         assert text in Path("first/compare.md").read_text()
     assert imread("first/compare.png").std() > 0.05
@@ -86,7 +86,7 @@ def test_it_leaves_the_same_numbers_and_figures_again_and_a_row_that_fails_is_a_
         for entry in (each, *each["scenarios"].values()):
             assert entry.pop("wall_s") > 0
         assert each.pop("created")
-        assert each.pop("repeat")
+        assert each.pop("repeat_command")
     assert result == again
     assert Path("first/compare.svg").read_bytes() == Path("second/compare.svg").read_bytes()
     for name, entry in result["scenarios"].items():

@@ -55,7 +55,7 @@ def test_the_limit_is_a_command(
     assert min(imread(out / "limit.png").shape[:2]) > 700
     assert invoke("verify", out) == 2
     assert f"repeat it as a whole: omni-mj limit {tiny}" in capsys.readouterr().err
-    assert summary["repeat"].startswith(f"omni-mj limit {tiny} --plant kinematic --set")
+    assert summary["repeat_command"].startswith(f"omni-mj limit {tiny} --plant kinematic --set")
 
 
 def test_bad_input_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

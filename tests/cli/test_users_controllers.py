@@ -137,7 +137,7 @@ def test_a_controller_that_fails_is_a_line_and_the_others_go_on(
     for words in ("error: Wrong, seed 0: ", "frame 9", " at 0.150 s", *FAILS[body]):
         assert words in stderr
     entry = strict(Path("out/summary.json"))["scenarios"]["rect"]
-    (failed,) = entry["failed"]
+    (failed,) = entry["failures"]
     assert (failed["controller"], failed["time_s"]) == ("Wrong", 0.15)
     assert pq.read_table("out/trajectory.parquet").num_rows == entry["frames"] + 9
 
@@ -158,7 +158,7 @@ def test_a_controller_that_fails_at_once_leaves_its_scenario_and_the_reason(
     assert "Never (failed 1 of 1)" in stdout
     assert stderr.startswith("error: Never, seed 0: Never ")
     assert stderr.count("\n") == 1
-    assert strict(Path("out/summary.json"))["scenarios"]["rect"]["failed"][0]["time_s"] == 0
+    assert strict(Path("out/summary.json"))["scenarios"]["rect"]["failures"][0]["time_s"] == 0
     assert Path("out/scenario.toml").exists()
     assert not Path("out/trajectory.parquet").exists()
 

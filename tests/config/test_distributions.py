@@ -58,7 +58,7 @@ def test_a_seeds_draws_depend_on_nothing_else_and_are_in_result_and_file(tmp_pat
     ]
     result = om.run(chosen, ["p", "flc"], seeds=range(3, 6))
     entry = result.summary()["scenarios"]["rect"]
-    assert [each["radio.delay_frames"] for each in entry["drawn"]] == expected
+    assert [each["radio.delay_frames"] for each in entry["drawn_parameters"]] == expected
     assert entry["settings"]["radio"]["delay_frames"] == delays
     alone = om.run(chosen.replace(seed=5), ["flc"]).frames()["x_m"].to_numpy()
     frames = result.frames()

@@ -85,7 +85,7 @@ def test_a_summary_says_what_was_drawn_for_whom() -> None:
     result = run(short, ["flc", "comp-flc"], seeds=[3, 4])
     (entry,) = result.summary()["scenarios"].values()
     expected = drawn([3, 4], **dict(short.settings.variation)).columns()
-    for i, told in enumerate(entry["drawn"]):
+    for i, told in enumerate(entry["drawn_parameters"]):
         assert told == {
             "seed": 3 + i,
             "slot": 0,
@@ -95,7 +95,7 @@ def test_a_summary_says_what_was_drawn_for_whom() -> None:
     new = short.settings.replace(variation=VariationSettings())
     for alike in (short.replace(plant="kinematic"), short.replace(settings=new)):
         (entry,) = run(alike, ["flc"], seeds=[3]).summary()["scenarios"].values()
-        assert entry["drawn"] == []
+        assert entry["drawn_parameters"] == []
 
 
 # --- rows ---

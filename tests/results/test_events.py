@@ -30,7 +30,9 @@ def settings(**sections: Any) -> Any:
 
 
 def told(log: Any, *kinds: str, row: int = 0) -> list[tuple[int, str]]:
-    return [(event.frame, event.text) for event in events.of_row(log, row) if event.kind in kinds]
+    return [
+        (event.frame, event.text) for event in events.row_events(log, row) if event.kind in kinds
+    ]
 
 
 def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_row() -> None:
@@ -40,7 +42,9 @@ def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_
         for own in ({"motor": {"limit_c": 25.02}}, {"battery": {"charge": 0.05}})
     )
     found = {
-        (event.kind, event.controller): event for log in (warm, empty) for event in events.find(log)
+        (event.kind, event.controller): event
+        for log in (warm, empty)
+        for event in events.find_events(log)
     }
     assert set(found) == {
         (kind, name) for kind in ("temperature", "battery") for name in ("flc", "comp-flc")
@@ -63,13 +67,13 @@ def test_events_stay_the_same_while_the_log_grows() -> None:
     reported: list[Any] = []
 
     def after_frame(frame: int) -> None:
-        found = events.of_row(simulation.log, 0)
+        found = events.row_events(simulation.log, 0)
         assert found[: len(reported)] == reported
         assert all(event.frame <= frame for event in found)
         reported[:] = found
 
     simulation.run(after_frame)
-    whole = events.of_row(simulation.log, 0)
+    whole = events.row_events(simulation.log, 0)
     assert {e.kind for e in whole} >= {"temperature", "fault"}
     assert reported == whole
 
@@ -79,7 +83,8 @@ def test_faults_and_rows_that_were_stopped_are_events_of_every_row() -> None:
     own = settings().replace(fault=(push, {"kind": "tilt", "start_s": 3.0, "angle_deg": 2.0}))
     log = filled(rows(("a", "b"), settings=own), 200, [200, 85], winding=25.0, battery=22.0)
     found = [
-        (e.frame, e.controller, e.text.split(":")[0]) for e in events.find(log, [failure(log, 1)])
+        (e.frame, e.controller, e.text.split(":")[0])
+        for e in events.find_events(log, [failure(log, 1)])
     ]
     assert found == [
         (60, "a", "begins"), (60, "b", "begins"), (85, "b", "stopped"), (90, "a", "ends"), (180, "a", "begins"),

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from benches.logs import (
     alpha_windows,
-    errors,
     failure,
     filled,
     measured,
     recovery_table,
     rows,
     saturation,
+    tracking_errors,
 )  # fmt: skip
 from numpy.typing import NDArray
 
@@ -47,11 +47,11 @@ def test_on_a_circle_who_is_late_is_behind_and_who_is_outside_is_aside() -> None
     ref, pose = np.zeros((200, 2, 3)), np.zeros((200, 2, 3))
     ref[..., :2] = outside[:, None]
     pose[:, 0, :2], pose[:, 1, :2] = late, 1.05 * outside
-    found = errors(filled(rows(("late", "outside")), 200, ref=ref, pose=pose))
+    found = tracking_errors(filled(rows(("late", "outside")), 200, ref=ref, pose=pose))
     chord = 2 * math.sin(0.05)
     for axis, wanted in {
-        "along": (chord * math.cos(0.05), 0),
-        "across": (chord * math.sin(0.05), 0.05),
+        "along_track": (chord * math.cos(0.05), 0),
+        "cross_track": (chord * math.sin(0.05), 0.05),
     }.items():
         np.testing.assert_allclose(
             found[axis][1:-1], np.broadcast_to(wanted, (198, 2)), atol=1e-9, err_msg=axis
@@ -78,7 +78,7 @@ def test_failing_improves_no_number() -> None:
     found = measured(log, [failure(log, 1), failure(log, 2)])
     for name, values in found.items():
         # Of a log without motors
-        unknown = name.startswith("peak_") or name.endswith("_share") or name == "duty_mean"
+        unknown = name.startswith("peak_") or name.endswith("_fraction") or name == "duty_mean"
         assert np.isfinite(values[0]) or unknown, name
         assert np.isnan(values[1:]).all() if unknown else np.isposinf(values[1:]).all(), name
     nothing = measured(filled(rows(), 0))
@@ -156,7 +156,7 @@ def test_a_wheel_slides_that_slips_faster_than_it_can_creep(speed: float, fricti
         log = filled(
             rows(settings=settings), 60, pose=pose, slip=slip, duty_peak=0.5, current_limited=0.0
         )
-        return float(measured(log)["sliding_share"][0])
+        return float(measured(log)["sliding_fraction"][0])
 
     assert share(own, creep) == 0
     assert share(own, creep + 0.05) == pytest.approx(
@@ -182,7 +182,7 @@ def test_what_the_limits_change_is_what_is_held_back(axis: int) -> None:
         sent[frame + 1] = pass_on(wanted[frame, None], sent[frame, None])[0]
     changed = np.abs(sent[1:] - wanted).max(1) > 1e-6
     log = filled(rows(settings=RECT), 60, command=sent[1:, None])
-    np.testing.assert_array_equal(saturation.of_row(log, 0)["held_back"], changed)
+    np.testing.assert_array_equal(saturation.saturated_frames(log, 0)["command_limited"], changed)
 
 
 def strayed(frames: int, *spans: tuple[int, int, float]) -> NDArray:
@@ -247,7 +247,7 @@ def test_a_run_tells_how_its_controllers_recover() -> None:
     assert drawn.rows[0][2] == f"{100 * found['flc']['recovery'][0]['excursion_m']['median']:.2f}"
     assert (
         result.rows()["fault_2_excursion_m"].to_pylist()[3:]
-        == found["comp-flc"]["recovery"][1]["excursion_m"]["seeds"]
+        == found["comp-flc"]["recovery"][1]["excursion_m"]["per_seed"]
     )
     calm = om.run(om.load_scenario("rect", plant="kinematic", reference=route), ["flc"], seeds=[0])
     assert recovery_table(calm.summary()) is None

@@ -8,50 +8,50 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete, lfilter
 
-from omni_mj.results.ramp_response import Profile, Response, measure
+from omni_mj.results.ramp_response import RampProfile, RampResponse, measure_ramp_response
 
 T = 1 / 60
-PROFILES = st.builds(Profile, st.floats(1.0, 2.0), st.floats(0.8, 2.0))
+PROFILES = st.builds(RampProfile, st.floats(1.0, 2.0), st.floats(0.8, 2.0))
 
 
-def linear(profile: Profile, numerator: list[float], denominator: list[float]) -> Response:
+def linear(profile: RampProfile, numerator: list[float], denominator: list[float]) -> RampResponse:
     """Of a robot whose speed follows the command by this transfer function; exact for commands held over a frame."""
     system = [*numerator], [*denominator, 0.0]  # the way is the integral of the speed
     (num,), den, _ = cont2discrete(system, T)
     way = lfilter(num, den, np.append(profile.command(), 0.0))
-    return measure(profile, way[:, None])
+    return measure_ramp_response(profile, way[:, None])
 
 
 @given(PROFILES, st.floats(0.5, 1.1), st.floats(0.002, 0.03))
 def test_a_lag_of_first_order_is_found_beside_its_gain(
-    profile: Profile, gain: float, lag: float
+    profile: RampProfile, gain: float, lag: float
 ) -> None:
     found = linear(profile, [gain], [lag, 1.0])
-    assert found.steady == pytest.approx(gain, rel=1e-6)
+    assert found.steady_gain == pytest.approx(gain, rel=1e-6)
     assert found.lag_s == pytest.approx(lag, rel=1e-6)
     # The second half of the ramp begins 0.25 s, at least eight time constants, after the start:
     # exp(-8) = 3e-4.
-    assert found.speeding_up == pytest.approx(gain, rel=1e-3)
+    assert found.acceleration_gain == pytest.approx(gain, rel=1e-3)
 
 
 @given(PROFILES, st.floats(0.5, 1.1), st.integers(0, 6))
-def test_a_dead_time_is_a_lag(profile: Profile, gain: float, frames: int) -> None:
+def test_a_dead_time_is_a_lag(profile: RampProfile, gain: float, frames: int) -> None:
     command = profile.command()
     way = np.concatenate([[0.0], np.cumsum(gain * command) * T])
     late = np.concatenate([np.zeros(frames), way])[: len(way)]
-    found = measure(profile, np.stack([way, late], axis=1))
+    found = measure_ramp_response(profile, np.stack([way, late], axis=1))
     np.testing.assert_allclose(found.lag_s, [0, frames * T], atol=1e-12)
-    np.testing.assert_allclose(found.steady, gain)
-    np.testing.assert_allclose(found.speeding_up, gain)
+    np.testing.assert_allclose(found.steady_gain, gain)
+    np.testing.assert_allclose(found.acceleration_gain, gain)
 
 
 @given(PROFILES, st.floats(0.0, 0.1))
-def test_dry_friction_costs_gain_and_no_lag(profile: Profile, cost: float) -> None:
+def test_dry_friction_costs_gain_and_no_lag(profile: RampProfile, cost: float) -> None:
     """A speed that is missing whenever the robot drives is missing of the cruise, but not of the slope."""
     way = np.concatenate([[0.0], np.cumsum(np.maximum(profile.command() - cost, 0.0)) * T])
-    found = measure(profile, way[:, None])
-    assert found.steady == pytest.approx(1 - cost / profile.speed_m_s)
-    assert found.speeding_up == pytest.approx(1.0)
+    found = measure_ramp_response(profile, way[:, None])
+    assert found.steady_gain == pytest.approx(1 - cost / profile.speed_m_s)
+    assert found.acceleration_gain == pytest.approx(1.0)
     # The ramps' frames are mirror images but for the one in which either begins; of it no more than
     # `cost` is missing.
     assert np.abs(found.lag_s) <= cost * T / profile.speed_m_s + 1e-12
@@ -62,7 +62,7 @@ def test_dry_friction_costs_gain_and_no_lag(profile: Profile, cost: float) -> No
 def test_creep_is_a_lag_that_grows_with_speed(gain: float, softness: float) -> None:
     """(T |v| + e) v' = u - v / g, with e = 1 ms against a standstill without end: lag T g^2 U / 2 + e g."""
     rest = 0.001
-    for profile in (Profile(0.75, 2.0), Profile(1.5, 1.0), Profile(1.5, 3.0)):
+    for profile in (RampProfile(0.75, 2.0), RampProfile(1.5, 1.0), RampProfile(1.5, 3.0)):
         command = np.append(profile.command(), 0.0)
 
         def rates(
@@ -75,10 +75,10 @@ def test_creep_is_a_lag_that_grows_with_speed(gain: float, softness: float) -> N
         way = solve_ivp(
             rates, (0, frames[-1]), (0.0, 0.0), "LSODA", frames, max_step=T / 4, rtol=1e-6
         ).y[0]
-        found = measure(profile, way[:, None])
+        found = measure_ramp_response(profile, way[:, None])
         lag = softness * gain**2 * profile.speed_m_s / 2 + rest * gain
         assert found.lag_s == pytest.approx(lag, rel=0.01)  # commands are held over a frame
-        assert found.steady == pytest.approx(gain, rel=1e-3)
+        assert found.steady_gain == pytest.approx(gain, rel=1e-3)
         curve = softness * profile.acceleration_m_s2
         slope = (np.sqrt(1 / gain**2 + 4 * curve) - 1 / gain) / (2 * curve)
-        assert found.speeding_up == pytest.approx(slope, abs=0.005)
+        assert found.acceleration_gain == pytest.approx(slope, abs=0.005)

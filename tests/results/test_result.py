@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import scipy.stats
-from benches.logs import failure, filled, outcome, paper_tables, rows, table
+from benches.logs import failure, filled, outcome, paper_tables, results_table, rows
 
 import omni_mj as om
 
@@ -40,12 +40,12 @@ def of_a_row(row: dict[str, np.ndarray]) -> dict[str, float]:
     ex, ey = abs(row["x_m"] - row["ref_x_m"]), abs(row["y_m"] - row["ref_y_m"])
     path = row["ref_x_m"] + 1j * row["ref_y_m"]
     turn = np.exp(1j * (row["heading_rad"] - row["ref_heading_rad"]))
-    errors = {"x": ex, "y": ey, "distance": (ex**2 + ey**2) ** 0.5}
+    errors = {"x": ex, "y": ey, "position": (ex**2 + ey**2) ** 0.5}
     errors["heading"] = abs(np.angle(turn))
     ax, ay = (np.diff(row[f"command_v{axis}_m_s"], prepend=0) * 60 for axis in "xy")
     at_rest = (row["ref_x_m"] == row["ref_x_m"][-1]) & (row["ref_y_m"] == row["ref_y_m"][-1])
     rest = int(np.flatnonzero(~at_rest)[-1]) + 1  # the rectangle also starts where it ends
-    settled = [k for k in range(rest, len(ex)) if (errors["distance"][k:] < 0.01).all()]
+    settled = [k for k in range(rest, len(ex)) if (errors["position"][k:] < 0.01).all()]
     found = {
         f"error_{'rad' if name == 'heading' else 'm'}.{name}.{key}": float(law(error))
         for name, error in errors.items()
@@ -73,7 +73,7 @@ def test_every_number_of_the_summary_follows_from_the_frames(
                 spread = spread[part]
             values = [each[key] for each in numbers]
             half = scipy.stats.t.ppf(0.975, 2) * np.std(values, ddof=1) / 3**0.5
-            assert spread["seeds"] == pytest.approx(values, rel=1e-12, abs=1e-12), key
+            assert spread["per_seed"] == pytest.approx(values, rel=1e-12, abs=1e-12), key
             wanted = [np.median(values), min(values), max(values), sum(values) / 3, half]
             assert list(spread.values())[1:] == pytest.approx(wanted, rel=1e-9, abs=1e-12), key
 
@@ -109,8 +109,13 @@ def test_the_paper_stands_beside_its_own_experiment_only() -> None:
         {"plant": "kinematic"},
         {"controllers": ("lqr",), "control": {"lag_s": 0.1}, "seeds": 7},
     ):
-        assert paper_tables.table(om.load_scenario("rect", **own)) is paper_tables.TABLES[3]
-        assert paper_tables.table(om.load_scenario("rect-noise", **own)) is paper_tables.TABLES[4]
+        assert (
+            paper_tables.find_paper_table(om.load_scenario("rect", **own)) is paper_tables.TABLES[3]
+        )
+        assert (
+            paper_tables.find_paper_table(om.load_scenario("rect-noise", **own))
+            is paper_tables.TABLES[4]
+        )
     for section, values, plant in (
         ("reference", {"laps": 2}, "mujoco"),
         ("radio", {"delay_frames": 7}, "kinematic"),
@@ -118,13 +123,18 @@ def test_the_paper_stands_beside_its_own_experiment_only() -> None:
         ("kinematic", {"alpha_low": 0.8}, "kinematic"),
     ):
         assert (
-            paper_tables.table(om.load_scenario("rect", plant=plant, **{section: values})) is None
+            paper_tables.find_paper_table(
+                om.load_scenario("rect", plant=plant, **{section: values})
+            )
+            is None
         )
     assert (
-        paper_tables.table(om.load_scenario("rect", plant="kinematic", carpet={"friction": 0.4}))
+        paper_tables.find_paper_table(
+            om.load_scenario("rect", plant="kinematic", carpet={"friction": 0.4})
+        )
         is paper_tables.TABLES[3]
     )
-    assert paper_tables.table(om.load_scenario("circle")) is None
+    assert paper_tables.find_paper_table(om.load_scenario("circle")) is None
 
 
 def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
@@ -167,13 +177,13 @@ def test_rows_name_what_they_are_what_differs_and_what_became_of_them() -> None:
     assert [(r["failed_at_s"], r["cause"]) for r in lines if r["cause"]] == [
         (8 / 60, "toppled over")
     ]
-    assert [r["distance_max_m"] for r in lines] == [0, 0, 0, np.inf, 0, 0]
-    assert entry["failed"] == [
+    assert [r["position_max_m"] for r in lines] == [0, 0, 0, np.inf, 0, 0]
+    assert entry["failures"] == [
         {"controller": "b", "seed": 1, "slot": 0, "time_s": 8 / 60, "cause": "toppled over"}
     ]  # fmt: skip
-    assert [found["failed"] for found in entry["results"].values()] == [0, 1]
+    assert [found["n_failed"] for found in entry["results"].values()] == [0, 1]
     assert "b (failed 1 of 3)" in result.table()
     assert len(result.frames()) == 5 * 30 + 8
-    assert table(result.summary()).rows[1][3] == "0.00/0.00", (
+    assert results_table(result.summary()).rows[1][3] == "0.00/0.00", (
         "the median of three seeds stands one that failed"
     )

@@ -19,7 +19,7 @@ def test_a_table_in_parts_is_the_table(
     """Rows of different lengths, one of none; wherever it is cut."""
     numbers = np.arange(10 * 3 * 3, dtype=float).reshape(10, 3, 3)
     log = filled(rows(["a", "b", "c"]), 10, lengths=[10, 0, 4], pose=numbers)
-    monkeypatch.setattr(parquet, "GROUP_ROWS", lines)
+    monkeypatch.setattr(parquet, "ROWS_PER_GROUP", lines)
     log.save(tmp_path / "table.parquet")
     read = pq.read_table(tmp_path / "table.parquet")
     assert read["controller"].to_pylist() == 10 * ["a"] + 4 * ["c"]
@@ -33,7 +33,7 @@ def test_a_table_is_read_without_threads(tmp_path: Path) -> None:
     filled(rows(["a"]), 10).save(tmp_path / "table.parquet")
     code = (
         "import os, sys, pathlib, pyarrow.parquet\nfrom omni_mj import parquet\n"
-        "before = len(os.listdir('/proc/self/task'))\nparquet.read(pathlib.Path(sys.argv[1]))\n"
+        "before = len(os.listdir('/proc/self/task'))\nparquet.read_table(pathlib.Path(sys.argv[1]))\n"
         "print(len(os.listdir('/proc/self/task')) - before)"
     )
     words = [sys.executable, "-c", code, str(tmp_path / "table.parquet")]

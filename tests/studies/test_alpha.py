@@ -52,13 +52,13 @@ def test_creep_alone_takes_what_its_law_says(study: AlphaStudy) -> None:
     both, curve = slice(0, 2), softness(om.load_scenario("rect"))
     alone = study.by_causes.at((1, 0, 0))  # creep without drag and battery
     creep = {name: (getattr(alone, name) - getattr(study.wheel_loop, name))[both] for name in NAMES}
-    gain = study.wheel_loop.steady[both] + creep["steady"]
+    gain = study.wheel_loop.steady_gain[both] + creep["steady_gain"]
     # What accelerates the robot leans on some wheels more than others, and the law has their mean.
     np.testing.assert_allclose(creep["lag_s"], curve * gain**2 * speed / 2, rtol=0.1)
     curve = curve * found.acceleration_m_s2
     slope = (np.sqrt(1 + 4 * curve) - 1) / (2 * curve)
     np.testing.assert_allclose(
-        study.wheel_loop.speeding_up[both] + creep["speeding_up"], slope, atol=0.05
+        study.wheel_loop.acceleration_gain[both] + creep["acceleration_gain"], slope, atol=0.05
     )
 
 
@@ -69,24 +69,24 @@ def test_lag_does_not_depend_on_acceleration_but_the_gain_of_speeding_up_does(
     np.testing.assert_allclose(
         fast.lag_s[:2], slow.lag_s[:2], rtol=0.05
     )  # of 60 to 100 ms: rollers ripple
-    np.testing.assert_allclose(fast.steady, slow.steady, atol=0.005)
-    assert (fast.speeding_up < slow.speeding_up - 0.02).all()
-    assert (fast.speeding_up < fast.steady - 0.02).all()
+    np.testing.assert_allclose(fast.steady_gain, slow.steady_gain, atol=0.005)
+    assert (fast.acceleration_gain < slow.acceleration_gain - 0.02).all()
+    assert (fast.acceleration_gain < fast.steady_gain - 0.02).all()
 
 
 def test_robots_creep_more_sideways(study: AlphaStudy) -> None:
     """Where fewer wheels pull, see `softness`."""
     for each in (study.baseline, study.worn):
-        assert each.steady[SIDEWAYS] < each.steady[FORWARD]
+        assert each.steady_gain[SIDEWAYS] < each.steady_gain[FORWARD]
         assert each.lag_s[SIDEWAYS] > each.lag_s[FORWARD]
 
 
 def test_more_pile_less_charge_and_heat_cost_what_they_can(study: AlphaStudy) -> None:
     """Pile and charge the gain; heat, which takes stiffness from the wheel loops, lag."""
     for name, sign in (("pile", -1), ("charge", 1)):
-        assert (sign * (study.by_condition[name].steady[0] - study.baseline.steady) > 0.01).all(), (
-            name
-        )
+        assert (
+            sign * (study.by_condition[name].steady_gain[0] - study.baseline.steady_gain) > 0.01
+        ).all(), name
     assert (study.by_condition["winding_c"].lag_s[0] > study.baseline.lag_s + 0.001).all()
 
 
@@ -125,9 +125,9 @@ def test_rows_summary_and_table_say_the_same(result: AlphaResult, study: AlphaSt
     assert [row["lag_s"] for row in full] == pytest.approx(study.by_condition["charge"].lag_s[0])
     summary = result.summary()
     assert summary["complete"]
-    told = summary["alpha"]["by_condition"]["charge"]["steady"][0]
-    assert told == pytest.approx(study.by_condition["charge"].steady[0], abs=1e-6)
-    assert f"{study.baseline.steady[0]:.3f}" in result.table()
+    told = summary["alpha"]["by_condition"]["charge"]["steady_gain"][0]
+    assert told == pytest.approx(study.by_condition["charge"].steady_gain[0], abs=1e-6)
+    assert f"{study.baseline.steady_gain[0]:.3f}" in result.table()
 
 
 def test_what_cannot_be_studied_is_said() -> None:

@@ -101,7 +101,7 @@ def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
     assert all("out of ideas" in f.cause for f in both.failures)
     entry, other = (result.summary()["scenarios"]["rect"] for result in (both, alone))
     assert entry["results"]["flc"] == other["results"]["flc"]
-    assert entry["results"]["Late"]["failed"] == 2
+    assert entry["results"]["Late"]["n_failed"] == 2
     assert entry["verdict"]["errors"]["max"]["beats"] == ["Late"]
     assert both.complete
     assert "Late (failed 2 of 2)" in both.table()

@@ -45,7 +45,7 @@ def test_every_outcome_is_that_of_the_run_of_its_scenario(
 ) -> None:
     """In the summary, the frames and the files, which are named after their scenarios."""
     found = result.summary()
-    assert (found["controllers"], found["informed"], found["subject"]) == (
+    assert (found["controllers"], found["privileged"], found["subject"]) == (
         list(CONTROLLERS),
         ["oracle"],
         "comp-flc",

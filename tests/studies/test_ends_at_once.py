@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-READ = "import sys; from pathlib import Path; from omni_mj import parquet; parquet.read(Path(sys.argv[1]))"
+READ = "import sys; from pathlib import Path; from omni_mj import parquet; parquet.read_table(Path(sys.argv[1]))"
 
 
 def test_a_program_that_ends_after_reading_is_not_aborted(tmp_path: Path) -> None:

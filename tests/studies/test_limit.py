@@ -140,7 +140,7 @@ def test_a_robot_without_lag_is_inverted_exactly() -> None:
 def least(result: om.Result, name: str) -> dict[str, float]:
     """Over the seeds, mean of the maximum and the mean of the error in the plane."""
     error = next(iter(result.summary()["scenarios"].values()))["results"][name]["error_m"][
-        "distance"
+        "position"
     ]
     return {statistic: error[statistic]["mean"] for statistic in ("max", "mean")}
 

@@ -67,9 +67,9 @@ def test_each_run_is_what_it_is_alone(whole: bench.SweepResult) -> None:
             "controller",
             "seed",
             "settle_s",
-            "distance_p99_m",
+            "position_p99_m",
             "heading_rms_rad",
-            "held_back_share",
+            "command_limited_fraction",
         } <= {*shared}
         for name in shared:
             assert own[name] == alone[name], name
@@ -90,8 +90,8 @@ def test_robots_on_other_wheels_are_not_simulated_together(tmp_path: Path) -> No
         1,
         out=tmp_path / "x",
     )
-    assert found.rows()["distance_max_m"].to_pylist() == [
-        result.rows()["distance_max_m"][0].as_py() for result in alone
+    assert found.rows()["position_max_m"].to_pylist() == [
+        result.rows()["position_max_m"][0].as_py() for result in alone
     ]
 
 
@@ -294,18 +294,21 @@ def test_what_matters_and_the_worst_runs_are_said(
     assert invoke("sweep", *words, *ROUTE, *sets) == 0
     assert "radio.delay_frames" in capsys.readouterr().out
     summary = json.loads((folder / "summary.json").read_text())
-    matters = {line["setting"]: line["distance_max_m"] for line in summary["correlations"]}
+    matters = {line["setting"]: line["position_max_m"] for line in summary["correlations"]}
     assert matters["radio.delay_frames"] > 0.9 > abs(matters["carpet.friction"])
     rows = pq.read_table(folder / "rows.parquet").to_pylist()
     worst = summary["worst"][0]
-    assert worst["distance_max_m"] == max(row["distance_max_m"] for row in rows)
+    assert worst["position_max_m"] == max(row["position_max_m"] for row in rows)
     assert (
-        invoke(*shlex.split(worst["repeat"])[1:], "--no-figures", "--out", tmp_path / "again") == 0
+        invoke(
+            *shlex.split(worst["repeat_command"])[1:], "--no-figures", "--out", tmp_path / "again"
+        )
+        == 0
     )
     again = json.loads((tmp_path / "again/summary.json").read_text())["scenarios"]["rect"][
         "results"
     ]["p"]
-    assert again["error_m"]["distance"]["max"]["seeds"] == [worst["distance_max_m"]]
+    assert again["error_m"]["position"]["max"]["per_seed"] == [worst["position_max_m"]]
 
 
 def test_cells_have_rates_and_medians_of_their_rows_with_intervals(
@@ -324,8 +327,8 @@ def test_cells_have_rates_and_medians_of_their_rows_with_intervals(
         ]
         assert (cell["robots"], cell["failed"], cell["failure_low"]) == (3, 0, 0.0)
         assert cell["failure_high"] == pytest.approx(0.5615, abs=1e-4)
-        errors = sorted(row["distance_max_m"] for row in own)
-        assert cell["distance_max_m"] == {
+        errors = sorted(row["position_max_m"] for row in own)
+        assert cell["position_max_m"] == {
             "median": errors[1],
             "low": None,
             "high": None,

@@ -167,11 +167,13 @@ def expected_series(t: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         "wheel/voltage": [t[f"voltage_{i}_v"] for i in wheels],
         "wheel/current": [t[f"current_{i}_a"] for i in wheels],
         "wheel/slip": [t[f"slip_{i}_m_s"] for i in wheels],
-        "wheel/winding": [t[f"winding_{i}_c"] for i in wheels],
-        "battery": [t["battery_v"]],
+        "wheel/winding": [t[f"winding_temperature_{i}_c"] for i in wheels],
+        "battery": [t["battery_voltage_v"]],
         "error/distance": [100 * np.hypot(t["x_m"] - t["ref_x_m"], t["y_m"] - t["ref_y_m"])],
-        "saturation/duty": [t["duty_peak"]],
-        "saturation/current": [np.max([t[f"current_limited_{i}"] for i in wheels], axis=0)],
+        "saturation/duty": [t["peak_duty"]],
+        "saturation/current": [
+            np.max([t[f"current_limited_fraction_{i}"] for i in wheels], axis=0)
+        ],
     }
     for axis, place, speed, scale in (
         ("x", "x_m", "vx_m_s", 100),

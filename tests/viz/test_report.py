@@ -179,7 +179,7 @@ def test_what_a_user_wrote_is_text(runs: list[Path], tmp_path: Path, out: Path) 
     results = {EVIL: entry_of(runs[0])["results"]["flc"]}
     failed = [{"controller": EVIL, "seed": 0, "slot": 0, "time_s": 1.0, "cause": EVIL}]
     folder = changed(
-        runs[0], tmp_path / "evil", EVIL, description=EVIL, results=results, failed=failed
+        runs[0], tmp_path / "evil", EVIL, description=EVIL, results=results, failures=failed
     )
     (folder / "summary.json").write_text(json.dumps(summary_of(folder) | {"controllers": [EVIL]}))
     report = page(folder, out=out)
@@ -192,12 +192,12 @@ def test_failed_rows_and_what_is_not_known_are_shown(
     runs: list[Path], tmp_path: Path, out: Path
 ) -> None:
     results = entry_of(runs[0])["results"]
-    results["flc"] |= {"failed": 1, "alpha": None, "peak_voltage_v": None}
+    results["flc"] |= {"n_failed": 1, "alpha": None, "peak_voltage_v": None}
     for spreads in results["flc"]["error_m"].values():
         for spread in spreads.values():
-            spread |= {"mean": None, "plus_minus": None, "max": None}
+            spread |= {"mean": None, "ci95_half_width": None, "max": None}
     failed = [{"controller": "flc", "seed": 2, "slot": 0, "time_s": 1.25, "cause": "toppled over"}]
-    folder = changed(runs[0], tmp_path / "failed", results=results, failed=failed)
+    folder = changed(runs[0], tmp_path / "failed", results=results, failures=failed)
     for folders in ([folder], [folder, runs[1]]):
         report = page(*folders, out=out)
         assert "toppled over" in report.text
@@ -233,7 +233,7 @@ def test_settings_off_their_default_stand_out(runs: list[Path], out: Path) -> No
     [
         (None, "holds no run"),
         ("{", "not valid JSON"),
-        ('{"format": 2}', "not a run's summary of format 4"),
+        ('{"format": 2}', "not a run's summary of format 5"),
     ],
 )
 def test_a_folder_that_holds_no_run_is_refused_in_one_line(

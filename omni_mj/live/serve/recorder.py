@@ -56,7 +56,7 @@ class Recorder:
             self._names, self._log = names, Log(rows, self._n_wheels)
             self._log.first_frame = pitch.cycle // CYCLES_PER_FRAME
         command, measured = pitch.held.command[robots], pitch.measured[robots]
-        self._log.write(
+        self._log.append(
             np.ones(len(robots), bool),
             {},
             pose=pitch.plant.pose()[robots],
@@ -73,7 +73,7 @@ class Recorder:
         self._end_block()
         self._write_part()
         if self._path is not None and self._parts:
-            parquet.write(map(parquet.read, self._parts), self._path)
+            parquet.write_tables(map(parquet.read_table, self._parts), self._path)
             for part in self._parts:
                 part.unlink()
 
@@ -93,6 +93,6 @@ class Recorder:
             part = self._path.with_name(
                 f"{self._path.stem}-{len(self._parts):05d}{self._path.suffix}"
             )
-            parquet.write(self._tables, part)
+            parquet.write_tables(self._tables, part)
             self._parts.append(part)
             self._tables, self._n_frames = [], 0

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from omni_mj.studies.alpha import AlphaResult, AlphaStudy
 
 QUANTITIES = {
-    "steady": "steady gain - 1",
-    "speeding_up": "gain while speeding up - 1",
+    "steady_gain": "steady gain - 1",
+    "acceleration_gain": "gain while speeding up - 1",
     "lag_s": "lag in ms",
 }
 MARKERS = "os^"  # of directions, for readers who cannot distinguish the colors
@@ -91,11 +91,11 @@ def _draw_condition(study: "AlphaStudy", name: str, gain: Axes, lag: Axes) -> No
     for i, (direction, marker) in enumerate(zip(DIRECTIONS, MARKERS, strict=True)):
         line: dict[str, Any] = {"color": style.colour(i), "marker": marker}
         dotted = line | {"ls": ":", "mfc": "white", "label": f"{direction}, speeding up"}
-        gain.plot(values, response.steady[:, i], label=f"{direction}, steady", **line)
-        gain.plot(values, response.speeding_up[:, i], **dotted)
+        gain.plot(values, response.steady_gain[:, i], label=f"{direction}, steady", **line)
+        gain.plot(values, response.acceleration_gain[:, i], **dotted)
         lag.plot(values, 1000 * response.lag_s[:, i], **line)
     responses = study.by_condition.values()
-    lowest = min(np.nanmin(r.speeding_up) for r in responses)
+    lowest = min(np.nanmin(r.acceleration_gain) for r in responses)
     gain.set(title=CONDITION_LABELS[name], ylim=(lowest - 0.05, 1.05))
     lag.set_ylim(0, 1050 * max(np.nanmax(r.lag_s) for r in responses))
     gain.margins(x=0.06)

@@ -27,10 +27,15 @@ from omni_mj.config import distributions
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import Settings
-from omni_mj.results.ramp_response import NAMES, Profile, Response, measure
+from omni_mj.results.ramp_response import (
+    RESPONSE_FIELDS,
+    RampProfile,
+    RampResponse,
+    measure_ramp_response,
+)
 from omni_mj.results.result import Result
 from omni_mj.results.result_tables import Table
-from omni_mj.results.result_tables import text as aligned
+from omni_mj.results.result_tables import format_table as aligned
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.alpha.operating_conditions import (
     AXES,
@@ -57,8 +62,8 @@ from omni_mj.studies.study_runner import (
 )
 
 DEFINITIONS = {
-    "steady": "achieved / commanded speed in the last 0.5 s at constant speed",
-    "speeding_up": (
+    "steady_gain": "achieved / commanded speed in the last 0.5 s at constant speed",
+    "acceleration_gain": (
         "slope of the achieved over the commanded speed in the second half of the ramp up"
     ),
     "lag_s": (
@@ -73,9 +78,9 @@ UNDISTURBED = {
     "vision": {"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
     "disturbance": {"force_n": 0},
 }
-Trials = Sequence[tuple[Settings, Profile]]  # settings share one shape, see `plants.mujoco`
+Trials = Sequence[tuple[Settings, RampProfile]]  # settings share one shape, see `plants.mujoco`
 # Quantity of `Response` -> factor to the table's unit, decimal places
-_FORMATS = {"steady": (1.0, 3), "speeding_up": (1.0, 3), "lag_s": (1000.0, 0)}
+_FORMATS = {"steady_gain": (1.0, 3), "acceleration_gain": (1.0, 3), "lag_s": (1000.0, 0)}
 _HEADINGS = ["", "", "steady gain: fwd", "side", "speeding up: fwd", "side", "lag, ms: fwd", "side"]
 
 
@@ -96,17 +101,17 @@ class AlphaStudy:
     """
 
     condition_values: ConditionValues
-    baseline: Response
-    by_condition: Mapping[str, Response]
-    by_causes: Response
+    baseline: RampResponse
+    by_condition: Mapping[str, RampResponse]
+    by_causes: RampResponse
 
     @property
-    def worn(self) -> Response:
+    def worn(self) -> RampResponse:
         """Response of the worn robot with all causes, (directions,)."""
         return self.by_causes.at((1,) * len(CAUSES))
 
     @property
-    def wheel_loop(self) -> Response:
+    def wheel_loop(self) -> RampResponse:
         """Response of the worn robot without any cause: wheel loops and back-EMF, (directions,)."""
         return self.by_causes.at((0,) * len(CAUSES))
 
@@ -132,7 +137,7 @@ class AlphaStudy:
                     cause: {"share": _plain_list(values)}
                     for cause, values in self.contributions(name).items()
                 }
-                for name in NAMES
+                for name in RESPONSE_FIELDS
             },
         }
 
@@ -156,7 +161,9 @@ class AlphaStudy:
     def _cause_rows(self) -> Iterator[list[str]]:
         yield ["wheel loop and back-EMF alone", "", *_format_response(self.wheel_loop)]
         for cause in CAUSES:
-            contribution = Response(*(self.contributions(name)[cause] for name in NAMES))
+            contribution = RampResponse(
+                *(self.contributions(name)[cause] for name in RESPONSE_FIELDS)
+            )
             yield [f"contribution of {cause}", "", *_format_response(contribution, "+")]
         yield ["sum: the worn robot", "", *_format_response(self.worn)]
 
@@ -265,7 +272,7 @@ def _profile_columns(trials: Trials) -> dict[str, np.ndarray]:
     return columns
 
 
-def _measure_responses(trials: Trials, positions: Array) -> Response:
+def _measure_responses(trials: Trials, positions: Array) -> RampResponse:
     """Return the response (trials, directions) for positions (frames, rows, 2).
 
     It is NaN for robots that failed.
@@ -273,13 +280,15 @@ def _measure_responses(trials: Trials, positions: Array) -> Response:
     directions = np.array([*DIRECTIONS.values()])
     travelled = (positions.reshape(len(positions), -1, *directions.shape) * directions).sum(-1)
     responses = [
-        measure(profile, travelled[: len(profile.command()) + 1, i])
+        measure_ramp_response(profile, travelled[: len(profile.command()) + 1, i])
         for i, (_, profile) in enumerate(trials)
     ]
-    return Response(*(np.array([vars(response)[name] for response in responses]) for name in NAMES))
+    return RampResponse(
+        *(np.array([vars(response)[name] for response in responses]) for name in RESPONSE_FIELDS)
+    )
 
 
-def _build_study(condition_values: ConditionValues, response: Response) -> AlphaStudy:
+def _build_study(condition_values: ConditionValues, response: RampResponse) -> AlphaStudy:
     """Return the study of a response (trials, directions).
 
     Trials are in this order: baseline, conditions one by one, combinations of causes.
@@ -289,11 +298,11 @@ def _build_study(condition_values: ConditionValues, response: Response) -> Alpha
         by_condition[name] = response.at(slice(start, start + len(values)))
         start += len(values)
     shape = (2,) * len(CAUSES) + (len(DIRECTIONS),)
-    by_causes = Response(*(values[start:].reshape(shape) for values in vars(response).values()))
+    by_causes = RampResponse(*(values[start:].reshape(shape) for values in vars(response).values()))
     return AlphaStudy(condition_values, response.at(0), by_condition, by_causes)
 
 
-def _format_response(response: Response, sign: str = "") -> list[str]:
+def _format_response(response: RampResponse, sign: str = "") -> list[str]:
     """Return the forward and sideways values of each quantity as text."""
     return [
         f"{factor * getattr(response, name)[axis]:{sign}.{digits}f}"
@@ -302,7 +311,7 @@ def _format_response(response: Response, sign: str = "") -> list[str]:
     ]
 
 
-def _plain_response(response: Response) -> dict[str, Any]:
+def _plain_response(response: RampResponse) -> dict[str, Any]:
     return {name: _plain_list(values) for name, values in vars(response).items()}
 
 

@@ -15,11 +15,11 @@ from omni_control.errors import OmniError, suggest_names
 from omni_control.kinematics import Array
 from omni_mj.config.motor_settings import RAD_S
 from omni_mj.config.settings import Settings
-from omni_mj.results.ramp_response import Profile
+from omni_mj.results.ramp_response import RampProfile
 
 ConditionValues = Mapping[str, Sequence[float]]
 # The fastest profile with which TIGERs Mannheim identify their robots
-PROFILE = Profile(speed_m_s=1.5, acceleration_m_s2=2.0)
+PROFILE = RampProfile(speed_m_s=1.5, acceleration_m_s2=2.0)
 CONDITION_VALUES: ConditionValues = {
     "speed_m_s": (0.5, 1.0, 1.5, 2.0),
     "acceleration_m_s2": (1.0, 2.0, 3.0, 4.0),
@@ -70,7 +70,9 @@ CAUSES: dict[str, Callable[[Settings], Settings]] = {
 }
 
 
-def apply_condition(settings: Settings, condition: str, value: float) -> tuple[Settings, Profile]:
+def apply_condition(
+    settings: Settings, condition: str, value: float
+) -> tuple[Settings, RampProfile]:
     """Return settings and profile with another value of one condition.
 
     If the windings are hot, the housing gets the temperature of their thermal equilibrium.

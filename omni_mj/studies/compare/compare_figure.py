@@ -9,8 +9,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
-from omni_mj.results.result_tables import DASH, where
-from omni_mj.results.statistics import plane_error
+from omni_mj.results.result_tables import DASH, describe_plant
+from omni_mj.results.statistics import mean_position_error
 from omni_mj.viz.figures import plotting
 from omni_mj.viz.figures.seed_figure import draw_seed_statistics
 
@@ -30,21 +30,21 @@ def save_comparison_figure(summary: Summary, stem: Path) -> None:
     with plotting.figure_file(stem, svg=True) as figure:
         if len(entries) == 1:
             ((name, entry),) = entries.items()
-            draw_seed_statistics(name, entry, summary["informed"], figure)
+            draw_seed_statistics(name, entry, summary["privileged"], figure)
         else:
-            draw_heat_map(entries, summary["informed"], figure)
+            draw_heat_map(entries, summary["privileged"], figure)
 
 
-def draw_heat_map(entries: dict[str, Summary], informed: list[str], figure: Figure) -> None:
+def draw_heat_map(entries: dict[str, Summary], privileged: list[str], figure: Figure) -> None:
     """Draw the maximum position error of each controller in each scenario.
 
     The number in a cell is the error in cm, mean over the seeds. The color is its ratio to the
-    error of a baseline controller in the same scenario. The least error of a scenario, informed
+    error of a baseline controller in the same scenario. The least error of a scenario, privileged
     controllers aside, is bold.
 
     Args:
         entries: Entries of a summary, all with results, by scenario.
-        informed: Controllers that know the true state.
+        privileged: Controllers that know the true state.
         figure: Empty figure.
     """
     controllers = list(dict.fromkeys(name for e in entries.values() for name in e["results"]))
@@ -61,9 +61,9 @@ def draw_heat_map(entries: dict[str, Summary], informed: list[str], figure: Figu
         norm=LogNorm(1 / MAX_RATIO, MAX_RATIO),
         aspect="auto",
     )
-    is_informed = np.array([name in informed for name in controllers])
+    is_informed = np.array([name in privileged for name in controllers])
     _write_errors(axes, errors, ratios, is_informed)
-    labels = [name + "\n(informed)" * (name in informed) for name in controllers]
+    labels = [name + "\n(privileged)" * (name in privileged) for name in controllers]
     axes.set_xticks(range(len(labels)), labels)
     axes.set_yticks(range(len(entries)), list(entries))
     axes.tick_params(length=0, labeltop=True, labelbottom=False)
@@ -83,7 +83,7 @@ def _maximum_errors(entries: dict[str, Summary], controllers: list[str]) -> Arra
     errors = np.full((len(entries), len(controllers)), np.nan)
     for i, entry in enumerate(entries.values()):
         for name, result in entry["results"].items():
-            errors[i, controllers.index(name)] = plane_error(result, "max")
+            errors[i, controllers.index(name)] = mean_position_error(result, "max")
     return errors
 
 
@@ -110,7 +110,7 @@ def _write_errors(axes: Axes, errors: Array, ratios: Array, is_informed: np.ndar
 
 def _title(entries: dict[str, Summary]) -> str:
     """Return the title: what the numbers are, where, and over how many seeds."""
-    places = {where(entry) for entry in entries.values()}
+    places = {describe_plant(entry) for entry in entries.values()}
     place = f", {places.pop()}" if len(places) == 1 else ""
     counts = sorted({len(entry["seeds"]) for entry in entries.values()})
     seeds = " to ".join(map(str, counts))

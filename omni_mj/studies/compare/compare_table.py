@@ -3,8 +3,15 @@
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from omni_mj.results.result_tables import DASH, Table, label, plus_minus, table, text
-from omni_mj.results.statistics import CHANCE, ERRORS
+from omni_mj.results.result_tables import (
+    DASH,
+    Table,
+    controller_label,
+    format_mean,
+    format_table,
+    results_table,
+)
+from omni_mj.results.statistics import SIGNIFICANCE_LEVEL, STATISTIC_LABELS
 from omni_mj.viz import markdown_tables
 
 Summary = dict[str, Any]
@@ -13,16 +20,16 @@ WITHIN_CHANCE = "?"  # mark of a difference that chance may explain
 
 def print_comparison(summary: Summary) -> None:
     """Print the errors, the verdicts, and a note for each scenario or row without result."""
-    errors, verdicts = table(summary), verdict_table(summary)
+    errors, verdicts = results_table(summary), verdict_table(summary)
     if errors.rows:
-        print(text(errors))
+        print(format_table(errors))
         print(
             "settled: s after the end of the reference's last move "
             "(how many of all seeds settle, if not all)"
         )
         print("excess: command effort above the reference's own; compare.md has the definitions\n")
     if verdicts.rows:
-        print(text(verdicts))
+        print(format_table(verdicts))
         print(f"{_verdict_caption(summary)}\n")
     for line in _list_missing(summary):
         print(f"note: {line}")
@@ -30,10 +37,10 @@ def print_comparison(summary: Summary) -> None:
 
 def to_markdown(summary: Summary) -> str:
     """Return the tables, notes and definitions of a comparison as Markdown."""
-    errors, verdicts = table(summary), verdict_table(summary)
+    errors, verdicts = results_table(summary), verdict_table(summary)
     blocks = [
         f"# {errors.title}",
-        f"`{summary['repeat']}`" if summary["repeat"] else "",
+        f"`{summary['repeat_command']}`" if summary["repeat_command"] else "",
         _bullet_list(_list_missing(summary)),
     ]
     if verdicts.rows:
@@ -62,10 +69,10 @@ def _error_matrix(summary: Summary, statistic: str) -> str:
     for scenario, entry in summary["scenarios"].items():
         cells = {}
         for name, result in entry["results"].items():
-            failed = f" ({result['failed']} failed)" if result["failed"] else ""
-            cells[name] = plus_minus(result["error_m"]["distance"][statistic], 100) + failed
+            failed = f" ({result['n_failed']} failed)" if result["n_failed"] else ""
+            cells[name] = format_mean(result["error_m"]["position"][statistic], 100) + failed
         rows.append([scenario, *(cells.get(name, DASH) for name in summary["controllers"])])
-    labels = [label(summary, name) for name in summary["controllers"]]
+    labels = [controller_label(summary, name) for name in summary["controllers"]]
     return markdown_tables.markdown(["", *labels], rows)
 
 
@@ -76,14 +83,22 @@ def verdict_table(summary: Summary) -> Table:
     """
     subject = summary["subject"]
     baselines = [
-        name for name in summary["controllers"] if name not in (subject, *summary["informed"])
+        name for name in summary["controllers"] if name not in (subject, *summary["privileged"])
     ]
     rows = []
     for scenario, entry in summary["scenarios"].items():
         for statistic, errors in (entry["verdict"] or {"errors": {}})["errors"].items():
             changes = [_format_change(errors["against"].get(name)) for name in baselines]
             beaten = f"{len(errors['beats'])} of {len(errors['against'])}"
-            rows.append([scenario, ERRORS[statistic], *changes, beaten, errors["best"] or DASH])
+            rows.append(
+                [
+                    scenario,
+                    STATISTIC_LABELS[statistic],
+                    *changes,
+                    beaten,
+                    errors["best_competitor"] or DASH,
+                ]
+            )
     headings = ["scenario", "error", *(f"vs {name}" for name in baselines)]
     headings += ["beats", "best of the others"]
     return Table(f"Verdicts on {subject}", headings, rows, 2)
@@ -93,7 +108,7 @@ def _verdict_caption(summary: Summary) -> str:
     """Return the sentence that explains the numbers of the verdict table."""
     return (
         f"Position error of {summary['subject']} relative to each other controller's, change in "
-        f"%; {WITHIN_CHANCE} within chance: paired by seed, p above {100 * CHANCE:g} % after "
+        f"%; {WITHIN_CHANCE} within chance: paired by seed, p above {100 * SIGNIFICANCE_LEVEL:g} % after "
         "Holm's correction for all verdicts. Informed controllers are no competitors."
     )
 
@@ -102,7 +117,7 @@ def _format_change(comparison: Summary | None) -> str:
     """Return the change of an error in %, marked if chance may explain it."""
     if comparison is None or comparison["ratio"] is None:
         return DASH
-    mark = "" if comparison["beyond_chance"] else f" {WITHIN_CHANCE}"
+    mark = "" if comparison["significant"] else f" {WITHIN_CHANCE}"
     return f"{100 * (comparison['ratio'] - 1):+.0f}{mark}"
 
 
@@ -112,7 +127,7 @@ def _list_missing(summary: Summary) -> Iterator[str]:
         if entry["status"] != "done":
             reason = entry["reason"] or summary["stopped"] or "not yet"
             yield f"{name}: {entry['status']}: {reason}"
-        for row in entry["failed"]:
+        for row in entry["failures"]:
             cause = " ".join(row["cause"].split())
             robot = f"{name}: {row['controller']}, seed {row['seed']}"
             yield f"{robot}: {cause} at {row['time_s']:.3f} s"

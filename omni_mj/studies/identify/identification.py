@@ -16,8 +16,8 @@ import numpy as np
 from omni_control.kinematics import world_to_body
 from omni_mj.config import robot_files
 from omni_mj.config.scenario import Scenario, load_scenario
-from omni_mj.files import write
-from omni_mj.results.result_tables import DASH, Table, text
+from omni_mj.files import write_text
+from omni_mj.results.result_tables import DASH, Table, format_table
 from omni_mj.studies.identify import log_checks, robot_file_writer
 from omni_mj.studies.identify.derived_parameters import Estimate, estimates, find_lacks
 from omni_mj.studies.identify.log_segments import cut
@@ -96,7 +96,7 @@ class IdentificationResult:
             (f"note: {note}" for note in self.notes),
         )
         return "\n".join(
-            [text(Table(title, headings, rows, 3)), *residuals, *misfits, *missing, *notes]
+            [format_table(Table(title, headings, rows, 3)), *residuals, *misfits, *missing, *notes]
         )
 
     def report(self) -> dict[str, Any]:
@@ -121,8 +121,10 @@ class IdentificationResult:
         if model := self.start.settings.model.file:
             made["model", "file"] = json.dumps(Path(model).resolve().as_posix())
         start = robot_files.robot_path(self.start.robot).read_text("utf-8")
-        write(folder / "robot.toml", robot_file_writer.write_changes(start, made, self.logs))
-        write(folder / "identify.json", json.dumps(self.report(), indent=2, allow_nan=False) + "\n")
+        write_text(folder / "robot.toml", robot_file_writer.write_changes(start, made, self.logs))
+        write_text(
+            folder / "identify.json", json.dumps(self.report(), indent=2, allow_nan=False) + "\n"
+        )
 
 
 def identify(

@@ -159,7 +159,7 @@ def _table(path: Path) -> "Columns":
     """
     import pyarrow as pa
 
-    readers = {".csv": _read_csv, ".parquet": parquet.read}
+    readers = {".csv": _read_csv, ".parquet": parquet.read_table}
     if path.suffix.lower() not in readers:
         raise OmniError(f"{path}: a log is a .csv or .parquet file with named columns")
     if not os.path.isfile(path):

@@ -13,8 +13,8 @@ from omni_mj.config.robot_settings import VariationSettings
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.result import Outcome, Result
-from omni_mj.results.result_tables import Table, plus_minus, text, where
-from omni_mj.results.statistics import ERRORS, plane_error
+from omni_mj.results.result_tables import Table, describe_plant, format_mean, format_table
+from omni_mj.results.statistics import STATISTIC_LABELS, mean_position_error
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.iterative_learning import AIMS, Aim, lead, learn, led
 from omni_mj.studies.limit.lqr_tracking import Policy, Tracker
@@ -62,16 +62,21 @@ class LimitResult(Result):
         ((name, entry),) = self.summary()["scenarios"].items()
         results, rows = entry["results"], []
         for label, result in results.items():
-            errors = [plus_minus(result["error_m"]["distance"][aim], 100) for aim in AIMS]
-            ratios = (plane_error(result, aim) / plane_error(results[LIMIT], aim) for aim in AIMS)
+            errors = [format_mean(result["error_m"]["position"][aim], 100) for aim in AIMS]
+            ratios = (
+                mean_position_error(result, aim) / mean_position_error(results[LIMIT], aim)
+                for aim in AIMS
+            )
             rows.append([label, *errors, "/".join(f"{ratio:.1f}" for ratio in ratios)])
-        headings = ["", *(f"{ERRORS[aim]}, cm" for aim in AIMS), "times the limit"]
-        title = f"{name}, {where(entry)}: error in the plane, mean of {len(self.seeds)} seeds"
+        headings = ["", *(f"{STATISTIC_LABELS[aim]}, cm" for aim in AIMS), "times the limit"]
+        title = (
+            f"{name}, {describe_plant(entry)}: error in the plane, mean of {len(self.seeds)} seeds"
+        )
         first, last = (
             " / ".join(f"{100 * self.history[i][aim]:.4f}" for aim in AIMS) for i in (0, -1)
         )
         learned = f"without noise, in {len(self.history) - 1} attempts: from {first} to {last} cm"
-        return f"{text(Table(title, headings, rows, 1))}\n{learned}"
+        return f"{format_table(Table(title, headings, rows, 1))}\n{learned}"
 
 
 def find_limit(

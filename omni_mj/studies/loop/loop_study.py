@@ -15,9 +15,9 @@ from omni_control.kinematics import Array
 from omni_mj.config import distributions
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.result import Result
-from omni_mj.results.result_tables import Table, number
-from omni_mj.results.result_tables import text as aligned
-from omni_mj.results.statistics import plain
+from omni_mj.results.result_tables import Table, format_number
+from omni_mj.results.result_tables import format_table as aligned
+from omni_mj.results.statistics import finite_or_none
 from omni_mj.studies.loop import loop_experiment as drives
 from omni_mj.studies.loop.loop_experiment import CASES, FREQUENCIES, STEP_M, LoopExperiment
 from omni_mj.studies.loop.stability_margins import (
@@ -81,11 +81,11 @@ class LoopMeasurement(NamedTuple):
         """Return all in plain values, None for what there is none of."""
         figures = {"step": self.step._asdict(), "margins": self.margins._asdict()}
         report = {
-            name: {key: plain(value) for key, value in each.items()}
+            name: {key: finite_or_none(value) for key, value in each.items()}
             for name, each in figures.items()
         }
         values = {"gain": np.abs(self.gains), "phase_deg": np.degrees(np.angle(self.gains))}
-        lists = {name: [plain(value) for value in each] for name, each in values.items()}
+        lists = {name: [finite_or_none(value) for value in each] for name, each in values.items()}
         return {"rms_m_s": drives.RMS_M_S, "step_m": STEP_M, **report, **lists}
 
 
@@ -125,7 +125,7 @@ class LoopResult(Result):
             for i, (label, one) in enumerate(loops.items()):
                 figures = (*one.step, *one.margins)
                 cells = [
-                    number(plain(value), factor, n)
+                    format_number(finite_or_none(value), factor, n)
                     for value, (_, factor, n) in zip(figures, COLUMNS, strict=True)
                 ]
                 rows.append(["" if i else case, label, *cells])

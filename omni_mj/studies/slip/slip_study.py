@@ -23,8 +23,8 @@ from omni_mj.config import distributions
 from omni_mj.config import resolve as described
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.results.result import Outcome, Result
-from omni_mj.results.result_tables import Table, number, text
-from omni_mj.results.statistics import plain
+from omni_mj.results.result_tables import Table, format_number, format_table
+from omni_mj.results.statistics import finite_or_none
 from omni_mj.studies.compare import check_scenarios
 from omni_mj.studies.slip.slip_fits import SlipFit, fit_moves
 from omni_mj.studies.slip.slip_moves import Move, count_frames, drive, identification
@@ -88,12 +88,12 @@ class SlipResult(Result):
             measured, published = robot.measured[quantity], PUBLISHED.get(name, {}).get(quantity)
             result[quantity] = {
                 "unit": unit,
-                "measured": plain(measured),
-                "law": plain(robot.law.get(quantity, np.nan)),
+                "measured": finite_or_none(measured),
+                "law": finite_or_none(robot.law.get(quantity, np.nan)),
                 "published": published,
                 "deviation_percent": None
                 if published is None
-                else plain(100 * (measured / published - 1)),
+                else finite_or_none(100 * (measured / published - 1)),
             }
         return result
 
@@ -102,13 +102,14 @@ class SlipResult(Result):
         for quantity, figures in self._quantities(name).items():
             title, unit, digits, _ = QUANTITIES[quantity]
             cells = [
-                number(figures[key], digits=digits) for key in ("measured", "law", "published")
+                format_number(figures[key], digits=digits)
+                for key in ("measured", "law", "published")
             ]
             deviation = figures["deviation_percent"]
             rows.append([title, unit, *cells, "" if deviation is None else f"{deviation:+.0f}"])
         source = _source(name)
         title = f"{name}; published: {source}" if source else f"{name}; nothing published"
-        return text(
+        return format_table(
             Table(title, ["", "unit", "measured", "law", "published", "deviation, %"], rows, 2)
         )
 

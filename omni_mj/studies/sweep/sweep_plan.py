@@ -17,12 +17,12 @@ from omni_mj.config.reference_factory import timed
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import every_setting
 from omni_mj.config.validation import shown
-from omni_mj.simulation.simulation import alike, all_alike
+from omni_mj.simulation.simulation import batch_key, seeds_share_batch
 from omni_mj.studies.run_scenario import choose_shared_backend
 from omni_mj.studies.study_runner import check_memory
 
 Value = int | float | str | bool
-AT_ONCE = 128  # robots that are simulated at once
+BATCH_SIZE = 128  # robots that are simulated at once
 MAX_VALUES = 1000  # of an axis
 
 
@@ -102,7 +102,7 @@ class SweepPlan:
 
     scenario: Scenario
     axes: Mapping[str, tuple[Value, ...]]
-    batch_size: int = AT_ONCE
+    batch_size: int = BATCH_SIZE
 
     def __post_init__(self) -> None:
         """Check every point, and choose the backend, once for all shards."""
@@ -148,8 +148,10 @@ class SweepPlan:
         groups: dict[Hashable, list[tuple[int, int]]] = {}
         for point, scenario in enumerate(self.there):
             for seed in scenario.seed_list:
-                settings = scenario.settings if all_alike(scenario) else scenario.settings_of(seed)
-                groups.setdefault(alike(scenario.plant, settings), []).append((point, seed))
+                settings = (
+                    scenario.settings if seeds_share_batch(scenario) else scenario.settings_of(seed)
+                )
+                groups.setdefault(batch_key(scenario.plant, settings), []).append((point, seed))
         parts = []
         for runs in groups.values():
             n_places = len(self.there[runs[0][0]].settings.world.start_poses)

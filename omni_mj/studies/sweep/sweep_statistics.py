@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_mj.config.plugins import written
-from omni_mj.results.statistics import CONFIDENCE, plain
+from omni_mj.results.statistics import CONFIDENCE, finite_or_none
 from omni_mj.studies.sweep.sweep_plan import SweepPlan
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-STRAYED = "distance_max_m"
-SHOWN = (STRAYED, "distance_mean_m")  # maximum and mean error in the plane
+STRAYED = "position_max_m"
+SHOWN = (STRAYED, "position_mean_m")  # maximum and mean error in the plane
 N_WORST = 3
 
 
@@ -56,7 +56,7 @@ def cells(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
                 median = np.median(errors)
             numbers = {"median": median, "low": interval.low, "high": interval.high}
             numbers["p90"] = np.quantile(errors, 0.9, method="higher")
-            cell[name] = {key: plain(value) for key, value in numbers.items()}
+            cell[name] = {key: finite_or_none(value) for key, value in numbers.items()}
         result.append(cell)
     return result
 
@@ -81,7 +81,7 @@ def correlations(table: "pa.Table") -> list[dict[str, Any]]:
                     errors = rows[error].to_numpy()
                     is_constant = (errors == errors[0]).all()
                     line[error] = (
-                        None if is_constant else plain(spearmanr(values, errors).statistic)
+                        None if is_constant else finite_or_none(spearmanr(values, errors).statistic)
                     )
                 result.append(line)
     return result
@@ -108,6 +108,6 @@ def worst(table: "pa.Table", plan: SweepPlan, folder: Path) -> list[dict[str, An
         words += ["--seed", str(row["seed"]), "--seeds", "1"]
         words += [word for name in plan.axes for word in ("--set", f"{name}={row[name]}")]
         columns = ("point", *plan.axes, "controller", "seed", "cause")
-        line = {name: row[name] for name in columns} | {STRAYED: plain(row[STRAYED])}
-        result.append({**line, "repeat": shlex.join(["omni-mj", "run", *words])})
+        line = {name: row[name] for name in columns} | {STRAYED: finite_or_none(row[STRAYED])}
+        result.append({**line, "repeat_command": shlex.join(["omni-mj", "run", *words])})
     return result

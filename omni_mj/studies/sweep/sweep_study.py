@@ -19,12 +19,12 @@ from omni_mj import parquet
 from omni_mj.config.rows import Row
 from omni_mj.config.rows import table as rows_of
 from omni_mj.config.scenario import Scenario
-from omni_mj.files import write
+from omni_mj.files import write_text
 from omni_mj.results.metrics import row_metrics
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.run_scenario import resolve_scenario
 from omni_mj.studies.study_runner import AfterFrame, StoppedError, ignore_frame
-from omni_mj.studies.sweep.sweep_plan import AT_ONCE, Shard, SweepPlan, check_axes
+from omni_mj.studies.sweep.sweep_plan import BATCH_SIZE, Shard, SweepPlan, check_axes
 from omni_mj.studies.sweep.sweep_statistics import cells, correlations, worst
 from omni_mj.studies.sweep.workers import processes, tables
 
@@ -59,7 +59,7 @@ class SweepResult:
     def rows(self) -> "pa.Table":
         """Return a line per robot that was simulated, by point, controller, seed and place; see `run_shard`."""
         whole = self.folder / ROWS
-        return parquet.read(whole) if whole.is_file() else _gathered(self.plan, self.folder)
+        return parquet.read_table(whole) if whole.is_file() else _gathered(self.plan, self.folder)
 
     @cached_property
     def summary(self) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def sweep(
     seeds: int | Iterable[int] | None = None,
     *,
     out: str | Path,
-    batch_size: int = AT_ONCE,
+    batch_size: int = BATCH_SIZE,
     **how: Any,
 ) -> SweepResult:
     """Run a scenario under all combinations of settings, with all seeds and controllers.
@@ -135,7 +135,7 @@ def run_sweep(
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in plan.files.items():
         if not (folder / name).exists():
-            write(folder / name, text)
+            write_text(folder / name, text)
         elif (folder / name).read_text(encoding="utf-8") != text:
             raise OmniError(f"{folder} holds another sweep, by its {name}; name another --out")
     (folder / SHARDS).mkdir(exist_ok=True)
@@ -144,10 +144,12 @@ def run_sweep(
         with nullcontext(executor) if executor or jobs == 1 else processes(jobs) as workers:
             if workers is None:
                 for job in missing:
-                    parquet.write([run_shard(plan, job, before_shard(job))], _file(folder, job))
+                    parquet.write_tables(
+                        [run_shard(plan, job, before_shard(job))], _file(folder, job)
+                    )
             else:
                 for job, table in tables(workers, run_shard, plan, missing, check):
-                    parquet.write([table], _file(folder, job))
+                    parquet.write_tables([table], _file(folder, job))
                     before_shard(job)(plan.frames - 1)
     except StoppedError as error:
         stopped = error.reason
@@ -155,9 +157,11 @@ def run_sweep(
         plan, len(plan.shards) - len(remaining_shards(plan, folder)), stopped, folder
     )
     if result.complete and not (folder / ROWS).exists():
-        parquet.write([_gathered(plan, folder)], folder / ROWS)
+        parquet.write_tables([_gathered(plan, folder)], folder / ROWS)
     if result.done:
-        write(folder / "summary.json", json.dumps(result.summary, indent=1, allow_nan=False) + "\n")
+        write_text(
+            folder / "summary.json", json.dumps(result.summary, indent=1, allow_nan=False) + "\n"
+        )
     if result.complete:
         for job in plan.shards:
             _file(folder, job).unlink(missing_ok=True)
@@ -236,7 +240,9 @@ def _gathered(plan: SweepPlan, folder: Path) -> "pa.Table":
     files = [_file(folder, job) for job in plan.shards if _file(folder, job).exists()]
     if not files:
         raise OmniError(f"nothing of the sweep in {folder} has been run yet")
-    table = pa.concat_tables([parquet.read(file) for file in files], promote_options="permissive")
+    table = pa.concat_tables(
+        [parquet.read_table(file) for file in files], promote_options="permissive"
+    )
     order = pa.array(
         [plan.scenario.labels.index(label) for label in table["controller"].to_pylist()]
     )

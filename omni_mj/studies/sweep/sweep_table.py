@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from omni_mj.files import write
-from omni_mj.results.result_tables import Table, number, text
+from omni_mj.files import write_text
+from omni_mj.results.result_tables import Table, format_number, format_table
 from omni_mj.studies.sweep.sweep_statistics import SHOWN, STRAYED
 from omni_mj.viz import markdown_tables
 
@@ -21,7 +21,7 @@ def format_sweep_tables(result: "SweepResult") -> str:
         cells = sorted(
             cells, key=lambda cell: (-cell["failure_rate"], -(cell[STRAYED]["p90"] or 1e9))
         )[:MAX_LINES]
-    return "\n\n".join(map(text, [_table(result, cells), *_correlations(result)]))
+    return "\n\n".join(map(format_table, [_table(result, cells), *_correlations(result)]))
 
 
 def save_sweep_table(result: "SweepResult", path: Path) -> None:
@@ -31,7 +31,7 @@ def save_sweep_table(result: "SweepResult", path: Path) -> None:
         f"{table.title}\n\n{markdown_tables.markdown(table.headings, table.rows)}\n"
         for table in whole
     ]
-    write(path, "\n".join(parts))
+    write_text(path, "\n".join(parts))
 
 
 def _table(result: "SweepResult", cells: list[dict[str, Any]]) -> Table:
@@ -58,7 +58,7 @@ def _table(result: "SweepResult", cells: list[dict[str, Any]]) -> Table:
 def _correlations(result: "SweepResult") -> list[Table]:
     """Return a table of what matters for the errors, if anything is known to."""
     rows = [
-        [line["controller"], line["setting"], *(number(line[error]) for error in SHOWN)]
+        [line["controller"], line["setting"], *(format_number(line[error]) for error in SHOWN)]
         for line in result.summary["correlations"]
     ]
     title = "what matters: Spearman's rank correlation with the error in the plane"

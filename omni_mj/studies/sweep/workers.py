@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from omni_control.errors import OmniError
 from omni_mj.results.provenance import source_digest
-from omni_mj.results.summary import versions
+from omni_mj.results.summary import package_versions
 from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def _run(shard: RunShard, plan: SweepPlan, job: Shard, expected: dict[str, str])
 @cache
 def dependencies() -> dict[str, str]:
     """Return what must be the same everywhere for the same numbers: versions, and the hash of the package's source."""
-    return versions() | {"source": source_digest()[:12]}
+    return package_versions() | {"source": source_digest()[:12]}
 
 
 @contextmanager

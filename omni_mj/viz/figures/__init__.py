@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from omni_mj.results.result_tables import where
+from omni_mj.results.result_tables import describe_plant
 from omni_mj.viz.figures import plotting, run_figures
 from omni_mj.viz.figures.seed_figure import draw_seed_statistics
 from omni_mj.viz.recorded_robots import select_robots
@@ -41,7 +41,7 @@ def save_run_figures(outcome: "Outcome", folder: Path, svg: bool = False) -> Non
         f"{failure.controller} failed at {failure.time_s:.2f} s: {failure.cause}"
         for failure in first
     ]
-    place = f"{outcome.scenario.name}, {where(outcome.entry)}, seed {log.seeds[0]}"
+    place = f"{outcome.scenario.name}, {describe_plant(outcome.entry)}, seed {log.seeds[0]}"
     for name, draw in drawings(outcome).items():
         title = "\n".join([f"{TITLES[name]}: {place}", *stopped]) if name in TITLES else ""
         with plotting.figure_file(folder / name, title, svg) as figure:

@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from omni_control.kinematics import Array
 from omni_mj.config.settings import FRAME_RATE_HZ
-from omni_mj.files import whole
+from omni_mj.files import open_atomic
 from omni_mj.viz import style
 
 LETTERS_PER_INCH, HANDLE_LETTERS = 12, 9  # of titles and legends; room of a legend's line
@@ -37,7 +37,7 @@ def figure_file(stem: Path, title: str = "", svg: bool = False, **options: Any) 
         yield figure
         figure.suptitle(wrap_title(title or figure.get_suptitle(), figure), x=0.01, ha="left")
         for kind in ("png", "svg") if svg else ("png",):
-            with whole(stem.with_suffix(f".{kind}")) as file:
+            with open_atomic(stem.with_suffix(f".{kind}")) as file:
                 figure.savefig(
                     file, format=kind, metadata={"Date": None} if kind == "svg" else None
                 )

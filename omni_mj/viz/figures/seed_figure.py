@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
-from omni_mj.results.result_tables import where
+from omni_mj.results.result_tables import describe_plant
 from omni_mj.viz import style
 from omni_mj.viz.figures import plotting
 
@@ -19,8 +19,8 @@ WIDEST = 1e4
 SETTLING_TIME = "settling time\nin s"
 # Label of a panel -> factor from SI units to the label's, and statistics of a controller's result
 PANELS: dict[str, tuple[float, Callable[[Summary], Summary]]] = {
-    "maximum position\nerror in cm": (100, lambda result: result["error_m"]["distance"]["max"]),
-    "mean position\nerror in cm": (100, lambda result: result["error_m"]["distance"]["mean"]),
+    "maximum position\nerror in cm": (100, lambda result: result["error_m"]["position"]["max"]),
+    "mean position\nerror in cm": (100, lambda result: result["error_m"]["position"]["mean"]),
     "maximum heading\nerror in degrees": (
         180 / np.pi,
         lambda result: result["error_rad"]["heading"]["max"],
@@ -31,14 +31,14 @@ PANELS: dict[str, tuple[float, Callable[[Summary], Summary]]] = {
 
 
 def draw_seed_statistics(
-    scenario: str, entry: Summary, informed: Collection[str], figure: Figure
+    scenario: str, entry: Summary, privileged: Collection[str], figure: Figure
 ) -> None:
     """Draw each controller's means over the seeds with their intervals, a panel per statistic.
 
     Args:
         scenario: Name of the scenario.
         entry: Entry of the scenario in a summary.
-        informed: Controllers that know the true state.
+        privileged: Controllers that know the true state.
         figure: Empty figure.
     """
     results = entry["results"]
@@ -53,12 +53,12 @@ def draw_seed_statistics(
         axes.set_xlabel(label)
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
-    labels = [name + " (informed)" * (name in informed) for name in results]
+    labels = [name + " (privileged)" * (name in privileged) for name in results]
     grid[0].set_yticks(range(len(labels)), labels)
     grid[0].set_ylim(len(labels) - 0.5, -0.5)
     n_seeds = len(entry["seeds"])
     seeds = "one seed" if n_seeds == 1 else f"mean of {n_seeds} seeds ± 95 % interval"
-    figure.suptitle(f"Controllers compared: {scenario}, {where(entry)}, {seeds}")
+    figure.suptitle(f"Controllers compared: {scenario}, {describe_plant(entry)}, {seeds}")
 
 
 def _draw_means(axes: Axes, spreads: dict[str, Summary], scale: float) -> Array:
@@ -68,12 +68,12 @@ def _draw_means(axes: Axes, spreads: dict[str, Summary], scale: float) -> Array:
     """
     indices, means = style.style_indices(spreads), np.full(len(spreads), np.nan)
     for line, (name, spread) in enumerate(spreads.items()):
-        if spread["mean"] is not None and None not in spread["seeds"]:
+        if spread["mean"] is not None and None not in spread["per_seed"]:
             means[line] = scale * spread["mean"]
         axes.errorbar(
             means[line],
             line,
-            xerr=scale * (spread["plus_minus"] or 0.0),
+            xerr=scale * (spread["ci95_half_width"] or 0.0),
             elinewidth=1.2,
             **style.line_style(indices[name]) | {"linestyle": "none", "label": name},
         )

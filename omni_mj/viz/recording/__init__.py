@@ -14,7 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from omni_mj.config.settings import FRAME_RATE_HZ
-from omni_mj.files import check_room
+from omni_mj.files import check_disk_space
 from omni_mj.results import events
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.viz.recorded_robots import RecordedRobot, select_robots
@@ -79,7 +79,7 @@ class Recording(RerunStream):
             if frames.size:
                 scene.send_robot(self._stream, robot, frames, self._flag_heights[robot.layer])
                 self._send_series(robot, frames)
-            robot_events = events.of_row(self._log, robot.row, self._simulation.failures)
+            robot_events = events.row_events(self._log, robot.row, self._simulation.failures)
             self._send_events(robot, robot_events[self._n_events[i] :])
             self._n_events[i] = len(robot_events)
 
@@ -88,7 +88,7 @@ class Recording(RerunStream):
         if isinstance(self._target, Path):
             rows = sum(reference.frames for reference in self._simulation.references)
             columns = sum(map(len, self._log.columns.values()))
-            check_room(self._target.parent, VALUE_BYTES * rows * columns)
+            check_disk_space(self._target.parent, VALUE_BYTES * rows * columns)
 
     def _begin(self) -> None:
         """Open the stream and send everything that does not change."""

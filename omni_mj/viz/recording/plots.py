@@ -199,12 +199,12 @@ def _controller_plot(channel: str, count: int) -> Plot:
 
 def _sliding_speed(robot: RecordedRobot) -> Array:
     """Return the slip beyond creep of the wheel that slides most, (frames, 1) m/s; at least 0."""
-    slip_beyond_creep = saturation.slip_beyond(robot["pose"], robot["slip"], robot.settings)
+    slip_beyond_creep = saturation.excess_slip(robot["pose"], robot["slip"], robot.settings)
     speed = np.maximum(slip_beyond_creep.max(-1), 0.0)
     return np.concatenate([[0.0], speed])[:, None]
 
 
 def _is_command_limited(robot: RecordedRobot) -> Array:
     """Return 1 in the frames in which the command is at a limit, else 0, (frames, 1)."""
-    is_limited = saturation.held_back(robot["command"], robot.settings.control)
+    is_limited = saturation.is_command_limited(robot["command"], robot.settings.control)
     return is_limited[:, None].astype(float)

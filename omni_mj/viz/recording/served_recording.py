@@ -7,7 +7,7 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from omni_mj.config.settings import Settings
-from omni_mj.files import check_room
+from omni_mj.files import check_disk_space
 from omni_mj.simulation.log import Log
 from omni_mj.viz.recording import robot_shapes, scene
 from omni_mj.viz.recording.rerun_stream import TIME, RerunStream, scalar_columns, time_columns
@@ -66,7 +66,7 @@ class ServedRecording(RerunStream):
     def _send_block(self, names: Sequence[str], log: Log) -> None:
         """Send poses and plots of the robots, and hide those that are no longer present."""
         if isinstance(self._target, Path):
-            check_room(self._target.parent, TABLE_BYTES)
+            check_disk_space(self._target.parent, TABLE_BYTES)
         frames = log.first_frame + np.arange(log.length)
         hidden = robot_shapes.pose_columns(np.zeros((1, 3)), HIDDEN_HEIGHT_M)
         for name in self._present_robots - set(names):

@@ -53,7 +53,7 @@ def outcome(
     failures = [failure(log, row) for row in ends or {}]
     chosen = scenario.load("rect", (), {"plant": "kinematic"})
     measured = metrics.row_metrics(log, failures)
-    entry = summary.entry(chosen, log, failures, measured, 0.0, None)
+    entry = summary.scenario_entry(chosen, log, failures, measured, 0.0, None)
     return Outcome(chosen, entry, table, failures, measured, log)
 
 
@@ -67,11 +67,11 @@ def drawn(result: Outcome, *names: str) -> dict[str, Figure]:
     return shown
 
 
-def compared(entries: dict[str, Any], informed: Sequence[str] = ()) -> Figure:
+def compared(entries: dict[str, Any], privileged: Sequence[str] = ()) -> Figure:
     """Return the heat map of entries of a summary."""
     with rc_context(fname=style.STYLE_SHEET):
         figure = Figure()
-        compare_figure.draw_heat_map(entries, list(informed), figure)
+        compare_figure.draw_heat_map(entries, list(privileged), figure)
         figure.draw_without_rendering()
     return figure
 

@@ -1,5 +1,5 @@
 """Logs filled by hand, and what is measured of them."""
-# ruff: noqa: F401, F811
+# ruff: noqa: F401
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,10 +11,10 @@ import omni_mj as om
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings
 from omni_mj.results import events, paper_tables, saturation, statistics, summary
-from omni_mj.results.metrics import alpha_windows, errors, row_metrics
+from omni_mj.results.metrics import alpha_windows, row_metrics, tracking_errors
 from omni_mj.results.result import Outcome
-from omni_mj.results.result_tables import recovery_table, table
-from omni_mj.results.statistics import verdicts
+from omni_mj.results.result_tables import recovery_table, results_table
+from omni_mj.results.statistics import judge_subject
 from omni_mj.simulation.log import Log
 from omni_mj.simulation.simulation import Failure
 
@@ -53,7 +53,9 @@ def filled(
         for name, value in given.items()
     }
     for frame in range(frames):
-        log.write(frame < ends, own or {}, **{name: value[frame] for name, value in values.items()})
+        log.append(
+            frame < ends, own or {}, **{name: value[frame] for name, value in values.items()}
+        )
     return log
 
 
@@ -70,27 +72,27 @@ def measured(log: Log, failures: Sequence[Failure] = ()) -> dict[str, NDArray]:
 
 def results(log: Log, failures: Sequence[Failure] = ()) -> dict[str, Any]:
     """What a summary says of each controller."""
-    return summary.results(log, failures, row_metrics(log, failures))
+    return summary.controller_results(log, failures, row_metrics(log, failures))
 
 
 def outcome(scenario: om.Scenario, log: Log, failures: Sequence[Failure] = ()) -> Outcome:
     """What came of a scenario whose frames are those of a log."""
     numbers = row_metrics(log, failures)
-    entry = summary.entry(scenario, log, failures, numbers, 1.0, None)
+    entry = summary.scenario_entry(scenario, log, failures, numbers, 1.0, None)
     return Outcome(scenario, entry, log.rows, failures, numbers, log)
 
 
 def compared(
-    results: Mapping[str, Any], informed: Sequence[str], subject: str | None
+    results: Mapping[str, Any], privileged: Sequence[str], subject: str | None
 ) -> dict[str, Any]:
     """What `omni-mj compare` would write of a scenario that was run."""
     entry = {
         "description": "one | two", "plant": "mujoco", "robot": "tigers-v2016", "status": "done", "reason": None,
         "frames": 60, "simulated_s": 1.0, "wall_s": 1.0, "settings": {}, "paper_table": 0, "paper": None,
-        "events": [], "failed": [], "results": results, "seeds": [0, 1, 2, 3],
+        "events": [], "failures": [], "results": results, "seeds": [0, 1, 2, 3],
     }  # fmt: skip
     head = {
-        "created": "", "complete": True, "stopped": None, "wall_s": 1.0, "repeat": "", "controllers": list(results),
-        "informed": list(informed), "seeds": list(range(20)), "subject": subject,
+        "created": "", "complete": True, "stopped": None, "wall_s": 1.0, "repeat_command": "", "controllers": list(results),
+        "privileged": list(privileged), "seeds": list(range(20)), "subject": subject,
     }  # fmt: skip
-    return summary.document({"rect": entry}, head)
+    return summary.build_summary({"rect": entry}, head)

@@ -10,7 +10,7 @@ from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.config.team_model import creep, loads
-from omni_mj.results.ramp_response import NAMES
+from omni_mj.results.ramp_response import RESPONSE_FIELDS
 from omni_mj.results.result import Outcome
 from omni_mj.studies.alpha import AlphaResult, AlphaStudy
 from omni_mj.studies.alpha import operating_conditions as conditions
