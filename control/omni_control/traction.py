@@ -1,13 +1,14 @@
-"""What wheels can do at once: push a robot and turn it, within what friction allows, and roll, within their speed.
+"""Limits of wheels on a carpet: forces and moments on the robot within friction, and rim speeds.
 
-Wheels that slide give no more than Coulomb's friction along their rims, mu times what they bear, and across them their
-rollers give nothing. So each adds a segment, there and back along what its push does to the body, [ax, ay, moment], and
-all together give the sum of these segments: a zonotope, each of whose faces is spanned by two of them (McMullen 1971,
-On zonotopes). Which side of its faces a demand lies on says whether there are forces for it, and how much is left.
+A sliding wheel gives Coulomb's friction along its rim, mu times its load, and nothing along its
+axle, where its rollers turn. Each wheel thus adds a segment, in both directions of its force and
+moment on the body, [ax, ay, moment]. The sum of all segments is a zonotope, each face of which is
+spanned by two of them (McMullen 1971, On zonotopes). Wheels can meet a demand if it lies on the
+inner side of every face.
 
-What wheels bear is what statics leaves them, which is not the same for all: of wheels at 60, 135, 225 and 300 degrees
-those in front stand nearer below the centre and bear 29 % of the weight each, those behind 21 %. What they must push
-besides the body is what drags it: see `WheelLimits`.
+Loads follow from statics and differ between wheels. With wheels at 60, 135, 225 and 300 degrees
+those in front are nearer to the center and bear 29 % of the weight each, those behind 21 %. Wheels
+push against drag too: see `WheelLimits`.
 """
 
 import math
@@ -22,74 +23,73 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
 
 GRAVITY = 9.81  # m/s^2
-_NEAR = 2  # cells either way
-_PARALLEL = 1e-9  # two wheels that do the same span no face
+_NEIGHBORS = 2  # cells on either side
+_PARALLEL = 1e-9  # norm of a cross product below which two wheels span no face
 
 
-def traction_limits(
+def compute_traction_limits(
     kinematics: Kinematics, friction: float, centre_height: float = 0.0
 ) -> tuple[float, float]:
-    """Highest acceleration (forward, sideways) in m/s^2, along the body's x and y axes, for speeding up and braking.
+    """Return the highest accelerations (forward, sideways) for speeding up and braking, m/s^2.
 
-    The ellipse through them, as `MotionLimits` keeps it, is more than friction allows in between:
-    see `traction_limit`.
+    Between these axes friction allows less than the ellipse of `MotionLimits`: see
+    `compute_max_acceleration`.
 
     Args:
-        kinematics: of the wheels.
-        friction: coefficient of friction between rollers and carpet.
-        centre_height: of the centre of mass above the carpet, m, by which acceleration shifts load
+        kinematics: Geometry of the wheels.
+        friction: Coefficient of friction between rollers and carpet.
+        centre_height: Height of the center of mass above the carpet, m. Acceleration shifts load
             from wheel to wheel; 0 neglects that.
 
     Raises:
-        OmniError: the robot does not stand on these wheels.
+        OmniError: The robot does not stand on these wheels.
     """
-    ahead, back, left, right = (
-        traction_limit(kinematics, friction, bearing, centre_height)
-        for bearing in (0.0, math.pi, math.pi / 2, -math.pi / 2)
+    forward, backward, to_left, to_right = (
+        compute_max_acceleration(kinematics, friction, direction, centre_height)
+        for direction in (0.0, math.pi, math.pi / 2, -math.pi / 2)
     )
-    return min(ahead, back), min(left, right)
+    return min(forward, backward), min(to_left, to_right)
 
 
-def traction_limit(
-    kinematics: Kinematics, friction: float, bearing: float, centre_height: float = 0.0
+def compute_max_acceleration(
+    kinematics: Kinematics, friction: float, direction: float, centre_height: float = 0.0
 ) -> float:
-    """Highest acceleration without turning towards `bearing` (rad from the body's x axis), m/s^2; 0 if there is none.
+    """Return the highest acceleration in a direction without turning, m/s^2; 0 if there is none.
 
-    The centre of mass is over the middle of the wheels. Motors are taken to be strong enough, and
-    drag is neglected.
+    The center of mass is above the middle of the wheels. Motors are assumed to be strong enough,
+    and drag is neglected.
 
     Args:
-        kinematics: of the wheels.
-        friction: as for `traction_limits`.
-        bearing: as above.
-        centre_height: as for `traction_limits`.
+        kinematics: Geometry of the wheels.
+        friction: Coefficient of friction between rollers and carpet.
+        direction: Angle from the body's x axis, rad.
+        centre_height: Height of the center of mass above the carpet, m.
 
     Raises:
-        OmniError: the robot does not stand on these wheels.
+        OmniError: The robot does not stand on these wheels.
     """
     wheels = WheelLimits(kinematics, friction, gyration_radius=1.0, centre_height=centre_height)
-    towards = np.array([[math.cos(bearing), math.sin(bearing), 0.0]])
-    return float(1 / wheels.friction_utilization(towards, np.zeros((1, 3))).max())
+    unit = np.array([[math.cos(direction), math.sin(direction), 0.0]])
+    return float(1 / wheels.compute_friction_utilization(unit, np.zeros((1, 3))).max())
 
 
 @dataclass(frozen=True)
 class WheelLimits:
-    """What wheels can do at once, as a team believes it. Motors are taken to be strong enough.
+    """Combined limits of the wheels of a robot. Motors are assumed to be strong enough.
 
     Args:
-        kinematics: of the wheels; the centre of mass is over their middle.
-        friction: coefficient of friction between rollers and carpet.
-        gyration_radius: the robot's radius of gyration about the vertical axis, m: the root of its inertia
-            over its mass.
-        centre_height: as for `traction_limits`.
-        carpet_drag: what the carpet resists against the travel of each wheel, a share of its load.
-        roller_friction: what the rollers' bearings resist against travel along its axle, same; it
-            also takes its part of the circle of friction.
-        max_rim_speed: highest speed of a rim, m/s.
+        kinematics: Geometry of the wheels; the center of mass is above their middle.
+        friction: Coefficient of friction between rollers and carpet.
+        gyration_radius: Square root of the yaw inertia over the mass, m.
+        centre_height: Height of the center of mass above the carpet, m.
+        carpet_drag: Drag of the carpet against the motion of a wheel, over the wheel's load.
+        roller_friction: Friction of the rollers' bearings against motion along the axle, over the
+            wheel's load; it also takes its part of the circle of friction.
+        max_rim_speed: Highest speed of a rim, m/s.
 
     Raises:
-        OmniError: a number is not what it can be, the robot does not stand on these wheels, or they
-            cannot even pull what drags them.
+        OmniError: A number is out of range, the robot does not stand on these wheels, or they
+            cannot even overcome drag.
     """
 
     kinematics: Kinematics
@@ -101,157 +101,176 @@ class WheelLimits:
     max_rim_speed: float = np.inf
 
     def __post_init__(self) -> None:
-        """Check that anything can be driven with them.
-
-        Raises:
-            OmniError: see above.
-        """
+        """Check the numbers, and that friction exceeds drag."""
         for name in ("friction", "gyration_radius", "max_rim_speed"):
             if not getattr(self, name) > 0:
                 raise OmniError(
-                    f"the {name.replace('_', ' ')} of wheels must be positive, not {getattr(self, name)}"
+                    f"the {name.replace('_', ' ')} of wheels must be positive, "
+                    f"not {getattr(self, name)}"
                 )
         for name in ("centre_height", "carpet_drag", "roller_friction"):
             if not getattr(self, name) >= 0:
                 raise OmniError(
-                    f"the {name.replace('_', ' ')} of wheels must not be below 0: {getattr(self, name)}"
+                    f"the {name.replace('_', ' ')} of wheels must not be below 0, "
+                    f"not {getattr(self, name)}"
                 )
         if self.max_drag_fraction >= 1:
             raise OmniError(
-                f"on a carpet of friction {self.friction:g} wheels cannot pull what drags them, "
-                f"{self.max_drag_fraction:.3g} times what they can"
+                f"with friction {self.friction:g} the wheels cannot overcome drag, "
+                f"which is {self.max_drag_fraction:.3g} times their traction"
             )
 
     @property
     def max_drag_fraction(self) -> float:
-        """How much of their friction drag may take, wherever they go: an upper bound, some per cent too high."""
-        return float(self._dragged.max())
+        """Fraction of their friction that drag takes at most; an upper bound, a few % too high."""
+        return float(self._max_drag.max())
 
-    def shares(self, poses: Array, period: float) -> tuple[float, float]:
-        """How much of their friction and of their rim speed a drive asks of the wheels at most; 1 is all of it.
+    def compute_peak_utilization(self, poses: Array, period: float) -> tuple[float, float]:
+        """Return the largest fractions of friction and of rim speed that a trajectory needs.
 
         Args:
-            poses: one per frame, (frames, 3), from rest to rest; accelerations are second
-                differences of them.
-            period: length of a frame, s.
+            poses: One per frame, (frames, 3), from rest to rest. Accelerations are their second
+                differences.
+            period: Length of a frame, s.
         """
         heading, velocity = poses[:, 2], np.diff(poses, axis=0) / period
-        rims = self.rims(world_to_body(velocity, (heading[1:] + heading[:-1]) / 2))
-        velocity = np.pad(velocity, ((1, 1), (0, 0)))
-        asked = world_to_body(np.diff(velocity, axis=0) / period, heading)
-        travel = world_to_body((velocity[1:] + velocity[:-1]) / 2, heading)
-        return float(self.friction_utilization(asked, travel).max()), float(
-            rims.max(initial=0) / self.max_rim_speed
+        rim_speeds = self.compute_rim_speeds(
+            world_to_body(velocity, (heading[1:] + heading[:-1]) / 2)
         )
+        velocity = np.pad(velocity, ((1, 1), (0, 0)))
+        acceleration = world_to_body(np.diff(velocity, axis=0) / period, heading)
+        twist = world_to_body((velocity[1:] + velocity[:-1]) / 2, heading)
+        friction = self.compute_friction_utilization(acceleration, twist).max()
+        return float(friction), float(rim_speeds.max(initial=0) / self.max_rim_speed)
 
-    def friction_utilization(self, acceleration: Array, travel: Array) -> Array:
-        """How much of their friction wheels need (n,) for body accelerations (n, 3), travelling at twists (n, 3)."""
-        rows, dragged = self.faces(travel)
-        return np.asarray((acceleration @ rows.T + dragged).max(1))
+    def compute_friction_utilization(self, acceleration: Array, twist: Array) -> Array:
+        """Return the needed fraction of friction (n,) for body accelerations and twists (n, 3)."""
+        rows, drag = self.get_friction_constraints(twist)
+        return np.asarray((acceleration @ rows.T + drag).max(1))
 
-    def faces(self, travel: Array) -> tuple[Array, Array]:
-        """Rows (faces, 3) and (n, faces): of friction, body accelerations a (n, 3) take the highest of rows a + those.
+    def get_friction_constraints(self, twist: Array) -> tuple[Array, Array]:
+        """Return the faces of the zonotope as linear constraints on body accelerations.
 
-        The latter are what drag takes of it while the wheels travel at twists (n, 3).
+        Args:
+            twist: Body twists (n, 3) of the robot.
+
+        Returns:
+            rows (faces, 3) and drag (n, faces): a body acceleration a (n, 3) needs the fraction
+            `max(a @ rows.T + drag)` of the friction.
         """
-        allowed, pushed = self._faces
-        return allowed * [1.0, 1.0, self.gyration_radius**2], -self._drag(travel) @ pushed.T
+        acceleration_rows, force_rows = self._faces
+        drag = -self._compute_drag(twist) @ force_rows.T
+        return acceleration_rows * [1.0, 1.0, self.gyration_radius**2], drag
 
-    def spare(
+    def compute_acceleration_margin(
         self, acceleration: float, side_acceleration: float, turn_acceleration: float
     ) -> float:
-        """How many times these wheels can do at once, whatever the directions, while anything drags them.
+        """Return the factor by which accelerations may grow if all act at once, in any direction.
 
-        The accelerations in m/s^2 are those ahead and aside, with the ellipse between them, that in
-        rad/s^2 either way.
+        Drag is the highest that any motion causes.
+
+        Args:
+            acceleration: Highest acceleration forward, m/s^2; an ellipse up to the next one.
+            side_acceleration: Highest acceleration sideways, m/s^2.
+            turn_acceleration: Highest turn acceleration in either direction, rad/s^2.
         """
-        ahead, aside, turning = np.abs(self._faces[0]).T
-        reach = np.hypot(acceleration * ahead, side_acceleration * aside)
+        forward, sideways, turning = np.abs(self._faces[0]).T
+        reach = np.hypot(acceleration * forward, side_acceleration * sideways)
         reach += self.gyration_radius**2 * turn_acceleration * turning
-        return float(1 / (reach / (1 - self._dragged)).max())
+        return float(1 / (reach / (1 - self._max_drag)).max())
 
-    def rims(self, twist: Array) -> Array:
-        """Speeds of the rims (n, wheels) in m/s, either way, at body twists (n, 3)."""
+    def compute_rim_speeds(self, twist: Array) -> Array:
+        """Return the absolute speeds of the rims (n, wheels) at body twists (n, 3), m/s."""
         return np.abs(twist @ self.kinematics.matrix.T)
 
-    def _drag(self, travel: Array) -> Array:
-        """What the carpet does to the body, [ax, ay, moment per mass] (n, 3), against its travel at twists (n, 3)."""
-        along, across = travel @ self.kinematics.matrix.T, travel @ self.kinematics.axles.T
-        load, speed = GRAVITY * self._loads[0], np.hypot(along, across)
-        carpet_drag = np.divide(self.carpet_drag, speed, out=np.zeros_like(speed), where=speed > 0)
-        against = carpet_drag * across + self.roller_friction * np.sign(across)
+    def _compute_drag(self, twist: Array) -> Array:
+        """Return drag on the body, [ax, ay, moment per mass] (n, 3), at body twists (n, 3)."""
+        rim_speed, axle_speed = twist @ self.kinematics.matrix.T, twist @ self.kinematics.axles.T
+        load, speed = GRAVITY * self._loads[0], np.hypot(rim_speed, axle_speed)
+        per_speed = np.divide(self.carpet_drag, speed, out=np.zeros_like(speed), where=speed > 0)
+        axle_drag = per_speed * axle_speed + self.roller_friction * np.sign(axle_speed)
         return (
-            -(load * carpet_drag * along) @ self.kinematics.matrix
-            - (load * against) @ self.kinematics.axles
+            -(load * per_speed * rim_speed) @ self.kinematics.matrix
+            - (load * axle_drag) @ self.kinematics.axles
         )
 
     @cached_property
     def _faces(self) -> tuple[Array, Array]:
-        """What the faces of the zonotope allow, two times (faces, 3): those times a, less these times drag, up to 1.
+        """Faces of the zonotope: rows for accelerations and for drag forces, (faces, 3) each.
 
-        Of a wheel k, m_k = [-sin, cos, arm] is what its push does per force, and its load is g n_k
-        + s_k a, the second part being what the acceleration a = [ax, ay, gyration^2 b] shifts.
-        Along a normal v, a zonotope of these pushes reaches sum |m_k v| mu (g n_k + s_k a), and has
-        to reach v (a - drag). Nor do wheels bear less than nothing.
+        An acceleration a is feasible under a drag force d if
+        acceleration_rows @ a - force_rows @ d <= 1.
+
+        A wheel k exerts m_k = [-sin, cos, arm] on the body per force. Its load is g n_k + s_k a,
+        where s_k a is the part that the acceleration a = [ax, ay, gyration_radius^2 b] shifts.
+        Along a normal v, the zonotope reaches sum |m_k v| mu (g n_k + s_k a), which must be at
+        least v (a - d). The last faces state that no load is negative.
         """
-        pushes, (standing, shifting) = self.kinematics.matrix, self._loads
-        if standing.min() <= 0:
+        wheel_forces, (static_load, load_transfer) = self.kinematics.matrix, self._loads
+        if static_load.min() <= 0:
             raise OmniError(
-                "the wheels do not stand around the robot's centre, so that it would topple"
+                "the wheels do not stand around the robot's center of mass: it would topple"
             )
-        spanned = np.array([np.cross(*pair) for pair in combinations(pushes, 2)])
+        spanned = np.array([np.cross(*pair) for pair in combinations(wheel_forces, 2)])
         spanned = spanned[np.linalg.norm(spanned, axis=1) > _PARALLEL]
         normals = np.concatenate([spanned, -spanned])
         grip = math.sqrt(max(self.friction**2 - self.roller_friction**2, _PARALLEL))
-        reach = grip * np.abs(normals @ pushes.T)
-        pushed = np.concatenate([normals, np.zeros_like(shifting)])
-        borne = np.concatenate([reach, np.eye(len(standing))])
-        most = GRAVITY * (borne @ standing)[:, None]
-        return (pushed - borne @ shifting) / most, pushed / most
+        reach = grip * np.abs(normals @ wheel_forces.T)
+        force_rows = np.concatenate([normals, np.zeros_like(load_transfer)])
+        load_weights = np.concatenate([reach, np.eye(len(static_load))])
+        bound = GRAVITY * (load_weights @ static_load)[:, None]
+        return (force_rows - load_weights @ load_transfer) / bound, force_rows / bound
 
     @cached_property
-    def _dragged(self) -> Array:
-        """The most that drag takes of what each face allows (faces,), every wheel going the worst way."""
-        pushed = self._faces[1]
-        along, across = (
-            np.abs(pushed @ self.kinematics.matrix.T),
-            np.abs(pushed @ self.kinematics.axles.T),
-        )
-        taken = self.carpet_drag * np.hypot(along, across) + self.roller_friction * across
-        return np.asarray(taken @ (GRAVITY * self._loads[0]))
+    def _max_drag(self) -> Array:
+        """Largest fraction of each face that drag takes (faces,), in any motion of the wheels."""
+        force_rows = self._faces[1]
+        rim_part = np.abs(force_rows @ self.kinematics.matrix.T)
+        axle_part = np.abs(force_rows @ self.kinematics.axles.T)
+        drag = self.carpet_drag * np.hypot(rim_part, axle_part) + self.roller_friction * axle_part
+        return np.asarray(drag @ (GRAVITY * self._loads[0]))
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
-        return load_distribution(self.kinematics, self.centre_height)
+        return compute_load_distribution(self.kinematics, self.centre_height)
 
 
-def load_distribution(kinematics: Kinematics, centre_height: float) -> tuple[Array, Array]:
-    """Shares of the weight (wheels,) that wheels bear at rest, and what accelerations add, (wheels, 3) per mass.
+def compute_load_distribution(kinematics: Kinematics, centre_height: float) -> tuple[Array, Array]:
+    """Return the loads of wheels at rest and under acceleration.
 
     Args:
-        kinematics: of the wheels; the centre of mass is over their middle.
-        centre_height: of it, m.
+        kinematics: Geometry of the wheels; the center of mass is above their middle.
+        centre_height: Height of the center of mass above the carpet, m.
+
+    Returns:
+        Loads at rest over the weight, (wheels,), and loads per mass that accelerations
+        [ax, ay, turning] add, (wheels, 3).
     """
-    shares = load_matrix(kinematics)
-    return shares[:, 0], np.pad(-centre_height * shares[:, 1:], ((0, 0), (0, 1)))
+    load_matrix = compute_load_matrix(kinematics)
+    return load_matrix[:, 0], np.pad(-centre_height * load_matrix[:, 1:], ((0, 0), (0, 1)))
 
 
-def load_matrix(kinematics: Kinematics) -> Array:
-    """What wheels bear (wheels, 3) of a force down, and per moments of forces times their places x and y, 1/m.
+def compute_load_matrix(kinematics: Kinematics) -> Array:
+    """Return the loads of wheels (wheels, 3) per vertical force, and per its moments in x and y.
 
-    Equal springs under a rigid body: of all loads in balance those with the least squares.
+    The moments are force times position, so that the last two columns have the unit 1/m. Wheels
+    are equal springs under a rigid body: of all balanced loads they bear those with the least sum
+    of squares.
     """
-    places = np.insert(kinematics.arm * kinematics.axles[:, :2], 0, 1.0, axis=1)
-    return np.asarray(np.linalg.pinv(places.T))
+    positions = kinematics.arm * kinematics.axles[:, :2]
+    return np.asarray(np.linalg.pinv(np.insert(positions, 0, 1.0, axis=1).T))
 
 
-def around(dragged: Array, ends: Literal["edge", "wrap"]) -> Array:
-    """The most of what drag takes (cells, faces) in cells close by along a path that ends, or comes round again.
+def max_over_neighbors(drag: Array, ends: Literal["edge", "wrap"]) -> Array:
+    """Return the largest drag (cells, faces) of each cell of a path and its neighbors.
 
-    Where a path crosses the direction of an axle, rollers' bearings drag the other way, which may
-    be within a frame.
+    The friction of the rollers' bearings changes sign where a path crosses the direction of an
+    axle, which may happen within a frame.
+
+    Args:
+        drag: Fraction of friction that drag takes in each cell, (cells, faces).
+        ends: "edge" for a path with ends, "wrap" for a closed path.
     """
-    padded = np.pad(dragged, ((_NEAR, _NEAR), (0, 0)), mode=ends)
-    return np.asarray(
-        np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEAR + 1, axis=0).max(-1)
-    )
+    padded = np.pad(drag, ((_NEIGHBORS, _NEIGHBORS), (0, 0)), mode=ends)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBORS + 1, axis=0)
+    return np.asarray(windows.max(-1))

@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_control.traction import GRAVITY, load_matrix
+from omni_control.traction import GRAVITY, compute_load_matrix
 
 if TYPE_CHECKING:
     from omni_mj.config.settings import Settings
@@ -155,7 +155,7 @@ def creep(settings: "Settings") -> Creep:
 def loads(settings: "Settings") -> Array:
     """Return the loads of the wheels at rest, (W,) N."""
     body = settings.body
-    share: Array = load_matrix(settings.wheels.kinematics) @ [1.0, body.centre_x_m, 0.0]
+    share: Array = compute_load_matrix(settings.wheels.kinematics) @ [1.0, body.centre_x_m, 0.0]
     return body.mass_kg * GRAVITY * share
 
 

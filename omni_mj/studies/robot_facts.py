@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_control.traction import GRAVITY, traction_limits
+from omni_control.traction import GRAVITY, compute_traction_limits
 from omni_mj.config import robot_files, team_model
 from omni_mj.config.resolve import Robot, resolve
 from omni_mj.config.robot_settings import support
@@ -61,7 +61,7 @@ def _derive_facts(settings: Settings) -> Mapping[str, float]:
     tipping_limit = support_radius / body.centre_height_m * GRAVITY
     axis_facts = {
         "top_speed_{}_m_s": rim_speed / np.abs(kinematics.matrix[:, :2]).max(0),
-        "traction_limit_{}_m_s2": traction_limits(
+        "traction_limit_{}_m_s2": compute_traction_limits(
             kinematics, settings.carpet.friction, body.centre_height_m
         ),
         "lag_{}_s": team_model.lag(settings),

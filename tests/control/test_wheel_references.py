@@ -37,7 +37,7 @@ def differences(poses: Array) -> tuple[Array, Array, Array]:
 def assert_within(robot: WheelLimits, poses: Array) -> None:
     rolling, asked, travel = differences(poses)
     # A snap of a nm at a way-point is 4e-6 m/s^2, of 3 at least that friction gives.
-    assert robot.friction_utilization(asked, travel).max() <= 1 + 1e-5
+    assert robot.compute_friction_utilization(asked, travel).max() <= 1 + 1e-5
     rims = rolling @ [
         -np.sin(robot.kinematics.azimuths),
         np.cos(robot.kinematics.azimuths),

@@ -117,7 +117,9 @@ class MotionLimits:
         if self.wheels is None:
             return self
         side = self.side_acceleration or self.acceleration
-        spare = self.wheels.spare(self.acceleration, side, self.turn_acceleration)
+        spare = self.wheels.compute_acceleration_margin(
+            self.acceleration, side, self.turn_acceleration
+        )
         rims = self.speed + self.wheels.kinematics.arm * self.turn_rate
         return self.eased(min(spare, 1.0), min(self.wheels.max_rim_speed / rims, 1.0))
 

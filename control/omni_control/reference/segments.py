@@ -24,7 +24,7 @@ import numpy as np
 from omni_control.kinematics import Array, world_to_body
 from omni_control.reference.motion_limits import MotionLimits, approach_pose
 from omni_control.reference.time_scaling import ROUNDING, Timetable, bearable, driven_on_wheels
-from omni_control.traction import WheelLimits, around
+from omni_control.traction import WheelLimits, max_over_neighbors
 
 _CELLS = 200  # of a leg on which wheels limit the drive
 
@@ -132,10 +132,10 @@ def _in_step(
     way = np.tile(end - start, (_CELLS, 1))
     heading = start[2] + way[:, 2] * (np.arange(_CELLS) + 0.5) / _CELLS
     travel = world_to_body(way, heading)
-    rows, dragged = wheels.faces(travel)
+    rows, dragged = wheels.get_friction_constraints(travel)
     own = np.hypot(*limits.stretched(way[:, :2], heading).T) / limits.acceleration
     own = np.maximum(own, np.abs(way[:, 2]) / limits.turn_acceleration)[:, None]
-    pushed = travel @ rows.T / (share - around(dragged, "edge"))
+    pushed = travel @ rows.T / (share - max_over_neighbors(dragged, "edge"))
     up, down = (
         2 / _CELLS / np.max(np.concatenate([own, each], axis=1), axis=1)
         for each in (pushed, -pushed)
@@ -143,7 +143,7 @@ def _in_step(
     slowest = max(
         np.hypot(*way[0, :2]) / limits.speed,
         abs(way[0, 2]) / limits.turn_rate,
-        wheels.rims(travel).max() / (share * wheels.max_rim_speed),
+        wheels.compute_rim_speeds(travel).max() / (share * wheels.max_rim_speed),
     )
     squares = np.minimum(np.append(0, np.cumsum(up)), np.append(0, np.cumsum(down[::-1]))[::-1])
     return Timetable.of_rates(1 / _CELLS, np.sqrt(np.minimum(squares, slowest**-2.0)))

@@ -12,7 +12,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.traction import WheelLimits, around
+from omni_control.traction import WheelLimits, max_over_neighbors
 
 _SIDES = 32  # of the polygon inside the ellipse of accelerations, which is 0.5 % smaller
 _FEW = 3  # laps: the first, the last, and one for all between them
@@ -74,17 +74,18 @@ def _bounds(
     )
     turning = np.array([[0, 0, 1], [0, 0, -1]]) / limits.turn_acceleration
     travel = np.column_stack([lap.towards, lap.bend * lap.turns])
-    faces, dragged = wheels.faces(travel)
+    faces, dragged = wheels.get_friction_constraints(travel)
     rows = np.concatenate([ellipse, turning, faces])
     ones = np.ones(len(lap.step))
     most = [
         *np.repeat([np.cos(np.pi / _SIDES) * ones], _SIDES, axis=0),
         ones,
         ones,
-        *(share - around(dragged, "wrap").T),
+        *(share - max_over_neighbors(dragged, "wrap").T),
     ]
     turn_rate = np.abs(travel[:, 2])
     slowest = np.maximum(
-        turn_rate / limits.turn_rate, wheels.rims(travel).max(1) / (share * wheels.max_rim_speed)
+        turn_rate / limits.turn_rate,
+        wheels.compute_rim_speeds(travel).max(1) / (share * wheels.max_rim_speed),
     )
     return rows, np.array(most), np.maximum(slowest, 1 / limits.speed) ** -2.0

@@ -101,7 +101,7 @@ def driven_on_wheels(
     share = 1.0
     while share > wheels.max_drag_fraction:
         poses = driven(path, timetable(share), limits, period)
-        if (asked := max(wheels.shares(poses, period))) <= 1 + ROUNDING:
+        if (asked := max(wheels.compute_peak_utilization(poses, period))) <= 1 + ROUNDING:
             return poses
         share /= max(asked, _LESS)  # smoothing and whole frames asked for more
     raise OmniError(
@@ -111,7 +111,7 @@ def driven_on_wheels(
 
 def bearable(poses: Array, wheels: WheelLimits, period: float) -> bool:
     """Whether wheels can do at once what a drive asks."""
-    return max(wheels.shares(poses, period)) <= 1 + ROUNDING
+    return max(wheels.compute_peak_utilization(poses, period)) <= 1 + ROUNDING
 
 
 def _windows(limits: MotionLimits, period: float) -> list[int]:

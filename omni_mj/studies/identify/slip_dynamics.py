@@ -25,7 +25,7 @@ from typing import Self
 import numpy as np
 
 from omni_control.kinematics import Array, body_to_world, world_to_body
-from omni_control.traction import GRAVITY, load_distribution
+from omni_control.traction import GRAVITY, compute_load_distribution
 from omni_mj.config import team_model
 from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
 from omni_mj.robot.carpet import AT_REST_M_S
@@ -112,7 +112,7 @@ class Body:
             centre=centre,
             mass=mass + rims / kg * along.T @ along,
             loads=team_model.loads(settings) / kg,
-            shift=load_distribution(wheels.kinematics, body.centre_height_m)[1][:, :2].T,
+            shift=compute_load_distribution(wheels.kinematics, body.centre_height_m)[1][:, :2].T,
             viscous=BOTH_TOUCH * settings.drive.roller_damping_nm_s / roller**2 / kg,
             spun=SPUN_EARLY
             * count

@@ -38,4 +38,4 @@ from omni_control.fuzzy import LABELS, FuzzyLaw, memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import PerRobotReference, Reference
 from omni_control.reference.curves import CURVES, Curve, CurveReference
-from omni_control.traction import traction_limit, traction_limits
+from omni_control.traction import compute_max_acceleration, compute_traction_limits
