@@ -2,7 +2,17 @@
 
 import numpy as np
 import pytest
-from benches.studies import PERIOD_S, PUBLISHED, Move, Settings, creep, fits, loads, moves, straight
+from benches.studies import (
+    PERIOD_S,
+    PUBLISHED,
+    Move,
+    Settings,
+    creep,
+    fits,
+    loads,
+    moves,
+    straight_move,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -12,9 +22,9 @@ import omni_mj as om
 
 AT = np.arange(0.0, 2.4, PERIOD_S)
 MOVES = (
-    straight("forward", 1.0, rolls_out=False),
-    straight("sideways", -1.25, rolls_out=False),
-    straight("forward", 1.25, rolls_out=True),
+    straight_move("forward", 1.0, rolls_out=False),
+    straight_move("sideways", -1.25, rolls_out=False),
+    straight_move("forward", 1.25, rolls_out=True),
     Move("turning", 8.0, 12.0, 0.5, rolls_out=True),
 )
 MODEL = {"model": "two-rollers"}
@@ -36,9 +46,9 @@ def solved(slope: object) -> NDArray:
 def test_gain_and_time_of_the_law_are_recovered(gain: float, time: float, sign: float) -> None:
     """Solved by LSODA. 1e-4: the fit holds T |u| for a quarter of a frame."""
     v = solved(
-        lambda t, v: (gain * wheels(t, sign) - v) / (time * np.abs(wheels(t)) + fits.FLOOR_S)
+        lambda t, v: (gain * wheels(t, sign) - v) / (time * np.abs(wheels(t)) + fits.MIN_LAG_S)
     )
-    found = fits.fit_law(wheels(AT, sign), np.abs(wheels(AT)), v)
+    found = fits.fit_gain_and_time(wheels(AT, sign), np.abs(wheels(AT)), v)
     assert found == pytest.approx((gain, time), abs=1e-4)
 
 
@@ -57,7 +67,7 @@ def test_what_is_fitted_to_the_law_of_creep_is_its_closed_form(
     def slope(t: float, v: NDArray) -> NDArray:
         return (wheels(t) - v) / (softness * np.maximum(v, 1e-3)) - slowing * np.tanh(v / 1e-3)
 
-    found_gain, found_time = fits.fit_law(wheels(AT), wheels(AT), solved(slope))
+    found_gain, found_time = fits.fit_gain_and_time(wheels(AT), wheels(AT), solved(slope))
     gain = 1 / (1 + softness * slowing)
     square = (gain * softness * 2.0) ** 2
     assert found_gain == pytest.approx(gain, rel=square / 4, abs=1e-4)
@@ -71,11 +81,11 @@ def test_drag_of_a_roll_out_is_recovered(dry: float, viscous: float) -> None:
     """v' = -(c + b v) has a closed form; the mean over what rolls is that of its ends. Three samples tell nothing."""
     rate = max(viscous, 1e-9)
     v = np.maximum((1.5 + dry / rate) * np.exp(-rate * AT) - dry / rate, 0.0)
-    rolling = v[fits.SETTLING :][v[fits.SETTLING :] >= fits.AT_REST]
+    rolling = v[fits.SETTLING_SAMPLES :][v[fits.SETTLING_SAMPLES :] >= fits.AT_REST_M_S]
     mean = -np.diff(rolling).mean() / PERIOD_S
-    assert fits.fit_drag(v, np.full(len(v), True)) == pytest.approx(mean)
+    assert fits.mean_deceleration(v, np.full(len(v), True)) == pytest.approx(mean)
     assert dry + viscous * rolling[-1] - 1e-5 < mean < dry + viscous * rolling[0] + 1e-5
-    assert np.isnan(fits.fit_drag(v[:5], np.full(5, True)))
+    assert np.isnan(fits.mean_deceleration(v[:5], np.full(5, True)))
 
 
 def test_the_closed_form_of_a_robot_is_the_solution_of_its_wheels() -> None:
@@ -108,14 +118,14 @@ def test_robots_slip_and_roll_out_as_the_law_says(name: str) -> None:
     result = om.measure_slip([om.load_scenario("rect", robot=name, wheels=MODEL)], MOVES)
     (robot,) = result.robots.values()
     for axis in moves.AXES:
-        gain, time = (robot.law[f"{what}_{axis}"] for what in ("gain", "time"))
+        gain, time = (robot.closed_form[f"{what}_{axis}"] for what in ("gain", "time"))
         assert gain - 0.014 < robot.measured[f"gain_{axis}"] < gain, axis
         assert 0.95 * time - 0.002 < robot.measured[f"time_{axis}"] < 1.04 * time, axis
     for axis in ("forward", "turning"):
         assert robot.measured[f"drag_{axis}"] == pytest.approx(
-            robot.law[f"drag_{axis}"], rel=0.08
+            robot.closed_form[f"drag_{axis}"], rel=0.08
         ), axis
-    assert [row["move"] for row in result.rows().to_pylist()] == [move.kind for move in MOVES]
+    assert [row["move"] for row in result.rows().to_pylist()] == [move.axis for move in MOVES]
     told = result.summary()["slip"]["robots"][name]["quantities"]["time_forward"]
     assert told["published"] == PUBLISHED[name]["time_forward"]
     assert told["deviation_percent"] == pytest.approx(
@@ -125,17 +135,17 @@ def test_robots_slip_and_roll_out_as_the_law_says(name: str) -> None:
 
 def test_the_moves_are_those_that_were_published() -> None:
     """Ends 3 m apart: the way of the commands is that, less what is left to roll."""
-    every = moves.identification()
+    every = moves.identification_moves()
     assert len(every) == 32
     for move in every:
         frames = move.frames
         way = np.abs(move.command(frames)).sum() * PERIOD_S
-        if move.kind in ("forward", "sideways"):
+        if move.axis in ("forward", "sideways"):
             left = 0.5 * abs(move.speed) if move.rolls_out else 0.0
             # What is commanded in a frame is reached at its end: half a frame too soon, and up to
             # one to let go.
             assert way == pytest.approx(3.0 - left, abs=1.1 * PERIOD_S * abs(move.speed)), move
-        assert move.is_free(frames).any() == move.rolls_out
+        assert move.is_coasting(frames).any() == move.rolls_out
 
 
 def test_robots_that_are_not_there_or_named_twice_are_refused() -> None:
@@ -148,7 +158,7 @@ def test_robots_that_are_not_there_or_named_twice_are_refused() -> None:
 def test_a_robot_that_falls_is_left_out_and_told() -> None:
     """It is pushed over; there are no figures of it."""
     pushed = om.load_scenario("rect", wheels=MODEL, disturbance={"force_n": 1000.0})
-    result = om.measure_slip([pushed], [straight("forward", 1.5, rolls_out=True)])
+    result = om.measure_slip([pushed], [straight_move("forward", 1.5, rolls_out=True)])
     (failure,) = result.failures
     assert failure.cause == "toppled over"
     assert (

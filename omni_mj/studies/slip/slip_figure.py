@@ -1,55 +1,37 @@
-"""Figure of the slip study: per robot the body's speed over the wheels', and their ratio over acceleration."""
+"""Figure of the slip study: speed of the body over that of the wheels, and their ratio."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from omni_mj.config.settings import PERIOD_S
-from omni_mj.studies.slip.slip_fits import follow
+from omni_mj.studies.slip.slip_fits import SlipFit, simulate_slip
 from omni_mj.viz import style
 from omni_mj.viz.figures import plotting
 
 if TYPE_CHECKING:
     from omni_mj.studies.slip import SlipResult
 
-LOOKS = {"forward": (1, ".", "-"), "sideways": (0, "x", (0, (4, 1.5)))}  # slot, marker, line
-TITLE = "Body against wheels in moves at 2 m/s²: samples, and the law that is fitted to them"
-SHOWN_M_S = 0.2  # speed of the wheels above which the ratio is drawn
+# Axis -> style index, marker, dashes
+LINES: dict[str, tuple[int, str, Any]] = {
+    "forward": (1, ".", "-"),
+    "sideways": (0, "x", (0, (4, 1.5))),
+}
+TITLE = "Slip in moves at 2 m/s²: samples, and the fitted model v' = (K u - v) / (T |u|)"
+MIN_WHEEL_SPEED_M_S = 0.2  # of samples whose ratio is drawn
+ACCELERATIONS = np.array([-2.5, 2.5])  # ends of the fitted lines, m/s^2
 
 
 def save_slip_figure(result: "SlipResult", stem: Path) -> None:
-    """Draw robots into `stem`.png: points are samples of moves, lines are the fitted law."""
+    """Draw the samples and the fitted model of each robot into `stem`.png."""
     robots = result.robots
     with plotting.figure_file(stem, TITLE, figsize=(10, 3.6 * len(robots))) as figure:
         grid = figure.subplots(len(robots), 2, squeeze=False)
         for (speeds, ratios), (name, robot) in zip(grid, robots.items(), strict=True):
-            kinds = np.array([move.kind for move in robot.moves])
-            for kind, (slot, marker, dashes) in LOOKS.items():
-                drawn = (kinds == kind) & ~np.isnan(robot.fitted["gain"])
-                gain, time, colour = (
-                    robot.measured[f"gain_{kind}"],
-                    robot.measured[f"time_{kind}"],
-                    style.colour(slot),
-                )
-                u, v = robot.wheels[:, drawn], robot.body[:, drawn]
-                if drawn.any():  # the fastest shows the widest loop
-                    fastest = u.max(0).argmax()
-                    speeds.plot(
-                        u[:, fastest], v[:, fastest], marker, ms=3, color=colour, label=kind
-                    )
-                    fitted = follow(gain, time, u[:, fastest], np.abs(u[:, fastest]))
-                    speeds.plot(u[:, fastest], fitted, lw=1, color="k", label=f"{kind}, fitted")
-                shown, ends = u > SHOWN_M_S, np.array([-2.5, 2.5])
-                ratios.plot(
-                    np.gradient(v, PERIOD_S, axis=0)[shown],
-                    v[shown] / u[shown],
-                    marker,
-                    ms=3,
-                    color=colour,
-                )
-                label = f"{kind}: K = {gain:.3f}, T = {time:.3f} s²/m"
-                ratios.plot(ends, gain - time * ends, ls=dashes, color=colour, label=label)
+            for axis in LINES:
+                _draw_axis(speeds, ratios, robot, axis)
             speeds.axline((0, 0), slope=1, ls=":", lw=1, color="0.6", label="without slip")
             speeds.set(
                 title=name,
@@ -64,3 +46,31 @@ def save_slip_figure(result: "SlipResult", stem: Path) -> None:
             )
             speeds.legend()
             ratios.legend()
+
+
+def _draw_axis(speeds: Axes, ratios: Axes, robot: SlipFit, axis: str) -> None:
+    """Draw the braked moves of a robot along one axis.
+
+    Args:
+        speeds: Panel of the fastest move, whose hysteresis loop is the widest.
+        ratios: Panel of v / u over the acceleration, for all moves.
+        robot: Fits of the robot.
+        axis: Key of `LINES`.
+    """
+    slot, marker, dashes = LINES[axis]
+    color = style.colour(slot)
+    gain, time = robot.measured[f"gain_{axis}"], robot.measured[f"time_{axis}"]
+    move_axes = np.array([move.axis for move in robot.moves])
+    is_drawn = (move_axes == axis) & ~np.isnan(robot.fitted["gain"])
+    u, v = robot.wheel_speeds[:, is_drawn], robot.body_speeds[:, is_drawn]
+    if is_drawn.any():
+        fastest = u.max(0).argmax()
+        u_i, v_i = u[:, fastest], v[:, fastest]
+        fitted = simulate_slip(gain, time, u_i, np.abs(u_i))
+        speeds.plot(u_i, v_i, marker, ms=3, color=color, label=axis)
+        speeds.plot(u_i, fitted, lw=1, color="k", label=f"{axis}, fitted")
+    is_fast = u > MIN_WHEEL_SPEED_M_S
+    acceleration = np.gradient(v, PERIOD_S, axis=0)
+    ratios.plot(acceleration[is_fast], v[is_fast] / u[is_fast], marker, ms=3, color=color)
+    label = f"{axis}: K = {gain:.3f}, T = {time:.3f} s²/m"
+    ratios.plot(ACCELERATIONS, gain - time * ACCELERATIONS, ls=dashes, color=color, label=label)

@@ -1,15 +1,16 @@
-"""The fits of TIGERs Mannheim (`identifyBotModelV2.m` of Sumatra), and the closed form that they must find.
+"""Fits of gain K, slip time T and drag as TIGERs Mannheim make them, and their closed form.
 
-u is what the wheels do, v what the robot does along a move; both are sampled in the middle of each
-frame.
+The fits are those of `identifyBotModelV2.m` of Sumatra. u is the speed by the wheels and v the
+speed of the body along a move; both are sampled in the middle of each frame.
 
-Rolling out without current, drag D through the contacts and friction of hubs, tau for gear, motor
-and wheel bearings, slow the body, of mass m, and what turns with the hubs, of the inertia I; with
-the wheels' radius R and directions d
+If a robot rolls out without motor current, it is decelerated by the drag D through the contacts and
+by the friction torque tau of hubs, gear, motor and wheel bearings. The decelerated mass is that of
+the body, m, and the inertia I of the parts that turn with the hubs. With the wheels' radius R and
+rim directions d
 
     deceleration = (D_j + sum |d_ij| tau / R) / (m + sum d_ij^2 I / R^2).
 
-Gain and time follow from the law of creep (`omni_mj.config.team_model`).
+The closed form of K and T follows from the slip model (`omni_mj.config.team_model`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,153 +24,164 @@ from omni_control.kinematics import Array
 from omni_mj.config import team_model
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.robot.motors import Motor
-from omni_mj.studies.slip.slip_moves import AXES, Move, Record
+from omni_mj.studies.slip.slip_moves import AXES, Move, MoveRecord
 
-FLOOR_S = 0.001  # added to T |u| in their law
+MIN_LAG_S = 0.001  # added to T |u| in the published model
 SUBSTEPS = 4  # of a frame
-SETTLING = 3  # samples that are left out after a change: 50 ms
-AT_REST = 0.05  # m/s: a roll-out is looked at until then
-ROLLING = np.array([0.5, 0.5, 3.5])  # half of the mean speed of the moves, m/s and rad/s
+SETTLING_SAMPLES = 3  # left out after the motors are switched off: 50 ms
+AT_REST_M_S = 0.05  # end of a roll-out
+ROLL_OUT_SPEEDS = np.array([0.5, 0.5, 3.5])  # half the mean speed of the moves, m/s and rad/s
 
 
 @dataclass(frozen=True)
 class SlipFit:
-    """What came out of one robot.
+    """Fits to the n moves of one robot.
 
     Attributes:
-        moves: That it drove, n of them.
-        fitted: gain, time and deceleration of each move, (n,); NaN where a move does not tell.
-        measured: Means of these by `slip.QUANTITIES`; NaN where nothing tells.
-        law: The same, of what the law of creep says in closed form.
-        wheels: Speed along each move by the encoders, (F, n).
-        body: Speed of the body, (F, n).
+        moves: The moves.
+        fitted: "gain", "time" and "deceleration" of each move, (n,); NaN if not identifiable.
+        measured: Means over the moves, by the names of `slip_study.QUANTITIES`; NaN if there are
+            none.
+        closed_form: The same quantities by the closed form of the slip model.
+        wheel_speeds: Speed along each move by the encoders, (F, n).
+        body_speeds: Speed of the body along each move, (F, n).
     """
 
     moves: Sequence[Move]
     fitted: Mapping[str, Array]
     measured: Mapping[str, float]
-    law: Mapping[str, float]
-    wheels: Array
-    body: Array
+    closed_form: Mapping[str, float]
+    wheel_speeds: Array
+    body_speeds: Array
 
 
 def fit_moves(
-    settings: Settings, moves: Sequence[Move], record: Record, mass: float, inertia: float
+    settings: Settings, moves: Sequence[Move], record: MoveRecord, mass: float, inertia: float
 ) -> SlipFit:
-    """Fit everything that a record tells.
+    """Fit gain, slip time and deceleration to each move of a robot.
 
     Args:
-        settings: Of the robot.
-        moves: That it drove.
-        record: Of these.
-        mass: With which decelerations are turned into drag, kg.
-        inertia: The same of decelerations on the spot, kg m^2.
+        settings: Settings of the robot.
+        moves: Its moves.
+        record: Record of these moves.
+        mass: Mass that turns decelerations into drag, kg.
+        inertia: Yaw inertia that turns angular decelerations into drag torque, kg m^2.
     """
-    kinds = np.array([move.kind for move in moves])
-    turning, arm = kinds == "turning", settings.wheels.arm_m
-    axes = np.eye(3)[[AXES.index(kind) for kind in kinds]] * np.sign(
+    move_axes = np.array([move.axis for move in moves])
+    directions = np.eye(3)[[AXES.index(axis) for axis in move_axes]] * np.sign(
         [[move.speed] for move in moves]
     )
-    wheels, body = ((values * axes).sum(-1) for values in (record.wheels, record.body))
+    wheel_speeds = (record.wheel_twists * directions).sum(-1)
+    body_speeds = (record.body_twists * directions).sum(-1)
+    fitted = _fit_each_move(settings, moves, record, wheel_speeds, body_speeds)
+    slip, decelerations = team_model.creep(settings), predict_decelerations(settings)
+    masses = {axis: inertia if axis == "turning" else mass for axis in AXES}
+    closed_form, measured = dict[str, float](), dict[str, float]()
+    for j, axis in enumerate(AXES):
+        closed_form[f"gain_{axis}"] = float(slip.gain[j])
+        closed_form[f"time_{axis}"] = float(slip.time[j])
+        closed_form[f"drag_{axis}"] = float(masses[axis] * decelerations[j])
+        is_axis = move_axes == axis
+        measured[f"gain_{axis}"] = _mean_of_known(fitted["gain"][is_axis])
+        measured[f"time_{axis}"] = _mean_of_known(fitted["time"][is_axis])
+        measured[f"drag_{axis}"] = masses[axis] * _mean_of_known(fitted["deceleration"][is_axis])
+    return SlipFit(moves, fitted, measured, closed_form, wheel_speeds, body_speeds)
+
+
+def _fit_each_move(
+    settings: Settings,
+    moves: Sequence[Move],
+    record: MoveRecord,
+    wheel_speeds: Array,
+    body_speeds: Array,
+) -> dict[str, Array]:
+    """Return gain, time and deceleration of each move, (n,); see `SlipFit.fitted`."""
+    arm = settings.wheels.arm_m
     failed = {failure.row for failure in record.simulation.failures}
     fitted = {name: np.full(len(moves), np.nan) for name in ("gain", "time", "deceleration")}
-    rolling = np.where(
-        turning, body, np.hypot(record.body[..., 0], record.body[..., 1])
-    )  # a robot let go may turn
     for i, move in enumerate(moves):
         if i in failed:
             continue
-        used = slice(move.frames)
+        frames, turns = slice(move.frames), move.axis == "turning"
+        body_twist, wheel_twist = record.body_twists[frames, i], record.wheel_twists[frames, i]
         if move.rolls_out:
-            at_rest = AT_REST / arm if turning[i] else AT_REST
-            fitted["deceleration"][i] = fit_drag(
-                rolling[used, i], move.is_free(move.frames), at_rest
+            # A robot may turn while it coasts, so its speed in the plane counts.
+            coasting_speed = body_speeds[frames, i] if turns else np.hypot(*body_twist[:, :2].T)
+            at_rest = AT_REST_M_S / arm if turns else AT_REST_M_S
+            is_coasting = move.is_coasting(move.frames)
+            fitted["deceleration"][i] = mean_deceleration(coasting_speed, is_coasting, at_rest)
+        if turns or not move.rolls_out:
+            travel_speed = np.hypot(*wheel_twist[:, :2].T) + arm * np.abs(wheel_twist[:, 2]) * turns
+            fitted["gain"][i], fitted["time"][i] = fit_gain_and_time(
+                wheel_speeds[frames, i], travel_speed, body_speeds[frames, i]
             )
-        if turning[i] or not move.rolls_out:
-            speed = (
-                np.hypot(*record.wheels[used, i, :2].T)
-                + arm * np.abs(record.wheels[used, i, 2]) * turning[i]
-            )
-            fitted["gain"][i], fitted["time"][i] = fit_law(wheels[used, i], speed, body[used, i])
-    law = dict[str, float]()
-    creep, decelerations = team_model.creep(settings), roll_out_decelerations(settings)
-    weights = {axis: inertia if axis == "turning" else mass for axis in AXES}
-    for j, (axis, weight) in enumerate(weights.items()):
-        law |= {f"gain_{axis}": float(creep.gain[j]), f"time_{axis}": float(creep.time[j])}
-        law[f"drag_{axis}"] = float(weight * decelerations[j])
-    measured = {
-        f"{name}_{axis}": _mean(fitted[name][kinds == axis])
-        for name in ("gain", "time")
-        for axis in AXES
-    }
-    measured |= {
-        f"drag_{axis}": w * _mean(fitted["deceleration"][kinds == axis])
-        for axis, w in weights.items()
-    }
-    return SlipFit(moves, fitted, measured, law, wheels, body)
+    return fitted
 
 
-def follow(gain: float, time: float, u: Array, speed: Array) -> Array:
+def simulate_slip(gain: float, time: float, u: Array, speed: Array) -> Array:
     """Return v (F,) by v' = (K u - v) / (T |u| + 1 ms), for wheels that start at rest.
 
-    Between two samples wheels are taken to speed up evenly; in each quarter of a frame the law is
-    solved exactly, with the T |u| of its middle.
+    u is linear between samples. In each quarter of a frame the equation is solved exactly, with the
+    T |u| of its middle.
 
     Args:
         gain: K.
         time: T, s^2/m.
-        u: Velocity by the wheels along one axis, (F,).
-        speed: Magnitude of the wheels' velocity, m/s, (F,).
+        u: Speed by the wheels along one axis, (F,).
+        speed: Magnitude of the wheels' velocity, (F,) m/s.
     """
     frames, step = np.arange(len(u)), PERIOD_S / SUBSTEPS
     edges = np.arange(SUBSTEPS * (len(u) - 1) + 1) / SUBSTEPS
-    wanted, travelled = gain * np.interp(edges, frames, u), np.interp(edges, frames, speed)
-    lag = time * (travelled[1:] + travelled[:-1]) / 2 + FLOOR_S
-    kept = np.exp(-step / lag)
-    gained = wanted[1:] - kept * wanted[:-1] - lag / step * (1 - kept) * np.diff(wanted)
-    bands = np.ones((2, len(edges)))  # v_1 - kept v_0 = gained, for all steps at once
-    bands[1, :-1] = -kept
-    v: Array = solve_banded((1, 0), bands, np.append(0.0, gained))
+    steady, speeds = gain * np.interp(edges, frames, u), np.interp(edges, frames, speed)
+    lag = time * (speeds[1:] + speeds[:-1]) / 2 + MIN_LAG_S
+    decay = np.exp(-step / lag)
+    inputs = steady[1:] - decay * steady[:-1] - lag / step * (1 - decay) * np.diff(steady)
+    bands = np.ones((2, len(edges)))  # v[k+1] - decay v[k] = inputs[k], for all steps at once
+    bands[1, :-1] = -decay
+    v: Array = solve_banded((1, 0), bands, np.append(0.0, inputs))
     return v[::SUBSTEPS]
 
 
-def fit_law(u: Array, speed: Array, v: Array) -> tuple[float, float]:
-    """Return K and T by least squares over the whole move, from standing still to standing still; see `follow`."""
+def fit_gain_and_time(u: Array, speed: Array, v: Array) -> tuple[float, float]:
+    """Return K and T by least squares over a whole move, from rest to rest; see `simulate_slip`."""
     fit = least_squares(
-        lambda x: follow(x[0], x[1], u, speed) - v, [1.0, 0.1], bounds=(0.0, np.inf)
+        lambda x: simulate_slip(x[0], x[1], u, speed) - v, [1.0, 0.1], bounds=(0.0, np.inf)
     )
     return float(fit.x[0]), float(fit.x[1])
 
 
-def fit_drag(v: Array, free: np.ndarray, at_rest: float = AT_REST) -> float:
+def mean_deceleration(v: Array, is_coasting: np.ndarray, at_rest: float = AT_REST_M_S) -> float:
     """Return the mean deceleration of a robot that rolls out; NaN if there are too few samples.
 
     Args:
-        v: Speed along the move, (F,), positive.
-        free: In which samples the motors carry no current, (F,).
-        at_rest: Speed below which nothing is looked at.
+        v: Speed along the move, positive, (F,).
+        is_coasting: In which samples the motors carry no current, (F,).
+        at_rest: Speed below which the roll-out has ended.
     """
-    rolling = v[free][SETTLING:]
-    slow = np.flatnonzero(rolling < at_rest)
-    rolling = rolling[: slow[0]] if slow.size else rolling
-    return (
-        float((rolling[0] - rolling[-1]) / (len(rolling) - 1) / PERIOD_S)
-        if len(rolling) >= SETTLING
-        else np.nan
-    )
+    coasting = v[is_coasting][SETTLING_SAMPLES:]
+    slow = np.flatnonzero(coasting < at_rest)
+    coasting = coasting[: slow[0]] if slow.size else coasting
+    if len(coasting) < SETTLING_SAMPLES:
+        return np.nan
+    return float((coasting[0] - coasting[-1]) / (len(coasting) - 1) / PERIOD_S)
 
 
-def roll_out_decelerations(settings: Settings) -> Array:
-    """Return those of the closed form, at the speeds of `ROLLING`: forward, sideways, m/s^2, and turning, rad/s^2."""
+def predict_decelerations(settings: Settings) -> Array:
+    """Return the closed-form decelerations of roll-outs at `ROLL_OUT_SPEEDS`.
+
+    Returns:
+        Forward and sideways in m/s^2, turning in rad/s^2, (3,).
+    """
     wheels, body, motor = settings.wheels.kinematics, settings.body, Motor.of(settings.motor)
     inertia = np.array([body.mass_kg, body.mass_kg, body.yaw_inertia_kg_m2])
-    turning = np.abs(wheels.matrix) / wheels.radius * ROLLING  # of the wheels, rad/s
-    friction = settings.hub_friction_nm + motor.wheel_viscous * turning
+    wheel_rates = np.abs(wheels.matrix) / wheels.radius * ROLL_OUT_SPEEDS  # rad/s
+    friction = settings.hub_friction_nm + motor.wheel_viscous * wheel_rates
     hubs = (np.abs(wheels.matrix) * friction).sum(0) / wheels.radius
     rotors = motor.inertia * motor.gear**2 / wheels.radius**2 * (wheels.matrix**2).sum(0)
     return np.asarray((team_model.creep(settings).drag + hubs) / (inertia + rotors))
 
 
-def _mean(values: Array) -> float:
+def _mean_of_known(values: Array) -> float:
+    """Return the mean of values that are not NaN; NaN if there are none."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if known.size else np.nan

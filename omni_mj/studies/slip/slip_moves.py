@@ -1,9 +1,10 @@
-"""The moves with which TIGERs Mannheim identify a robot, and what the robot logs of them.
+"""The moves with which TIGERs Mannheim identify a robot, and what the robot records.
 
-There and back between two ends 3 m apart, each way on its own: speed up at 2 m/s^2, hold, and
-either brake and stop or, half a second's way before the end, let the motors go and roll out;
-forward and sideways. On the spot: speed up at 12 rad/s^2, hold for 3 s, roll out. Source:
-`IdentifyBotModelRole.java` of Sumatra.
+A straight move goes from one end of a 3 m track to the other: accelerate at 2 m/s^2, hold the
+speed, then either brake to a stop or, 0.5 s of travel before the end, switch the motors off and
+roll out.
+Moves are forward and sideways, in both directions. A turn on the spot accelerates at 12 rad/s^2,
+holds for 3 s, and rolls out. Source: `IdentifyBotModelRole.java` of Sumatra.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,140 +22,152 @@ from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.study_runner import AfterFrame, open_loop_settings, send_twists
 
 AXES = ("forward", "sideways", "turning")
-SPEEDS_M_S, ACCELERATION_M_S2, WAY_M, ROLL_OUT_S = (0.5, 1.0, 1.25, 1.5), 2.0, 3.0, 0.5
-TURN_RATES_RAD_S, TURN_ACCELERATION_RAD_S2, HELD_S = (4.0, 6.0, 8.0, 10.0), 12.0, 3.0
-REST_S = 0.1  # at the start
-AFTER_S, ROLLING_S = 0.25, 1.5  # to come to rest after braking, and for a roll-out
+SPEEDS_M_S = (0.5, 1.0, 1.25, 1.5)
+ACCELERATION_M_S2 = 2.0
+TRACK_M = 3.0
+ROLL_OUT_DISTANCE_S = 0.5  # distance to the end at which a roll-out starts, as a time at full speed
+TURN_RATES_RAD_S = (4.0, 6.0, 8.0, 10.0)
+TURN_ACCELERATION_RAD_S2 = 12.0
+TURN_HOLD_S = 3.0
+REST_S = 0.1  # before the move
+BRAKED_REST_S = 0.25  # after braking
+ROLL_OUT_S = 1.5  # duration of a roll-out
 
 
 @dataclass(frozen=True)
 class Move:
-    """One move from rest.
+    """One move that starts at rest.
 
     Attributes:
-        kind: forward, sideways or turning.
-        speed: That is held, m/s or rad/s; negative for the way back.
+        axis: "forward", "sideways" or "turning".
+        speed: Held speed, m/s or rad/s; negative in the opposite direction.
         acceleration: Magnitude, m/s^2 or rad/s^2.
-        held_s: How long the speed is held.
-        rolls_out: Whether the motors are let go then, instead of braking.
+        hold_s: Time at constant speed, s.
+        rolls_out: Whether the motors are switched off at the end, instead of braking.
     """
 
-    kind: str
+    axis: str
     speed: float
     acceleration: float
-    held_s: float
+    hold_s: float
     rolls_out: bool
 
     @property
-    def times(self) -> tuple[float, float, float, float]:
-        """When it starts, reaches the speed, no longer holds it, and stops if the robot brakes, s."""
+    def phase_times(self) -> tuple[float, float, float, float]:
+        """Times of start, full speed, end of full speed, and stop if the robot brakes, s."""
         ramp = abs(self.speed) / self.acceleration
-        reached = REST_S + ramp
-        return REST_S, reached, reached + self.held_s, reached + self.held_s + ramp
+        full_speed = REST_S + ramp
+        return REST_S, full_speed, full_speed + self.hold_s, full_speed + self.hold_s + ramp
 
     @property
     def frames(self) -> int:
-        """Number of frames of the whole move."""
-        _, _, let_go, stopped = self.times
-        return int(
-            np.ceil((let_go + ROLLING_S if self.rolls_out else stopped + AFTER_S) / PERIOD_S)
-        )
+        """Number of frames of the move."""
+        _, _, full_speed_end, stop = self.phase_times
+        end = full_speed_end + ROLL_OUT_S if self.rolls_out else stop + BRAKED_REST_S
+        return int(np.ceil(end / PERIOD_S))
 
     def command(self, frames: int) -> Array:
-        """Return twists (frames, 3): in each frame what is wanted at its end."""
-        share = np.interp(PERIOD_S * np.arange(1, frames + 1), self.times, [0.0, 1.0, 1.0, 0.0])
-        share[self.is_free(frames)] = 0.0
-        return self.speed * share[:, None] * np.eye(3)[AXES.index(self.kind)]
+        """Return the twist at the end of each frame, (frames, 3)."""
+        fraction = np.interp(
+            PERIOD_S * np.arange(1, frames + 1), self.phase_times, [0.0, 1.0, 1.0, 0.0]
+        )
+        fraction[self.is_coasting(frames)] = 0.0
+        return self.speed * fraction[:, None] * np.eye(3)[AXES.index(self.axis)]
 
-    def is_free(self, frames: int) -> np.ndarray:
-        """Return in which frames (frames,) the motors are let go."""
-        return self.rolls_out & (PERIOD_S * np.arange(frames) + 1e-9 >= self.times[2])
+    def is_coasting(self, frames: int) -> np.ndarray:
+        """Return in which frames (frames,) the motors are off."""
+        return self.rolls_out & (PERIOD_S * np.arange(frames) + 1e-9 >= self.phase_times[2])
 
 
 @dataclass(frozen=True)
-class Record:
-    """What n robots log in F frames, body frame: means over a frame each.
+class MoveRecord:
+    """Twists of n robots in F frames, body frame.
 
-    Means, since commands are new in every frame, and what wheels do in it is no straight line.
+    They are means over each frame, because commands change every frame and wheel speeds do not
+    change linearly in between.
 
     Attributes:
-        wheels: Twist by the encoders, (F, n, 3).
-        body: Its true twist, (F, n, 3). TIGERs take a filter's, which errs by 0.1 % of the speed.
-        simulation: That was run.
-        stopped: Why it ended before its time, or None.
+        wheel_twists: Twist by the encoders, (F, n, 3).
+        body_twists: True twist, (F, n, 3). TIGERs use a filter's, which errs by 0.1 % of the speed.
+        simulation: The simulation that was run.
+        stopped: Reason why it ended early, or None.
     """
 
-    wheels: Array
-    body: Array
+    wheel_twists: Array
+    body_twists: Array
     simulation: Simulation
     stopped: str | None
 
 
-def straight(
-    kind: str, speed: float, rolls_out: bool, acceleration: float = ACCELERATION_M_S2
+def straight_move(
+    axis: str, speed: float, rolls_out: bool, acceleration: float = ACCELERATION_M_S2
 ) -> Move:
-    """Return a move over the whole way, or to where a robot is let go."""
-    way = WAY_M - (ROLL_OUT_S if rolls_out else abs(speed) / acceleration / 2) * abs(speed)
-    return Move(
-        kind, speed, acceleration, way / abs(speed) - abs(speed) / acceleration / 2, rolls_out
-    )
+    """Return a move over the whole track, or to the point where the motors are switched off."""
+    end_s = ROLL_OUT_DISTANCE_S if rolls_out else abs(speed) / acceleration / 2
+    distance = TRACK_M - end_s * abs(speed)
+    hold_s = distance / abs(speed) - abs(speed) / acceleration / 2
+    return Move(axis, speed, acceleration, hold_s, rolls_out)
 
 
-def identification() -> list[Move]:
+def identification_moves() -> list[Move]:
     """Return all moves of one robot."""
     moves = [
-        straight(kind, sign * speed, rolls_out)
-        for kind, rolls_out in (("forward", True), ("forward", False), ("sideways", False))
+        straight_move(axis, sign * speed, rolls_out)
+        for axis, rolls_out in (("forward", True), ("forward", False), ("sideways", False))
         for speed in SPEEDS_M_S
         for sign in (1, -1)
     ]
     return moves + [
-        Move("turning", sign * rate, TURN_ACCELERATION_RAD_S2, HELD_S, True)
+        Move("turning", sign * rate, TURN_ACCELERATION_RAD_S2, TURN_HOLD_S, True)
         for rate in TURN_RATES_RAD_S
         for sign in (1, -1)
     ]
 
 
-def count_frames(moves: Sequence[Move]) -> int:
-    """Return in how many frames all moves are done; one more records where the last command led."""
+def longest_move(moves: Sequence[Move]) -> int:
+    """Return the frames of the longest move."""
     return max(move.frames for move in moves)
 
 
-def drive(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFrame) -> Record:
-    """Drive moves side by side.
+def record_moves(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFrame) -> MoveRecord:
+    """Drive all moves, one robot each, and record encoders and poses.
 
     Args:
-        scenario: The robot and all else.
-        moves: One for each robot.
+        scenario: The robot and its settings.
+        moves: The move of each robot.
         after_frame: Called with each frame's number; it may raise `StoppedError`.
     """
-    frames = count_frames(moves) + 1
+    # The last frame only records the pose that the last command led to.
+    frames = longest_move(moves) + 1
     settings = open_loop_settings(scenario.settings, frames + 1, reference={"lead_s": 0.0})
-    chosen = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
+    scenario = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
     rows = [
-        Row(i, 0, Controller.__name__, chosen.seed + i, settings, chosen.robot)
+        Row(i, 0, Controller.__name__, scenario.seed + i, settings, scenario.robot)
         for i in range(len(moves))
     ]
-    simulation = Simulation(chosen, [Controller], rows=rows)
-    plant, kinematics = simulation.plant, settings.wheels.kinematics
-    assert isinstance(plant, MujocoPlant)
-
-    def twists() -> Iterator[Array]:
-        free = np.stack([move.is_free(frames) for move in moves], axis=1)
-        held = np.where(free, 0.0, np.nan)[..., None].repeat(len(kinematics.azimuths), -1)
-        for frame, twist in enumerate(np.stack([move.command(frames) for move in moves], axis=1)):
-            plant.hold(held[frame])
-            yield twist
-
-    stopped = send_twists(simulation, twists(), after_frame)
+    simulation = Simulation(scenario, [Controller], rows=rows)
+    stopped = send_twists(simulation, _command_moves(simulation, moves, frames), after_frame)
+    kinematics = settings.wheels.kinematics
     pose, angle = simulation.log.channel("pose"), simulation.log.channel("wheel_angle")
-    per_rad = settings.sensors.encoder_counts * settings.motor.gear / (2 * np.pi)
-    counts = np.diff(np.floor(angle * per_rad), axis=0)
-    return Record(
-        wheels=kinematics.body_twist(counts / (per_rad * PERIOD_S)),
-        body=world_to_body(
-            np.diff(pose, axis=0) / PERIOD_S, (pose[1:, :, 2] + pose[:-1, :, 2]) / 2
-        ),
+    counts_per_rad = settings.sensors.encoder_counts * settings.motor.gear / (2 * np.pi)
+    counts = np.diff(np.floor(angle * counts_per_rad), axis=0)
+    heading = (pose[1:, :, 2] + pose[:-1, :, 2]) / 2
+    return MoveRecord(
+        wheel_twists=kinematics.body_twist(counts / (counts_per_rad * PERIOD_S)),
+        body_twists=world_to_body(np.diff(pose, axis=0) / PERIOD_S, heading),
         simulation=simulation,
         stopped=stopped,
     )
+
+
+def _command_moves(simulation: Simulation, moves: Sequence[Move], frames: int) -> Iterator[Array]:
+    """Yield the twists (n, 3) of each frame; keep the motor currents of robots that coast at 0."""
+    plant = simulation.plant
+    assert isinstance(plant, MujocoPlant)
+    n_wheels = len(simulation.rows[0].settings.wheels.azimuths_deg)
+    is_coasting = np.stack([move.is_coasting(frames) for move in moves], axis=1)
+    currents = np.where(is_coasting, 0.0, np.nan)[..., None].repeat(n_wheels, -1)
+    twists = np.stack([move.command(frames) for move in moves], axis=1)
+    for frame, twist in enumerate(twists):
+        plant.hold(currents[frame])
+        yield twist

@@ -1,13 +1,13 @@
-"""How robots slip: the identification that TIGERs Mannheim publish, done on simulated robots.
+"""Slip study: the identification that TIGERs Mannheim publish, applied to simulated robots.
 
-`moves` are what is driven and logged, `fits` their fits and what must come out in closed form.
+`slip_moves` drives the published moves, `slip_fits` fits them.
 
 TIGERs Mannheim identified three robots with `matlab/identification/identifyBotModelV2.m` of their
-Sumatra; the numbers stand in `robot_impl.c` of their Firmware (`src/main2016` until 2023,
-`src/main2019`; TIGERs-Mannheim/Firmware at 2177659 and ef794dd). They are for comparison only. Their
-x is our y: K and T of their y are ours forward. Drag was measured in roll-outs forward. Their
-firmware takes it for that sideways, 1.28 to 1.30 times that forward, which was not measured; if they
-entered it so, forward drag is 3.41, 2.07 and 4.14 N.
+Sumatra. The results are in `robot_impl.c` of their Firmware (`src/main2016` until 2023,
+`src/main2019`; TIGERs-Mannheim/Firmware at 2177659 and ef794dd). They are for comparison only.
+Their x is our y: K and T of their y are ours forward. They measured drag in roll-outs forward.
+Their firmware uses it as the sideways drag, and takes 1/1.28 to 1/1.30 of it forward, which was not
+measured; if they entered it so, forward drag is 3.41, 2.07 and 4.14 N.
 """
 
 import re
@@ -20,28 +20,34 @@ from typing import Any
 import numpy as np
 
 from omni_mj.config import distributions
-from omni_mj.config import resolve as described
+from omni_mj.config.resolve import Robot
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.results.result import Outcome, Result
 from omni_mj.results.result_tables import Table, format_number, format_table
 from omni_mj.results.statistics import finite_or_none
 from omni_mj.studies.compare import check_scenarios
 from omni_mj.studies.slip.slip_fits import SlipFit, fit_moves
-from omni_mj.studies.slip.slip_moves import Move, count_frames, drive, identification
+from omni_mj.studies.slip.slip_moves import (
+    Move,
+    identification_moves,
+    longest_move,
+    record_moves,
+)
 from omni_mj.studies.study_runner import StartProgress, no_progress, open_loop_outcome
 
-# Name -> title, unit, digits behind the point, and what was published of each robot of `ROBOTS`.
+# Name -> title, unit, decimal places, and the published value of each robot of `ROBOTS`
 QUANTITIES: dict[str, tuple[str, str, int, tuple[float, ...]]] = {
     "gain_forward": ("gain K forward", "", 3, (0.90, 1.00, 0.95)),
     "gain_sideways": ("gain K sideways", "", 3, (0.79, 0.95, 0.91)),
     "gain_turning": ("gain K turning", "", 3, ()),
-    "time_forward": ("T forward", "s²/m", 4, (0.060, 0.050, 0.038)),
-    "time_sideways": ("T sideways", "s²/m", 4, (0.155, 0.095, 0.082)),
-    "time_turning": ("T turning", "s²/m", 4, ()),
+    "time_forward": ("slip time T forward", "s²/m", 4, (0.060, 0.050, 0.038)),
+    "time_sideways": ("slip time T sideways", "s²/m", 4, (0.155, 0.095, 0.082)),
+    "time_turning": ("slip time T turning", "s²/m", 4, ()),
     "drag_forward": ("roll-out drag forward", "N", 2, (4.44, 2.65, 5.3)),
     "drag_turning": ("roll-out drag turning", "N m", 3, (0.14, 0.097, 0.2)),
 }
-ROBOTS = {  # with the masses by which decelerations were turned into forces, kg
+# Name -> label, and the mass that turned decelerations into forces, kg
+ROBOTS = {
     "tigers-v2016": ("2016", 2.65),
     "tigers-v2020": ("2020, direct drive", 2.46),
     "tigers-v2020-planetary": ("2020, planetary gear", 2.46),
@@ -50,135 +56,145 @@ PUBLISHED = {
     robot: {name: values[i] for name, (*_, values) in QUANTITIES.items() if values}
     for i, robot in enumerate(ROBOTS)
 }
-# Yaw inertia over mass and arm squared, with which decelerations were turned into torques
-INERTIA_SHARE = 0.55
+# Yaw inertia over mass and arm squared, which turned angular decelerations into torques
+INERTIA_RATIO = 0.55
 DEFINITIONS = {
-    "gain, time": "K and T of v' = (K u - v) / (T |u| + 1 ms): least squares over whole moves, mean over moves",
-    "u, v": "velocity by encoders, and of the body; in turning T |u| is T l |u|",
-    "drag": "mean deceleration of a robot whose motors carry no current, times the mass of the published fit",
-    "law": "closed form of the law of creep, which knows the robot's numbers and nothing of the moves",
+    "gain, time": (
+        "K and T of v' = (K u - v) / (T |u| + 1 ms): least squares over whole moves, "
+        "mean over moves"
+    ),
+    "u, v": "speed by the wheels' encoders, and of the body; for turning T |u| is T l |u|",
+    "drag": (
+        "mean deceleration of a robot without motor current, times the mass of the published fit"
+    ),
+    "closed_form": "closed form of the slip model, from the robot's parameters alone",
 }
 
 
 @dataclass
 class SlipResult(Result):
-    """The result of the study; its rows hold each move and what was fitted to it.
+    """Result of the slip study. Its rows hold each move and its fit.
 
     Attributes:
-        robots: What came out of those that were driven, by name.
+        robots: Fits of the robots that were driven, by name.
     """
 
     robots: dict[str, SlipFit] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
-        """Return that of any result, with the figures as `slip`."""
+        """Return the summary of any result, with the fits as `slip`."""
         robots = {
-            name: {"source": _source(name), "quantities": self._quantities(name)}
+            name: {"source": _published_source(name), "quantities": self._quantities(name)}
             for name in self.robots
         }
         return super().summary() | {"slip": {"definitions": DEFINITIONS, "robots": robots}}
 
     def table(self) -> str:
-        """Return the figures of each robot beside what the law says and what was published, as lines of text."""
-        return "\n".join(map(self._text, self.robots))
+        """Return measured, closed-form and published values of each robot as lines of text."""
+        return "\n".join(map(self._format_robot, self.robots))
 
     def _quantities(self, name: str) -> dict[str, dict[str, Any]]:
-        robot, result = self.robots[name], {}
+        """Return the values of each quantity of a robot; None where there is none."""
+        robot, quantities = self.robots[name], {}
         for quantity, (_, unit, _, _) in QUANTITIES.items():
-            measured, published = robot.measured[quantity], PUBLISHED.get(name, {}).get(quantity)
-            result[quantity] = {
+            measured = robot.measured[quantity]
+            published = PUBLISHED.get(name, {}).get(quantity)
+            deviation = (
+                None if published is None else finite_or_none(100 * (measured / published - 1))
+            )
+            quantities[quantity] = {
                 "unit": unit,
                 "measured": finite_or_none(measured),
-                "law": finite_or_none(robot.law.get(quantity, np.nan)),
+                "closed_form": finite_or_none(robot.closed_form.get(quantity, np.nan)),
                 "published": published,
-                "deviation_percent": None
-                if published is None
-                else finite_or_none(100 * (measured / published - 1)),
+                "deviation_percent": deviation,
             }
-        return result
+        return quantities
 
-    def _text(self, name: str) -> str:
+    def _format_robot(self, name: str) -> str:
         rows = []
-        for quantity, figures in self._quantities(name).items():
+        for quantity, values in self._quantities(name).items():
             title, unit, digits, _ = QUANTITIES[quantity]
             cells = [
-                format_number(figures[key], digits=digits)
-                for key in ("measured", "law", "published")
+                format_number(values[key], digits=digits)
+                for key in ("measured", "closed_form", "published")
             ]
-            deviation = figures["deviation_percent"]
+            deviation = values["deviation_percent"]
             rows.append([title, unit, *cells, "" if deviation is None else f"{deviation:+.0f}"])
-        source = _source(name)
+        source = _published_source(name)
         title = f"{name}; published: {source}" if source else f"{name}; nothing published"
-        return format_table(
-            Table(title, ["", "unit", "measured", "law", "published", "deviation, %"], rows, 2)
-        )
+        headings = ["", "unit", "measured", "closed form", "published", "deviation, %"]
+        return format_table(Table(title, headings, rows, 2))
 
 
 def measure_slip(
-    robots: Sequence[Scenario | described.Robot | str] | None = None,
+    robots: Sequence[Scenario | Robot | str] | None = None,
     moves: Sequence[Move] | None = None,
     *,
     start_progress: StartProgress = no_progress,
 ) -> SlipResult:
-    """Identify how robots slip, as TIGERs Mannheim identified theirs.
+    """Identify gain, slip and drag of robots as TIGERs Mannheim did with theirs.
 
     Args:
-        robots: Names or files of robots; or scenarios, whose robot, settings and seed are meant.
-            [those that were measured, on the faster wheels]
-        moves: That each robot drives. [`identification()`]
-        start_progress: Called with each robot's name and the number of frames to come; what it returns is
-            called after each frame, and may raise `StoppedError`.
+        robots: Names or files of robots; or scenarios, whose robot, settings and seed are used.
+            Default: the robots with published values, on two-roller wheels.
+        moves: Moves that each robot drives. Default: `identification_moves()`.
+        start_progress: Called with each robot's name and its number of frames. It returns a
+            function that is called with each frame's number and may raise `StoppedError`.
 
     Raises:
-        OmniError: There is no such robot, or one is named twice.
+        OmniError: A robot does not exist, or two have the same name.
     """
-    began, driven = time.perf_counter(), list(identification() if moves is None else moves)
-    chosen = [prepare_slip_scenario(robot) for robot in (ROBOTS if robots is None else robots)]
-    check_scenarios(chosen, None)
-    result = SlipResult([Outcome.not_run(robot) for robot in chosen], ["Controller"])
-    result.seeds = list(dict.fromkeys(robot.seed for robot in chosen))
-    for i, robot in enumerate(chosen):
-        started, settings, name = time.perf_counter(), robot.settings, robot.name
-        record = drive(robot, driven, start_progress(name, count_frames(driven) + 1))
+    study_start = time.perf_counter()
+    moves = list(identification_moves() if moves is None else moves)
+    scenarios = [prepare_slip_scenario(robot) for robot in (ROBOTS if robots is None else robots)]
+    check_scenarios(scenarios, None)
+    outcomes = [Outcome.not_run(scenario) for scenario in scenarios]
+    result = SlipResult(outcomes, ["Controller"])
+    result.seeds = list(dict.fromkeys(scenario.seed for scenario in scenarios))
+    for i, scenario in enumerate(scenarios):
+        start_time = time.perf_counter()
+        after_frame = start_progress(scenario.name, longest_move(moves) + 1)
+        record = record_moves(scenario, moves, after_frame)
         columns: dict[str, np.ndarray] = {}
         if record.stopped is None:
-            mass, inertia = settings.body.mass_kg, settings.body.yaw_inertia_kg_m2
-            if name in ROBOTS:
-                mass = ROBOTS[name][1]
-                inertia = INERTIA_SHARE * mass * settings.wheels.arm_m**2
-            result.robots[name] = fit_moves(settings, driven, record, mass, inertia)
-            columns = {
-                "move": np.array([move.kind for move in driven]),
-                **result.robots[name].fitted,
-            }
-            columns |= {
-                key: np.array([getattr(move, key) for move in driven])
-                for key in ("speed", "rolls_out")
-            }
+            fit = fit_moves(scenario.settings, moves, record, *_masses(scenario))
+            result.robots[scenario.name] = fit
+            columns = {"move": np.array([move.axis for move in moves]), **fit.fitted}
+            for name in ("speed", "rolls_out"):
+                columns[name] = np.array([getattr(move, name) for move in moves])
         simulation = record.simulation
         result.outcomes[i] = open_loop_outcome(
-            simulation.scenario, simulation, started, record.stopped, columns
+            simulation.scenario, simulation, start_time, record.stopped, columns
         )
         result.stopped = record.stopped
         if record.stopped:
             break
     result.complete = result.stopped is None
-    result.wall_s = time.perf_counter() - began
+    result.wall_s = time.perf_counter() - study_start
     return result
 
 
-def prepare_slip_scenario(robot: Scenario | described.Robot | str) -> Scenario:
-    """Return the scenario that is driven, with the name of its robot."""
+def prepare_slip_scenario(robot: Scenario | Robot | str) -> Scenario:
+    """Return the scenario of a robot's moves; it has the robot's name."""
     if not isinstance(robot, Scenario):
         robot = load_scenario("rect", robot=robot, wheels={"model": "two-rollers"})
     distributions.refuse(robot.distributions, "slip")
-    name = re.sub(
-        r"[^\w.-]+", "-", Path(robot.robot).stem if robot.robot.endswith(".toml") else robot.robot
-    )
-    return robot.replace(name=name, description="how it slips")
+    name = Path(robot.robot).stem if robot.robot.endswith(".toml") else robot.robot
+    file_name = re.sub(r"[^\w.-]+", "-", name)
+    return robot.replace(name=file_name, description="identification of slip")
 
 
-def _source(name: str) -> str | None:
-    return (
-        f"TIGERs Mannheim, Firmware, robot_impl.c ({ROBOTS[name][0]})" if name in ROBOTS else None
-    )
+def _masses(scenario: Scenario) -> tuple[float, float]:
+    """Return the mass in kg and yaw inertia in kg m^2 that turn decelerations into drag."""
+    settings, name = scenario.settings, scenario.name
+    if name not in ROBOTS:
+        return settings.body.mass_kg, settings.body.yaw_inertia_kg_m2
+    mass = ROBOTS[name][1]
+    return mass, INERTIA_RATIO * mass * settings.wheels.arm_m**2
+
+
+def _published_source(name: str) -> str | None:
+    if name not in ROBOTS:
+        return None
+    return f"TIGERs Mannheim, Firmware, robot_impl.c ({ROBOTS[name][0]})"

@@ -26,7 +26,7 @@ from omni_mj.studies.loop.stability_margins import find_margins, measure_step
 from omni_mj.studies.slip import PUBLISHED
 from omni_mj.studies.slip import slip_fits as fits
 from omni_mj.studies.slip import slip_moves as moves
-from omni_mj.studies.slip.slip_moves import Move, straight
+from omni_mj.studies.slip.slip_moves import Move, straight_move
 from omni_mj.studies.study_runner import StoppedError, ignore_frame
 from omni_mj.studies.sweep import SweepPlan, SweepResult, check_axes, parse_axis, sweep, workers
 
