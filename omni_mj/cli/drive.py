@@ -1,4 +1,4 @@
-"""`omni-mj drive`: drive robots outside of this program, a simulator's or real ones, and measure how they answer."""
+"""`omni-mj drive`: drive external robots, real or of another simulator, and measure latency."""
 
 import gc
 import json
@@ -15,8 +15,8 @@ from omni_mj.cli import run as run_command
 
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
-    from omni_mj.live.frame_clock import Link
-    from omni_mj.live.session import Options
+    from omni_mj.live.frame_clock import FrameClock
+    from omni_mj.live.session import ConnectionOptions
 
 CONTROLLER = "adaptive-comp-flc"
 ALPHAS = "alpha_forward", "alpha_sideways"  # zero: not known
@@ -87,7 +87,7 @@ def command(
     quiet: bool,
     **values: Any,
 ) -> None:
-    """Drive robots that SSL-Vision sees, and tell how late and how well they answer."""
+    """Drive robots that SSL-Vision detects, and measure their latency and alpha."""
     from omni_mj.config import scenario
     from omni_mj.config.robot_files import DEFAULT
     from omni_mj.config.toml_files import builtin
@@ -95,14 +95,14 @@ def command(
     from omni_mj.studies.study_runner import StoppedError
 
     out, overwrite, dry_run = map(values.pop, ("out", "overwrite", "dry_run"))
-    connection = session.Options(overrides=overrides, **values)
+    connection = session.ConnectionOptions(overrides=overrides, **values)
     if dry_run:
         with _connected(
             connection, "vision had not been listened to for long enough to say anything"
-        ) as (link, _):
+        ) as (frame_clock, _):
             with suppress(StoppedError):
-                link.listen(connection.duration_s or float("inf"))
-            print("\n".join(link.vision.describe()))
+                frame_clock.listen_for(connection.duration_s or float("inf"))
+            print("\n".join(frame_clock.vision.describe()))
         return
     if name is None:
         raise OmniError(
@@ -113,9 +113,11 @@ def command(
     )
     chosen = scenario.load(name, overrides, head)
     if robot is None and chosen.robot == DEFAULT:  # nobody said which robot is out there
-        unknown = {alpha: 0.0 for alpha in ALPHAS if not connection.fixes(f"control.{alpha}")}
+        unknown = {
+            alpha: 0.0 for alpha in ALPHAS if not connection.is_overridden(f"control.{alpha}")
+        }
         chosen = chosen.replace(settings=chosen.settings.replace(control=unknown))
-    session.check(chosen, connection)
+    session.check_drivable(chosen, connection)
     viewers = run_command.viewers(outputs.view, outputs.connect)
     folder = output_folders.prepare(out, f"drive-{chosen.name}", OUTPUTS, overwrite)
     try:
@@ -127,24 +129,26 @@ def command(
 
 
 @contextmanager
-def _connected(connection: "Options", failure: str) -> Iterator[tuple["Link", console.Interrupts]]:
+def _connected(
+    connection: "ConnectionOptions", failure: str
+) -> Iterator[tuple["FrameClock", console.Interrupts]]:
     """Listen to vision until the end of the block. A signal that ends it prints `failure`."""
     from omni_mj.live import session
-    from omni_mj.live.sockets import Notes
+    from omni_mj.live.sockets import MessageCounter
     from omni_mj.studies.study_runner import StoppedError
 
     with console.Interrupts() as interrupts:
         try:
-            notes = Notes(lambda text: click.echo(f"note: {text}", err=True))
-            with session.listening(connection, notes, interrupts.check) as link:
-                yield link, interrupts
+            messages = MessageCounter(lambda text: click.echo(f"note: {text}", err=True))
+            with session.open_vision(connection, messages, interrupts.check) as frame_clock:
+                yield frame_clock, interrupts
         except StoppedError as stopped:
             interrupts.end(stopped.reason, failure)
 
 
 def _drive(
     scenario: "Scenario",
-    connection: "Options",
+    connection: "ConnectionOptions",
     folder: Path,
     outputs: options.Outputs,
     viewers: list[str],
@@ -157,10 +161,12 @@ def _drive(
         if not quiet:
             print(text, flush=True)
 
-    with _connected(connection, "the robots had not begun") as (link, interrupts):
-        show("\n".join(link.vision.describe()))
-        with session.ready(scenario, connection, link) as live:
-            clock = "this computer" if link.leader is None else f"camera {link.leader}"
+    with _connected(connection, "the robots had not begun") as (frame_clock, interrupts):
+        show("\n".join(frame_clock.vision.describe()))
+        with session.prepare_drive(scenario, connection, frame_clock) as live:
+            clock = (
+                "this computer" if frame_clock.leader is None else f"camera {frame_clock.leader}"
+            )
             show(f"robots {', '.join(map(str, live.ids))} at 60 frames a second of {clock}")
             gc.collect()
             gc.freeze()  # a collection through everything imported would hold up robots
@@ -170,5 +176,5 @@ def _drive(
     summary = latency_fit.summarize(live)
     write_text(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     run_command.shown(result, folder, outputs.draw, quiet)
-    show("\n".join([*latency_fit.describe(summary), *link.vision.describe()]))
+    show("\n".join([*latency_fit.describe(summary), *frame_clock.vision.describe()]))
     run_command.ended(result, folder, interrupts)

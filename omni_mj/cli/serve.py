@@ -1,4 +1,4 @@
-"""`omni-mj serve`: a simulator of the league, which any team's software can drive, with our physics."""
+"""`omni-mj serve`: a simulator with the league's protocols, for any team's software."""
 
 import gc
 import math
@@ -71,27 +71,27 @@ def command(
     """Simulate robots for software that speaks the league's protocols."""
     from omni_mj.files import write_text
     from omni_mj.live.serve import initial_setup
-    from omni_mj.live.serve.served_world import Pitch
+    from omni_mj.live.serve.served_world import ServedWorld
     from omni_mj.live.serve.server import Server
-    from omni_mj.live.sockets import Notes, address
+    from omni_mj.live.sockets import MessageCounter, parse_address
     from omni_mj.live.wire import VISION_PORT
     from omni_mj.results import provenance as provenance
     from omni_mj.studies.study_runner import StoppedError
 
-    target = address(values["vision"], VISION_PORT, values["interface"])
+    target = parse_address(values["vision"], VISION_PORT, values["interface"])
     head = {option: values[option] for option in ("robot", "seed") if values[option] is not None}
-    scenario = initial_setup.load(name, overrides, head)
-    poses = initial_setup.poses(
-        *(initial_setup.numbers(values[team], f"--{team}") for team in ("blue", "yellow"))
+    scenario = initial_setup.load_served_scenario(name, overrides, head)
+    poses = initial_setup.starting_poses(
+        *(initial_setup.parse_robot_ids(values[team], f"--{team}") for team in ("blue", "yellow"))
     )
     targets: list[str | Path] = [*run.viewers(values["view"], values["connect"])]
     folder = None if out is None else output_folders.prepare(out, scenario.name, OUTPUTS, overwrite)
     console.quiet_mujoco()
-    pitch = Pitch(
-        scenario, poses, Notes(lambda text: None if quiet else click.echo(text, err=True))
+    world = ServedWorld(
+        scenario, poses, MessageCounter(lambda text: None if quiet else click.echo(text, err=True))
     )
     ports = [values[f"{port}_port"] for port in ("control", "blue", "yellow")]
-    server = Server(pitch, ports, target, values["interface"], values["speed"], values["lockstep"])
+    server = Server(world, ports, target, values["interface"], values["speed"], values["lockstep"])
     with ExitStack() as stack:
         stack.callback(server.close)
         interrupts = stack.enter_context(console.Interrupts())
@@ -113,37 +113,37 @@ def command(
         except StoppedError as error:
             reason = error.reason
     if not quiet:
-        counts = [f"  {count:8d}  {kind}" for kind, count in sorted(server.notes.items())]
-        click.echo("\n".join([f"{pitch.time_s:.1f} s simulated", *counts]))
+        counts = [f"  {count:8d}  {kind}" for kind, count in sorted(server.messages.items())]
+        click.echo("\n".join([f"{world.time_s:.1f} s simulated", *counts]))
     left = "" if folder is None else f"; what was recorded until then is in {folder}"
-    interrupts.end(reason, f"{pitch.time_s:.1f} s were simulated{left}")
+    interrupts.end(reason, f"{world.time_s:.1f} s were simulated{left}")
 
 
 def _record(
     stack: ExitStack, server: "Server", folder: Path | None, targets: Sequence[str | Path]
 ) -> None:
-    """Record what is served in `folder`, and show it in `targets` for rerun, until the end of `stack`."""
+    """Record the served world in `folder` and in `targets` of rerun until the end of `stack`."""
     from omni_mj.live.serve.recorder import Recorder
 
     if folder is None and not targets:
         return
-    sinks, row = [], server.pitch.rows[0]
+    sinks, row = [], server.world.rows[0]
     for target in targets:
         from omni_mj.viz.recording.served_recording import ServedRecording
 
         recording = stack.enter_context(ServedRecording(target, row.settings))
         sinks.append(recording.send)
-    recorder = Recorder(server.pitch, folder and folder / "trajectory.parquet", sinks)
+    recorder = Recorder(server.world, folder and folder / "trajectory.parquet", sinks)
     server.after_frame = recorder.add
     stack.callback(recorder.close)
 
 
 def _introduction(server: "Server") -> str:
     """Return who is served where, in a line each."""
-    from omni_mj.live.serve.simulation_requests import label
+    from omni_mj.live.serve.simulation_requests import robot_label
 
-    pitch, (control, blue, yellow) = server.pitch, server.ports
-    row = pitch.rows[0]
+    world, (control, blue, yellow) = server.world, server.ports
+    row = world.rows[0]
     settings, timeout_s = row.settings, row.settings.firmware.timeout_s
     pace = (
         "in lockstep with commands"
@@ -151,8 +151,8 @@ def _introduction(server: "Server") -> str:
         else f"{server.speed:g} times as fast as real time"
     )
     stop = f"robots stop {timeout_s:g} s after" if timeout_s else "robots never forget"
-    return f"""serving {", ".join(map(label, pitch.names))}: {row.robot}
+    return f"""serving {", ".join(map(robot_label, world.names))}: {row.robot}
   ports      simulator {control}, blue {blue}, yellow {yellow}; vision to {server.vision}
   cameras    {settings.vision.cameras} of {settings.vision.rate_hz:g} Hz, {pace}
-  dead time  {settings.radio.delay_frames} frames of 1/60 s (radio.delay_frames); {stop} the last command \
-(firmware.timeout_s)"""
+  dead time  {settings.radio.delay_frames} frames of 1/60 s (radio.delay_frames); {stop} \
+the last command (firmware.timeout_s)"""

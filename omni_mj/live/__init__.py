@@ -1,1 +1,1 @@
-"""The league's protocols: a team that drives anybody's robots, and robots that anybody's team drives."""
+"""The league's protocols: `drive` commands external robots, `serve` simulates robots for others."""

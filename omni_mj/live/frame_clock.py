@@ -1,4 +1,4 @@
-"""The ticks of a live loop: frames of a camera, or 60ths of a second of our clock."""
+"""Timing of a live loop: its frames follow a camera, or the clock of this computer at 60 Hz."""
 
 import math
 import time
@@ -9,86 +9,92 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.sockets import Receiver
-from omni_mj.live.ssl_vision import Vision, VisionCamera
+from omni_mj.live.ssl_vision import SslVision, VisionCamera
 
 Pace = Literal["auto", "60", "vision"]
 
-SILENT_S = 0.5  # without a frame, after which robots are told to stop
-LOST_S = 3.0  # same, after which vision is not waited for any more
-# For which frames of the other cameras are waited for after that of the leading one
+SILENT_S = 0.5  # without a frame, after which robots are commanded to stop
+LOST_S = 3.0  # without a frame, after which the loop continues without vision
+# Time to wait for frames of the other cameras after a frame of the leading camera, s.
 GRACE_S = 0.001
-# By which frames may differ from 60 per second of their own clock to give the ticks
+# Largest relative difference from 60 Hz at which a camera can lead.
 RATE_TOLERANCE = 0.03
-SETTLE_S = 0.05  # in which frames arrive that were on their way
-CHECK_S = 0.05  # between checks whether to stop, while nothing comes
+SETTLE_S = 0.05  # in which frames in flight arrive
+CHECK_S = 0.05  # between checks for a stop request while no packet arrives
 
 
-class Link:
-    """Vision's end of a live loop.
+class FrameClock:
+    """Receives vision packets and times the frames of a live loop.
 
     Args:
-        receiver: Of vision's packets.
-        vision: What is made of them.
-        check: Called now and then; what it raises ends whatever goes on.
+        receiver: Socket that receives vision packets.
+        vision: Collects the detections in them.
+        check: Called at least every 0.05 s. An exception that it raises ends the loop.
 
     Attributes:
-        vision: As given.
-        leader: Number of the camera whose frames are ticks; None if ticks are those of our clock.
-        skipped: Frames that went by without a tick, as this computer was busy or frames were lost.
+        vision: As passed.
+        leader: Number of the camera whose frames the loop follows. None if it follows the clock of
+            this computer.
+        skipped: Number of frames without a step of the loop, because this computer was busy or
+            packets were lost.
     """
 
     def __init__(
-        self, receiver: Receiver, vision: Vision, check: Callable[[], None] = lambda: None
+        self, receiver: Receiver, vision: SslVision, check: Callable[[], None] = lambda: None
     ) -> None:
         self.vision, self._receiver, self._check = vision, receiver, check
         self.leader: int | None = None
         self.skipped, self._tick = 0, -math.inf  # s of the leading camera's clock, or of ours
 
-    def listen(self, seconds: float) -> None:
-        """Take in what comes for a while."""
+    def listen_for(self, seconds: float) -> None:
+        """Receive packets for some seconds."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self._receive(until)
 
-    def choose_ticks(self, pace: Pace) -> None:
-        """Choose what gives the ticks by what has come so far.
-
-        Raises:
-            OmniError: Frames shall, but there are not about 60 of them per second of their own
-                clock.
-        """
-        seeing = {camera for _, _, camera in self.vision.sightings}
-        leader = min(self.vision.cameras, key=lambda number: (number not in seeing, number))
-        rate_hz = self.vision.cameras[leader].rate_hz
-        fits = abs(rate_hz / FRAME_RATE_HZ - 1) < RATE_TOLERANCE
-        if (
-            pace == "vision" and rate_hz and not fits
-        ):  # unknown of a simulation that waits for commands
-            raise OmniError(
-                f"vision sends {rate_hz:.1f} frames a second, and the loop needs {FRAME_RATE_HZ} to go with them;"
-                " --rate 60 goes by the clock of this computer"
-            )
-        self.leader = leader if pace == "vision" or (pace == "auto" and fits) else None
-
-    def restart(self) -> None:
-        """Begin ticks anew with the newest frame."""
-        self.listen(SETTLE_S)
-        self.skipped, self._tick = 0, -math.inf
-
-    def tick(self, expected: Array, on_silence: Callable[[], None]) -> tuple[Array, Array, int]:
-        """Wait for the next tick.
+    def choose_source(self, pace: Pace) -> None:
+        """Choose the source of frames from the packets received so far.
 
         Args:
-            expected: Poses of the robots, shape (n, 3).
-            on_silence: Called now and then while vision is silent.
+            pace: "vision" for a camera, "60" for the clock of this computer, "auto" for a camera
+                that sends about 60 frames per second, otherwise the clock.
+
+        Raises:
+            OmniError: `pace` is "vision", but the camera does not send about 60 frames per second.
+        """
+        active_cameras = {camera for _, _, camera in self.vision.sightings}
+        leader = min(self.vision.cameras, key=lambda number: (number not in active_cameras, number))
+        rate_hz = self.vision.cameras[leader].rate_hz
+        is_60_hz = abs(rate_hz / FRAME_RATE_HZ - 1) < RATE_TOLERANCE
+        # The rate is 0 (unknown) if a simulator waits for commands.
+        if pace == "vision" and rate_hz and not is_60_hz:
+            raise OmniError(
+                f"vision sends {rate_hz:.1f} frames per second, --rate vision needs"
+                f" {FRAME_RATE_HZ}. Use --rate 60 to follow the clock of this computer"
+            )
+        self.leader = leader if pace == "vision" or (pace == "auto" and is_60_hz) else None
+
+    def restart(self) -> None:
+        """Start the timing again from the newest frame."""
+        self.listen_for(SETTLE_S)
+        self.skipped, self._tick = 0, -math.inf
+
+    def wait_for_frame(
+        self, expected: Array, on_silence: Callable[[], None]
+    ) -> tuple[Array, Array, int]:
+        """Wait for the next frame.
+
+        Args:
+            expected: Expected poses of the robots, shape (n, 3), m and rad.
+            on_silence: Called every 0.5 s while no vision packet arrives.
 
         Returns:
-            What vision saw, and its age; see `Vision.at`. How many frames went by since the last
-            tick.
+            Measured poses and their ages, see `SslVision.measurements`. Number of frames that were
+            skipped since the last call.
         """
-        before, rate = self._tick, 1.0
+        previous_tick, rate = self._tick, 1.0
         if self.leader is None:
-            now = before + PERIOD_S
+            now = previous_tick + PERIOD_S
             self._tick = now = time.monotonic() if now < time.monotonic() - PERIOD_S else now
             self._receive(now)
             while time.monotonic() < now:
@@ -96,22 +102,22 @@ class Link:
         else:
             camera = self.vision.cameras[self.leader]
             self._await_frame(camera, on_silence)
-            if camera.sent_s > before:
-                now, rate, self._tick = (
-                    camera.clock.ours(camera.sent_s),
-                    camera.clock.rate,
-                    camera.sent_s,
-                )
+            if camera.sent_s > previous_tick:
+                now = camera.clock.local_time(camera.sent_s)
+                rate = camera.clock.rate
+                self._tick = camera.sent_s
             else:
                 self.leader, now = None, time.monotonic()
-                before, self._tick = now - LOST_S, now
-        elapsed = min(self._tick - before, LOST_S) if math.isfinite(before) else PERIOD_S
+                previous_tick, self._tick = now - LOST_S, now
+        elapsed = (
+            min(self._tick - previous_tick, LOST_S) if math.isfinite(previous_tick) else PERIOD_S
+        )
         skipped = max(round(elapsed / PERIOD_S) - 1, 0)
         self.skipped += skipped
-        return *self.vision.at(now, rate, expected), skipped
+        return *self.vision.measurements(now, rate, expected), skipped
 
     def _await_frame(self, camera: VisionCamera, on_silence: Callable[[], None]) -> None:
-        """Wait for the leading camera's next frame, and for those of the others, unless it is lost."""
+        """Wait for the next frame of the leading camera, then briefly for the other cameras."""
         began = time.monotonic()
         silent_at = began + SILENT_S
         while camera.sent_s <= self._tick + PERIOD_S / 2:
@@ -121,10 +127,10 @@ class Link:
                 silent_at += SILENT_S
             if silent_at > began + LOST_S + SILENT_S:
                 return
-        self.listen(GRACE_S)
+        self.listen_for(GRACE_S)
 
     def _receive(self, until: float) -> None:
-        """Take in what comes first before our clock says `until`, or a check is due."""
+        """Receive packets until the first arrives, `until` is reached, or a check is due."""
         self._check()
         if self._receiver.wait(min(until, time.monotonic() + CHECK_S)):
             for data, arrival, sender in self._receiver.packets():

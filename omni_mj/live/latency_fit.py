@@ -1,7 +1,7 @@
-"""How late and how well robots respond to commands, by least squares: to a pulse, and over a whole run.
+"""Least-squares estimates of latency and gain, from a pulse or from a whole run.
 
-A robot's position should be its gain times the integral of the commands a latency before. The integral is piecewise
-linear, which gives latencies that are no whole number of frames a meaning.
+The model: a robot's displacement is its gain times the integral of the commands, delayed by the
+latency. The integral is piecewise linear, so the latency need not be a whole number of frames.
 """
 
 import json
@@ -15,52 +15,56 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.live_loop import Live
 
-LATENCIES = np.arange(0.0, 30.0, 0.02)  # that are tried, frames
+LATENCIES = np.arange(0.0, 30.0, 0.02)  # candidates, frames
 # Turn rates of a pulse, rad/s. However slowly they change, none of the turn is left. The latest
 # response is awaited.
 PULSE = np.repeat([3.0, -3.0, 3.0, 0.0], [8, 16, 8, 42])
-WINDOW_FRAMES = 6  # over which displacements are compared: creep and pushes add up in a run
-MIN_MOTION = 0.05  # of a robot that moved, root of the sum of squares, m or rad
+# Displacements are compared over this window. Over a whole run, creep and pushes would add up.
+WINDOW_FRAMES = 6
+MIN_MOTION = 0.05  # root of the sum of squared displacements of a robot that moves, m or rad
 CAMERA_FIGURES = "frames", "rate_hz", "mean_age_s"
 
 
-class Response(NamedTuple):
-    """How a robot responds.
+class LatencyFit(NamedTuple):
+    """Response of a robot to commands.
 
     Attributes:
-        latency: Frames; NaN if unknown.
-        gain: Share of the command that it reaches; NaN if unknown.
+        latency: Latency, frames; NaN if unknown.
+        gain: Achieved over commanded velocity; NaN if unknown.
     """
 
     latency: float
     gain: float
 
 
-def measure_pulse(live: Live) -> list[Response]:
-    """Turn all robots to and fro by some 20 degrees at rest, and return their responses."""
+def measure_pulse(live: Live) -> list[LatencyFit]:
+    """Turn all robots to and fro by about 20 degrees, and return their responses."""
     for rate in PULSE:
         live.step(np.tile([0.0, 0.0, rate], (len(live.rows), 1)))
     return _fit_rows(live, slice(2, 3))
 
 
-def measure_run(live: Live) -> list[Response]:
-    """Return the responses over what was recorded of driving along the field."""
+def measure_run(live: Live) -> list[LatencyFit]:
+    """Return the responses of all robots, fitted to the translation in the recorded run."""
     return _fit_rows(live, slice(2))
 
 
-def fit(velocities: Array, positions: Array, *, is_angle: bool = False) -> Response:
-    """Fit displacements over a tenth of a second to velocities, of which they are integrals a latency before.
+def fit_latency(velocities: Array, positions: Array, *, is_angle: bool = False) -> LatencyFit:
+    """Fit displacements over 0.1 s to the integral of earlier velocity commands.
 
     Args:
-        velocities: Commanded, shape (frames, k), m/s or rad/s.
-        positions: Shape (frames, k), m or rad; NaN where none was seen.
+        velocities: Velocity commands, shape (frames, k), m/s or rad/s.
+        positions: Measured positions, shape (frames, k), m or rad; NaN where not measured.
         is_angle: Whether positions are angles.
+
+    Returns:
+        Latency and gain; NaN if the robot hardly moved.
     """
-    moved = positions[WINDOW_FRAMES:] - positions[:-WINDOW_FRAMES]
-    moved = wrap_angle(moved) if is_angle else moved
-    seen = ~np.isnan(moved[:, 0])
-    if np.linalg.norm(moved[seen]) < MIN_MOTION:
-        return Response(np.nan, np.nan)
+    displacement = positions[WINDOW_FRAMES:] - positions[:-WINDOW_FRAMES]
+    displacement = wrap_angle(displacement) if is_angle else displacement
+    is_visible = ~np.isnan(displacement[:, 0])
+    if np.linalg.norm(displacement[is_visible]) < MIN_MOTION:
+        return LatencyFit(np.nan, np.nan)
     frames = np.arange(len(velocities)) - LATENCIES[:, None]
     paths = [
         np.interp(
@@ -69,19 +73,19 @@ def fit(velocities: Array, positions: Array, *, is_angle: bool = False) -> Respo
         for axis in velocities.T
     ]
     expected = np.hstack(
-        [(path[:, WINDOW_FRAMES:] - path[:, :-WINDOW_FRAMES])[:, seen] for path in paths]
+        [(path[:, WINDOW_FRAMES:] - path[:, :-WINDOW_FRAMES])[:, is_visible] for path in paths]
     )
-    observed = moved[seen].T.ravel()
+    observed = displacement[is_visible].T.ravel()
     power = np.maximum((expected**2).sum(1), 1e-12)
     gains = expected @ observed / power
     explained = np.where(gains > 0, gains**2 * power, -np.inf)
     best = int(explained.argmax())
-    return Response(float(LATENCIES[best]), float(gains[best]))
+    return LatencyFit(float(LATENCIES[best]), float(gains[best]))
 
 
 def summarize(live: Live) -> dict[str, Any]:
-    """Return the content of link.json: vision, ticks, what went wrong, and how robots respond."""
-    link, team, robots = live.link, live.team, []
+    """Return the content of link.json: cameras, frames, messages, and responses of the robots."""
+    frame_clock, team, robots = live.frame_clock, live.team, []
     estimates = zip(live.ids, measure_run(live), team.latency_hat, team.alpha_hat, strict=True)
     for number, response, latency, alpha in estimates:
         identified = (
@@ -92,40 +96,42 @@ def summarize(live: Live) -> dict[str, Any]:
     summary = {
         "cameras": {
             str(number): {figure: getattr(camera, figure) for figure in CAMERA_FIGURES}
-            for number, camera in sorted(link.vision.cameras.items())
+            for number, camera in sorted(frame_clock.vision.cameras.items())
         },
-        "ticks": {"camera": link.leader, "skipped": link.skipped},
+        "frames": {"camera": frame_clock.leader, "skipped": frame_clock.skipped},
         "robots": robots,
-        "notes": dict(live.notes),
+        "messages": dict(live.messages),
     }
     text = pydantic_core.to_json(summary, inf_nan_mode="null", fallback=np.ndarray.tolist)
     return dict(json.loads(text))
 
 
 def describe(summary: Mapping[str, Any]) -> list[str]:
-    """Return a line for each robot at the end."""
+    """Return a line of text for each robot in a summary."""
     lines = []
     for robot in summary["robots"]:
-        parts, fitted, identified = [], robot["fitted"], robot["identified"]
+        phrases = []
+        fitted, identified = robot["fitted"], robot["identified"]
         if (latency := fitted["latency_frames"]) is not None:
             ms = 1e3 * latency / FRAME_RATE_HZ
-            parts.append(
-                f"answers {latency:.2f} frames ({ms:.0f} ms) later, with {fitted['alpha']:.2f} of it"
+            phrases.append(
+                f"latency {latency:.2f} frames ({ms:.0f} ms), alpha {fitted['alpha']:.2f}"
             )
         if identified is not None:
             latencies, alphas = (
                 " ".join(f"{value:.2f}" for value in values) for values in identified.values()
             )
-            parts.append(
-                f"identified: latency {latencies} frames, alpha {alphas} (forward, left, turning)"
+            phrases.append(
+                f"identified (forward, sideways, turning): latency {latencies} frames, alpha {alphas}"
             )
-        lines.append(f"robot {robot['id']}: {'; '.join(parts) or 'did not move'}")
+        lines.append(f"robot {robot['id']}: {'; '.join(phrases) or 'did not move'}")
     return lines
 
 
-def _fit_rows(live: Live, axes: slice) -> list[Response]:
-    """Fit what vision saw of each robot along some axes to commands."""
-    sent, seen = (live.log.channel(name)[..., axes] for name in ("applied", "vision"))
+def _fit_rows(live: Live, axes: slice) -> list[LatencyFit]:
+    """Fit the measured poses of each robot along some axes to the commands."""
+    sent, is_visible = (live.log.channel(name)[..., axes] for name in ("applied", "vision"))
     return [
-        fit(sent[:, row], seen[:, row], is_angle=axes.start == 2) for row in range(len(live.rows))
+        fit_latency(sent[:, row], is_visible[:, row], is_angle=axes.start == 2)
+        for row in range(len(live.rows))
     ]

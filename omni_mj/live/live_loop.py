@@ -1,4 +1,4 @@
-"""The loop with robots outside of this program: `Simulation`, seen by SSL-Vision and commanded by radio."""
+"""The control loop with external robots: measured by SSL-Vision and commanded by radio."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,50 +11,48 @@ from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
-from omni_mj.live.command_senders import Command, Radio
-from omni_mj.live.frame_clock import LOST_S, SILENT_S, Link
+from omni_mj.live.frame_clock import LOST_S, SILENT_S, FrameClock
+from omni_mj.live.team_radio import TeamRadio, VelocityCommand
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import Plant, Telemetry
 from omni_mj.simulation.log import Log
 from omni_mj.simulation.simulation import CameraModel, RadioModel, Simulation
 
 SILENT_FRAMES, LOST_FRAMES = round(SILENT_S * FRAME_RATE_HZ), round(LOST_S * FRAME_RATE_HZ)
-MEMORY_FRAMES = 64  # of turn rates in flight: more than a second
+MEMORY_FRAMES = 64  # stored turn rates, more than the longest latency
 
 
 class LivePlant:
-    """Robots outside of this program, in place of a plant and its camera.
+    """External robots in place of a plant and its camera.
 
     Args:
         rows: One per robot.
-        start: Initial poses, shape (n, 3).
+        start: Initial poses, shape (n, 3), m and rad.
         driven: Whether `Live` drives them.
 
     Attributes:
-        measured: What vision saw, shape (n, 3); NaN for robots that were not seen.
-        age: How old that is, shape (n,), s.
-        unseen: For how many frames robots have not been seen, shape (n,).
+        measured: Poses measured by vision, shape (n, 3), NaN for robots that were not detected.
+        age: Ages of the measurements, shape (n,), s.
+        unseen: Number of frames since each robot was detected, shape (n,).
 
     Raises:
-        OmniError: Nobody drives them.
+        OmniError: The plant is used outside of `omni-mj drive`.
     """
 
     def __init__(self, rows: Sequence[Row], start: Array, *, driven: bool = False) -> None:
         if not driven:
-            raise OmniError(
-                "robots on the live plant are outside of this program: omni-mj drive drives them"
-            )
+            raise OmniError("the plant live is external robots; use omni-mj drive")
         self.geometry: Kinematics | None = rows[0].settings.wheels.kinematics
         self.measurement_age: Array | None = None
         self.measured, self._start, self.unseen = np.array(start), start, np.zeros(len(rows), int)
         self._telemetry = Telemetry.of_no_wheels(len(rows), len(self.geometry.azimuths))
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the poses seen, and which robots were seen; see `Cameras`."""
+        """Return the measured poses, and which robots were detected; see `Cameras`."""
         return self.measured.copy(), ~np.isnan(self.measured[:, 0])
 
     def pose(self) -> Array:
-        """Return where robots were at the start: nobody knows the truth."""
+        """Return the initial poses, because the true ones are unknown."""
         return self._start
 
     def twist(self) -> Array:
@@ -62,7 +60,7 @@ class LivePlant:
         return np.full_like(self._start, np.nan)
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
-        """Return the robots that are lost; they go on by themselves."""
+        """Return the robots that vision has lost since the last frame, with the reason."""
         self.unseen = np.where(np.isnan(self.measured[:, 0]), self.unseen + 1, 0)
         return {
             int(row): f"was not seen for {LOST_S:g} s"
@@ -70,22 +68,24 @@ class LivePlant:
         }
 
     def telemetry(self) -> Telemetry:
-        """Return NaN: nothing is known of the wheels."""
+        """Return NaN: the state of the wheels is unknown."""
         return self._telemetry
 
 
 class Live(Simulation):
-    """A simulation whose robots are not simulated. A robot that is not seen is told to stop, and fails later.
+    """The loop of `Simulation` with external robots.
+
+    A robot that vision does not detect gets a command to stop, and fails after 3 s.
 
     Args:
-        scenario: What is driven, on the plant "live".
-        link: Vision's end, listening.
-        radio: The robots' end.
-        ids: The robots' numbers, one per row.
-        max_frames: After which it ends, unless its references end before.
+        scenario: Scenario with the plant "live".
+        frame_clock: Source of vision packets and frames.
+        radio: Sender of the commands.
+        ids: Numbers of the robots, one per row.
+        max_frames: Number of frames after which the run ends. Default: the end of its references.
 
     Raises:
-        OmniError: As `Simulation`.
+        OmniError: See `Simulation`.
     """
 
     _sent: Array
@@ -94,12 +94,16 @@ class Live(Simulation):
     def __init__(
         self,
         scenario: Scenario,
-        link: Link,
-        radio: Radio,
+        frame_clock: FrameClock,
+        radio: TeamRadio,
         ids: Sequence[int],
         max_frames: float = math.inf,
     ) -> None:
-        self.link, self.ids, self.notes = link, list(ids), link.vision.notes
+        self.frame_clock, self.ids, self.messages = (
+            frame_clock,
+            list(ids),
+            frame_clock.vision.messages,
+        )
         self._radio, self._max_frames = radio, max_frames
         super().__init__(scenario)
 
@@ -109,18 +113,21 @@ class Live(Simulation):
         return super().done or self.frame >= self._max_frames
 
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
-        """See `Simulation`. Whatever ends the run, robots are told to stand at once."""
+        """See `Simulation`. Robots get a command to stop at the end, also after an exception."""
         try:
             return super().run(after_frame)
         finally:
             self.stop()
 
     def step(self, command: Array | None = None) -> None:
-        """See `Simulation`. Frames that went by are recorded as frames without vision; commands were held in them."""
+        """See `Simulation`.
+
+        Skipped frames are recorded without a measurement. Robots kept the last command in them.
+        """
         latency, alpha = self.team.latency_hat[:, 2], self.team.alpha_hat[:, 2]
         self._turn_latency = np.where(np.isfinite(latency), latency, self._nominal_latency)
         self._turn_alpha = np.where(np.isfinite(alpha), alpha, 1.0)
-        measured, age, skipped = self.link.tick(self.team.estimate, self.stop)
+        measured, age, skipped = self.frame_clock.wait_for_frame(self.team.estimate, self.stop)
         self._is_past, self._plant.measured = True, np.full_like(measured, np.nan)
         for _ in range(skipped):
             super().step(self._sent)
@@ -128,44 +135,47 @@ class Live(Simulation):
         super().step(command)
 
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
-        """Send commands, shape (n, 3), to robots with headings, shape (n,).
+        """Send commands, shape (n, 3), to robots with estimated headings, shape (n,).
 
-        A robot is sent the heading that it will have in the middle of its command's frame.
+        A command includes the predicted heading in the middle of the frame in which it acts.
         """
         if (is_unseen := self._plant.unseen > SILENT_FRAMES).any():
             command = np.where(is_unseen[:, None], 0.0, command)
             self.team.last_command = command
         in_flight = np.clip(self._turn_latency - np.arange(MEMORY_FRAMES)[:, None], 0.0, 1.0)
-        turned = (in_flight * self._turn_rates).sum(0) + command[:, 2] / 2
-        headings = heading + self._turn_alpha * turned * PERIOD_S
+        turn = (in_flight * self._turn_rates).sum(0) + command[:, 2] / 2
+        headings = heading + self._turn_alpha * turn * PERIOD_S
         self._turn_rates = np.vstack([command[:, 2], self._turn_rates[:-1]])
         self._sent = command
         if not self._is_past:
             columns = np.column_stack([command, headings]).tolist()
             self._radio.send(
-                [Command(number, *values) for number, values in zip(self.ids, columns, strict=True)]
+                [
+                    VelocityCommand(number, *values)
+                    for number, values in zip(self.ids, columns, strict=True)
+                ]
             )
         return ReceivedCommand.without_delay(command, heading)
 
     def stop(self) -> None:
-        """Tell the robots to stand, more than once as packets are lost."""
+        """Command all robots to stop. Repeat it, because packets may be lost."""
         self._sent = np.zeros_like(self._sent)
         for _ in range(3):
-            self._radio.send([Command(number, 0.0, 0.0, 0.0, 0.0) for number in self.ids])
+            self._radio.send([VelocityCommand(number, 0.0, 0.0, 0.0, 0.0) for number in self.ids])
 
     def _robots(self, start: Array) -> tuple[Plant, CameraModel, RadioModel]:
         self._plant = LivePlant(self.rows, start, driven=True)
         settings = [row.settings for row in self.rows]
         latency = [
-            each.radio.delay_frames + FRAME_RATE_HZ * each.control.lag_s for each in settings
+            robot.radio.delay_frames + FRAME_RATE_HZ * robot.control.lag_s for robot in settings
         ]
         self._nominal_latency = np.array(latency)
         self._sent, self._turn_rates = np.zeros_like(start), np.zeros((MEMORY_FRAMES, len(start)))
-        self.link.restart()
+        self.frame_clock.restart()
         return self._plant, self._plant, self
 
     def observe(self) -> Observation:
-        """See `Simulation`. What the team believes is recorded in place of the truth, which nobody knows."""
+        """See `Simulation`. The estimated pose is recorded in place of the unknown true pose."""
         if self._seen is None:
             difference = super().observe().extrapolated_pose - self.team.estimate
             difference[:, 2] = wrap_angle(difference[:, 2])

@@ -1,4 +1,4 @@
-"""From what a user names to robots that are ready to be driven: sockets, who is there, who is driven."""
+"""Set-up of a live drive: open sockets, choose the robots, measure the dead time."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,39 +13,40 @@ from omni_mj.config import distributions, plugins, reference_factory
 from omni_mj.config.plugins import label
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import FRAME_RATE_HZ
-from omni_mj.live.command_senders import PORTS, Line, Radio, SimulatorRadio
-from omni_mj.live.frame_clock import Link, Pace
+from omni_mj.live.frame_clock import FrameClock, Pace
 from omni_mj.live.latency_fit import measure_pulse
 from omni_mj.live.live_loop import Live
-from omni_mj.live.sockets import LOOPBACK, Address, Notes, Receiver, address
-from omni_mj.live.ssl_vision import Colour, Vision
+from omni_mj.live.sockets import LOOPBACK, Address, MessageCounter, Receiver, parse_address
+from omni_mj.live.ssl_vision import Colour, SslVision
+from omni_mj.live.team_radio import PORTS, SenderConfig, SimulatorRadio, TeamRadio
 from omni_mj.live.wire import VISION_GROUP, VISION_PORT
 
-# At first: rates are known to a part in some hundreds, clocks to a fraction of a millisecond
+# After this time frame rates are known within 1 %, clock offsets within a fraction of a ms.
 LISTEN_S = 1.5
 MAX_ROBOTS = 12
-MIN_GAIN = 0.3  # of a robot that responds at all to a pulse
-PULSE_S = 3.0  # by which a route is longer while a pulse is measured
+MIN_GAIN = 0.3  # smallest gain of a robot that responds to a pulse
+PULSE_S = 3.0  # extra duration of a reference while a pulse is measured
 DEAD_TIME = "radio.delay_frames"
 
 
 @dataclass(frozen=True)
-class Options:
-    """What a user says of the connection.
+class ConnectionOptions:
+    """Connection options of `omni-mj drive`.
 
     Attributes:
-        vision: The group or address to which SSL-Vision is sent, HOST[:PORT].
-        commands: Address of the simulator or the radio; None for the usual one.
+        vision: Multicast group or address of SSL-Vision, HOST[:PORT].
+        commands: Address of the simulator or the radio. None: the default address of the team.
         interface: Address of the network interface.
-        colour: Of the team.
-        ids: The robots' numbers; none for the lowest that are seen.
-        pace: What gives the ticks.
-        radio: A class of a team's own, as `file.py:Class`; None for the simulation protocol.
-        wait_s, listen_s: How long vision is waited for, and listened to before anything else.
-        duration_s: After which it ends; None for the whole route.
-        pulse: Whether the dead time is measured.
-        overrides: Settings that are left alone, `section.field=value`; others may be measured
-            before.
+        colour: Color of the team.
+        ids: Numbers of the robots. Empty: the lowest numbers that vision detects.
+        pace: Source of frames, see `FrameClock.choose_source`.
+        radio: A radio of the user's own, `file.py:Class`. None: the simulation protocol.
+        wait_s: How long to wait for the first vision packet, s.
+        listen_s: How long to listen to vision before anything else, s.
+        duration_s: Duration of the drive, s. None: the whole reference.
+        pulse: Whether to measure the dead time first.
+        overrides: Settings that the user fixes, `section.field=value`. Measured values replace
+            others.
     """
 
     vision: str = VISION_GROUP
@@ -63,101 +64,106 @@ class Options:
 
     @property
     def vision_address(self) -> Address:
-        """Where vision comes to; it raises `OmniError` if there is no such address."""
-        return address(self.vision, VISION_PORT)
+        """Return the address of SSL-Vision; raise `OmniError` if it is malformed."""
+        return parse_address(self.vision, VISION_PORT)
 
     @property
-    def line(self) -> Line:
-        """Where the radio leads; it raises `OmniError` if there is no such address."""
+    def sender_config(self) -> SenderConfig:
+        """Return the destination of commands; raise `OmniError` if its address is malformed."""
         interface = "" if self.radio else self.interface
-        target = address(self.commands, PORTS[self.colour], interface) if self.commands else None
+        target = (
+            parse_address(self.commands, PORTS[self.colour], interface) if self.commands else None
+        )
         # A simulation that waits for commands would take an empty packet for one
-        both = self.pace != "vision"
-        return Line(target, self.colour, self.interface, both)
+        reaches_both_teams = self.pace != "vision"
+        return SenderConfig(target, self.colour, self.interface, reaches_both_teams)
 
-    def fixes(self, name: str) -> bool:
-        """Return whether a setting is left alone."""
+    def is_overridden(self, name: str) -> bool:
+        """Return whether the user fixes a setting."""
         return any(override.partition("=")[0].strip() == name for override in self.overrides)
 
 
-def check(scenario: Scenario, options: Options) -> None:
-    """Check that a scenario can be driven, before anything is opened.
+def check_drivable(scenario: Scenario, options: ConnectionOptions) -> None:
+    """Check that external robots can drive a scenario.
 
     Raises:
-        OmniError: It cannot; a line for each reason.
+        OmniError: They cannot; one line for each reason.
     """
     distributions.refuse(scenario.distributions, "drive")
-    _ = options.vision_address, options.line  # each raises if it is none
+    _ = options.vision_address, options.sender_config  # raise if malformed
     errors = list[str]()
     (controller,) = scenario.controllers
     if plugins.find_controller(controller).knows_truth:
         name = label(controller)
-        errors.append(
-            f"{name} must be given the true pose, which nobody knows of robots outside of this program"
-        )
+        errors.append(f"{name} needs the true pose, which is unknown for external robots")
     if scenario.settings.fault:
         errors.append(
-            "nothing can be made to happen to robots outside of this program: the scenario must have no [[fault]]"
+            "faults cannot be injected into external robots: the scenario must have no [[fault]]"
         )
     if len(set(options.ids)) != len(options.ids) or len(options.ids) > MAX_ROBOTS:
-        errors.append(f"--id must name up to {MAX_ROBOTS} robots, each once, not {options.ids}")
+        errors.append(f"--id must name at most {MAX_ROBOTS} different robots, got {options.ids}")
     if errors:
         raise OmniError("\n".join(errors))
 
 
 @contextmanager
-def listening(
-    options: Options, notes: Notes, check_stop: Callable[[], None] = lambda: None
-) -> Iterator[Link]:
-    """Listen to vision until the end of the block.
+def open_vision(
+    options: ConnectionOptions,
+    messages: MessageCounter,
+    check_stop: Callable[[], None] = lambda: None,
+) -> Iterator[FrameClock]:
+    """Receive vision packets until the end of the block.
 
     Args:
-        options: Where it is.
-        notes: What is wrong with it.
-        check_stop: Called now and then; what it raises ends whatever goes on.
+        options: Connection options.
+        messages: Counts problems with packets.
+        check_stop: Called at least every 0.05 s. An exception that it raises ends the block.
 
     Raises:
-        OmniError: Nothing came.
+        OmniError: No packet arrived.
     """
     with Receiver(options.vision_address, options.interface) as receiver:
-        link = Link(receiver, Vision(options.colour, notes), check_stop)
+        frame_clock = FrameClock(receiver, SslVision(options.colour, messages), check_stop)
         until = time.monotonic() + options.wait_s
-        while not link.vision.cameras:
+        while not frame_clock.vision.cameras:
             if time.monotonic() > until:
                 raise OmniError(
-                    f"no vision came to {options.vision} by the interface {options.interface} for"
-                    f" {options.wait_s:g} s; --vision and --interface say where it is"
+                    f"no vision packet arrived at {options.vision} on the interface"
+                    f" {options.interface} within {options.wait_s:g} s;"
+                    " check --vision and --interface"
                 )
-            link.listen(0.1)
-        link.listen(options.listen_s)
-        yield link
+            frame_clock.listen_for(0.1)
+        frame_clock.listen_for(options.listen_s)
+        yield frame_clock
 
 
 @contextmanager
-def ready(scenario: Scenario, options: Options, link: Link) -> Iterator[Live]:
-    """Prepare a drive that begins where the robots stand. They are told to stand when the block ends.
+def prepare_drive(
+    scenario: Scenario, options: ConnectionOptions, frame_clock: FrameClock
+) -> Iterator[Live]:
+    """Prepare a drive that starts at the robots' present poses. Stop the robots at the end.
 
     Raises:
-        OmniError: They are not seen, cannot be driven so, or do not respond.
+        OmniError: Vision does not detect the robots, or they do not respond to commands.
     """
-    vision = link.vision
+    vision = frame_clock.vision
     vision.ids = _chosen_ids(scenario, options, vision.seen_ids())
-    link.choose_ticks(options.pace)
+    frame_clock.choose_source(options.pace)
     radio_type = SimulatorRadio if options.radio is None else _find_radio(options.radio)
-    with closing(radio_type(options.line, vision.notes)) as radio:
+    with closing(radio_type(options.sender_config, vision.messages)) as radio:
         chosen = _with_measured(
-            _displaced(scenario, vision.resting_poses()), options, vision.noise()
+            _displaced(scenario, vision.median_poses()), options, vision.noise()
         )
-        if options.pulse and not options.fixes(DEAD_TIME):
+        if options.pulse and not options.is_overridden(DEAD_TIME):
             settle_s = chosen.settings.reference.settle_s + PULSE_S
             longer = chosen.settings.replace(reference={"settle_s": settle_s})
-            trial = Live(chosen.replace(settings=longer), link, radio, vision.ids)
+            trial = Live(chosen.replace(settings=longer), frame_clock, radio, vision.ids)
             chosen = _with_measured(chosen, options, {DEAD_TIME: _dead_time(trial)})
         max_frames = (
             np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
         )
-        live = Live(chosen, link, radio, vision.ids, max_frames)
-        live.team.step(vision.resting_poses())  # what controllers make at first, before robots wait
+        live = Live(chosen, frame_clock, radio, vision.ids, max_frames)
+        live.team.step(vision.median_poses())  # run slow first-call code before the robots wait
         live.reset()
         try:
             yield live
@@ -166,72 +172,78 @@ def ready(scenario: Scenario, options: Options, link: Link) -> Iterator[Live]:
 
 
 def _dead_time(trial: Live) -> int:
-    """Return frames from a command to its effect, without the wheel loops' lag, by a pulse."""
+    """Measure the dead time by a pulse: latency minus the lag of the wheel loops, frames."""
     try:
         responses = measure_pulse(trial)
     finally:
         trial.stop()
-    silent = [
+    unresponsive = [
         str(number)
-        for number, each in zip(trial.ids, responses, strict=True)
-        if not each.gain >= MIN_GAIN
+        for number, response in zip(trial.ids, responses, strict=True)
+        if not response.gain >= MIN_GAIN
     ]
-    if silent:
+    if unresponsive:
         raise OmniError(
-            f"robots {', '.join(silent)} do not turn as they are told: --team and --commands say"
-            " where they are told; --no-pulse does without asking them"
+            f"robots {', '.join(unresponsive)} do not turn as commanded; check --team and"
+            " --commands, or skip this test with --no-pulse"
         )
     latency = float(np.median([response.latency for response in responses]))
     ms = 1e3 * latency / FRAME_RATE_HZ
-    trial.notes.add("pulse", f"robots answer a pulse {latency:.2f} frames later ({ms:.0f} ms)")
+    trial.messages.add("pulse", f"latency measured by a pulse: {latency:.2f} frames ({ms:.0f} ms)")
     return max(round(latency - trial.scenario.settings.control.lag_s * FRAME_RATE_HZ), 0)
 
 
-def _with_measured(scenario: Scenario, options: Options, measured: Mapping[str, float]) -> Scenario:
-    """Return the scenario with measured settings, where the options allow it."""
+def _with_measured(
+    scenario: Scenario, options: ConnectionOptions, measured: Mapping[str, float]
+) -> Scenario:
+    """Return the scenario with measured values of settings that the user does not fix."""
     settings = scenario.settings
     for name, value in measured.items():
-        if not options.fixes(name) and np.isfinite(value):
+        if not options.is_overridden(name) and np.isfinite(value):
             section, field = name.split(".")
             settings = settings.replace(**{section: {field: value}})
     return scenario.replace(settings=settings)
 
 
-def _chosen_ids(scenario: Scenario, options: Options, seen: Sequence[int]) -> list[int]:
-    """Return the numbers of the robots that are driven."""
-    places = len(scenario.settings.world.start_poses)
-    ids = list(options.ids) or list(seen[:places])
-    missing = ", ".join(str(number) for number in ids if number not in seen)
-    if missing or not ids or (len(ids) < places and not options.ids):
-        visible = f"of {options.colour}, it sees {', '.join(map(str, seen)) or 'none'}"
-        robots = f"robots {missing}" if missing else f"as many robots as there are places, {places}"
+def _chosen_ids(
+    scenario: Scenario, options: ConnectionOptions, detected_ids: Sequence[int]
+) -> list[int]:
+    """Return the numbers of the robots to drive."""
+    n_robots = len(scenario.settings.world.start_poses)
+    ids = list(options.ids) or list(detected_ids[:n_robots])
+    undetected = ", ".join(str(number) for number in ids if number not in detected_ids)
+    if undetected or not ids or (len(ids) < n_robots and not options.ids):
+        robots = f"robots {undetected}" if undetected else f"{n_robots} robots for the scenario"
         raise OmniError(
-            f"vision does not see {robots}; {visible}: --team and --id say who is driven"
+            f"vision does not detect {robots}; {options.colour} robots that it detects: "
+            f"{', '.join(map(str, detected_ids)) or 'none'}. Check --team and --id"
         )
     return ids
 
 
 def _displaced(scenario: Scenario, poses: Array) -> Scenario:
-    """Return the scenario with each robot's route moved and turned to begin where the robot is."""
+    """Return the scenario with start poses such that each reference starts at the robot's pose."""
     x, y, heading = reference_factory.timed(scenario.settings).poses[0]
     turn = wrap_angle(poses[:, 2] - heading)
     c, s = np.cos(turn), np.sin(turn)
-    places = np.column_stack([poses[:, 0] - (c * x - s * y), poses[:, 1] - (s * x + c * y), turn])
+    start_poses = np.column_stack(
+        [poses[:, 0] - (c * x - s * y), poses[:, 1] - (s * x + c * y), turn]
+    )
     return scenario.replace(
-        settings=scenario.settings.replace(world={"start_poses": places.tolist()})
+        settings=scenario.settings.replace(world={"start_poses": start_poses.tolist()})
     )
 
 
-def _find_radio(name: str) -> type[Radio]:
-    """Return a radio of the user's own.
+def _find_radio(name: str) -> type[TeamRadio]:
+    """Return the class of a radio of the user's own.
 
     Raises:
         OmniError: There is no such class.
     """
     if not plugins.names_class(name):
-        raise OmniError(f"--radio must be file.py:Class, not {name!r}")
+        raise OmniError(f"--radio must be file.py:Class, got {name!r}")
     return plugins.find_class(
         name,
-        "derived from omni_mj.live.command_senders.Radio",
-        lambda kind: issubclass(kind, Radio),
+        "derived from omni_mj.live.team_radio.TeamRadio",
+        lambda kind: issubclass(kind, TeamRadio),
     )

@@ -1,6 +1,6 @@
-"""UDP as the league uses it: vision from a multicast group or to an address, commands to a host.
+"""UDP sockets for vision (multicast or unicast) and commands (unicast).
 
-Everything is bound and sent to this computer alone, with a time to live of 0, unless an interface is named.
+By default all packets stay on this computer (loopback, time to live 0).
 """
 
 import ipaddress
@@ -15,25 +15,25 @@ from omni_control.errors import OmniError
 
 LOOPBACK = "127.0.0.1"
 MAX_DATAGRAM = 65_536  # bytes
-BUFFER_BYTES = 1 << 21  # of the kernel: some seconds of four cameras
+BUFFER_BYTES = 1 << 21  # receive buffer of the kernel: some seconds of four cameras
 
 
-class Notes(Counter[str]):
-    """Counts of packets and of what went wrong with them, by kind.
+class MessageCounter(Counter[str]):
+    """Counts of packets and problems, by kind.
 
     Args:
-        tell: Called with the first message of each kind.
+        on_first: Called with the first message of each kind.
     """
 
-    def __init__(self, tell: Callable[[str], None] = lambda text: None) -> None:
+    def __init__(self, on_first: Callable[[str], None] = lambda text: None) -> None:
         super().__init__()
-        self._tell = tell
+        self._on_first = on_first
 
     def add(self, kind: str, text: str) -> None:
-        """Count an event, and tell it if it is the first of its kind."""
+        """Count a message, and report its text if it is the first of its kind."""
         self[kind] += 1
         if self[kind] == 1:
-            self._tell(text)
+            self._on_first(text)
 
 
 class Address(NamedTuple):
@@ -46,40 +46,39 @@ class Address(NamedTuple):
         return f"{self.host}:{self.port}"
 
 
-def address(text: str, default_port: int, interface: str = "") -> Address:
+def parse_address(text: str, default_port: int, interface: str = "") -> Address:
     """Parse HOST:PORT, or HOST alone.
 
     Args:
-        text: What is parsed.
-        default_port: Port of a host alone.
-        interface: Address of the network interface by which packets leave for the host, if they do.
+        text: Text to parse.
+        default_port: Port if the text has none.
+        interface: Address of the network interface that sends packets to the host, if any.
 
     Raises:
-        OmniError: The text is no address, the host is unknown, or it is another computer and no
-            interface is named.
+        OmniError: The text is malformed, the host is unknown, or it is another computer although
+            packets leave by the loopback interface.
     """
     host, colon, port = text.strip().partition(":")
     port = port if colon else str(default_port)
     if not host or not port.isdecimal() or not 0 < int(port) < 65_536:
         raise OmniError(
-            f"{text!r} is no address: write HOST:PORT, such as 127.0.0.1:10020, ports from 1 to 65535"
+            f"{text!r} is not an address; write HOST:PORT with a port from 1 to 65535, such as"
+            " 127.0.0.1:10020"
         )
     try:
         number = ipaddress.ip_address(socket.gethostbyname(host))
     except (OSError, UnicodeError):
-        raise OmniError(
-            f"nobody knows the host {host!r}; give an IPv4 address, such as 127.0.0.1"
-        ) from None
+        raise OmniError(f"unknown host {host!r}; give an IPv4 address, such as 127.0.0.1") from None
     if interface == LOOPBACK and not (number.is_loopback or number.is_multicast):
         raise OmniError(
-            f"{host} is another computer, and packets stay on this one: name the interface that leads there,"
-            " by its address, with --interface"
+            f"{host} is another computer, but packets leave by the loopback interface;"
+            " give the address of the network interface with --interface"
         )
     return Address(str(number), int(port))
 
 
-def sender(interface: str = LOOPBACK) -> socket.socket:
-    """Return a socket that sends by an interface; by loopback to this computer alone.
+def open_sender(interface: str = LOOPBACK) -> socket.socket:
+    """Return a socket that sends by an interface. By loopback, packets stay on this computer.
 
     Raises:
         OmniError: There is no such interface.
@@ -97,61 +96,62 @@ def sender(interface: str = LOOPBACK) -> socket.socket:
         connection.setblocking(False)
     except OSError as error:
         connection.close()
-        raise OmniError(f"cannot send by the interface {interface!r}: {reason(error)}") from None
+        raise OmniError(
+            f"cannot send on the interface {interface!r}: {error_reason(error)}"
+        ) from None
     return connection
 
 
 class Receiver(socket.socket):
-    """Receives datagrams that come to an address: of a multicast group, which is joined, or of this computer.
+    """Receives datagrams for a multicast group, which it joins, or for this computer.
 
     Args:
-        where: The group or address, and the port; port 0 takes a free one.
+        target: The group or address, and the port. Port 0: any free port.
         interface: Address of the network interface.
 
     Attributes:
-        address: Where it receives.
+        address: The address and port that it is bound to.
 
     Raises:
         OmniError: The address is taken, or there is no such interface.
     """
 
-    def __init__(self, where: Address, interface: str = LOOPBACK) -> None:
+    def __init__(self, target: Address, interface: str = LOOPBACK) -> None:
         super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
-            if ipaddress.ip_address(where.host).is_multicast:
-                self.setsockopt(
-                    socket.SOL_SOCKET, socket.SO_REUSEADDR, 1
-                )  # many listen to one group
-                self.bind(where)
-                member = socket.inet_aton(where.host) + socket.inet_aton(interface)
+            if ipaddress.ip_address(target.host).is_multicast:
+                # Several programs may listen to one group.
+                self.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                self.bind(target)
+                member = socket.inet_aton(target.host) + socket.inet_aton(interface)
                 self.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
             else:
-                self.bind(where)
+                self.bind(target)
             self.setblocking(False)
         except OSError as error:
             self.close()
             raise OmniError(
-                f"cannot listen to {where} by the interface {interface!r}: {reason(error)}"
+                f"cannot listen to {target} on the interface {interface!r}: {error_reason(error)}"
             ) from None
         self.address = Address(*self.getsockname())
 
     def wait(self, until: float) -> bool:
-        """Return whether something comes before `until` (`time.monotonic`)."""
+        """Return whether a packet arrives before `until` (`time.monotonic`)."""
         return bool(select.select([self], [], [], max(until - time.monotonic(), 0.0))[0])
 
     def packets(self) -> Iterator[tuple[bytes, float, Address]]:
-        """Yield what has come: bytes, time of reading (`time.monotonic`), sender."""
+        """Yield the packets that have arrived: bytes, arrival (`time.monotonic`), sender."""
         while True:
             try:
                 data, source = self.recvfrom(MAX_DATAGRAM)
             except BlockingIOError:
                 return
-            except OSError:  # such as that nobody listens where something was sent before
+            except OSError:  # for example an ICMP error after an earlier send
                 continue
             yield data, time.monotonic(), Address(*source)
 
 
-def reason(error: OSError) -> str:
-    """Return what the system says of an error, in lower case."""
+def error_reason(error: OSError) -> str:
+    """Return the operating system's description of an error, in lower case."""
     return (error.strerror or str(error)).lower()

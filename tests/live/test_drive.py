@@ -25,10 +25,10 @@ def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -
     for _ in range(3):
         with peer("--delay", delay) as options:
             live = driven(on_wire(controller), options)
-        if not live.link.skipped:
+        if not live.frame_clock.skipped:
             break
     assert live.scenario.settings.radio.delay_frames == delay
-    assert (live.link.skipped, dict(live.notes)) == (0, {"pulse": 1})
+    assert (live.frame_clock.skipped, dict(live.messages)) == (0, {"pulse": 1})
     expected = in_process(live, delay)
     assert live.log.length == expected.log.length
     for channel in ("ref", "pose", "command"):
@@ -74,7 +74,7 @@ def test_what_vision_gets_wrong_costs_little() -> None:
             "--delay", 2, *wrong, "--start", 0.1, 0.2, 0.3, -0.6, -0.4, 1.2, ids=(0, 1)
         ) as options:
             live = driven(on_wire("comp-flc"), options)
-        assert live.notes["bad packet"]
+        assert live.messages["bad packet"]
         error = np.abs(live.log.channel("pose") - live.log.channel("ref"))
         if error[..., :2].max() < 0.02:
             break
@@ -100,15 +100,15 @@ def test_robots_start_where_they_are() -> None:
 
 
 RADIO = """
-from omni_mj.live.command_senders import Radio
+from omni_mj.live.team_radio import TeamRadio
 from serving import local, udp
 
 
-class Mine(Radio):
+class Mine(TeamRadio):
     def send(self, commands):
         packet = b"".join(local(command.id, command.forward, command.left, command.turn) for command in commands)
         with udp() as socket:
-            socket.sendto(packet, self.line.host)
+            socket.sendto(packet, self.config.host)
 """
 
 
@@ -123,10 +123,10 @@ def test_a_radio_of_ones_own(tmp_path: Path) -> None:
 REFUSALS = [
     (
         {"colour": "yellow"},
-        "does not see as many robots as there are places, 1; of yellow, it sees none",
+        "does not detect 1 robots for the scenario; yellow robots that it detects: none",
     ),
-    ({"ids": (4,)}, "does not see robots 4; of blue, it sees 0"),
-    ({"commands": NOBODY}, "robots 0 do not turn as they are told"),
+    ({"ids": (4,)}, "does not detect robots 4; blue robots that it detects: 0"),
+    ({"commands": NOBODY}, "robots 0 do not turn as commanded"),
     ({"radio": "radio.py"}, "--radio must be file.py:Class"),
 ]
 

@@ -6,8 +6,8 @@ import time
 
 import numpy as np
 import pytest
-from benches import live_link as link
-from benches.live_link import PERIOD_S, Address, Camera, Clock, Receiver
+from benches import live_link as frame_clock
+from benches.live_link import PERIOD_S, Address, Camera, PeerClock, Receiver
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from serving import LOOPBACK, RobotSeen
@@ -45,7 +45,7 @@ def test_of_several_robots_of_a_number_the_one_counts_that_is_near() -> None:
     camera.see(9, [(3, 5.0, 0.0, 0.5), (3, 0.1, 0.0, 0.5)])
     camera.see(9, [(3, 0.2, 0.0, 0.5)], camera=1)
     assert camera.at(0.0, (0.11, 0.0, 0.0))[0][0, 0] == pytest.approx(0.1)
-    np.testing.assert_allclose(camera.vision.resting_poses(), [[0.1, 0.0, 0.5]], atol=1e-6)
+    np.testing.assert_allclose(camera.vision.median_poses(), [[0.1, 0.0, 0.5]], atol=1e-6)
 
 
 def test_frames_that_are_late_or_came_before_count_once_and_others_are_not_ours() -> None:
@@ -66,20 +66,20 @@ def test_frames_that_are_late_or_came_before_count_once_and_others_are_not_ours(
 def test_places_that_are_none_are_bad_packets(robot: RobotSeen) -> None:
     camera = Camera(0)
     assert not any(camera.see(frame, [robot]) for frame in range(3))
-    assert camera.vision.notes == {"bad packet": 3}
+    assert camera.vision.messages == {"bad packet": 3}
     (said,) = camera.said
     assert "somebody" in said
 
 
-def fed(offset: float, rate: float, seconds: float, seed: int = 0) -> tuple[Clock, float]:
+def fed(offset: float, rate: float, seconds: float, seed: int = 0) -> tuple[PeerClock, float]:
     """A clock that has heard packets of a peer whose clock is `rate` times ours, and our time at the end."""
-    rng, clock = np.random.default_rng(seed), Clock()
+    rng, clock = np.random.default_rng(seed), PeerClock()
     for k in range(round(seconds / PERIOD_S)):
         ours = 100.0 + k * PERIOD_S
         arrival = ours + rng.exponential(JITTER_S)
         clock.add(offset + rate * ours, arrival)
         assert (
-            clock.ours(offset + rate * ours) <= arrival + 1e-6
+            clock.local_time(offset + rate * ours) <= arrival + 1e-6
         )  # no packet arrives before it was sent
     return clock, ours
 
@@ -100,22 +100,22 @@ def test_offset_and_rate_of_a_clock_are_found_through_jitter(
     spread = JITTER_S / 15
     resolution = 1e-6 if abs(offset) > 1e7 else 1e-9  # of numbers as large as times since 1970
     allowed = 6 * spread + 20 * spread / np.sqrt(40) + resolution
-    assert clock.ours(offset + rate * now) == pytest.approx(now, abs=allowed)
+    assert clock.local_time(offset + rate * now) == pytest.approx(now, abs=allowed)
     assert clock.rate == pytest.approx(rate, rel=1.1e-4)
 
 
 def test_packets_that_were_held_up_are_not_followed() -> None:
     """When this computer was busy for 0.3 s, packets that waited arrive at one time, and the line stays."""
     clock, now = fed(0.0, 1.0, 5.0)
-    before = clock.ours(now)
+    before = clock.local_time(now)
     for k in range(60):
         clock.add(now + k * PERIOD_S, now + max(0.3, k * PERIOD_S))
-    assert clock.ours(now) == pytest.approx(before, abs=1e-4)
+    assert clock.local_time(now) == pytest.approx(before, abs=1e-4)
 
 
 def test_nothing_leaves_this_computer_unasked() -> None:
     receiver = Receiver(Address("224.5.23.2", 0))
-    sender = link.sender()
+    sender = frame_clock.sender()
     assert sender.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL) == 0
     sender.sendto(b"hello", ("224.5.23.2", receiver.address.port))
     assert receiver.wait(time.monotonic() + 5)

@@ -119,4 +119,4 @@ def test_packets_to_the_simulator_repeat_the_last_image_and_kicks_are_ignored() 
             (2, False),
         ]
         assert not answer.errors
-        assert server.notes["kicks"] == 1
+        assert server.messages["kicks"] == 1

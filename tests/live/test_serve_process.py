@@ -21,10 +21,14 @@ SLACK_S = 0.35  # by which a busy machine may be late in a second, and then catc
 @pytest.mark.parametrize("speed", [0.5, 2.0])
 def test_time_goes_as_fast_as_it_is_told(speed: float) -> None:
     with here(Field(*QUIET, FAST), False, speed) as (client, server):
-        first, began, lost = client.newest().t_capture, time.monotonic(), server.notes["ms behind"]
+        first, began, lost = (
+            client.newest().t_capture,
+            time.monotonic(),
+            server.messages["ms behind"],
+        )
         for _ in range(50):
             last = client.packet().detection.t_capture
-        real, lost = time.monotonic() - began, (server.notes["ms behind"] - lost) / 1e3
+        real, lost = time.monotonic() - began, (server.messages["ms behind"] - lost) / 1e3
         assert last - first == pytest.approx(50 / 60, abs=1e-6)  # no image is lost
         assert -SLACK_S < real - (last - first) / speed < lost + SLACK_S
 
@@ -70,7 +74,7 @@ def test_bad_packets_are_counted_and_skipped_and_the_rest_is_obeyed() -> None:
             seen = client.after(local(1, 1.0))["blue", 1]
         assert np.hypot(*np.subtract(seen, start)[:2]) > 0.1
         assert (
-            server.notes["bad packets"] > 10
+            server.messages["bad packets"] > 10
         )  # how many come through is up to the system's buffers
 
 
@@ -99,19 +103,19 @@ def test_either_side_is_killed_and_comes_back_and_what_ends_it_ends_it_cleanly(
 
 
 MISTAKES = {
-    ("--blue", "x"): "--blue takes how many robots",
+    ("--blue", "x"): "--blue must be the number of robots",
     (
         "--blue",
         "0",
         "--yellow",
         "0",
-    ): "a world has 1 to 12 robots, --blue and --yellow together, not 0",
-    ("--blue", "1,16"): "which are from 0 to 15",
+    ): "--blue and --yellow together must be 1 to 12 robots, got 0",
+    ("--blue", "1,16"): "their numbers from 0 to 15",
     ("--plant", "kinematic"): "No such option",
     ("--speed", "-1"): "-1.0 is not in the range 0<=x<=1000",
-    ("--vision", "127.0.0.1:65536"): "is no address",
+    ("--vision", "127.0.0.1:65536"): "is not an address",
     ("--vision", "10.0.0.1:10020"): "10.0.0.1 is another computer",
-    ("--interface", "203.0.113.1"): "by the interface '203.0.113.1'",
+    ("--interface", "203.0.113.1"): "on the interface '203.0.113.1'",
 }
 
 

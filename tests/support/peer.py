@@ -42,14 +42,14 @@ DEFAULTS: dict[str, Any] = {
 
 
 def options() -> argparse.Namespace:
-    parse = argparse.ArgumentParser()
+    parse_message = argparse.ArgumentParser()
     for name, default in DEFAULTS.items():
-        parse.add_argument(f"--{name}", type=type(default), default=default)
-    parse.add_argument(
+        parse_message.add_argument(f"--{name}", type=type(default), default=default)
+    parse_message.add_argument(
         "--start", type=float, nargs="+", default=[0.0, 0.0, 0.0], help="x y heading of each robot"
     )
-    parse.add_argument("--lockstep", action="store_true")
-    return parse.parse_args()
+    parse_message.add_argument("--lockstep", action="store_true")
+    return parse_message.parse_args()
 
 
 class Robots:

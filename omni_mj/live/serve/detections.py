@@ -1,6 +1,6 @@
-"""What `serve` says as SSL-Vision does: cameras with their detections, and the field.
+"""Cameras of `serve`: SSL-Vision messages with detections and the field geometry.
 
-Each camera takes images by its own clock and sees part of the field.
+Each camera takes images by its own clock and covers part of the field.
 """
 
 import math
@@ -19,25 +19,26 @@ from omni_mj.network.camera import Camera, ImageTiming
 from omni_mj.network.random_streams import Noise, Seed, Stream
 
 CYCLES_PER_FRAME = CYCLE_RATE_HZ // FRAME_RATE_HZ
-SEED_OFFSET = 1000  # added to a camera's number: its seeds differ from those of places
+SEED_OFFSET = 1000  # added to a camera's number, so that its seeds differ from those of slots
 BALL_RADIUS_M, ROBOT_RADIUS_M = 0.0215, 0.09
-ROBOT_HEIGHT_M = 0.15  # of the pattern above the carpet
+ROBOT_HEIGHT_M = 0.15  # height of the pattern above the carpet
 CAMERA_HEIGHT_M = 4.0
 IMAGE_SIZE = np.array([1920, 1200])  # pixels
-CAMERA_GRIDS = {1: (1, 1), 2: (2, 1), 3: (3, 1), 4: (2, 2)}  # number of cameras -> along x and y
+# Number of cameras -> cameras along x and y.
+CAMERA_GRIDS = {1: (1, 1), 2: (2, 1), 3: (3, 1), 4: (2, 2)}
 
 RobotName = tuple[int, int]  # team (a value of `Team`) and number
 
 
 class Image(NamedTuple):
-    """What a camera saw.
+    """An image of one camera.
 
     Attributes:
         sent_s: Simulated time at which it is sent, s; infinite if it is lost.
-        cycle: In which it was taken.
-        names: Of the robots, n.
-        poses: Measured, shape (n, 3); NaN where a robot was not seen.
-        detection: The message.
+        cycle: Cycle in which it was taken.
+        names: Names of the n robots.
+        poses: Measured poses, shape (n, 3); NaN for robots that the camera does not detect.
+        detection: The SSL-Vision message.
     """
 
     sent_s: float
@@ -50,13 +51,13 @@ class Image(NamedTuple):
 class FieldCamera:
     """One camera above the field.
 
-    Images of the first one are taken at 0, 1/rate, ... and its noise is that of `run`. The others
-    start anywhere within their first period and have noise of their own. Each sees a cell of a grid
-    over the carpet, and of its neighbours' cells a strip.
+    The first camera takes images at 0, 1/rate, ..., with the noise of `run`. Each other camera has
+    a random phase and its own noise. A camera covers one cell of a grid over the carpet, and a
+    strip of the neighboring cells.
 
     Args:
-        number: Of the camera, from 0, along x, then along y, from the lowest coordinates.
-        rows: One per robot. Settings of the camera as a whole are those of the first.
+        number: Number of the camera, from 0, along x, then along y, from the lowest coordinates.
+        rows: One per robot. The first row's settings count for the camera as a whole.
 
     Attributes:
         due: Cycle of the next image.
@@ -83,7 +84,7 @@ class FieldCamera:
         self._half = (cell + self._vision.overlap_m) / 2
 
     def set_robots(self, rows: Sequence[Row], cycle: int) -> None:
-        """Observe these robots from a cycle on, from which times of faults count."""
+        """Observe these robots from a cycle on. Times of faults count from there."""
         self._first_cycle = cycle
         self._timing = ImageTiming([self._vision], self._seeds, [rows[0].faults])
         seeds = [
@@ -101,7 +102,7 @@ class FieldCamera:
 
         Args:
             cycle: Number of the cycle.
-            names: Of the robots, n.
+            names: Names of the n robots.
             poses: True poses, shape (n, 3); NaN for robots that are not on the field.
             ball: Position, shape (2,), m.
             epoch_s: Time of a correct clock at simulated time 0, s.
@@ -109,7 +110,7 @@ class FieldCamera:
         begun_s, elapsed = self._first_cycle / CYCLE_RATE_HZ, cycle - self._first_cycle
         frame, elapsed_s = elapsed // CYCLES_PER_FRAME, elapsed / CYCLE_RATE_HZ
         measured = self._camera(poses, frame) + self._offset
-        measured[~self._sees(poses[:, :2])] = np.nan
+        measured[~self._covers(poses[:, :2])] = np.nan
         (arrival_s,), (clock_lag_s,) = self._timing.schedule_arrival(frame, elapsed_s)
         sent_s = begun_s + float(arrival_s)
         epoch_s += self._clock_offset_s - clock_lag_s
@@ -119,28 +120,28 @@ class FieldCamera:
             t_sent=epoch_s + sent_s,
             camera_id=self._number,
         )
-        if self._sees(ball[None])[0]:
+        if self._covers(ball[None])[0]:
             x, y = MM_PER_M * (ball + self._offset[:2])
             detection.balls.add(confidence=1.0, x=x, y=y, pixel_x=0.0, pixel_y=0.0)
         for (team, number), (x, y, heading) in sorted(zip(names, measured.tolist(), strict=True)):
             if not math.isnan(x):
                 robots = detection.robots_blue if team == Team.BLUE else detection.robots_yellow
-                place = {
-                    "x": MM_PER_M * x,
-                    "y": MM_PER_M * y,
-                    "orientation": heading,
-                    "pixel_x": 0.0,
-                    "pixel_y": 0.0,
-                }
                 robots.add(
-                    confidence=1.0, robot_id=number, height=MM_PER_M * ROBOT_HEIGHT_M, **place
+                    confidence=1.0,
+                    robot_id=number,
+                    x=MM_PER_M * x,
+                    y=MM_PER_M * y,
+                    orientation=heading,
+                    pixel_x=0.0,
+                    pixel_y=0.0,
+                    height=MM_PER_M * ROBOT_HEIGHT_M,
                 )
         self._frame += 1
         self.due = self._cycle_of(self._frame)
         return Image(sent_s, cycle, tuple(names), measured, detection)
 
     def calibration(self) -> Calibration:
-        """Return the calibration of a camera that looks straight down: half a turn about x, without distortion."""
+        """Return the calibration: the camera looks straight down, without distortion."""
         (x, y), z = MM_PER_M * self._centre, MM_PER_M * CAMERA_HEIGHT_M
         width, height = IMAGE_SIZE
         return Calibration(
@@ -163,17 +164,17 @@ class FieldCamera:
             pixel_image_height=height,
         )
 
-    def _sees(self, points: Array) -> np.ndarray:
-        """Return which points, shape (n, 2), are in the camera's view."""
+    def _covers(self, points: Array) -> np.ndarray:
+        """Return which points, shape (n, 2), are in the camera's field of view."""
         return np.asarray((np.abs(points - self._centre) <= self._half).all(1))
 
     def _cycle_of(self, frame: int) -> int:
-        """Return the first cycle that does not begin before an image is taken."""
+        """Return the first cycle at or after the time of an image."""
         return math.ceil((frame / self._vision.rate_hz + self._phase_s) * CYCLE_RATE_HZ - 1e-6)
 
 
 def standard_field() -> FieldSize:
-    """Return the field of division B with its markings."""
+    """Return the geometry of the division B field and its lines."""
     lengths_m = {
         "field_length": field.LENGTH_M,
         "field_width": field.WIDTH_M,

@@ -1,4 +1,4 @@
-"""Who is served: the scenario of the robots, and where they stand at the start."""
+"""Initial state of `serve`: the scenario of the robots, their numbers and their poses."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -14,38 +14,40 @@ from omni_mj.live.serve.served_world import MAX_ROBOTS
 from omni_mj.live.serve.simulation_requests import MAX_NUMBER
 from omni_mj.live.wire.league_pb2 import Team
 
-# Without a scenario there is no dead time, and robots that receive nothing stop as in the league's
-# simulators.
-ALONE = "radio.delay_frames=0", "firmware.timeout_s=0.1"
-SPACING_M, COLUMN = 0.5, 6  # of robots of a team, which stand in columns
+# Without a scenario there is no dead time, and a robot stops soon after its last command, as in the
+# league's simulators.
+DEFAULT_OVERRIDES = "radio.delay_frames=0", "firmware.timeout_s=0.1"
+SPACING_M = 0.5  # between robots of a team
+ROBOTS_PER_COLUMN = 6
 
 
-def load(name: str | None, overrides: Iterable[str], head: Mapping[str, Any]) -> Scenario:
+def load_served_scenario(
+    name: str | None, overrides: Iterable[str], head: Mapping[str, Any]
+) -> Scenario:
     """Load a scenario as `run` does.
 
     Args:
-        name: Of a scenario or its file; without one, the robot's settings and the defaults count,
-            and `ALONE`.
-        overrides: `section.field=value`.
-        head: Fields of `Scenario` in place of the scenario's.
+        name: Name or file of a scenario. None: the robot's settings, and `DEFAULT_OVERRIDES`.
+        overrides: Settings, `section.field=value`.
+        head: Fields of `Scenario` that replace the scenario's.
 
     Raises:
         OmniError: See `scenario.load`.
     """
     if name is None:
-        overrides, head = [*ALONE, *overrides], {"name": "serve", **head}
+        overrides, head = [*DEFAULT_OVERRIDES, *overrides], {"name": "serve", **head}
     chosen = scenario.load(name, overrides, head)
     distributions.refuse(chosen.distributions, "serve")
     if chosen.plant != "mujoco":
-        raise OmniError(f"serve simulates the mujoco plant, not {chosen.plant}")
+        raise OmniError(f"serve needs the plant mujoco, got {chosen.plant}")
     return chosen
 
 
-def numbers(text: str, option: str) -> list[int]:
-    """Parse an option that says how many robots there are, or their numbers with commas between.
+def parse_robot_ids(text: str, option: str) -> list[int]:
+    """Parse the number of robots (`3`) or a comma-separated list of robot numbers (`0,4,7`).
 
     Raises:
-        OmniError: It says neither.
+        OmniError: The text is neither.
     """
     words = [word.strip() for word in text.split(",") if word.strip()]
     if all(word.isdecimal() for word in words):
@@ -54,17 +56,17 @@ def numbers(text: str, option: str) -> list[int]:
         if max(chosen, default=0) <= MAX_NUMBER:
             return chosen
     raise OmniError(
-        f"{option} takes how many robots, such as 3, or their numbers, such as 0,4,7, which are from 0 to "
-        f"{MAX_NUMBER}, not {text!r}"
+        f"{option} must be the number of robots, such as 3, or their numbers from 0 to "
+        f"{MAX_NUMBER}, such as 0,4,7, got {text!r}"
     )
 
 
-def poses(blue: Iterable[int], yellow: Iterable[int]) -> dict[RobotName, Array]:
-    """Return where robots stand at the start: in columns on their halves, facing each other.
+def starting_poses(blue: Iterable[int], yellow: Iterable[int]) -> dict[RobotName, Array]:
+    """Return start poses: each team in columns on its half, facing the other team.
 
     Args:
-        blue: Numbers of its robots.
-        yellow: Numbers of its robots.
+        blue: Numbers of the blue robots.
+        yellow: Numbers of the yellow robots.
 
     Raises:
         OmniError: There are none, or too many.
@@ -72,9 +74,13 @@ def poses(blue: Iterable[int], yellow: Iterable[int]) -> dict[RobotName, Array]:
     result = dict[RobotName, Array]()
     for team, team_numbers, side in ((Team.BLUE, blue, -1.0), (Team.YELLOW, yellow, 1.0)):
         for k, number in enumerate(team_numbers):
-            x, y = SPACING_M * (1 + k // COLUMN), SPACING_M * ((COLUMN - 1) / 2 - k % COLUMN)
+            x, y = (
+                SPACING_M * (1 + k // ROBOTS_PER_COLUMN),
+                SPACING_M * ((ROBOTS_PER_COLUMN - 1) / 2 - k % ROBOTS_PER_COLUMN),
+            )
             result[team, number] = np.array([side * x, -side * y, 0.0 if side < 0 else np.pi])
     if not 1 <= len(result) <= MAX_ROBOTS:
-        limits = f"a world has 1 to {MAX_ROBOTS} robots"
-        raise OmniError(f"{limits}, --blue and --yellow together, not {len(result)}")
+        raise OmniError(
+            f"--blue and --yellow together must be 1 to {MAX_ROBOTS} robots, got {len(result)}"
+        )
     return result

@@ -1,4 +1,4 @@
-"""The plant that `serve` simulates: robots of one world that are placed and removed while it goes on."""
+"""Plant of `serve`: robots of one world that can be placed and removed during the simulation."""
 
 from collections.abc import Sequence
 
@@ -8,17 +8,17 @@ from omni_control.kinematics import Array, world_to_body, wrap_angle
 from omni_mj.config.rows import Row
 from omni_mj.plants.mujoco import MujocoPlant
 
-AWAY_M = 10.0  # height at which removed robots wait, each a metre above the one before
-# For which a robot remembers its headings; older images tell it nothing
+AWAY_M = 10.0  # height of the first removed robot; each further one is a meter higher
+# Number of frames for which a robot stores its headings. It ignores older measurements.
 HEADING_MEMORY_FRAMES = 120
 
 
 class ServedPlant(MujocoPlant):
-    """Robots that collide with each other and with walls. Removed ones are neither driven nor in anybody's way.
+    """Robots that collide with each other and with walls, and can be removed.
 
     Args:
-        rows: Of the robots by their places in the world.
-        start: Initial poses, shape (n, 3).
+        rows: Rows of the robots, in the order of their slots.
+        start: Initial poses, shape (n, 3), m and rad.
 
     Attributes:
         present: Which robots are on the field, shape (n,).
@@ -33,7 +33,7 @@ class ServedPlant(MujocoPlant):
 
     @property
     def cycles_left(self) -> int:
-        """Cycles from now to the end of the frame; none at its beginning."""
+        """Return the number of cycles to the end of the frame; 0 at its beginning."""
         return -self._cycle % self.cycles
 
     def pose(self) -> Array:
@@ -43,13 +43,13 @@ class ServedPlant(MujocoPlant):
             poses[:, 2] += wrap_angle(self.quaternion_heading() - self._heading)
         return poses
 
-    def place(self, robot: int, pose: Array, twist: Array) -> None:
-        """Put a robot down upright, its wheels rolling with it.
+    def place_robot(self, robot: int, pose: Array, twist: Array) -> None:
+        """Place a robot upright, with wheels that roll without slip.
 
         Args:
-            robot: Its index.
-            pose: Shape (3,).
-            twist: World frame, shape (3,).
+            robot: Index of the robot.
+            pose: Pose, shape (3,), m and rad.
+            twist: Twist in the world frame, shape (3,), m/s and rad/s.
         """
         self.present[robot], self._failed[robot] = True, False
         self._move(
@@ -64,7 +64,7 @@ class ServedPlant(MujocoPlant):
         self._move(robot, np.zeros(3), AWAY_M + robot, np.zeros(3))
 
     def _begin(self) -> None:
-        for robot in np.flatnonzero(~self.present):  # else they would fall
+        for robot in np.flatnonzero(~self.present):  # otherwise they would fall
             self.remove(int(robot))
         super()._begin()
 
@@ -82,6 +82,6 @@ class ServedPlant(MujocoPlant):
             array.set(values)
 
     def _stop(self, rows: list[int], unstable: list[int]) -> None:
-        """Switch robots off. Whoever steps an unstable world replaces it."""
+        """Switch robots off. The caller replaces an unstable world."""
         self._failed[rows] = True
         self.is_unstable |= bool(unstable)

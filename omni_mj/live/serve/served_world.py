@@ -1,7 +1,7 @@
-"""What `serve` simulates: robots of both teams on a field, a ball that lies there, and cameras above.
+"""World of `serve`: robots of both teams on a field, a ball at rest, and cameras above.
 
-Time is counted in cycles of the wheel loops, 1/960 s. Cameras take images before a cycle begins. A command that comes
-before a cycle acts in it, if there is no dead time.
+Time is counted in cycles of the wheel loops, 1/960 s. Cameras take images before a cycle begins. A
+command that arrives before a cycle acts in it, if there is no dead time.
 """
 
 import math
@@ -31,11 +31,11 @@ from omni_mj.live.serve.simulation_requests import (
     decode_packets,
     empty_packet,
     encode_packet,
-    label,
     read_ball,
     read_teleport,
+    robot_label,
 )
-from omni_mj.live.sockets import Notes
+from omni_mj.live.sockets import MessageCounter
 from omni_mj.live.wire.league_pb2 import (
     Geometry,
     RobotCommand,
@@ -48,44 +48,45 @@ from omni_mj.mjcf.field import SURFACE_M
 from omni_mj.network.radio import Radio
 
 MAX_ROBOTS = 12
-CLEARANCE_M = 0.001  # by which hulls may touch
+CLEARANCE_M = 0.001  # allowed overlap of hulls
 
 
-class Pitch:
+class ServedWorld:
     """The field and everything on it.
 
     Args:
-        scenario: Of the robots of both teams, the radio and the cameras.
-        poses: Robots that stand on the field at the start -> pose, shape (3,); at most 12.
+        scenario: Settings of the robots of both teams, the radio and the cameras.
+        poses: Robot name -> start pose, shape (3,), m and rad; at most 12 robots.
         notes: What people should know.
 
     Attributes:
-        names: Of the robots, by their index in the world.
+        names: Names of the robots, in the order of their slots.
         rows: One per robot.
-        plant: What moves.
-        cameras: Above the field.
+        plant: The simulated robots.
+        cameras: The cameras above the field.
         cycle: Number of the next cycle.
         epoch_s: Time of a correct clock at simulated time 0, s; set it before the first image.
-        ball: Position, shape (2,), m.
-        held: What robots hold of the radio.
-        measured: Where cameras saw robots last, lost images included, shape (n, 3). A recorder may
-            reset it to NaN.
+        ball: Position of the ball, shape (2,), m.
+        applied: Commands that the robots currently apply.
+        measured: Newest measured poses, lost images included, shape (n, 3). A recorder may reset
+            it to NaN.
 
     Raises:
-        OmniError: Robots start in each other or in a wall.
+        OmniError: A robot starts in another robot or in a wall.
     """
 
-    def __init__(self, scenario: Scenario, poses: Mapping[RobotName, Array], notes: Notes) -> None:
-        self._scenario, self.notes = scenario, notes
+    def __init__(
+        self, scenario: Scenario, poses: Mapping[RobotName, Array], messages: MessageCounter
+    ) -> None:
+        self._scenario, self.messages = scenario, messages
         self.cycle, self.epoch_s, self.ball = 0, 0.0, np.zeros(2)
-        self._headings = dict[
-            RobotName, tuple[float, int]
-        ]()  # that vision saw last, and the cycles of the images
+        # Newest published headings, and the cycles of their images.
+        self._headings = dict[RobotName, tuple[float, int]]()
         self._reach = world_builder.build_world(scenario.settings).hull_radius
         self.cameras = list[FieldCamera]()
         for name in poses:
             if obstacle := self._find_obstacle(name, poses):
-                raise OmniError(f"{label(name)} starts in {obstacle}")
+                raise OmniError(f"{robot_label(name)} starts in {obstacle}")
         self._build(poses)
         self.cameras += [
             FieldCamera(number, self.rows) for number in range(scenario.settings.vision.cameras)
@@ -102,13 +103,13 @@ class Pitch:
         return {name: pose for name, pose, is_present in robots if is_present}
 
     def geometry(self) -> Geometry:
-        """Return what SSL-Vision says of field and cameras."""
+        """Return the SSL-Vision message with the geometry of field and cameras."""
         return Geometry(
             field=standard_field(), calib=[camera.calibration() for camera in self.cameras]
         )
 
     def take_images(self) -> list[Image]:
-        """Return the images that are due, and store what they show in `measured`."""
+        """Return the images that are due, and store their poses in `measured`."""
         images = []
         for camera in self.cameras:
             if camera.due <= self.cycle:
@@ -119,7 +120,7 @@ class Pitch:
         return images
 
     def publish(self, image: Image) -> None:
-        """Let teams know an image: they send the headings in it along with commands."""
+        """Make an image known to the teams, whose commands include the newest heading."""
         for name, heading in zip(image.names, image.poses[:, 2].tolist(), strict=True):
             if not math.isnan(heading) and image.cycle >= self._headings.get(name, (heading, 0))[1]:
                 self._headings[name] = heading, image.cycle
@@ -127,23 +128,23 @@ class Pitch:
     def advance(self) -> None:
         """Advance by a cycle.
 
-        If the physics fails, the world is made anew from the poses at the beginning of the frame,
-        with robots at rest.
+        If the physics becomes unstable, the world is rebuilt from the poses at the beginning of the
+        frame, with robots at rest.
         """
-        arrived, plant = None, self.plant
+        received, plant = None, self.plant
         if self._radio.ticks_to_next_arrival:
             self._radio.skip_ticks()
         else:
             packets, is_new, _ = self._radio.deliver()
             if is_new.any():
-                self.held = arrived = decode_packets(
+                self.applied = received = decode_packets(
                     packets, is_new, self.cycle + plant.cycles_left
                 )
         if not plant.cycles_left:
             self._last_poses = self.poses()
-        for robot, cause in plant.go(1, arrived).items():
-            self.notes.add(
-                "robot failed", f"{label(self.names[robot])} {cause} at {self.time_s:.3f} s"
+        for robot, cause in plant.go(1, received).items():
+            self.messages.add(
+                "robot failed", f"{robot_label(self.names[robot])} {cause} at {self.time_s:.3f} s"
             )
         self.cycle += 1
         if plant.is_unstable:
@@ -155,8 +156,8 @@ class Pitch:
         """Send commands to robots of a team.
 
         Returns:
-            Errors, and the numbers of the team's robots on the field that were named, also in
-            commands that were refused or did not say how to move.
+            Errors, and the numbers of the team's robots that got a command, including refused ones
+            and those without a velocity.
         """
         errors, commanded, receivers = list[SimulatorError](), list[int](), set[int]()
         packets, present = self._packets.copy(), self.poses()
@@ -164,7 +165,7 @@ class Pitch:
             name = team, command.id
             try:
                 if name not in present:
-                    raise Refusal("UNKNOWN_ROBOT", f"{label(name)} is not on the field")
+                    raise Refusal("UNKNOWN_ROBOT", f"{robot_label(name)} is not on the field")
                 commanded.append(command.id)
                 packet = encode_packet(command, packets.shape[1] - len(empty_packet(0)))
             except Refusal as refusal:
@@ -179,10 +180,10 @@ class Pitch:
         return errors, commanded
 
     def teleport(self, control: SimulatorControl) -> list[SimulatorError]:
-        """Put the ball and robots down and take robots away. Return what is refused.
+        """Place the ball and robots, remove robots, and return errors for refused requests.
 
-        A robot that the world has no body for makes the world anew without bodies of absent robots.
-        All robots then go on from where they are, at rest, as fresh as at the start of a run.
+        If a new robot has no body in the world, the world is rebuilt with bodies of the present
+        robots. They continue at rest from their poses, in the state of the start of a run.
         """
         errors, placements = list[SimulatorError](), dict[RobotName, Placement]()
         if control.HasField("teleport_ball"):
@@ -201,9 +202,9 @@ class Pitch:
                 placements[name] = placement
             elif name in self.names:
                 self.plant.remove(self.names.index(name))
-        before = self.poses()
-        while True:  # a refused robot stays, perhaps in the way of another
-            poses = before | {name: pose for name, (pose, _) in placements.items()}
+        present_poses = self.poses()
+        while True:  # a refused robot keeps its pose, which may block another one
+            poses = present_poses | {name: pose for name, (pose, _) in placements.items()}
             refusals = {name: self._find_obstacle(name, poses) for name in placements}
             refused = {
                 name: f"stand in {obstacle}" for name, obstacle in refusals.items() if obstacle
@@ -215,30 +216,32 @@ class Pitch:
             if not refused:
                 break
             for name, reason in refused.items():
-                errors.append(Refusal("OCCUPIED", f"{label(name)} would {reason}").error)
+                errors.append(Refusal("OCCUPIED", f"{robot_label(name)} would {reason}").error)
                 del placements[name]
         if not placements.keys() <= set(self.names):
             self._build(poses)
         for name, (pose, twist) in placements.items():
-            self.plant.place(self.names.index(name), pose, twist)
+            self.plant.place_robot(self.names.index(name), pose, twist)
             self._headings[name] = float(pose[2]), self.cycle
         return errors
 
     def _find_obstacle(self, name: RobotName, poses: Mapping[RobotName, Array]) -> str | None:
-        """Return what a robot stands in, if anything."""
+        """Return what a robot overlaps with; None if nothing."""
         if (np.abs(poses[name][:2]) > np.array(SURFACE_M) / 2 - self._reach + CLEARANCE_M).any():
             return "a wall"
         distances = [
-            math.dist(pose[:2], poses[name][:2]) for other, pose in poses.items() if other != name
+            math.dist(pose[:2], poses[name][:2])
+            for other_name, pose in poses.items()
+            if other_name != name
         ]
         return (
             "a robot" if min(distances, default=math.inf) < 2 * self._reach - CLEARANCE_M else None
         )
 
     def _build(self, poses: Mapping[RobotName, Array]) -> None:
-        """Make the world anew with these robots, at rest."""
+        """Build the world with these robots, at rest."""
         self.names, settings = list(poses), self._scenario.settings
-        self.rows = [self._row(place, name) for place, name in enumerate(self.names)]
+        self.rows = [self._row(slot, name) for slot, name in enumerate(self.names)]
         self.plant = ServedPlant(self.rows, np.array([*poses.values()]))
         n, packet = len(self.rows), empty_packet(len(settings.wheels.azimuths_deg))
         self._packets = np.tile(packet, (n, 1))
@@ -249,14 +252,14 @@ class Pitch:
             CYCLES_PER_FRAME,
             packet,
         )
-        self.held = decode_packets(self._packets, np.zeros(n, bool), 0)
+        self.applied = decode_packets(self._packets, np.zeros(n, bool), 0)
         self.measured = np.full((n, 3), np.nan)
         for camera in self.cameras:
             camera.set_robots(self.rows, self.cycle)
 
-    def _row(self, place: int, name: RobotName) -> Row:
+    def _row(self, slot: int, name: RobotName) -> Row:
         team, number = name
         scenario = self._scenario
         faults = [fault.replace(robots=()) for fault in of_robot(scenario.settings.fault, number)]
         settings = scenario.settings.replace(fault=faults)
-        return Row(0, place, Team.Name(team).lower(), scenario.seed, settings, scenario.robot)
+        return Row(0, slot, Team.Name(team).lower(), scenario.seed, settings, scenario.robot)

@@ -1,4 +1,4 @@
-"""The served pitch behind the sockets of the league's simulators, in real time or in lockstep with commands."""
+"""Network server of `serve`: a simulated world behind the league's protocols."""
 
 import math
 import selectors
@@ -9,10 +9,10 @@ from typing import cast
 
 from omni_mj.config.settings import CYCLE_RATE_HZ
 from omni_mj.live.serve.detections import CYCLES_PER_FRAME, Image
-from omni_mj.live.serve.served_world import Pitch
+from omni_mj.live.serve.served_world import ServedWorld
 from omni_mj.live.serve.simulation_requests import Refusal
-from omni_mj.live.sockets import LOOPBACK, Address, Receiver, reason, sender
-from omni_mj.live.wire import WireError, parse
+from omni_mj.live.sockets import LOOPBACK, Address, Receiver, error_reason, open_sender
+from omni_mj.live.wire import WireError, parse_message
 from omni_mj.live.wire.league_pb2 import (
     RobotControl,
     RobotControlResponse,
@@ -24,35 +24,31 @@ from omni_mj.live.wire.league_pb2 import (
     VisionPacket,
 )
 
-SPAN_CYCLES = 4  # simulated at a time while nothing comes and nothing is due
-CHECK_S = 0.1  # for which nothing else is looked after at most
-EARLY_S = 1e-9  # by which rounding may have a packet leave
-GEOMETRY_CYCLES = CYCLE_RATE_HZ  # from one packet of the geometry to the next
-MAX_DELAY_S = 0.1  # of our time, by which the simulation may be late before it gives up catching up
+SPAN_CYCLES = 4  # simulated at a time while no packet arrives and no image is due
+CHECK_S = 0.1  # longest time between two checks for a stop request
+EARLY_S = 1e-9  # rounding error of the time at which a packet is due
+GEOMETRY_CYCLES = CYCLE_RATE_HZ  # between two packets with the geometry
+MAX_DELAY_S = 0.1  # delay after which the simulation no longer tries to catch up
 MAX_SPEED = 1000.0  # simulated seconds per second
-ASKED = "blue commands", "yellow commands"  # by which time goes in lockstep
-# Of a field
-FIXED = (
-    "is that with which serve was started: see its options --robot, --scenario, --set and --vision"
-)
+COMMAND_KINDS = "blue commands", "yellow commands"  # messages that advance time in lockstep
+FIXED = "cannot change while serve runs; see its options --robot, --scenario, --set and --vision"
 
 
 class Server:
-    """Serves until it is told to stop.
+    """Serves a simulated world, in real time or in lockstep with commands.
 
     Args:
-        pitch: What is served.
-        ports: Of the simulator, the blue and the yellow robots; 0 takes a free one.
-        vision: Where detections go.
-        interface: Address of the network interface; loopback keeps everything on this computer.
+        world: The world to serve.
+        ports: Ports of the simulator, the blue and the yellow robots; 0 is any free port.
+        vision: Address to which detections are sent.
+        interface: Address of the network interface. Loopback keeps packets on this computer.
         speed: Simulated seconds per second; 0 pauses.
-        lockstep: Whether time goes by commands: each packet to a team makes a step to the first
-            camera's next image.
+        lockstep: Whether each command packet advances time to the next image of the first camera.
 
     Attributes:
         after_frame: Called after every 1/60 s of simulated time; set it before `run`.
-        ports: That are listened to: control, blue, yellow.
-        notes: Counts of packets, and what went wrong.
+        ports: Ports on which it listens: simulator, blue, yellow.
+        messages: Counts of packets and problems.
 
     Raises:
         OmniError: A port is taken, or there is no such interface.
@@ -60,14 +56,15 @@ class Server:
 
     def __init__(
         self,
-        pitch: Pitch,
+        world: ServedWorld,
         ports: Sequence[int],
         vision: Address,
         interface: str = LOOPBACK,
         speed: float = 1.0,
         lockstep: bool = False,
     ) -> None:
-        self.pitch, self.notes, self.vision, self.lockstep = pitch, pitch.notes, vision, lockstep
+        self.world, self.messages = world, world.messages
+        self.vision, self.lockstep = vision, lockstep
         self.after_frame: Callable[[], None] = lambda: None
         self._geometry_due = 0
         self._outbox = list[Image]()
@@ -76,7 +73,7 @@ class Server:
         self._set_speed(speed)
         with ExitStack() as stack:
             self._selector = stack.enter_context(selectors.DefaultSelector())
-            self._socket = stack.enter_context(sender(interface))
+            self._socket = stack.enter_context(open_sender(interface))
             for number, team in zip(ports, (None, Team.BLUE, Team.YELLOW), strict=True):
                 port = stack.enter_context(Receiver(Address(interface, number), interface))
                 self._selector.register(port, selectors.EVENT_READ, team)
@@ -84,18 +81,20 @@ class Server:
             self._stack = stack.pop_all()
 
     def run(self, check: Callable[[], None] = lambda: None, until_s: float = math.inf) -> None:
-        """Serve until simulated time is over, or `check`, which is called often, raises something."""
-        pitch = self.pitch
-        if not self.lockstep:  # in lockstep time stamps are the same in all runs
-            pitch.epoch_s = time.time() - pitch.time_s
+        """Serve until a simulated time, or until `check`, which is called often, raises."""
+        world = self.world
+        if not self.lockstep:  # in lockstep, time stamps are the same in all runs
+            world.epoch_s = time.time() - world.time_s
         self._set_speed(self.speed)
         self._publish()
-        while pitch.time_s < until_s:
+        while world.time_s < until_s:
             check()
             if not self.lockstep:
                 self._simulate_due_cycles()
-            elif not self._handle_requests(CHECK_S) and not any(self.notes[kind] for kind in ASKED):
-                # Clients that come later see the last images until the first command
+            elif not self._handle_requests(CHECK_S) and not any(
+                self.messages[kind] for kind in COMMAND_KINDS
+            ):
+                # Repeat the first images until a command arrives, for clients that connect late.
                 self._repeat()
 
     def close(self) -> None:
@@ -103,8 +102,8 @@ class Server:
         self._stack.close()
 
     def _set_speed(self, speed: float) -> None:
-        """Go on at a speed from now."""
-        self.speed, self._started = speed, (time.monotonic(), self.pitch.cycle)
+        """Continue at another speed."""
+        self.speed, self._started = speed, (time.monotonic(), self.world.cycle)
 
     def _time_of(self, cycle: int) -> float:
         """Return when a cycle is due (`time.monotonic`), s; infinity during a pause."""
@@ -116,96 +115,102 @@ class Server:
         )
 
     def _simulate_due_cycles(self) -> None:
-        """Simulate what is due, then wait for packets until more is."""
-        pitch, delay = self.pitch, time.monotonic() - self._time_of(self.pitch.cycle)
+        """Simulate the cycles that are due, then wait for packets until the next one is."""
+        world, delay = self.world, time.monotonic() - self._time_of(self.world.cycle)
         if delay > MAX_DELAY_S:
-            self.notes.add(
-                "too slow", "this computer is too slow for this speed; simulated time falls behind"
+            self.messages.add(
+                "too slow", "this computer is too slow for this speed; simulated time is delayed"
             )
-            self.notes["ms behind"] += round(1e3 * delay)
+            self.messages["ms behind"] += round(1e3 * delay)
             self._set_speed(self.speed)
         self._catch_up()
-        due = min(camera.due for camera in pitch.cameras)
+        due = min(camera.due for camera in world.cameras)
         if self._outbox:
             due = min(due, math.ceil(self._outbox[0].sent_s * CYCLE_RATE_HZ - 1e-6))
-        wake_s = self._time_of(max(min(due, pitch.cycle + SPAN_CYCLES), pitch.cycle + 1))
+        wake_s = self._time_of(max(min(due, world.cycle + SPAN_CYCLES), world.cycle + 1))
         self._handle_requests(min(wake_s - time.monotonic(), CHECK_S))
 
     def _catch_up(self) -> None:
-        """Simulate the cycles that are due, at most a frame of them."""
+        """Simulate the cycles that are due, at most one frame."""
         time_s, first_cycle = self._started
         due = first_cycle + math.floor((time.monotonic() - time_s) * self.speed * CYCLE_RATE_HZ)
-        self._advance(min(due, self.pitch.cycle + CYCLES_PER_FRAME))
+        self._advance(min(due, self.world.cycle + CYCLES_PER_FRAME))
 
     def _advance(self, until: int) -> None:
-        """Simulate up to a cycle, and send what is due meanwhile."""
-        pitch = self.pitch
-        while pitch.cycle < until:
-            pitch.advance()
+        """Simulate up to a cycle, and send images when they are due."""
+        world = self.world
+        while world.cycle < until:
+            world.advance()
             self._publish()
-            if pitch.cycle % CYCLES_PER_FRAME == 0:
+            if world.cycle % CYCLES_PER_FRAME == 0:
                 self.after_frame()
 
     def _publish(self) -> None:
-        """Take the images that are due and send what is due."""
-        for image in self.pitch.take_images():
+        """Take the images that are due, and send those whose time has come."""
+        for image in self.world.take_images():
             if math.isfinite(image.sent_s):
                 self._outbox.append(image)
                 self._outbox.sort(key=lambda image: image.sent_s)
-        while self._outbox and self._outbox[0].sent_s <= self.pitch.time_s + EARLY_S:
+        while self._outbox and self._outbox[0].sent_s <= self.world.time_s + EARLY_S:
             image = self._outbox.pop(0)
-            self.pitch.publish(image)
+            self.world.publish(image)
             packet = VisionPacket(detection=image.detection).SerializeToString()
             self._newest[image.detection.camera_id] = packet
             self._send(packet)
-        if self.pitch.cycle >= self._geometry_due:
-            self._geometry_due = self.pitch.cycle + GEOMETRY_CYCLES
-            self._send(VisionPacket(geometry=self.pitch.geometry()).SerializeToString())
+        if self.world.cycle >= self._geometry_due:
+            self._geometry_due = self.world.cycle + GEOMETRY_CYCLES
+            self._send(VisionPacket(geometry=self.world.geometry()).SerializeToString())
 
     def _repeat(self) -> None:
-        """Send the geometry and the last detection of each camera once more."""
-        self._send(VisionPacket(geometry=self.pitch.geometry()).SerializeToString())
+        """Send the geometry and the newest detection of each camera again."""
+        self._send(VisionPacket(geometry=self.world.geometry()).SerializeToString())
         for packet in self._newest.values():
             self._send(packet)
 
     def _send(self, packet: bytes) -> None:
         try:
             self._socket.sendto(packet, self.vision)
-            self.notes["vision packets sent"] += 1
+            self.messages["vision packets sent"] += 1
         except OSError as error:
-            self.notes.add("vision not sent", f"cannot send to {self.vision}: {reason(error)}")
+            self.messages.add(
+                "vision not sent", f"cannot send to {self.vision}: {error_reason(error)}"
+            )
 
     def _handle_requests(self, seconds: float) -> bool:
-        """Handle packets that come within some seconds. Return whether any came."""
+        """Handle packets that arrive within some seconds. Return whether any arrived."""
         events = self._selector.select(max(seconds, 0.0))
         for key, _ in events:
-            if not self.lockstep:  # what comes now acts in the cycle that begins next
+            if not self.lockstep:  # a command acts from the next cycle on
                 self._catch_up()
-            self._answer(cast(Receiver, key.fileobj), key.data)
+            self._handle_port(cast(Receiver, key.fileobj), key.data)
         return bool(events)
 
-    def _answer(self, port: Receiver, team: int | None) -> None:
-        """Obey and answer datagrams to a team, or, if it is None, to the simulator."""
+    def _handle_port(self, port: Receiver, team: int | None) -> None:
+        """Handle and answer datagrams to a team, or to the simulator if `team` is None."""
         for data, _, client in port.packets():
             try:
                 if team is None:
-                    answer = SimulatorResponse(errors=self._obey(parse(SimulatorCommand, data)))
+                    response = SimulatorResponse(
+                        errors=self._control_simulator(parse_message(SimulatorCommand, data))
+                    )
                     if self.lockstep:
                         self._repeat()
                 else:
-                    answer = self._command(team, parse(RobotControl, data))
+                    response = self._command(team, parse_message(RobotControl, data))
                     if self.lockstep:
-                        self._advance(self.pitch.cameras[0].due)
-                port.sendto(answer.SerializeToString(), client)
+                        self._advance(self.world.cameras[0].due)
+                port.sendto(response.SerializeToString(), client)
             except WireError as error:
-                self.notes.add("bad packets", f"a packet from {client} is skipped: {error}")
+                self.messages.add("bad packets", f"skipped a packet from {client}: {error}")
             except OSError as error:
-                self.notes.add("answers not sent", f"cannot answer {client}: {reason(error)}")
+                self.messages.add(
+                    "answers not sent", f"cannot answer {client}: {error_reason(error)}"
+                )
 
-    def _obey(self, command: SimulatorCommand) -> list[SimulatorError]:
-        """Obey a command to the simulator. Return what is refused."""
-        self.notes["simulator commands"] += 1
-        errors = self.pitch.teleport(command.control)
+    def _control_simulator(self, command: SimulatorCommand) -> list[SimulatorError]:
+        """Execute a command to the simulator. Return errors for refused parts."""
+        self.messages["simulator commands"] += 1
+        errors = self.world.teleport(command.control)
         errors += [
             Refusal("CONFIG", f"{field.name} {FIXED}").error
             for field, _ in command.config.ListFields()
@@ -215,17 +220,17 @@ class Server:
             if not self.lockstep and 0 <= speed <= MAX_SPEED:
                 self._set_speed(speed)
             else:
-                reason = f"outside of lockstep, time goes 0 to {MAX_SPEED:g} times as fast as it does, not {speed:g}"
+                reason = f"the speed must be 0 to {MAX_SPEED:g}, without lockstep, got {speed:g}"
                 errors.append(Refusal("SPEED", reason).error)
         return errors
 
     def _command(self, team: int, commands: RobotControl) -> RobotControlResponse:
-        """Pass commands on to robots."""
-        self.notes[f"{Team.Name(team).lower()} commands"] += 1
-        errors, commanded = self.pitch.command(team, commands.robot_commands)
+        """Pass commands to the robots of a team."""
+        self.messages[f"{Team.Name(team).lower()} commands"] += 1
+        errors, commanded = self.world.command(team, commands.robot_commands)
         for error in errors:
-            self.notes.add(f"refused: {error.code}", error.message)
+            self.messages.add(f"refused: {error.code}", error.message)
         if any(command.kick_speed or command.dribbler_speed for command in commands.robot_commands):
-            self.notes.add("kicks", "robots here neither kick nor dribble; they only move")
+            self.messages.add("kicks", "kicker and dribbler are not simulated")
         feedback = [RobotFeedback(id=number, dribbler_ball_contact=False) for number in commanded]
         return RobotControlResponse(errors=errors, feedback=feedback)

@@ -1,4 +1,4 @@
-"""Requests of the simulation protocol: commands as packets of the radio, and teleports."""
+"""Requests of the simulation protocol: commands, encoded as radio packets, and teleports."""
 
 import math
 from collections.abc import Mapping
@@ -17,22 +17,22 @@ from omni_mj.live.wire.league_pb2 import (
 )
 from omni_mj.network.radio import ReceivedCommand
 
-# Columns of a packet: velocities [vx, vy, w]; the heading that vision saw, and the cycle of its
-# image; whether the velocities are in the robot's frame; rim speeds, NaN where there are none.
+# Columns of a packet: velocities [vx, vy, w]; the measured heading, and the cycle of its image;
+# whether the velocities are in the body frame; rim speeds, NaN if not commanded.
 HEADING, IMAGE_CYCLE, IS_LOCAL, WHEELS = 3, 4, 5, 6
-MAX_VELOCITY = 1e3  # m/s and rad/s, of a command
-MAX_SPEED_M_S, MAX_RATE_RAD_S = 20.0, 100.0  # of a robot that is put down
-MAX_NUMBER = 15  # of a robot: there are 16 patterns
+MAX_VELOCITY = 1e3  # of a command, m/s and rad/s
+MAX_SPEED_M_S, MAX_RATE_RAD_S = 20.0, 100.0  # of a robot that is placed
+MAX_NUMBER = 15  # robot numbers are 0 to 15, because there are 16 patterns
 
 Placement = tuple[Array, Array]  # pose and twist in the world frame, shape (3,) each
 
 
 class Refusal(Exception):  # noqa: N818
-    """A request that is not granted.
+    """A refused request.
 
     Args:
-        code: For programs.
-        reason: For people.
+        code: Machine-readable code.
+        reason: Message for people.
     """
 
     def __init__(self, code: str, reason: str) -> None:
@@ -40,24 +40,24 @@ class Refusal(Exception):  # noqa: N818
         self.error = SimulatorError(code=code, message=reason)
 
 
-def label(name: RobotName) -> str:
-    """Return what a robot is called in messages."""
+def robot_label(name: RobotName) -> str:
+    """Return the name of a robot in messages, such as "blue 3"."""
     return f"{Team.Name(name[0]).lower()} {name[1]}"
 
 
 def empty_packet(n_wheels: int) -> list[float]:
-    """Return what a robot holds before the first command."""
+    """Return the packet that a robot applies before its first command."""
     return [0.0, 0.0, 0.0, np.nan, 0.0, 0.0, *[np.nan] * n_wheels]
 
 
 def encode_packet(command: RobotCommand, n_wheels: int) -> list[float] | None:
-    """Return the packet for a robot, or None if the command does not say how to move.
+    """Return the packet of a command, or None if the command has no velocity.
 
-    Rim speeds turn the robot counter-clockwise if they are positive. Wheels of the robot count from
-    the front left, counter-clockwise; those of the protocol from the front right, clockwise.
+    Positive rim speeds turn the robot counter-clockwise. Our wheels are numbered from the front
+    left, counter-clockwise; the protocol's wheels from the front right, clockwise.
 
     Raises:
-        Refusal: The robot cannot obey.
+        Refusal: The command is invalid for this robot.
     """
     move, packet = command.move_command, empty_packet(n_wheels)
     form = move.WhichOneof("command")
@@ -67,24 +67,24 @@ def encode_packet(command: RobotCommand, n_wheels: int) -> list[float] | None:
     if form == "wheel_velocity":
         if n_wheels != 4:
             raise Refusal(
-                "WHEELS", f"robot {command.id} has {n_wheels} wheels; rim speeds are for four"
+                "WHEELS", f"robot {command.id} has {n_wheels} wheels; wheel velocities need four"
             )
         packet[WHEELS:] = reversed(values)
     else:
         packet[:3], packet[IS_LOCAL] = values, float(form == "local_velocity")
     if not all(abs(value) < MAX_VELOCITY for value in values):
-        limit = f"velocities must be numbers below {MAX_VELOCITY:g} m/s and rad/s"
-        raise Refusal("VELOCITY", f"robot {command.id}: {limit}, not {values}")
+        limit = f"velocities must be below {MAX_VELOCITY:g} m/s and rad/s"
+        raise Refusal("VELOCITY", f"robot {command.id}: {limit}, got {values}")
     return packet
 
 
 def decode_packets(packets: Array, is_new: np.ndarray, cycle: int) -> ReceivedCommand:
-    """Return what robots hold.
+    """Return the commands that robots apply.
 
     Args:
-        packets: Shape (n, k).
-        is_new: Which arrived now, shape (n,).
-        cycle: In which robots compare the headings that vision saw with their own.
+        packets: Packets, shape (n, k).
+        is_new: Which packets have just arrived, shape (n,).
+        cycle: Cycle in which robots compare the measured headings with their own.
     """
     age = np.rint((cycle - packets[:, IMAGE_CYCLE]) / CYCLES_PER_FRAME).astype(int)
     is_known = is_new & (age <= HEADING_MEMORY_FRAMES)
@@ -102,15 +102,14 @@ def decode_packets(packets: Array, is_new: np.ndarray, cycle: int) -> ReceivedCo
 def read_teleport(
     teleport: TeleportRobot, poses: Mapping[RobotName, Array]
 ) -> tuple[RobotName, Placement | None]:
-    """Return which robot is meant, and its pose and twist; None for one that leaves.
+    """Return the name of the robot, and its new pose and twist; None if it is removed.
 
     Args:
         teleport: The request.
-        poses: Of the robots on the field, shape (3,). Fields that the request lacks are taken from
-            there.
+        poses: Robot name -> pose, shape (3,). It supplies fields that the request lacks.
 
     Raises:
-        Refusal: There is no such robot, or no such place.
+        Refusal: The robot or the pose is invalid.
     """
     number, team = teleport.id.id, teleport.id.team
     if (
@@ -119,7 +118,7 @@ def read_teleport(
         or team not in (Team.BLUE, Team.YELLOW)
     ):
         raise Refusal(
-            "ROBOT_ID", f"a robot has a number from 0 to {MAX_NUMBER} and a team, blue or yellow"
+            "ROBOT_ID", f"a robot needs a number from 0 to {MAX_NUMBER} and a team, blue or yellow"
         )
     name = team, number
     if teleport.HasField("present") and not teleport.present:
@@ -128,28 +127,30 @@ def read_teleport(
         teleport.present and teleport.HasField("x") and teleport.HasField("y")
     ):
         raise Refusal(
-            "ABSENT", f"{label(name)} is not on the field; send present = true with x and y"
+            "ABSENT", f"{robot_label(name)} is not on the field; send present = true with x and y"
         )
-    pose, twist = (
-        poses.get(name, np.zeros(3)).copy(),
-        np.array([teleport.v_x, teleport.v_y, teleport.v_angular]),
-    )
+    pose = poses.get(name, np.zeros(3)).copy()
+    twist = np.array([teleport.v_x, teleport.v_y, teleport.v_angular])
     for i, field in enumerate(("x", "y", "orientation")):
         if teleport.HasField(field):
             pose[i] = getattr(teleport, field)
     is_slow = math.hypot(*twist[:2]) <= MAX_SPEED_M_S and abs(twist[2]) <= MAX_RATE_RAD_S
     if not np.isfinite(pose).all() or not is_slow:
         limits = f"velocities up to {MAX_SPEED_M_S:g} m/s and {MAX_RATE_RAD_S:g} rad/s"
-        raise Refusal("TELEPORT", f"{label(name)}: places are finite, {limits}")
+        raise Refusal("TELEPORT", f"{robot_label(name)}: poses must be finite, {limits}")
     pose[2] = wrap_angle(pose[2])
     return name, (pose, twist)
 
 
 def read_ball(ball: TeleportBall, position: Array) -> Array:
-    """Return where the ball shall lie, shape (2,), m, from where it lies.
+    """Return the new position of the ball, shape (2,), m.
+
+    Args:
+        ball: The request.
+        position: Present position of the ball, shape (2,), m.
 
     Raises:
-        Refusal: It is nowhere, or shall move, which it does not here.
+        Refusal: The position is not finite, or the ball would move.
     """
     target = np.array(
         [
@@ -158,5 +159,7 @@ def read_ball(ball: TeleportBall, position: Array) -> Array:
         ]
     )
     if ball.vx or ball.vy or ball.vz or ball.z or not np.isfinite(target).all():
-        raise Refusal("BALL", "the ball lies at a finite place; it neither rolls nor flies here")
+        raise Refusal(
+            "BALL", "the ball needs a finite position, and cannot move: it is always at rest"
+        )
     return target

@@ -1,7 +1,7 @@
 """Messages of the RoboCup Small Size League: SSL-Vision and ssl-simulation-protocol.
 
-`league.proto` holds the field numbers; `make proto` generates the module `league_pb2` from it. Lengths of vision are
-in mm on the wire and in m everywhere else.
+`league.proto` holds the field numbers; `make proto` generates the module `league_pb2` from it.
+Vision lengths are in mm on the wire and in m everywhere else.
 """
 
 from typing import TypeVar
@@ -11,10 +11,8 @@ from google.protobuf.message import DecodeError, Message
 from omni_control.errors import OmniError
 
 MM_PER_M = 1000.0
-VISION_GROUP, VISION_PORT = (
-    "224.5.23.2",
-    10020,
-)  # of simulators; SSL-Vision itself sends to port 10006
+# Defaults of simulators. SSL-Vision itself sends to port 10006.
+VISION_GROUP, VISION_PORT = "224.5.23.2", 10020
 BLUE_PORT, YELLOW_PORT = 10301, 10302
 
 MessageT = TypeVar("MessageT", bound=Message)
@@ -24,7 +22,7 @@ class WireError(OmniError):
     """Bytes that are not a message of the expected type."""
 
 
-def parse(message_type: type[MessageT], data: bytes) -> MessageT:
+def parse_message(message_type: type[MessageT], data: bytes) -> MessageT:
     """Return the message that `data` encodes.
 
     Raises:
@@ -36,6 +34,6 @@ def parse(message_type: type[MessageT], data: bytes) -> MessageT:
     except DecodeError as error:
         raise WireError(f"{message_type.__name__}: {error}") from None
     if not message.IsInitialized():
-        missing = ", ".join(message.FindInitializationErrors())
-        raise WireError(f"{message_type.__name__} lacks {missing}")
+        missing_fields = ", ".join(message.FindInitializationErrors())
+        raise WireError(f"{message_type.__name__} lacks {missing_fields}")
     return message

@@ -18,8 +18,8 @@ from omni_control import Controller
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.live import latency_fit, session
 from omni_mj.live.live_loop import Live
-from omni_mj.live.session import Options
-from omni_mj.live.sockets import Notes
+from omni_mj.live.session import ConnectionOptions
+from omni_mj.live.sockets import MessageCounter
 from omni_mj.simulation.simulation import Simulation
 
 PEER = [sys.executable, str(Path(peer_program.__file__))]
@@ -48,12 +48,12 @@ def started(ports: tuple[int, int], *said: object) -> Iterator["subprocess.Popen
 
 
 @contextmanager
-def peer(*said: object, **options: Any) -> Iterator[Options]:
+def peer(*said: object, **options: Any) -> Iterator[ConnectionOptions]:
     """A simulator that waits for commands; how to connect to it, with more options."""
     ports = free_port(), free_port()
     vision, commands = (f"{LOOPBACK}:{port}" for port in ports)
     with started(ports, "--lockstep", *said):
-        yield replace(Options(vision, commands, pace="vision", listen_s=0.4), **options)
+        yield replace(ConnectionOptions(vision, commands, pace="vision", listen_s=0.4), **options)
 
 
 def on_wire(controller: str | type[Controller], **sections: object) -> Scenario:
@@ -61,9 +61,12 @@ def on_wire(controller: str | type[Controller], **sections: object) -> Scenario:
     return load_scenario("rect", plant="live", controllers=[controller], **sections)
 
 
-def driven(chosen: Scenario, options: Options) -> Live:
-    session.check(chosen, options)
-    with session.listening(options, Notes()) as link, session.ready(chosen, options, link) as live:
+def driven(chosen: Scenario, options: ConnectionOptions) -> Live:
+    session.check_drivable(chosen, options)
+    with (
+        session.open_vision(options, MessageCounter()) as frame_clock,
+        session.prepare_drive(chosen, options, frame_clock) as live,
+    ):
         live.run()
     return live
 

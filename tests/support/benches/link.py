@@ -73,9 +73,11 @@ def hold(
     own = [{"delay_frames": delay, **settings}] * len(faults)
     link = radio(own, faults, seeds, ticks=ticks, nothing=(-1.0,))
     held = []
-    for tick in range(frames * ticks):
-        link.send(np.full((len(faults), 1), float(tick)))
+    for wait_for_frame in range(frames * ticks):
+        link.send(np.full((len(faults), 1), float(wait_for_frame)))
         packet, _, age = link.deliver()
-        np.testing.assert_array_equal(packet[:, 0], np.where(packet[:, 0] < 0, -1, tick - age))
+        np.testing.assert_array_equal(
+            packet[:, 0], np.where(packet[:, 0] < 0, -1, wait_for_frame - age)
+        )
         held.append(packet[:, 0])
     return np.array(held, int)

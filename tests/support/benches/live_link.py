@@ -7,13 +7,13 @@ from serving import RobotSeen, vision
 
 from omni_mj.live import sockets
 from omni_mj.live.sockets import Address as Address
-from omni_mj.live.sockets import Notes
+from omni_mj.live.sockets import MessageCounter
 from omni_mj.live.sockets import Receiver as Receiver
-from omni_mj.live.ssl_vision import Clock as Clock
-from omni_mj.live.ssl_vision import Vision
+from omni_mj.live.ssl_vision import PeerClock as PeerClock
+from omni_mj.live.ssl_vision import SslVision
 
 PERIOD_S = 1 / 60
-sender = sockets.sender
+sender = sockets.open_sender
 
 
 class Camera:
@@ -21,7 +21,7 @@ class Camera:
 
     def __init__(self, *ids: int, colour: str = "blue") -> None:
         self.said: list[str] = []
-        self.vision = Vision(colour, Notes(self.said.append))  # type: ignore[arg-type]
+        self.vision = SslVision(colour, MessageCounter(self.said.append))  # type: ignore[arg-type]
         self.vision.ids = list(ids)
 
     def see(
@@ -43,4 +43,6 @@ class Camera:
         self, time: float, *expected: Sequence[float], rate: float = 1.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """What was seen at a tick of robots that are expected at these poses, and its age."""
-        return self.vision.at(time, rate, np.array(expected or np.zeros((len(self.vision.ids), 3))))
+        return self.vision.measurements(
+            time, rate, np.array(expected or np.zeros((len(self.vision.ids), 3)))
+        )

@@ -11,11 +11,11 @@ from serving import BLUE, LOOPBACK, Client, teleport
 
 from omni_mj.live.serve import initial_setup
 from omni_mj.live.serve.recorder import Recorder
-from omni_mj.live.serve.served_world import Pitch
+from omni_mj.live.serve.served_world import ServedWorld
 from omni_mj.live.serve.server import Server
-from omni_mj.live.serve.simulation_requests import label
-from omni_mj.live.sockets import Address, Notes
-from omni_mj.live.wire import parse
+from omni_mj.live.serve.simulation_requests import robot_label
+from omni_mj.live.sockets import Address, MessageCounter
+from omni_mj.live.wire import parse_message
 from omni_mj.live.wire.league_pb2 import RobotControl, SimulatorCommand
 
 QUIET = (
@@ -44,15 +44,18 @@ class Field:
         scenario: str | None = None,
         **head: Any,
     ) -> None:
-        poses = initial_setup.poses(
-            initial_setup.numbers(blue, "--blue"), initial_setup.numbers(yellow, "--yellow")
+        poses = initial_setup.starting_poses(
+            initial_setup.parse_robot_ids(blue, "--blue"),
+            initial_setup.parse_robot_ids(yellow, "--yellow"),
         )
-        self.pitch = Pitch(initial_setup.load(scenario, sets, head), poses, Notes())
+        self.pitch = ServedWorld(
+            initial_setup.load_served_scenario(scenario, sets, head), poses, MessageCounter()
+        )
         self.recorder: Recorder | None = None
 
     @property
     def names(self) -> list[str]:
-        return [label(name) for name in self.pitch.poses()]
+        return [robot_label(name) for name in self.pitch.poses()]
 
     @property
     def poses(self) -> np.ndarray:
@@ -73,7 +76,7 @@ class Field:
 
     def command(self, packet: bytes, team: int = BLUE) -> list[str]:
         """Send a packet to robots; codes of what is refused."""
-        errors, _ = self.pitch.command(team, parse(RobotControl, packet).robot_commands)
+        errors, _ = self.pitch.command(team, parse_message(RobotControl, packet).robot_commands)
         return [error.code for error in errors]
 
     def cycles(self, count: int) -> list[Any]:
@@ -103,7 +106,7 @@ class Field:
 
     def teleport(self, *packets: bytes) -> list[str]:
         """Put robots down or take them away; codes and names of what is refused."""
-        command = parse(SimulatorCommand, b"".join(packets))
+        command = parse_message(SimulatorCommand, b"".join(packets))
         return [f"{error.code} {error.message}" for error in self.pitch.teleport(command.control)]
 
     def put(

@@ -4,7 +4,7 @@ from typing import Any
 
 from google.protobuf.descriptor import FieldDescriptor
 
-from omni_mj.live.wire import WireError, league_pb2, parse
+from omni_mj.live.wire import WireError, league_pb2, parse_message
 
 MESSAGES, ENUMERATIONS = (
     league_pb2.DESCRIPTOR.message_types_by_name,
@@ -31,6 +31,6 @@ def table(message: str) -> str:
 def read(packet: str, data: bytes) -> Any:
     """The message that bytes are; None if they are refused."""
     try:
-        return parse(getattr(league_pb2, packet), data)
+        return parse_message(getattr(league_pb2, packet), data)
     except WireError:
         return None
