@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from benches.studies import NAMES, AlphaResult, AlphaStudy, StoppedError, conditions
+from benches.studies import RESPONSE_FIELDS, AlphaResult, AlphaStudy, StoppedError, conditions
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -51,7 +51,10 @@ def test_creep_alone_takes_what_its_law_says(study: AlphaStudy) -> None:
     found, speed = conditions.PROFILE, conditions.PROFILE.speed_m_s
     both, curve = slice(0, 2), softness(om.load_scenario("rect"))
     alone = study.by_causes.at((1, 0, 0))  # creep without drag and battery
-    creep = {name: (getattr(alone, name) - getattr(study.wheel_loop, name))[both] for name in NAMES}
+    creep = {
+        name: (getattr(alone, name) - getattr(study.wheel_loop, name))[both]
+        for name in RESPONSE_FIELDS
+    }
     gain = study.wheel_loop.steady_gain[both] + creep["steady_gain"]
     # What accelerates the robot leans on some wheels more than others, and the law has their mean.
     np.testing.assert_allclose(creep["lag_s"], curve * gain**2 * speed / 2, rtol=0.1)
@@ -91,7 +94,7 @@ def test_more_pile_less_charge_and_heat_cost_what_they_can(study: AlphaStudy) ->
 
 
 def test_shares_add_up_to_what_all_causes_do(study: AlphaStudy) -> None:
-    for name in NAMES:
+    for name in RESPONSE_FIELDS:
         added = sum(study.contributions(name).values())
         np.testing.assert_allclose(
             added, getattr(study.worn, name) - getattr(study.wheel_loop, name), atol=1e-12
