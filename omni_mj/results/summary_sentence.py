@@ -1,0 +1,132 @@
+"""The result of a study in one sentence: which controller was best, by how much, and why.
+
+The terminal and the report open with this sentence. It is computed from summary.json alone.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from omni_mj.results.statistics import paired_difference
+
+Results = Mapping[str, Mapping[str, Any]]  # controller -> its results in summary.json
+
+# A component of the position error explains a difference if it causes this fraction of it. The
+# mean squares of both components add up to the mean square of the position error.
+MAIN_FRACTION = 0.6
+EXPLANATIONS = {
+    "along_track": "by better timing: along-track error",
+    "cross_track": "by keeping closer to the path: cross-track error",
+}
+LOCATIONS = {"along_track": "along the path", "cross_track": "across the path"}
+
+
+def summary_sentence(summary: Mapping[str, Any]) -> str:
+    """Return one sentence that says which controller was best, by how much, and why.
+
+    Controllers are ranked by the mean position error, averaged over the seeds. A controller with a
+    failed seed has no rank. Controllers that are given the true state do not compete.
+
+    Args:
+        summary: Content of summary.json, with one or several scenarios.
+
+    Returns:
+        The sentence with its full stop, or "" if no scenario has results.
+    """
+    scenarios = [
+        _competitors(entry["results"], summary["privileged"])
+        for entry in summary["scenarios"].values()
+        if entry["results"]
+    ]
+    if not scenarios:
+        return ""
+    if len(scenarios) > 1:
+        return _count_wins(scenarios)
+    (results,) = scenarios
+    ranking = _rank(results)
+    failures = [
+        f"{name} failed in {result['n_failed']} of {_seeds(_n_seeds(result))}"
+        for name, result in results.items()
+        if result["n_failed"]
+    ]
+    if len(ranking) > 1:
+        text = _compare(results, ranking[0], ranking[1])
+    elif ranking:
+        text = _describe(ranking[0], results[ranking[0]])
+    else:
+        text = "No controller finished all seeds"
+    return "; ".join([text, *failures]) + "."
+
+
+def _competitors(results: Results, privileged: list[str]) -> Results:
+    """Return the results of the controllers that compete; of all if none does."""
+    competing = {name: result for name, result in results.items() if name not in privileged}
+    return competing or results
+
+
+def _rank(results: Results) -> list[str]:
+    """Return the controllers that finished all seeds, best first."""
+    errors = {name: _error_m(result) for name, result in results.items() if not result["n_failed"]}
+    return sorted(errors, key=errors.__getitem__)
+
+
+def _count_wins(scenarios: list[Results]) -> str:
+    """Return in how many scenarios the most successful controller was best."""
+    wins = Counter(ranking[0] for results in scenarios if (ranking := _rank(results)))
+    if not wins:
+        return "No controller finished all seeds of a scenario."
+    best, n_wins = wins.most_common(1)[0]
+    return f"{best} has the smallest mean position error in {n_wins} of {len(scenarios)} scenarios."
+
+
+def _describe(name: str, result: Mapping[str, Any]) -> str:
+    """Return the error of the only controller, and its main component."""
+    text = f"{name} follows the reference with a mean position error of {_cm(result)}"
+    total = _error_m(result, statistic="rms") ** 2
+    for axis, location in LOCATIONS.items():
+        if total > 0 and _error_m(result, axis, "rms") ** 2 >= MAIN_FRACTION * total:
+            return f"{text}, mainly {location}"
+    return text
+
+
+def _compare(results: Results, best: str, second: str) -> str:
+    """Return by how much, and why, the best controller beats the second best."""
+    ours, theirs = results[best], results[second]
+    difference, half_width, _ = paired_difference(
+        theirs["error_m"]["position"]["mean"], ours["error_m"]["position"]["mean"]
+    )
+    if not difference:
+        return f"{best} and {second} have the same mean position error, {_cm(ours)}"
+    if half_width is not None and difference <= half_width:
+        return (
+            f"{best} ({_cm(ours)}) and {second} ({_cm(theirs)}) do not differ significantly in "
+            f"mean position error over {_seeds(_n_seeds(ours))}"
+        )
+    percent = 100 * difference / _error_m(theirs)
+    text = (
+        f"{best} is best: its mean position error of {_cm(ours)} is {percent:.0f} % below that of "
+        f"{second}"
+    )
+    total = _error_m(theirs, statistic="rms") ** 2 - _error_m(ours, statistic="rms") ** 2
+    for axis, explanation in EXPLANATIONS.items():
+        gain = _error_m(theirs, axis, "rms") ** 2 - _error_m(ours, axis, "rms") ** 2
+        if total > 0 and gain >= MAIN_FRACTION * total:
+            return f"{text}, mainly {explanation} {_cm(ours, axis)} instead of {_cm(theirs, axis)}"
+    return text
+
+
+def _error_m(result: Mapping[str, Any], axis: str = "position", statistic: str = "mean") -> float:
+    """Return an error, mean over the seeds, m."""
+    return float(result["error_m"][axis][statistic]["mean"])
+
+
+def _cm(result: Mapping[str, Any], axis: str = "position") -> str:
+    return f"{100 * _error_m(result, axis):.2f} cm"
+
+
+def _n_seeds(result: Mapping[str, Any]) -> int:
+    return len(result["settle_s"]["per_seed"])
+
+
+def _seeds(count: int) -> str:
+    return f"{count} seed{'s' * (count != 1)}"
