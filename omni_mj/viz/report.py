@@ -21,14 +21,8 @@ from omni_mj.results.result_tables import DASH, Table, describe_plant, format_nu
 from omni_mj.results.summary import read_summary
 from omni_mj.studies.compare import compare_table
 
-FIGURES = (
-    "path",
-    "output",
-    "error",
-    "alpha",
-    "seeds",
-    "compare",
-)  # in the order in which they are shown
+# In the order of the page, the one that shows the finding first.
+FIGURES = ("compare", "seeds", "error", "path", "command", "alpha")
 STATISTICS = {"max": "maximum", "p99": "99th percentile", "mean": "mean", "rms": "root mean square"}
 PEAKS = {
     "peak_voltage_v": "peak, V",

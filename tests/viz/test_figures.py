@@ -35,11 +35,11 @@ def test_a_run_that_ended_at_once_can_be_drawn(frames: int) -> None:
 
 def test_curves_are_the_recorded_values() -> None:
     """The i-th controller's error is i cm and i TURN rad by construction, its command the velocity over alpha."""
-    figures = drawn(outcome(), "error", "output")
+    figures = drawn(outcome(), "error", "command")
     for i in range(2):
         for axes, expected in zip(figures["error"].axes, (i, i, i * np.rad2deg(TURN)), strict=True):
             np.testing.assert_allclose(curves(axes, f"c{i}")[0], expected, atol=1e-9)
-        for axes, frame in zip(figures["output"].axes, (0, -1), strict=False):
+        for axes, frame in zip(figures["command"].axes, (0, -1), strict=False):
             np.testing.assert_allclose(curves(axes, f"c{i}")[0][frame], SPEED / ALPHA)
 
 
@@ -77,8 +77,8 @@ def test_a_row_that_failed_is_drawn_up_to_there_and_leaves_room_for_the_others(
     run = outcome(names, 1, ends={controllers - 1: 90})
     assert run.log
     run.log.channel("pose")[80:90, -1, 0] += 1.0
-    figures = drawn(run, "path", "output", "error")
-    for name in ("output", "error"):
+    figures = drawn(run, "path", "command", "error")
+    for name in ("command", "error"):
         shown = [curve for axes in figures[name].axes for curve in curves(axes, names[-1])]
         assert {np.flatnonzero(~np.isnan(curve))[-1] for curve in shown} == {89}
     assert figures["error"].axes[0].get_ylim()[1] < 10

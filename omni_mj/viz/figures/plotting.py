@@ -1,4 +1,4 @@
-"""Shared parts of the figures: style, saving, legends, time axes and logarithmic axes."""
+"""Helpers for all figures: style, files, titles, legends, time axes and logarithmic axes."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -18,53 +18,55 @@ from omni_mj.config.settings import FRAME_RATE_HZ
 from omni_mj.files import open_atomic
 from omni_mj.viz import style
 
-LETTERS_PER_INCH, HANDLE_LETTERS = 12, 9  # of titles and legends; room of a legend's line
+LETTERS_PER_INCH = 12  # of titles and legends
+LEGEND_HANDLE_LETTERS = 9  # width of a line and its margins in a legend
 WIDE_RANGE = 200.0  # ratio of limits above which a logarithmic axis labels powers of ten only
 
 
 @contextmanager
 def figure_file(stem: Path, title: str = "", svg: bool = False, **options: Any) -> Iterator[Figure]:
-    """Yield a figure in the program's style, then write it to `stem`.png and, if requested, `stem`.svg.
+    """Yield a figure in the program's style; on exit, save it as a PNG and perhaps an SVG file.
 
     Args:
         stem: Path without suffix.
-        title: Text above the figure, wrapped to its width; a figure may set its own instead.
-        svg: Whether to write an SVG as well.
+        title: Text above the figure, wrapped to its width. Default: the title that the figure has.
+        svg: Whether to save an SVG file as well.
         **options: Arguments of `matplotlib.figure.Figure`, such as `figsize`.
     """
     with rc_context(fname=style.STYLE_SHEET):
         figure = Figure(**options)
         yield figure
         figure.suptitle(wrap_title(title or figure.get_suptitle(), figure), x=0.01, ha="left")
-        for kind in ("png", "svg") if svg else ("png",):
-            with open_atomic(stem.with_suffix(f".{kind}")) as file:
-                figure.savefig(
-                    file, format=kind, metadata={"Date": None} if kind == "svg" else None
-                )
+        for suffix in ("png", "svg") if svg else ("png",):
+            # Equal figures give equal files, so an SVG file has no date.
+            metadata = {"Date": None} if suffix == "svg" else None
+            with open_atomic(stem.with_suffix(f".{suffix}")) as file:
+                figure.savefig(file, format=suffix, metadata=metadata)
 
 
-def wrap_title(text: str, figure: Figure) -> str:
-    """Return a text whose lines are broken to the width of a figure."""
+def wrap_title(title: str, figure: Figure) -> str:
+    """Return a title with lines broken to the width of a figure."""
     width = round(LETTERS_PER_INCH * figure.get_figwidth())
-    return "\n".join(
-        part for line in text.splitlines() for part in wrap(line, width, break_on_hyphens=False)
-    )
+    paragraphs = [wrap(line, width, break_on_hyphens=False) for line in title.splitlines()]
+    return "\n".join(line for paragraph in paragraphs for line in paragraph)
 
 
 def create_time_axes(
-    figure: Figure, rows: int, columns: int, height: float, **shared: Any
+    figure: Figure, rows: int, columns: int, height: float, **options: Any
 ) -> np.ndarray:
-    """Return axes of shape (rows, columns) over time in s; ticks name the frame, as in the paper, and the second.
+    """Return axes of shape (rows, columns) over time in s.
+
+    Ticks show the frame, as the paper's figures do, and the second.
 
     Args:
         figure: Empty figure, which is resized.
         rows: Number of rows.
         columns: Number of columns.
-        height: Height of a panel, inches.
-        **shared: Arguments of `Figure.subplots`.
+        height: Height of one panel, inches.
+        **options: Arguments of `Figure.subplots`.
     """
     figure.set_size_inches(8, 1.4 + rows * (height + 0.3))
-    grid = figure.subplots(rows, columns, sharex=True, squeeze=False, **shared)
+    grid = figure.subplots(rows, columns, sharex=True, squeeze=False, **options)
     grid[0, 0].xaxis.set_major_formatter(lambda time, _: f"{FRAME_RATE_HZ * time:g}\n{time:g} s")
     for axes in grid[-1]:
         axes.set_xlabel("frames of 1/60 s (fp)")
@@ -72,31 +74,30 @@ def create_time_axes(
 
 
 def frame_times(values: Array) -> Array:
-    """Return the times of the frames of `values`, s."""
+    """Return the times of values that have one frame per row, (frames,) s."""
     return np.arange(len(values)) / FRAME_RATE_HZ
 
 
 def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
-    """Add one legend below the figure for everything labelled in `axes`, each label once."""
-    entries: dict[str, Any] = {}
+    """Add one legend below the figure with each label of `axes` once."""
+    handles: dict[str, Any] = {}
     for panel in axes:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, handle)
-    if not entries:  # all that would have one failed
+            handles.setdefault(label, handle)
+    if not handles:
         return
-    columns = max(
-        1, int(LETTERS_PER_INCH * figure.get_figwidth() / (HANDLE_LETTERS + max(map(len, entries))))
-    )
+    entry_letters = LEGEND_HANDLE_LETTERS + max(map(len, handles))
+    columns = max(1, int(LETTERS_PER_INCH * figure.get_figwidth() / entry_letters))
     figure.legend(
-        list(entries.values()),
-        list(entries),
+        list(handles.values()),
+        list(handles),
         loc="outside lower center",
-        ncols=min(columns, len(entries)),
+        ncols=min(columns, len(handles)),
     )
 
 
 def use_log_scale(axis: Axis) -> None:
-    """Make an axis logarithmic, with ticks as plain numbers; all data must have been drawn."""
+    """Make an axis logarithmic with plain numbers at its ticks; call it after drawing all data."""
     axis.axes.set(**{"yscale" if isinstance(axis, YAxis) else "xscale": "log"})
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1,) if high > WIDE_RANGE * low else (1, 2, 5)))

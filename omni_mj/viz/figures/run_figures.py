@@ -1,6 +1,7 @@
-"""Figures of a run, of each controller's first row: path, output, errors, motor correction factor."""
+"""Figures of each controller's first robot: errors, path, commands, motor correction factor."""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,82 +15,91 @@ from omni_mj.viz import style
 from omni_mj.viz.figures import plotting
 from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot
 
-TURNED_DEG = 0.06  # error of heading from which on a robot turns
-PAPER_ALPHA = (0.7, 1.0)  # section 2
-HALF_WIDTH, MIN_HALF_M = 1.25, 0.005  # of a square, in deviations; at least
-COLUMNS = 4  # squares in a row
-STEP_M = 0.0005  # of points on the path, to which distances are measured
+MIN_HEADING_ERROR_DEG = 0.06  # largest error below which the heading has no panel
+PAPER_ALPHA_RANGE = (0.7, 1.0)  # section 2 of the paper
+# Half the width of a close-up: in deviations from the path, and at least in m.
+CLOSE_UP_DEVIATIONS, MIN_CLOSE_UP_M = 1.25, 0.005
+CLOSE_UP_COLUMNS = 4
+PATH_STEP_M = 0.0005  # between points of the path to which distances are computed
+Robots = Sequence[RecordedRobot]
 
 
-def draw_paths(robots: Sequence[RecordedRobot], failed: Collection[str], figure: Figure) -> None:
-    """Draw the reference and the paths (figures 7 and 10), enlarged where each controller strays farthest."""
-    reference = max(robots, key=lambda robot: robot.length)["ref"][:, :2]
-    columns = min(len(robots), COLUMNS)
-    rows = -(-len(robots) // columns)
-    figure.set_size_inches(8, 5.4 + 2.5 * rows)
-    grid = figure.add_gridspec(1 + rows, columns, height_ratios=[2.2, *[1] * rows])
-    overview = figure.add_subplot(grid[0, :])
-    _draw(overview, robots, reference)
-    overview.plot(*reference[0], "o", color="black", ms=6, zorder=6, label="start")
-    for i, robot in enumerate(robots):
-        colour, travelled = style.colour(robot.style_index), robot["pose"][:, :2]
-        if robot.name in failed:
-            overview.plot(
-                *travelled[-1],
-                "X",
-                color=colour,
-                ms=8,
-                mec="black",
-                zorder=6,
-                label=f"{robot.name} failed",
-            )
-        distance = distance_to_path(reference, travelled)
-        centre, deviation = travelled[distance.argmax()], float(distance.max())
-        half = max(HALF_WIDTH * deviation, MIN_HALF_M)
-        axes = figure.add_subplot(grid[1 + i // columns, i % columns])
-        _draw(axes, robots, reference, centre, 100)
-        limits = (-100 * half, 100 * half)
-        axes.set(xlim=limits, ylim=limits, xlabel=f"{100 * deviation:.3g} cm off", title=robot.name)
-        axes.spines[:].set(visible=True, color=colour, linewidth=1.5)
-        # Squares at one place are around each other, so that none hides another.
-        overview.plot(*centre, "s", mfc="none", mec=colour, ms=9 + 3 * i, mew=1.5, zorder=7)
-    overview.margins(0.06)
-    overview.set(xlabel="x in m", ylabel="y in m")
-    plotting.add_legend(figure, [overview])
+def draw_errors(robots: Robots, failed: Collection[str], figure: Figure) -> None:
+    """Draw the absolute errors of position (figures 9 and 12 of the paper), and of heading if any.
 
-
-def draw_output(robots: Sequence[RecordedRobot], failed: Collection[str], figure: Figure) -> None:
-    """Draw the velocities commanded by the controllers (figures 8 and 11) and the reference's."""
-    poses = max(robots, key=lambda robot: robot.length)["ref"]
-    labels = ["velocity in x, m/s", "velocity in y, m/s", "turn rate, rad/s"]
-    labels = labels if np.ptp(poses[:, 2]) > 0 else labels[:2]
-    reference = np.diff(poses, axis=0, append=poses[-1:]) * FRAME_RATE_HZ
-    for axis, axes in enumerate(
-        _compare(robots, failed, figure, labels, lambda robot: robot["command"])
-    ):
-        axes.plot(
-            plotting.frame_times(poses),
-            reference[:, axis],
-            color=style.BACKGROUND,
-            lw=3.5,
-            zorder=1,
-            label="reference",
-        )
-    plotting.add_legend(figure, figure.axes)
-
-
-def draw_errors(robots: Sequence[RecordedRobot], failed: Collection[str], figure: Figure) -> None:
-    """Draw the absolute errors of position (figures 9 and 12), and of heading if there are any."""
-    labels = ["|error| in x, cm", "|error| in y, cm", "|error| of heading, deg"]
-    turns = max(np.abs(robot.pose_error()[:, 2]).max() for robot in robots) > TURNED_DEG
-    labels = labels if turns else labels[:2]
-    for axes in _compare(robots, failed, figure, labels, lambda robot: np.abs(robot.pose_error())):
+    Args:
+        robots: One robot per controller.
+        failed: Names of the robots that failed.
+        figure: Empty figure.
+    """
+    labels = ["|error| in x, cm", "|error| in y, cm", "|heading error|, deg"]
+    largest = max(np.abs(robot.pose_error()[:, 2]).max() for robot in robots)
+    labels = labels if largest > MIN_HEADING_ERROR_DEG else labels[:2]
+    for axes in _draw_columns(robots, failed, figure, labels, _absolute_error):
         axes.set_ylim(bottom=0)
     plotting.add_legend(figure, figure.axes)
 
 
-def estimators(robots: Sequence[RecordedRobot]) -> list[RecordedRobot]:
-    """Return the robots whose controllers estimate alpha."""
+def draw_paths(robots: Robots, failed: Collection[str], figure: Figure) -> None:
+    """Draw all paths (figures 7 and 10 of the paper) and, below, a close-up for each controller.
+
+    A close-up shows the point of the controller's path that is farthest from the reference path.
+
+    Args:
+        robots: One robot per controller.
+        failed: Names of the robots that failed.
+        figure: Empty figure.
+    """
+    reference = max(robots, key=lambda robot: robot.length)["ref"][:, :2]
+    columns = min(len(robots), CLOSE_UP_COLUMNS)
+    rows = -(-len(robots) // columns)
+    figure.set_size_inches(8, 4.4 + 2.5 * rows)
+    grid = figure.add_gridspec(1 + rows, columns, height_ratios=[1.7, *[1] * rows])
+    overview = figure.add_subplot(grid[0, :])
+    _draw_path_lines(overview, robots, reference)
+    overview.plot(*reference[0], "o", color="black", ms=6, zorder=6, label="start")
+    for i, robot in enumerate(robots):
+        colour, path = style.colour(robot.style_index), robot["pose"][:, :2]
+        if robot.name in failed:
+            marker: dict[str, Any] = {"color": colour, "ms": 8, "mec": "black", "zorder": 6}
+            overview.plot(*path[-1], "X", label=f"{robot.name} failed", **marker)
+        distance = distance_to_path(reference, path)
+        center, deviation = path[distance.argmax()], float(distance.max())
+        axes = figure.add_subplot(grid[1 + i // columns, i % columns])
+        _draw_path_lines(axes, robots, reference, center, 100)
+        half_width_cm = 100 * max(CLOSE_UP_DEVIATIONS * deviation, MIN_CLOSE_UP_M)
+        limits = (-half_width_cm, half_width_cm)
+        label = f"{100 * deviation:.3g} cm from the path"
+        axes.set(xlim=limits, ylim=limits, xlabel=label, title=robot.name)
+        axes.spines[:].set(visible=True, color=colour, linewidth=1.5)
+        # Squares at the same point have different sizes, so that none hides another.
+        overview.plot(*center, "s", mfc="none", mec=colour, ms=9 + 3 * i, mew=1.5, zorder=7)
+    overview.margins(0.06)
+    overview.set(xlabel="x, m", ylabel="y, m")
+    plotting.add_legend(figure, [overview])
+
+
+def draw_commands(robots: Robots, failed: Collection[str], figure: Figure) -> None:
+    """Draw commanded velocities and the reference's (figures 8 and 11 of the paper).
+
+    Args:
+        robots: One robot per controller.
+        failed: Names of the robots that failed.
+        figure: Empty figure.
+    """
+    poses = max(robots, key=lambda robot: robot.length)["ref"]
+    labels = ["velocity in x, m/s", "velocity in y, m/s", "turn rate, rad/s"]
+    labels = labels if np.ptp(poses[:, 2]) > 0 else labels[:2]
+    panels = _draw_columns(robots, failed, figure, labels, lambda robot: robot["command"])
+    velocity = np.diff(poses, axis=0, append=poses[-1:]) * FRAME_RATE_HZ
+    line: dict[str, Any] = {"color": style.BACKGROUND, "lw": 3.5, "zorder": 1, "label": "reference"}
+    for axis, axes in enumerate(panels):
+        axes.plot(plotting.frame_times(poses), velocity[:, axis], **line)
+    plotting.add_legend(figure, figure.axes)
+
+
+def select_alpha_estimators(robots: Robots) -> list[RecordedRobot]:
+    """Return the robots whose controllers estimate the motor correction factor alpha."""
     return [
         robot
         for robot in robots
@@ -97,85 +107,97 @@ def estimators(robots: Sequence[RecordedRobot]) -> list[RecordedRobot]:
     ]
 
 
-def draw_alpha(robots: Sequence[RecordedRobot], figure: Figure) -> None:
-    """Draw the estimates of alpha, and displacement achieved over commanded where robots drive."""
+def draw_alpha(robots: Robots, figure: Figure) -> None:
+    """Draw estimated alpha, and measured alpha where robots drive; a row of axes per robot."""
     grid = plotting.create_time_axes(figure, len(robots), 2, 1.4, sharey=True)
     for (row, axis), axes in np.ndenumerate(grid):
         robot = robots[row]
-        ratio, low, high, estimate = robot.alpha(axis).T
-        time, colour = plotting.frame_times(ratio), style.colour(robot.style_index)
-        label = f"displacement achieved over commanded in {ALPHA_WINDOW_FRAMES} frames"
-        axes.axhspan(
-            *PAPER_ALPHA, color="#EEEEEE", lw=0, zorder=0, label="the paper's interval, 0.7 to 1"
-        )
-        axes.plot(time, ratio, color="black", lw=1, zorder=4, label=label)
-        axes.plot(
-            time,
-            estimate,
-            color=colour,
-            lw=2,
-            zorder=3,
-            label="estimate, in the controller's colour",
-        )
+        measured, low, high, estimate = robot.alpha(axis).T
+        time = plotting.frame_times(measured)
+        colour = style.colour(robot.style_index)
+        paper_label = "range of the paper, 0.7 to 1"
+        axes.axhspan(*PAPER_ALPHA_RANGE, color="#EEEEEE", lw=0, zorder=0, label=paper_label)
+        measured_label = f"displacement achieved / commanded in {ALPHA_WINDOW_FRAMES} frames"
+        axes.plot(time, measured, color="black", lw=1, zorder=4, label=measured_label)
+        label = "estimate, in the controller's color"
+        axes.plot(time, estimate, color=colour, lw=2, zorder=3, label=label)
         if np.isfinite(low).any():
-            axes.fill_between(
-                time, low, high, color=colour, alpha=0.25, lw=0, zorder=1, label="± 2 sigma of it"
-            )
+            band: dict[str, Any] = {"color": colour, "alpha": 0.25, "lw": 0, "zorder": 1}
+            axes.fill_between(time, low, high, label="estimate ± 2 sigma", **band)
         axes.set(title=f"{robot.name}, {'xy'[axis]}", ylabel="" if axis else "alpha")
     grid[0, 0].set_ylim(ALPHA_RANGE)
     plotting.add_legend(figure, grid.flat)
 
 
-def _compare(
-    robots: Sequence[RecordedRobot],
+def distance_to_path(path: Array, points: Array) -> Array:
+    """Return the distances of points (m, 2) from a path (n, 2) of straight segments, (m,) m."""
+    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    arc = np.concatenate([[0.0], np.cumsum(lengths)])
+    steps = np.linspace(0, arc[-1], 1 + int(arc[-1] / PATH_STEP_M))
+    dense_path = np.column_stack([np.interp(steps, arc, coordinate) for coordinate in path.T])
+    distance: Array = KDTree(dense_path).query(points)[0]
+    return distance
+
+
+def _absolute_error(robot: RecordedRobot) -> Array:
+    """Return the absolute pose error, (frames, 3) cm, cm, deg."""
+    return np.abs(robot.pose_error())
+
+
+def _draw_columns(
+    robots: Robots,
     failed: Collection[str],
     figure: Figure,
     labels: Sequence[str],
     values: Callable[[RecordedRobot], Array],
 ) -> list[Axes]:
-    """Draw values (frames, axes) of all robots, a panel for each label with room for those that did not fail."""
-    grid: list[Axes] = list(plotting.create_time_axes(figure, len(labels), 1, 1.8)[:, 0])
-    kept = np.concatenate(
-        [values(robot) for robot in robots if robot.name not in failed] or [np.zeros((1, 3))]
-    )
-    for axis, axes in enumerate(grid):
-        axes.set_ylabel(labels[axis])
-        low, high = kept[:, axis].min(initial=0.0), kept[:, axis].max(initial=1e-9)
-        axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
+    """Draw the columns of an array over time for all robots, and return the axes.
+
+    The limits of the axes fit the robots that did not fail.
+
+    Args:
+        robots: One robot per controller.
+        failed: Names of the robots that failed.
+        figure: Empty figure.
+        labels: Labels of the panels, one per column.
+        values: Function of a robot that returns an array (frames, columns).
+    """
+    panels: list[Axes] = list(plotting.create_time_axes(figure, len(labels), 1, 1.8)[:, 0])
+    successful = [values(robot) for robot in robots if robot.name not in failed]
+    limits = np.concatenate(successful or [np.zeros((1, 3))])
+    for column, axes in enumerate(panels):
+        axes.set_ylabel(labels[column])
+        low, high = limits[:, column].min(initial=0.0), limits[:, column].max(initial=1e-9)
+        margin = 0.08 * (high - low)
+        axes.set_ylim(low - margin, high + margin)
         for robot in robots:
-            drawn, look = (
-                values(robot)[:, axis],
-                style.line_style(robot.style_index) | {"marker": ""},
-            )
-            axes.plot(plotting.frame_times(drawn), drawn, label=robot.name, zorder=3, **look)
-    return grid
+            line = values(robot)[:, column]
+            line_style = style.line_style(robot.style_index) | {"marker": ""}
+            time = plotting.frame_times(line)
+            axes.plot(time, line, label=robot.name, zorder=3, **line_style)
+    return panels
 
 
-def distance_to_path(path: Array, points: Array) -> Array:
-    """Return the distances of points (m, 2) from a path (n, 2) of straight pieces, (m,) m."""
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    along = np.linspace(0, arc[-1], 1 + int(arc[-1] / STEP_M))
-    distance: Array = KDTree(
-        np.column_stack([np.interp(along, arc, part) for part in path.T])
-    ).query(points)[0]
-    return distance
-
-
-def _draw(
+def _draw_path_lines(
     axes: Axes,
     robots: Iterable[RecordedRobot],
     reference: Array,
     origin: Array | float = 0.0,
     scale: float = 1.0,
 ) -> None:
-    """Draw the reference (frames, 2) and the paths of robots, from an origin (2,), in 1 / `scale` m."""
-    axes.plot(
-        *(scale * (reference - origin)).T, color=style.BACKGROUND, lw=4, zorder=1, label="reference"
-    )
+    """Draw the reference path and the paths of robots.
+
+    Args:
+        axes: Empty axes.
+        robots: Robots to draw.
+        reference: Positions of the reference, (frames, 2) m.
+        origin: Position that becomes the origin of the axes, (2,) m.
+        scale: Units of the axes per m.
+    """
+    line: dict[str, Any] = {"color": style.BACKGROUND, "lw": 4, "zorder": 1, "label": "reference"}
+    axes.plot(*(scale * (reference - origin)).T, **line)
     for robot in robots:
-        travelled, look = (
-            scale * (robot["pose"][:, :2] - origin),
-            style.line_style(robot.style_index) | {"marker": ""},
-        )
-        axes.plot(*travelled.T, zorder=3, label=robot.name, **look)
+        path = scale * (robot["pose"][:, :2] - origin)
+        line_style = style.line_style(robot.style_index) | {"marker": ""}
+        axes.plot(*path.T, zorder=3, label=robot.name, **line_style)
     axes.set_aspect("equal", adjustable="box")

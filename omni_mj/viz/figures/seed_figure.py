@@ -14,8 +14,8 @@ from omni_mj.viz.figures import plotting
 
 Summary = dict[str, Any]
 LINE_IN = 0.3  # height of a controller's line
-# Ratio of the limits of an axis; smaller errors, such as those of rounding, are left of it
-WIDEST = 1e4
+# Largest ratio of an axis's limits. Smaller errors, such as those of rounding, are left of the axis.
+MAX_RANGE = 1e4
 SETTLING_TIME = "settling time\nin s"
 # Label of a panel -> factor from SI units to the label's, and statistics of a controller's result
 PANELS: dict[str, tuple[float, Callable[[Summary], Summary]]] = {
@@ -42,7 +42,7 @@ def draw_seed_statistics(
         figure: Empty figure.
     """
     results = entry["results"]
-    figure.set_size_inches(11, 1.4 + LINE_IN * len(results))
+    figure.set_size_inches(9, 1.4 + LINE_IN * len(results))
     grid = figure.subplots(1, len(PANELS), sharey=True)
     for axes, (label, (scale, select_spread)) in zip(grid, PANELS.items(), strict=True):
         spreads = {name: select_spread(result) for name, result in results.items()}
@@ -81,8 +81,8 @@ def _draw_means(axes: Axes, spreads: dict[str, Summary], scale: float) -> Array:
 
 
 def _use_log_scale(axes: Axes, means: Array) -> None:
-    """Make the axis of positive means logarithmic, with limits at most `WIDEST` apart."""
+    """Make the axis of positive means logarithmic, with limits at most `MAX_RANGE` apart."""
     if np.isfinite(means).any():
         largest = axes.dataLim.x1
-        axes.set_xlim(max(np.nanmin(means) / 2, largest / WIDEST), 1.15 * largest)
+        axes.set_xlim(max(np.nanmin(means) / 2, largest / MAX_RANGE), 1.15 * largest)
         plotting.use_log_scale(axes.xaxis)

@@ -18,7 +18,7 @@ from omni_mj.studies.compare import compare_figure
 from omni_mj.viz import figures, style
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
-NAMES = "path", "output", "error", "alpha", "seeds"  # of figures of a run that lacks no data
+NAMES = "path", "command", "error", "alpha", "seeds"  # of figures of a run that lacks no data
 TURN = 0.02  # rad, by which each controller is turned per cm of error
 
 
@@ -61,7 +61,7 @@ def drawn(result: Outcome, *names: str) -> dict[str, Figure]:
     """Return figures of an outcome by name, all if none is named."""
     shown = {}
     with rc_context(fname=style.STYLE_SHEET):
-        drawings = figures.drawings(result)
+        drawings = figures.choose_figures(result)
         for name in names or drawings:
             drawings[name](shown.setdefault(name, Figure()))
     return shown
