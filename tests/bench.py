@@ -265,7 +265,7 @@ def machine() -> dict[str, str | int | None]:
 
 def main() -> None:
     """Measure, print, and write bench.json."""
-    mujoco.THREADED = sys.maxsize  # one thread
+    mujoco.MIN_ROBOTS_FOR_THREADS = sys.maxsize  # one thread
     results: dict[str, dict[str, float]] = {}
 
     def show(title: str, found: dict[str, float]) -> None:

@@ -14,9 +14,9 @@ import numpy as np
 import omni_mj as om
 from omni_mj.config.rows import Row
 from omni_mj.plants.planar import PlanarPlant
-from omni_mj.robot.firmware import Command
-from omni_mj.robot.onboard import quiet_inputs
-from omni_mj.robot.planar_body import PlanarParameters, PlanarState, advance_frame
+from omni_mj.robot.firmware import FirmwareCommand
+from omni_mj.robot.onboard import make_undisturbed_inputs
+from omni_mj.robot.planar_frame import PlanarParameters, PlanarState, advance_frame
 
 FRAMES, TRUE_STIFFNESS = 60, 2.0
 
@@ -35,11 +35,11 @@ def travel(
     """Return how far the robot is ahead after a second at a rising speed, m."""
     carpet = parameters.carpet
     soft = 1 / (carpet.radius**2 * stiffness)
-    parameters = parameters._replace(carpet=carpet._replace(creep=soft))
-    inputs, none = jax.tree.map(jnp.asarray, quiet_inputs(1)), jnp.zeros(1)
+    parameters = parameters._replace(carpet=carpet._replace(creep_compliance=soft))
+    inputs, none = jax.tree.map(jnp.asarray, make_undisturbed_inputs(1)), jnp.zeros(1)
 
     def frame(state: PlanarState, speed: jax.Array) -> tuple[PlanarState, None]:
-        command = Command(speed[None], none, none, jnp.ones(1, bool))
+        command = FirmwareCommand(speed[None], none, none, jnp.ones(1, bool))
         return advance_frame(parameters, state, command, inputs)[0], None
 
     state, _ = jax.lax.scan(frame, state, jnp.linspace(0.0, 2.0, FRAMES))

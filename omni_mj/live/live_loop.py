@@ -45,7 +45,7 @@ class LivePlant:
         self.geometry: Kinematics | None = rows[0].settings.wheels.kinematics
         self.measurement_age: Array | None = None
         self.measured, self._start, self.unseen = np.array(start), start, np.zeros(len(rows), int)
-        self._telemetry = Telemetry.of_no_wheels(len(rows), len(self.geometry.azimuths))
+        self._telemetry = Telemetry.without_wheels(len(rows), len(self.geometry.azimuths))
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
         """Return the measured poses, and which robots were detected; see `Cameras`."""

@@ -1,7 +1,7 @@
 """A faster wheel of the same physics: two rollers a wheel remain, those that flank the bottom.
 
 Of the rollers of a wheel one or two touch the carpet; the others only carry mass. `reduce` keeps two neighbours of each
-wheel and lumps the others into its rim. `omni_mj.plants.mjdata_views.Bound.hand_over` turns the rim back by one pitch
+wheel and lumps the others into its rim. `omni_mj.plants.mjdata_views.RobotViews.wrap_rollers` turns the rim back by one pitch
 whenever one of the two has come to the bottom and the other is a full pitch away: the rollers are alike, so that the
 one at the bottom is found where the other was, with its spin, and what was a pitch away, 2 mm above the carpet, is the
 newcomer. Hub and encoder do not know: what is turned back is the slip hinge.
@@ -26,7 +26,7 @@ def reduce(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices) -> N
     """Leave two rollers a wheel, the one at the bottom and the next to come there, and make the rims heavier.
 
     Every step of what is then compiled must be followed by
-    `omni_mj.plants.mjdata_views.Bound.hand_over`.
+    `omni_mj.plants.mjdata_views.RobotViews.wrap_rollers`.
 
     Args:
         spec: of the robot alone; changed.

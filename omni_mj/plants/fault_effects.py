@@ -1,8 +1,9 @@
-"""What faults do to robots on wheels.
+"""Effects of faults on robots with wheels.
 
-What acts starts anew from the robots as they were built whenever a fault begins or ends, so a fault leaves nothing
-behind, and a robot's numbers do not depend on what happens to others of its batch. Pushes, payloads, slopes and biases
-of several faults add up, factors multiply, and of several values in place of the scenario's the last one counts.
+Whenever a fault begins or ends, the effects of all active faults are applied anew to the robots as
+they were built. So a fault that has ended leaves nothing behind, and a robot's numbers do not
+depend on faults of others in its batch. Forces, payloads, slopes and biases of several faults add
+up, factors multiply, and of several values that replace a setting the last one counts.
 """
 
 from abc import ABC, abstractmethod
@@ -17,172 +18,199 @@ from omni_mj.config import faults
 from omni_mj.config.rows import Row
 from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
 from omni_mj.network.random_streams import Noise, Stream
-from omni_mj.robot.carpet import covered
+from omni_mj.robot.carpet import stack_patches
 
-STUCK_NM = 100.0  # dry friction of a hub that is stuck: more than motor and carpet can turn
-FACTOR, NONE = attrgetter("factor"), lambda fault: 0.0  # factors by which faults of a kind multiply
+BLOCKED_HUB_NM = 100.0  # dry friction of a blocked hub: more than motor and carpet can overcome
+
+Payload = tuple[int, float, float]  # row; mass, kg; height, m, or 0 for the chassis' center of mass
 
 
-class Faulty(ABC):
-    """Bodies of n robots, which faults change."""
-
-    @abstractmethod
-    def carry(self, loads: Iterable[tuple[int, float, float]]) -> None:
-        """Carry these loads and no others: row, mass in kg, height in m or 0 for that of the centre of mass."""
+class ChangeableBodies(ABC):
+    """Bodies of n robots that faults can change."""
 
     @abstractmethod
-    def lean(self, along: Array) -> None:
-        """Stand on carpets that lean so that gravity has the parts `along` (n, 2) of itself along them."""
+    def set_payloads(self, payloads: Iterable[Payload]) -> None:
+        """Replace all payloads of all robots."""
 
     @abstractmethod
-    def block(self, stuck: np.ndarray) -> None:
-        """Have these wheels stuck, (W, n), and no others."""
+    def set_slope(self, slope: Array) -> None:
+        """Tilt the carpets.
+
+        Args:
+            slope: Fractions of gravity along the world's x and y, positive downhill, (n, 2).
+        """
 
     @abstractmethod
-    def put(self, robot: int, moved: tuple[float, float, float]) -> None:
-        """Put a robot as far from where it is, m, m and rad in the world, at rest."""
+    def block_hubs(self, is_blocked: np.ndarray) -> None:
+        """Block the hubs of the masked wheels (W, n), and free all others."""
+
+    @abstractmethod
+    def displace_robot(self, robot: int, displacement: tuple[float, float, float]) -> None:
+        """Move a robot by a displacement in the world, m, m, rad, and bring it to rest."""
 
 
-class Faults:
-    """Faults of n robots with W wheels.
+class FaultEffects:
+    """Effects of the faults of n robots with W wheels, frame by frame.
 
     Args:
-        rows: Of the robots.
-        plant: That they drive on; it has `parameters` with the fields `onboard` and `carpet`.
-        bodies: Of the robots.
+        rows: Rows of the robots.
+        plant: Plant with an attribute `parameters`, which has fields `onboard` and `carpet`.
+        bodies: Bodies of the robots.
 
     Attributes:
-        push: Forces on the chassis at their centres of mass, world frame, (n, 2) N.
-        gyro_bias: (n, 1) rad/s.
-        off_current: Currents of motors whose drivers are off, 0 A, (W, n); NaN of others.
-        inputs: Fields of `omni_mj.robot.onboard.FrameInputs` that faults set.
+        push_force: Force on the chassis, world frame, (n, 2) N.
+        gyro_bias: Added to the gyros, (n, 1) rad/s.
+        current_setpoint: 0 A for motors whose drivers are off, NaN for others, (W, n).
+        inputs: Fields of `omni_mj.robot.onboard.FrameInputs` that faults set, by name.
     """
 
-    def __init__(self, rows: Sequence[Row], plant: Any, bodies: Faulty) -> None:
-        self._rows, self._plant, self._base, self._bodies = rows, plant, plant.parameters, bodies
+    def __init__(self, rows: Sequence[Row], plant: Any, bodies: ChangeableBodies) -> None:
+        self._rows = rows
+        self._plant = plant
+        self._bodies = bodies
+        self._nominal_parameters = plant.parameters
         self._kinds = {type(fault) for row in rows for fault in row.faults}
-        self._schedule, self._frame = (
-            FaultSchedule([row.faults for row in rows], faults.OnWheels, faults.Kidnap),
-            0,
-        )
-        self._robots, self._wheels = np.ones(len(rows)), np.ones(plant.parameters.carpet.grip.shape)
-        self._none = np.zeros((len(rows), 2))
+        faults_by_row = [row.faults for row in rows]
+        self._schedule = FaultSchedule(faults_by_row, faults.OnWheels, faults.Kidnap)
+        self._frame = 0
+        self._robot_ones = np.ones(len(rows))
+        self._wheel_ones = np.ones(plant.parameters.carpet.friction_factor.shape)
+        self._zero_vectors = np.zeros((len(rows), 2))
         self._change_inputs(ActiveFaults([]))
-        seeds = [row.noise_seed for row in rows]
-        self._chance = Noise(
-            seeds, Stream.ENCODER_FAULTS, lambda rng, count: rng.random((count, len(self._wheels)))
+        n_wheels = len(self._wheel_ones)
+        self._dropout_noise = Noise(
+            [row.noise_seed for row in rows],
+            Stream.ENCODER_FAULTS,
+            lambda rng, count: rng.random((count, n_wheels)),
         )
-        self._patches = max(
+        self._max_patches = max(
             len(row.settings.carpet.patches)
             + sum(isinstance(fault, faults.FrictionPatch) for fault in row.faults)
             for row in rows
         )
 
-    def begin(self) -> None:
-        """Let begin what begins in the next frame, and end what ends."""
+    def begin_frame(self) -> None:
+        """Apply the faults that begin or end in the next frame, and draw its encoder dropouts."""
         active = self._schedule.update(self._frame)
         self._frame += 1
         if active is not None:
             self._change_parameters(active)
             self._change_bodies(active)
             self._change_inputs(active)
-        self.inputs["encoder_scale"] = np.where(
-            self._dropouts > self._chance.next().T, 0.0, self._encoder_scale
-        )
+        drops_out = self._dropout_probability > self._dropout_noise.next().T
+        self.inputs["encoder_scale"] = np.where(drops_out, 0.0, self._encoder_scale)
 
     def _change_parameters(self, active: ActiveFaults) -> None:
-        """Change carpet, wheels and magnets."""
-        carpet, motors = self._base.carpet, self._base.onboard.motors
+        """Apply faults of carpet, wheels and magnets to the plant's parameters."""
+        carpet = self._nominal_parameters.carpet
+        onboard = self._nominal_parameters.onboard
+        wheel_ones = self._wheel_ones
         patches = [list(row.settings.carpet.patches) for row in self._rows]
         for row, patch in active.of_kind(faults.FrictionPatch):
             patches[row].append((patch.x_m, patch.y_m, patch.radius_m, patch.friction))
-        lost = _join(
-            active, faults.WheelMissingRollers, 0 * self._wheels, attrgetter("rollers"), max
+        n_missing = _combine(
+            active, faults.WheelMissingRollers, 0 * wheel_ones, attrgetter("rollers"), max
         )
-        rollers = np.array([row.settings.wheels.rollers for row in self._rows])
-        changed = carpet._replace(
-            friction=_join(
-                active,
-                faults.Friction,
-                carpet.friction,
-                attrgetter("friction"),
-                lambda _, last: last,
+        n_rollers = np.array([row.settings.wheels.rollers for row in self._rows])
+        carpet = carpet._replace(
+            friction=_combine(
+                active, faults.Friction, carpet.friction, attrgetter("friction"), _replace
             ),
-            patches=covered(patches, self._patches),
-            grip=carpet.grip * _join(active, faults.WheelWorn, self._wheels),
-            gap=2 * np.pi * lost / rollers,
+            patches=stack_patches(patches, self._max_patches),
+            friction_factor=carpet.friction_factor * _combine(active, faults.WheelWorn, wheel_ones),
+            missing_angle=2 * np.pi * n_missing / n_rollers,
         )
-        motors = motors._replace(
-            cold_constant=motors.cold_constant
-            * _join(active, faults.MotorDemagnetized, self._wheels)
+        torque_constant = onboard.motors.cold_torque_constant
+        torque_constant = torque_constant * _combine(active, faults.MotorDemagnetized, wheel_ones)
+        motors = onboard.motors._replace(cold_torque_constant=torque_constant)
+        self._plant.parameters = self._plant.parameters._replace(
+            carpet=carpet, onboard=onboard._replace(motors=motors)
         )
-        onboard = self._base.onboard._replace(motors=motors)
-        self._plant.parameters = self._plant.parameters._replace(carpet=changed, onboard=onboard)
 
     def _change_bodies(self, active: ActiveFaults) -> None:
-        """Load, lean, block and move robots."""
+        """Apply payloads, slopes, blocked hubs and displacements to the bodies."""
         if faults.Payload in self._kinds:
-            self._bodies.carry(
+            self._bodies.set_payloads(
                 [(row, load.mass_kg, load.height_m) for row, load in active.of_kind(faults.Payload)]
             )
         if faults.Tilt in self._kinds:
-            self._bodies.lean(_join(active, faults.Tilt, self._none, _slope, add))
+            self._bodies.set_slope(
+                _combine(active, faults.Tilt, self._zero_vectors, _compute_slope, add)
+            )
         if faults.MotorBlocked in self._kinds:
-            self._bodies.block(_join(active, faults.MotorBlocked, self._wheels, NONE) == 0)
-        for row, hand in active.started(faults.Kidnap):
-            self._bodies.put(row, hand.moved)
+            turns = _combine(active, faults.MotorBlocked, self._wheel_ones, _zero)
+            self._bodies.block_hubs(turns == 0)
+        for row, kidnap in active.started(faults.Kidnap):
+            self._bodies.displace_robot(row, kidnap.moved)
 
     def _change_inputs(self, active: ActiveFaults) -> None:
-        """Change pushes, sensors, drivers, processors and supplies."""
-        robots, wheels = self._robots, self._wheels
-        self.push = _join(
-            active, faults.Push, self._none, lambda push: push.force_n * _direction(push), add
+        """Apply faults of sensors, drivers, processors and supplies, and push forces."""
+        robot_ones = self._robot_ones
+        wheel_ones = self._wheel_ones
+        self.push_force = _combine(
+            active, faults.Push, self._zero_vectors, _compute_push_force, add
         )
-        self.gyro_bias = _join(
-            active, faults.GyroBias, 0 * robots[:, None], attrgetter("bias_rad_s"), add
+        self.gyro_bias = _combine(
+            active, faults.GyroBias, 0 * robot_ones[:, None], attrgetter("bias_rad_s"), add
         )
-        self._encoder_scale = _join(active, faults.EncoderScale, wheels)
-        self._dropouts = 1 - _join(
-            active, faults.EncoderDropout, wheels, lambda loose: 1 - loose.probability
+        self._encoder_scale = _combine(active, faults.EncoderScale, wheel_ones)
+        self._dropout_probability = 1 - _combine(
+            active, faults.EncoderDropout, wheel_ones, lambda fault: 1 - fault.probability
         )
         self.inputs = {
-            "power_share": _join(active, faults.BrownOut, robots),
-            "gyro_scale": _join(active, faults.GyroScale, robots),
-            "is_deaf": _join(active, faults.FirmwareTimeout, robots, NONE) == 0,
-            "is_off": _join(active, faults.Reboot, robots, NONE) == 0,
+            "battery_voltage_factor": _combine(active, faults.BrownOut, robot_ones),
+            "gyro_scale": _combine(active, faults.GyroScale, robot_ones),
+            "ignores_commands": _combine(active, faults.FirmwareTimeout, robot_ones, _zero) == 0,
+            "processor_is_off": _combine(active, faults.Reboot, robot_ones, _zero) == 0,
         }
-        driven = _join(active, faults.MotorDead, wheels, NONE)
-        driven *= _join(active, faults.Reboot, robots, lambda reboot: reboot.motors == "brake")
-        self.off_current = np.where(driven, np.nan, 0.0)
+        is_driven = _combine(active, faults.MotorDead, wheel_ones, _zero)
+        is_driven *= _combine(
+            active, faults.Reboot, robot_ones, lambda reboot: reboot.motors == "brake"
+        )
+        self.current_setpoint = np.where(is_driven, np.nan, 0.0)
 
 
-def _join(
+def _combine(
     active: ActiveFaults,
     kind: type[faults.Fault],
-    start: Array,
-    value: Callable[[Any], Any] = FACTOR,
-    by: Callable[[Any, Any], Any] = mul,
+    nominal: Array,
+    get_value: Callable[[Any], Any] = attrgetter("factor"),
+    operator: Callable[[Any, Any], Any] = mul,
 ) -> Array:
-    """Return what faults of a kind make of numbers of each robot (n, ...), or of each wheel (W, n).
+    """Combine the nominal value of each robot or wheel with those of the active faults of a kind.
 
     Args:
-        active: The faults that go on.
-        kind: Of those that count.
-        start: The numbers without any.
-        value: The number of a fault.
-        by: Joins the number so far and that of a fault.
+        active: ActiveFaults faults.
+        kind: Class of the faults that count.
+        nominal: Values without faults, of robots (n, ...) or wheels (W, n).
+        get_value: Returns the value of a fault. Default: its attribute `factor`.
+        operator: Combines the value so far with that of a fault. Default: multiplication.
     """
-    result = start.copy()
+    result = nominal.copy()
     for row, fault in active.of_kind(kind):
-        at = (fault.wheel - 1, row) if isinstance(fault, faults.OnOneWheel) else row
-        result[at] = by(result[at], value(fault))
+        index = (fault.wheel - 1, row) if isinstance(fault, faults.OnOneWheel) else row
+        result[index] = operator(result[index], get_value(fault))
     return result
 
 
-def _direction(fault: Any) -> Array:
-    angle = np.radians(fault.direction_deg)
+def _replace(_: Any, new: Any) -> Any:
+    """Return the new value."""
+    return new
+
+
+def _zero(_: Any) -> float:
+    """Return 0: the factor of a fault that switches something off."""
+    return 0.0
+
+
+def _compute_push_force(push: Any) -> Array:
+    return np.asarray(push.force_n * _unit_vector(push.direction_deg))
+
+
+def _compute_slope(tilt: Any) -> Array:
+    return np.asarray(np.sin(np.radians(tilt.angle_deg)) * _unit_vector(tilt.direction_deg))
+
+
+def _unit_vector(direction_deg: float) -> Array:
+    angle = np.radians(direction_deg)
     return np.array([np.cos(angle), np.sin(angle)])
-
-
-def _slope(tilt: faults.Tilt) -> Array:
-    return np.sin(np.radians(tilt.angle_deg)) * _direction(tilt)

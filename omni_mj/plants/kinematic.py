@@ -1,4 +1,4 @@
-"""The paper's own plant: equation 7, with scripted alpha and an additive disturbance."""
+"""The paper's plant: equation 7, with scripted alpha and an additive disturbance."""
 
 from collections.abc import Sequence
 
@@ -11,97 +11,117 @@ from omni_mj.config.settings import PERIOD_S, gather
 from omni_mj.network.fault_schedule import FaultSchedule
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.network.random_streams import Noise, Seed, Stream
-from omni_mj.plants import Telemetry
+from omni_mj.plants.telemetry import Telemetry
 
 
 class KinematicPlant:
-    """x(k+1) = x(k) + T (alpha u(k) + w(k)) per axis, the dead time being the radio's.
+    """x(k+1) = x(k) + T (alpha u(k) + w(k)) per axis; the dead time is the radio's.
 
     Args:
-        rows: one per robot; they do not meet.
-        start: poses at the start, (n, 3).
+        rows: One per robot; robots do not collide.
+        start_poses: Poses at the start, (n, 3).
     """
 
     geometry: Kinematics | None = None
 
-    def __init__(self, rows: Sequence[Row], start: Array) -> None:
+    def __init__(self, rows: Sequence[Row], start_poses: Array) -> None:
         seeds = [row.noise_seed for row in rows]
-        self._low, self._high = (
+        self._alpha_low, self._alpha_high = (
             gather(rows, f"settings.kinematic.alpha_{end}")[:, None] for end in ("low", "high")
         )
-        self._quantile = _AlphaQuantiles(
+        self._quantiles = _AlphaQuantiles(
             gather(rows, "settings.kinematic.alpha_time_s")[:, None], seeds
         )
-        self._noise = Noise(
+        self._disturbance_noise = Noise(
             seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2))
         )
         self._amplitude = gather(rows, "settings.disturbance.velocity_m_s")[:, None]
-        self._pose = np.array(start, float)
-        self._twist, self._disturbance = np.zeros((2, *self._pose.shape))
-        self._schedule, self._frame = FaultSchedule([row.faults for row in rows], Alpha, Kidnap), 0
-        # Alpha where a fault gives it, otherwise not a number, (n, 1)
-        self._given: Array | None = None
-        self._telemetry = Telemetry.of_no_wheels(
-            len(rows), len(rows[0].settings.wheels.azimuths_deg)
-        )
+        self._pose = np.array(start_poses, float)
+        self._twist = np.zeros(self._pose.shape)
+        self._disturbance = np.zeros(self._pose.shape)
+        self._schedule = FaultSchedule([row.faults for row in rows], Alpha, Kidnap)
+        self._frame = 0
+        # Alpha that faults set, (n, 1), NaN where none does; None before the first fault
+        self._fault_alpha: Array | None = None
+        n_wheels = len(rows[0].settings.wheels.azimuths_deg)
+        self._telemetry = Telemetry.without_wheels(len(rows), n_wheels)
 
     def pose(self) -> Array:
         """See `Plant`."""
         return self._pose
 
     def twist(self) -> Array:
-        """See `Plant`: that of the frame just past."""
+        """See `Plant`. The twist is that of the frame just past."""
         return self._twist
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
-        """See `Plant`; what it moves in are world coordinates, whatever the heading."""
+        """See `Plant`. Robots move along the world's axes, whatever their heading."""
+        alpha_range = self._alpha_high - self._alpha_low
         alpha = np.clip(
-            self._low + (self._high - self._low) * self._quantile.next(), self._low, self._high
+            self._alpha_low + alpha_range * self._quantiles.draw(),
+            self._alpha_low,
+            self._alpha_high,
         )
-        if (active := self._schedule.update(self._frame)) is not None:
-            self._given = np.full((len(alpha), 1), np.nan)
-            for row, fault in active.of_kind(Alpha):
-                self._given[row] = fault.alpha
-            for row, kidnap in active.started(Kidnap):
-                self._pose = self._pose.copy()
-                self._pose[row] += kidnap.moved
-        if self._given is not None:
-            alpha = np.where(np.isnan(self._given), alpha, self._given)
-        self._frame += 1
-        self._disturbance[:, :2] = self._amplitude * self._noise.next()
+        self._apply_faults()
+        if self._fault_alpha is not None:
+            alpha = np.where(np.isnan(self._fault_alpha), alpha, self._fault_alpha)
+        self._disturbance[:, :2] = self._amplitude * self._disturbance_noise.next()
         self._twist = alpha * received.command + self._disturbance
         self._pose = self._pose + PERIOD_S * self._twist
         return {}
 
     def telemetry(self) -> Telemetry:
-        """See `Plant`: there are no wheels."""
+        """See `Plant`. All is NaN, because there are no wheels."""
         return self._telemetry
+
+    def _apply_faults(self) -> None:
+        """Set alpha and displace robots by the faults that begin or end in this frame."""
+        active = self._schedule.update(self._frame)
+        self._frame += 1
+        if active is None:
+            return
+        self._fault_alpha = np.full((len(self._pose), 1), np.nan)
+        for row, fault in active.of_kind(Alpha):
+            self._fault_alpha[row] = fault.alpha
+        for row, kidnap in active.started(Kidnap):
+            self._pose = self._pose.copy()
+            self._pose[row] += kidnap.moved
 
 
 class _AlphaQuantiles:
-    """Random numbers (n, 3) a frame, each uniform in [0, 1], with a memory of `time_s` (n, 1) per row.
+    """Random numbers, each uniform in [0, 1], with a correlation time per row.
 
-    Without one, every frame is drawn anew. With one, normal numbers that follow an autoregressive
-    process of first order from its stationary distribution on are mapped to uniform ones by their
-    distribution function.
+    With a correlation time of zero every frame is drawn anew. Otherwise normal numbers follow a
+    stationary autoregressive process of first order, and their distribution function maps them to
+    uniform ones.
+
+    Args:
+        correlation_time_s: (n, 1).
+        seeds: One per row.
     """
 
-    def __init__(self, time_s: Array, seeds: Sequence[Seed]) -> None:
-        self._white = Noise(seeds, Stream.ALPHA, lambda rng, count: rng.random((count, 3)))
-        self._fresh = Noise(seeds, Stream.ALPHA, lambda rng, count: rng.standard_normal((count, 3)))
-        self._slow = time_s > 0
-        self._kept = np.exp(-PERIOD_S / np.maximum(time_s, 1e-6))  # nothing, far below a frame
-        self._normal: Array | None = None
+    def __init__(self, correlation_time_s: Array, seeds: Sequence[Seed]) -> None:
+        self._uniform = Noise(seeds, Stream.ALPHA, lambda rng, count: rng.random((count, 3)))
+        self._normal = Noise(
+            seeds, Stream.ALPHA, lambda rng, count: rng.standard_normal((count, 3))
+        )
+        self._is_correlated = correlation_time_s > 0
+        # Correlation from frame to frame; 0 for times far below a frame
+        self._correlation = np.exp(-PERIOD_S / np.maximum(correlation_time_s, 1e-6))
+        self._process: Array | None = None
 
-    def next(self) -> Array:
-        """Those of the next frame."""
-        white = self._white.next()
-        if not self._slow.any():
-            return white
+    def draw(self) -> Array:
+        """Return the numbers of the next frame, (n, 3)."""
+        uniform = self._uniform.next()
+        if not self._is_correlated.any():
+            return uniform
         from scipy.special import ndtr
 
-        fresh = self._fresh.next()
-        before, self._normal = self._normal, fresh
-        if before is not None:
-            self._normal = self._kept * before + np.sqrt(1 - self._kept**2) * fresh
-        return np.where(self._slow, ndtr(self._normal), white)
+        normal = self._normal.next()
+        if self._process is None:
+            self._process = normal
+        else:
+            self._process = (
+                self._correlation * self._process + np.sqrt(1 - self._correlation**2) * normal
+            )
+        return np.where(self._is_correlated, ndtr(self._process), uniform)

@@ -1,4 +1,4 @@
-"""The physical plant: robots of models/ in worlds of one or several, stepped on all cores, driven by their firmware."""
+"""The plant `mujoco`: robots of models/ in batches of worlds, driven by their firmware."""
 
 import os
 from collections.abc import Sequence
@@ -11,19 +11,20 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants import Telemetry, world_batch
-from omni_mj.plants.domain_randomization import Drawn
-from omni_mj.plants.mjdata_views import Bound
-from omni_mj.plants.wheeled_plant import WheeledPlant, by_wheel
-from omni_mj.robot.array_namespace import rotate, stack_records
+from omni_mj.plants import world_batch
+from omni_mj.plants.domain_randomization import RobotVariation
+from omni_mj.plants.mjdata_views import RobotViews
+from omni_mj.plants.telemetry import Telemetry
+from omni_mj.plants.wheeled_plant import WheeledPlant, transpose
+from omni_mj.robot.array_ops import rotate, stack_records
 from omni_mj.robot.carpet import (
     DRAG_CYCLES,
     CarpetParameters,
+    ChassisMotion,
     Drag,
-    Motion,
-    carpet_parameters,
     compute_drag,
-    limit_torque,
+    compute_torque_limit,
+    make_carpet_parameters,
 )
 from omni_mj.robot.firmware import CYCLES, set_heading
 from omni_mj.robot.onboard import (
@@ -31,15 +32,15 @@ from omni_mj.robot.onboard import (
     OnboardParameters,
     begin_frame,
     end_frame,
-    hear,
+    receive_command,
     run_cycle,
 )
 
-# Robots from which several threads gain more in a step than they lose by meeting at its end
-THREADED = 16
-# Sine squared of half the tilt: x^2 + y^2 of the quaternion
-TOPPLED = np.sin(np.deg2rad(45) / 2) ** 2
-UNSTABLE = [  # MuJoCo resets an unstable simulation silently after one of these
+# Robots from which several threads gain more in a step than they lose by waiting for each other
+MIN_ROBOTS_FOR_THREADS = 16
+# A robot topples at 45 degrees: sine squared of half the tilt, x^2 + y^2 of the quaternion
+TOPPLED_SINE_SQUARED = np.sin(np.deg2rad(45) / 2) ** 2
+INSTABILITY_WARNINGS = [  # after which MuJoCo silently resets a simulation
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
     mujoco.mjtWarning.mjWARN_BADQACC,
@@ -47,259 +48,301 @@ UNSTABLE = [  # MuJoCo resets an unstable simulation silently after one of these
 
 
 class MujocoParameters(NamedTuple):
-    """Parameters of n robots."""
+    """Parameters of n robots on the plant `mujoco`."""
 
     onboard: OnboardParameters
     carpet: CarpetParameters
 
 
 class MujocoPlant(WheeledPlant):
-    """Robots with roller wheels on carpet; those of one world collide with each other and with its walls.
+    """Robots with roller wheels on carpet that collide with robots and walls of their world.
 
     Args:
-        rows: Of all robots, those of one world one after the other by their places; every world has
-            as many. What their models are made of (`RobotShape`) and the physics must be the same for
-            all.
-        start: Poses at the start, (n, 3).
-        threads: Of the physics. Results do not depend on it. [one below 16 robots, else as many as
-            cores]
-        hulls: Whether robots meet each other and walls, wherever they start. [if a world has
-            several, which may not start in each other]
+        rows: Rows of all robots, world by world in the order of their slots. Every world has
+            equally many. The parts of their models (`RobotShape`) and the physics must be the same.
+        start_poses: Poses at the start, (n, 3).
+        threads: Threads of the physics, on which results do not depend. Default: one below
+            `MIN_ROBOTS_FOR_THREADS` robots, otherwise one per core.
+        hulls: Whether robots collide with each other and with walls, wherever they start. Default:
+            if a world has several robots, which then may not start in each other.
 
     Raises:
-        OmniError: Rows that one batch cannot hold (see `batches`), a robot that starts in another
-            or in a wall, or a robot's file that lacks a part (see `build.world`).
+        OmniError: Rows that cannot share a batch, a robot that starts in another or in a wall, or
+            a robot's model that lacks a part.
     """
 
-    cycles = CYCLES  # of the wheel loops in a frame
+    cycles_per_frame = CYCLES  # of the wheel loops
 
     def __init__(
         self,
         rows: Sequence[Row],
-        start: Array,
+        start_poses: Array,
         threads: int | None = None,
         hulls: bool | None = None,
     ) -> None:
-        settings, places = [row.settings for row in rows], max(row.slot for row in rows) + 1
-        world_batch.check(rows)
-        n, worlds = len(rows), len(rows) // places
-        self._places, self.substeps = places, settings[0].physics.substeps
-        self._world = world = world_builder.build_world(settings[0], places, with_hulls=hulls)
-        if threads is None:
-            threads = 1 if n < THREADED else os.cpu_count() or 1
-        self._batch = world_batch.made(world, worlds, min(threads, worlds))
-        first, last = int(UNSTABLE[0]), int(UNSTABLE[-1])
-        self._warnings = np.asarray(self._batch.warning)[
-            :, first : last + 1, 1
-        ]  # (worlds, 3), live
-        drawn = Drawn.of(rows)
-        self._at = Bound(self._batch, world)
-        self._at.write_robots(settings, drawn)
-        self._start_poses = np.array(start, float)
-        self._heading = self._start_poses[:, 2].copy()
-        super().__init__(rows, world.kinematics, drawn, self._heading)
-
-        robot = world.robots[0]
-        inertia = world.model.dof_invweight0[robot.slip_dofs][:, None]
-        carpet = carpet_parameters(
-            settings, world.kinematics, by_wheel(drawn.friction), by_wheel(drawn.wear)
+        world_batch.check_rows(rows)
+        settings = [row.settings for row in rows]
+        n = len(rows)
+        robots_per_world = max(row.slot for row in rows) + 1
+        n_worlds = n // robots_per_world
+        self._robots_per_world = robots_per_world
+        self.substeps = settings[0].physics.substeps
+        self._world = world = world_builder.build_world(
+            settings[0], robots_per_world, with_hulls=hulls
         )
-        carpet = carpet._replace(creep=carpet.creep / (world.model.opt.timestep * inertia))
-        wheels = settings[0].wheels
-        self._pitch = 2 * np.pi / wheels.rollers if wheels.model == "two-rollers" else None
+        if threads is None:
+            threads = 1 if n < MIN_ROBOTS_FOR_THREADS else os.cpu_count() or 1
+        self._batch = world_batch.make_batch(world, n_worlds, min(threads, n_worlds))
+        low, high = int(INSTABILITY_WARNINGS[0]), int(INSTABILITY_WARNINGS[-1])
+        # Live counts of the warnings, (worlds, 3)
+        self._warning_counts = np.asarray(self._batch.warning)[:, low : high + 1, 1]
+        variation = RobotVariation.draw(rows)
+        self._views = RobotViews(self._batch, world)
+        self._views.write_variation(settings, variation)
+        self._start_poses = np.array(start_poses, float)
+        self._heading = self._start_poses[:, 2].copy()
+        super().__init__(rows, world.kinematics, variation, self._heading)
         self._failed = np.zeros(n, bool)
-        self._living: np.ndarray | None = None  # worlds that are stepped; None for all
-        self._stand(np.arange(worlds))
-        if places > 1 and hulls is None:
-            world_batch.check_start(rows, world.model, self._batch.bind("qpos"))
-        p, s = self._onboard
-        self.parameters = MujocoParameters(p, carpet)
-        count = np.floor(self._sensed[1] * p.loops.counts_per_rad)
-        self.onboard = s._replace(loops=s.loops._replace(last_count=count))
+        self._active_worlds: np.ndarray | None = None  # those to step; None for all
+        self._reset_worlds(np.arange(n_worlds))
+        if robots_per_world > 1 and hulls is None:
+            world_batch.check_start_poses(rows, world.model, self._batch.bind("qpos"))
+        wheels = settings[0].wheels
+        has_two_rollers = wheels.model == "two-rollers"
+        self._roller_pitch = 2 * np.pi / wheels.rollers if has_two_rollers else None
+        self._make_parameters()
         self._drag: Drag
-        self._cycle, self._records = 0, list[CycleRecord]()
-        self._nothing: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
-        self._heard: tuple[Array, np.ndarray] = self._nothing
-        self._start_faults(self._at)
+        self._cycle = 0  # in the frame
+        self._records = list[CycleRecord]()
+        # Headings of vision that arrived in this frame, rad, and their ages in frames, (n,)
+        self._no_vision: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
+        self._vision = self._no_vision
+        self._start_faults(self._views)
+
+    def _make_parameters(self) -> None:
+        """Set parameters and initial state of the robots; encoders start at their counts now."""
+        world = self._world
+        carpet = make_carpet_parameters(
+            [row.settings for row in self._rows],
+            world.kinematics,
+            transpose(self.variation.friction_factor),
+            transpose(self.variation.wear),
+        )
+        # Compliance Q over the inverse inertia A of the slip hinges; see `omni_mj.robot.carpet`
+        inverse_inertia = world.model.dof_invweight0[world.robots[0].slip_dofs][:, None]
+        compliance = carpet.creep_compliance / (world.model.opt.timestep * inverse_inertia)
+        onboard, state = self._initial_onboard
+        self.parameters = MujocoParameters(onboard, carpet._replace(creep_compliance=compliance))
+        _, wheel_angle = self._sensor_values
+        count = np.floor(wheel_angle * onboard.firmware.counts_per_rad)
+        self.onboard = state._replace(firmware=state.firmware._replace(encoder_count=count))
 
     def pose(self) -> Array:
         """See `Plant`."""
-        poses = self._at.pose.get()[:3].T
+        poses = self._views.pose.get()[:3].T
         poses[:, 2] = self._heading
         return poses
 
     def twist(self) -> Array:
         """See `Plant`."""
-        return self._at.velocity.get()[[0, 1, 5]].T
+        return self._views.velocity.get()[[0, 1, 5]].T
+
+    def telemetry(self) -> Telemetry:
+        """See `Plant`."""
+        views = self._views
+        slip = abs(views.slip_speed.get()) * self.parameters.carpet.radius
+        return self._make_telemetry(
+            self.onboard, views.wheel_angle.get(), views.wheel_speed.get(), slip
+        )
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
-        return self.go(self.cycles, received)
+        return self.advance_cycles(self.cycles_per_frame, received)
 
-    def go(self, count: int, received: ReceivedCommand | None) -> dict[int, str]:
-        """Go through some cycles of the wheel loops, no more than are left of the frame.
+    def advance_cycles(self, n_cycles: int, received: ReceivedCommand | None) -> dict[int, str]:
+        """Advance by cycles of the wheel loops, at most to the end of the frame.
 
         Args:
-            count: How many.
-            received: What robots hold from now on, if anything arrived; headings are compared in
-                the next frame.
+            n_cycles: Number of cycles.
+            received: Commands that apply from now on, if any arrived. Headings of vision are used
+                at the beginning of the next frame.
 
         Returns:
-            As `advance` at the end of a frame.
+            At the end of a frame the rows that failed, as `advance`; otherwise nothing.
         """
         if received is not None:
-            self._accept(received)
+            self._receive(received)
         if self._cycle == 0:
-            self._begin()
-        for _ in range(count):
-            self._before_step()
+            self._begin_frame()
+        for _ in range(n_cycles):
+            self._begin_cycle()
             for substep in range(self.substeps):
-                self._batch.step(self._living)
+                self._batch.step(self._active_worlds)
                 self._after_step(substep == 0, substep == self.substeps - 1)
-        self._cycle = (self._cycle + count) % self.cycles
+        self._cycle = (self._cycle + n_cycles) % self.cycles_per_frame
         if self._cycle:
             return {}
         self._record = stack_records(self._records)
         self.onboard = end_frame(self.parameters.onboard, self.onboard, self._record)
         self._records.clear()
-        self._heading += wrap_angle(self.quaternion_heading() - self._heading)
-        toppled = (self._toppled() & ~self._failed).any()
-        return self._check() if toppled or np.count_nonzero(self._warnings) else {}
+        self._heading += wrap_angle(self.compute_heading() - self._heading)
+        has_toppled = (self._find_toppled() & ~self._failed).any()
+        if has_toppled or np.count_nonzero(self._warning_counts):
+            return self._stop_failed_rows()
+        return {}
 
-    def _before_step(self) -> None:
-        """Turn what sensors show into voltages, forces on the chassis, and limits of the slip hinges."""
-        at, carpet, is_due = self._at, self.parameters.carpet, self.onboard.cycle % DRAG_CYCLES == 0
-        gyro, angle = self._sensed
-        speed, load = at.wheel_speed.get(), at.load.get()
-        self.onboard, record = run_cycle(self.parameters.onboard, self.onboard, gyro, angle, speed)
-        self._records.append(record)
-        if is_due:
-            motion = self._motion()
-            self._drag = compute_drag(carpet, motion, load, angle)
-            at.wrench.set(self._wrench(motion))
-        motors = self.onboard.motors
-        # MuJoCo's dcmotor knows a constant R in place of R + X |w|.
-        at.voltage.set(motors.back_emf * speed + record.current * motors.resistance)
-        self._limit_slips(load)
-
-    def _after_step(self, is_first: bool, is_last: bool) -> None:
-        """See to what follows a physics step, the first or last of a cycle."""
-        if (
-            is_first
-        ):  # what MuJoCo sensed at its start: a cycle ago, however many steps there are in it
-            self._sense()
-        if self._pitch is not None:
-            self._at.hand_over(self._pitch)
-        if not is_last:
-            self._limit_slips(self._at.load.get())
-
-    def telemetry(self) -> Telemetry:
-        """See `Plant`."""
-        at = self._at
-        slip = abs(at.slip_speed.get()) * self.parameters.carpet.radius
-        return self._telemetry(self.onboard, at.wheel_angle.get(), at.wheel_speed.get(), slip)
-
-    def quaternion_heading(self) -> Array:
-        """Headings in (-pi, pi], however robots are tilted, (n,) rad."""
-        w, x, y, z = self._at.pose.get()[3:]
+    def compute_heading(self) -> Array:
+        """Return headings by the quaternions, also of tilted robots, (n,) rad in (-pi, pi]."""
+        w, x, y, z = self._views.pose.get()[3:]
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
-    def know_heading(self, robot: int, heading: float) -> None:
-        """Have a robot, which somebody has put down, know its heading (rad) and forget what was before."""
-        chosen, headings = np.arange(len(self._rows)) == robot, np.full(len(self._rows), heading)
-        self.onboard = self.onboard._replace(
-            loops=set_heading(self.onboard.loops, chosen, headings)
+    def set_heading_estimate(self, robot: int, heading: float) -> None:
+        """Set the heading (rad) that a robot's firmware assumes, as if it was put down there."""
+        mask = np.arange(len(self._rows)) == robot
+        headings = np.full(len(self._rows), heading)
+        firmware = set_heading(self.onboard.firmware, mask, headings)
+        self.onboard = self.onboard._replace(firmware=firmware)
+
+    def _receive(self, received: ReceivedCommand) -> None:
+        """Pass commands to the firmware, and store vision's headings until the next frame."""
+        command = self._make_command(received)
+        self.onboard = receive_command(self.parameters.onboard, self.onboard, command)
+        heading, age = self._vision
+        is_missing = np.isnan(received.heading)
+        self._vision = (
+            np.where(is_missing, heading, received.heading),
+            np.where(is_missing, age, received.age),
         )
 
-    def _accept(self, received: ReceivedCommand) -> None:
-        """Take over commands, and keep vision's headings until the next frame begins."""
-        self.onboard = hear(self.parameters.onboard, self.onboard, self._command(received))
-        (seen, age), missing = self._heard, np.isnan(received.heading)
-        self._heard = (
-            np.where(missing, seen, received.heading),
-            np.where(missing, age, received.age),
-        )
-
-    def _begin(self) -> None:
-        """Begin a frame: what changes from frame to frame."""
-        inputs = self._inputs(*self._heard, self._failed)  # which may change parameters
-        p = self.parameters.onboard
-        self.onboard = begin_frame(p, self.onboard, inputs, self._sensed[1])
+    def _begin_frame(self) -> None:
+        """Apply the changes from frame to frame: faults, disturbances, vision, motor heat."""
+        # This may change parameters, so it comes before they are read.
+        inputs = self._make_inputs(*self._vision, self._failed)
+        parameters = self.parameters.onboard
+        _, wheel_angle = self._sensor_values
+        self.onboard = begin_frame(parameters, self.onboard, inputs, wheel_angle)
         motors = self.onboard.motors
-        self._at.resistance.set(motors.resistance)
-        self._at.constant.set(motors.back_emf / p.motors.gear)
-        self._heard = self._nothing
+        self._views.resistance.set(motors.resistance)
+        self._views.torque_constant.set(motors.back_emf_constant / parameters.motors.gear)
+        self._vision = self._no_vision
 
-    def _motion(self) -> Motion:
-        """Return the motion of robots that stand upright."""
-        x, y, _, w, _, _, z = self._at.pose.get()
-        velocity_x, velocity_y, _, _, _, turn_rate = self._at.velocity.get()
-        cosine, sine = w * w - z * z, 2 * w * z
-        ahead, aside = rotate(velocity_x, velocity_y, cosine, -sine)
-        return Motion(x, y, cosine, sine, ahead, aside, turn_rate)
-
-    def _wrench(self, motion: Motion) -> Array:
-        """Return the wrench of drag and pushes on the chassis, world frame, (6, n) N and N m."""
-        drag, inputs = self._drag, self.onboard.inputs
-        x, y = rotate(drag.ahead, drag.aside, motion.cosine, motion.sine)
-        centre_x, centre_y, height = self._at.centre
-        moment = drag.moment - centre_x * drag.aside + centre_y * drag.ahead
-        return np.stack(
-            [x + inputs.push_x, y + inputs.push_y, 0 * moment, height * y, -height * x, moment]
+    def _begin_cycle(self) -> None:
+        """Run the firmware, and write voltages, forces on the chassis, and slip limits."""
+        views = self._views
+        is_drag_due = self.onboard.cycle % DRAG_CYCLES == 0
+        gyro, wheel_angle = self._sensor_values
+        wheel_speed = views.wheel_speed.get()
+        load = views.load.get()
+        self.onboard, record = run_cycle(
+            self.parameters.onboard, self.onboard, gyro, wheel_angle, wheel_speed
         )
+        self._records.append(record)
+        if is_drag_due:
+            motion = self._compute_motion()
+            self._drag = compute_drag(self.parameters.carpet, motion, load, wheel_angle)
+            views.wrench.set(self._compute_wrench(motion))
+        motors = self.onboard.motors
+        # MuJoCo's dcmotor has a constant resistance R in place of R + X |w|. This is the voltage
+        # that drives the same current through it.
+        views.voltage.set(
+            motors.back_emf_constant * wheel_speed + record.current * motors.resistance
+        )
+        self._set_slip_limits(load)
 
-    def _limit_slips(self, load: Array) -> None:
-        """Write limits and impedances of slip hinges under a load (W, n) in N; see `omni_mj.robot.carpet`."""
-        limit, pressed = limit_torque(self._drag.rim_friction, load)
-        self._at.slip_limit.set(limit)
-        self._at.slip_impedance.set(pressed / (pressed + self._drag.softness))
+    def _after_step(self, is_first: bool, is_last: bool) -> None:
+        """Read sensors and update slip hinges after the first or last physics step of a cycle."""
+        if is_first:
+            # MuJoCo computed them at the step's beginning, so they are one cycle old in the next
+            # cycle, however many steps a cycle has.
+            self._read_sensors()
+        if self._roller_pitch is not None:
+            self._views.wrap_rollers(self._roller_pitch)
+        if not is_last:
+            self._set_slip_limits(self._views.load.get())
 
-    def _sense(self) -> None:
-        self._sensed = self._at.gyro.get()[0], self._at.encoders.get()
+    def _read_sensors(self) -> None:
+        """Store gyro, (n,) rad/s, and encoders, (W, n) rad."""
+        self._sensor_values = self._views.gyro.get()[0], self._views.encoders.get()
 
-    def _toppled(self) -> np.ndarray:
-        _, x, y, _ = self._at.pose.get()[3:]
-        return np.asarray(x * x + y * y > TOPPLED)
+    def _compute_motion(self) -> ChassisMotion:
+        """Return the motion of the centers of the wheels, for robots that stand upright."""
+        x, y, _, w, _, _, z = self._views.pose.get()
+        velocity_x, velocity_y, _, _, _, turn_rate = self._views.velocity.get()
+        cosine = w * w - z * z
+        sine = 2 * w * z
+        forward_velocity, sideways_velocity = rotate(velocity_x, velocity_y, cosine, -sine)
+        return ChassisMotion(x, y, cosine, sine, forward_velocity, sideways_velocity, turn_rate)
 
-    def _stand(self, worlds: np.ndarray) -> None:
-        """Put the robots of some worlds where they start, at rest on their rollers; their sensors say so."""
-        places = self._places
-        rows = (worlds[:, None] * places + np.arange(places)).ravel()
+    def _compute_wrench(self, motion: ChassisMotion) -> Array:
+        """Return the wrench of drag and pushes on the chassis, world frame, (6, n) N and N m."""
+        drag = self._drag
+        inputs = self.onboard.inputs
+        x, y = rotate(drag.forward_force, drag.sideways_force, motion.cosine, motion.sine)
+        center_x, center_y, height = self._views.center_of_mass
+        moment = drag.moment - center_x * drag.sideways_force + center_y * drag.forward_force
+        force_x = x + inputs.push_force_x
+        force_y = y + inputs.push_force_y
+        return np.stack([force_x, force_y, 0 * moment, height * y, -height * x, moment])
+
+    def _set_slip_limits(self, load: Array) -> None:
+        """Write Coulomb's limits and the impedances of creep to the slip hinges.
+
+        Args:
+            load: Normal forces, (W, n) N.
+        """
+        limit, positive_load = compute_torque_limit(self._drag.torque_per_load, load)
+        self._views.slip_limit.set(limit)
+        # d = A / (A + Q), see `omni_mj.robot.carpet`
+        impedance = positive_load / (positive_load + self._drag.slip_compliance)
+        self._views.slip_impedance.set(impedance)
+
+    def _reset_worlds(self, worlds: np.ndarray) -> None:
+        """Put the robots of some worlds to their start poses, at rest, and read their sensors."""
+        slots = np.arange(self._robots_per_world)
+        rows = (worlds[:, None] * self._robots_per_world + slots).ravel()
         standing = self._world.rest_qpos[np.array([robot.qpos for robot in self._world.robots])]
-        positions, speeds = self._at.qpos.get(), self._at.qvel.get()
+        positions = self._views.qpos.get()
+        speeds = self._views.qvel.get()
         x, y, heading = self._start_poses[rows].T
-        positions[:, rows], speeds[:, rows] = standing[rows % places].T, 0.0
+        positions[:, rows] = standing[rows % self._robots_per_world].T
         positions[:2, rows] = x, y
         positions[3:7, rows] = np.cos(heading / 2), 0 * x, 0 * x, np.sin(heading / 2)
-        self._at.qpos.set(positions)
-        self._at.qvel.set(speeds)
+        speeds[:, rows] = 0.0
+        self._views.qpos.set(positions)
+        self._views.qvel.set(speeds)
         self._heading[rows] = heading
         self._batch.forward(worlds)
-        self._sense()
+        self._read_sensors()
 
-    def _check(self) -> dict[int, str]:
-        """Find what has failed, and stop it."""
+    def _find_toppled(self) -> np.ndarray:
+        """Return whether robots are tilted by more than 45 degrees, (n,)."""
+        _, x, y, _ = self._views.pose.get()[3:]
+        return np.asarray(x * x + y * y > TOPPLED_SINE_SQUARED)
+
+    def _stop_failed_rows(self) -> dict[int, str]:
+        """Stop the rows that became unstable or toppled, and return them with the causes."""
         causes: dict[int, str] = {}
-        for warning, counts in zip(UNSTABLE, self._warnings.T, strict=True):
-            broken = np.repeat(counts > 0, self._places) & ~self._failed
-            causes = (
-                dict.fromkeys(
-                    np.flatnonzero(broken).tolist(), f"became unstable (MuJoCo: {warning.name})"
-                )
-                | causes
-            )
-        unstable = list(causes)
-        toppled = np.flatnonzero(self._toppled() & ~self._failed)
-        causes |= {row: "toppled over" for row in toppled.tolist() if row not in causes}
+        for warning, counts in zip(INSTABILITY_WARNINGS, self._warning_counts.T, strict=True):
+            is_unstable = np.repeat(counts > 0, self._robots_per_world) & ~self._failed
+            cause = f"became unstable (MuJoCo: {warning.name})"
+            causes = dict.fromkeys(np.flatnonzero(is_unstable).tolist(), cause) | causes
+        unstable_rows = list(causes)
+        toppled_rows = np.flatnonzero(self._find_toppled() & ~self._failed)
+        causes |= {row: "toppled over" for row in toppled_rows.tolist() if row not in causes}
         if causes:
-            self._stop(list(causes), unstable)
+            self._stop_rows(list(causes), unstable_rows)
         return causes
 
-    def _stop(self, rows: list[int], unstable: list[int]) -> None:
-        """Switch rows off. Worlds where none is left on are not stepped any more; unstable ones are put back first."""
+    def _stop_rows(self, rows: list[int], unstable_rows: list[int]) -> None:
+        """Switch rows off, and step worlds without a living robot no more.
+
+        Args:
+            rows: Rows to switch off.
+            unstable_rows: Those of them that became unstable; their worlds are reset first.
+        """
         self._failed[rows] = True
-        if unstable:
-            self._stand(np.unique(np.array(unstable) // self._places))
-        over = self._failed.reshape(-1, self._places).all(1)
-        self._batch.bind("qvel")[over] = 0.0
-        self._living = np.flatnonzero(~over)
+        if unstable_rows:
+            self._reset_worlds(np.unique(np.array(unstable_rows) // self._robots_per_world))
+        is_over = self._failed.reshape(-1, self._robots_per_world).all(1)
+        self._batch.bind("qvel")[is_over] = 0.0
+        self._active_worlds = np.flatnonzero(~is_over)

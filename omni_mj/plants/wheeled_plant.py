@@ -1,4 +1,4 @@
-"""What plants with wheels share: parameters and state of their robots, chance, faults, held currents."""
+"""Base of the plants with wheels: firmware, variation, disturbances, faults, current setpoints."""
 
 from collections.abc import Sequence
 
@@ -7,111 +7,150 @@ import numpy as np
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.rows import Row
 from omni_mj.network.radio import ReceivedCommand, compute_max_delay_frames
-from omni_mj.plants import Telemetry
-from omni_mj.plants.domain_randomization import Chance, Drawn
-from omni_mj.plants.fault_effects import Faults, Faulty
-from omni_mj.robot.firmware import Command
+from omni_mj.plants.disturbances import Disturbances
+from omni_mj.plants.domain_randomization import RobotVariation
+from omni_mj.plants.fault_effects import ChangeableBodies, FaultEffects
+from omni_mj.plants.telemetry import Telemetry
+from omni_mj.robot.firmware import FirmwareCommand
 from omni_mj.robot.onboard import (
     CycleRecord,
     FrameInputs,
     OnboardParameters,
     OnboardState,
-    onboard,
-    telemetry_rows,
+    make_onboard,
+    stack_telemetry,
 )
 
 
 class WheeledPlant:
     """Robots with roller wheels on carpet, driven by their firmware.
 
+    Args:
+        rows: Rows of the robots.
+        kinematics: Geometry of the wheels.
+        variation: Deviations of the robots from their settings.
+        heading: Heading at the start, (n,) rad.
+
     Attributes:
-        geometry: Of the wheels, as they are when new.
-        drawn: What the robots' seeds drew for them.
+        geometry: Geometry of the wheels when new.
+        variation: Deviations of the robots from their settings.
+        min_heading_memory: Frames for which firmware remembers its headings at least. Older
+            headings from vision do not correct it.
     """
 
     geometry: Kinematics | None
-    # For which robots remember their headings at least; vision may be that late
-    remembered_frames = 0
+    min_heading_memory = 0
 
     def __init__(
-        self, rows: Sequence[Row], kinematics: Kinematics, drawn: Drawn, heading: Array
+        self,
+        rows: Sequence[Row],
+        kinematics: Kinematics,
+        variation: RobotVariation,
+        heading: Array,
     ) -> None:
-        self.geometry, self.drawn, self._rows = kinematics, drawn, rows
-        self._chance = Chance(rows)
-        self._held: Array | None = None
-        self._faults: Faults | None = None
-        none = np.zeros((1, *drawn.strength.T.shape))
-        self._record = CycleRecord(
-            none, none, none, none, none[:, 0], none[:, 0]
-        )  # of the frame just past
-        frames = (
-            max(
-                *(compute_max_delay_frames(row.settings.radio, row.settings.fault) for row in rows),
-                self.remembered_frames,
-            )
-            + 1
+        self.geometry = kinematics
+        self.variation = variation
+        self._rows = rows
+        self._disturbances = Disturbances(rows)
+        self._current_setpoint: Array | None = None
+        self._fault_effects: FaultEffects | None = None
+        zeros = np.zeros((1, *variation.magnet_factor.T.shape))
+        # Record of the frame just past
+        self._record = CycleRecord(zeros, zeros, zeros, zeros, zeros[:, 0], zeros[:, 0])
+        max_latency = max(
+            compute_max_delay_frames(row.settings.radio, row.settings.fault) for row in rows
         )
-        self._onboard: tuple[OnboardParameters, OnboardState] = onboard(
+        self._initial_onboard: tuple[OnboardParameters, OnboardState] = make_onboard(
             [row.settings for row in rows],
             kinematics,
             heading,
-            by_wheel(drawn.strength),
-            (frames, any(row.faults for row in rows)),
+            transpose(variation.magnet_factor),
+            n_frames=max(max_latency, self.min_heading_memory) + 1,
+            has_faults=any(row.faults for row in rows),
         )
 
-    def _start_faults(self, bodies: Faulty) -> None:
-        """Let faults act on robots as they are now."""
+    def _start_faults(self, bodies: ChangeableBodies) -> None:
+        """Apply faults from now on, to robots as they are now."""
         if any(row.faults for row in self._rows):
-            self._faults = Faults(self._rows, self, bodies)
+            self._fault_effects = FaultEffects(self._rows, self, bodies)
 
-    def hold(self, current: Array | None) -> None:
-        """Have drivers hold currents from the next frame on, whatever the firmware commands.
+    def set_motor_currents(self, current: Array | None) -> None:
+        """Let drivers hold currents from the next frame on, whatever the firmware commands.
 
         Args:
-            current: (n, wheels) A, as far as the battery's voltage drives it; NaN where the
-                firmware drives. None for all. With none, a robot rolls out.
+            current: (n, W) A, as far as the battery's voltage can drive it; NaN where the firmware
+                drives. None if it drives all motors. With 0 A a robot rolls out.
         """
-        self._held = (
-            None if current is None or np.isnan(current).all() else np.array(current, float).T
-        )
+        if current is None or np.isnan(current).all():
+            self._current_setpoint = None
+        else:
+            self._current_setpoint = np.array(current, float).T
 
-    def _command(self, received: ReceivedCommand) -> Command:
-        n = len(self._rows)
-        wheels = None
+    def _make_command(self, received: ReceivedCommand) -> FirmwareCommand:
+        """Return what the radio delivered as arrays for the firmware."""
+        wheel_speeds = None
         if received.rim_speeds is not None:
             assert self.geometry is not None
-            wheels = received.rim_speeds.T / self.geometry.radius
-        x, y, turn = np.array(received.command, float).T
-        is_new = np.ones(n, bool) if received.is_new is None else received.is_new
-        return Command(x, y, turn, is_new, received.in_body_frame, wheels)
-
-    def _inputs(self, seen_heading: Array, age: np.ndarray, stopped: np.ndarray) -> FrameInputs:
-        """Return what acts in the next frame; nothing pushes robots that were `stopped` (n,)."""
-        push, gyro_bias, held, extra = self._chance.push(), self._chance.gyro_bias, self._held, {}
-        if self._faults is not None:
-            faults = self._faults
-            faults.begin()
-            push, gyro_bias, extra = push + faults.push, gyro_bias + faults.gyro_bias, faults.inputs
-            off = faults.off_current
-            held = off if held is None else np.where(np.isnan(off), held, off)
-        push = np.where(stopped[:, None], 0.0, push)
-        inputs = FrameInputs(
-            seen_heading=seen_heading,
-            age=np.asarray(age),
-            gyro_error=self._chance.gyro_error(gyro_bias),
-            push_x=push[:, 0],
-            push_y=push[:, 1],
-            power_share=np.ones(len(self._rows)),
-            held_current=held,
-            is_stopped=stopped if stopped.any() else None,
+            wheel_speeds = received.rim_speeds.T / self.geometry.radius
+        velocity_x, velocity_y, turn_rate = np.array(received.command, float).T
+        is_new = np.ones(len(self._rows), bool) if received.is_new is None else received.is_new
+        return FirmwareCommand(
+            velocity_x, velocity_y, turn_rate, is_new, received.in_body_frame, wheel_speeds
         )
-        return inputs._replace(**extra)
 
-    def _telemetry(self, state: OnboardState, angle: Array, speed: Array, slip: Array) -> Telemetry:
-        """Return telemetry of the frame just past, or at the start, from angles, speeds and slips (W, n)."""
-        return Telemetry(telemetry_rows(state, self._record, angle, speed, slip).T)
+    def _make_inputs(
+        self, vision_heading: Array, heading_age: np.ndarray, has_failed: np.ndarray
+    ) -> FrameInputs:
+        """Return the inputs of the next frame, with disturbances and faults.
+
+        Args:
+            vision_heading: Headings that arrived from vision, (n,) rad, NaN where none did.
+            heading_age: Frames since they were sent, (n,).
+            has_failed: Robots that have failed, on which no force acts, (n,).
+        """
+        push_force = self._disturbances.draw_push_force()
+        gyro_bias = self._disturbances.gyro_bias
+        current_setpoint = self._current_setpoint
+        fault_inputs: dict[str, Array] = {}
+        if self._fault_effects is not None:
+            faults = self._fault_effects
+            faults.begin_frame()
+            push_force = push_force + faults.push_force
+            gyro_bias = gyro_bias + faults.gyro_bias
+            fault_inputs = faults.inputs
+            if current_setpoint is None:
+                current_setpoint = faults.current_setpoint
+            else:
+                current_setpoint = np.where(
+                    np.isnan(faults.current_setpoint), current_setpoint, faults.current_setpoint
+                )
+        push_force = np.where(has_failed[:, None], 0.0, push_force)
+        inputs = FrameInputs(
+            vision_heading=vision_heading,
+            heading_age=np.asarray(heading_age),
+            gyro_error=self._disturbances.draw_gyro_error(gyro_bias),
+            push_force_x=push_force[:, 0],
+            push_force_y=push_force[:, 1],
+            battery_voltage_factor=np.ones(len(self._rows)),
+            current_setpoint=current_setpoint,
+            has_failed=has_failed if has_failed.any() else None,
+        )
+        return inputs._replace(**fault_inputs)
+
+    def _make_telemetry(
+        self, state: OnboardState, wheel_angle: Array, wheel_speed: Array, slip: Array
+    ) -> Telemetry:
+        """Return telemetry of the frame just past, or of the start.
+
+        Args:
+            state: State of firmware, motors and battery.
+            wheel_angle: (W, n) rad.
+            wheel_speed: (W, n) rad/s.
+            slip: Speed at which rims slide, (W, n) m/s.
+        """
+        return Telemetry(stack_telemetry(state, self._record, wheel_angle, wheel_speed, slip).T)
 
 
-def by_wheel(values: Array) -> Array:
+def transpose(values: Array) -> Array:
     """Return a contiguous copy of (n, W) as (W, n)."""
     return np.array(values.T, order="C")

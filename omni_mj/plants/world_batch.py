@@ -1,4 +1,4 @@
-"""Batches of worlds: the rows that can share one, and how it is made."""
+"""Batches of MuJoCo worlds with one model: checks of the rows, and construction."""
 
 import copy
 from collections.abc import Sequence
@@ -12,58 +12,68 @@ from omni_mj.config.rows import Row
 from omni_mj.mjcf.robot_spec import RobotShape
 from omni_mj.mjcf.world_builder import World
 
-# In which robots may start in each other or in a wall: that of a hard contact
-_ALLOWED_DEPTH_M = 1e-3
+# Depth to which robots may overlap each other or a wall at the start: that of a hard contact
+_MAX_OVERLAP_M = 1e-3
 
 
-def check(rows: Sequence[Row]) -> None:
-    """Check what the rows' robots are made of.
+def check_rows(rows: Sequence[Row]) -> None:
+    """Check that all rows can share one model.
 
     Raises:
-        OmniError: they differ in their model or the physics.
+        OmniError: Rows differ in their model or the physics.
     """
-    first = rows[0].settings
+    reference = rows[0].settings
     for number, row in enumerate(rows):
-        differ = [
+        differences = [
             name
             for name in ("body", "wheels", "physics")
-            if getattr(row.settings, name) != getattr(first, name)
+            if getattr(row.settings, name) != getattr(reference, name)
         ]
-        if not differ and RobotShape.from_settings(row.settings) != RobotShape.from_settings(first):
-            differ = ["motor.gear or motor.rotor_inertia_kg_m2"]
-        if differ:
+        if not differences and RobotShape.from_settings(row.settings) != RobotShape.from_settings(
+            reference
+        ):
+            differences = ["motor.gear or motor.rotor_inertia_kg_m2"]
+        if differences:
             raise OmniError(
-                f"rows 0 and {number} differ in {' and '.join(differ)}: one batch has one model"
+                f"rows 0 and {number} differ in {' and '.join(differences)}: "
+                "all rows of a batch share one model"
             )
 
 
-def check_start(rows: Sequence[Row], model: mujoco.MjModel, positions: Array) -> None:
-    """Refuse robots that start in each other or in a wall, which would throw them apart.
+def check_start_poses(rows: Sequence[Row], model: mujoco.MjModel, positions: Array) -> None:
+    """Check that no robot overlaps another or a wall, because contacts would throw it away.
 
     Args:
-        rows: of the robots.
-        model: of each world.
-        positions: of the worlds, (worlds, nq).
+        rows: Rows of the robots.
+        model: Model of each world.
+        positions: Positions `qpos` of the worlds, (worlds, nq).
 
     Raises:
-        OmniError: two bodies overlap; their names, and how deep.
+        OmniError: Two bodies overlap.
     """
     data = mujoco.MjData(model)
     for world, qpos in enumerate(positions):
         data.qpos[:] = qpos
         mujoco.mj_fwdPosition(model, data)
         for contact in data.contact:
-            if contact.dist < -_ALLOWED_DEPTH_M:
-                first, second = (model.geom(geom).name for geom in contact.geom)
+            if contact.dist < -_MAX_OVERLAP_M:
+                body, other_body = (model.geom(geom).name for geom in contact.geom)
+                world_number = rows[world * len(rows) // len(positions)].world
                 raise OmniError(
-                    f"world {rows[world * len(rows) // len(positions)].world}: {first!r} and {second!r} start in each "
-                    f"other, {-1e3 * contact.dist:.0f} mm deep; place the robots apart"
+                    f"world {world_number}: {body!r} and {other_body!r} start in each other, "
+                    f"{-1e3 * contact.dist:.0f} mm deep; move their start poses apart"
                 )
 
 
-def made(world: World, worlds: int, threads: int = 1) -> Batch:
-    """So many worlds like one that was built, stepped by so many threads."""
+def make_batch(world: World, n_worlds: int, n_threads: int = 1) -> Batch:
+    """Return a batch of copies of a world.
+
+    Args:
+        world: World as built.
+        n_worlds: Number of copies.
+        n_threads: Threads that step them.
+    """
     model = copy.copy(world.model)
-    # The battery limits, also where braking motors lift its voltage
+    # The battery limits voltages, also where braking motors lift its voltage.
     model.actuator_ctrllimited[:] = 0
-    return Batch(model, worlds, threads)
+    return Batch(model, n_worlds, n_threads)

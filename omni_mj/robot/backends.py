@@ -1,9 +1,13 @@
-"""Backends: what computes the functions of this package, numpy or programs that JAX compiles from them.
+"""Backends that compute the functions of this package: numpy, or programs that JAX compiles.
 
-A backend holds parameters and state of n robots, and runs functions (parameters, state, *inputs) -> (state, outputs).
-Handing an array to a compiled program costs 1 to 3 us, and a state has sixty. So JAX gets parameters, state and inputs
-packed into one array each, and returns state and outputs packed as well: a frame of one robot takes half the time.
-Batches are filled up with copies of the last robot to a few sizes, because every new size compiles anew.
+A backend stores parameters and state of n robots, and runs functions
+
+    (parameters, state, *inputs) -> (state, outputs).
+
+To pass an array to a compiled program costs 1 to 3 us, and a state has sixty arrays. So `JaxBackend`
+packs parameters, state and inputs into one array each, and unpacks state and outputs. A frame of
+one robot takes half the time. Batches are padded with copies of the last robot to a few sizes,
+because every new size compiles anew.
 """
 
 import importlib.util
@@ -19,43 +23,47 @@ import numpy as np
 
 from omni_control.errors import OmniError
 
-SIZES = 1, 16, 64  # robots that compiled programs take, and then multiples of the last
-NUMPY_FRAME_S, NUMPY_ROBOT_S = 3e-3, 2e-5  # that a frame of `planar` takes, and a robot in it
+BATCH_SIZES = 1, 16, 64  # of compiled programs; larger ones are multiples of the last
+# Measured times of numpy on the plant planar: a frame of any batch, and each robot in it
+NUMPY_FRAME_S = 3e-3
+NUMPY_ROBOT_S = 2e-5
 JAX_START_S = 5.0  # import and compilation
-COMPILER_OPTIONS = {
-    "xla_cpu_use_fusion_emitters": False
-}  # one robot compiles in half the time, and runs as fast
+# One robot compiles in half the time, and runs as fast.
+COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}
+
 Function = Callable[..., tuple[Any, Any]]
-Unpack = Callable[[Any], Any]  # an array (numbers,) -> NamedTuples of arrays
+Unpack = Callable[[Any], Any]  # an array (size,) -> NamedTuples of arrays
+ShapeAndType = tuple[tuple[int, ...], Any]
 
 
-def choose_backend(setting: str, plant: str, robots: int, frames: int) -> str:
-    """Return the backend, numpy or jax, that a setting of `physics.backend` means.
+def choose_backend(setting: str, plant: str, n_robots: int, n_frames: int) -> str:
+    """Return the backend, numpy or jax, for a value of `physics.backend`.
 
-    Robots of `mujoco` spend their time in MuJoCo, where compiled functions gain nothing. On
-    `planar` JAX is taken if numpy would need longer than it takes to import JAX and to compile.
+    The plant mujoco spends its time in MuJoCo, where compiled functions gain nothing. On planar
+    JAX is chosen if numpy would take longer than the import of JAX and the compilation.
 
     Args:
         setting: auto, numpy or jax.
-        plant: By its name.
-        robots: How many.
-        frames: Of the run.
+        plant: Name of the plant.
+        n_robots: Number of robots.
+        n_frames: Frames of the run.
 
     Raises:
         OmniError: JAX is set for a plant that it does not compute, or is not installed.
     """
     if setting == "jax" and plant in ("mujoco", "kinematic"):
         raise OmniError(
-            f"physics.backend = jax computes the plant planar only, not {plant}; take numpy or auto"
+            "physics.backend = jax is available on the plant planar only, "
+            f"not on {plant}; use numpy or auto"
         )
     if setting == "jax" and not has_jax():
         raise OmniError(
-            "physics.backend = jax needs the package jax, which is not installed: pip install 'omni-mj[fast]'; or take "
-            "physics.backend = numpy"
+            "physics.backend = jax needs the package jax, which is not installed: "
+            "pip install 'omni-mj[fast]'; or use physics.backend = numpy"
         )
     if setting != "auto":
         return setting
-    numpy_s = frames * (NUMPY_FRAME_S + NUMPY_ROBOT_S * robots)
+    numpy_s = n_frames * (NUMPY_FRAME_S + NUMPY_ROBOT_S * n_robots)
     return "jax" if plant == "planar" and numpy_s > JAX_START_S and has_jax() else "numpy"
 
 
@@ -65,68 +73,71 @@ def has_jax() -> bool:
 
 
 class NumpyBackend:
-    """Functions as they are.
+    """A backend that calls functions directly.
 
     Args:
-        parameters: Of n robots.
-        state: At the start.
+        parameters: Parameters of n robots.
+        state: State at the start.
     """
 
     def __init__(self, parameters: Any, state: Any) -> None:
-        self.parameters, self.state = parameters, state
+        self.parameters = parameters
+        self.state = state
 
     def run(self, function: Function, *inputs: Any) -> Any:
-        """Run a function, keep the state that it returns, and return its outputs."""
+        """Run a function, store the state that it returns, and return its outputs."""
         self.state, outputs = function(self.parameters, self.state, *inputs)
         return outputs
 
 
 @cache
-def unpacker(tree: Any, kinds: tuple[tuple[tuple[int, ...], Any], ...]) -> Unpack:
-    """Return what unpacks NamedTuples of arrays from one array; the same function for the same arguments.
+def make_unpack(structure: Any, shapes_and_types: tuple[ShapeAndType, ...]) -> Unpack:
+    """Return the function that unpacks NamedTuples of arrays from one array.
+
+    The result is cached, so that equal structures share a compiled program.
 
     Args:
-        tree: JAX's description of the NamedTuples.
-        kinds: Shape and type of each array.
+        structure: JAX's description of the NamedTuples.
+        shapes_and_types: RobotShape and type of each array.
     """
-    ends = [0, *accumulate(math.prod(shape) for shape, _ in kinds)]
+    ends = [0, *accumulate(math.prod(shape) for shape, _ in shapes_and_types)]
 
     def unpack(packed: Any) -> Any:
-        parts = (packed[slice(*span)] for span in pairwise(ends))
+        flat_arrays = (packed[slice(*span)] for span in pairwise(ends))
         leaves = [
-            part.reshape(shape).astype(kind, copy=False)
-            for part, (shape, kind) in zip(parts, kinds, strict=True)
+            flat.reshape(shape).astype(dtype, copy=False)
+            for flat, (shape, dtype) in zip(flat_arrays, shapes_and_types, strict=True)
         ]
-        return tree.unflatten(leaves)
+        return structure.unflatten(leaves)
 
     return unpack
 
 
 def pack(tree: Any, xp: Any = np) -> tuple[Any, Unpack]:
-    """Put the arrays of NamedTuples one after the other, (numbers,); return also what unpacks them."""
+    """Concatenate the arrays of NamedTuples to one (size,); return the function to unpack it too."""
     import jax
 
-    leaves, tree = jax.tree.flatten(tree)
-    unpack = unpacker(tree, tuple((leaf.shape, np.dtype(leaf.dtype)) for leaf in leaves))
-    return xp.concatenate(
-        [xp.zeros(0), *(leaf.ravel().astype(float, copy=False) for leaf in leaves)]
-    ), unpack
+    leaves, structure = jax.tree.flatten(tree)
+    unpack = make_unpack(structure, tuple((leaf.shape, np.dtype(leaf.dtype)) for leaf in leaves))
+    flat_arrays = [leaf.ravel().astype(float, copy=False) for leaf in leaves]
+    return xp.concatenate([xp.zeros(0), *flat_arrays]), unpack
 
 
 class JaxBackend:
-    """Functions compiled by JAX; see the module. It has what `NumpyBackend` has."""
+    """A backend that compiles functions with JAX; see the module. Its interface is `NumpyBackend`'s."""
 
     def __init__(self, parameters: Any, state: Any) -> None:
         _set_up_jax()
         import jax
 
-        self._robots = int(jax.tree.leaves(parameters)[0].shape[-1])
-        size = next(
-            (size for size in SIZES if size >= self._robots),
-            -(-self._robots // SIZES[-1]) * SIZES[-1],
+        self._n_robots = int(jax.tree.leaves(parameters)[0].shape[-1])
+        padded_size = next(
+            (size for size in BATCH_SIZES if size >= self._n_robots),
+            -(-self._n_robots // BATCH_SIZES[-1]) * BATCH_SIZES[-1],
         )
-        self._filled = np.minimum(np.arange(size), self._robots - 1)
-        self.parameters, self.state = parameters, state
+        self._padded_indices = np.minimum(np.arange(padded_size), self._n_robots - 1)
+        self.parameters = parameters
+        self.state = state
 
     @property
     def parameters(self) -> Any:
@@ -138,82 +149,85 @@ class JaxBackend:
         import jax
 
         self._parameters = parameters
-        packed, self._unpack_parameters = self._pack(parameters)
+        packed, self._unpack_parameters = self._pad_and_pack(parameters)
         with jax.enable_x64(True):
             self._packed_parameters = jax.device_put(packed)
 
     @property
     def state(self) -> Any:
         """See `NumpyBackend`."""
-        return self._cut(self._unpack_state(np.asarray(self._packed_state)))
+        return self._remove_padding(self._unpack_state(np.asarray(self._packed_state)))
 
     @state.setter
     def state(self, state: Any) -> None:
-        self._packed_state, self._unpack_state = self._pack(state)
+        self._packed_state, self._unpack_state = self._pad_and_pack(state)
 
     def run(self, function: Function, *inputs: Any) -> Any:
         """See `NumpyBackend`."""
         import jax
 
-        packed, unpack = self._pack(inputs)
-        run, after = compiled(function, unpack, self._unpack_parameters, self._unpack_state)
+        packed, unpack = self._pad_and_pack(inputs)
+        run, unpack_results = compile_packed(
+            function, unpack, self._unpack_parameters, self._unpack_state
+        )
         with jax.enable_x64(True):
             self._packed_state, outputs = run(self._packed_parameters, self._packed_state, packed)
-        self._unpack_state, unpack_outputs = after
-        return self._cut(unpack_outputs(np.asarray(outputs)))
+        self._unpack_state, unpack_outputs = unpack_results
+        return self._remove_padding(unpack_outputs(np.asarray(outputs)))
 
-    def _pack(self, tree: Any) -> tuple[Any, Unpack]:
-        """Fill arrays up with copies of the last robot, and pack them."""
+    def _pad_and_pack(self, tree: Any) -> tuple[Any, Unpack]:
+        """Pad arrays with copies of the last robot, and pack them."""
         import jax
 
-        if len(self._filled) > self._robots:
-            tree = jax.tree.map(lambda leaf: leaf[..., self._filled] if leaf.ndim else leaf, tree)
+        if len(self._padded_indices) > self._n_robots:
+            tree = jax.tree.map(
+                lambda leaf: leaf[..., self._padded_indices] if leaf.ndim else leaf, tree
+            )
         return pack(tree)
 
-    def _cut(self, tree: Any) -> Any:
-        """Return arrays of the robots alone."""
+    def _remove_padding(self, tree: Any) -> Any:
+        """Return the arrays without the copies of the last robot."""
         import jax
 
-        if len(self._filled) == self._robots:
+        if len(self._padded_indices) == self._n_robots:
             return tree
-        return jax.tree.map(lambda leaf: leaf[..., : self._robots] if leaf.ndim else leaf, tree)
+        return jax.tree.map(lambda leaf: leaf[..., : self._n_robots] if leaf.ndim else leaf, tree)
 
 
 @cache
-def compiled(
-    function: Function, inputs: Unpack, parameters: Unpack, state: Unpack
+def compile_packed(
+    function: Function, unpack_inputs: Unpack, unpack_parameters: Unpack, unpack_state: Unpack
 ) -> tuple[Function, list[Unpack]]:
-    """Compile a function for packed inputs, parameters and state, when it is first run.
+    """Return a function that takes and returns packed arrays, compiled when it is first run.
 
     Returns:
-        Takes packed parameters, state and inputs; returns the packed state, and the packed outputs.
-        What unpacks these two, known after the first run.
+        The function: packed parameters, state and inputs -> packed state and outputs; and the two
+        functions that unpack its results, known after the first run.
     """
     import jax
 
-    after: list[Unpack] = []
+    unpack_results: list[Unpack] = []
 
-    def run(parameter_array: Any, state_array: Any, input_array: Any) -> tuple[Any, Any]:
-        new, outputs = function(
-            parameters(parameter_array), state(state_array), *inputs(input_array)
+    def run_packed(parameters: Any, state: Any, inputs: Any) -> tuple[Any, Any]:
+        new_state, outputs = function(
+            unpack_parameters(parameters), unpack_state(state), *unpack_inputs(inputs)
         )
-        (packed, unpack), (packed_outputs, unpack_outputs) = (
-            pack(tree, jax.numpy) for tree in (new, outputs)
-        )
-        after[:] = [unpack, unpack_outputs]
-        return packed, packed_outputs
+        packed_state, unpack_new_state = pack(new_state, jax.numpy)
+        packed_outputs, unpack_outputs = pack(outputs, jax.numpy)
+        unpack_results[:] = [unpack_new_state, unpack_outputs]
+        return packed_state, packed_outputs
 
     options = COMPILER_OPTIONS if jax.default_backend() == "cpu" else None
-    return jax.jit(run, compiler_options=options), after
+    return jax.jit(run_packed, compiler_options=options), unpack_results
 
 
 @cache
 def _set_up_jax() -> None:
-    """Prepare JAX: programs are stored for the next process, and run on one thread.
+    """Configure JAX: compiled programs are cached on disk, and run on one thread.
 
-    Operations on so few robots are too small to share. Without the pool of threads a frame costs 28
-    % less CPU time for 1 robot, 30 % less for 64, and 14 % less for 1,024. Set PJRT_NPROC before to
-    choose another number of threads.
+    Operations on so few robots are too small to share. Without the pool of threads a frame costs
+    28 % less CPU time for 1 robot, 30 % less for 64, and 14 % less for 1,024. Set PJRT_NPROC before
+    to choose another number of threads.
     """
     import jax
 

@@ -1,4 +1,8 @@
-"""The battery: open-circuit voltage over charge, sag under the motors' current, protection against deep discharge."""
+"""Battery: open-circuit voltage over charge, sag under load, and undervoltage protection.
+
+In a frame the battery is a Thevenin source: an open-circuit voltage behind an internal resistance.
+Charge and protection change from frame to frame, the voltage at the terminals from cycle to cycle.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -6,96 +10,107 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_mj.config.settings import PERIOD_S, Settings, gather
-from omni_mj.robot.array_namespace import Array, clip, namespace, total
+from omni_mj.robot.array_ops import Array, clip, namespace, sum_wheels
 
 # Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half,
 # steep below a tenth.
-CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
-CELL_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
+CELL_CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
+CELL_VOLTAGE_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
 # Time constant with which the protection averages the voltage, or every hard start would trip it
-CUT_OFF_S = 1.0
+PROTECTION_TIME_S = 1.0
 
 
 class BatteryParameters(NamedTuple):
-    """Batteries of n robots, (n,)."""
+    """Parameters of n batteries, (n,)."""
 
-    cells: Array
+    n_cells: Array  # in series
     capacity: Array  # A s
+    resistance: Array  # internal resistance, ohm
+    cut_off_voltage: Array  # at which the protection switches off, V
+
+
+class BatterySource(NamedTuple):
+    """Thevenin equivalent of n batteries in a frame, (n,). A battery that is off shorts the motors."""
+
+    open_circuit_voltage: Array  # V
     resistance: Array  # ohm
-    cut_off: Array  # V
-
-
-class Source(NamedTuple):
-    """Batteries in a frame, (n,); those that give no power short the motors."""
-
-    open_voltage: Array  # without load, V
-    resistance: Array  # ohm
-    barrier: Array  # infinite voltage of a battery that passes no current; 0 of others
-    share: Array  # of the voltage that the contacts pass
+    infinite_if_off: Array  # V; added to the voltage it makes the duty of a battery that is off 0
+    voltage_factor: Array  # fraction of the voltage that the contacts pass
 
 
 class BatteryState(NamedTuple):
     """State of n batteries, (n,)."""
 
-    charge: Array  # 1 is full
-    average: Array  # voltage that the protection sees, V
-    is_alive: (
-        Array  # whether the protection lets power through; without power the motors are shorted
-    )
+    charge: Array  # state of charge, 1 if full
+    average_voltage: Array  # filtered voltage that the protection compares with its limit, V
+    is_on: Array  # whether the protection passes power
     voltage: Array  # at the terminals, V
 
 
-def battery_parameters(settings: Sequence[Settings]) -> tuple[BatteryParameters, BatteryState]:
-    """Return parameters and the state at the start of n robots' batteries."""
-    cells, capacity, resistance, cut_off, charge = (
+def make_battery(settings: Sequence[Settings]) -> tuple[BatteryParameters, BatteryState]:
+    """Return parameters and initial state of the batteries of n robots."""
+    n_cells, capacity, resistance, cut_off, charge = (
         gather(settings, f"battery.{name}")
         for name in ("cells", "capacity_ah", "resistance_ohm", "cut_off_v", "charge")
     )
-    p = BatteryParameters(cells, capacity * 3600, resistance, cut_off)
-    voltage = cells * np.interp(charge, CHARGE, CELL_V)
+    p = BatteryParameters(n_cells, capacity * 3600, resistance, cut_off)
+    voltage = n_cells * np.interp(charge, CELL_CHARGE, CELL_VOLTAGE_V)
     return p, BatteryState(charge, voltage, np.ones(len(settings), bool), voltage)
 
 
-def open_circuit(p: BatteryParameters, s: BatteryState) -> Array:
-    """Return the voltage (n,) without a load, V."""
+def compute_open_circuit_voltage(p: BatteryParameters, s: BatteryState) -> Array:
+    """Return the voltage without load (n,) in V; 0 if the battery is off."""
     xp = namespace(s.charge)
-    return xp.where(s.is_alive, p.cells * xp.interp(s.charge, CHARGE, CELL_V), 0.0)
+    cell_voltage = xp.interp(s.charge, CELL_CHARGE, CELL_VOLTAGE_V)
+    return xp.where(s.is_on, p.n_cells * cell_voltage, 0.0)
 
 
-def source_of(p: BatteryParameters, s: BatteryState, share: Array) -> Source:
-    """Return what batteries are in a frame in which their contacts pass a share of the voltage, (n,)."""
-    barrier = namespace(share).where(s.is_alive, 0.0, np.inf)
-    return Source(open_circuit(p, s), s.is_alive * p.resistance, barrier, share)
+def make_source(p: BatteryParameters, s: BatteryState, voltage_factor: Array) -> BatterySource:
+    """Return the Thevenin equivalent for a frame.
+
+    Args:
+        p: Parameters.
+        s: State.
+        voltage_factor: Fraction of the voltage that the contacts pass, (n,).
+    """
+    infinite_if_off = namespace(voltage_factor).where(s.is_on, 0.0, np.inf)
+    open_circuit_voltage = compute_open_circuit_voltage(p, s)
+    return BatterySource(
+        open_circuit_voltage, s.is_on * p.resistance, infinite_if_off, voltage_factor
+    )
 
 
-def load_battery(
-    s: BatteryState, source: Source, voltage: Array, current: Array
+def apply_motor_load(
+    s: BatteryState, source: BatterySource, voltage: Array, current: Array
 ) -> tuple[BatteryState, Array]:
-    """Let batteries sag under motors.
+    """Compute the sag of the voltage, U = f (U0 - R I), under the motors' currents.
 
-    Drivers pass power without loss, and braking motors charge the battery. A driver burns what a
-    motor generates beyond the battery's voltage, or without a living battery.
+    Drivers pass power without loss, and braking motors charge the battery. A driver burns the power
+    that a motor generates beyond the battery's voltage, or with a battery that is off.
 
     Args:
         s: State.
-        source: Batteries in this frame.
-        voltage: Of the motors, (W, n) V.
-        current: Of the motors, (W, n) A.
+        source: Thevenin equivalent in this frame.
+        voltage: Motor voltages, (W, n) V.
+        current: Motor currents, (W, n) A.
 
     Returns:
-        The state, and the currents drawn, (n,) A.
+        The state, and the battery currents, (n,) A.
     """
-    duty = clip(voltage / (s.voltage + source.barrier), -1.0, 1.0)
-    drawn = total(duty * current)
-    return s._replace(
-        voltage=source.share * (source.open_voltage - source.resistance * drawn)
-    ), drawn
+    duty = clip(voltage / (s.voltage + source.infinite_if_off), -1.0, 1.0)
+    battery_current = sum_wheels(duty * current)
+    loaded_voltage = source.open_circuit_voltage - source.resistance * battery_current
+    return s._replace(voltage=source.voltage_factor * loaded_voltage), battery_current
 
 
-def discharge(p: BatteryParameters, s: BatteryState, drawn: Array) -> BatteryState:
-    """Take a frame's mean current (n,) in A from the charge."""
-    charge = clip(s.charge - drawn * PERIOD_S / p.capacity, 0.0, 1.0)
+def discharge_battery(
+    p: BatteryParameters, s: BatteryState, battery_current: Array
+) -> BatteryState:
+    """Subtract a frame's mean current (n,) in A from the charge, and update the protection."""
+    charge = clip(s.charge - battery_current * PERIOD_S / p.capacity, 0.0, 1.0)
     s = s._replace(charge=charge)
-    loaded = open_circuit(p, s) - s.is_alive * p.resistance * drawn
-    average = s.average + (loaded - s.average) * min(PERIOD_S / CUT_OFF_S, 1.0)
-    return s._replace(average=average, is_alive=s.is_alive & (average > p.cut_off))
+    sag = s.is_on * p.resistance * battery_current
+    loaded_voltage = compute_open_circuit_voltage(p, s) - sag
+    smoothing = min(PERIOD_S / PROTECTION_TIME_S, 1.0)
+    average = s.average_voltage + (loaded_voltage - s.average_voltage) * smoothing
+    return s._replace(average_voltage=average, is_on=s.is_on & (average > p.cut_off_voltage))

@@ -1,29 +1,39 @@
 """Rubber on carpet: creep, Coulomb's limit, and drag of the wheels.
 
-**Creep.** Rubber that comes into the contact is unstrained and leaves it strained, as in the brush model of a tyre (H.
-B. Pacejka, Tire and Vehicle Dynamics, chapter 3). In a contact of length l that travels at |v| over the carpet, a rim
-that slides at s against the direction of its pull strains the rubber by s t after the time t in the contact, s l/|v| at
-its end. With a stiffness k per length and strain its traction is f = k l^2 s / (2 |v|): slip speed and traction are
-proportional, and the slip falls as the travel brings fresh rubber faster. Contact length and stiffness grow with the
-load N so that k l^2 / 2 = C N, with one number C for a robot, its creep stiffness:
+**Creep.** Rubber enters the contact unstrained and leaves it strained, as in the brush model of a
+tire (H. B. Pacejka, Tire and Vehicle Dynamics, chapter 3). Let a contact of length l travel at |v|
+over the carpet while the rim slides at s against the direction of its traction. After the time t
+in the contact the rubber is strained by s t, and at the end by s l / |v|. With a stiffness k per
+length and strain the traction is f = k l^2 s / (2 |v|). Slip speed and traction are proportional,
+and the slip falls as the travel brings fresh rubber faster. Contact length and stiffness grow with
+the normal force N so that k l^2 / 2 = C N, with one number C per robot, its creep stiffness:
 
     s = |v| f / (N C),    |f| <= mu N.
 
-|v| is the speed of the wheel's centre over the carpet in any direction, because rollers bring fresh rubber along the
-axle as well. A wheel at rest does not creep. A robot with W wheels whose directions have the cosines d_i and that
-accelerates at a is slower than its wheels by s/v = T a, T = W / (g C sum d_i^2): measured on robots of TIGERs
-Mannheim (`omni-mj slip`).
+|v| is the speed of the wheel's center over the carpet in any direction, because rollers bring
+fresh rubber along the axle as well. A wheel at rest does not creep. If a robot with W wheels, whose
+directions have the cosines d_i, accelerates at a, its body is slower than its wheels by
 
-**In MuJoCo** a hinge between hub and rim slides; the contacts below do not. Its dry friction is the limit mu N R. As a
-constraint a + Q tau = -w/h with Q = |v| / (h R^2 N C) it is, over a step h, backward Euler for the law above: the
-slip's angular speed becomes w = -h Q tau, for a torque tau = f R. MuJoCo's impedance is d = A / (A + Q) with the
-hinge's inverse inertia A. The load is that which the contacts carried in the step before.
+    s / v = T a,    T = W / (g C sum d_i^2).
 
-**Drag** acts where wheels touch, in proportion to load. The pile of the carpet is pressed down in front of a wheel and
-pushes against it, radially, so not about its axle: p N against the wheel's travel. Fibres lean: to first order in the
-lean, p grows by nap cos(angle between the travel and the direction straight against the fibres). Rollers turn on plain
-bearings as the wheel travels along its axle: b N against that. Both are forces on the body which the wheels must pull,
-and creep for. The bearing's goes through the contact, and leaves sqrt(mu^2 - b^2) N of the friction circle to the rim.
+This law was measured on robots of TIGERs Mannheim (`omni-mj slip`).
+
+**In MuJoCo** a hinge between hub and rim slides; the contacts below do not. Its dry friction is
+the limit mu N R. For a torque tau = f R and a step h the slip's angular speed is w = -h Q tau with
+Q = |v| / (h R^2 N C). As a constraint a + Q tau = -w / h this is backward Euler for the law above.
+MuJoCo's impedance is d = A / (A + Q) with the hinge's inverse inertia A. The normal force is the
+one that the contacts carried in the step before.
+
+**Drag** acts where wheels touch, in proportion to the normal force N.
+
+- Pile: the fibers are pressed down in front of a wheel and push against it, radially, so not about
+  its axle. The force is p N against the wheel's travel. Fibers lean (nap): to first order in the
+  lean, p grows by nap cos(angle between the travel and the direction straight against the fibers).
+- Roller bearings: rollers turn on plain bearings as the wheel travels along its axle. The force is
+  b N against that travel. It goes through the contact, and leaves sqrt(mu^2 - b^2) N of the
+  friction circle to the rim.
+
+Both are forces on the body, which the wheels must overcome by traction and therefore by creep.
 Drag and travel change slowly, and are computed every `DRAG_CYCLES` cycles of the wheel loops.
 """
 
@@ -34,87 +44,91 @@ import numpy as np
 
 from omni_control.kinematics import Kinematics
 from omni_mj.config.settings import Settings, gather
-from omni_mj.robot.array_namespace import Array, namespace, root, rotate, total
+from omni_mj.robot.array_ops import Array, namespace, rotate, safe_sqrt, sum_wheels
 
-DRAG_CYCLES = 4  # of the wheel loops, between two computations of drag
-AT_REST_M_S = 0.01  # below it, dry drag fades
-LEAST_LOAD_N = 1e-3  # of a wheel in the air
-NOWHERE = -1.0  # radius of a patch that covers nothing
+DRAG_CYCLES = 4  # cycles of the wheel loops from one computation of drag to the next
+AT_REST_M_S = 0.01  # speed below which dry drag fades linearly to zero
+MIN_LOAD_N = 1e-3  # normal force assumed for a wheel in the air
+UNUSED_RADIUS_M = -1.0  # radius of a patch that covers nothing
+
+Patches = Sequence[tuple[float, float, float, float]]  # x, y, radius in m, friction coefficient
 
 
 class CarpetParameters(NamedTuple):
     """Carpet and wheels of n robots, (n,) unless another shape is given."""
 
     friction: Array  # coefficient of the carpet
-    # X, y and radius in m, and friction, (patches, 4, n); the last one counts; None if there are
-    # none
+    # X, y and radius in m, and friction coefficient, (patches, 4, n). Where patches overlap, the
+    # last one counts. None if there are none.
     patches: Array
-    pile: Array  # rolling resistance over load
-    nap: Array  # how much more against the fibres; None if no fibres lean
-    fibre_x: Array  # direction straight against the fibres, world frame
-    fibre_y: Array
-    grip: Array  # friction of each wheel over the carpet's, (W, n)
+    pile_drag: Array  # p: rolling resistance over normal force
+    nap: Array  # relative rise of p straight against the fibers; None if no fibers lean
+    fiber_x: Array  # direction straight against the fibers, world frame
+    fiber_y: Array
+    friction_factor: Array  # friction of each wheel over the carpet's, (W, n)
     # Angle over which rollers are missing, from a wheel's angle 0 on, (W, n) rad; None if nowhere
-    gap: Array
-    bearing: Array  # friction of the rollers' bearings over load
-    creep: Array  # softness of the rubber over speed, (W, n), in units of the plant
+    missing_angle: Array
+    roller_friction: Array  # b: friction of the rollers' bearings over normal force
+    # 1 / (R^2 C), (W, n): rad/s of slip, for 1 N m of torque at 1 N of normal force and 1 m/s.
+    # The plant mujoco has the hinge's Q / A in place of the slip speed.
+    creep_compliance: Array
     radius: Array  # of the wheels, (W, n) m
-    arm: Array  # from the robot's middle to where wheels touch, m
+    arm: Array  # from the center of the wheels to where they touch, m
     axle_x: Array  # directions of the axles, robot frame, (W, n)
     axle_y: Array
 
 
-class Motion(NamedTuple):
-    """Pose and twist of the middle of the wheels, (n,)."""
+class ChassisMotion(NamedTuple):
+    """Pose and twist of the center of the wheels, (n,)."""
 
-    x: Array  # m
+    x: Array  # m, world frame
     y: Array
     cosine: Array  # of the heading
     sine: Array
-    ahead: Array  # velocity in the robot's frame, m/s
-    aside: Array
+    forward_velocity: Array  # robot frame, m/s
+    sideways_velocity: Array
     turn_rate: Array  # rad/s
 
 
 class Drag(NamedTuple):
-    """What carpet and bearings do to a robot until they are computed again."""
+    """Drag of carpet and bearings, and limits of traction, until they are computed again."""
 
-    ahead: Array  # force in the robot's frame, (n,) N
-    aside: Array
-    moment: Array  # about the middle of the wheels, (n,) N m
-    softness: Array  # slip speed over torque, times load, (W, n)
-    rim_friction: Array  # greatest torque over load, (W, n) m
-    axle_speed: Array  # of the wheels along their axles, (W, n) m/s
+    forward_force: Array  # robot frame, (n,) N
+    sideways_force: Array
+    moment: Array  # about the center of the wheels, (n,) N m
+    slip_compliance: (
+        Array  # slip speed over torque, times normal force, (W, n); see `creep_compliance`
+    )
+    torque_per_load: Array  # Coulomb's limit of the rim's torque over normal force, (W, n) m
+    axle_speed: Array  # speed of the wheels along their axles, (W, n) m/s
 
 
-def carpet_parameters(
-    settings: Sequence[Settings], kinematics: Kinematics, grip: Array, wear: Array
+def make_carpet_parameters(
+    settings: Sequence[Settings], kinematics: Kinematics, friction_factor: Array, wear: Array
 ) -> CarpetParameters:
-    """Return the parameters of n robots; `creep` is for slip speeds in rad/s per torque in N m.
+    """Return the parameters of n robots.
 
     Args:
         settings: One per robot.
-        kinematics: Of their wheels.
-        grip: Friction of each wheel over the carpet's, (W, n).
-        wear: What each wheel has lost of its radius, (W, n) m.
+        kinematics: Geometry of their wheels.
+        friction_factor: Friction of each wheel over the carpet's, (W, n).
+        wear: Loss of each wheel's radius, (W, n) m.
     """
     names = "pile", "nap", "nap_deg", "friction"
     pile, nap, direction, friction = (gather(settings, f"carpet.{name}") for name in names)
-    radius, (axle_x, axle_y, _) = (
-        kinematics.radius - wear,
-        kinematics.axles.T[..., None] * np.ones(len(settings)),
-    )
+    radius = kinematics.radius - wear
+    axle_x, axle_y, _ = kinematics.axles.T[..., None] * np.ones(len(settings))
     return CarpetParameters(
         friction=friction,
-        patches=covered([s.carpet.patches for s in settings]),
-        pile=pile,
+        patches=stack_patches([s.carpet.patches for s in settings]),
+        pile_drag=pile,
         nap=nap if nap.any() else None,
-        fibre_x=np.cos(np.radians(direction)),
-        fibre_y=np.sin(np.radians(direction)),
-        grip=grip,
-        gap=None,
-        bearing=gather(settings, "drive.roller_friction"),
-        creep=1 / (radius**2 * gather(settings, "drive.creep_stiffness")),
+        fiber_x=np.cos(np.radians(direction)),
+        fiber_y=np.sin(np.radians(direction)),
+        friction_factor=friction_factor,
+        missing_angle=None,
+        roller_friction=gather(settings, "drive.roller_friction"),
+        creep_compliance=1 / (radius**2 * gather(settings, "drive.creep_stiffness")),
         radius=radius,
         arm=np.full(len(settings), kinematics.arm),
         axle_x=axle_x,
@@ -122,72 +136,100 @@ def carpet_parameters(
     )
 
 
-def covered(patches: Sequence[Sequence[tuple[float, float, float, float]]], room: int = 0) -> Array:
-    """Return patches of n robots as (patches, 4, n), with room for so many, or None if there are none."""
-    most = max(room, *(len(each) for each in patches))
-    if not most:
+def stack_patches(patches_by_robot: Sequence[Patches], min_patches: int = 0) -> Array:
+    """Return the patches of n robots as an array (patches, 4, n), or None if there are none.
+
+    Args:
+        patches_by_robot: Patches of friction on each robot's carpet.
+        min_patches: Least length of the first axis; unused entries cover nothing.
+    """
+    n_patches = max(min_patches, *(len(patches) for patches in patches_by_robot))
+    if not n_patches:
         return None
-    result = np.zeros((most, 4, len(patches)))
-    result[:, 2] = NOWHERE
-    for robot, each in enumerate(patches):
-        if each:
-            result[: len(each), :, robot] = each
+    result = np.zeros((n_patches, 4, len(patches_by_robot)))
+    result[:, 2] = UNUSED_RADIUS_M
+    for robot, patches in enumerate(patches_by_robot):
+        if patches:
+            result[: len(patches), :, robot] = patches
     return result
 
 
-def compute_drag(p: CarpetParameters, motion: Motion, load: Array, wheel_angle: Array) -> Drag:
-    """Compute drag, softness of the rubber, and friction left to the rims.
+def compute_drag(
+    p: CarpetParameters, motion: ChassisMotion, load: Array, wheel_angle: Array
+) -> Drag:
+    """Compute the drag of pile and bearings, the slip compliance, and Coulomb's limit at the rims.
 
     Args:
         p: Parameters.
-        motion: Of the robots.
-        load: Of the wheels, (W, n) N.
-        wheel_angle: (W, n) rad; it matters to wheels that have lost rollers.
+        motion: Motion of the robots.
+        load: Normal force of the wheels, (W, n) N.
+        wheel_angle: Angles, (W, n) rad; used for wheels that lack rollers.
     """
-    xp, ahead, aside = namespace(load), motion.ahead, motion.aside
-    axle = ahead * p.axle_x + aside * p.axle_y
-    along = aside * p.axle_x - ahead * p.axle_y + p.arm * motion.turn_rate
-    friction = _friction(p, motion, wheel_angle)
-    speed = root(axle * axle + along * along)
-    fade = 1 / xp.maximum(speed, AT_REST_M_S)
-    way_axle, way_along = axle * fade, along * fade
-    # On ice rollers slide first
-    held = xp.minimum(p.bearing, friction) / xp.maximum(abs(axle), AT_REST_M_S) * axle
-    pile = p.pile
+    xp = namespace(load)
+    forward, sideways = motion.forward_velocity, motion.sideways_velocity
+    axle_speed = forward * p.axle_x + sideways * p.axle_y
+    rim_speed = sideways * p.axle_x - forward * p.axle_y + p.arm * motion.turn_rate
+    friction = _compute_friction(p, motion, wheel_angle)
+    speed = safe_sqrt(axle_speed * axle_speed + rim_speed * rim_speed)
+    inverse_speed = 1 / xp.maximum(speed, AT_REST_M_S)
+    # Direction of the wheel's travel along the axle and along the rim, shorter than 1 near rest
+    axle_direction = axle_speed * inverse_speed
+    rim_direction = rim_speed * inverse_speed
+    # On ice the rollers slide before their bearings turn.
+    bearing_drag = (
+        xp.minimum(p.roller_friction, friction)
+        / xp.maximum(abs(axle_speed), AT_REST_M_S)
+        * axle_speed
+    )
+    pile_drag = p.pile_drag
     if p.nap is not None:
-        x, y = rotate(p.fibre_x, p.fibre_y, motion.cosine, -motion.sine)
-        lean = (way_axle * p.axle_x - way_along * p.axle_y) * x + (
-            way_axle * p.axle_y + way_along * p.axle_x
-        ) * y
-        pile = p.pile * (1 + p.nap * lean)
-    on_axle, on_rim = load * (pile * way_axle + held), load * (pile * way_along)
+        fiber_x, fiber_y = rotate(p.fiber_x, p.fiber_y, motion.cosine, -motion.sine)
+        travel_x = axle_direction * p.axle_x - rim_direction * p.axle_y
+        travel_y = axle_direction * p.axle_y + rim_direction * p.axle_x
+        pile_drag = p.pile_drag * (1 + p.nap * (travel_x * fiber_x + travel_y * fiber_y))
+    axle_force = load * (pile_drag * axle_direction + bearing_drag)
+    rim_force = load * (pile_drag * rim_direction)
+    rim_friction = safe_sqrt(friction * friction - bearing_drag * bearing_drag)
     return Drag(
-        ahead=-total(on_axle * p.axle_x - on_rim * p.axle_y),
-        aside=-total(on_axle * p.axle_y + on_rim * p.axle_x),
-        moment=-p.arm * total(on_rim),
-        softness=p.creep * speed,
-        rim_friction=p.radius * root(friction * friction - held * held),
-        axle_speed=axle,
+        forward_force=-sum_wheels(axle_force * p.axle_x - rim_force * p.axle_y),
+        sideways_force=-sum_wheels(axle_force * p.axle_y + rim_force * p.axle_x),
+        moment=-p.arm * sum_wheels(rim_force),
+        slip_compliance=p.creep_compliance * speed,
+        torque_per_load=p.radius * rim_friction,
+        axle_speed=axle_speed,
     )
 
 
-def _friction(p: CarpetParameters, motion: Motion, wheel_angle: Array) -> Array:
-    """Return the coefficient of friction at the rim of each wheel, (W, n)."""
+def _compute_friction(p: CarpetParameters, motion: ChassisMotion, wheel_angle: Array) -> Array:
+    """Return the coefficient of friction of each wheel, (W, n), on patches and missing rollers."""
     xp = namespace(wheel_angle)
-    friction = p.friction * p.grip
+    friction = p.friction * p.friction_factor
     if p.patches is not None:
-        x, y = rotate(p.arm * p.axle_x, p.arm * p.axle_y, motion.cosine, motion.sine)
-        x, y = motion.x + x, motion.y + y
-        for patch in p.patches:
-            apart_x, apart_y, radius = x - patch[0], y - patch[1], patch[2]
-            inside = apart_x * apart_x + apart_y * apart_y < radius * abs(radius)
-            friction = xp.where(inside, patch[3] * p.grip, friction)
-    if p.gap is not None:
-        friction = xp.where(wheel_angle % (2 * np.pi) < p.gap, 0.0, friction)
+        wheel_x, wheel_y = rotate(p.arm * p.axle_x, p.arm * p.axle_y, motion.cosine, motion.sine)
+        wheel_x = motion.x + wheel_x
+        wheel_y = motion.y + wheel_y
+        for x, y, radius, patch_friction in p.patches:
+            from_patch_x = wheel_x - x
+            from_patch_y = wheel_y - y
+            # The sign of the radius is kept, so that an unused patch covers nothing.
+            is_inside = from_patch_x * from_patch_x + from_patch_y * from_patch_y < radius * abs(
+                radius
+            )
+            friction = xp.where(is_inside, patch_friction * p.friction_factor, friction)
+    if p.missing_angle is not None:
+        friction = xp.where(wheel_angle % (2 * np.pi) < p.missing_angle, 0.0, friction)
     return friction
 
 
-def limit_torque(rim_friction: Array, load: Array) -> tuple[Array, Array]:
-    """Return the greatest torque of rims under a load (W, n) in N, (W, n) N m, and that load, a little in the air."""
-    pressed = namespace(load).maximum(load, LEAST_LOAD_N)
-    return rim_friction * pressed, pressed
+def compute_torque_limit(torque_per_load: Array, load: Array) -> tuple[Array, Array]:
+    """Return Coulomb's limit of the rims' torques, mu N R.
+
+    Args:
+        torque_per_load: See `Drag`, (W, n) m.
+        load: Normal force, (W, n) N.
+
+    Returns:
+        Largest torque, (W, n) N m, and the normal force, at least `MIN_LOAD_N`.
+    """
+    positive_load = namespace(load).maximum(load, MIN_LOAD_N)
+    return torque_per_load * positive_load, positive_load

@@ -1,12 +1,14 @@
 """Firmware: from a received velocity to the duties of the motors.
 
-The firmware turns velocities into its own frame by the heading it estimates, adds a turn-rate loop on the gyro, and
-runs a PID loop for each wheel. The loops compute in volts of a nominal battery and command duties, so a low battery
-weakens them. They know the motors' data sheet, from which they feed the back-EMF forward. Slow loops
-(`firmware.rate_hz`) read sensors in every k-th cycle only, and hold their duties in between.
+The firmware rotates commanded velocities into its own frame by the heading that it estimates, adds
+a turn-rate loop on the gyro, and runs a PID loop for each wheel. The loops compute in volts of a
+nominal battery and command duties, so a low battery weakens them. They know the motors' data
+sheet, from which they feed the back-EMF forward. Slow loops (`firmware.rate_hz`) read sensors in
+every k-th cycle only, and hold their duties in between.
 
-Commands are velocities in the world frame, velocities in the robot's frame, or speeds of the rims. A robot that
-receives nothing new for `firmware.timeout_s` stands: its wheels are held at rest.
+Commands are velocities in the world frame, velocities in the robot's frame, or speeds of the rims.
+A robot that receives nothing new for `firmware.timeout_s` halts: its wheels are held at rest.
+Equations are those of the paper: 2 rotates the velocity, the inverse of 3 gives wheel speeds.
 """
 
 from collections.abc import Sequence
@@ -16,51 +18,52 @@ import numpy as np
 
 from omni_control.kinematics import Kinematics
 from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings, gather
-from omni_mj.robot.array_namespace import (
+from omni_mj.robot.array_ops import (
     Array,
     any_true,
     clip,
-    floor,
+    cos_sin_small,
     namespace,
     rotate,
     select,
-    small_rotation,
+    straight_through_floor,
 )
 from omni_mj.robot.motors import Motor
 
 CYCLE_S = 1 / CYCLE_RATE_HZ
 CYCLES = round(PERIOD_S * CYCLE_RATE_HZ)  # in a camera frame
-# Current at which derating begins, over the nominal current; at the limit no current is allowed
-DERATED_SHARE = 2.0
-DERATE_BAND_K = 10.0  # derating begins this far below the limit
+# Current limit over the nominal current at which derating begins. It falls linearly to zero at the
+# winding's temperature limit.
+DERATING_CURRENT_RATIO = 2.0
+DERATING_BAND_K = 10.0  # derating begins this far below the temperature limit
 
 
-class LoopParameters(NamedTuple):
-    """Gains and knowledge of the firmware, (n,) unless another shape is given."""
+class FirmwareParameters(NamedTuple):
+    """Gains and nominal values of the firmware, (n,) unless another shape is given."""
 
     cycles_per_run: Array  # from one run of the loops to the next; None if all run in every cycle
     period: Array  # between runs, s
-    patience: Array  # cycles without a new command after which the robot stands
-    heading_gain: Array  # share of the difference to vision's heading that is corrected in a frame
+    timeout_cycles: Array  # cycles without a new command after which the robot halts
+    heading_gain: Array  # fraction of the difference to vision's heading corrected in a frame
     bias_gain: Array  # correction of the gyro's bias for that difference, 1/s
     turn_gain: Array  # of the turn-rate loop
     counts_per_rad: Array  # of the encoders, at the wheel
     kp: Array  # V s/rad
-    ki: Array  # V/rad; None if no robot has an integral or derivative part
+    ki: Array  # V/rad; None if no robot has an integral or derivative term
     kd: Array  # V s^2/rad; None as ki
-    feed_forward: Array  # back-EMF that is fed forward, V s/rad
-    sheet_back_emf: Array  # back-EMF by the data sheet, V s/rad
-    sheet_resistance: Array  # ohm
-    nominal_voltage: Array  # V
+    feedforward: Array  # voltage per desired wheel speed, V s/rad
+    nominal_back_emf_constant: Array  # by the data sheet, at the wheel, V s/rad
+    nominal_resistance: Array  # by the data sheet, ohm
+    nominal_voltage: Array  # of the battery, V
     # Winding temperature at which derating leaves no current, deg C; None if no robot derates
-    limit_c: Array
-    derated_current: Array  # at which derating begins, A
-    forward: Array  # wheel speed per velocity ahead, (W, n) rad/m
-    sideways: Array  # wheel speed per velocity to the left, (W, n) rad/m
-    turn: Array  # wheel speed per turn rate, (W, n)
+    winding_limit: Array
+    derating_current: Array  # at which derating begins, A
+    wheel_per_forward: Array  # wheel speed per forward velocity, (W, n) rad/m
+    wheel_per_sideways: Array  # wheel speed per sideways velocity, (W, n) rad/m
+    wheel_per_turn: Array  # wheel speed per turn rate, (W, n)
 
 
-class Command(NamedTuple):
+class FirmwareCommand(NamedTuple):
     """Commands that the radio delivers, (n,) unless another shape is given."""
 
     velocity_x: Array  # m/s
@@ -68,12 +71,13 @@ class Command(NamedTuple):
     turn_rate: Array  # rad/s
     is_new: Array  # whether it arrived in this frame
     # Whether the velocity is in the robot's frame; None if all are in the world frame
-    in_robot_frame: Array = None
-    # In place of the velocity, (W, n) rad/s; NaN where there is none, None if nowhere
+    in_body_frame: Array = None
+    # Speeds of the wheels in place of the velocity, (W, n) rad/s; NaN where there is none, None if
+    # there are none at all
     wheel_speeds: Array = None
 
 
-class LoopState(NamedTuple):
+class FirmwareState(NamedTuple):
     """Memory of the firmware, (n,) unless another shape is given."""
 
     heading: Array  # estimate, rad
@@ -81,196 +85,223 @@ class LoopState(NamedTuple):
     sine: Array
     gyro_bias: Array  # estimate, rad/s
     past_headings: Array  # ring buffer of the estimates at the beginning of frames, (frames, n) rad
-    stops: Array  # cycle from which the robot stands
-    speed_0: Array  # wheel speeds for the commanded velocity at heading 0, (W, n) rad/s
-    speed_90: Array  # the same at heading 90 degrees
+    halt_cycle: Array  # cycle from which the robot halts
+    speeds_at_0_deg: Array  # wheel speeds for the commanded velocity at heading 0, (W, n) rad/s
+    speeds_at_90_deg: Array  # the same at heading 90 degrees
     turn_rate: Array  # commanded turn rate times 1 + turn_gain, rad/s
-    last_count: Array  # of the encoders, (W, n)
+    encoder_count: Array  # at the last run, (W, n)
     duty: Array  # of the drivers, (W, n) in [-1, 1]
-    in_robot_frame: Array = None  # see `Command`
-    wheel_speeds: Array = None  # see `Command`
-    # How far a motor's voltage may be from its back-EMF, (W, n) V; None without derating
-    swing: Array = None
-    integral: Array = None  # (W, n) rad; None without integral part
-    last_error: Array = None  # (W, n) rad/s; None as integral
-    # Angle that encoders show over the wheel's angle, (W, n); None if no robot has faults
+    in_body_frame: Array = None  # see `FirmwareCommand`
+    wheel_speeds: Array = None  # see `FirmwareCommand`
+    # Largest difference of a motor's voltage from its back-EMF, (W, n) V; None without derating
+    voltage_margin: Array = None
+    error_integral: Array = None  # of the wheels' speed error, (W, n) rad; None if `ki` is None
+    speed_error: Array = None  # of the wheels at the last run, (W, n) rad/s; None as error_integral
+    # Shown over true angle of the wheels, (W, n); None if no robot has faults
     encoder_scale: Array = None
-    encoder_shift: Array = None  # angle that they show besides, (W, n) rad
-    is_off: Array = None  # whether the processor is off; None as encoder_scale
-    # Whether it started again and does not know its heading yet; None as is_off
-    is_lost: Array = None
-    ignores: Array = None  # whether it ignores commands; None as is_off
+    encoder_offset: Array = None  # shown angle at the true angle 0, (W, n) rad; None as the scale
+    is_off: Array = None  # whether the processor is off; None as the scale
+    # Whether the processor has restarted and waits for a heading from vision; None as the scale
+    lacks_heading: Array = None
+    ignores_commands: Array = None  # None as the scale
 
 
-def loop_parameters(settings: Sequence[Settings], kinematics: Kinematics) -> LoopParameters:
-    """Return the parameters of n robots with one geometry of wheels."""
-    motors = [Motor.of(s.motor) for s in settings]
+def make_firmware_parameters(
+    settings: Sequence[Settings], kinematics: Kinematics
+) -> FirmwareParameters:
+    """Return the parameters of n robots with one wheel geometry."""
+    motors = [Motor.from_settings(s.motor) for s in settings]
 
     def values(name: str) -> Array:
         return gather(settings, f"firmware.{name}")
 
     cycles = np.maximum(1.0, np.rint(1 / (values("rate_hz") * CYCLE_S)))
     timeout = values("timeout_s")
-    back_emf, gear = gather(motors, "speed_constant"), gather(motors, "gear")
-    integrates = bool(values("ki").any() or values("kd").any())
+    back_emf_constant = gather(motors, "wheel_back_emf_constant")
+    has_integral = bool(values("ki").any() or values("kd").any())
     derates = values("derate").astype(bool)
-    limit = np.where(derates, gather(settings, "motor.limit_c"), np.inf)
-    per_wheel = (kinematics.matrix.T / kinematics.radius)[..., None] * np.ones(len(settings))
-    return LoopParameters(
+    winding_limit = np.where(derates, gather(settings, "motor.limit_c"), np.inf)
+    wheel_per_twist = (kinematics.matrix.T / kinematics.radius)[..., None] * np.ones(len(settings))
+    encoder_counts = gather(settings, "sensors.encoder_counts")
+    return FirmwareParameters(
         cycles_per_run=cycles if (cycles > 1).any() else None,
         period=cycles * CYCLE_S,
-        patience=np.where(timeout > 0, np.rint(timeout / CYCLE_S), np.inf),
+        timeout_cycles=np.where(timeout > 0, np.rint(timeout / CYCLE_S), np.inf),
         heading_gain=values("heading_gain") * PERIOD_S,
         bias_gain=values("bias_gain") * PERIOD_S,
         turn_gain=values("turn_gain"),
-        counts_per_rad=gather(settings, "sensors.encoder_counts") * gear / (2 * np.pi),
+        counts_per_rad=encoder_counts * gather(motors, "gear") / (2 * np.pi),
         kp=values("kp"),
-        ki=values("ki") if integrates else None,
-        kd=values("kd") if integrates else None,
-        feed_forward=values("feed_forward") * back_emf,
-        sheet_back_emf=back_emf,
-        sheet_resistance=gather(motors, "resistance"),
+        ki=values("ki") if has_integral else None,
+        kd=values("kd") if has_integral else None,
+        feedforward=values("feed_forward") * back_emf_constant,
+        nominal_back_emf_constant=back_emf_constant,
+        nominal_resistance=gather(motors, "resistance"),
         nominal_voltage=values("nominal_voltage_v"),
-        limit_c=limit if derates.any() else None,
-        derated_current=DERATED_SHARE * gather(settings, "motor.nominal_current_a"),
-        forward=per_wheel[0],
-        sideways=per_wheel[1],
-        turn=per_wheel[2],
+        winding_limit=winding_limit if derates.any() else None,
+        derating_current=DERATING_CURRENT_RATIO * gather(settings, "motor.nominal_current_a"),
+        wheel_per_forward=wheel_per_twist[0],
+        wheel_per_sideways=wheel_per_twist[1],
+        wheel_per_turn=wheel_per_twist[2],
     )
 
 
-def loops_at_rest(p: LoopParameters, heading: Array, frames: int, fails: bool) -> LoopState:
+def make_firmware_state(
+    p: FirmwareParameters, heading: Array, n_frames: int, has_faults: bool
+) -> FirmwareState:
     """Return the state of robots that are switched on, with wheels at the angle zero.
 
     Args:
         p: Parameters.
-        heading: At the start, (n,) rad.
-        frames: For which estimates of the heading are remembered.
-        fails: Whether processors and encoders may fail in this run.
+        heading: Heading at the start, (n,) rad.
+        n_frames: Length of the ring buffer of headings.
+        has_faults: Whether processors and encoders may fail in this run.
     """
-    zero, still = np.zeros_like(p.forward), np.zeros_like(heading)
-    no = np.zeros(len(heading), bool)
-    return LoopState(
+    wheel_zeros = np.zeros_like(p.wheel_per_forward)
+    zeros = np.zeros_like(heading)
+    all_false = np.zeros(len(heading), bool)
+    return FirmwareState(
         heading=heading.copy(),
         cosine=np.cos(heading),
         sine=np.sin(heading),
-        gyro_bias=still,
-        past_headings=np.tile(heading, (frames, 1)),
-        stops=p.patience,
-        speed_0=zero,
-        speed_90=zero,
-        turn_rate=still,
-        swing=None if p.limit_c is None else np.full_like(zero, np.inf),
-        last_count=zero,
-        integral=None if p.ki is None else zero,
-        last_error=None if p.ki is None else zero,
-        duty=zero,
-        encoder_scale=np.ones_like(zero) if fails else None,
-        encoder_shift=zero if fails else None,
-        is_off=no if fails else None,
-        is_lost=no if fails else None,
-        ignores=no if fails else None,
+        gyro_bias=zeros,
+        past_headings=np.tile(heading, (n_frames, 1)),
+        halt_cycle=p.timeout_cycles,
+        speeds_at_0_deg=wheel_zeros,
+        speeds_at_90_deg=wheel_zeros,
+        turn_rate=zeros,
+        voltage_margin=None if p.winding_limit is None else np.full_like(wheel_zeros, np.inf),
+        encoder_count=wheel_zeros,
+        error_integral=None if p.ki is None else wheel_zeros,
+        speed_error=None if p.ki is None else wheel_zeros,
+        duty=wheel_zeros,
+        encoder_scale=np.ones_like(wheel_zeros) if has_faults else None,
+        encoder_offset=wheel_zeros if has_faults else None,
+        is_off=all_false if has_faults else None,
+        lacks_heading=all_false if has_faults else None,
+        ignores_commands=all_false if has_faults else None,
     )
 
 
-def accept_command(p: LoopParameters, s: LoopState, cycle: Array, command: Command) -> LoopState:
-    """Take over a command from this cycle on."""
+def accept_command(
+    p: FirmwareParameters, s: FirmwareState, cycle: Array, command: FirmwareCommand
+) -> FirmwareState:
+    """Store a command that applies from this cycle on, and restart the timeout."""
     xp = namespace(command.velocity_x)
     x, y = command.velocity_x, command.velocity_y
-    stops = xp.where(command.is_new, cycle + p.patience, s.stops)
-    if s.ignores is not None:
-        stops = xp.where(s.ignores, xp.minimum(stops, cycle), stops)
+    halt_cycle = xp.where(command.is_new, cycle + p.timeout_cycles, s.halt_cycle)
+    if s.ignores_commands is not None:
+        halt_cycle = xp.where(s.ignores_commands, xp.minimum(halt_cycle, cycle), halt_cycle)
     return s._replace(
-        speed_0=x * p.forward + y * p.sideways,
-        speed_90=y * p.forward - x * p.sideways,
+        speeds_at_0_deg=x * p.wheel_per_forward + y * p.wheel_per_sideways,
+        speeds_at_90_deg=y * p.wheel_per_forward - x * p.wheel_per_sideways,
         turn_rate=command.turn_rate * (1 + p.turn_gain),
-        stops=stops,
-        in_robot_frame=command.in_robot_frame,
+        halt_cycle=halt_cycle,
+        in_body_frame=command.in_body_frame,
         wheel_speeds=command.wheel_speeds,
     )
 
 
-def mislead_encoders(s: LoopState, scale: Array, angle: Array) -> LoopState:
-    """Let encoders show `scale` (W, n) times the turning of wheels that are now at an angle (W, n) in rad."""
-    shift = s.encoder_shift + (s.encoder_scale - scale) * angle
-    return s._replace(encoder_scale=scale, encoder_shift=shift)
+def set_encoder_scale(s: FirmwareState, scale: Array, angle: Array) -> FirmwareState:
+    """Change the encoders' scale, with an offset that keeps the shown angles continuous.
+
+    Args:
+        s: State.
+        scale: Shown over true angle from now on, (W, n).
+        angle: True angles of the wheels now, (W, n) rad.
+    """
+    offset = s.encoder_offset + (s.encoder_scale - scale) * angle
+    return s._replace(encoder_scale=scale, encoder_offset=offset)
 
 
-def restart_processors(
-    p: LoopParameters, s: LoopState, cycle: Array, is_deaf: Array, is_off: Array, angle: Array
-) -> LoopState:
-    """Switch processors off and on, and let some ignore commands.
+def switch_processors(
+    p: FirmwareParameters,
+    s: FirmwareState,
+    cycle: Array,
+    ignores_commands: Array,
+    is_off: Array,
+    angle: Array,
+) -> FirmwareState:
+    """Switch processors off or on, and let some robots ignore commands.
 
-    A processor that starts again has forgotten everything. Its robot stands until vision tells it a
-    heading.
+    A processor that restarts has lost its memory. Its robot halts until vision sends a heading.
 
     Args:
         p: Parameters.
         s: State.
         cycle: Number of cycles before this one.
-        is_deaf: Robots that ignore commands and stand, (n,).
+        ignores_commands: Robots that ignore commands and halt, (n,).
         is_off: Robots whose loops do not run and whose duties are zero, (n,).
-        angle: Of the wheels, (W, n) rad.
+        angle: Angles of the wheels, (W, n) rad.
     """
     xp = namespace(is_off)
-    starts = s.is_off & ~is_off
-    is_lost = (s.is_lost | starts) & ~is_off
-    ignores = is_deaf | is_off | is_lost
+    restarts = s.is_off & ~is_off
+    lacks_heading = (s.lacks_heading | restarts) & ~is_off
+    ignores_commands = ignores_commands | is_off | lacks_heading
 
-    def forget(memory: Array) -> Array:
-        return None if memory is None else xp.where(starts, 0.0, memory)
+    def clear_memory(memory: Array) -> Array:
+        return None if memory is None else xp.where(restarts, 0.0, memory)
 
     return s._replace(
-        integral=forget(s.integral),
-        last_error=forget(s.last_error),
-        gyro_bias=forget(s.gyro_bias),
-        last_count=xp.where(starts, encoder_count(p, s, angle), s.last_count),
+        error_integral=clear_memory(s.error_integral),
+        speed_error=clear_memory(s.speed_error),
+        gyro_bias=clear_memory(s.gyro_bias),
+        encoder_count=xp.where(restarts, count_encoders(p, s, angle), s.encoder_count),
         duty=xp.where(is_off, 0.0, s.duty),
-        stops=xp.where(ignores, xp.minimum(s.stops, cycle), s.stops),
+        halt_cycle=xp.where(ignores_commands, xp.minimum(s.halt_cycle, cycle), s.halt_cycle),
         is_off=is_off,
-        is_lost=is_lost,
-        ignores=ignores,
+        lacks_heading=lacks_heading,
+        ignores_commands=ignores_commands,
     )
 
 
-def set_heading(s: LoopState, chosen: Array, heading: Array) -> LoopState:
-    """Have chosen robots (n,) take a heading, (n,) rad, for theirs, and forget what was before."""
+def set_heading(s: FirmwareState, mask: Array, heading: Array) -> FirmwareState:
+    """Set the heading estimate of the masked robots (n,), rad, and clear their heading memory."""
     xp = namespace(s.heading)
     return s._replace(
-        heading=xp.where(chosen, heading, s.heading),
-        cosine=xp.where(chosen, xp.cos(heading), s.cosine),
-        sine=xp.where(chosen, xp.sin(heading), s.sine),
-        past_headings=xp.where(chosen, heading, s.past_headings),
-        gyro_bias=xp.where(chosen, 0.0, s.gyro_bias),
+        heading=xp.where(mask, heading, s.heading),
+        cosine=xp.where(mask, xp.cos(heading), s.cosine),
+        sine=xp.where(mask, xp.sin(heading), s.sine),
+        past_headings=xp.where(mask, heading, s.past_headings),
+        gyro_bias=xp.where(mask, 0.0, s.gyro_bias),
     )
 
 
 def correct_heading(
-    p: LoopParameters, s: LoopState, frame: Array, seen: Array, age: Array, is_deaf: Array
-) -> LoopState:
-    """Correct the estimate of the heading by vision's, at the beginning of a frame.
+    p: FirmwareParameters,
+    s: FirmwareState,
+    frame: Array,
+    vision_heading: Array,
+    heading_age: Array,
+    ignores_commands: Array,
+) -> FirmwareState:
+    """Correct heading and gyro bias by vision (complementary filter), at the beginning of a frame.
 
-    Vision's heading arrives with a command, as late as that. It is compared with the robot's
-    estimate at the time when the command was sent.
+    Vision's heading arrives with a command and is as old as the command. It is compared with the
+    robot's estimate at the time when the command was sent.
 
     Args:
         p: Parameters.
         s: State.
         frame: Number of frames before this one.
-        seen: Vision's heading that arrived since the frame before, (n,) rad; NaN where none did.
-        age: Frames since it was sent, (n,).
-        is_deaf: See `restart_processors`.
+        vision_heading: Headings that arrived since the frame before, (n,) rad; NaN where none did.
+        heading_age: Frames since they were sent, (n,).
+        ignores_commands: See `switch_processors`.
     """
-    xp, frames = namespace(seen), len(s.past_headings)
-    if s.is_lost is not None:
-        found = s.is_lost & ~xp.isnan(seen)
-        s = set_heading(s, found, seen)
-        s = s._replace(is_lost=s.is_lost & ~found, ignores=xp.where(found, is_deaf, s.ignores))
-        seen = xp.where(found | s.is_off, np.nan, seen)
-    now = xp.arange(frames)[:, None] == frame % frames
-    past = xp.where(now, s.heading, s.past_headings)
-    then = past[(frame - age) % frames, xp.arange(len(seen))]
-    error = xp.where(xp.isnan(seen), then, seen) - then
+    xp, n_frames = namespace(vision_heading), len(s.past_headings)
+    if s.lacks_heading is not None:
+        initializes = s.lacks_heading & ~xp.isnan(vision_heading)
+        s = set_heading(s, initializes, vision_heading)
+        s = s._replace(
+            lacks_heading=s.lacks_heading & ~initializes,
+            ignores_commands=xp.where(initializes, ignores_commands, s.ignores_commands),
+        )
+        vision_heading = xp.where(initializes | s.is_off, np.nan, vision_heading)
+    is_current_frame = xp.arange(n_frames)[:, None] == frame % n_frames
+    past_headings = xp.where(is_current_frame, s.heading, s.past_headings)
+    sent_frame = (frame - heading_age) % n_frames
+    heading_then = past_headings[sent_frame, xp.arange(len(vision_heading))]
+    error = xp.where(xp.isnan(vision_heading), heading_then, vision_heading) - heading_then
     error = error - 2 * np.pi * xp.ceil(error / (2 * np.pi) - 0.5)
     correction = p.heading_gain * error
     heading = s.heading + correction
@@ -278,99 +309,131 @@ def correct_heading(
         heading=heading,
         cosine=xp.cos(heading),
         sine=xp.sin(heading),
-        past_headings=past + correction,  # an error that is corrected once is not corrected again
+        # Corrected as well, so that the same error is not corrected again by later headings
+        past_headings=past_headings + correction,
         gyro_bias=s.gyro_bias - p.bias_gain * error,
     )
 
 
-def derate(p: LoopParameters, s: LoopState, winding: Array) -> LoopState:
-    """Limit the currents of motors whose windings (W, n), deg C, are close to their limit."""
-    if p.limit_c is None:
+def derate_motors(p: FirmwareParameters, s: FirmwareState, winding: Array) -> FirmwareState:
+    """Limit |V - K w| <= R I_max near the temperature limit of the windings (W, n), deg C."""
+    if p.winding_limit is None:
         return s
     xp = namespace(winding)
-    share = clip((p.limit_c - winding) / DERATE_BAND_K, 0.0, 1.0)
-    return s._replace(
-        swing=xp.where(share < 1, p.sheet_resistance * (share * p.derated_current), np.inf)
-    )
+    fraction = clip((p.winding_limit - winding) / DERATING_BAND_K, 0.0, 1.0)
+    margin = p.nominal_resistance * (fraction * p.derating_current)
+    return s._replace(voltage_margin=xp.where(fraction < 1, margin, np.inf))
 
 
-def encoder_count(p: LoopParameters, s: LoopState, angle: Array) -> Array:
-    """Return the counts (W, n) of encoders on wheels at an angle (W, n) in rad."""
+def count_encoders(p: FirmwareParameters, s: FirmwareState, angle: Array) -> Array:
+    """Return the counts (W, n) of encoders on wheels at true angles (W, n) in rad."""
     if s.encoder_scale is not None:
-        angle = s.encoder_scale * angle + s.encoder_shift
-    return floor(angle * p.counts_per_rad)
+        angle = s.encoder_scale * angle + s.encoder_offset
+    return straight_through_floor(angle * p.counts_per_rad)
 
 
 def run_wheel_loops(
-    p: LoopParameters, s: LoopState, cycle: Array, gyro: Array, angle: Array
-) -> LoopState:
-    """Run the loops of those robots whose turn it is in this cycle; their duties are in the state.
+    p: FirmwareParameters, s: FirmwareState, cycle: Array, gyro: Array, angle: Array
+) -> FirmwareState:
+    """Run the control loops that are due in this cycle: gyro integration, wheel PID, duties.
 
     Args:
         p: Parameters.
         s: State.
         cycle: Number of cycles before this one.
-        gyro: Turn rate, (n,) rad/s.
-        angle: Of the wheels, (W, n) rad.
+        gyro: Turn rate that the gyro shows, (n,) rad/s.
+        angle: Angles of the wheels, (W, n) rad.
+    """
+    is_due: Any = None
+    if p.cycles_per_run is not None:
+        is_due = cycle % p.cycles_per_run == 0
+    if s.is_off is not None:
+        is_due = ~s.is_off if is_due is None else is_due & ~s.is_off
+    if is_due is not None and not any_true(is_due):
+        return s
+    new = _run_loops(p, s, cycle, gyro, angle)
+    if is_due is None:
+        return new
+    names = (
+        *("heading", "cosine", "sine", "encoder_count"),
+        *("error_integral", "speed_error", "duty"),
+    )
+    new_values, old_values = (tuple(getattr(state, name) for name in names) for state in (new, s))
+    return s._replace(**dict(zip(names, select(is_due, new_values, old_values), strict=True)))
+
+
+def _run_loops(
+    p: FirmwareParameters, s: FirmwareState, cycle: Array, gyro: Array, angle: Array
+) -> FirmwareState:
+    """Run the control loops of all robots; see `run_wheel_loops`.
+
+    PID with feedforward: V = K_ff w_d + kp e + kd de/dt + ki int e dt with e = w_d - w. The
+    integral is frozen while the voltage is saturated in the error's direction (anti-windup).
     """
     xp = namespace(gyro)
-    due: Any = None
-    if p.cycles_per_run is not None:
-        due = cycle % p.cycles_per_run == 0
-    if s.is_off is not None:
-        due = ~s.is_off if due is None else due & ~s.is_off
-    if due is not None and not any_true(due):
-        return s
-    rate = gyro - s.gyro_bias
-    turn = rate * p.period
-    heading, (cosine, sine) = s.heading + turn, rotate(s.cosine, s.sine, *small_rotation(turn))
-    wanted = _desired_speeds(p, s, (cosine, sine), rate, cycle >= s.stops)
-    count = encoder_count(p, s, angle)
-    speed = (count - s.last_count) / (p.counts_per_rad * p.period)
-    error = wanted - speed
-    voltage = p.feed_forward * wanted + p.kp * error
-    integral = s.integral
+    turn_rate = gyro - s.gyro_bias
+    turn = turn_rate * p.period
+    cosine, sine = rotate(s.cosine, s.sine, *cos_sin_small(turn))
+    is_halted = cycle >= s.halt_cycle
+    desired_speed = _compute_desired_speeds(p, s, (cosine, sine), turn_rate, is_halted)
+    count = count_encoders(p, s, angle)
+    speed = (count - s.encoder_count) / (p.counts_per_rad * p.period)
+    error = desired_speed - speed
+    voltage = p.feedforward * desired_speed + p.kp * error
+    integral = s.error_integral
     if integral is not None:
-        integral = s.integral + error * p.period
-        voltage = voltage + p.kd * (error - s.last_error) / p.period
+        integral = s.error_integral + error * p.period
+        voltage = voltage + p.kd * (error - s.speed_error) / p.period
         voltage = voltage + p.ki * integral
         winds_up = (abs(voltage) > p.nominal_voltage) & (voltage * error > 0)
-        integral = xp.where(winds_up, s.integral, integral)
-    if s.swing is not None:
-        back_emf = p.sheet_back_emf * speed
-        voltage = clip(voltage, back_emf - s.swing, back_emf + s.swing)
-    new = s._replace(
-        heading=heading,
+        integral = xp.where(winds_up, s.error_integral, integral)
+    if s.voltage_margin is not None:
+        back_emf = p.nominal_back_emf_constant * speed
+        voltage = clip(voltage, back_emf - s.voltage_margin, back_emf + s.voltage_margin)
+    return s._replace(
+        heading=s.heading + turn,
         cosine=cosine,
         sine=sine,
-        last_count=count,
-        integral=integral,
-        last_error=None if integral is None else error,
+        encoder_count=count,
+        error_integral=integral,
+        speed_error=None if integral is None else error,
         duty=clip(voltage / p.nominal_voltage, -1.0, 1.0),
     )
-    if due is None:
-        return new
-    changed = ("heading", "cosine", "sine", "last_count", "integral", "last_error", "duty")
-    after, before = (tuple(getattr(state, name) for name in changed) for state in (new, s))
-    return s._replace(**dict(zip(changed, select(due, after, before), strict=True)))
 
 
-def _desired_speeds(
-    p: LoopParameters, s: LoopState, facing: tuple[Array, Array], rate: Array, stands: Array
+def _compute_desired_speeds(
+    p: FirmwareParameters,
+    s: FirmwareState,
+    cos_sin: tuple[Array, Array],
+    turn_rate: Array,
+    is_halted: Array,
 ) -> Array:
-    """Return desired wheel speeds (W, n): equation 2, the turn-rate loop, and the inverse of equation 3."""
-    xp = namespace(rate)
-    cosine, sine = facing
-    if s.in_robot_frame is not None:
-        cosine, sine = (
-            xp.where(s.in_robot_frame, 1.0, cosine),
-            xp.where(s.in_robot_frame, 0.0, sine),
-        )
-    turn = s.turn_rate
-    if any_true(stands):
-        cosine, sine = xp.where(stands, 0.0, cosine), xp.where(stands, 0.0, sine)
-        turn = xp.where(stands, 0.0, turn)
-    speeds = cosine * s.speed_0 + sine * s.speed_90 + (turn - p.turn_gain * rate) * p.turn
+    """Return desired wheel speeds: equation 2, the turn-rate loop, and the inverse of equation 3.
+
+    Args:
+        p: Parameters.
+        s: State.
+        cos_sin: Cosine and sine of the heading, (n,) each.
+        turn_rate: Measured turn rate without bias, (n,) rad/s.
+        is_halted: Robots whose wheels are held at rest, (n,).
+
+    Returns:
+        Wheel speeds, (W, n) rad/s.
+    """
+    xp = namespace(turn_rate)
+    cosine, sine = cos_sin
+    if s.in_body_frame is not None:
+        cosine = xp.where(s.in_body_frame, 1.0, cosine)
+        sine = xp.where(s.in_body_frame, 0.0, sine)
+    desired_turn_rate = s.turn_rate
+    if any_true(is_halted):
+        cosine = xp.where(is_halted, 0.0, cosine)
+        sine = xp.where(is_halted, 0.0, sine)
+        desired_turn_rate = xp.where(is_halted, 0.0, desired_turn_rate)
+    turn_control = desired_turn_rate - p.turn_gain * turn_rate
+    speeds = (
+        cosine * s.speeds_at_0_deg + sine * s.speeds_at_90_deg + turn_control * p.wheel_per_turn
+    )
     if s.wheel_speeds is None:
         return speeds
-    return xp.where(xp.isnan(s.wheel_speeds) | stands, speeds, s.wheel_speeds)
+    return xp.where(xp.isnan(s.wheel_speeds) | is_halted, speeds, s.wheel_speeds)

@@ -1,12 +1,15 @@
-"""Motors and their drivers: current from voltage and speed, limited by the driver; heat, and its effects.
+"""Motors and their drivers: current from voltage and speed, current limit, heat and its effects.
 
-Voltage: V = (R + X |w|) I + K w, with the resistance X |w| of commutation. A driver is an ideal chopper. If a current
-would exceed its limit, driving or braking, it lowers the voltage to the one that drives the limit.
+Voltage of a DC motor: V = (R + X |w|) I + K w, where the commutation of a brushless motor adds
+the resistance X |w| (derived in `omni_mj.config.motor_settings`). A driver is an ideal chopper. If
+a current would exceed its limit, driving or braking, it lowers the voltage to the one that drives
+the limit.
 
-Heat flows through two nodes. The winding receives the copper's losses R I^2 and passes heat to the housing. The housing
-receives what is lost in the stator's iron and the bearings, X |w| I^2 and (dry + viscous |w|) |w|, and passes heat to
-the air. Copper's resistance rises with the winding's temperature. The magnets, which turn in the housing, weaken with
-the housing's.
+Heat flows through two nodes, as in the thermal rows of maxon's data sheets. The winding receives
+the copper losses R I^2 and passes heat to the housing. The housing receives the losses in the
+stator's iron and the bearings, X |w| I^2 and (dry + viscous |w|) |w|, and passes heat to the air.
+The resistance of copper rises with the winding's temperature. The magnets, which turn in the
+housing, weaken with the housing's temperature.
 """
 
 from collections.abc import Sequence
@@ -17,7 +20,7 @@ import numpy as np
 
 from omni_mj.config.motor_settings import MotorSettings
 from omni_mj.config.settings import PERIOD_S, Settings, gather
-from omni_mj.robot.array_namespace import Array, any_true, clip, namespace
+from omni_mj.robot.array_ops import Array, any_true, clip, namespace
 
 REFERENCE_C = 25.0  # at which the data sheet states resistance and torque constant
 
@@ -27,50 +30,50 @@ class Motor:
     """A motor at 25 deg C by its data sheet, at its own shaft; the wheel turns `gear` times slower.
 
     Attributes:
-        constant: Torque per current, which equals voltage per speed, N m/A = V s/rad.
-        resistance: Of the terminals, ohm.
-        commutation: What commutation adds to the resistance per speed, ohm s/rad.
-        dry: Friction that is the same at every speed (bearings), N m.
-        viscous: Friction per speed (iron, windage), N m s/rad.
-        inertia: Of the rotor, kg m^2.
-        gear: Turns of the motor in one of the wheel.
+        torque_constant: Torque per current, which equals voltage per speed, N m/A = V s/rad.
+        resistance: Terminal resistance, ohm.
+        commutation: Resistance per speed that commutation adds, ohm s/rad.
+        dry_friction: Friction that does not depend on speed (bearings), N m.
+        viscous_friction: Friction per speed (iron, windage), N m s/rad.
+        rotor_inertia: Inertia of the rotor, kg m^2.
+        gear: Turns of the motor per turn of the wheel.
     """
 
-    constant: float
+    torque_constant: float
     resistance: float
     commutation: float
-    dry: float
-    viscous: float
-    inertia: float
+    dry_friction: float
+    viscous_friction: float
+    rotor_inertia: float
     gear: float
 
     @classmethod
-    def of(cls, sheet: MotorSettings) -> Self:
-        """Return the motor of a data sheet; `MotorSettings` derives the constants from its rows."""
+    def from_settings(cls, settings: MotorSettings) -> Self:
+        """Return the motor of a data sheet, with the constants that `MotorSettings` derives."""
         return cls(
-            constant=sheet.constant_nm_a,
-            resistance=sheet.resistance_ohm,
-            commutation=sheet.commutation_ohm_s,
-            dry=sheet.dry_friction_nm,
-            viscous=sheet.viscous_friction_nm_s,
-            inertia=sheet.rotor_inertia_kg_m2,
-            gear=sheet.gear,
+            torque_constant=settings.constant_nm_a,
+            resistance=settings.resistance_ohm,
+            commutation=settings.commutation_ohm_s,
+            dry_friction=settings.dry_friction_nm,
+            viscous_friction=settings.viscous_friction_nm_s,
+            rotor_inertia=settings.rotor_inertia_kg_m2,
+            gear=settings.gear,
         )
 
     @property
-    def speed_constant(self) -> float:
+    def wheel_back_emf_constant(self) -> float:
         """Back-EMF per speed of the wheel, V s/rad."""
-        return self.constant * self.gear
+        return self.torque_constant * self.gear
 
     @property
-    def wheel_dry(self) -> float:
+    def wheel_dry_friction(self) -> float:
         """Dry friction at the wheel, N m."""
-        return self.dry * self.gear
+        return self.dry_friction * self.gear
 
     @property
-    def wheel_viscous(self) -> float:
+    def wheel_viscous_friction(self) -> float:
         """Friction per speed at the wheel, N m s/rad."""
-        return self.viscous * self.gear**2
+        return self.viscous_friction * self.gear**2
 
 
 class MotorParameters(NamedTuple):
@@ -78,87 +81,100 @@ class MotorParameters(NamedTuple):
 
     gear: Array
     cold_resistance: Array  # at 25 deg C, ohm
-    cold_constant: Array  # torque constant at 25 deg C, (W, n) N m/A
-    commutation: Array  # resistance per speed, ohm s/rad
+    cold_torque_constant: Array  # at 25 deg C, at the motor's shaft, (W, n) N m/A
+    commutation: Array  # resistance per wheel speed, ohm s/rad
     current_limit: Array  # A
-    dry: Array  # friction, N m
-    viscous: Array  # friction per speed, N m s/rad
-    copper: Array  # change of the resistance, 1/K
-    magnet: Array  # change of the torque constant, 1/K
-    ambient: Array  # deg C
-    # Temperatures of winding and housing over ambient after a frame, (2, 4, n); see `conduction`
-    conduction: Array
+    dry_friction: Array  # N m
+    viscous_friction: Array  # N m s/rad
+    copper_coefficient: Array  # relative change of the resistance, 1/K
+    magnet_coefficient: Array  # relative change of the torque constant, 1/K
+    ambient: Array  # temperature of the air, deg C
+    thermal_step: Array  # temperatures after a frame, (2, 4, n); see `solve_thermal_nodes`
 
 
 class MotorState(NamedTuple):
-    """Temperatures and what follows from them, (W, n)."""
+    """Temperatures, and the constants that follow from them, (W, n)."""
 
-    winding: Array  # deg C
-    housing: Array  # deg C
+    winding: Array  # temperature, deg C
+    housing: Array  # temperature, deg C
     resistance: Array  # ohm
-    back_emf: Array  # torque per current at the wheel, which equals back-EMF per speed, V s/rad
+    back_emf_constant: Array  # V s/rad of the wheel, which equals torque per current there, N m/A
 
 
-def motor_parameters(settings: Sequence[Settings], strength: Array) -> MotorParameters:
+def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) -> MotorParameters:
     """Return the parameters of n robots.
 
     Args:
         settings: One per robot.
-        strength: Of the magnets over the data sheet's, a factor, (W, n).
+        magnet_factor: Torque constant of each motor over the data sheet's, (W, n).
     """
-    sheets, motors = [s.motor for s in settings], [Motor.of(s.motor) for s in settings]
-    solutions = {sheet: conduction(sheet, PERIOD_S) for sheet in set(sheets)}
+    sheets = [s.motor for s in settings]
+    motors = [Motor.from_settings(sheet) for sheet in sheets]
+    thermal_steps = {sheet: solve_thermal_nodes(sheet, PERIOD_S) for sheet in set(sheets)}
     return MotorParameters(
         gear=gather(motors, "gear"),
         cold_resistance=gather(motors, "resistance"),
-        cold_constant=gather(motors, "constant") * strength,
+        cold_torque_constant=gather(motors, "torque_constant") * magnet_factor,
         commutation=gather(motors, "commutation") * gather(motors, "gear"),
         current_limit=gather(settings, "firmware.current_limit_a"),
-        dry=gather(motors, "wheel_dry"),
-        viscous=gather(motors, "wheel_viscous"),
-        copper=gather(sheets, "copper_per_k"),
-        magnet=gather(sheets, "magnet_per_k"),
+        dry_friction=gather(motors, "wheel_dry_friction"),
+        viscous_friction=gather(motors, "wheel_viscous_friction"),
+        copper_coefficient=gather(sheets, "copper_per_k"),
+        magnet_coefficient=gather(sheets, "magnet_per_k"),
         ambient=gather(sheets, "ambient_c"),
-        conduction=np.stack([solutions[sheet] for sheet in sheets], axis=-1),
+        thermal_step=np.stack([thermal_steps[sheet] for sheet in sheets], axis=-1),
     )
 
 
-def motors_at(p: MotorParameters, winding: Array, housing: Array) -> MotorState:
-    """Return motors at temperatures (W, n) in deg C."""
-    resistance = p.cold_resistance * (1 + p.copper * (winding - REFERENCE_C))
-    constant = p.cold_constant * (1 + p.magnet * (housing - REFERENCE_C))
-    return MotorState(winding, housing, resistance, constant * p.gear)
+def make_motor_state(p: MotorParameters, winding: Array, housing: Array) -> MotorState:
+    """Return motors at temperatures (W, n) in deg C: R and K change linearly with them."""
+    resistance = p.cold_resistance * (1 + p.copper_coefficient * (winding - REFERENCE_C))
+    torque_constant = p.cold_torque_constant * (1 + p.magnet_coefficient * (housing - REFERENCE_C))
+    return MotorState(winding, housing, resistance, torque_constant * p.gear)
 
 
-def conduction(s: MotorSettings, period: float) -> Array:
-    """Solve the two thermal nodes over a period (s) with constant heat into each, by their two modes.
+def solve_thermal_nodes(s: MotorSettings, period: float) -> Array:
+    """Solve C dT/dt = -G T + Q for winding and housing over a period, by its two modes.
+
+    Scaling with the roots of the heat capacities C makes the matrix symmetric.
+
+    Args:
+        s: Motor with its thermal resistances and heat capacities.
+        period: Time over which the heat Q into the nodes is constant, s.
 
     Returns:
-        Factors (2, 4): temperatures of winding and housing over ambient, for each of those before,
-            K, and the heats
-        into winding and housing, W.
+        Matrix (2, 4) that maps temperatures of winding and housing over ambient before, K, and the
+        heat into winding and housing, W, to these temperatures after the period, K.
     """
-    inner, outer = 1 / s.winding_housing_k_w, 1 / s.housing_ambient_k_w
-    root = np.sqrt([s.winding_j_k, s.housing_j_k])
-    rates, modes = np.linalg.eigh(
-        np.array([[inner, -inner], [-inner, inner + outer]]) / np.outer(root, root)
+    winding_w_k = 1 / s.winding_housing_k_w
+    housing_w_k = 1 / s.housing_ambient_k_w
+    conductances = np.array(
+        [[winding_w_k, -winding_w_k], [-winding_w_k, winding_w_k + housing_w_k]]
     )
+    root = np.sqrt([s.winding_j_k, s.housing_j_k])
+    rates, modes = np.linalg.eigh(conductances / np.outer(root, root))
     remaining = modes * np.exp(-rates * period) @ modes.T * (root / root[:, None])
     received = modes * (-np.expm1(-rates * period) / rates) @ modes.T / np.outer(root, root)
     return np.hstack([remaining, received])
 
 
 def drive_motors(
-    p: MotorParameters, s: MotorState, voltage: Array, speed: Array
+    p: MotorParameters, s: MotorState, voltage: Array, wheel_speed: Array
 ) -> tuple[Array, Array, Array]:
-    """Apply voltages (W, n) in V to motors whose wheels turn at speeds (W, n) in rad/s.
+    """Compute I = (V - K w) / (R + X |w|), and lower the voltage where the driver limits I.
+
+    Args:
+        p: Parameters.
+        s: State.
+        voltage: Voltages that the drivers apply, (W, n) V.
+        wheel_speed: Speeds of the wheels, (W, n) rad/s.
 
     Returns:
         Voltages at the terminals, V, currents, A, and whether the driver limited the current.
     """
     xp = namespace(voltage)
-    back_emf = s.back_emf * speed
-    resistance = s.resistance + p.commutation * abs(speed)
+    back_emf = s.back_emf_constant * wheel_speed
+    resistance = s.resistance + p.commutation * abs(wheel_speed)
     current = (voltage - back_emf) / resistance
     is_limited = abs(current) > p.current_limit
     if any_true(is_limited):
@@ -168,48 +184,65 @@ def drive_motors(
     return voltage, current, is_limited
 
 
-def hold_current(
-    p: MotorParameters, s: MotorState, duty: Array, held: Array, speed: Array, supply: Array
+def override_duty(
+    p: MotorParameters,
+    s: MotorState,
+    duty: Array,
+    current_setpoint: Array,
+    wheel_speed: Array,
+    battery_voltage: Array,
 ) -> Array:
-    """Return duties that drive a current, as far as the battery's voltage does.
+    """Return duties that drive set currents, V = K w + (R + X |w|) I, as far as the battery can.
 
     Args:
         p: Parameters.
         s: State.
-        duty: That of the firmware, (W, n).
-        held: Currents, (W, n) A; NaN where the firmware drives.
-        speed: Of the wheels, (W, n) rad/s.
-        supply: Voltage of the battery, (n,) V.
+        duty: Duties of the firmware, (W, n).
+        current_setpoint: Currents, (W, n) A; NaN where the firmware drives.
+        wheel_speed: Speeds of the wheels, (W, n) rad/s.
+        battery_voltage: Voltage at the terminals of the battery, (n,) V.
     """
     xp = namespace(duty)
-    voltage = s.back_emf * speed + held * (s.resistance + p.commutation * abs(speed))
-    powered = supply > 0
-    share = xp.where(powered, clip(voltage / xp.where(powered, supply, 1.0), -1.0, 1.0), 0.0)
-    return xp.where(xp.isnan(held), duty, share)
+    resistance = s.resistance + p.commutation * abs(wheel_speed)
+    voltage = s.back_emf_constant * wheel_speed + current_setpoint * resistance
+    is_powered = battery_voltage > 0
+    setpoint_duty = clip(voltage / xp.where(is_powered, battery_voltage, 1.0), -1.0, 1.0)
+    return xp.where(xp.isnan(current_setpoint), duty, xp.where(is_powered, setpoint_duty, 0.0))
 
 
-def warm_motors(p: MotorParameters, s: MotorState, currents: Array, speeds: Array) -> MotorState:
-    """Let a frame's losses change temperatures.
+def update_temperatures(
+    p: MotorParameters, s: MotorState, currents: Array, wheel_speeds: Array
+) -> MotorState:
+    """Advance the temperatures of winding and housing by the losses of a frame.
 
     Args:
         p: Parameters.
         s: State.
-        currents: In the cycles of the frame, (cycles, W, n) A.
-        speeds: Of the wheels, (cycles, W, n) rad/s.
+        currents: Currents in the cycles of the frame, (cycles, W, n) A.
+        wheel_speeds: Speeds of the wheels, (cycles, W, n) rad/s.
     """
-    squares, sizes = currents * currents, abs(speeds)
+    squares = currents * currents
+    abs_speeds = abs(wheel_speeds)
     # If speed and current swing together, the mean of the product is not the product of the means.
-    outer = (sizes * (p.commutation * squares + p.dry + p.viscous * sizes)).sum(0) / len(currents)
-    square = squares.sum(0) / len(currents)
+    housing_losses = abs_speeds * (
+        p.commutation * squares + p.dry_friction + p.viscous_friction * abs_speeds
+    )
+    housing_heat = housing_losses.sum(0) / len(currents)
+    mean_square = squares.sum(0) / len(currents)
 
-    def conduct(node: int, resistance: Array) -> Array:
-        c = p.conduction[node]
-        inside, outside = s.winding - p.ambient, s.housing - p.ambient
+    def compute_temperature(node: int, resistance: Array) -> Array:
+        step = p.thermal_step[node]
+        winding_rise = s.winding - p.ambient
+        housing_rise = s.housing - p.ambient
         return p.ambient + (
-            c[0] * inside + c[1] * outside + c[2] * (square * resistance) + c[3] * outer
+            step[0] * winding_rise
+            + step[1] * housing_rise
+            + step[2] * (mean_square * resistance)
+            + step[3] * housing_heat
         )
 
-    after = motors_at(p, conduct(0, s.resistance), s.housing)
+    predicted = make_motor_state(p, compute_temperature(0, s.resistance), s.housing)
     # The resistance rises during the frame: with its mean the step is exact to second order.
-    mean = (s.resistance + after.resistance) / 2
-    return motors_at(p, conduct(0, mean), conduct(1, mean))
+    mean_resistance = (s.resistance + predicted.resistance) / 2
+    winding = compute_temperature(0, mean_resistance)
+    return make_motor_state(p, winding, compute_temperature(1, mean_resistance))

@@ -1,378 +1,356 @@
-"""A robot in the plane on wheels that creep and slide (docs/explanation/planar-plant.md).
+"""A robot body in the plane on wheels that creep and slide (docs/explanation/planar-plant.md).
 
-**A wheel.** The hub turns at w with its motor, whose inertia over a step h is 1 / G. The rim turns at J v with the
-body's twist v, because contacts do not slide. Rubber lets hub and rim differ by S times the torque t between them. In a
-step of backward Euler, with e for the hub's speed without rubber,
+**A wheel.** The hub turns at w with its motor, whose inertia over a step h is 1 / G. The rim turns
+at J v with the body's twist v, because contacts do not slide. Rubber lets hub and rim differ by the
+slip S t, where t is the torque between them and S the compliance. In a step of backward Euler, with
+e for the hub's speed without that torque,
 
-    w = e - G t,    w - J v = S t        so        t = (e - J v) / (S + G),    |t| <= grip N.
+    w = e - G t,    w - J v = S t        so        t = (e - J v) / (S + G),    |t| <= mu N R.
 
-**The body.** With M its inertia, that of the rims and that of rollers that turn along the axles, and F what else acts,
+**The body.** With the mass matrix M of the body, the rims, and the rollers that turn along the
+axles, and with the other forces F,
 
     M (v - v_before) / h = F + sum J t,        so
 
     (M / h + sum J J' / (S + G)) v = M v_before / h + F + sum J e / (S + G).
 
-A wheel of which more torque would be asked than Coulomb's limit has that limit. Vectors are in the robot's frame. In
-v_before the mass keeps its velocity in the world, so its direction turns in this frame. Rims and rollers keep their
-speeds, so theirs does not.
+A wheel whose torque would exceed Coulomb's limit has that limit. Vectors are in the robot's frame.
+In v_before the mass keeps its velocity in the world, so its direction turns in this frame. Rims and
+rollers keep their speeds, so theirs does not.
 
-**The load.** Wheels share the robot's weight and the moments of what pulls at it, as equal springs do. A wheel that
-turns carries more, and its load ripples as rollers pass. The robot yields to the sum and the moments of both, so that
-wheels keep only what no motion of the body takes away.
+**Normal forces.** Wheels share the robot's weight, and the moments of the forces on it, as equal
+springs do. A wheel that turns carries more, and its normal force ripples as rollers pass. The robot
+yields to the sum and the moments of both, so that wheels keep only the part that no motion of the
+body takes away.
 """
 
 from typing import NamedTuple
 
-from omni_mj.robot.array_namespace import (
+from omni_mj.robot.array_ops import (
     Array,
     any_true,
     clip,
+    cos_sin_small,
+    iterate_while,
     namespace,
-    refine,
-    repeat,
     rotate,
-    small_rotation,
-    total,
+    sum_wheels,
 )
 from omni_mj.robot.carpet import (
-    DRAG_CYCLES,
     CarpetParameters,
+    ChassisMotion,
     Drag,
-    Motion,
     compute_drag,
-    limit_torque,
+    compute_torque_limit,
 )
-from omni_mj.robot.firmware import CYCLE_S, CYCLES, Command
-from omni_mj.robot.onboard import (
-    CycleRecord,
-    FrameInputs,
-    OnboardParameters,
-    OnboardState,
-    begin_frame,
-    end_frame,
-    hear,
-    run_cycle,
-    telemetry_rows,
-)
+from omni_mj.robot.firmware import CYCLE_S
 
-SLIDING_PASSES = 3  # a wheel that is found to slide may let others slide; more than two are rare
-# Of its speed a hub keeps in a cycle if dry friction stops it; models/ssl_robot.xml
-REST_SHARE = 1 - 400.0 * CYCLE_S
+# A wheel that starts to slide may let others slide. More than two such passes are rare.
+MAX_SLIDING_PASSES = 3
+# Fraction of its speed that a sticking hub retains after a cycle. MuJoCo damps a sticking joint at
+# 2 / time constant, with solreffriction="0.005 1" in models/ssl_robot.xml.
+STICTION_RETENTION = 1 - 400.0 * CYCLE_S
 
 
 class BodyParameters(NamedTuple):
-    """Bodies and wheels of n robots, (n,) unless another shape is given; positions from the centre of mass."""
+    """Bodies and wheels of n robots, (n,) unless another shape is given.
 
-    contact_x: Array  # where wheels touch, (W, n) m
+    Positions are in the robot's frame, from the center of mass.
+    """
+
+    contact_x: Array  # where wheels touch the carpet, (W, n) m
     contact_y: Array
-    edge_x: Array  # from there to the next wheel counter-clockwise, (W, n) m
+    edge_x: Array  # from there to the next wheel's contact counter-clockwise, (W, n) m
     edge_y: Array
-    jacobian: Array  # speed of each rim for the body's twist, (3, W, n) 1/m, 1/m, 1
-    inertia: Array  # of body, rims and rollers over a cycle, (3, 3, n) kg/s and kg m^2/s
-    rolling_inertia: (
-        Array  # of rims and rollers alone, two columns of the matrix, (3, 2, n) kg and kg m
-    )
-    hub_gain: Array  # speed per torque that a hub gains in a cycle, rad/s / (N m)
-    hub_viscous: Array  # friction, N m s/rad
-    hub_dry: Array  # friction, (W, n) N m
-    contact_softness: Array  # slip over torque of the contacts, (W, n) rad/s / (N m)
-    lever: Array  # from axles to the carpet, (W, n) m
-    # Force along the axle over speed, bearing + spin_up |w| (1 - exp(-spun_at / |w|)), (W, n) N s/m
-    bearing: Array
+    jacobian: Array  # J: rim speed per twist of the body, (3, W, n) 1/m, 1/m, 1
+    mass_rate: Array  # M / h: mass matrix over a cycle, (3, 3, n) kg/s, kg m/s and kg m^2/s
+    # Part of M due to rims and rollers, columns of the two velocities, (3, 2, n) kg and kg m
+    rolling_mass: Array
+    hub_gain: Array  # G: speed that a hub gains per torque in a cycle, rad/s / (N m)
+    hub_viscous_friction: Array  # N m s/rad
+    hub_dry_friction: Array  # (W, n) N m
+    contact_compliance: Array  # slip speed over torque of the contacts, (W, n) rad/s / (N m)
+    rolling_radius: Array  # from the axle to the carpet, (W, n) m
+    # Force along the axle over speed, roller_drag + spin_up |w| (1 - exp(-spin_up_speed / |w|)),
+    # (W, n) N s/m
+    roller_drag: Array
     spin_up: Array
-    spun_at: Array  # wheel speed at which rollers take on most of the carpet's speed, (W, n) rad/s
-    cost: Array  # torque that turning costs, cost w / (1 + cost_fades |w|), (W, n) N m
-    cost_fades: Array
-    lift: Array  # load that a turning wheel takes over, lift w^2 / (1 + lift_fades |w|), (W, n) N
-    lift_fades: Array
-    ripple: Array  # of the load as rollers pass, (ripple + ripple_grows |w|) wave, (W, n) N
-    ripple_grows: Array
-    passing: Array  # rollers that come down in a cycle for a rim's speed, s/rad
-    middle_x: Array  # of the wheels, m
-    middle_y: Array
-    push_x: Array  # where pushes act, m
+    # Wheel speed at which rollers take on most of the carpet's speed, (W, n) rad/s
+    spin_up_speed: Array
+    # Torque of rolling resistance, rolling_loss w / (1 + rolling_loss_fade |w|), (W, n) N m
+    rolling_loss: Array
+    rolling_loss_fade: Array
+    # Normal force that turning adds to a wheel, lift w^2 / (1 + lift_fade |w|), (W, n) N
+    lift: Array
+    lift_fade: Array
+    # Ripple of the normal force as rollers pass, (ripple + ripple_growth |w|) times
+    # `compute_ripple_wave`, (W, n) N
+    ripple: Array
+    ripple_growth: Array
+    rollers_per_speed: Array  # rollers that pass in a cycle per rim speed, s/rad
+    center_x: Array  # center of the wheels, m
+    center_y: Array
+    push_x: Array  # point at which push forces act, m
     push_y: Array
-    height: Array  # of the centre of mass, m
-    push_height: Array  # of where pushes act above it, m
-    weight: Array  # load of each wheel at rest, (W, n) N
-    shares: Array  # load of wheels for a force up and two moments, (3, W, n) 1, 1/m, 1/m
-    downhill_x: Array  # force of a slope, world frame, N
-    downhill_y: Array
-
-
-class PlanarParameters(NamedTuple):
-    """Parameters of n robots on the plant `planar`."""
-
-    onboard: OnboardParameters
-    carpet: CarpetParameters
-    body: BodyParameters
+    mass_height: Array  # center of mass above the carpet, m
+    push_height: Array  # point at which push forces act above the center of mass, m
+    static_load: Array  # normal force of each wheel at rest, (W, n) N
+    # Normal forces of the wheels for a vertical force and two moments, (3, W, n) 1, 1/m, 1/m
+    load_distribution: Array
+    slope_force_x: Array  # gravity along the carpet, world frame, N
+    slope_force_y: Array
 
 
 class BodyState(NamedTuple):
     """Bodies and wheels of n robots, (n,) unless another shape is given."""
 
-    x: Array  # of the centre of mass, m
+    x: Array  # center of mass, world frame, m
     y: Array
     heading: Array  # rad
     cosine: Array  # of the heading
     sine: Array
     twist: Array  # robot frame, (3, n) m/s, m/s, rad/s
-    gyro_rate: Array  # turn rate as the gyro shows it, a cycle ago, rad/s
+    gyro_rate: Array  # turn rate at the gyro, one cycle old, rad/s
     hub_angle: Array  # (W, n) rad
-    encoder_angle: Array  # hub angle as encoders show it, a cycle ago, (W, n) rad
+    encoder_angle: Array  # hub angle at the encoders, one cycle old, (W, n) rad
     hub_speed: Array  # (W, n) rad/s
     rim_speed: Array  # (W, n) rad/s
-    torque: Array  # of the rubber between hub and rim, (W, n) N m
-    load: Array  # (W, n) N
-    rollers: Array  # of each wheel that came down so far, (W, n)
-    # Moments that tilt the robot back and aside, summed over the cycles of a frame, (2, n) N m
-    tilt: Array
-
-
-class PlanarState(NamedTuple):
-    """State of n robots on the plant `planar`."""
-
-    onboard: OnboardState
-    body: BodyState
+    torque: Array  # t: of the rubber between hub and rim, (W, n) N m
+    load: Array  # normal force, (W, n) N
+    passed_rollers: Array  # rollers of each wheel that have passed so far, (W, n)
+    tilting_moment: Array  # about -y and x, summed over the cycles of a frame, (2, n) N m
 
 
 class SlowForces(NamedTuple):
-    """What changes slowly, and is computed every `DRAG_CYCLES` cycles; (n,) unless another shape is given."""
+    """Forces computed every `DRAG_CYCLES` cycles; (n,) unless another shape is given."""
 
     drag: Drag
-    force: Array  # all but the wheels' pull, and its moment, (3, n) N and N m
-    tilting: Array  # moments of drag and pushes that tilt the robot, (2, n) N m
-    raised: Array  # load that turning wheels take over, (W, n) N
-    ripple: Array  # of the load over `wave`, (W, n) N
+    force: Array  # F: all but the wheels' traction, and its moment, (3, n) N and N m
+    tilting_moment: Array  # of drag and pushes, (2, n) N m
+    lift: Array  # normal force that turning adds, (W, n) N
+    ripple: Array  # amplitude of the normal force's ripple, (W, n) N
 
 
-class FrameReport(NamedTuple):
-    """What a plant tells of a frame, (n,) unless another shape is given."""
+def compute_slow_forces(
+    b: BodyParameters,
+    carpet: CarpetParameters,
+    s: BodyState,
+    push_force_x: Array,
+    push_force_y: Array,
+) -> SlowForces:
+    """Compute drag, pushes, the force of a slope, and the forces of rollers on their wheels.
 
-    pose: Array  # of the middle of the wheels, (3, n) m, m, rad
-    twist: Array  # world frame, (3, n) m/s, m/s, rad/s
-    topples: Array  # whether the robot would topple
-    telemetry: Array  # (10 W + 4, n), see `omni_mj.plants.Telemetry`
-
-
-def advance_frame(
-    p: PlanarParameters, s: PlanarState, command: Command, inputs: FrameInputs
-) -> tuple[PlanarState, FrameReport]:
-    """Advance by a frame of 1/60 s, in 16 cycles of the wheel loops."""
-    xp = namespace(s.body.x)
-    onboard = begin_frame(
-        p.onboard, hear(p.onboard, s.onboard, command), inputs, s.body.encoder_angle
-    )
-    cosine, sine = xp.cos(s.body.heading), xp.sin(s.body.heading)
-    body = s.body._replace(cosine=cosine, sine=sine, tilt=s.body.tilt * 0.0)
-
-    def some_cycles(s: PlanarState) -> tuple[PlanarState, CycleRecord]:
-        slow = slow_forces(p, s)
-        return repeat(lambda s: advance_cycle(p, s, slow), s, DRAG_CYCLES, cosine)
-
-    s, nested = repeat(some_cycles, PlanarState(onboard, body), CYCLES // DRAG_CYCLES, cosine)
-    record = CycleRecord(*(part.reshape((CYCLES, *part.shape[2:])) for part in nested))
-    s = PlanarState(end_frame(p.onboard, s.onboard, record), s.body)
-    return s, report(p, s, record)
-
-
-def advance_cycle(
-    p: PlanarParameters, s: PlanarState, slow: SlowForces
-) -> tuple[PlanarState, CycleRecord]:
-    """Advance by a cycle of 1/960 s."""
-    body = s.body
-    onboard, record = run_cycle(
-        p.onboard, s.onboard, body.gyro_rate, body.encoder_angle, body.hub_speed
-    )
-    motor_torque = onboard.motors.back_emf * record.current
-    return PlanarState(onboard, move_body(p.body, body, slow, motor_torque)), record
-
-
-def slow_forces(p: PlanarParameters, s: PlanarState) -> SlowForces:
-    """Compute drag, pushes, slope, and what rollers do to their wheels."""
-    b, body, inputs = p.body, s.body, s.onboard.inputs
-    xp = namespace(body.x)
-    ahead, aside, rate = body.twist
-    middle_x, middle_y = rotate(b.middle_x, b.middle_y, body.cosine, body.sine)
-    motion = Motion(
-        body.x + middle_x, body.y + middle_y, body.cosine, body.sine,
-        ahead - rate * b.middle_y, aside + rate * b.middle_x, rate,
-    )  # fmt: skip
-    drag, spin = compute_drag(p.carpet, motion, body.load, body.encoder_angle), abs(body.rim_speed)
+    Args:
+        b: Parameters of the bodies.
+        carpet: Parameters of the carpet.
+        s: State.
+        push_force_x: Force on the chassis, world frame, (n,) N.
+        push_force_y: See `push_force_x`.
+    """
+    xp = namespace(s.x)
+    drag = compute_drag(carpet, compute_center_motion(b, s), s.load, s.encoder_angle)
+    abs_speed = abs(s.rim_speed)
     # Rollers are spun up and braked along the axle, and pressed into the carpet as the wheel turns.
-    spun_up = 1 - xp.exp(-b.spun_at / xp.maximum(spin, 1.0))
-    along_axle = -(b.bearing + b.spin_up * spin * spun_up) * drag.axle_speed
-    along_rim = -b.cost * body.rim_speed / (1 + b.cost_fades * spin) / b.lever
-    rollers_x, rollers_y = rotate(along_axle, along_rim, p.carpet.axle_x, p.carpet.axle_y)
-    ground_x, ground_y = drag.ahead + total(rollers_x), drag.aside + total(rollers_y)
-    push_x, push_y = rotate(inputs.push_x, inputs.push_y, body.cosine, -body.sine)
-    slope_x, slope_y = rotate(b.downhill_x, b.downhill_y, body.cosine, -body.sine)
-    moment = drag.moment + b.middle_x * drag.aside - b.middle_y * drag.ahead
-    moment = moment + total(b.contact_x * rollers_y - b.contact_y * rollers_x)
+    spun_up_fraction = 1 - xp.exp(-b.spin_up_speed / xp.maximum(abs_speed, 1.0))
+    axle_force = -(b.roller_drag + b.spin_up * abs_speed * spun_up_fraction) * drag.axle_speed
+    rolling_torque = -b.rolling_loss * s.rim_speed / (1 + b.rolling_loss_fade * abs_speed)
+    rim_force = rolling_torque / b.rolling_radius
+    roller_x, roller_y = rotate(axle_force, rim_force, carpet.axle_x, carpet.axle_y)
+    ground_x = drag.forward_force + sum_wheels(roller_x)
+    ground_y = drag.sideways_force + sum_wheels(roller_y)
+    push_x, push_y = rotate(push_force_x, push_force_y, s.cosine, -s.sine)
+    slope_x, slope_y = rotate(b.slope_force_x, b.slope_force_y, s.cosine, -s.sine)
+    moment = drag.moment + b.center_x * drag.sideways_force - b.center_y * drag.forward_force
+    moment = moment + sum_wheels(b.contact_x * roller_y - b.contact_y * roller_x)
     moment = moment + b.push_x * push_y - b.push_y * push_x
-    tilting_x = b.height * ground_x - b.push_height * push_x
-    tilting_y = b.height * ground_y - b.push_height * push_y
+    tilting_x = b.mass_height * ground_x - b.push_height * push_x
+    tilting_y = b.mass_height * ground_y - b.push_height * push_y
     return SlowForces(
         drag=drag,
         force=xp.stack([ground_x + push_x + slope_x, ground_y + push_y + slope_y, moment]),
-        tilting=xp.stack([tilting_x, tilting_y]),
-        raised=b.lift * spin * spin / (1 + b.lift_fades * spin),
-        ripple=b.ripple + b.ripple_grows * spin,
+        tilting_moment=xp.stack([tilting_x, tilting_y]),
+        lift=b.lift * abs_speed * abs_speed / (1 + b.lift_fade * abs_speed),
+        ripple=b.ripple + b.ripple_growth * abs_speed,
     )
 
 
-def move_body(p: BodyParameters, s: BodyState, slow: SlowForces, motor_torque: Array) -> BodyState:
-    """Move hubs, rubber and body by backward Euler, then find the load of the wheels."""
+def compute_center_motion(p: BodyParameters, s: BodyState) -> ChassisMotion:
+    """Return the motion of the center of the wheels, from that of the center of mass."""
+    forward, sideways, turn_rate = s.twist
+    center_x, center_y = rotate(p.center_x, p.center_y, s.cosine, s.sine)
+    return ChassisMotion(
+        x=s.x + center_x,
+        y=s.y + center_y,
+        cosine=s.cosine,
+        sine=s.sine,
+        forward_velocity=forward - turn_rate * p.center_y,
+        sideways_velocity=sideways + turn_rate * p.center_x,
+        turn_rate=turn_rate,
+    )
+
+
+def advance_body(
+    p: BodyParameters, s: BodyState, slow: SlowForces, motor_torque: Array
+) -> BodyState:
+    """Advance hubs, rubber and body by a cycle of backward Euler, then compute normal forces."""
     xp = namespace(s.x)
-    limit, pressed = limit_torque(slow.drag.rim_friction, s.load)
-    softness = slow.drag.softness / pressed + p.contact_softness
-    free, give = free_hub(p, s, motor_torque, softness)
-    ahead, aside, rate = s.twist
-    own = p.rolling_inertia
+    torque_limit, load = compute_torque_limit(slow.drag.torque_per_load, s.load)
+    compliance = slow.drag.slip_compliance / load + p.contact_compliance
+    free_speed, hub_gain = compute_free_hub_speed(p, s, motor_torque, compliance)
+    forward, sideways, turn_rate = s.twist
+    rolling = p.rolling_mass
+    # The second term keeps rims and rollers from turning their momentum with the world's frame.
     momentum = (
-        (p.inertia * s.twist).sum(1) + rate * (own[:, 1] * ahead - own[:, 0] * aside) + slow.force
+        (p.mass_rate * s.twist).sum(1)
+        + turn_rate * (rolling[:, 1] * forward - rolling[:, 0] * sideways)
+        + slow.force
     )
-    twist, rim, torque = solve_traction(p, momentum, free, 1 / (softness + give), limit)
-    hub_speed = free - give * torque
-    tilting = p.height * total(torque * p.jacobian[:2]) + slow.tilting
-    rollers = s.rollers + p.passing * rim
+    twist, rim_speed, torque = solve_traction(
+        p, momentum, free_speed, 1 / (compliance + hub_gain), torque_limit
+    )
+    hub_speed = free_speed - hub_gain * torque
+    tilting = p.mass_height * sum_wheels(torque * p.jacobian[:2]) + slow.tilting_moment
+    passed_rollers = s.passed_rollers + p.rollers_per_speed * rim_speed
     turn = CYCLE_S * twist[2]
-    cosine, sine = small_rotation(turn)
+    cos_turn, sin_turn = cos_sin_small(turn)
     world_x, world_y = rotate(twist[0], twist[1], s.cosine, s.sine)
-    facing = rotate(s.cosine, s.sine, cosine, sine)
+    cosine, sine = rotate(s.cosine, s.sine, cos_turn, sin_turn)
     return BodyState(
         x=s.x + CYCLE_S * world_x,
         y=s.y + CYCLE_S * world_y,
         heading=s.heading + turn,
-        cosine=facing[0],
-        sine=facing[1],
-        twist=xp.stack([*rotate(twist[0], twist[1], cosine, -sine), twist[2]]),
-        gyro_rate=rate,
+        cosine=cosine,
+        sine=sine,
+        twist=xp.stack([*rotate(twist[0], twist[1], cos_turn, -sin_turn), twist[2]]),
+        gyro_rate=turn_rate,
         hub_angle=s.hub_angle + CYCLE_S * hub_speed,
         encoder_angle=s.hub_angle,
         hub_speed=hub_speed,
-        rim_speed=rim,
+        rim_speed=rim_speed,
         torque=torque,
-        load=load_wheels(p, slow.raised + slow.ripple * wave(rollers), tilting),
-        rollers=rollers,
-        tilt=s.tilt + tilting,
+        load=compute_wheel_loads(
+            p, slow.lift + slow.ripple * compute_ripple_wave(passed_rollers), tilting
+        ),
+        passed_rollers=passed_rollers,
+        tilting_moment=s.tilting_moment + tilting,
     )
 
 
-def free_hub(
-    p: BodyParameters, s: BodyState, motor_torque: Array, softness: Array
+def compute_free_hub_speed(
+    p: BodyParameters, s: BodyState, motor_torque: Array, compliance: Array
 ) -> tuple[Array, Array]:
-    """Return the speed of hubs after the cycle without rubber, and speed per torque that rubber takes off it.
+    """Return e and G of the hubs: the speed without rubber, and speed per torque of the rubber.
 
-    A hub rests if dry friction could bring it to rest within the cycle. A hub that slows takes its
-    rim along: rubber adds to its torque of the cycle before what it is then strained by.
+    A hub sticks if dry friction can bring it to rest within the cycle; its G is then 0. A hub that
+    slows down takes its rim along. Rubber then adds the torque that strains it to the torque of
+    the cycle before.
+
+    Args:
+        p: Parameters.
+        s: State.
+        motor_torque: Torque of the motors at the wheel, (W, n) N m.
+        compliance: S: slip speed over torque, (W, n) rad/s / (N m).
     """
     xp = namespace(motor_torque)
-    driven = motor_torque - p.hub_viscous * s.hub_speed
-    needed = driven - s.torque + (1 - REST_SHARE) * s.hub_speed * (1 / p.hub_gain + 1 / softness)
-    turning = s.hub_speed + p.hub_gain * (driven - xp.copysign(p.hub_dry, needed))
-    give = p.hub_gain + softness * 0.0
-    rests = abs(needed) <= p.hub_dry
-    if not any_true(rests):
-        return turning, give
-    return xp.where(rests, REST_SHARE * s.hub_speed, turning), xp.where(rests, 0.0, give)
+    drive_torque = motor_torque - p.hub_viscous_friction * s.hub_speed
+    stopping_torque = (
+        drive_torque
+        - s.torque
+        + (1 - STICTION_RETENTION) * s.hub_speed * (1 / p.hub_gain + 1 / compliance)
+    )
+    dry_friction = xp.copysign(p.hub_dry_friction, stopping_torque)
+    free_speed = s.hub_speed + p.hub_gain * (drive_torque - dry_friction)
+    hub_gain = p.hub_gain + compliance * 0.0  # one per wheel
+    sticks = abs(stopping_torque) <= p.hub_dry_friction
+    if not any_true(sticks):
+        return free_speed, hub_gain
+    sticking_speed = STICTION_RETENTION * s.hub_speed
+    return xp.where(sticks, sticking_speed, free_speed), xp.where(sticks, 0.0, hub_gain)
 
 
 def solve_traction(
-    p: BodyParameters, momentum: Array, free: Array, pull: Array, limit: Array
+    p: BodyParameters, momentum: Array, free_speed: Array, traction_gain: Array, limit: Array
 ) -> tuple[Array, Array, Array]:
-    """Solve for the twist (3, n), the speeds of rims (W, n) and the torques of rubber (W, n).
+    """Solve the equations of body and wheels, see the module, with Coulomb's limit.
 
-    A wheel of which more is asked than friction allows has that limit, and the equations are solved
-    again.
+    Where a torque exceeds friction it is set to the limit, and the equations are solved again.
 
     Args:
         p: Parameters.
-        momentum: Before, over a cycle, with all forces, (3, n).
-        free: Speeds of hubs without rubber, (W, n) rad/s.
-        pull: Torque per slip, (W, n).
-        limit: Greatest torque, (W, n) N m.
+        momentum: M v_before / h + F, (3, n).
+        free_speed: e: speeds of the hubs without rubber, (W, n) rad/s.
+        traction_gain: 1 / (S + G): torque per slip, (W, n) N m s/rad.
+        limit: Largest torque, (W, n) N m.
+
+    Returns:
+        Twist (3, n), speeds of the rims, (W, n) rad/s, and torques of the rubber, (W, n) N m.
     """
-    xp = namespace(pull)
+    xp = namespace(traction_gain)
     jacobian = p.jacobian
 
-    def solve(pull: Array, held: Array) -> tuple[Array, Array, Array]:
-        matrix = p.inertia + total((pull * jacobian)[:, None] * jacobian)
-        twist = solve_symmetric(matrix, momentum + total((pull * free + held) * jacobian))
-        rim = jacobian[0] * twist[0] + jacobian[1] * twist[1] + jacobian[2] * twist[2]
-        return twist, rim, pull * (free - rim) + held
+    def solve(gain: Array, sliding_torque: Array) -> tuple[Array, Array, Array]:
+        matrix = p.mass_rate + sum_wheels((gain * jacobian)[:, None] * jacobian)
+        right_side = momentum + sum_wheels((gain * free_speed + sliding_torque) * jacobian)
+        twist = solve_symmetric(matrix, right_side)
+        rim_speed = jacobian[0] * twist[0] + jacobian[1] * twist[1] + jacobian[2] * twist[2]
+        return twist, rim_speed, gain * (free_speed - rim_speed) + sliding_torque
 
-    def slide(state: tuple[Array, ...]) -> tuple[Array, ...]:
-        pull, held, _, _, torque = state
-        slides = (abs(torque) > limit) & (pull > 0)
-        held = xp.where(slides, xp.copysign(limit, torque), held)
-        pull = xp.where(slides, 0.0, pull)
-        return pull, held, *solve(pull, held)
+    def exceeds_limit(state: tuple[Array, ...]) -> Array:
+        gain, *_, torque = state
+        return (abs(torque) > limit) & (gain > 0)
 
-    held = pull * 0.0
-    state = pull, held, *solve(pull, held)
-    state = refine(
-        slide, state, lambda state: (abs(state[-1]) > limit) & (state[0] > 0), SLIDING_PASSES
-    )
-    _, _, twist, rim, torque = state
-    return twist, rim, clip(torque, -limit, limit)
+    def let_slide(state: tuple[Array, ...]) -> tuple[Array, ...]:
+        gain, sliding_torque, _, _, torque = state
+        slides = exceeds_limit(state)
+        sliding_torque = xp.where(slides, xp.copysign(limit, torque), sliding_torque)
+        gain = xp.where(slides, 0.0, gain)
+        return gain, sliding_torque, *solve(gain, sliding_torque)
+
+    sliding_torque = traction_gain * 0.0
+    state = traction_gain, sliding_torque, *solve(traction_gain, sliding_torque)
+    state = iterate_while(let_slide, state, exceeds_limit, MAX_SLIDING_PASSES)
+    _, _, twist, rim_speed, torque = state
+    return twist, rim_speed, clip(torque, -limit, limit)
 
 
-def load_wheels(p: BodyParameters, raised: Array, tilting: Array) -> Array:
-    """Return the load of wheels, (W, n) N.
+def compute_wheel_loads(p: BodyParameters, added_load: Array, tilting: Array) -> Array:
+    """Return the normal forces of wheels that share weight and moments as equal springs, (W, n) N.
 
     Args:
         p: Parameters.
-        raised: What turning wheels take over, with its ripple, (W, n) N.
-        tilting: Moments that tilt the robot, (2, n) N m.
+        added_load: Lift and ripple of turning wheels, (W, n) N.
+        tilting: Moments that tilt the robot about -y and x, (2, n) N m.
     """
-    moment_x, moment_y = (
-        total(p.contact_x * raised) + tilting[0],
-        total(p.contact_y * raised) + tilting[1],
+    moment_x = sum_wheels(p.contact_x * added_load) + tilting[0]
+    moment_y = sum_wheels(p.contact_y * added_load) + tilting[1]
+    unit_force, unit_moment_x, unit_moment_y = p.load_distribution
+    yielding = (
+        unit_force * sum_wheels(added_load) + unit_moment_x * moment_x + unit_moment_y * moment_y
     )
-    shared = p.shares[0] * total(raised) + p.shares[1] * moment_x + p.shares[2] * moment_y
-    return namespace(tilting).maximum(p.weight + raised - shared, 0.0)
+    return namespace(tilting).maximum(p.static_load + added_load - yielding, 0.0)
 
 
-def wave(turns: Array) -> Array:
-    """Return 1/16 with a roller at the bottom and -1/16 between two: arcs of parabolas in place of a cosine."""
-    off = 0.25 - abs(turns - namespace(turns).round(turns))
-    return off * (0.5 - abs(off))
-
-
-def report(p: PlanarParameters, s: PlanarState, record: CycleRecord) -> FrameReport:
-    """Tell where robots are at the end of a frame."""
-    b, body = p.body, s.body
-    xp = namespace(body.x)
-    middle_x, middle_y = rotate(b.middle_x, b.middle_y, body.cosine, body.sine)
-    ahead, aside, rate = body.twist
-    velocity = rotate(ahead - rate * b.middle_y, aside + rate * b.middle_x, body.cosine, body.sine)
-    slip = abs(body.hub_speed - body.rim_speed) * p.carpet.radius
-    return FrameReport(
-        pose=xp.stack([body.x + middle_x, body.y + middle_y, body.heading]),
-        twist=xp.stack([*velocity, rate]),
-        topples=topples(b, body),
-        telemetry=telemetry_rows(s.onboard, record, body.hub_angle, body.hub_speed, slip),
-    )
-
-
-def topples(p: BodyParameters, s: BodyState) -> Array:
-    """Return whether the point that balances weight and forces left the polygon of the wheels, on a frame's mean."""
-    weight = total(p.weight) * CYCLES
-    outside = p.edge_x * (s.tilt[1] + p.contact_y * weight) > p.edge_y * (
-        s.tilt[0] + p.contact_x * weight
-    )
-    return outside.any(0)
+def compute_ripple_wave(turns: Array) -> Array:
+    """Return 1/16 with a roller at the bottom and -1/16 between two: parabolas for a cosine."""
+    phase = 0.25 - abs(turns - namespace(turns).round(turns))
+    return phase * (0.5 - abs(phase))
 
 
 def solve_symmetric(a: Array, b: Array) -> Array:
-    """Solve a x = b for symmetric positive definite matrices (3, 3, n) and right sides (3, n), by a = L D L'."""
+    """Solve a x = b by a = L D L' for symmetric positive definite matrices.
+
+    Args:
+        a: Matrices, (3, 3, n).
+        b: Right sides, (3, n).
+    """
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = a
     x, y, z = b
-    p, q = xy / xx, xz / xx
-    yy, yz = yy - p * xy, yz - p * xz
-    r = yz / yy
-    y = y - p * x
-    z = (z - q * x - r * y) / (zz - q * xz - r * yz)
-    y = y / yy - r * z
-    return namespace(x).stack([x / xx - p * y - q * z, y, z])
+    l_yx = xy / xx
+    l_zx = xz / xx
+    yy = yy - l_yx * xy
+    yz = yz - l_yx * xz
+    l_zy = yz / yy
+    y = y - l_yx * x
+    z = (z - l_zx * x - l_zy * y) / (zz - l_zx * xz - l_zy * yz)
+    y = y / yy - l_zy * z
+    return namespace(x).stack([x / xx - l_yx * y - l_zx * z, y, z])

@@ -11,7 +11,7 @@ from omni_control.kinematics import Array
 from omni_mj import parquet
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import PERIOD_S
-from omni_mj.plants import NAMES
+from omni_mj.plants.telemetry import TELEMETRY_NAMES
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -125,7 +125,7 @@ class Log:
         Args:
             recorded: which rows go on, (n,); the others get NaN.
             own: channels of controllers' own, name -> (n, k).
-            telemetry: the channels of `plants.NAMES` side by side in that order, (n, their
+            telemetry: the channels of `plants.telemetry.TELEMETRY_NAMES` side by side in that order, (n, their
                 columns).
             values: other channels, (n, columns) or (n,), or what broadcasts to it; of those not
                 given nothing is recorded.
@@ -140,7 +140,9 @@ class Log:
             for name, value in own.items()
         ]
         if telemetry is not None:
-            parts.append((frame[at[NAMES[0]].start : at[NAMES[-1]].stop], telemetry))
+            parts.append(
+                (frame[at[TELEMETRY_NAMES[0]].start : at[TELEMETRY_NAMES[-1]].stop], telemetry)
+            )
         for frames in (self._data, *self._own.values()):
             frames[self.length] = np.nan
         for columns, value in parts:

@@ -195,7 +195,7 @@ class Simulation:
     def drawn_parameters(self) -> dict[str, Array]:
         """What sets the rows' robots apart, name -> (n,); nothing where all are alike, or the plant draws nothing."""
         columns: dict[str, Array] = (
-            self.plant.drawn.columns() if hasattr(self.plant, "drawn") else {}
+            self.plant.variation.columns() if hasattr(self.plant, "variation") else {}
         )
         named = self.scenario.distributions
         return columns | {

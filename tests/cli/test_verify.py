@@ -64,7 +64,7 @@ class Toy:
         return {}
 
     def telemetry(self):
-        return Telemetry.of_no_wheels(len(self._pose))
+        return Telemetry.without_wheels(len(self._pose))
 """
 ODD = """
 import os

@@ -75,10 +75,10 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
 def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
     plant = plant_of([quiet(physics={"substeps": substeps})])
     true, shown = [], []
-    for _ in range(6 * plant.cycles):
+    for _ in range(6 * plant.cycles_per_frame):
         told = plant.telemetry()
         true.append([*told.wheel_angle[0], plant.twist()[0, 2]])
-        plant.go(1, ReceivedCommand.without_delay(np.array([[0.5, 0.2, 3.0]])))
+        plant.advance_cycles(1, ReceivedCommand.without_delay(np.array([[0.5, 0.2, 3.0]])))
         shown.append(sensed(plant))
     # The gyro feels the chassis's own axis, which tilts by less than a milliradian.
     np.testing.assert_allclose(np.array(shown)[:, :4], np.array(true)[:, :4], rtol=0, atol=1e-12)

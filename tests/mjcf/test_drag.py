@@ -40,7 +40,7 @@ def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> 
     world, velocity = plant._world, plant._batch.bind("qvel")
     velocity[:, :2] = speed * directions
     velocity[:, world.robots[0].wheel_dofs] = speed * directions @ TANGENTS.T / RADIUS_M
-    plant.hold(np.zeros((len(directions), len(TANGENTS))))
+    plant.set_motor_currents(np.zeros((len(directions), len(TANGENTS))))
     return Tape(plant).drive(np.zeros((frames, len(directions), 3)))
 
 

@@ -106,7 +106,8 @@ def test_energy_audit_of_a_driven_robot(friction: float, substeps: int) -> None:
         currents.append(plant._record.current[:, :, 0])
         if frame == 0:
             constant = (
-                float(plant._at.constant.get()[0, 0]) * plant._world.model.actuator_gear[0, 0]
+                float(plant._views.torque_constant.get()[0, 0])
+                * plant._world.model.actuator_gear[0, 0]
             )
     audit = Audit(plant)
     for now in tape.steps:

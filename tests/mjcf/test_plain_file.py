@@ -26,15 +26,20 @@ def written(numbers: Any) -> str:
 def expected() -> list[str]:
     """What must stand in ssl_robot.xml, for the settings of the default robot."""
     settings = Settings()
-    wheels, motor, world = settings.wheels, Motor.of(settings.motor), world_builder.build_world()
+    wheels, motor, world = (
+        settings.wheels,
+        Motor.from_settings(settings.motor),
+        world_builder.build_world(),
+    )
     (chassis,) = build_robot_spec(RobotShape.from_settings(settings)).spec.worldbody.bodies
     pair = {
         name: getattr(world.model, f"pair_{name}")[0]
         for name in ("solref", "solimp", "solreffriction")
     }
-    dry = motor.wheel_dry + settings.drive.gear_friction_nm
-    # Of a rim
-    at_rest = settings.carpet.friction * settings.body.mass_kg * 9.81 / 4 * wheels.radius_m
+    dry = motor.wheel_dry_friction + settings.drive.gear_friction_nm
+    at_rest = (
+        settings.carpet.friction * settings.body.mass_kg * 9.81 / 4 * wheels.radius_m
+    )  # of a rim
     barrel = (
         wheels.roller_radius_m,
         wheels.roller_radius_m,
@@ -51,10 +56,10 @@ def expected() -> list[str]:
         f'<replicate count="{wheels.rollers}" euler="{written(360 / wheels.rollers)} 0 0">',
         f'pos="{written([0, 0, wheels.roller_radius_m - wheels.radius_m])}" euler="90 0 0"',
         f'<geom type="ellipsoid" size="{written(barrel)}"',
-        f'frictionloss="{written(dry)}" damping="{written(motor.wheel_viscous)}"',
+        f'frictionloss="{written(dry)}" damping="{written(motor.wheel_viscous_friction)}"',
         f'frictionloss="{written(at_rest)}"',
         f'damping="{written(settings.drive.roller_damping_nm_s)}"',
-        f'motorconst="{written(motor.constant)}" resistance="{written(motor.resistance)}" gear="{written(motor.gear)}"',
+        f'motorconst="{written(motor.torque_constant)}" resistance="{written(motor.resistance)}" gear="{written(motor.gear)}"',
         f'armature="{written(settings.motor.rotor_inertia_kg_m2)}"',
         f'solref="{written(pair["solref"])}"',
         f'solimp="{written(pair["solimp"][:3])}"',

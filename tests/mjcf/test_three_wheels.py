@@ -6,7 +6,7 @@ from benches.plant import FRAME_S, STIFF, drive, mujoco, quiet, ramp
 
 from omni_control.kinematics import world_to_body
 from omni_mj.mjcf import world_builder
-from omni_mj.plants import NAMES
+from omni_mj.plants.telemetry import TELEMETRY_NAMES
 
 AZIMUTHS_DEG = (60, 180, 300)
 THREE = {"azimuths_deg": AZIMUTHS_DEG, "rollers": 18}
@@ -52,7 +52,7 @@ def test_it_drives_where_its_kinematics_say(wheels: str) -> None:
 def test_its_motors_and_battery_have_three_wheels_each() -> None:
     plant = mujoco([quiet(wheels=THREE)] * 2, [[0, 0, 0], [0, 1, 0]], places=2)
     drive(plant, ramp([[0.5, 0, 0], [0, 0.5, 0]], 2.0, 5))
-    for name in NAMES:
+    for name in TELEMETRY_NAMES:
         values = getattr(plant.telemetry(), name)
         assert values.shape in ((2,), (2, 3)), name
         assert np.isfinite(values).all(), name

@@ -14,7 +14,7 @@ def test_a_robot_let_go_carries_no_current_and_rolls_on_while_the_other_brakes()
     """And obeys again when it is taken again."""
     plant = mujoco([SETTINGS] * 2)
     drive(plant, constant(FORWARD, 40, 2))
-    plant.hold(np.array([[0.0] * 4, [np.nan] * 4]))
+    plant.set_motor_currents(np.array([[0.0] * 4, [np.nan] * 4]))
     drive(plant, constant((0, 0, 0), 3, 2))
     assert plant.telemetry().current_peak[1] > 1
     drive(plant, constant((0, 0, 0), 15, 2))
@@ -22,7 +22,7 @@ def test_a_robot_let_go_carries_no_current_and_rolls_on_while_the_other_brakes()
     assert plant.telemetry().current_peak[0] < 1e-12  # rounding of duty times voltage
     assert let_go > 0.3
     assert abs(braked) < 0.05
-    plant.hold(None)
+    plant.set_motor_currents(None)
     drive(plant, constant((0, 0, 0), 18, 2))
     assert abs(plant.twist()[0, 0]) < 0.05
 
@@ -31,7 +31,7 @@ def test_currents_are_held_as_far_as_the_battery_goes() -> None:
     """One ampere is there to be had; for a hundred all of the voltage is not enough."""
     plant = mujoco([SETTINGS] * 2)
     pulls = np.array([-1.0, -1.0, 1.0, 1.0])
-    plant.hold(np.array([1.0 * pulls, 100.0 * pulls]))
+    plant.set_motor_currents(np.array([1.0 * pulls, 100.0 * pulls]))
     drive(plant, constant(FORWARD, 6, 2))
     np.testing.assert_allclose(plant.telemetry().current_mean[0], pulls, rtol=1e-12)
     assert plant.telemetry().duty_peak[1] == pytest.approx(1)

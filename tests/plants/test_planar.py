@@ -98,7 +98,7 @@ def test_a_robot_on_a_slope_weighs_on_its_wheels_as_statics_says() -> None:
 def test_a_rolling_robot_that_nothing_drives_slows_and_a_still_one_stays() -> None:
     plant = planar([quiet(), quiet()])
     throw(plant, [1.0, 0.5, 0.0])
-    plant.hold(np.zeros((2, 4)))
+    plant.set_motor_currents(np.zeros((2, 4)))
     speeds = []
     for _ in range(60):
         drive(plant, constant([0, 0, 0], 1, 2))
@@ -119,7 +119,7 @@ def test_a_turning_robot_rolls_on_as_lagrange_says() -> None:
         turned = np.linalg.solve(body + hubs, MASS_KG * u[2] * np.array([u[1], -u[0], 0.0]))
         return np.array([*turned, u[2]])
 
-    plant.hold(np.zeros((1, 4)))
+    plant.set_motor_currents(np.zeros((1, 4)))
     drive(plant, constant([0, 0, 0], 30, 1))
     ahead, aside, rate, turned = solve_ivp(rates, (0, 30 * FRAME_S), [*start, 0.0], rtol=1e-9).y[
         :, -1

@@ -13,9 +13,9 @@ from scipy import stats
 
 from omni_mj.config.settings import Settings
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants import NAMES
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants.telemetry import TELEMETRY_NAMES
 
 # --- kinematic ---
 
@@ -120,5 +120,5 @@ def test_telemetry_handed_out_does_not_change_afterwards() -> None:
     plant.advance(ReceivedCommand.without_delay(-np.ones((1, 3)), np.zeros(1)))
     later = plant.telemetry()
     np.testing.assert_array_equal(telemetry.columns, before)
-    for name in NAMES:
+    for name in TELEMETRY_NAMES:
         assert (getattr(telemetry, name) != getattr(later, name)).any(), name

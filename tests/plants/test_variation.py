@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from omni_mj import load_scenario, run
 from omni_mj.config.robot_settings import VariationSettings
 from omni_mj.config.settings import Settings
-from omni_mj.plants.domain_randomization import Drawn
+from omni_mj.plants.domain_randomization import RobotVariation
 
 MODELS = ["rollers", "two-rollers"]
 ALL = {"friction": 0.1, "wear_m": 0.0005, "motor_constant": 0.05, "mass": 0.1, "centre_m": 0.005}
@@ -29,11 +29,11 @@ NO_DRAG: dict[str, Any] = {"drive": {"roller_friction": 0.0}, "carpet": {"pile":
 GRAVITY = 9.81
 
 
-def drawn(seeds: range | list[int], **variation: float) -> Drawn:
-    return Drawn.of(rows([with_settings(variation=variation)] * len(seeds), list(seeds)))
+def drawn(seeds: range | list[int], **variation: float) -> RobotVariation:
+    return RobotVariation.draw(rows([with_settings(variation=variation)] * len(seeds), list(seeds)))
 
 
-def flat(one: Drawn) -> NDArray:
+def flat(one: RobotVariation) -> NDArray:
     return np.column_stack(list(one.columns().values()))
 
 
@@ -45,12 +45,14 @@ def test_a_seed_draws_the_same_whatever_else_is_drawn() -> None:
     together, alone = flat(drawn(range(5), **ALL)), flat(drawn([3], **ALL))
     np.testing.assert_array_equal(together[3:4], alone)
     assert not (together[0] == together[1]).any()
-    pair = flat(Drawn.of(rows([with_settings(variation=ALL)] * 2, [3, 3], places=2)))
+    pair = flat(RobotVariation.draw(rows([with_settings(variation=ALL)] * 2, [3, 3], places=2)))
     np.testing.assert_array_equal(pair[0], alone[0])
     assert not (pair[0] == pair[1]).any()
     wider = drawn([3], **{**ALL, "friction": 0.2})
     np.testing.assert_array_equal(wider.wear, drawn([3], **ALL).wear)
-    np.testing.assert_allclose(wider.friction - 1, 2 * (drawn([3], **ALL).friction - 1), rtol=1e-12)
+    np.testing.assert_allclose(
+        wider.friction_factor - 1, 2 * (drawn([3], **ALL).friction_factor - 1), rtol=1e-12
+    )
 
 
 def test_spreads_are_those_asked_for() -> None:
@@ -58,10 +60,10 @@ def test_spreads_are_those_asked_for() -> None:
     robots = drawn(range(1500), **ALL)
     # A normal number that is cut at 3 deviations has a deviation of 0.9866.
     for values, middle, name in (
-        (robots.friction, 1, "friction"),
-        (robots.strength, 1, "motor_constant"),
-        (robots.mass, 1, "mass"),
-        (robots.centre, 0, "centre_m"),
+        (robots.friction_factor, 1, "friction"),
+        (robots.magnet_factor, 1, "motor_constant"),
+        (robots.mass_factor, 1, "mass"),
+        (robots.center_shift, 0, "centre_m"),
     ):
         sigma, n = 0.9866 * ALL[name], values.size
         assert abs(values.mean() - middle) < SIGMAS * sigma / np.sqrt(n), name
@@ -130,10 +132,12 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
         before = after
     turned += plant.telemetry().wheel_angle
     radius = way / turned
-    assert np.ptp(plant.drawn.wear[2:]) > 5e-4
+    assert np.ptp(plant.variation.wear[2:]) > 5e-4
     # 0.05 % of the radius between new and worn, which differ by 3 %; both roll at 0.1 % less than
     # their radius, on polygons of rollers.
-    np.testing.assert_allclose(radius[2:] - radius[:2], -plant.drawn.wear[2:], atol=5e-4 * 0.0285)
+    np.testing.assert_allclose(
+        radius[2:] - radius[:2], -plant.variation.wear[2:], atol=5e-4 * 0.0285
+    )
     standing = plant_of(
         [quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 1e-3)], [[0, 0, 0]] * 2, [0, 1]
     )
@@ -161,7 +165,7 @@ def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
     moved, turned = (
         each[-1] - each[4] - (each[4] - each[3]) * (frames - 4) for each in (place, heading)
     )
-    friction, azimuths = plant.drawn.friction, plant.geometry.azimuths
+    friction, azimuths = plant.variation.friction_factor, plant.geometry.azimuths
     # Divided by the new robot's, whose inertia with all that turns along is the same. 1.5 %: the
     # net pull, 0.3 m/s^2 at 45 mm under the centre of mass, moves up to 5 % of a wheel's load to
     # another, and only some of it is turning.
@@ -183,7 +187,7 @@ def test_mass_and_centre_are_carried_by_the_wheels() -> None:
         sum(plant._world.model.body_mass)
         - plant._world.model.body_mass[plant._world.robots[0].chassis]
     )
-    chassis = (body.mass_kg - wheels) * plant.drawn.mass[:, 0]
+    chassis = (body.mass_kg - wheels) * plant.variation.mass_factor[:, 0]
     np.testing.assert_allclose(load.sum(1), (chassis + wheels) * GRAVITY, rtol=1e-3)
     feet = plant.geometry.arm * np.column_stack(
         [np.cos(plant.geometry.azimuths), np.sin(plant.geometry.azimuths)]
@@ -192,7 +196,7 @@ def test_mass_and_centre_are_carried_by_the_wheels() -> None:
     as_built = (body.mass_kg * np.array([body.centre_x_m, 0]) - wheels * feet.mean(0)) / (
         body.mass_kg - wheels
     )
-    moments = chassis[:, None] * (as_built + plant.drawn.centre) + wheels * feet.mean(0)
+    moments = chassis[:, None] * (as_built + plant.variation.center_shift) + wheels * feet.mean(0)
     np.testing.assert_allclose(
         middle, moments / (chassis + wheels)[:, None], atol=5e-5
     )  # a hundredth of its spread

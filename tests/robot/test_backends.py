@@ -13,7 +13,7 @@ from benches.robot import programs_of
 
 import omni_mj as om
 from omni_control.errors import OmniError
-from omni_mj.plants import NAMES
+from omni_mj.plants.telemetry import TELEMETRY_NAMES
 
 # It is imported where it is needed: each process of the tests imports all files.
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="jax is an extra")
@@ -35,9 +35,9 @@ def path(backend: str, robots: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Poses and telemetry of robots that slide and turn, are pushed and held, and meet faults."""
     plant = planar([with_settings(physics={"backend": backend}, **COMMON)] * robots)
     ends = np.linspace(-1, 1, robots)[:, None] * [2.5, 1.0, 3.0] + [0.5, 0.0, 0.0]
-    plant.hold(np.array([[np.nan, np.nan, np.nan, 0.5]] * robots))
+    plant.set_motor_currents(np.array([[np.nan, np.nan, np.nan, 0.5]] * robots))
     return drive(plant, ramp(ends, 6.0, 30)), {
-        name: getattr(plant.telemetry(), name) for name in NAMES
+        name: getattr(plant.telemetry(), name) for name in TELEMETRY_NAMES
     }
 
 
@@ -104,5 +104,5 @@ def test_without_jax_its_backend_is_refused_in_a_line(monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("plant", ["mujoco", "kinematic"])
 def test_jax_is_refused_for_plants_that_it_does_not_compute(plant: str) -> None:
-    with pytest.raises(OmniError, match=f"planar only, not {plant}"):
+    with pytest.raises(OmniError, match=f"planar only, not on {plant}"):
         om.Simulation(om.load_scenario("rect", plant=plant, physics={"backend": "jax"}), ["flc"])

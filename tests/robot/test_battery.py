@@ -46,8 +46,8 @@ def test_a_deep_discharge_ends_in_a_battery_that_gives_nothing_and_motors_that_a
 ):
     battery = Battery(PACK.replace(battery={"charge": 0.06}))
     battery.discharge(20.0, 30)
-    assert battery.state.is_alive[0], "a sag of half a second is averaged away"
+    assert battery.state.is_on[0], "a sag of half a second is averaged away"
     battery.discharge(60.0, 300)
-    assert not battery.state.is_alive[0]
+    assert not battery.state.is_on[0]
     assert battery.load([0.0] * 4, [5.0, -5.0, 1.0, 0.0]) == 0
     assert battery.state.voltage[0] == 0

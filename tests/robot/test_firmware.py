@@ -34,7 +34,7 @@ def test_wheels_at_rest_get_the_gains_share_of_what_equation_3_asks(heading: flo
     c, s = np.cos(heading), np.sin(heading)
     expected = duties(wanted(c * 0.4 - s * 0.2, -s * 0.4 - c * 0.2, 1.5), 0.1)
     np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], expected)
-    firmware.hear(x=0.4, y=-0.2, in_robot_frame=np.array([True]))
+    firmware.hear(x=0.4, y=-0.2, in_body_frame=np.array([True]))
     np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], duties(wanted(0.4, -0.2), 0.1))
     firmware.hear(wheel_speeds=np.full((4, 1), 7.0))
     np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], duties(np.full(4, 7.0), 0.1))

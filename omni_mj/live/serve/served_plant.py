@@ -25,7 +25,7 @@ class ServedPlant(MujocoPlant):
         is_unstable: Whether physics has failed.
     """
 
-    remembered_frames = HEADING_MEMORY_FRAMES
+    min_heading_memory = HEADING_MEMORY_FRAMES
 
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
         super().__init__(rows, start, hulls=True)
@@ -34,13 +34,13 @@ class ServedPlant(MujocoPlant):
     @property
     def cycles_left(self) -> int:
         """Return the number of cycles to the end of the frame; 0 at its beginning."""
-        return -self._cycle % self.cycles
+        return -self._cycle % self.cycles_per_frame
 
     def pose(self) -> Array:
         """Return poses, also between frames, shape (n, 3)."""
         poses = super().pose()
         if self._cycle:
-            poses[:, 2] += wrap_angle(self.quaternion_heading() - self._heading)
+            poses[:, 2] += wrap_angle(self.compute_heading() - self._heading)
         return poses
 
     def place_robot(self, robot: int, pose: Array, twist: Array) -> None:
@@ -55,21 +55,21 @@ class ServedPlant(MujocoPlant):
         self._move(
             robot, pose, float(self._world.rest_qpos[self._world.robots[robot].qpos[2]]), twist
         )
-        self._heading[robot], self._sensed[0][robot] = pose[2], twist[2]
-        self.know_heading(robot, float(pose[2]))
+        self._heading[robot], self._sensor_values[0][robot] = pose[2], twist[2]
+        self.set_heading_estimate(robot, float(pose[2]))
 
     def remove(self, robot: int) -> None:
         """Switch a robot off and take it away."""
         self.present[robot], self._failed[robot] = False, True
         self._move(robot, np.zeros(3), AWAY_M + robot, np.zeros(3))
 
-    def _begin(self) -> None:
+    def _begin_frame(self) -> None:
         for robot in np.flatnonzero(~self.present):  # otherwise they would fall
             self.remove(int(robot))
-        super()._begin()
+        super()._begin_frame()
 
     def _move(self, robot: int, pose: Array, height: float, twist: Array) -> None:
-        at, (x, y, heading) = self._at, pose
+        at, (x, y, heading) = self._views, pose
         wheel_speeds = self._world.kinematics.wheel_speeds(world_to_body(twist, heading))
         for array, value in (
             (at.qvel, 0.0),
@@ -81,7 +81,7 @@ class ServedPlant(MujocoPlant):
             values[:, robot] = value
             array.set(values)
 
-    def _stop(self, rows: list[int], unstable: list[int]) -> None:
+    def _stop_rows(self, rows: list[int], unstable_rows: list[int]) -> None:
         """Switch robots off. The caller replaces an unstable world."""
         self._failed[rows] = True
-        self.is_unstable |= bool(unstable)
+        self.is_unstable |= bool(unstable_rows)

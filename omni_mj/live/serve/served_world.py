@@ -142,7 +142,7 @@ class ServedWorld:
                 )
         if not plant.cycles_left:
             self._last_poses = self.poses()
-        for robot, cause in plant.go(1, received).items():
+        for robot, cause in plant.advance_cycles(1, received).items():
             self.messages.add(
                 "robot failed", f"{robot_label(self.names[robot])} {cause} at {self.time_s:.3f} s"
             )

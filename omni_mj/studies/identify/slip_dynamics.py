@@ -84,7 +84,7 @@ class Body:
     @classmethod
     def of(cls, settings: Settings) -> Self:
         """Return the body that the settings describe."""
-        body, wheels, motor = settings.body, settings.wheels, Motor.of(settings.motor)
+        body, wheels, motor = settings.body, settings.wheels, Motor.from_settings(settings.motor)
         along, radius, centre, kg = (
             wheels.kinematics.matrix,
             wheels.radius_m,
@@ -104,7 +104,7 @@ class Body:
             round(CYCLE_RATE_HZ / settings.firmware.rate_hz),
             CYCLE_RATE_HZ // FRAME_RATE_HZ,
         )
-        gain = settings.firmware.kp + motor.speed_constant
+        gain = settings.firmware.kp + motor.wheel_back_emf_constant
         return cls(
             along=along,
             axles=wheels.kinematics.axles,
@@ -122,7 +122,7 @@ class Body:
             * (roller / turning) ** 2
             / kg,
             commutation=motor.commutation * motor.gear / (motor.resistance * radius),
-            hub=motor.inertia * motor.gear**2 / (radius**2 * kg),
+            hub=motor.rotor_inertia * motor.gear**2 / (radius**2 * kg),
             wait=float(np.mean(-frame * np.arange(cycles) % cycles)) / CYCLE_RATE_HZ,
             loop_delay=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / gain,
             gyro_delay=(cycles / 2 + 1) / CYCLE_RATE_HZ,
@@ -144,8 +144,8 @@ class Body:
         }
         if by_wheels:
             return known | {"give_s": 0.0, "friction_m_s": 0.0, "turn_gain": 0.0}
-        motor, firmware = Motor.of(settings.motor), settings.firmware
-        constant, gain = motor.speed_constant, firmware.kp + motor.speed_constant
+        motor, firmware = Motor.from_settings(settings.motor), settings.firmware
+        constant, gain = motor.wheel_back_emf_constant, firmware.kp + motor.wheel_back_emf_constant
         softness = team_model.rim_softness(settings)
         return known | {
             "scale": 1 - (1 - firmware.feed_forward) * constant / gain,

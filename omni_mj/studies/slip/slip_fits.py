@@ -172,12 +172,16 @@ def predict_decelerations(settings: Settings) -> Array:
     Returns:
         Forward and sideways in m/s^2, turning in rad/s^2, (3,).
     """
-    wheels, body, motor = settings.wheels.kinematics, settings.body, Motor.of(settings.motor)
+    wheels, body, motor = (
+        settings.wheels.kinematics,
+        settings.body,
+        Motor.from_settings(settings.motor),
+    )
     inertia = np.array([body.mass_kg, body.mass_kg, body.yaw_inertia_kg_m2])
     wheel_rates = np.abs(wheels.matrix) / wheels.radius * ROLL_OUT_SPEEDS  # rad/s
-    friction = settings.hub_friction_nm + motor.wheel_viscous * wheel_rates
+    friction = settings.hub_friction_nm + motor.wheel_viscous_friction * wheel_rates
     hubs = (np.abs(wheels.matrix) * friction).sum(0) / wheels.radius
-    rotors = motor.inertia * motor.gear**2 / wheels.radius**2 * (wheels.matrix**2).sum(0)
+    rotors = motor.rotor_inertia * motor.gear**2 / wheels.radius**2 * (wheels.matrix**2).sum(0)
     return np.asarray((team_model.creep(settings).drag + hubs) / (inertia + rotors))
 
 

@@ -169,5 +169,5 @@ def _command_moves(simulation: Simulation, moves: Sequence[Move], frames: int) -
     currents = np.where(is_coasting, 0.0, np.nan)[..., None].repeat(n_wheels, -1)
     twists = np.stack([move.command(frames) for move in moves], axis=1)
     for frame, twist in enumerate(twists):
-        plant.hold(currents[frame])
+        plant.set_motor_currents(currents[frame])
         yield twist

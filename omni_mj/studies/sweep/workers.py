@@ -134,5 +134,5 @@ def _begin() -> None:
     from omni_mj.plants import mujoco
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    mujoco.THREADED = sys.maxsize
+    mujoco.MIN_ROBOTS_FOR_THREADS = sys.maxsize
     quiet_mujoco()

@@ -143,33 +143,33 @@ ON_WHEELS = pytest.mark.parametrize("plant_of", [two_rollers, planar], ids=["muj
 # What is inside plants.
 def held_heading(plant: MujocoPlant | PlanarPlant) -> NDArray:
     """Headings that robots estimate, (n,) rad."""
-    heading: NDArray = plant.onboard.loops.heading
+    heading: NDArray = plant.onboard.firmware.heading
     return heading
 
 
 def encoder_angles(plant: MujocoPlant | PlanarPlant) -> NDArray:
     """Angles by the encoders' last counts, (n, W) rad."""
-    counts: NDArray = plant.onboard.loops.last_count
-    return (counts / plant.parameters.onboard.loops.counts_per_rad).T
+    counts: NDArray = plant.onboard.firmware.encoder_count
+    return (counts / plant.parameters.onboard.firmware.counts_per_rad).T
 
 
 def sensed(plant: MujocoPlant) -> list[float]:
     """What the first robot's encoders and gyro show next, rad and rad/s."""
-    gyro, angles = plant._sensed
+    gyro, angles = plant._sensor_values
     return [*angles[:, 0], gyro[0]]
 
 
 def wheel_loads(plant: MujocoPlant | PlanarPlant) -> NDArray:
     """Loads of wheels, (n, W) N."""
     if isinstance(plant, MujocoPlant):
-        return plant._at.load.get().T
+        return plant._views.load.get().T
     load: NDArray = plant._backend.state.body.load
     return load.T
 
 
 def stop(plant: MujocoPlant, robot: int) -> None:
     """Have a robot fail."""
-    plant._stop([robot], [])
+    plant._stop_rows([robot], [])
 
 
 def numbers(plant: MujocoPlant) -> list[NDArray]:
@@ -185,9 +185,9 @@ def numbers(plant: MujocoPlant) -> list[NDArray]:
     p = plant.parameters
     onboard = [
         p.carpet.friction,
-        p.carpet.grip.T,
-        plant._at.centre.T,
-        p.onboard.motors.cold_constant.T,
+        p.carpet.friction_factor.T,
+        plant._views.center_of_mass.T,
+        p.onboard.motors.cold_torque_constant.T,
     ]
     return [np.array(each) for each in (*(plant._batch.expand(name) for name in names), *onboard)]
 
@@ -205,8 +205,8 @@ def throw(plant: PlanarPlant, twist: ArrayLike) -> None:
 def without_losses(plant: PlanarPlant) -> None:
     """Have rollers cost nothing."""
     body = plant.parameters.body
-    zero = np.zeros_like(body.bearing)
-    names = "bearing", "spin_up", "cost", "lift", "ripple", "ripple_grows"
+    zero = np.zeros_like(body.roller_drag)
+    names = "roller_drag", "spin_up", "rolling_loss", "lift", "ripple", "ripple_growth"
     plant.parameters = plant.parameters._replace(body=body._replace(**dict.fromkeys(names, zero)))
 
 
@@ -214,7 +214,7 @@ def inertias(plant: PlanarPlant) -> tuple[NDArray, NDArray]:
     """Of the first robot: of body, rims and rollers, and of hubs, (3, 3) each."""
     body = plant.parameters.body
     rims = body.jacobian[:, :, 0]
-    return body.inertia[..., 0] / 960, rims @ rims.T / (960 * body.hub_gain[0])
+    return body.mass_rate[..., 0] / 960, rims @ rims.T / (960 * body.hub_gain[0])
 
 
 def arrays(model: mj.MjModel) -> dict[str, Any]:

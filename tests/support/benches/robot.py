@@ -37,16 +37,16 @@ Carried = tuple[onboard.OnboardParameters, onboard.OnboardState]
 def carried(settings: list[Settings], heading: float = 0.0, restarts: bool = False) -> Carried:
     """What robots carry, switched on at a heading."""
     n, wheels = len(settings), settings[0].wheels.kinematics
-    strength = np.ones((len(wheels.azimuths), n))
-    return onboard.onboard(settings, wheels, np.full(n, heading), strength, (30, restarts))
+    magnet_factor = np.ones((len(wheels.azimuths), n))
+    return onboard.make_onboard(settings, wheels, np.full(n, heading), magnet_factor, 30, restarts)
 
 
 def command(
     x: float = 0.0, y: float = 0.0, turn: float = 0.0, n: int = 1, **more: Any
-) -> firmware.Command:
+) -> firmware.FirmwareCommand:
     """One command for all robots."""
     values = [np.full(n, each) for each in (x, y, turn)]
-    return firmware.Command(*values, np.ones(n, bool))._replace(**more)
+    return firmware.FirmwareCommand(*values, np.ones(n, bool))._replace(**more)
 
 
 class Firmware:
@@ -57,8 +57,8 @@ class Firmware:
     ) -> None:
         (self.p, state) = carried(settings, heading, restarts)
         self._p, self._s, self.n, self.cycle, self.frame = (
-            self.p.loops,
-            state.loops,
+            self.p.firmware,
+            state.firmware,
             len(settings),
             0,
             0,
@@ -83,14 +83,14 @@ class Firmware:
         deaf = np.zeros(self.n, bool)
         if off is not None:
             angle = np.zeros_like(self._s.duty)
-            self._s = firmware.restart_processors(
+            self._s = firmware.switch_processors(
                 self._p, self._s, self.cycle, deaf, np.full(self.n, off), angle
             )
         ages = np.full(self.n, age)
         self._s = firmware.correct_heading(
             self._p, self._s, self.frame, np.full(self.n, seen), ages, deaf
         )
-        self._s = firmware.derate(self._p, self._s, self.winding)
+        self._s = firmware.derate_motors(self._p, self._s, self.winding)
         self.frame += 1
 
     def run(self, gyro: float, angle: ArrayLike) -> NDArray:
@@ -108,21 +108,23 @@ def drive_motor(
 ) -> tuple[NDArray, NDArray]:
     """Voltages and currents of one motor at speeds of its wheel."""
     speeds = np.atleast_1d(np.asarray(speed, float))[None]
-    p = motors.motor_parameters([settings] * speeds.size, np.ones_like(speeds))
-    state = motors.motors_at(p, np.full_like(speeds, winding), np.full_like(speeds, 25.0))
+    p = motors.make_motor_parameters([settings] * speeds.size, np.ones_like(speeds))
+    state = motors.make_motor_state(p, np.full_like(speeds, winding), np.full_like(speeds, 25.0))
     volts, amperes, _ = motors.drive_motors(p, state, np.full_like(speeds, voltage), speeds)
     return volts[0], amperes[0]
 
 
 def heat_motor(settings: Settings, currents: NDArray, speeds: NDArray) -> tuple[NDArray, NDArray]:
     """Temperatures of winding and housing after each frame of a constant current, A, and speed, rad/s."""
-    p = motors.motor_parameters([settings], np.ones((1, 1)))
+    p = motors.make_motor_parameters([settings], np.ones((1, 1)))
     one = np.ones((1, 1))
-    state = motors.motors_at(p, settings.motor.winding_c * one, settings.motor.housing_c * one)
+    state = motors.make_motor_state(
+        p, settings.motor.winding_c * one, settings.motor.housing_c * one
+    )
     result = []
     for current, speed in zip(currents, speeds, strict=True):
         cycles = np.ones((CYCLES, 1, 1))
-        state = motors.warm_motors(p, state, current * cycles, speed * cycles)
+        state = motors.update_temperatures(p, state, current * cycles, speed * cycles)
         result.append([state.winding[0, 0], state.housing[0, 0]])
     winding, housing = np.array(result).T
     return winding, housing
@@ -132,19 +134,19 @@ class Battery:
     """A battery under motors."""
 
     def __init__(self, settings: Settings) -> None:
-        self._p, self.state = battery.battery_parameters([settings])
+        self._p, self.state = battery.make_battery([settings])
 
     def load(self, voltage: ArrayLike, current: ArrayLike) -> float:
         """Load it with motors' voltages and currents (W,); return the current drawn, A."""
         volts, amperes = (np.asarray(each, float)[:, None] for each in (voltage, current))
-        source = battery.source_of(self._p, self.state, np.ones(1))
-        self.state, drawn = battery.load_battery(self.state, source, volts, amperes)
+        source = battery.make_source(self._p, self.state, np.ones(1))
+        self.state, drawn = battery.apply_motor_load(self.state, source, volts, amperes)
         return float(drawn[0])
 
     def discharge(self, current: float, frames: int) -> None:
         """Draw a current, A."""
         for _ in range(frames):
-            self.state = battery.discharge(self._p, self.state, np.array([current]))
+            self.state = battery.discharge_battery(self._p, self.state, np.array([current]))
 
 
 def drag(
@@ -163,12 +165,14 @@ def drag(
     place = np.asarray(more.pop("place", np.zeros(2)), float)
     load = np.broadcast_to(more.pop("load", 1.0), shape).copy()
     angle = np.broadcast_to(more.pop("angle", 0.0), shape).copy()
-    p = carpet.carpet_parameters(settings, wheels, np.ones(shape), np.zeros(shape))._replace(**more)
+    p = carpet.make_carpet_parameters(settings, wheels, np.ones(shape), np.zeros(shape))._replace(
+        **more
+    )
     x, y = np.asarray(velocity, float)
     c, s = np.cos(heading), np.sin(heading)
     values = place[0], place[1], c, s, c * x + s * y, c * y - s * x, 0.0
     return carpet.compute_drag(
-        p, carpet.Motion(*(np.full(n, value) for value in values)), load, angle
+        p, carpet.ChassisMotion(*(np.full(n, value) for value in values)), load, angle
     )
 
 

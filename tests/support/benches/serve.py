@@ -121,11 +121,11 @@ class Field:
 
     def heading_estimates(self) -> np.ndarray:
         """What robots take their headings to be."""
-        return np.asarray(self.pitch.plant.onboard.loops.heading)
+        return np.asarray(self.pitch.plant.onboard.firmware.heading)
 
     def voltage(self) -> float:
         """Largest voltage of the motors in the cycle just past."""
-        return float(np.abs(self.pitch.plant._at.voltage.get()).max())
+        return float(np.abs(self.pitch.plant._views.voltage.get()).max())
 
     def record(self, path: Path) -> None:
         """Record to a table until `finish`."""

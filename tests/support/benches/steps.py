@@ -30,11 +30,11 @@ class Tape:
         self._batch.step(worlds)
         plant = self._plant
         for name, columns in (
-            ("pose", plant._at.pose),
-            ("velocity", plant._at.velocity),
-            ("wheels", plant._at.wheel_speed),
-            ("slips", plant._at.slip_speed),
-            ("load", plant._at.load),
+            ("pose", plant._views.pose),
+            ("velocity", plant._views.velocity),
+            ("wheels", plant._views.wheel_speed),
+            ("slips", plant._views.slip_speed),
+            ("load", plant._views.load),
         ):
             self.steps.setdefault(name, []).append(columns.get().T)
 
@@ -69,7 +69,7 @@ class Tape:
         wheels = self.steps["wheels"]
         currents = np.repeat(self.currents, len(wheels) // len(self.currents), axis=0)
         return np.asarray(
-            plant._at.constant.get().T * gear * currents
+            plant._views.torque_constant.get().T * gear * currents
             - friction * np.sign(wheels)
             - damping * wheels
         )

@@ -1,0 +1,131 @@
+"""Wheels of the plant `planar`: mean forces of rollers on a carpet that yields.
+
+On the plant `mujoco` these forces come from contacts (`omni_mj.mjcf.contact_parameters`). Here they
+are computed once for each wheel geometry and a number of normal forces. A roller is a barrel of the
+radius r and the half length sqrt(R r) on a wheel of the radius R. At the angle phi from the bottom
+it reaches below the axle as far as its support function says,
+
+    h(phi) = (R - r) cos phi + sqrt(r^2 cos^2 phi + R r sin^2 phi).
+
+Robots are too heavy to follow every roller, so the axle stays at a height z. A roller with h > z
+stands on a spring and a damper, on which the wheel presses it at the speed w h'(phi) as it turns at
+the speed w:
+
+    f = max(0, K (h - z) + c w h').
+
+The mean over phi carries the normal force, which gives z. The same mean gives
+
+- the rolling radius, which is the mean lever (h + z) / 2 of the contacts;
+- the rolling loss, a torque f h', about proportional to w;
+- the lift, a force about proportional to w^2: contacts press more as rollers come down than they
+  pull as these go up, because they cannot pull.
+
+Loss and lift fade where the wheel turns fast. The normal force ripples by the first harmonic of f.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from omni_control.traction import GRAVITY
+from omni_mj.config.robot_settings import WheelSettings
+from omni_mj.mjcf.contact_parameters import STIFFNESS_N_M, compute_carpet_damping
+from omni_mj.robot.array_ops import Array
+
+# Slow and fast speed of a wheel from which loss, lift and ripple are computed, rad/s
+SPEEDS_RAD_S = 50.0, 100.0
+_LOADS_N = 2.0 ** np.arange(-2, 6, 0.25)  # normal forces of the table that is interpolated
+
+
+class WheelResponse(NamedTuple):
+    """Mean effect of rollers on wheels under given normal forces, (W, n)."""
+
+    rolling_radius: Array  # m
+    standing_rollers: Array  # mean number of rollers on the carpet
+    # 1 / q^2 with the distance q of a roller's axis from the carpet, 1/m^2: mean, and where rollers
+    # come down
+    inverse_square: Array
+    inverse_square_down: Array
+    rolling_loss: Array  # this and the following: see `omni_mj.robot.planar_body.BodyParameters`
+    rolling_loss_fade: Array
+    lift: Array
+    lift_fade: Array
+    ripple: Array
+    ripple_growth: Array
+
+
+def interpolate_response(wheels: WheelSettings, load: Array) -> WheelResponse:
+    """Return the response of wheels under normal forces (W, n) in N, interpolated over log force."""
+    log_load = np.log(np.maximum(load, _LOADS_N[0]))
+    table = _tabulate_response(wheels)
+    return WheelResponse(*(np.interp(log_load, np.log(_LOADS_N), values) for values in table.T))
+
+
+@lru_cache(maxsize=16)
+def _tabulate_response(wheels: WheelSettings) -> Array:
+    """Return the fields of `WheelResponse` at each normal force of the table, (forces, fields)."""
+    return np.array([_compute_response(wheels, load) for load in _LOADS_N])
+
+
+def _compute_response(wheels: WheelSettings, load: float) -> WheelResponse:
+    """Return the response of one wheel under a normal force in N; see the module."""
+    wheel_radius = wheels.radius_m
+    roller_radius = wheels.roller_radius_m
+    damper = compute_carpet_damping(load / GRAVITY)
+    phi = np.linspace(-np.pi / 2, np.pi / 2, 1501)
+    rollers_per_point = (phi[1] - phi[0]) * wheels.rollers / (2 * np.pi)
+    support = np.sqrt(
+        (roller_radius * np.cos(phi)) ** 2 + wheel_radius * roller_radius * np.sin(phi) ** 2
+    )
+    reach = (wheel_radius - roller_radius) * np.cos(phi) + support  # h
+    reach_slope = np.gradient(reach, phi)  # h'
+
+    def compute_forces(height: float, speed: float) -> Array:
+        """Return the force f at each angle, times the rollers per point of the grid."""
+        forces = STIFFNESS_N_M * (reach - height) + damper * speed * reach_slope
+        return rollers_per_point * np.where(reach > height, np.maximum(forces, 0.0), 0.0)
+
+    def find_height(speed: float) -> float:
+        """Return the height z of the axle at which the forces carry the normal force."""
+        return float(
+            brentq(lambda z: compute_forces(z, speed).sum() - load, wheel_radius / 2, wheel_radius)
+        )
+
+    rest_height = find_height(0.0)
+    rest_forces = compute_forces(rest_height, 0.0)
+    turning_forces = [compute_forces(find_height(speed), speed) for speed in SPEEDS_RAD_S]
+    stands = reach > rest_height
+    rolling_radius = rest_forces @ (reach + rest_height) / 2 / load
+    axis_height = (roller_radius**2 / support - (reach - rest_height) / 2) * np.cos(phi)  # q
+    inverse_squares = axis_height[stands] ** -2
+    losses = [
+        forces @ reach_slope / speed
+        for forces, speed in zip(turning_forces, SPEEDS_RAD_S, strict=True)
+    ]
+    lifts = [(compute_forces(rest_height, speed).sum() - load) / speed**2 for speed in SPEEDS_RAD_S]
+    # Complex amplitude of the first harmonic. The force's is twice these sums over negative and
+    # positive frequencies; that of `compute_ripple_wave` is 2 / pi^3.
+    harmonic = np.exp(1j * wheels.rollers * phi)
+    rest_ripple = rest_forces @ harmonic
+    turning_ripple = turning_forces[0] @ harmonic
+    ripple = np.pi**3 * rest_ripple.real
+    growth = np.pi**3 * (abs(turning_ripple) - abs(rest_ripple)) / SPEEDS_RAD_S[0]
+    return WheelResponse(
+        float(rolling_radius),
+        rollers_per_point * stands.sum(),
+        inverse_squares.mean(),
+        inverse_squares[0],
+        *_fit_fade(*losses),
+        *_fit_fade(*lifts),
+        ripple,
+        np.copysign(growth, ripple),
+    )
+
+
+def _fit_fade(slow: float, fast: float) -> tuple[float, float]:
+    """Return a and b of a / (1 + b w), which has these values at the slow and the fast speed."""
+    slow_speed, fast_speed = SPEEDS_RAD_S
+    fade = (slow - fast) / (fast_speed * fast - slow_speed * slow)
+    return slow * (1 + slow_speed * fade), fade

@@ -1,0 +1,91 @@
+"""Telemetry of wheels, motors and battery at a frame, as one array with named columns."""
+
+from functools import cache
+from typing import Self
+
+import numpy as np
+
+from omni_control.kinematics import Array
+
+
+class Telemetry:
+    """Quantities of n robots with W wheels at a frame; NaN on a plant without wheels.
+
+    Peaks and means are over the physics steps of the frame just past.
+
+    Args:
+        columns: All quantities side by side in the order of the attributes, (n, 10 W + 4). The
+            attributes are views of it.
+
+    Attributes:
+        wheel_angle: (n, W) rad.
+        wheel_speed: (n, W) rad/s.
+        voltage: Motor voltage, (n, W) V.
+        current: Motor current, (n, W) A.
+        voltage_mean: (n, W) V.
+        current_mean: (n, W) A.
+        duty_peak: Largest duty of any motor, 1 for the battery's full voltage, (n,).
+        voltage_peak: Largest magnitude over the motors, (n,) V.
+        current_peak: Largest magnitude over the motors, (n,) A.
+        current_limited: Fraction of the steps in which the driver limited the current, (n, W).
+        winding: Temperature, (n, W) deg C.
+        housing: Temperature, (n, W) deg C.
+        battery: Voltage under load, (n,) V.
+        slip: Speed at which rims slide over the carpet, (n, W) m/s.
+    """
+
+    wheel_angle: Array
+    wheel_speed: Array
+    voltage: Array
+    current: Array
+    voltage_mean: Array
+    current_mean: Array
+    duty_peak: Array
+    voltage_peak: Array
+    current_peak: Array
+    current_limited: Array
+    winding: Array
+    housing: Array
+    battery: Array
+    slip: Array
+
+    def __init__(self, columns: Array) -> None:
+        self.columns = columns
+
+    def __getattr__(self, name: str) -> Array:
+        """Return a quantity by its name."""
+        if name not in TELEMETRY_NAMES:
+            raise AttributeError(f"telemetry has no {name!r}")
+        n_wheels = (self.columns.shape[1] - len(_PER_ROBOT)) // _N_PER_WHEEL
+        values: Array = self.columns[:, locate_columns(n_wheels)[name]]
+        return values
+
+    @classmethod
+    def without_wheels(cls, n: int, n_wheels: int = 4) -> Self:
+        """Return telemetry of NaN, for n robots on a plant without wheels.
+
+        Args:
+            n: Number of robots.
+            n_wheels: Wheels that the columns are for.
+        """
+        return cls(np.full((n, _N_PER_WHEEL * n_wheels + len(_PER_ROBOT)), np.nan))
+
+
+TELEMETRY_NAMES = tuple(Telemetry.__annotations__)
+_PER_ROBOT = {"duty_peak", "voltage_peak", "current_peak", "battery"}  # the others are per wheel
+_N_PER_WHEEL = len(TELEMETRY_NAMES) - len(_PER_ROBOT)
+
+
+@cache
+def locate_columns(n_wheels: int) -> dict[str, slice | int]:
+    """Return the column, or slice of columns, of each quantity by its name."""
+    columns = dict[str, slice | int]()
+    start = 0
+    for name in TELEMETRY_NAMES:
+        if name in _PER_ROBOT:
+            columns[name] = start
+            start += 1
+        else:
+            columns[name] = slice(start, start + n_wheels)
+            start += n_wheels
+    return columns
