@@ -1,4 +1,4 @@
-"""The loop over real sockets with a peer that integrates exactly: the in-process loop again, and what the way adds.
+"""The live loop over real sockets, with a peer that integrates commands exactly.
 
 The peer waits for commands (`--lockstep`), so that nothing depends on how busy this computer is.
 """
@@ -14,7 +14,7 @@ from benches.drive import NOBODY, driven, in_process, on_wire, peer, summary
     ("controller", "delay"), [("comp-flc", 0), ("comp-flc", 4), ("inverse-flc", 2)]
 )
 def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -> None:
-    """A pulse finds the delay; then errors are those of the in-process loop with as many `delay_frames`.
+    """A pulse finds the delay. The errors are those of the in-process loop with the same delay.
 
     The pulse leaves the robot turned by some mrad from where its route begins, which the heading
     hold takes back at 3 per second; floats in mm are 0.1 um apart, which the fuzzy controller
@@ -39,7 +39,7 @@ def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -
 
 @pytest.mark.parametrize("delay", [1.0, 3.5])
 def test_latency_is_found_whatever_the_controller(delay: float) -> None:
-    """By the fit over the run, within 0.1 frames though a delay of half a frame mixes two commands in each."""
+    """The fit over the run is within 0.1 frames, also for a delay of half a frame."""
     with peer("--delay", delay, "--noise", 0.0003, "--age", 0.01) as options:
         live = driven(on_wire("flc"), options)
     (robot,) = summary(live)["robots"]
@@ -49,7 +49,7 @@ def test_latency_is_found_whatever_the_controller(delay: float) -> None:
 
 
 def test_what_vision_gets_wrong_costs_little() -> None:
-    """Two cameras 1 cm apart, now and then another's number, a heading the wrong way round, bad packets; two robots.
+    """Two robots; two cameras 1 cm apart, some wrong numbers, reversed headings and bad packets.
 
     Where this computer is busy between an image and its tick, the image is as much older, and the
     robot is taken to have gone on for so long, which one of a peer that waits has not: by 4 and 14
@@ -106,7 +106,7 @@ from serving import local, udp
 
 class Mine(TeamRadio):
     def send(self, commands):
-        packet = b"".join(local(command.id, command.forward, command.left, command.turn) for command in commands)
+        packet = b"".join(local(c.id, c.forward, c.left, c.turn) for c in commands)
         with udp() as socket:
             socket.sendto(packet, self.config.host)
 """

@@ -1,4 +1,4 @@
-"""`omni-mj drive` as a process, with a simulator that is another: what it prints and leaves, what it survives."""
+"""`omni-mj drive` as a process with another simulator: output, files, and failures."""
 
 import json
 import os
@@ -38,7 +38,7 @@ def wait_for(process: "subprocess.Popen[str]", text: str) -> None:
 def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """All that `run` leaves is there, and the table. What was live is not repeated, which is said."""
+    """It leaves the files of `run`. `verify` says that a live drive cannot be repeated."""
     ports = free_port(), free_port()
     known = (
         "--no-pulse",
@@ -125,7 +125,7 @@ def test_what_cannot_be_is_said_in_a_line(
 
 
 def test_nobody_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It says where it listened, and leaves no folder behind; a run on the live plant names `drive`."""
+    """The message names the address, and no folder is left. `run` on plant live names `drive`."""
     where = f"127.0.0.1:{free_port()}"
     assert (
         invoke(

@@ -1,4 +1,4 @@
-"""From packets to what is seen at a tick: capture times, several cameras, bad packets; clocks, sockets."""
+"""From packets to measured poses: capture times, several cameras, bad packets, clocks, sockets."""
 
 import math
 import socket
@@ -38,7 +38,7 @@ def test_the_rate_is_that_of_frames_that_nothing_held_up() -> None:
 
 
 def test_of_several_robots_of_a_number_the_one_counts_that_is_near() -> None:
-    """In one image or in those of two cameras; where a robot rests is not moved by a few of another's."""
+    """In one image or in two; a few detections of another robot do not move the median pose."""
     camera = Camera(3)
     for frame in range(9):
         camera.see(frame, [(3, 0.1, 0.0, 0.5 + np.pi * (frame == 4))])
@@ -72,7 +72,7 @@ def test_places_that_are_none_are_bad_packets(robot: RobotSeen) -> None:
 
 
 def fed(offset: float, rate: float, seconds: float, seed: int = 0) -> tuple[PeerClock, float]:
-    """A clock that has heard packets of a peer whose clock is `rate` times ours, and our time at the end."""
+    """A clock after packets from a peer whose clock runs `rate` times as fast, and our time."""
     rng, clock = np.random.default_rng(seed), PeerClock()
     for k in range(round(seconds / PERIOD_S)):
         ours = 100.0 + k * PERIOD_S
@@ -89,7 +89,7 @@ def fed(offset: float, rate: float, seconds: float, seed: int = 0) -> tuple[Peer
 def test_offset_and_rate_of_a_clock_are_found_through_jitter(
     offset: float, rate: float, seed: int
 ) -> None:
-    """Of 15 packets in each quarter of a second the fastest is JITTER_S / 15 late, with as much spread.
+    """The fastest of 15 packets per quarter second is late by JITTER_S / 15, with the same spread.
 
     Over the 40 of ten seconds a line's value at its end has twice the spread over the root of 40;
     ten times that is allowed, and that the line lies below the fastest of all, by five times the
@@ -105,7 +105,7 @@ def test_offset_and_rate_of_a_clock_are_found_through_jitter(
 
 
 def test_packets_that_were_held_up_are_not_followed() -> None:
-    """When this computer was busy for 0.3 s, packets that waited arrive at one time, and the line stays."""
+    """If this computer was busy for 0.3 s, packets arrive at once; the clock is unchanged."""
     clock, now = fed(0.0, 1.0, 5.0)
     before = clock.local_time(now)
     for k in range(60):

@@ -33,7 +33,7 @@ delay_s = 0.1
 
 
 def test_each_camera_takes_images_by_a_clock_of_its_own() -> None:
-    """At its rate from its own beginning, to the cycle; the first one from 0. Stamps are of its own clock."""
+    """Images come at the camera's rate from its own phase. Time stamps are of its own clock."""
     sets = "vision.cameras=4", "vision.rate_hz=75", "vision.clock_offset_s=0.5"
     taken = Field(*QUIET, FAST, *sets).cycles(480)
     begins, offsets = [], []
@@ -56,7 +56,7 @@ def test_each_camera_takes_images_by_a_clock_of_its_own() -> None:
 
 
 def test_cameras_that_see_a_robot_differ_by_how_they_are_set_up_and_their_noise() -> None:
-    """A robot in the middle of four, at rest: the mean of what each sees is its own offset, the deviation the noise."""
+    """A robot at rest between four cameras: mean errors are offsets, deviations are the noise."""
     offset, noise = 0.02, 0.002
     sets = (
         "vision.cameras=4",
@@ -84,7 +84,7 @@ def test_cameras_that_see_a_robot_differ_by_how_they_are_set_up_and_their_noise(
 def test_faults_concern_the_robots_whose_numbers_they_name_and_cameras_as_a_whole(
     tmp_path: Path,
 ) -> None:
-    """Blue 1 and 3: one is seen elsewhere, the other stands; stamps are behind by the rate times time."""
+    """One robot is measured elsewhere, the other frozen; time stamps drift by the clock's rate."""
     file = tmp_path / "served.toml"
     file.write_text(FAULTS, encoding="utf-8")
     bench = Field(*QUIET, FAST, "radio.delay_frames=0", blue="1,3", scenario=str(file))
@@ -108,7 +108,7 @@ def test_faults_concern_the_robots_whose_numbers_they_name_and_cameras_as_a_whol
 
 
 def test_the_geometry_is_that_of_division_b() -> None:
-    """Rules: 9 x 6 m, 0.7 m around, goals of 1 m, defence areas of 2 x 1 m; cameras along the field."""
+    """Rules: 9 m x 6 m, 0.7 m around it, goals of 1 m, defense areas of 2 m x 1 m."""
     with here(Field(*QUIET, FAST, "vision.cameras=3")) as (client, _):
         geometry = client.packet("geometry").geometry
     size = geometry.field

@@ -1,4 +1,4 @@
-"""In lockstep, runs over the wire are the same to the bit, and those of the loop that runs in one process."""
+"""In lockstep, runs over the network equal each other and the in-process loop bit for bit."""
 
 import numpy as np
 import pytest
@@ -71,7 +71,7 @@ def test_a_run_is_the_same_to_the_bit_and_another_seed_is_another() -> None:
 
 @pytest.mark.parametrize("delay", [4])
 def test_the_loop_in_one_process_is_reproduced_over_the_wire(delay: int) -> None:
-    """With the same dead time, the same noise and misses, and the same team, whose computer now is a client.
+    """With the same dead time, noise, misses and team, whose computer is a client here.
 
     In one process the heading that is sent with commands is the filter's, here it is the camera's,
     for commands of the protocol have none; the robot's own heading is corrected by either, which

@@ -1,4 +1,4 @@
-"""Robots come and go by teleport; what cannot be is refused with its reason, and nothing else is lost."""
+"""Teleports add and remove robots. Invalid ones are refused with a reason; others succeed."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ REFUSED_FIELD = Geometry(
 
 
 def test_robots_come_and_go() -> None:
-    """One that leaves is not seen, nor in anybody's way, nor commanded; one that comes is all of that."""
+    """A removed robot is not detected, hit or commanded; an added one is."""
     with here(Field(*QUIET, FAST, blue="2")) as (client, _):
         assert client.codes(0, serving.teleport(1, BLUE, present=False)) == []
         assert list(client.after(local(0, 0.0))) == [("blue", 0)]

@@ -1,4 +1,4 @@
-"""The process: real time, other speeds, pauses; bad packets, restarts of either side, recordings, and its end."""
+"""The process: real time, other speeds, pauses, bad packets, restarts, recordings, and its end."""
 
 import random
 import signal
@@ -51,7 +51,7 @@ def test_a_pause_holds_robots_and_the_next_speed_lets_them_go_on() -> None:
 
 
 def test_bad_packets_are_counted_and_skipped_and_the_rest_is_obeyed() -> None:
-    """Thousands that are random, cut off or turned about; then the robots are where they were, and still drive."""
+    """Thousands of random, truncated or reversed packets do not move robots, which still drive."""
     rng, good = (
         random.Random(0),
         [serving.teleport(0, 2, x=1.0, y=1.0), local(0, 1.0) + local(1, 0.5, 0.2)],

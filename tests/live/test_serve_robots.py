@@ -1,4 +1,4 @@
-"""What robots do that are served: they obey all forms of commands, meet, stop at walls, and if they receive nothing."""
+"""Served robots: all forms of commands, collisions, walls, and the stop without commands."""
 
 import re
 from pathlib import Path
@@ -19,7 +19,7 @@ SOFT_M = 0.004
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
 def test_the_forms_of_a_command_are_the_same_motion(heading: float) -> None:
-    """Straight ahead in the robot's axes, in the field's, and by rim speeds v (-sin, cos) of equation 4."""
+    """Forward in the body frame, in the world frame, and by rim speeds (equation 4)."""
     x, y = np.cos(heading), np.sin(heading)
     azimuths = np.radians([300, 225, 135, 60])  # front right, back right, back left, front left
     ahead, ends = [float(-0.5 * np.sin(azimuth)) for azimuth in azimuths], []
@@ -66,7 +66,7 @@ def test_a_command_acts_in_the_next_cycle_after_the_dead_time(delay: int) -> Non
     "sets", [(), ("vision.rate_hz=75", "vision.delay_s=0.03", "radio.delay_frames=3")]
 )
 def test_a_robot_that_spins_drives_where_the_field_s_velocity_leads(sets: tuple[str, ...]) -> None:
-    """Its own heading is corrected by images that are old when they arrive, and come between frames.
+    """Delayed images that arrive between frames correct the robot's own heading.
 
     An image compared with the robot's heading a frame later would put it off by 8/60 rad, 0.13.
     Images that are not taken when frames begin are compared to half a frame, now earlier, now
@@ -83,7 +83,7 @@ def test_a_robot_that_spins_drives_where_the_field_s_velocity_leads(sets: tuple[
 
 
 def test_robots_stop_that_receive_nothing_for_a_tenth_of_a_second() -> None:
-    """TeamModel once, a robot drives for 96 cycles and then brakes, as one does that is told to stand in that cycle."""
+    """After one command a robot drives for 96 cycles, then brakes as if commanded to stop."""
     silent, told = (Field(*QUIET, FAST) for _ in range(2))
     for field in (silent, told):
         field.command(local(0, 1.5))
@@ -106,7 +106,7 @@ def test_walls_hold_a_robot_that_drives_into_a_corner() -> None:
 
 
 def test_a_teleport_gives_the_velocity_it_says() -> None:
-    """TeamModel to go on at the metre a second at which it rolls, a robot is 0.1 s further, but for creep and drag."""
+    """A robot placed and commanded at 1 m/s is 0.1 m further after 0.1 s, less creep and drag."""
     field = Field(*QUIET, FAST, "firmware.timeout_s=0")
     field.drive(20, local(0, 1.5))
     assert field.put(0, 2.0, -1.0, 2.5, v_x=-0.8, v_y=0.6) == []

@@ -6,44 +6,60 @@ from benches import wire
 # ssl-simulation-protocol, folder proto (commit 65ad614, July 2026). Label (! required, ? optional,
 # * repeated), number, type, name.
 TABLES = {
-    "DetectedBall": "!1 float confidence, ?2 uint32 area, !3 float x, !4 float y, ?5 float z, !6 float pixel_x, "
+    "DetectedBall": "!1 float confidence, ?2 uint32 area, !3 float x, !4 float y, ?5 float z, !6 "
+    "float pixel_x, "
     "!7 float pixel_y",
-    "DetectedRobot": "!1 float confidence, ?2 uint32 robot_id, !3 float x, !4 float y, ?5 float orientation, "
+    "DetectedRobot": "!1 float confidence, ?2 uint32 robot_id, !3 float x, !4 float y, ?5 float "
+    "orientation, "
     "!6 float pixel_x, !7 float pixel_y, ?8 float height",
-    "Detection": "!1 uint32 frame_number, !2 double t_capture, !3 double t_sent, !4 uint32 camera_id, "
-    "*5 DetectedBall balls, *6 DetectedRobot robots_yellow, *7 DetectedRobot robots_blue, ?8 double t_capture_camera",
+    "Detection": "!1 uint32 frame_number, !2 double t_capture, !3 double t_sent, !4 uint32 "
+    "camera_id, "
+    "*5 DetectedBall balls, *6 DetectedRobot robots_yellow, *7 DetectedRobot robots_blue, ?8 "
+    "double t_capture_camera",
     "Point": "!1 float x, !2 float y",
     "FieldLine": "!1 string name, !2 Point p1, !3 Point p2, !4 float thickness, ?5 Shape type",
-    "FieldArc": "!1 string name, !2 Point center, !3 float radius, !4 float a1, !5 float a2, !6 float thickness, "
+    "FieldArc": "!1 string name, !2 Point center, !3 float radius, !4 float a1, !5 float a2, !6 "
+    "float thickness, "
     "?7 Shape type",
-    "FieldSize": "!1 int32 field_length, !2 int32 field_width, !3 int32 goal_width, !4 int32 goal_depth, "
-    "!5 int32 boundary_width, *6 FieldLine field_lines, *7 FieldArc field_arcs, ?8 int32 penalty_area_depth, "
+    "FieldSize": "!1 int32 field_length, !2 int32 field_width, !3 int32 goal_width, !4 int32 "
+    "goal_depth, "
+    "!5 int32 boundary_width, *6 FieldLine field_lines, *7 FieldArc field_arcs, ?8 int32 "
+    "penalty_area_depth, "
     "?9 int32 penalty_area_width, ?10 int32 center_circle_radius, ?11 int32 line_thickness, "
-    "?12 int32 goal_center_to_penalty_mark, ?13 int32 goal_height, ?14 float ball_radius, ?15 float max_robot_radius",
+    "?12 int32 goal_center_to_penalty_mark, ?13 int32 goal_height, ?14 float ball_radius, ?15 "
+    "float max_robot_radius",
     "Calibration": "!1 uint32 camera_id, !2 float focal_length, !3 float principal_point_x, "
-    "!4 float principal_point_y, !5 float distortion, !6 float q0, !7 float q1, !8 float q2, !9 float q3, "
-    "!10 float tx, !11 float ty, !12 float tz, ?13 float derived_camera_world_tx, ?14 float derived_camera_world_ty, "
-    "?15 float derived_camera_world_tz, ?16 uint32 pixel_image_width, ?17 uint32 pixel_image_height",
+    "!4 float principal_point_y, !5 float distortion, !6 float q0, !7 float q1, !8 float q2, !9 "
+    "float q3, "
+    "!10 float tx, !11 float ty, !12 float tz, ?13 float derived_camera_world_tx, ?14 float "
+    "derived_camera_world_ty, "
+    "?15 float derived_camera_world_tz, ?16 uint32 pixel_image_width, ?17 uint32 "
+    "pixel_image_height",
     "Geometry": "!1 FieldSize field, *2 Calibration calib",
     "VisionPacket": "?1 Detection detection, ?2 Geometry geometry",
     "RobotId": "?1 uint32 id, ?2 Team team",
     "SimulatorError": "?1 string code, ?2 string message",
-    "WheelVelocity": "!1 float front_right, !2 float back_right, !3 float back_left, !4 float front_left",
+    "WheelVelocity": "!1 float front_right, !2 float back_right, !3 float back_left, !4 float "
+    "front_left",
     "LocalVelocity": "!1 float forward, !2 float left, !3 float angular",
     "GlobalVelocity": "!1 float x, !2 float y, !3 float angular",
     "MoveCommand": "?1 WheelVelocity wheel_velocity, ?2 LocalVelocity local_velocity, "
     "?3 GlobalVelocity global_velocity",
-    "RobotCommand": "!1 uint32 id, ?2 MoveCommand move_command, ?3 float kick_speed, ?4 float kick_angle, "
+    "RobotCommand": "!1 uint32 id, ?2 MoveCommand move_command, ?3 float kick_speed, ?4 float "
+    "kick_angle, "
     "?5 float dribbler_speed",
     "RobotControl": "*1 RobotCommand robot_commands",
     "RobotFeedback": "!1 uint32 id, ?2 bool dribbler_ball_contact",
     "RobotControlResponse": "*1 SimulatorError errors, *2 RobotFeedback feedback",
     "TeleportBall": "?1 float x, ?2 float y, ?3 float z, ?4 float vx, ?5 float vy, ?6 float vz",
-    "TeleportRobot": "!1 RobotId id, ?2 float x, ?3 float y, ?4 float orientation, ?5 float v_x, ?6 float v_y, "
+    "TeleportRobot": "!1 RobotId id, ?2 float x, ?3 float y, ?4 float orientation, ?5 float v_x, "
+    "?6 float v_y, "
     "?7 float v_angular, ?8 bool present, ?9 bool by_force",
-    "SimulatorControl": "?1 TeleportBall teleport_ball, *2 TeleportRobot teleport_robot, ?3 float simulation_speed",
+    "SimulatorControl": "?1 TeleportBall teleport_ball, *2 TeleportRobot teleport_robot, ?3 float "
+    "simulation_speed",
     # Of these two only whether they are there is read; they are messages, which bytes hold as well.
-    "SimulatorConfig": "?1 Geometry geometry, *2 bytes robot_specs, ?3 bytes realism_config, ?4 uint32 vision_port",
+    "SimulatorConfig": "?1 Geometry geometry, *2 bytes robot_specs, ?3 bytes realism_config, ?4 "
+    "uint32 vision_port",
     "SimulatorCommand": "?1 SimulatorControl control, ?2 SimulatorConfig config",
     "SimulatorResponse": "*1 SimulatorError errors",
 }
@@ -59,7 +75,7 @@ def test_messages_have_the_fields_of_the_protocols() -> None:
 
 
 def test_bytes_by_hand_are_read_and_written() -> None:
-    """(field << 3 | wire type), value; zeros that are required are written, which ER-Force's simulator insists on."""
+    """(field << 3 | wire type), value. Required zeros are written (for ER-Force)."""
     stand = bytes.fromhex(
         "0a15"
         + "0800"

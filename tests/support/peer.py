@@ -1,10 +1,10 @@
-"""A simulator for tests, which does nothing but what its options say: robots that integrate commands exactly.
+"""A simulator for tests whose robots integrate commands exactly, with errors by its options.
 
     python tests/support/peer.py --vision 127.0.0.1:10020 --port 10301 [...]
 
-Robots of the blue team do as they are told, `--delay` frames after the frame in which they are. It stamps simulated
-time, in 60ths of a second, and publishes as many frames a second of real time; or, with `--lockstep`, the next as soon
-as commands have come.
+Robots of the blue team execute a command `--delay` frames after the frame in which it arrives. Time
+stamps are simulated time. Frames come 60 times per second of real time; with `--lockstep`, a frame
+follows each command.
 """
 
 import argparse
@@ -53,7 +53,7 @@ def options() -> argparse.Namespace:
 
 
 class Robots:
-    """Commands are held from when they act until others do; a velocity in a robot's own frame turns with it."""
+    """A command acts until the next one. A velocity in the body frame turns with the robot."""
 
     def __init__(self, start: np.ndarray, delay: float) -> None:
         self._delay, self._step, n = round(delay * SUBSTEPS), 0, len(start)

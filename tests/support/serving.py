@@ -166,7 +166,7 @@ def free_port() -> int:
 def served(
     *options: str, client: Client, ports: Sequence[int] = (0, 0, 0)
 ) -> Iterator[subprocess.Popen]:
-    """`omni-mj serve` as a process that sends its vision to a client; standard output is read up to the ports."""
+    """`omni-mj serve` as a process that sends vision to a client; its ports are read."""
     names = ("--control-port", "--blue-port", "--yellow-port")
     where = [word for name, port in zip(names, ports, strict=True) for word in (name, str(port))]
     root = Path(__file__).parents[2]

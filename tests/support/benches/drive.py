@@ -37,7 +37,7 @@ EXACT = {
 
 @contextmanager
 def started(ports: tuple[int, int], *said: object) -> Iterator["subprocess.Popen[str]"]:
-    """A simulator, for as long as the block lasts, which sends vision to a port and takes commands at another."""
+    """A simulator for the duration of the block; it sends vision to one port, reads another."""
     vision, port = ports
     command = [*PEER, "--vision", f"{LOOPBACK}:{vision}", "--port", str(port), *map(str, said)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -77,7 +77,7 @@ def summary(live: Live) -> dict[str, Any]:
 
 
 def in_process(live: Live, delay: int) -> Simulation:
-    """The kinematic loop with what the wire has: exact robots, a dead time, and vision that sees what is."""
+    """The kinematic loop with exact robots, a dead time, and vision without noise."""
     settings = live.scenario.settings.replace(
         radio={"delay_frames": delay},
         kinematic={"alpha_low": 1.0, "alpha_high": 1.0},

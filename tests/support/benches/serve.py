@@ -1,4 +1,4 @@
-"""Bench of `omni-mj serve` without a process: the field alone, or behind its sockets in a thread of this process."""
+"""Bench of `omni-mj serve` without a process: the world alone, or its server in a thread."""
 
 import threading
 from collections.abc import Iterator
