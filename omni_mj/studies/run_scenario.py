@@ -13,7 +13,7 @@ from omni_mj.studies.study_runner import (
     AfterFrame,
     check_memory,
     ignore_frame,
-    list_informed,
+    list_privileged,
     run_simulation,
 )
 
@@ -120,7 +120,7 @@ def build_result(simulation: Simulation, outcome: Outcome, subject: str | None =
     return Result(
         [outcome],
         list(simulation.log.controllers),
-        list_informed(simulation.scenario),
+        list_privileged(simulation.scenario),
         simulation.log.seeds,
         subject,
         wall_s=outcome.entry["wall_s"],

@@ -170,7 +170,7 @@ def count_frames(simulation: Simulation) -> int:
     return max(reference.frames for reference in simulation.references)
 
 
-def list_informed(scenario: Scenario) -> list[str]:
+def list_privileged(scenario: Scenario) -> list[str]:
     """Return the labels of the scenario's controllers that know the true state."""
     return [label(kind) for kind in scenario.controllers if find_controller(kind).knows_truth]
 

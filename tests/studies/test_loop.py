@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from benches.studies import (
     FREQUENCIES,
-    STEP,
+    STEP_FRAMES,
     STEP_M,
-    WARM_UP,
+    WARM_UP_FRAMES,
     LoopExperiment,
     LoopResult,
     StoppedError,
-    find_margins,
-    loop_drive,
+    compute_margins,
+    compute_step_metrics,
+    loop_experiment,
     measure_loop,
-    measure_step,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -34,7 +34,7 @@ IDEAL = {
 # K by the rules that the controllers state: SIMC for a latency of 7 frames, and of one; the fuzzy
 # law's at zero error.
 GAINS = {"p": 30 / 7, "smith": 30.0, "comp-flc": 15.0}
-REST, ACROSS = "rest, forward", "driving, across"
+REST, DRIVING = "rest, forward", "driving, sideways"
 
 
 def proportional(gain: float, delay: int = DELAY) -> control.TransferFunction:
@@ -74,16 +74,16 @@ def stop_at(last: int) -> Callable[[int], None]:
 
 
 def leave_cases(patched: pytest.MonkeyPatch, *names: str) -> None:
-    for name in set(loop_drive.CASES) - set(names):
-        patched.delitem(loop_drive.CASES, name)
+    for name in set(loop_experiment.CASES) - set(names):
+        patched.delitem(loop_experiment.CASES, name)
 
 
 @pytest.fixture(scope="module")
 def small() -> Iterator[LoopResult]:
     """Disturbed so little that the fuzzy law is a gain, on the plant of which all is known."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(loop_drive, "RMS_M_S", 0.001)
-        leave_cases(patched, REST, ACROSS)
+        patched.setattr(loop_experiment, "RMS_M_S", 0.001)
+        leave_cases(patched, REST, DRIVING)
         yield measure_loop(ideal(), list(GAINS))
 
 
@@ -98,11 +98,11 @@ def test_margins_are_those_of_python_control(gain: float, delay: int, predicts: 
         gain = min(gain, 0.9 / (T * (2 * delay + 1)))  # of pi/2, where the loop begins to oscillate
     system = (predicting if predicts else proportional)(gain, delay)
     most, phase, distance, at, crossover, _ = control.stability_margins(system)
-    found = find_margins(gains(system))
+    found = compute_margins(gains(system))
     if FREQUENCIES[0] < crossover:
-        assert found.crossover == pytest.approx(crossover, rel=0.005)
-        assert found.phase == pytest.approx(phase, abs=0.1)
-        assert found.delay == pytest.approx(np.radians(phase) / crossover, rel=0.005)
+        assert found.crossover_rad_s == pytest.approx(crossover, rel=0.005)
+        assert found.phase_deg == pytest.approx(phase, abs=0.1)
+        assert found.delay_s == pytest.approx(np.radians(phase) / crossover, rel=0.005)
     if at < FREQUENCIES[-1]:
         assert found.gain == pytest.approx(most, rel=0.015)
     assert found.sensitivity == pytest.approx(1 / distance, rel=0.015)
@@ -114,13 +114,13 @@ def test_what_is_measured_is_the_closed_form(small: LoopResult, name: str) -> No
 
     Driving as at rest; but for comp-flc, which then estimates alpha, and that is a loop of its own.
     """
-    for case in (REST,) if name == "comp-flc" else (REST, ACROSS):
+    for case in (REST,) if name == "comp-flc" else (REST, DRIVING):
         found = small.loops[case][name]
         np.testing.assert_allclose(
             found.gains, gains(EXACT[name]), rtol=0.02 if name == "comp-flc" else 0.01
         )
         most, phase, distance, *_ = control.stability_margins(EXACT[name])
-        assert found.margins.phase == pytest.approx(phase, abs=1)
+        assert found.margins.phase_deg == pytest.approx(phase, abs=1)
         assert found.margins.gain == pytest.approx(most, rel=0.04)
         assert found.margins.sensitivity == pytest.approx(1 / distance, rel=0.03)
 
@@ -128,7 +128,7 @@ def test_what_is_measured_is_the_closed_form(small: LoopResult, name: str) -> No
 def test_p_has_the_margins_of_its_rule(small: LoopResult) -> None:
     """Half a radian less than a right angle, and pi, with the half frame that it counts for a dead time badly known."""
     found = small.loops[REST]["p"].margins
-    assert found.phase - np.degrees(found.crossover * T / 2) == pytest.approx(
+    assert found.phase_deg - np.degrees(found.crossover_rad_s * T / 2) == pytest.approx(
         90 - np.degrees(0.5), abs=0.2
     )
     assert found.gain * 6.5 / 7 == pytest.approx(np.pi, rel=0.01)
@@ -137,9 +137,9 @@ def test_p_has_the_margins_of_its_rule(small: LoopResult) -> None:
 def test_steps_are_those_of_the_closed_loop(small: LoopResult) -> None:
     """By python-control, frame by frame: nothing is limited here, and the filter has nothing to say."""
     for name in ("p", "smith"):
-        _, wanted = control.step_response(control.feedback(EXACT[name]), T * np.arange(STEP))
-        for case in (REST, ACROSS):
-            moved = small.loops[case][name].moved
+        _, wanted = control.step_response(control.feedback(EXACT[name]), T * np.arange(STEP_FRAMES))
+        for case in (REST, DRIVING):
+            moved = small.loops[case][name].step_response
             np.testing.assert_allclose(moved / STEP_M, wanted, atol=1e-6)
 
 
@@ -151,28 +151,28 @@ def test_figures_of_a_step_are_those_of_python_control(damping: float, rate: flo
     time = T * np.arange(600)
     info, found = (
         control.step_info(system, T=time),
-        measure_step(0.05 * control.step_response(system, time)[1], 0.05),
+        compute_step_metrics(0.05 * control.step_response(system, time)[1], 0.05),
     )
-    assert found.rise == pytest.approx(info["RiseTime"], abs=1.01 * T)
+    assert found.rise_time_s == pytest.approx(info["RiseTime"], abs=1.01 * T)
     assert 100 * found.overshoot == pytest.approx(info["Overshoot"], abs=0.2)
-    assert found.within_2_percent == pytest.approx(info["SettlingTime"], abs=1.01 * T)
-    assert found.within_5_mm <= found.within_2_percent
-    assert found.left == pytest.approx(0, abs=1e-5)
+    assert found.settling_2_percent_s == pytest.approx(info["SettlingTime"], abs=1.01 * T)
+    assert found.settling_5_mm_s <= found.settling_2_percent_s
+    assert found.steady_state_error_m == pytest.approx(0, abs=1e-5)
 
 
 def test_a_loop_bears_as_much_more_dead_time_as_its_margin_says(small: LoopResult) -> None:
     """The team is not told of it; after three seconds an error has died out, or grown."""
-    frames = small.loops[REST]["p"].margins.delay / T
+    frames = small.loops[REST]["p"].margins.delay_s / T
     assert frames == pytest.approx(15.5, abs=0.1)
     for more, dies_out in ((int(frames), True), (int(frames) + 1, False)):
         late = ideal(
             radio={"delay_frames": DELAY + more},
             control={**IDEAL["control"], "delay_error_frames": -more},
         )
-        drive = LoopExperiment(late.replace(controllers=("p",)))
-        drive.disturbance[:] = 0
-        assert drive.run(stop_at(WARM_UP + 600)) == "interrupted"
-        error = np.abs(drive.answers()[0][WARM_UP:, 0, 0, 0] - STEP_M)
+        experiment = LoopExperiment(late.replace(controllers=("p",)))
+        experiment.disturbance[:] = 0
+        assert experiment.run(stop_at(WARM_UP_FRAMES + 600)) == "interrupted"
+        error = np.abs(experiment.paired_responses()[0][WARM_UP_FRAMES:, 0, 0, 0] - STEP_M)
         assert (error[400:].max() < error[200:400].max()) == dies_out
 
 
@@ -183,7 +183,7 @@ def test_summary_and_table_say_the_same(small: LoopResult) -> None:
     margins_of_p = summary["loop"]["cases"][REST]["p"]["margins"]
     line = next(line for line in small.table().splitlines() if line.startswith(REST))
     assert line.split()[2] == "p"
-    assert f"{margins_of_p['phase']:.0f}" in line.split()
+    assert f"{margins_of_p['phase_deg']:.0f}" in line.split()
 
 
 def test_noise_of_vision_falls_out_and_a_controller_that_fails_spoils_nobodys_figures() -> None:
@@ -191,14 +191,14 @@ def test_noise_of_vision_falls_out_and_a_controller_that_fails_spoils_nobodys_fi
 
     class Raises(om.Controller):
         def command(self, frame: int, observation: om.Observation) -> NDArray[np.float64]:
-            if frame == WARM_UP + 30:
+            if frame == WARM_UP_FRAMES + 30:
                 raise RuntimeError("out of ideas")
             return np.zeros((len(self.predicted_pose), 3))
 
     result = measure_loop(ideal(vision={"miss_probability": 0.02}), ["p", Raises])
     loops = result.loops[REST]
-    _, wanted = control.step_response(control.feedback(EXACT["p"]), T * np.arange(STEP))
-    np.testing.assert_allclose(loops["p"].moved, STEP_M * wanted, atol=1e-4)
+    _, wanted = control.step_response(control.feedback(EXACT["p"]), T * np.arange(STEP_FRAMES))
+    np.testing.assert_allclose(loops["p"].step_response, STEP_M * wanted, atol=1e-4)
     assert {failure.controller for failure in result.failures} == {"Raises"}
     told = result.summary()["loop"]["cases"][REST]["Raises"]
     assert set(told["margins"].values()) == set(told["step"].values()) == {None}

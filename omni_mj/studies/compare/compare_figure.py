@@ -61,8 +61,8 @@ def draw_heat_map(entries: dict[str, Summary], privileged: list[str], figure: Fi
         norm=LogNorm(1 / MAX_RATIO, MAX_RATIO),
         aspect="auto",
     )
-    is_informed = np.array([name in privileged for name in controllers])
-    _write_errors(axes, errors, ratios, is_informed)
+    is_privileged = np.array([name in privileged for name in controllers])
+    _write_errors(axes, errors, ratios, is_privileged)
     labels = [name + "\n(privileged)" * (name in privileged) for name in controllers]
     axes.set_xticks(range(len(labels)), labels)
     axes.set_yticks(range(len(entries)), list(entries))
@@ -87,16 +87,16 @@ def _maximum_errors(entries: dict[str, Summary], controllers: list[str]) -> Arra
     return errors
 
 
-def _write_errors(axes: Axes, errors: Array, ratios: Array, is_informed: np.ndarray) -> None:
+def _write_errors(axes: Axes, errors: Array, ratios: Array, is_privileged: np.ndarray) -> None:
     """Write each error in cm into its cell, the least of a scenario in bold."""
-    least = np.where(is_informed | np.isnan(errors), np.inf, errors).min(axis=1)
+    least = np.where(is_privileged | np.isnan(errors), np.inf, errors).min(axis=1)
     for (i, j), error in np.ndenumerate(errors):
         if np.isfinite(error):
             label = f"{100 * error:.2f}" if error < 0.1 else f"{100 * error:.1f}"
         else:
             label = DASH if np.isnan(error) else "failed"
         is_dark = abs(np.log(ratios[i, j])) > np.log(DARK_RATIO)
-        is_best = error == least[i] < np.inf and not is_informed[j]
+        is_best = error == least[i] < np.inf and not is_privileged[j]
         axes.text(
             j,
             i,

@@ -22,7 +22,7 @@ from omni_mj.studies.study_runner import (
     StartProgress,
     StoppedError,
     count_frames,
-    list_informed,
+    list_privileged,
     no_progress,
     run_simulation,
 )
@@ -73,7 +73,7 @@ def compare(
     result = Result(outcomes, seeds=seed_list, subject=subject)
     if resolved:
         result.controllers = list(resolved[0].labels)
-        result.privileged = list_informed(resolved[0])
+        result.privileged = list_privileged(resolved[0])
     try:
         for i, scenario in enumerate(resolved):
             title = f"{scenario.name} ({i + 1} of {len(resolved)})"

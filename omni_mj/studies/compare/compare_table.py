@@ -109,7 +109,7 @@ def _verdict_caption(summary: Summary) -> str:
     return (
         f"Position error of {summary['subject']} relative to each other controller's, change in "
         f"%; {WITHIN_CHANCE} within chance: paired by seed, p above {100 * SIGNIFICANCE_LEVEL:g} % after "
-        "Holm's correction for all verdicts. Informed controllers are no competitors."
+        "Holm's correction for all verdicts. Privileged controllers are not compared."
     )
 
 

@@ -1,12 +1,11 @@
-"""The simulation: all controllers in all cases side by side, first told to jump aside, then disturbed by sines.
+"""Experiment of the loop study: all controllers step, and are then disturbed by a multisine.
 
-Robots look along x. They stand, or drive forward and weave about that. A constant speed tells a
-controller that identifies the robot nothing of its latency; weaving makes an eighth of a second's
-lateness worth 3 cm.
+Robots head along x. They are at rest, or they drive forward and weave. At constant speed a
+controller that identifies the robot cannot observe its latency; the weave turns an error of 1/8 s
+in latency into 3 cm.
 
-Rows come in pairs that are asked the opposite, under the same noise. Half of what they do
-differently answers to what they were asked: vision's noise, the weave and the ripple of rollers are
-in both alike, and fall out.
+Rows come in pairs with opposite steps and disturbances under the same noise. Half their difference
+is the response. Camera noise, the weave and the ripple of rollers are the same in both and cancel.
 """
 
 import itertools
@@ -23,66 +22,70 @@ from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.study_runner import AfterFrame, resting_reference, send_twists
 
-# Whether robots drive, and the axis along which they jump and are disturbed: 0 forward, 1 to the
-# left
+# Case -> whether robots drive; axis of step and disturbance: 0 forward, 1 sideways
 CASES = {
     "rest, forward": (False, 0),
     "rest, sideways": (False, 1),
-    "driving, along": (True, 0),
-    "driving, across": (True, 1),
+    "driving, forward": (True, 0),
+    "driving, sideways": (True, 1),
 }
 SPEED_M_S, ACCELERATION_M_S2 = 1.0, 2.0  # forward, of robots that drive
-WEAVE_M_S, WEAVE_FRAMES = 0.25, 480  # forward and to the left
-# Half a period of the weave: what its speeding up does to the first of two periods, its slowing
-# down undoes in the second, and no other sine of the sum shows in its place.
-PERIOD_FRAMES, PERIODS = WEAVE_FRAMES // 2, 2
-TONES = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24])  # sines: how often in a period
-FREQUENCIES = 2 * np.pi * TONES / (PERIOD_FRAMES * PERIOD_S)  # rad/s: 1.6 to 38
-RMS_M_S = 0.04  # of the sum of sines
-STEP_M = 0.05  # half the range of the fuzzy controller's input
-WARM_UP, STEP, SWING_IN, MEASURED = (
-    3 * FRAME_RATE_HZ,
-    3 * FRAME_RATE_HZ,
-    PERIOD_FRAMES,
-    PERIODS * PERIOD_FRAMES,
-)
-FRAMES = WARM_UP + STEP + SWING_IN + MEASURED
+WEAVE_M_S, WEAVE_FRAMES = 0.25, 480  # amplitude, forward and sideways; period
+# The multisine repeats after half a weave. The weave accelerates in the first of two measured
+# periods and decelerates in the second, so that it does not appear in the spectrum.
+PERIOD_FRAMES, N_PERIODS = WEAVE_FRAMES // 2, 2
+HARMONICS = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24])  # of the multisine
+FREQUENCIES = 2 * np.pi * HARMONICS / (PERIOD_FRAMES * PERIOD_S)  # rad/s: 1.6 to 38
+RMS_M_S = 0.04  # of the multisine
+STEP_M = 0.05  # half the input range of the fuzzy controller
+WARM_UP_FRAMES = 3 * FRAME_RATE_HZ
+STEP_FRAMES = 3 * FRAME_RATE_HZ
+TRANSIENT_FRAMES = PERIOD_FRAMES  # of the multisine, before it is measured
+MEASURED_FRAMES = N_PERIODS * PERIOD_FRAMES
+TOTAL_FRAMES = WARM_UP_FRAMES + STEP_FRAMES + TRANSIENT_FRAMES + MEASURED_FRAMES
 
 
 def make_multisine(seed: int) -> Array:
-    """Return the sum of sines with phases by a seed, swung in and measured, (SWING_IN + MEASURED,) m/s."""
-    phases = np.random.default_rng([seed, 2]).uniform(0, 2 * np.pi, len(TONES))
-    turns = np.arange(-SWING_IN - MEASURED, 0)[:, None] * TONES / PERIOD_FRAMES
-    total: Array = np.cos(2 * np.pi * turns + phases).sum(1)
-    return RMS_M_S * np.sqrt(2 / len(TONES)) * total
+    """Return a multisine with random phases, (TRANSIENT_FRAMES + MEASURED_FRAMES,) m/s."""
+    phases = np.random.default_rng([seed, 2]).uniform(0, 2 * np.pi, len(HARMONICS))
+    frames = np.arange(-TRANSIENT_FRAMES - MEASURED_FRAMES, 0)
+    cycles = frames[:, None] * HARMONICS / PERIOD_FRAMES
+    total: Array = np.cos(2 * np.pi * cycles + phases).sum(1)
+    return RMS_M_S * np.sqrt(2 / len(HARMONICS)) * total
 
 
-def travel(frame: Array) -> Array:
-    """Return how far driving has led robots by `frame` (..., m, 3), without a jump; the same shape, m and rad."""
-    time, faster = PERIOD_S * np.maximum(frame, 0), SPEED_M_S / ACCELERATION_M_S2
+def driving_pose(frame: Array) -> Array:
+    """Return the pose of a robot that drives, without a step.
+
+    Args:
+        frame: Frames, (..., m, 3).
+
+    Returns:
+        Displacement since frame 0 in m and rad, (..., m, 3).
+    """
+    time, ramp_s = PERIOD_S * np.maximum(frame, 0), SPEED_M_S / ACCELERATION_M_S2
     forward = SPEED_M_S * (
-        np.minimum(time, faster) ** 2 / (2 * faster) + np.maximum(time - faster, 0)
+        np.minimum(time, ramp_s) ** 2 / (2 * ramp_s) + np.maximum(time - ramp_s, 0)
     )
     rate = 2 * math.pi / (PERIOD_S * WEAVE_FRAMES)
-    woven = WEAVE_M_S / rate * (1 - np.cos(rate * time))
-    return np.array([1.0, 0.0, 0.0]) * forward + np.array([1.0, 1.0, 0.0]) * woven
+    weave = WEAVE_M_S / rate * (1 - np.cos(rate * time))
+    return np.array([1.0, 0.0, 0.0]) * forward + np.array([1.0, 1.0, 0.0]) * weave
 
 
 @dataclass(frozen=True)
-class SteppedMotion:
-    """A reference for robots that all look along x; see `omni_control.reference.Reference`.
+class SteppedReference:
+    """A reference whose poses step while its twists do not; see `omni_control.reference.Reference`.
 
-    Its poses may jump, while its twists remain those of the motion. Nobody knows of a jump
-    beforehand, however far a controller looks ahead.
+    Controllers do not see a step in advance, however far they preview.
 
     Attributes:
-        drives: Whether each robot drives forward, (n, 1).
-        jump: What is added to the poses of all frames from now on, (n, 3).
-        rows: Robots that are meant, of those that these arrays have.
+        is_driving: Whether each robot drives forward, (n, 1).
+        offset: Added to the poses of all frames from now on, (n, 3).
+        rows: Robots of these arrays that the reference is for.
     """
 
-    drives: np.ndarray
-    jump: Array
+    is_driving: np.ndarray
+    offset: Array
     rows: np.ndarray
 
     def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
@@ -91,90 +94,93 @@ class SteppedMotion:
         return poses[0], twists[0]
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
-        """Return poses and twists from a frame on."""
-        first = np.asarray(frame, float)
-        first = first[:, None] if first.ndim == 1 else first
-        start = np.broadcast_to(first, pose.shape) + np.arange(float(count))[:, None, None]
-        here, later = (self.drives[self.rows] * travel(frames) for frames in (start, start + 1))
-        return here + self.jump[self.rows], (later - here) / PERIOD_S
+        """Return the poses and twists of `count` frames from a frame on."""
+        start = np.asarray(frame, float)
+        start = start[:, None] if start.ndim == 1 else start
+        frames = np.broadcast_to(start, pose.shape) + np.arange(float(count))[:, None, None]
+        is_driving = self.is_driving[self.rows]
+        poses = is_driving * driving_pose(frames)
+        next_poses = is_driving * driving_pose(frames + 1)
+        return poses + self.offset[self.rows], (next_poses - poses) / PERIOD_S
 
 
 class LoopExperiment:
-    """Rows for each controller, case, seed and sign, in this order of a grid.
+    """Simulation with a row for each controller, case, seed and sign, in this order.
 
-    The loop is opened where commands are sent, behind filter, controller and limits. What the sines
-    add there nobody on the team knows: what it remembers as sent is what it commanded, so that the
-    gain around the loop counts a controller's own prediction as part of the controller, and the
-    robot with its dead time as what it controls.
+    The loop is opened where commands are sent: behind filter, controller and limits. The team does
+    not know the disturbance that is added there; it remembers its own command as sent. So the loop
+    gain counts a controller's own prediction as part of the controller, and the robot with its dead
+    time as the plant.
 
     Args:
-        scenario: Controllers, seeds, robot, plant, and all settings but the reference.
+        scenario: Controllers, seeds, robot, plant, and all settings except the reference.
 
     Attributes:
-        simulation: Of all rows.
-        asked: Case and sign of each row, by these names, (n,).
-        disturbance: What is added to commands along each row's axis, (FRAMES, n) m/s.
+        simulation: Simulation of all rows.
+        row_labels: "case" and "sign" of each row, (n,).
+        disturbance: Added to the command along each row's axis, (TOTAL_FRAMES, n) m/s.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         settings = scenario.settings.replace(
-            reference=resting_reference(FRAMES), world={"start_poses": [[0, 0, 0]]}
+            reference=resting_reference(TOTAL_FRAMES), world={"start_poses": [[0, 0, 0]]}
         )
-        self._shape = len(scenario.labels), len(CASES), scenario.seeds, 2
+        self._grid_shape = len(scenario.labels), len(CASES), scenario.seeds, 2
         grid = list(itertools.product(scenario.labels, CASES, scenario.seed_list, (1, -1)))
         rows = [
             Row(i, 0, label, seed, settings, scenario.robot)
             for i, (label, _, seed, _) in enumerate(grid)
         ]
-        _, names, seeds, signs = zip(*grid, strict=True)
-        self.asked = {"case": np.array(names), "sign": np.array(signs)}
-        drives, axes = zip(*(CASES[name] for name in names), strict=True)
-        self._motion = SteppedMotion(
-            np.array(drives)[:, None], np.zeros((len(rows), 3)), np.arange(len(rows))
+        _, cases, seeds, signs = zip(*grid, strict=True)
+        self.row_labels = {"case": np.array(cases), "sign": np.array(signs)}
+        is_driving, axes = zip(*(CASES[case] for case in cases), strict=True)
+        self._reference = SteppedReference(
+            np.array(is_driving)[:, None], np.zeros((len(rows), 3)), np.arange(len(rows))
         )
-        self._along = np.arange(len(rows)), np.array(axes)
+        self._row_axes = np.arange(len(rows)), np.array(axes)  # index of each row's axis
         self.simulation = Simulation(
-            scenario, rows=rows, follow=lambda rows: replace(self._motion, rows=rows)
+            scenario, rows=rows, follow=lambda rows: replace(self._reference, rows=rows)
         )
-        self.disturbance = np.zeros((FRAMES, len(rows)))
-        self.disturbance[WARM_UP + STEP :] = (
+        self.disturbance = np.zeros((TOTAL_FRAMES, len(rows)))
+        self.disturbance[WARM_UP_FRAMES + STEP_FRAMES :] = (
             np.transpose([make_multisine(seed) for seed in seeds]) * signs
         )
 
     def run(self, after_frame: AfterFrame) -> str | None:
-        """Drive; return why that was stopped, or None.
+        """Run the experiment.
 
         Args:
             after_frame: Called with each frame's number; it may raise `StoppedError`.
-        """
-        return send_twists(self.simulation, self._commands(), after_frame)
 
-    def _commands(self) -> Iterator[Array]:
-        """Yield what robots are sent in each frame."""
+        Returns:
+            The reason if it was stopped, else None.
+        """
+        return send_twists(self.simulation, self._disturbed_commands(), after_frame)
+
+    def _disturbed_commands(self) -> Iterator[Array]:
+        """Yield the commands of each frame with the disturbance."""
         team = self.simulation.team
         for frame, disturbance in enumerate(self.disturbance):
-            if frame == WARM_UP:
-                self._motion.jump[self._along] = STEP_M * self.asked["sign"]
+            if frame == WARM_UP_FRAMES:
+                self._reference.offset[self._row_axes] = STEP_M * self.row_labels["sign"]
             self.simulation.observe()
-            wanted = team.command()
-            sent = wanted.copy()
-            sent[self._along] += disturbance
-            # As if in the frame before, so that the limit on changes lets the disturbance through
-            team.last_command = sent
-            yield sent
-            team.last_command = wanted
+            desired = team.command()
+            disturbed = desired.copy()
+            disturbed[self._row_axes] += disturbance
+            # The slew-rate limit compares with the last command: let the disturbance pass.
+            team.last_command = disturbed
+            yield disturbed
+            team.last_command = desired
 
-    def answers(self) -> tuple[Array, Array, Array]:
-        """Return positions, commands and disturbances along the axis asked, half the difference of each pair.
+    def paired_responses(self) -> tuple[Array, Array, Array]:
+        """Return position, command and disturbance along each row's axis.
 
-        Their shape is (FRAMES, controllers, cases, seeds); m and m/s.
+        They are half the difference of each pair of rows, in m and m/s, of shape (TOTAL_FRAMES,
+        controllers, cases, seeds).
         """
-        pose, sent = (
-            self.simulation.log.channel(name)[:, *self._along] for name in ("pose", "command")
-        )
-        channels = np.stack(
-            [pose, sent - self.disturbance[: len(sent)], self.disturbance[: len(sent)]]
-        )
-        grid = channels.reshape(3, -1, *self._shape)
-        position, commanded, disturbance = (grid[..., 0] - grid[..., 1]) / 2
-        return position, commanded, disturbance
+        log = self.simulation.log
+        position, sent = (log.channel(name)[:, *self._row_axes] for name in ("pose", "command"))
+        added = self.disturbance[: len(sent)]
+        grid = np.stack([position, sent - added, added]).reshape(3, -1, *self._grid_shape)
+        position, command, disturbance = (grid[..., 0] - grid[..., 1]) / 2
+        return position, command, disturbance

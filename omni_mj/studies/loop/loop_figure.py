@@ -1,59 +1,83 @@
-"""Figure of the loop study: a column per case; step response, gain and phase around the loop, Nyquist plot."""
+"""Figure of the loop study: step response, Bode plot and Nyquist plot of each case."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from omni_mj.studies.loop.loop_experiment import FREQUENCIES, STEP_M
-from omni_mj.studies.loop.stability_margins import interpolate
+from omni_mj.studies.loop.stability_margins import interpolate_gains
 from omni_mj.viz import style
 from omni_mj.viz.figures import plotting
 
 if TYPE_CHECKING:
-    from omni_mj.studies.loop import LoopResult
+    from omni_mj.studies.loop import LoopMeasurement, LoopResult
 
-WIDTH_IN, HEIGHTS_IN = 3.4, (2.6, 2.2, 2.2, 3.4)  # of a column, and of its panels
-LABELS = ("step response in cm", "|L|", "phase of L in °", "imaginary part of L")
-# Whose circle is drawn: a loop outside of it has margins of 2 and 29 degrees at least
+COLUMN_IN, PANELS_IN = 3.4, (2.6, 2.2, 2.2, 3.4)  # width of a case, heights of its panels
+LABELS = (
+    "step response in cm",
+    "gain |L|",
+    "phase of L in degrees",
+    "imaginary part of L",
+)
+# Radius 1 / Ms of the circle around -1. A loop outside of it has a gain margin of at least 2 and a
+# phase margin of at least 29 degrees.
 SENSITIVITY = 2.0
 TICKS_RAD_S = (2, 5, 10, 20)
+GUIDE = {"color": style.REFERENCE, "lw": 1, "zorder": 1}  # line style of levels and of the circle
 
 
 def save_loop_figure(result: "LoopResult", stem: Path) -> None:
-    """Draw all loops into `stem`.png and `stem`.svg."""
-    size = (WIDTH_IN * max(len(result.loops), 2), sum(HEIGHTS_IN))
-    with plotting.figure_file(stem, result.title, svg=True, figsize=size) as figure:
-        grid = figure.subplots(4, len(result.loops), height_ratios=HEIGHTS_IN, squeeze=False)
-        for (case, loops), (step, gain, phase, nyquist) in zip(
-            result.loops.items(), grid.T, strict=True
-        ):
+    """Draw all loops into `stem`.png and `stem`.svg, a column per case."""
+    size = (COLUMN_IN * max(len(result.loops), 2), sum(PANELS_IN))
+    title = result.title[0].upper() + result.title[1:]
+    with plotting.figure_file(stem, title, svg=True, figsize=size) as figure:
+        grid = figure.subplots(4, len(result.loops), height_ratios=PANELS_IN, squeeze=False)
+        for (case, loops), panels in zip(result.loops.items(), grid.T, strict=True):
             for label, slot in style.style_indices(loops).items():
-                loop, look = loops[label], style.line_style(slot) | {"marker": ""}
-                if np.isfinite(loop.moved).all() and np.isfinite(loop.gains).all():
-                    step.plot(
-                        plotting.frame_times(loop.moved), 100 * loop.moved, label=label, **look
-                    )
-                    frequencies, response = interpolate(FREQUENCIES, loop.gains)
-                    gain.loglog(frequencies, np.abs(response), **look)
-                    angle = np.degrees(np.unwrap(np.angle(response)))
-                    phase.semilogx(
-                        frequencies, angle - 360 * np.ceil(angle[0] / 360), **look
-                    )  # from (-360, 0] on
-                    nyquist.plot(response.real, response.imag, **look)
-            mark = {"color": style.REFERENCE, "lw": 1, "zorder": 1}
-            for axes, level in ((step, 100 * STEP_M), (gain, 1), (phase, -180)):
-                axes.axhline(level, **mark)
-            circle = (np.exp(1j * np.linspace(0, 2 * np.pi, 100))) / SENSITIVITY - 1
-            nyquist.plot(circle.real, circle.imag, **mark)
-            nyquist.plot([-1], [0], "+", **mark)
-            step.set(title=case, xlabel="time in s", ylim=(-10 * STEP_M, 200 * STEP_M))
-            gain.set(ylim=(0.05, 10))
-            phase.set(xlabel="frequency in rad/s", ylim=(-360, 0), yticks=np.arange(-360, 1, 90))
-            nyquist.set(xlabel="real part of L", xlim=(-2.2, 0.8), ylim=(-2.2, 0.8), aspect="equal")
-            for axes in (gain, phase):
-                axes.set_xticks(TICKS_RAD_S, map(str, TICKS_RAD_S))
-                axes.set_xticks([], minor=True)
+                line = style.line_style(slot) | {"marker": ""}
+                _draw_loop(panels, loops[label], label, line)
+            _draw_guides(panels)
+            panels[0].set_title(case)
         for axes, label in zip(grid[:, 0], LABELS, strict=True):
             axes.set_ylabel(label)
         plotting.add_legend(figure, grid[0])
+
+
+def _draw_loop(
+    panels: np.ndarray, loop: "LoopMeasurement", label: str, line: dict[str, Any]
+) -> None:
+    """Draw one controller into the four panels of a case, unless its robot failed."""
+    step, gain, phase, nyquist = panels
+    response = loop.step_response
+    if not (np.isfinite(response).all() and np.isfinite(loop.gains).all()):
+        return
+    step.plot(plotting.frame_times(response), 100 * response, label=label, **line)
+    frequencies, gains = interpolate_gains(FREQUENCIES, loop.gains)
+    gain.loglog(frequencies, np.abs(gains), **line)
+    angle = np.degrees(np.unwrap(np.angle(gains)))
+    shift = 360 * np.ceil(angle[0] / 360)  # so that the first angle is in (-360, 0]
+    phase.semilogx(frequencies, angle - shift, **line)
+    nyquist.plot(gains.real, gains.imag, **line)
+
+
+def _draw_guides(panels: np.ndarray) -> None:
+    """Draw reference levels and the sensitivity circle, and set limits and labels."""
+    step, gain, phase, nyquist = panels
+    for axes, level in ((step, 100 * STEP_M), (gain, 1), (phase, -180)):
+        axes.axhline(level, **GUIDE)
+    circle = (np.exp(1j * np.linspace(0, 2 * np.pi, 100))) / SENSITIVITY - 1
+    nyquist.plot(circle.real, circle.imag, **GUIDE)
+    nyquist.plot([-1], [0], "+", **GUIDE)
+    step.set(xlabel="time in s", ylim=(-10 * STEP_M, 200 * STEP_M))
+    gain.set(ylim=(0.05, 10))
+    phase.set(xlabel="frequency in rad/s", ylim=(-360, 0), yticks=np.arange(-360, 1, 90))
+    nyquist.set(xlabel="real part of L", xlim=(-2.2, 0.8), ylim=(-2.2, 0.8), aspect="equal")
+    for axes in (gain, phase):
+        _set_frequency_ticks(axes)
+
+
+def _set_frequency_ticks(axes: Axes) -> None:
+    axes.set_xticks(TICKS_RAD_S, map(str, TICKS_RAD_S))
+    axes.set_xticks([], minor=True)

@@ -1,6 +1,6 @@
-"""The loop as a control engineer looks at it: its step response and its margins, measured on the plant.
+"""Loop study: step response and stability margins of control loops, measured on the plant.
 
-`drive` is what robots do meanwhile, `response` what is read from the record.
+`loop_experiment` runs the robots, `step_response` and `stability_margins` evaluate the record.
 """
 
 import time
@@ -15,100 +15,115 @@ from omni_control.kinematics import Array
 from omni_mj.config import distributions
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.result import Result
-from omni_mj.results.result_tables import Table, format_number
-from omni_mj.results.result_tables import format_table as aligned
+from omni_mj.results.result_tables import Table, format_number, format_table
 from omni_mj.results.statistics import finite_or_none
-from omni_mj.studies.loop import loop_experiment as drives
+from omni_mj.studies.loop import loop_experiment as experiments
 from omni_mj.studies.loop.loop_experiment import CASES, FREQUENCIES, STEP_M, LoopExperiment
 from omni_mj.studies.loop.stability_margins import (
     Gains,
-    Margins,
-    StepFigures,
-    find_margins,
-    loop_gain,
-    measure_step,
+    StabilityMargins,
+    compute_margins,
+    estimate_loop_gain,
 )
+from omni_mj.studies.loop.step_response import StepMetrics, compute_step_metrics
 from omni_mj.studies.run_scenario import resolve_scenario
 from omni_mj.studies.study_runner import (
     StartProgress,
     list_competitors,
-    list_informed,
+    list_privileged,
     no_progress,
     open_loop_outcome,
 )
 
 DEFINITIONS = {
-    "rest, driving": f"the robot stands; or drives at {drives.SPEED_M_S:g} m/s, weaving by {drives.WEAVE_M_S:g} m/s"
-    " forward and left",
-    "forward, sideways, along, across": "the direction in which it is stepped and disturbed; it looks and drives ahead",
-    "step": "the reference's poses jump, unannounced, its velocities do not; the answer is what robots do besides the"
-    " same drive without a jump, by half the difference of two that jump to opposite sides under the same noise",
-    "rise": "time from a tenth to nine tenths of the step",
-    "overshoot": "largest way beyond the step, share of it",
-    "within_5_mm, within_2_percent": "time from which on the error stays as small, s",
-    "left": "error in the last half second of three, m",
-    "gain": "L = -u / (u + d) by Fourier transform: u what the team commands, d what is added on the way to the radio,"
-    " unknown to the team; likewise by half the difference of two rows",
-    "crossover": "lowest frequency at which abs(L) falls through one, rad/s",
-    "phase": "180 degrees + phase of L there, the least",
-    "delay": "phase margin over frequency, the least: what the dead time may be longer, s",
+    "rest, driving": (
+        f"the robot is at rest, or drives at {experiments.SPEED_M_S:g} m/s and weaves by "
+        f"{experiments.WEAVE_M_S:g} m/s forward and sideways"
+    ),
+    "forward, sideways": "direction of step and disturbance, in the body frame",
+    "step": (
+        "the reference's poses step without notice, its velocities do not; the response is half "
+        "the difference of two robots with opposite steps under the same noise"
+    ),
+    "rise_time_s": "time from 10 % to 90 % of the step",
+    "overshoot": "largest excess over the step, fraction of the step",
+    "settling_5_mm_s, settling_2_percent_s": "time from which on the error stays as small",
+    "steady_state_error_m": "error in the last half second of three",
+    "gain": (
+        "L = -u / (u + d) by Fourier transform: u the team's command, d a disturbance added to it "
+        "before the radio, unknown to the team; half the difference of two robots as well"
+    ),
+    "crossover_rad_s": "lowest frequency at which abs(L) falls below one",
+    "phase_deg": "phase margin: 180 degrees + phase of L at a crossover, the least",
+    "delay_s": "delay margin: phase margin over frequency, the least",
     "gain_margin": "1 / abs(L) where the phase is -180 degrees and abs(L) < 1, the least",
-    "sensitivity": "Ms, largest abs(1 / (1 + L)) from the lowest frequency measured to the highest",
+    "sensitivity": "Ms, largest abs(1 / (1 + L)) at the measured frequencies",
 }
-# Of the figures of `StepFigures` and `Margins`: heading, factor, digits.
+# Heading, factor and decimal places of each field of `StepMetrics` and `StabilityMargins`
 COLUMNS = (
-    ("rise, ms", 1e3, 0), ("overshoot, %", 1e2, 0), ("5 mm, s", 1, 2), ("2 %, s", 1, 2), ("left, mm", 1e3, 1),
-    ("w, rad/s", 1, 1), ("phase, °", 1, 0), ("delay, ms", 1e3, 0), ("gain", 1, 2), ("Ms", 1, 2),
-)  # fmt: skip
+    ("rise, ms", 1e3, 0),
+    ("overshoot, %", 1e2, 0),
+    ("5 mm, s", 1, 2),
+    ("2 %, s", 1, 2),
+    ("steady, mm", 1e3, 1),
+    ("w, rad/s", 1, 1),
+    ("phase, °", 1, 0),
+    ("delay, ms", 1e3, 0),
+    ("gain", 1, 2),
+    ("Ms", 1, 2),
+)
 
 
 class LoopMeasurement(NamedTuple):
     """One controller in one case.
 
     Attributes:
-        gains: L at `FREQUENCIES`, complex, (tones,).
-        moved: Answer to the step, (frames,) m.
-        step: Figures of that.
-        margins: Of the loop.
+        gains: L at `FREQUENCIES`, complex, (harmonics,).
+        step_response: Displacement since the step, (frames,) m.
+        step_metrics: Metrics of the step response.
+        margins: Stability margins.
     """
 
     gains: Gains
-    moved: Array
-    step: StepFigures
-    margins: Margins
+    step_response: Array
+    step_metrics: StepMetrics
+    margins: StabilityMargins
 
     def report(self) -> dict[str, Any]:
-        """Return all in plain values, None for what there is none of."""
-        figures = {"step": self.step._asdict(), "margins": self.margins._asdict()}
-        report = {
-            name: {key: finite_or_none(value) for key, value in each.items()}
-            for name, each in figures.items()
+        """Return the measurement as plain values; None for a value that does not exist."""
+        return {
+            "rms_m_s": experiments.RMS_M_S,
+            "step_m": STEP_M,
+            "step": _finite_fields(self.step_metrics),
+            "margins": _finite_fields(self.margins),
+            "gain": list(map(finite_or_none, np.abs(self.gains))),
+            "phase_deg": list(map(finite_or_none, np.degrees(np.angle(self.gains)))),
         }
-        values = {"gain": np.abs(self.gains), "phase_deg": np.degrees(np.angle(self.gains))}
-        lists = {name: [finite_or_none(value) for value in each] for name, each in values.items()}
-        return {"rms_m_s": drives.RMS_M_S, "step_m": STEP_M, **report, **lists}
 
 
 @dataclass
 class LoopResult(Result):
-    """The result of the study; its rows hold case and sign.
+    """Result of the loop study. Its rows hold case and sign.
 
     Attributes:
-        loops: What was found, by case and controller; nothing of a study that was stopped.
+        loops: Measurements by case and controller; empty if the study was stopped.
     """
 
     loops: Mapping[str, Mapping[str, LoopMeasurement]] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
-        """What was measured."""
-        chosen, step = self.outcomes[0].scenario, f"steps of {100 * STEP_M:g} cm"
-        return f"loops of {chosen.robot} on the {chosen.plant} plant: {step}, then crossover and margins"
+        """Title of table and figure."""
+        scenario = self.outcomes[0].scenario
+        return (
+            f"control loops of {scenario.robot} on the {scenario.plant} plant: "
+            f"{100 * STEP_M:g} cm step, crossover and margins"
+        )
 
     def summary(self) -> dict[str, Any]:
-        """Return that of any result, with the loops as `loop`."""
+        """Return the summary of any result, with the loops as `loop`."""
         cases = {
-            case: {label: one.report() for label, one in loops.items()}
+            case: {label: loop.report() for label, loop in loops.items()}
             for case, loops in self.loops.items()
         }
         report = {
@@ -119,21 +134,21 @@ class LoopResult(Result):
         return super().summary() | {"loop": report if cases else None}
 
     def table(self) -> str:
-        """Return the figures as lines of text."""
+        """Return metrics and margins as lines of text; empty if the study was stopped."""
         rows = []
         for case, loops in self.loops.items():
-            for i, (label, one) in enumerate(loops.items()):
-                figures = (*one.step, *one.margins)
+            for i, (label, loop) in enumerate(loops.items()):
                 cells = [
-                    format_number(finite_or_none(value), factor, n)
-                    for value, (_, factor, n) in zip(figures, COLUMNS, strict=True)
+                    format_number(finite_or_none(value), factor, digits)
+                    for value, (_, factor, digits) in zip(
+                        (*loop.step_metrics, *loop.margins), COLUMNS, strict=True
+                    )
                 ]
                 rows.append(["" if i else case, label, *cells])
-        return (
-            aligned(Table(self.title, ["", "", *(heading for heading, _, _ in COLUMNS)], rows, 2))
-            if rows
-            else ""
-        )
+        if not rows:
+            return ""
+        headings = ["", "", *(heading for heading, _, _ in COLUMNS)]
+        return format_table(Table(self.title, headings, rows, 2))
 
 
 def measure_loop(
@@ -142,52 +157,66 @@ def measure_loop(
     *,
     start_progress: StartProgress = no_progress,
 ) -> LoopResult:
-    """Measure how loops answer a step, and how far they are from the edge of stability.
+    """Measure step responses and stability margins of control loops.
 
     Args:
-        scenario: Robot, plant, seeds and all settings, or its name; its reference is left out.
-        controllers: Names, `file.py:Class`, or classes derived from `Controller`. [those that come
-            with the package, but for what is told the truth]
-        start_progress: Called with a title and the number of frames to come; what it returns is called after
-            each frame, and may raise `StoppedError`.
+        scenario: Scenario, or its name, with robot, plant, seeds and settings; its reference is not
+            used.
+        controllers: Names, `file.py:Class`, or classes derived from `Controller`. Default: all
+            built-in controllers that do not know the true state.
+        start_progress: Called with a title and the number of frames. It returns a function that is
+            called with each frame's number and may raise `StoppedError`.
 
     Raises:
-        OmniError: There is no such scenario or controller.
+        OmniError: The scenario or a controller does not exist.
     """
-    started = time.perf_counter()
-    given = resolve_scenario(scenario, list_competitors() if controllers is None else controllers)
-    distributions.refuse(given.distributions, "loop")
-    given = given.replace(name="loop", description="step responses and margins", paper_table=0)
-    drive = LoopExperiment(given)
-    stopped = drive.run(start_progress("loop", drives.FRAMES))
+    start_time = time.perf_counter()
+    scenario = resolve_scenario(
+        scenario, list_competitors() if controllers is None else controllers
+    )
+    distributions.refuse(scenario.distributions, "loop")
+    scenario = scenario.replace(
+        name="loop", description="step responses and margins", paper_table=0
+    )
+    experiment = LoopExperiment(scenario)
+    stopped = experiment.run(start_progress("loop", experiments.TOTAL_FRAMES))
+    outcome = open_loop_outcome(
+        scenario, experiment.simulation, start_time, stopped, experiment.row_labels
+    )
     return LoopResult(
-        [open_loop_outcome(given, drive.simulation, started, stopped, drive.asked)],
-        given.labels,
-        list_informed(given),
-        given.seed_list,
-        wall_s=time.perf_counter() - started,
+        [outcome],
+        scenario.labels,
+        list_privileged(scenario),
+        scenario.seed_list,
+        wall_s=time.perf_counter() - start_time,
         stopped=stopped,
         complete=not stopped,
-        loops={} if stopped else _find_loops(drive, given.labels),
+        loops={} if stopped else _evaluate(experiment, scenario.labels),
     )
 
 
-def _find_loops(
-    drive: LoopExperiment, labels: Sequence[str]
+def _evaluate(
+    experiment: LoopExperiment, labels: Sequence[str]
 ) -> dict[str, dict[str, LoopMeasurement]]:
-    """Return the loops of a drive that has come to its end."""
-    position, command, disturbance = drive.answers()
-    wanted, added = command[-drives.MEASURED :], disturbance[-drives.MEASURED :]
-    moved = position[drives.WARM_UP :][: drives.STEP]
-    moved = (moved - moved[0]).mean(3)
+    """Return the measurements of an experiment that ran to its end, by case and controller."""
+    position, command, disturbance = experiment.paired_responses()
+    command = command[-experiments.MEASURED_FRAMES :]
+    disturbance = disturbance[-experiments.MEASURED_FRAMES :]
+    displacement = position[experiments.WARM_UP_FRAMES :][: experiments.STEP_FRAMES]
+    displacement = (displacement - displacement[0]).mean(3)
 
-    def find_loop(i: int, j: int) -> LoopMeasurement:
-        gains = loop_gain(wanted[:, i, j], added[:, i, j])
-        return LoopMeasurement(
-            gains, moved[:, i, j], measure_step(moved[:, i, j], STEP_M), find_margins(gains)
-        )
+    def evaluate_loop(i: int, j: int) -> LoopMeasurement:
+        gains = estimate_loop_gain(command[:, i, j], disturbance[:, i, j])
+        response = displacement[:, i, j]
+        metrics = compute_step_metrics(response, STEP_M)
+        return LoopMeasurement(gains, response, metrics, compute_margins(gains))
 
     return {
-        case: {label: find_loop(i, j) for i, label in enumerate(labels)}
+        case: {label: evaluate_loop(i, j) for i, label in enumerate(labels)}
         for j, case in enumerate(CASES)
     }
+
+
+def _finite_fields(metrics: StepMetrics | StabilityMargins) -> dict[str, float | None]:
+    """Return the fields by name, with None in place of NaN."""
+    return {name: finite_or_none(value) for name, value in metrics._asdict().items()}

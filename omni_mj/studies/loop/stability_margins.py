@@ -1,7 +1,8 @@
-"""Figures of a loop: its step response, the gain around it, and the margins that this leaves.
+"""Loop gain and stability margins, estimated from a disturbance of the command.
 
-With d added behind the controller, which wants u, the robot is sent u + d. In a linear loop of controller C and robot
-P, u = -C P (u + d), so that L = C P = -u / (u + d) at each frequency, and what comes of d is 1 / (1 + L) of it.
+The disturbance d is added to the controller's command u, so the robot is sent u + d. In a linear
+loop of controller C and plant P, u = -C P (u + d). At each frequency the loop gain is
+L = C P = -u / (u + d), and the response to d is d / (1 + L).
 """
 
 from typing import NamedTuple
@@ -10,139 +11,81 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
-from omni_mj.studies.loop.loop_experiment import FREQUENCIES, PERIOD_FRAMES, TONES
+from omni_mj.studies.loop.loop_experiment import FREQUENCIES, HARMONICS, PERIOD_FRAMES
 
 Gains = NDArray[np.complex128]
-_FINE = 2000  # frequencies between the lowest and the highest, where margins are looked for
-WITHIN_M, WITHIN = 0.005, 0.02  # it has settled, coarsely; and finely, a share of the step
-STEADY = FRAME_RATE_HZ // 2  # frames at the end whose mean is what it comes to
+_N_INTERPOLATED = 2000  # frequencies between the lowest and the highest
 
 
-class StepFigures(NamedTuple):
-    """The figures of a step response; NaN for what does not happen while it is watched.
+class StabilityMargins(NamedTuple):
+    """Distance of a loop from instability; NaN if there is no such margin.
 
     Attributes:
-        rise: From a tenth to nine tenths, s.
-        overshoot: How far beyond, share of the step.
-        within_5_mm: Time after which the error stays so small, s.
-        within_2_percent: The same, s.
-        left: Error at the end, mean of the last half second, m.
+        crossover_rad_s: Lowest frequency at which |L| falls below one.
+        phase_deg: Phase margin: least additional phase lag at a crossover that makes the loop
+            unstable.
+        delay_s: Delay margin: least additional dead time that makes it unstable.
+        gain: Gain margin: least factor on the gain that makes it unstable.
+        sensitivity: Ms, largest |1 / (1 + L)|: largest amplification of a disturbance.
     """
 
-    rise: float = np.nan
-    overshoot: float = np.nan
-    within_5_mm: float = np.nan
-    within_2_percent: float = np.nan
-    left: float = np.nan
-
-
-class Margins(NamedTuple):
-    """How far a loop is from the edge of stability; NaN for what there is none of.
-
-    Attributes:
-        crossover: Lowest frequency at which the gain falls through one, rad/s.
-        phase: What the phase may lag more at such a frequency, the least of them, degrees.
-        delay: What the dead time may be longer, the least of them, s.
-        gain: Factor by which the gain may be higher.
-        sensitivity: Ms, largest |1 / (1 + L)|: how much the loop amplifies the disturbances that it
-            amplifies most.
-    """
-
-    crossover: float = np.nan
-    phase: float = np.nan
-    delay: float = np.nan
+    crossover_rad_s: float = np.nan
+    phase_deg: float = np.nan
+    delay_s: float = np.nan
     gain: float = np.nan
     sensitivity: float = np.nan
 
 
-def measure_step(moved: Array, step: float) -> StepFigures:
-    """Return the figures of a step response.
+def estimate_loop_gain(command: Array, disturbance: Array) -> Gains:
+    """Return L at `FREQUENCIES`, (harmonics,), from cross spectra with the disturbance.
 
     Args:
-        moved: Way in answer to it in each frame, the first being that in which the reference jumps,
-            (frames,) m.
-        step: By which it jumps, m.
-    """
-    if not np.isfinite(moved).all():
-        return StepFigures()
-    share, error = moved / step, np.abs(moved - step)
-    return StepFigures(
-        rise=_reaches(share, 0.9) - _reaches(share, 0.1),
-        overshoot=max(float(share.max()) - 1, 0.0),
-        within_5_mm=_stays(error, WITHIN_M),
-        within_2_percent=_stays(error, WITHIN * abs(step)),
-        left=float(step - moved[-STEADY:].mean()),
-    )
-
-
-def _reaches(share: Array, level: float) -> float:
-    """Return when it does first, between frames, s; the first frame is below."""
-    above = np.flatnonzero(share >= level)
-    if not above.size:
-        return np.nan
-    after = int(above[0])
-    return (
-        PERIOD_S * (after - float((share[after] - level) / (share[after] - share[after - 1])))
-        if after
-        else 0.0
-    )
-
-
-def _stays(error: Array, bound: float) -> float:
-    """Return when it begins to stay within the bound, s."""
-    beyond = np.flatnonzero(error > bound)
-    after = int(beyond[-1]) + 1 if beyond.size else 0
-    return PERIOD_S * after if after < len(error) else np.nan
-
-
-def loop_gain(command: Array, disturbance: Array) -> Gains:
-    """Return L at `FREQUENCIES`, (tones,): spectra times the disturbance's, summed over periods and seeds.
-
-    Args:
-        command: What the controller wants, whole periods, (frames, seeds) m/s.
-        disturbance: What is added to it, of the same shape.
+        command: Command of the controller over whole periods, (frames, seeds) m/s.
+        disturbance: Disturbance added to it, same shape.
     """
     periods = (
         values.reshape(-1, PERIOD_FRAMES, values.shape[-1]) for values in (command, disturbance)
     )
-    wanted, added = (np.fft.rfft(values, axis=1)[:, TONES] for values in periods)
-    with np.errstate(invalid="ignore"):  # of rows that failed
-        gain: Gains = -(wanted * added.conj()).sum((0, 2)) / ((wanted + added) * added.conj()).sum(
-            (0, 2)
-        )
-    return gain
+    u, d = (np.fft.rfft(values, axis=1)[:, HARMONICS] for values in periods)
+    with np.errstate(invalid="ignore"):  # rows that failed
+        gains: Gains = -(u * d.conj()).sum((0, 2)) / ((u + d) * d.conj()).sum((0, 2))
+    return gains
 
 
-def interpolate(frequency: Array, gain: Gains) -> tuple[Array, Gains]:
-    """Return frequencies in between (m,) and L there: log |L| is linear over log w, the phase over w.
+def interpolate_gains(frequencies: Array, gains: Gains) -> tuple[Array, Gains]:
+    """Interpolate a loop gain: log |L| linearly over log frequency, the phase over frequency.
 
     Args:
-        frequency: Rising, rad/s (f,).
-        gain: Complex, (f,).
+        frequencies: Increasing, rad/s (f,).
+        gains: Complex, (f,).
+
+    Returns:
+        Frequencies (m,) and gains (m,).
     """
-    fine = np.geomspace(frequency[0], frequency[-1], _FINE)
-    size = np.exp(np.interp(np.log(fine), np.log(frequency), np.log(np.abs(gain))))
-    return fine, size * np.exp(1j * np.interp(fine, frequency, np.unwrap(np.angle(gain))))
+    fine = np.geomspace(frequencies[0], frequencies[-1], _N_INTERPOLATED)
+    magnitude = np.exp(np.interp(np.log(fine), np.log(frequencies), np.log(np.abs(gains))))
+    phase = np.interp(fine, frequencies, np.unwrap(np.angle(gains)))
+    return fine, magnitude * np.exp(1j * phase)
 
 
-def find_margins(gain: Gains) -> Margins:
-    """Return those of a loop whose complex gains (tones,) are known at `FREQUENCIES`, in between interpolated."""
-    if not np.isfinite(gain).all():
-        return Margins()
-    fine, curve = interpolate(FREQUENCIES, gain)
-    size, turns = np.abs(curve), np.floor((np.unwrap(np.angle(curve)) / np.pi + 1) / 2)
-    falls = np.flatnonzero((size[:-1] >= 1) & (size[1:] < 1))
-    phase = np.angle(-curve[falls])  # from -180 degrees on
-    opposed = np.flatnonzero((turns[:-1] != turns[1:]) & (size[:-1] < 1))
-    return Margins(
-        crossover=_least(fine[falls]),
-        phase=_least(np.degrees(phase)),
-        delay=_least(phase / fine[falls]),
-        gain=_least(1 / size[opposed]),
+def compute_margins(gains: Gains) -> StabilityMargins:
+    """Return the stability margins of a loop with gains (harmonics,) at `FREQUENCIES`."""
+    if not np.isfinite(gains).all():
+        return StabilityMargins()
+    fine, curve = interpolate_gains(FREQUENCIES, gains)
+    magnitude = np.abs(curve)
+    half_turns = np.floor((np.unwrap(np.angle(curve)) / np.pi + 1) / 2)
+    crossovers = np.flatnonzero((magnitude[:-1] >= 1) & (magnitude[1:] < 1))
+    phase_margins = np.angle(-curve[crossovers])
+    at_180_degrees = np.flatnonzero((half_turns[:-1] != half_turns[1:]) & (magnitude[:-1] < 1))
+    return StabilityMargins(
+        crossover_rad_s=_min_or_nan(fine[crossovers]),
+        phase_deg=_min_or_nan(np.degrees(phase_margins)),
+        delay_s=_min_or_nan(phase_margins / fine[crossovers]),
+        gain=_min_or_nan(1 / magnitude[at_180_degrees]),
         sensitivity=float((1 / np.abs(1 + curve)).max()),
     )
 
 
-def _least(values: Array) -> float:
+def _min_or_nan(values: Array) -> float:
     return float(values.min()) if values.size else np.nan

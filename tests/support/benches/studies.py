@@ -19,10 +19,16 @@ from omni_mj.studies.limit.deviation_model import DeviationModel, improve
 from omni_mj.studies.limit.iterative_learning import Drives, learn
 from omni_mj.studies.limit.limit_study import quiet
 from omni_mj.studies.limit.lqr_tracking import POSE, Policy, Tracker, _regulator
-from omni_mj.studies.loop import LoopResult, measure_loop
-from omni_mj.studies.loop import loop_experiment as loop_drive
-from omni_mj.studies.loop.loop_experiment import FREQUENCIES, STEP, STEP_M, WARM_UP, LoopExperiment
-from omni_mj.studies.loop.stability_margins import find_margins, measure_step
+from omni_mj.studies.loop import LoopResult, loop_experiment, measure_loop
+from omni_mj.studies.loop.loop_experiment import (
+    FREQUENCIES,
+    STEP_FRAMES,
+    STEP_M,
+    WARM_UP_FRAMES,
+    LoopExperiment,
+)
+from omni_mj.studies.loop.stability_margins import compute_margins
+from omni_mj.studies.loop.step_response import compute_step_metrics
 from omni_mj.studies.slip import PUBLISHED
 from omni_mj.studies.slip import slip_fits as fits
 from omni_mj.studies.slip import slip_moves as moves
