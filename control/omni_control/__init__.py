@@ -1,7 +1,8 @@
-"""Control of omnidirectional robots: kinematics, reference, fuzzy control, delay compensation; a team's computer.
+"""Motion control of omnidirectional robots: a team's computer without simulator and files.
 
-Needs numpy and scipy only and knows neither a simulator nor files: `Team` is what a simulated loop runs and what a
-robot's owner runs. All arrays have a leading axis of robots.
+It contains kinematics, references, fuzzy control, delay compensation and estimation, and needs
+numpy and scipy only. `Team` runs in the simulated loop and on real robots. All arrays have a
+leading axis of robots.
 """
 
 from importlib import import_module
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from omni_control.team import Team
     from omni_control.traction import WheelLimits
 
-_HOME = {
+_MODULES = {
     "CURVES": "reference",
     "CommandHistory": "delay_compensation",
     "Controller": "controllers.base",
@@ -64,10 +65,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """A public name, loaded when it is asked for."""
-    if name not in _HOME:
+    """Import a public name when it is used."""
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -1,10 +1,10 @@
 """The paper's fuzzy controller (section 3-C): a Mamdani controller with 25 rules.
 
-Both inputs and both outputs have five triangular sets, whose peaks lie at -1, -1/2, 0, 1/2, 1 of the
-range and which cross at half height (figures 5 and 6). The outermost sets are cut off at the ends of
-the range. A rule fires as strongly as the weaker of its two conditions holds. An output set is clipped
-at the strength of the strongest rule that concludes it. The output is the exact centre of gravity of
-the union of the clipped sets (E. H. Mamdani and S. Assilian, Int. J. Man-Machine Studies 7, 1975).
+Both inputs and both outputs have five triangular sets with peaks at -1, -1/2, 0, 1/2, 1 of the
+range. Neighbors cross at half height (figures 5 and 6), and the outermost sets end at the limits
+of the range. The strength of a rule is the smaller membership of its two conditions. An output set
+is clipped at the strength of its strongest rule. The output is the exact centroid of the union of
+the clipped sets (E. H. Mamdani and S. Assilian, Int. J. Man-Machine Studies 7, 1975).
 """
 
 from dataclasses import dataclass
@@ -36,22 +36,23 @@ TABLE_2_VY = """
     PS PS PS PS PS
     PB PB PB PB PB
 """
-_TABLES = np.array([TABLE_1_VX.split(), TABLE_2_VY.split()])  # (outputs, rules)
+_RULE_TABLES = np.array([TABLE_1_VX.split(), TABLE_2_VY.split()])  # (outputs, rules)
 # Indices (5, sets, outputs) of the five rules that conclude a set.
-_RULES = np.array([[np.flatnonzero(t == s) for s in LABELS] for t in _TABLES]).T.copy()
+_RULES = np.array([[np.flatnonzero(t == s) for s in LABELS] for t in _RULE_TABLES]).T.copy()
 PEAKS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None, None]
 
-# Sets overlap with their neighbours only, in triangles of height 1/2 about their crossings. Those
-# are counted twice in the sum over the five sets, so that they are subtracted once. Up to a level
-# u, the area of a set is u - u^2 / 2 and that of an overlap u / 2 - u^2 / 2. Both are symmetric
-# about their peaks, except for the outermost sets: those are half triangles, whose first moment
-# about the peak is (1 - (1 - u)^3) / 24 inwards.
+# Area and first moment of the union. Each set overlaps with its neighbors only, in a triangle of
+# height 1/2 at their crossing. The sum over the five sets counts these four triangles twice, so
+# that they are subtracted once. Up to a level u, the area of a set is u - u^2 / 2, and that of an
+# overlap u / 2 - u^2 / 2. Both are symmetric about their peaks, except for the outermost sets:
+# those are half triangles. Their first moment about the peak is (1 - (1 - u)^3) / 24 inwards.
 _CROSSINGS = (PEAKS[1:] + PEAKS[:-1]) / 2
-_LEFT, _RIGHT = np.array([0, 1, 2, 3, 4, 0, 1, 2, 3]), np.array([0, 1, 2, 3, 4, 1, 2, 3, 4])
-_TOP = np.repeat([1.0, 0.5], [5, 4])[:, None, None]
-_LINEAR, _QUADRATIC, _CUBIC = np.zeros(
-    (3, 2, 9, 1, 1)
-)  # coefficients of [area, moment] of the nine triangles
+# Sets whose smaller height is the level of each triangle: five sets, then four overlaps.
+_LEFT_SETS = np.array([0, 1, 2, 3, 4, 0, 1, 2, 3])
+_RIGHT_SETS = np.array([0, 1, 2, 3, 4, 1, 2, 3, 4])
+_MAX_LEVELS = np.repeat([1.0, 0.5], [5, 4])[:, None, None]
+# Coefficients of the polynomials in u, [area, moment] of the nine triangles.
+_LINEAR, _QUADRATIC, _CUBIC = np.zeros((3, 2, 9, 1, 1))
 _LINEAR[0, :, 0, 0] = [0.5, 1, 1, 1, 0.5, *[-0.5] * 4]
 _QUADRATIC[0, :, 0, 0] = [-0.25, -0.5, -0.5, -0.5, -0.25, *[0.5] * 4]
 _LINEAR[1], _QUADRATIC[1] = np.concatenate([PEAKS, _CROSSINGS]) * [_LINEAR[0], _QUADRATIC[0]]
@@ -61,16 +62,18 @@ for _outermost, _inwards in ((0, 1 / 24), (4, -1 / 24)):
     _CUBIC[1, _outermost] = _inwards
 
 
-def memberships(values: Array) -> Array:
-    """Return the degrees (5, k, n) to which values (k, n) over their range belong to the sets."""
+def compute_memberships(values: Array) -> Array:
+    """Return the degrees of membership (5, k, n) of values (k, n), relative to their range."""
     return np.maximum(1.0 - 2.0 * np.abs(np.minimum(np.maximum(values, -1.0), 1.0) - PEAKS), 0.0)
 
 
-def centre_of_gravity(heights: Array) -> Array:
-    """Return the centres of gravity (outputs, n) of the union of the sets clipped at heights (5, outputs, n)."""
-    # numpy adds up the rows of a table in order, but those of a lone column pairwise: at least two
-    # outputs.
-    u = np.minimum(np.minimum(heights.take(_LEFT, axis=0), heights.take(_RIGHT, axis=0)), _TOP)
+def compute_centroids(heights: Array) -> Array:
+    """Return the centroids (outputs, n) of the union of sets clipped at (5, outputs, n)."""
+    # numpy sums the rows in order if there are at least two outputs, otherwise pairwise.
+    u = np.minimum(
+        np.minimum(heights.take(_LEFT_SETS, axis=0), heights.take(_RIGHT_SETS, axis=0)),
+        _MAX_LEVELS,
+    )
     area, moment = np.add.reduce(((_CUBIC * u + _QUADRATIC) * u + _LINEAR) * u, axis=1)
     return np.asarray(moment / area)
 
@@ -79,17 +82,17 @@ def centre_of_gravity(heights: Array) -> Array:
 class FuzzyLaw:
     """The FLC: position errors in, correcting velocities out.
 
-    A velocity never falls while its own error grows, but its gain has the ripples of a Mamdani
+    A velocity never decreases with its own error, but its gain has the ripples of a Mamdani
     controller with few sets. With the default ranges, and the other error on a peak, it is 15/s at
     zero, 8/s half-way to the peak of PS, 15/s just before this peak, 0 just after it, where the
     base of PB lies within that of PS and adds next to nothing to the union, and 23/s at the end of
-    the range. The other error matters only between two peaks, where no rule fires fully; it changes
-    a velocity by less than 0.05 of the range.
+    the range. The other error has an effect only between two peaks, where no rule fires fully. It
+    changes a velocity by less than 0.05 of the range.
 
     Args:
-        error_range_m: inputs are clipped to plus or minus this (epsilon of the paper), m.
-        speed_range_m_s: outputs lie in the universe plus or minus this (delta), m/s; since the
-            outermost sets are half triangles, the largest output is 5/6 of it.
+        error_range_m: Inputs are clipped to plus or minus this range (epsilon of the paper), m.
+        speed_range_m_s: Outputs lie in the universe plus or minus this range (delta), m/s. Since
+            the outermost sets are half triangles, the largest output is 5/6 of it.
     """
 
     error_range_m: float = 0.1
@@ -99,17 +102,17 @@ class FuzzyLaw:
         """Check the ranges.
 
         Raises:
-            OmniError: a range is not a positive number.
+            OmniError: A range is not a positive number.
         """
         if not (0 < self.error_range_m < np.inf and 0 < self.speed_range_m_s < np.inf):
-            raise OmniError("the ranges of the fuzzy controller must be positive numbers")
+            raise OmniError("error_range_m and speed_range_m_s must be positive numbers")
 
     @property
-    def stiffness(self) -> float:
-        """Velocity per error at no error, 1/s.
+    def gain_at_zero(self) -> float:
+        """Velocity per error at zero error, 1/s.
 
-        Per range e of its small error PS fires 2 e, and adds 2 e times the half of the universe
-        that ZO does not reach into: a moment of 2 e x 3/8 to ZO's area of 1/2.
+        At a small error e, relative to the range, PS fires with strength 2 e. It adds 2 e times
+        the half of the universe outside ZO: a moment of 2 e x 3/8 to ZO's area of 1/2.
         """
         return 1.5 * self.speed_range_m_s / self.error_range_m
 
@@ -117,12 +120,12 @@ class FuzzyLaw:
         """Return velocities [vx, vy] (..., 2) in m/s for position errors [ex, ey] (..., 2) in m.
 
         Raises:
-            OmniError: an error is not a number.
+            OmniError: An error is NaN.
         """
         errors = np.asarray(error, float)
         if np.count_nonzero(np.isnan(errors)):
-            raise OmniError("a position error of the fuzzy controller is not a number")
-        degrees = memberships(errors.reshape(-1, 2).T / self.error_range_m)
+            raise OmniError("position errors of the fuzzy controller must be numbers, got NaN")
+        degrees = compute_memberships(errors.reshape(-1, 2).T / self.error_range_m)
         strengths = np.minimum(degrees[:, None, 1], degrees[:, 0]).reshape(25, -1)
-        velocity = centre_of_gravity(np.maximum.reduce(strengths.take(_RULES, axis=0)))
+        velocity = compute_centroids(np.maximum.reduce(strengths.take(_RULES, axis=0)))
         return self.speed_range_m_s * velocity.T.reshape(errors.shape)

@@ -1,15 +1,15 @@
-r"""Kinematics of an omnidirectional robot with three or more wheels (equations 1-4 of the paper, for any number).
+r"""Kinematics of an omnidirectional robot with three or more wheels (equations 1-4 of the paper).
 
-    body frame, seen from above                    wheel i at azimuth theta_i and distance l (the arm)
+    body frame, seen from above         wheel i at azimuth theta_i and distance l (the arm)
 
                  x (kicker)
-          1 \   ^   / 4         four: 60, 135, 225, 300 deg, counter-clockwise from the front left
-             \  |  /
-       y <------+                A positive wheel speed drives the wheel's contact point, and so the body there,
-             /     \             along (-sin theta, cos theta): all positive turn the robot counter-clockwise.
-          2 /       \ 3
+          1 \   ^   / 4         four wheels: 60, 135, 225, 300 deg,
+             \  |  /            counter-clockwise from the front left.
+       y <------+               A positive wheel speed moves the robot at the wheel's contact
+             /     \            point along (-sin theta, cos theta). If all wheel speeds are
+          2 /       \ 3         positive, the robot turns counter-clockwise.
 
-World frame: field centre, x towards the goal, y left, heading counter-clockwise from x.
+World frame: field center, x towards the goal, y left, heading counter-clockwise from x.
 A pose is [x, y, heading] in m, m, rad; a twist is [vx, vy, w] in m/s, m/s, rad/s.
 """
 
@@ -21,16 +21,15 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-_PAST_HALF_A_TURN = np.nextafter(-np.pi, 0)
+_ABOVE_MINUS_PI = np.nextafter(-np.pi, 0)
 
 
 def wrap_angle(angle: ArrayLike) -> Array:
     """Return `angle` (rad, any shape) mapped into (-pi, pi]."""
     angle = np.asarray(angle, float)
-    near = angle - 2 * np.pi * np.ceil(angle / (2 * np.pi) - 0.5)
-    return np.minimum(
-        np.maximum(near, _PAST_HALF_A_TURN), np.pi
-    )  # rounding may have led just past the ends
+    wrapped = angle - 2 * np.pi * np.ceil(angle / (2 * np.pi) - 0.5)
+    # Rounding may lead just past the ends.
+    return np.minimum(np.maximum(wrapped, _ABOVE_MINUS_PI), np.pi)
 
 
 def body_to_world(twist: ArrayLike, heading: ArrayLike) -> Array:
@@ -51,12 +50,14 @@ def world_to_body(twist: ArrayLike, heading: ArrayLike) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:
-    """Geometry of the wheels and the maps between body twist and wheel speeds; equal to another with equal numbers.
+    """Geometry of the wheels, and conversion between body twist and wheel speeds.
+
+    Instances with equal numbers compare equal.
 
     Args:
-        azimuths: direction from the centre to each wheel, rad, (wheels,).
-        arm: distance from the centre to the wheels' contact points (l), m.
-        radius: wheel radius (r), m.
+        azimuths: Direction from the center to each wheel, (wheels,), rad.
+        arm: Distance l from the center to the wheels' contact points, m.
+        radius: Wheel radius r, m.
     """
 
     azimuths: Array
@@ -64,19 +65,19 @@ class Kinematics:
     radius: float
 
     def __post_init__(self) -> None:
-        """Take a copy of the azimuths, which nobody can change."""
+        """Replace the azimuths by a read-only copy."""
         azimuths = np.array(self.azimuths, float)
         azimuths.flags.writeable = False
         object.__setattr__(self, "azimuths", azimuths)
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Kinematics) and self._numbers == other._numbers
+    def __eq__(self, geometry: object) -> bool:
+        return isinstance(geometry, Kinematics) and self._key == geometry._key
 
     def __hash__(self) -> int:
-        return hash(self._numbers)
+        return hash(self._key)
 
     @property
-    def _numbers(self) -> tuple[float, ...]:
+    def _key(self) -> tuple[float, ...]:
         return (*self.azimuths.tolist(), self.arm, self.radius)
 
     @cached_property
@@ -89,19 +90,21 @@ class Kinematics:
 
     @cached_property
     def axles(self) -> Array:
-        """Matrix (wheels, 3): speeds of wheels along their axles, outwards (m/s), from a body twist."""
+        """Matrix (wheels, 3): wheel speeds along their axles, outwards (m/s), from a body twist."""
         theta = self.azimuths
         axles = np.stack([np.cos(theta), np.sin(theta), np.zeros_like(theta)], axis=-1)
         axles.flags.writeable = False
         return axles
 
     def wheel_speeds(self, twist: ArrayLike) -> Array:
-        """Return the wheel speeds (..., wheels) in rad/s of rolling without slip at a body twist (..., 3)."""
-        # A sum over broadcast products, not a matrix product: BLAS may round one row of a batch
-        # differently from the same row alone.
+        """Return the wheel speeds (..., wheels), rad/s, without slip at a body twist (..., 3)."""
+        # A matrix product by BLAS may round a row of a batch differently from the same row alone.
         return (self.matrix / self.radius * np.asarray(twist, float)[..., None, :]).sum(-1)
 
     def body_twist(self, wheel_speeds: ArrayLike) -> Array:
-        """Return the body twist (..., 3) of equation 3, least squares over the wheel speeds (..., wheels) in rad/s."""
+        """Return the body twist (..., 3) that best fits wheel speeds (..., wheels) in rad/s.
+
+        This is equation 3, a least-squares fit for any number of wheels.
+        """
         inverse = np.linalg.pinv(self.matrix) * self.radius
         return (inverse * np.asarray(wheel_speeds, float)[..., None, :]).sum(-1)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 T = 1 / 60
-CONFIDENCE_M = 0.02
+EQUAL_WEIGHT_M = 0.02
 
 alphas = st.tuples(st.floats(0.5, 1.1), st.floats(0.5, 1.1))
 
@@ -44,7 +44,7 @@ def test_the_error_shrinks_by_the_weight_of_the_old_value(
     displacement = (
         passed - np.concatenate([np.repeat(passed[:1], window, axis=0), passed])[: len(passed)]
     )
-    left = np.cumprod(CONFIDENCE_M**2 / (CONFIDENCE_M**2 + displacement**2), axis=0)
+    left = np.cumprod(EQUAL_WEIGHT_M**2 / (EQUAL_WEIGHT_M**2 + displacement**2), axis=0)
     # Positions of up to 1 m are rounded at 1e-16, hundredfold where a displacement of 1 cm divides
     # them.
     np.testing.assert_allclose(values, alpha + (1 - np.array(alpha)) * left, rtol=0, atol=1e-12)
@@ -94,7 +94,7 @@ def test_at_the_confidence_displacement_old_and_new_weigh_the_same() -> None:
     """One frame in which confidence_m was commanded and 0.8 of it seen gives the mean of 1 and 0.8."""
     sent, estimator = CommandHistory(1, 1), AlphaEstimator(1, 1, 0, T)
     estimator.update(np.zeros((1, 2)), sent)
-    sent.append(np.array([[CONFIDENCE_M / T, -CONFIDENCE_M / T, 0]]))
-    value = estimator.update(np.array([[0.8 * CONFIDENCE_M, -0.8 * CONFIDENCE_M]]), sent)
+    sent.append(np.array([[EQUAL_WEIGHT_M / T, -EQUAL_WEIGHT_M / T, 0]]))
+    value = estimator.update(np.array([[0.8 * EQUAL_WEIGHT_M, -0.8 * EQUAL_WEIGHT_M]]), sent)
     # A few roundings of a number of size 1.
     np.testing.assert_allclose(value, [[0.9, 0.9]], rtol=0, atol=1e-15)

@@ -56,12 +56,12 @@ def gain_of(delay: int, lag: float) -> Array:
         )  # none, last to act, in flight
         if part:
             # Brings a robot from rest to a mm/s
-            commands[part] = LITTLE / (1 - robot.keep) if part == 1 else LITTLE
+            commands[part] = LITTLE / (1 - robot.velocity_decay) if part == 1 else LITTLE
         for command in commands[:-1]:
             sent.append(command)
             controller.command(0, seen_at(controller.model, pose, sent))
         if part == 1:
-            pose = (T - robot.slide) * commands[
+            pose = (T - robot.coast_time_s) * commands[
                 1
             ]  # where it is then, so that there is no disturbance
         sent.append(commands[-1])

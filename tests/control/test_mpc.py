@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import numpy as np
-from benches.control import Array, Limits, make_controller, minimize
+from benches.control import Array, CommandConstraints, make_controller, solve_quadratic_programs
 from closed_loop import Lagged, T, drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,7 +13,9 @@ from scipy import optimize
 from omni_control import MotionLimits, TeamModel, TimedReference
 
 
-def program(seed: int, n: int, frames: int, asked: float) -> tuple[Array, Array, Limits]:
+def program(
+    seed: int, n: int, frames: int, asked: float
+) -> tuple[Array, Array, CommandConstraints]:
     """Programs of robots whose planned commands change by about `asked`, as a share of what they may."""
     rng = np.random.default_rng(seed)
     root = np.tril(rng.normal(size=(n, 2 * frames, 2 * frames)))
@@ -24,11 +26,11 @@ def program(seed: int, n: int, frames: int, asked: float) -> tuple[Array, Array,
     return (
         hessian,
         0.1 * asked * rng.normal(size=(n, 2 * frames)),
-        Limits(planned[0], planned[1:], ways, 0.08, 0.3),
+        CommandConstraints(planned[0], planned[1:], ways, 0.08, 0.3),
     )
 
 
-def excess(limits: Limits, robot: int, w: Array) -> Array:
+def excess(limits: CommandConstraints, robot: int, w: Array) -> Array:
     """By how much commands miss their limits: corners of octagons, and the sides between them, drawn anew."""
     last, planned, ways = (values[..., 0] + 1j * values[..., 1] for values in limits[:3])
     sent = planned[:, robot] + w[0::2] + 1j * w[1::2]
@@ -40,8 +42,8 @@ def excess(limits: Limits, robot: int, w: Array) -> Array:
         return (vectors * middles.conj()).real / np.abs(middles)
 
     inner = np.abs(middles)
-    highest = np.maximum(limits.speed * inner, along(last[robot]))
-    beyond = along(change[:, None]) - limits.step * inner, along(sent[:, None]) - highest
+    highest = np.maximum(limits.max_speed * inner, along(last[robot]))
+    beyond = along(change[:, None]) - limits.max_step * inner, along(sent[:, None]) - highest
     return np.concatenate([each.ravel() for each in beyond])
 
 
@@ -50,13 +52,13 @@ def excess(limits: Limits, robot: int, w: Array) -> Array:
 def test_programs_are_solved_as_by_another_solver(seed: int) -> None:
     """By sequential quadratic programming, which starts from what is allowed: going on with the last command."""
     hessian, gradient, limits = program(seed, 2, 4, 1.5)
-    best, _ = minimize(hessian, gradient, limits)
+    best, _ = solve_quadratic_programs(hessian, gradient, limits)
     for i in range(2):
 
         def cost(w: Array, i: int = i) -> float:
             return float(w @ hessian[i] @ w / 2 + gradient[i] @ w)
 
-        start = (limits.last[i] - limits.planned[:, i]).ravel()
+        start = (limits.last_command[i] - limits.planned[:, i]).ravel()
         other = optimize.minimize(
             cost, start, jac=lambda w, i=i: hessian[i] @ w + gradient[i], method="SLSQP",
             constraints={"type": "ineq", "fun": lambda w, i=i: -excess(limits, i, w)},
@@ -76,20 +78,20 @@ def test_a_program_is_its_own_whatever_others_are_solved_with_it() -> None:
     hessian, gradient, limits = program(1, 8, 12, 1.0)
     gradient[::2] = 0
     planned = limits.planned.copy()
-    planned[:, ::2] = limits.last[::2]
+    planned[:, ::2] = limits.last_command[::2]
     limits = limits._replace(planned=planned)
-    best, bound = minimize(hessian, gradient, limits)
+    best, bound = solve_quadratic_programs(hessian, gradient, limits)
     assert 0 < bound.sum() < len(bound)
     for i in range(8):
         one = slice(i, i + 1)
-        own = Limits(
-            limits.last[one],
+        own = CommandConstraints(
+            limits.last_command[one],
             limits.planned[:, one],
             limits.directions[:, one],
-            limits.step,
-            limits.speed,
+            limits.max_step,
+            limits.max_speed,
         )
-        alone, _ = minimize(hessian[one], gradient[one], own)
+        alone, _ = solve_quadratic_programs(hessian[one], gradient[one], own)
         assert np.array_equal(alone[0], best[i])
 
 
@@ -97,13 +99,14 @@ def test_there_is_a_solution_however_fast_the_last_command_was() -> None:
     """One of somebody else's, beyond all limits: it can be gone on with, and is slowed down from."""
     hessian, gradient, limits = program(3, 4, 12, 0.1)
     fast = limits._replace(
-        last=limits.last + np.array([5.0, 0.0]), directions=np.tile([1.0, 0.0], (12, 4, 1))
+        last_command=limits.last_command + np.array([5.0, 0.0]),
+        directions=np.tile([1.0, 0.0], (12, 4, 1)),
     )
-    best, bound = minimize(hessian, gradient, fast)
+    best, bound = solve_quadratic_programs(hessian, gradient, fast)
     assert bound.all()
     first = fast.planned[0] + best[:, 0]
     assert np.isfinite(best).all()
-    assert ((first - fast.last)[:, 0] < -0.079).all(), "as fast as it may"
+    assert ((first - fast.last_command)[:, 0] < -0.079).all(), "as fast as it may"
 
 
 def test_what_is_not_solved_is_not_a_number_and_stops_that_robot_only() -> None:
@@ -111,7 +114,7 @@ def test_what_is_not_solved_is_not_a_number_and_stops_that_robot_only() -> None:
     hessian, gradient, limits = program(4, 2, 6, 2.0)
     gradient[1] = np.nan
     limits.planned[:, 1] = np.nan
-    best, _ = minimize(hessian, gradient, limits)
+    best, _ = solve_quadratic_programs(hessian, gradient, limits)
     assert np.isfinite(best[0]).all()
     assert np.isnan(best[1]).all()
 

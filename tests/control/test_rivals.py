@@ -43,8 +43,8 @@ def test_the_nominal_robot_is_its_differential_equation_sampled(
             moved = state[0] - before
         before = state[0].copy()
     start = np.array([[1.0, 2.0, 3.0]])
-    np.testing.assert_allclose(robot.moved[0], moved, rtol=0, atol=1e-13)
-    pose, velocity = robot.at_the_end_of_the_dead_time(start, queue.get_latest(delay))
+    np.testing.assert_allclose(robot.displacement[0], moved, rtol=0, atol=1e-13)
+    pose, velocity = robot.predict(start, queue.get_latest(delay))
     # Roundings of numbers of size 3.
     np.testing.assert_allclose(pose[0] - start[0], state[0] if delay else 0, rtol=0, atol=1e-13)
     np.testing.assert_allclose(velocity[0], state[1], rtol=0, atol=1e-13)

@@ -1,16 +1,17 @@
-"""Adaptive comp-FLC: the paper's controller on a robot whose response is identified while it is driven.
+"""Adaptive comp-FLC: the paper's controller on a robot model that is identified while driving.
 
-**Lead.** A robot that creeps answers to a command u with a lag, (lag) v' + g v = u, and under a correction F(e)
-of its error alone would swing. So the fuzzy controller F is asked for x = e + T e', the error a lead time later:
+**Lead time.** A robot whose wheels creep responds to a command u with a lag, (lag) v' + g v = u.
+Under a correction F(e) of the error alone it would oscillate. The input of the fuzzy controller F
+is therefore x = e + T e', the error extrapolated by a lead time:
 
-    T = 2 lag / (g + s),   s = sqrt(g^2 + 2 k lag),   k the slope of F at no error
+    T = 2 lag / (g + s),   s = sqrt(g^2 + 2 k lag),   k the slope of F at zero error
 
-- Where F has that slope, errors decay with a damping ratio of 1/sqrt(2) or more; where it has
-  others, of at least sqrt(2 g / (g + s)).
-- Whatever F is, if it has the sign of x: T <= lag / g, so that m = 1 - g T / lag >= 0. V = int F dx
-  + m lag e'^2 / 2 changes at the rate -F^2 T / lag - m g e'^2, so that errors of any size end.
-- Where F saturates nothing is damped: a robot that is far off comes back at the speed F / g that F
-  asks for.
+- Where F has the slope k, errors decay with a damping ratio of at least 1/sqrt(2). Where it has
+  another slope, the damping ratio is at least sqrt(2 g / (g + s)).
+- Errors of any size vanish, whatever F is, if it has the sign of x. Since T <= lag / g,
+  m = 1 - g T / lag >= 0, and V = int F dx + m lag e'^2 / 2 changes at the rate
+  -F^2 T / lag - m g e'^2.
+- Where F saturates, there is no damping: a robot far from its reference returns at the speed F / g.
 """
 
 from typing import ClassVar
@@ -26,15 +27,16 @@ from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import IteratedReference, Reference
 
-HORIZON_FRAMES = 10  # with 20 nothing changes, on `league`, `random-waypoints` and `slippery`
+# With 20 frames nothing changes in the scenarios league, waypoints and slippery.
+HORIZON_FRAMES = 10
 
 
 class InverseFlc(Controller):
-    """inverse-flc: the inverse of the nominal model of a robot, prediction by it, and the fuzzy controller.
+    """inverse-flc: inverse and prediction of the nominal robot model, with the fuzzy controller.
 
-    Pose and velocity are predicted to when the command will act (`RobotEkf`). The command is the
-    inverse of the model for the reference of that time, and the fuzzy controller's correction of
-    the error that is left. It knows what `adaptive-comp-flc` knows of a robot, and learns nothing.
+    `RobotEkf` predicts pose and velocity at the time when the command will act. The command is the
+    inverse of the model for the reference of that time, plus the fuzzy controller's correction of
+    the remaining error. It knows as much of a robot as `adaptive-comp-flc`, and learns nothing.
     """
 
     learns: ClassVar[bool] = False
@@ -45,88 +47,100 @@ class InverseFlc(Controller):
         self.filter = RobotEkf(model, n, noise, self.learns)
         self.fuzzy = FuzzyLaw(model.error_range_m, model.speed_range_m_s)
         self.memory_frames = self.filter.memory_frames + MAX_FRAMES_BEHIND
-        self._twist_before = np.zeros((n, 3))  # of a reference planned anew, in the frame before
+        self._last_twist = np.zeros((n, 3))  # of an iterated reference, in the previous frame
 
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
         self.filter.update(observation)
         state = self.filter.predict(observation)
         self.predicted_pose = state[:, POSE].copy()
-        self._record()
+        self._record_estimates()
         return self.track(frame, observation, state)
 
     def track(self, frame: int, observation: Observation, state: Array) -> Array:
-        """Return the commands (n, 3) for robots whose states will be (n, 18) when these act."""
+        """Return the commands (n, 3).
+
+        Args:
+            frame: Frame number k.
+            observation: State of the robots in frame k.
+            state: Predicted states (n, 18) at the time when the commands will act.
+        """
         period, ekf = self.model.period, self.filter
-        poses, twists = self.around(frame + ekf.latency, HORIZON_FRAMES)
-        velocities, headings = self.expected(poses, twists, state)
+        poses, twists = self.preview_reference(frame + ekf.latency, HORIZON_FRAMES)
+        velocities, headings = self.interpolate_reference(poses, twists, state)
         planned = ekf.dynamics.invert(ekf.state, velocities[:-1], velocities[1:], headings)
         error = poses[1] - state[:, POSE]
-        leading = error[:, :2] + self._lead(
-            velocities[0], velocities[0] - state[:, VELOCITY], headings[0]
+        velocity_error = velocities[0] - state[:, VELOCITY]
+        extrapolated_error = error[:, :2] + self._compute_lead(
+            velocities[0], velocity_error, headings[0]
         )
-        correction = self.fuzzy(leading)
-        size, speed = (np.hypot(*vector.T) for vector in (leading, correction))
-        fading = np.exp(-period * speed / np.maximum(size, 1e-12))[:, None]
-        coming = planned[..., :2] + fading ** np.arange(HORIZON_FRAMES)[:, None, None] * correction
+        correction = self.fuzzy(extrapolated_error)
+        distance, speed = (np.hypot(*vector.T) for vector in (extrapolated_error, correction))
+        decay = np.exp(-period * speed / np.maximum(distance, 1e-12))[:, None]
+        decays = decay ** np.arange(HORIZON_FRAMES)[:, None, None]
+        desired = planned[..., :2] + decays * correction
         command = np.empty_like(error)
-        command[:, :2] = anticipate(coming, self.model.limits.acceleration * period)
+        command[:, :2] = anticipate(desired, self.model.limits.acceleration * period)
         command[:, 2] = planned[0, :, 2] + self.model.heading_gain * wrap_angle(error[:, 2])
         return command - ekf.state[:, DISTURBANCE]
 
-    def around(self, frame: Array, count: int) -> tuple[Array, Array]:
-        """Return the reference's poses and twists (2 + count, n, 3) from the frame before `frame` (n,) on.
+    def preview_reference(self, frame: Array, count: int) -> tuple[Array, Array]:
+        """Return poses and twists (2 + count, n, 3) of the reference from `frame` - 1 on.
 
-        One that is planned anew in every frame has no frame before but its last answer, and must be
-        asked to go on.
+        An iterated reference is planned anew in every frame. Its state before `frame` is its
+        previous answer, and it must be advanced.
+
+        Args:
+            frame: Frame at which the commands will act, (n,).
+            count: Number of frames after the first two.
         """
         if not isinstance(self.reference, IteratedReference):
             return self.reference.preview(frame - 1, self.predicted_pose, 2 + count)
         poses, twists = self.reference.preview(frame, self.predicted_pose, 1 + count)
-        before = self._twist_before[None]
-        _, self._twist_before = self.reference.at(frame, self.predicted_pose)
-        return np.concatenate([poses[:1], poses]), np.concatenate([before, twists])
+        last_twist = self._last_twist[None]
+        _, self._last_twist = self.reference.at(frame, self.predicted_pose)
+        return np.concatenate([poses[:1], poses]), np.concatenate([last_twist, twists])
 
-    def expected(self, poses: Array, twists: Array, state: Array) -> tuple[Array, Array]:
-        """Return the reference's velocities where frames meet, and the headings that robots will have in them.
+    def interpolate_reference(
+        self, poses: Array, twists: Array, state: Array
+    ) -> tuple[Array, Array]:
+        """Return velocities of the reference at the frame boundaries, and expected headings.
 
         Args:
-            poses: of the reference, from the frame before the one in which the command acts,
-                (frames, n, 3).
-            twists: same.
-            state: of robots when it begins to act, (n, 18).
+            poses: Poses of the reference (frames, n, 3), from the frame before the commands act.
+            twists: Twists of the reference, (frames, n, 3).
+            state: Predicted states (n, 18) at the time when the commands will act.
 
         Returns:
-            Velocities (frames - 1, n, 3), and headings of all frames but the first and last,
-            (frames - 2, n).
+            Velocities (frames - 1, n, 3), and headings of the robots in the middle of all frames
+            except the first and the last, (frames - 2, n).
         """
-        middles = poses[1:-1, :, 2] + twists[1:-1, :, 2] * (self.model.period / 2)
-        return (twists[:-1] + twists[1:]) / 2, middles + (state[:, 2] - poses[1, :, 2])
+        mid_headings = poses[1:-1, :, 2] + twists[1:-1, :, 2] * (self.model.period / 2)
+        return (twists[:-1] + twists[1:]) / 2, mid_headings + (state[:, 2] - poses[1, :, 2])
 
-    def _lead(self, velocity: Array, behind: Array, heading: Array) -> Array:
-        """Return what is added to errors (n, 2) of robots whose velocity is `behind` (n, 3), m, world frame."""
+    def _compute_lead(self, velocity: Array, velocity_error: Array, heading: Array) -> Array:
+        """Return the lead T e' of the position error (n, 2), m, world frame.
+
+        Args:
+            velocity: Velocity of the reference, (n, 3).
+            velocity_error: Reference minus robot, e', (n, 3).
+            heading: Headings of the robots, (n,).
+        """
         ekf = self.filter
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        late = ekf.dynamics.compute_time_constants(ekf.state, speed[:, None])
-        times = (
-            2
-            * late
-            / (1 + np.sqrt(1 + 2 * self.fuzzy.stiffness * late / ekf.state[:, INVERSE_GAIN]))
-        )
-        lead: Array = body_to_world(times * world_to_body(behind, heading), heading)
-        return lead[:, :2]
+        lag = ekf.dynamics.compute_time_constants(ekf.state, speed[:, None])
+        gain = self.fuzzy.gain_at_zero
+        lead_time = 2 * lag / (1 + np.sqrt(1 + 2 * gain * lag / ekf.state[:, INVERSE_GAIN]))
+        body_error = world_to_body(velocity_error, heading)
+        return np.asarray(body_to_world(lead_time * body_error, heading)[:, :2])
 
-    def _record(self) -> None:
-        """Say what was found, and how sure it is."""
+    def _record_estimates(self) -> None:
+        """Record the estimated parameters and their standard deviations."""
         ekf = self.filter
-        state, sigma = (
-            ekf.state,
-            np.sqrt(np.maximum(np.diagonal(ekf.covariance, axis1=1, axis2=2), 0)),
-        )
-        lag = (
-            ekf.dynamics.compute_time_constants(state, np.zeros((len(state), 1)))
-            * state[:, INVERSE_GAIN]
-        )
+        state = ekf.state
+        sigma = np.sqrt(np.maximum(np.diagonal(ekf.covariance, axis1=1, axis2=2), 0))
+        time_constants = ekf.dynamics.compute_time_constants(state, np.zeros((len(state), 1)))
+        lag = time_constants * state[:, INVERSE_GAIN]
         self.alpha_hat = 1 / state[:, INVERSE_GAIN]
         self.latency_hat = ekf.latency[:, None] + lag / self.model.period
         self.channels = {
@@ -143,19 +157,17 @@ class InverseFlc(Controller):
 class AdaptiveCompFlc(InverseFlc):
     """adaptive-comp-flc: comp-FLC that identifies latency, alpha, slip and friction online.
 
-    It is `inverse-flc` whose model is the one that is found while it drives, with what disturbs the
-    robot.
+    It is `inverse-flc` with the model, and the disturbance, that are estimated while driving.
     """
 
     learns = True
 
 
 class Oracle(AdaptiveCompFlc):
-    """oracle: no competitor: adaptive-comp-flc that knows the true state in every frame.
+    """oracle: adaptive-comp-flc that observes the true state in every frame; not a competitor.
 
-    What it loses to a perfect robot is the price of the dead time alone: of what has changed since,
-    and of what it could not know before it had moved. From true poses it identifies what it is not
-    told of the robot.
+    Its error is the price of the dead time alone: disturbances during the dead time, and parameters
+    that show only after the first motion. It identifies unknown parameters from true poses.
     """
 
     knows_truth = True
@@ -165,26 +177,27 @@ def anticipate(commands: Array, max_step: float) -> Array:
     """Return the command that minimizes the largest future deviation under a slew-rate limit.
 
     A command k frames ahead is reachable if it differs from the current command by at most k *
-    max_step. The excess is the deviation. The result is the midpoint between the tightest lower and
-    upper bound over the horizon, along the direction of the largest deviation and across it.
+    max_step. The excess is the deviation. The result is the midpoint between the tightest lower
+    and upper limits over the horizon, along the direction of the largest deviation and normal to
+    it.
 
     Args:
-        commands: desired velocities, current frame first, (frames, n, 2), m/s.
-        max_step: largest change per frame, m/s.
+        commands: Desired velocities, current frame first, (frames, n, 2), m/s.
+        max_step: Largest change per frame, m/s.
 
     Returns:
         Velocities to command now, (n, 2), m/s.
     """
-    changes, reach = commands - commands[0], max_step * np.arange(len(commands))[:, None]
-    sizes = np.hypot(changes[..., 0], changes[..., 1])
-    worst = (sizes - reach).argmax(0), np.arange(commands.shape[1])
-    size = sizes[worst]
-    along = np.where(
-        size[:, None] > 0, changes[worst] / np.maximum(size, 1e-300)[:, None], [1.0, 0.0]
-    )
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    changes = commands - commands[0]
+    reachable = max_step * np.arange(len(commands))[:, None]
+    distances = np.hypot(changes[..., 0], changes[..., 1])
+    farthest = (distances - reachable).argmax(0), np.arange(commands.shape[1])
+    distance = distances[farthest][:, None]
+    direction = np.where(distance > 0, changes[farthest] / np.maximum(distance, 1e-300), [1.0, 0.0])
+    normal = np.stack([-direction[:, 1], direction[:, 0]], axis=1)
     result: Array = commands[0].copy()
-    for direction in (along, across):
-        part = (changes * direction).sum(-1)
-        result += ((part + reach).min(0) + (part - reach).max(0))[:, None] / 2 * direction
+    for axis in (direction, normal):
+        component = (changes * axis).sum(-1)
+        upper, lower = (component + reachable).min(0), (component - reachable).max(0)
+        result += (upper + lower)[:, None] / 2 * axis
     return result

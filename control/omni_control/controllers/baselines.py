@@ -1,6 +1,6 @@
-"""Classics to compare with: proportional control, the Smith predictor, and a linear quadratic regulator.
+"""Baseline controllers: proportional control, alone and with a Smith predictor.
 
-All believe in the same nominal robot: dead time, a lag of first order, and nothing else.
+Both assume the same nominal robot: dead time, a first-order lag, and nothing else.
 """
 
 import math
@@ -14,73 +14,77 @@ from omni_control.reference import Reference
 
 
 def compute_pose_error(target: Array, pose: Array) -> Array:
-    """What is missing to `target` from `pose`, both (n, 3), the heading the short way."""
+    """Return `target` minus `pose`, both (n, 3), with the heading error in (-pi, pi]."""
     error = target - pose
     error[:, 2] = wrap_angle(error[:, 2])
     return error
 
 
 class NominalRobot:
-    """Model of n robots that obey their commands, after a dead time and with the lag of their wheel loops.
+    """Model of n robots that follow their commands after a dead time, with a first-order lag.
 
-    Per axis x' = v, v' = (u(t - k_d T) - v) / lag, and each command u holds for a frame, so that
-    exactly
+    Per axis x' = v, v' = (u(t - k_d T) - v) / lag. Each command u is held for a frame, so that the
+    discrete model is exact:
 
-        x(k+1) = x(k) + slide v(k) + (T - slide) u(k - k_d),   slide = lag (1 - keep)
-        v(k+1) = keep v(k) + (1 - keep) u(k - k_d),            keep = exp(-T / lag)
+        x(k+1) = x(k) + coast v(k) + (T - coast) u(k - k_d),   coast = lag (1 - decay)
+        v(k+1) = decay v(k) + (1 - decay) u(k - k_d),          decay = exp(-T / lag)
 
     Args:
-        told: what is known of the loop.
-        n: robots.
+        model: The team's knowledge of the robots and the loop.
+        n: Number of robots.
 
     Attributes:
-        keep, slide: see above; both are zero without a lag.
+        velocity_decay, coast_time_s: `decay` and `coast` above; both are zero without a lag.
         velocity: v(k), (n, 3).
-        moved: x(k) - x(k-1), (n, 3).
+        displacement: x(k) - x(k-1), (n, 3).
     """
 
     def __init__(self, model: TeamModel, n: int) -> None:
-        self._period, self._delay = model.period, model.delay_frames
-        self.keep = math.exp(-model.period / model.lag_s) if model.lag_s else 0.0
-        self.slide = model.lag_s * (1 - self.keep)
-        self.velocity, self.moved = np.zeros((2, n, 3))
+        self._period, self._delay_frames = model.period, model.delay_frames
+        self.velocity_decay = math.exp(-model.period / model.lag_s) if model.lag_s else 0.0
+        self.coast_time_s = model.lag_s * (1 - self.velocity_decay)
+        self.velocity, self.displacement = np.zeros((2, n, 3))
 
     def advance(self, sent: CommandHistory) -> None:
-        """Go on by the frame just past, in which the commands acted that were sent k_d frames before the newest."""
-        self.moved, self.velocity = self._move(
-            self.velocity, sent.get_latest(1, skip=self._delay)[0]
-        )
+        """Advance to this frame, with the commands that acted in the previous frame."""
+        command = sent.get_latest(1, skip=self._delay_frames)[0]
+        self.displacement, self.velocity = self._step(self.velocity, command)
 
-    def at_the_end_of_the_dead_time(self, pose: Array, in_flight: Array) -> tuple[Array, Array]:
-        """Poses and velocities (n, 3) to which commands in flight (k_d, n, 3) lead robots that are at `pose` now."""
+    def predict(self, pose: Array, commands_in_flight: Array) -> tuple[Array, Array]:
+        """Return poses and velocities (n, 3) at the end of the dead time.
+
+        Args:
+            pose: Present poses (n, 3).
+            commands_in_flight: Commands that have not acted yet, (k_d, n, 3), oldest first.
+        """
         velocity = self.velocity
-        for command in in_flight:
-            moved, velocity = self._move(velocity, command)
-            pose = pose + moved
+        for command in commands_in_flight:
+            displacement, velocity = self._step(velocity, command)
+            pose = pose + displacement
         return pose, velocity
 
-    def _move(self, velocity: Array, command: Array) -> tuple[Array, Array]:
-        """Displacement in a frame, and the velocity at its end."""
-        moved = self.slide * velocity + (self._period - self.slide) * command
-        return moved, self.keep * velocity + (1 - self.keep) * command
+    def _step(self, velocity: Array, command: Array) -> tuple[Array, Array]:
+        """Return the displacement in a frame, and the velocity at its end."""
+        displacement = self.coast_time_s * velocity + (self._period - self.coast_time_s) * command
+        return displacement, self.velocity_decay * velocity + (1 - self.velocity_decay) * command
 
 
 def compute_simc_gain(latency_s: float) -> float:
-    """Proportional gain K = 1 / (2 latency), 1/s, for an integrator behind `latency_s`.
+    """Return the proportional gain K = 1 / (2 latency), 1/s, for an integrator with a latency.
 
-    The SIMC rule for tight control, tau_c = theta (S. Skogestad, Simple analytic rules for model
-    reduction and PID controller tuning, J. Process Control 13, 2003): a phase margin of 61 degrees
-    and a gain margin of pi.
+    This is the SIMC rule for tight control, tau_c = theta (S. Skogestad, Simple analytic rules for
+    model reduction and PID controller tuning, J. Process Control 13, 2003). The phase margin is 61
+    degrees, the gain margin pi.
     """
     return 1 / (2 * latency_s)
 
 
 class Proportional(Controller):
-    """p: proportional control with the reference velocity as feed-forward, its gain by the SIMC rule.
+    """p: proportional control with velocity feedforward, gain by the SIMC rule.
 
-    Like FLC it compares the pose of now with the reference of now. To the latency the gain is for
-    counts a frame more: half of one is how long a command is held on average, and half of one how
-    well a dead time is known in frames.
+    Like FLC it compares the present pose with the present reference. The latency of the gain
+    includes one more frame: half a frame for the mean hold time of a command, and half a frame for
+    the resolution of the dead time.
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
@@ -90,22 +94,22 @@ class Proportional(Controller):
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
         self.predicted_pose = observation.pose
-        target, feed_forward = self.reference.at(frame, observation.pose)
-        return feed_forward + self.gain * compute_pose_error(target, observation.pose)
+        target, feedforward = self.reference.at(frame, observation.pose)
+        return feedforward + self.gain * compute_pose_error(target, observation.pose)
 
 
 class SmithPredictor(Controller):
-    """smith: Smith predictor, proportional control of a nominal robot without dead time, corrected by vision.
+    """smith: Smith predictor with proportional control of the nominal robot.
 
-    What is fed back is the model without dead time plus what vision saw less the model with it (O.
-    J. M. Smith, Closer control of loops with dead time, Chem. Eng. Progress 53, 1957). The robot
-    integrates, so that both models differ by what the commands in flight add. The feed-forward is
-    that of the time when the robot answers.
+    The feedback is the model without dead time, plus the measurement, minus the model with dead
+    time (O. J. M. Smith, Closer control of loops with dead time, Chem. Eng. Progress 53, 1957).
+    The robot integrates its commands, so that the two models differ by the effect of the commands
+    in flight. The feedforward is that of the time when the robot responds.
 
-    The gain is by the SIMC rule for the lag and a frame, which are left of the latency; see
-    `Proportional`. As known of Smith's predictor for a plant that integrates, it does not remove
-    the error by a lasting disturbance, such as drag (K. Watanabe and M. Ito, IEEE Trans. Automatic
-    Control 26, 1981).
+    The gain follows the SIMC rule for the remaining latency: the lag and one frame, see
+    `Proportional`. A Smith predictor of an integrating plant has a steady-state error under a
+    constant disturbance, such as drag (K. Watanabe and M. Ito, IEEE Trans. Automatic Control 26,
+    1981).
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
@@ -116,13 +120,12 @@ class SmithPredictor(Controller):
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
         self.robot.advance(observation.sent_commands)
-        self.predicted_pose, _ = self.robot.at_the_end_of_the_dead_time(
+        self.predicted_pose, _ = self.robot.predict(
             observation.pose, observation.commands_in_flight
         )
-        target, feed_forward = self.reference.at(
+        target, feedforward = self.reference.at(
             frame + self.model.latency_frames, self.predicted_pose
         )
-        target = (
-            target - self.model.lag_s * feed_forward
-        )  # from the end of the lag back to the end of the dead time
-        return feed_forward + self.gain * compute_pose_error(target, self.predicted_pose)
+        # Extrapolate the target from the end of the latency back to the end of the dead time.
+        target = target - self.model.lag_s * feedforward
+        return feedforward + self.gain * compute_pose_error(target, self.predicted_pose)

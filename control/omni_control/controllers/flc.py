@@ -1,4 +1,4 @@
-"""The paper's controllers: FLC, and comp-FLC, which compensates the dead time with the alpha of equation 8."""
+"""The paper's controllers: FLC, and comp-FLC, which compensates the dead time (equation 11)."""
 
 import math
 
@@ -10,58 +10,65 @@ from omni_control.fuzzy import FuzzyLaw
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import Reference
 
-# Commanded displacement at which a new ratio and the old value weigh the same: well above vision's
-# error.
-CONFIDENCE_M = 0.02
-LOWEST_ALPHA, HIGHEST_ALPHA = 0.5, 1.1
+# Commanded displacement at which a new ratio has the same weight as the old value. It is well
+# above the noise of vision.
+EQUAL_WEIGHT_M = 0.02
+MIN_ALPHA, MAX_ALPHA = 0.5, 1.1
 
 
 class AlphaEstimator:
-    """Ratio of the displacement achieved to that commanded, over a sliding window, per robot and axis.
+    """Ratio of achieved to commanded displacement in a sliding window, per robot and axis.
 
-    Equation 8 sums n_0 ratios of single frames and divides by T, whose sum is not in [0.7, 1] but
-    n_0 times 60 as large, and divides by zero at rest. The ratio of the window's sums is what it
-    can mean:
+    Equation 8 sums n_0 ratios of single frames and divides by T. That sum is not in [0.7, 1], but
+    60 n_0 times as large, and it divides by zero at rest. The ratio of the window's sums is used
+    instead:
 
         alpha = (dx dx_d + rho alpha_old) / (dx_d^2 + rho)
 
-    with dx the displacement seen by vision in the window and dx_d that of the commands which acted
-    in it. The regularisation rho keeps the old value at standstill, when neither means anything;
-    what is left of an old value shrinks by rho / (dx_d^2 + rho) each frame.
+    Here dx is the displacement measured by vision in the window, and dx_d that of the commands
+    which acted in it. The regularization rho keeps the old value at standstill. The weight of an
+    old value shrinks by rho / (dx_d^2 + rho) in each frame.
 
     Args:
-        n: robots.
-        window_frames: length of the window n_0, frames.
-        delay_frames: dead time k_d, frames.
-        period: length of a frame T, s.
+        n: Number of robots.
+        window_frames: Length of the window n_0, frames.
+        delay_frames: Dead time k_d, frames.
+        period: Length of a frame T, s.
 
     Attributes:
-        value: as estimated last, (n, 2).
+        value: Latest estimate, (n, 2).
     """
 
     def __init__(self, n: int, window_frames: int, delay_frames: int, period: float) -> None:
         self.value = np.ones((n, 2))
-        self._window, self._delay, self._period = window_frames, delay_frames, period
+        self._window_frames, self._delay_frames = window_frames, delay_frames
+        self._period = period
         self._positions: list[Array] = []
 
     def update(self, position: Array, sent: CommandHistory) -> Array:
-        """Return alpha (n, 2) for x and y, given the filtered positions (n, 2) and the commands sent so far."""
+        """Return the new estimate of alpha along x and y, (n, 2).
+
+        Args:
+            position: Filtered positions (n, 2), m.
+            sent: Commands sent before this frame.
+        """
         self._positions.append(position.copy())
-        if len(self._positions) > self._window + 1:
+        if len(self._positions) > self._window_frames + 1:
             del self._positions[0]
         achieved = position - self._positions[0]
         count = len(self._positions) - 1
-        commanded = np.add.reduce(sent.get_latest(count, skip=self._delay)[..., :2]) * self._period
-        rho = CONFIDENCE_M**2
+        commands = sent.get_latest(count, skip=self._delay_frames)[..., :2]
+        commanded = np.add.reduce(commands) * self._period
+        rho = EQUAL_WEIGHT_M**2
         ratio = (achieved * commanded + rho * self.value) / (commanded * commanded + rho)
-        self.value = np.minimum(np.maximum(ratio, LOWEST_ALPHA), HIGHEST_ALPHA)
+        self.value = np.minimum(np.maximum(ratio, MIN_ALPHA), MAX_ALPHA)
         return self.value
 
 
 class Flc(Controller):
-    """FLC: reference velocity as feed-forward, the fuzzy controller's correction, and a proportional heading hold.
+    """FLC: velocity feedforward, fuzzy correction of the position, proportional heading control.
 
-    It compares the pose of now with the reference of now, as if commands acted at once.
+    It compares the present pose with the present reference, as if commands acted at once.
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
@@ -73,27 +80,27 @@ class Flc(Controller):
         return self.track(frame, observation.pose)
 
     def track(self, frame: float, pose: Array) -> Array:
-        """Command (n, 3) that brings robots which are at `pose` (n, 3) in `frame` to the reference of that frame."""
+        """Return the commands (n, 3) that move robots from `pose` to the reference of `frame`."""
         self.predicted_pose = pose
-        target, feed_forward = self.reference.at(frame, pose)
+        target, feedforward = self.reference.at(frame, pose)
         error = target - pose
-        turn = self.model.heading_gain * wrap_angle(error[:, 2:])
-        return feed_forward + np.concatenate([self.fuzzy(error[:, :2]), turn], axis=1)
+        turn_rate = self.model.heading_gain * wrap_angle(error[:, 2:])
+        return feedforward + np.concatenate([self.fuzzy(error[:, :2]), turn_rate], axis=1)
 
 
 class CompFlc(Flc):
-    """comp-FLC: the same, for the pose predicted at the end of the dead time and the reference of that time."""
+    """comp-FLC: FLC on the pose and the reference predicted at the end of the dead time."""
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         super().__init__(model, reference, n)
-        self.latency = self.latency_told(model)
-        window, whole = model.alpha_window_frames, round(self.latency)
-        self.memory_frames = window + math.ceil(self.latency)
-        self.alpha = AlphaEstimator(n, window, whole, model.period)
+        self.latency = self.get_compensated_latency(model)
+        window_frames = model.alpha_window_frames
+        self.memory_frames = window_frames + math.ceil(self.latency)
+        self.alpha = AlphaEstimator(n, window_frames, round(self.latency), model.period)
 
     @staticmethod
-    def latency_told(model: TeamModel) -> float:
-        """Time from a command to its effect that is compensated, frames."""
+    def get_compensated_latency(model: TeamModel) -> float:
+        """Return the time from a command to its effect that is compensated, frames."""
         return model.delay_frames
 
     def command(self, frame: int, observation: Observation) -> Array:
@@ -102,17 +109,18 @@ class CompFlc(Flc):
         self.alpha_hat[:, :2] = self.alpha.update(pose[:, :2], sent)
         count = math.ceil(self.latency)
         in_flight = sent.get_pending_fractions(self.latency, count) * sent.get_latest(count)
-        predicted = pose + predict_displacement(in_flight, self.alpha_hat, self.model.period)
-        return self.track(frame + self.latency, predicted)
+        predicted_pose = pose + predict_displacement(in_flight, self.alpha_hat, self.model.period)
+        return self.track(frame + self.latency, predicted_pose)
 
 
 class CompFlcLag(CompFlc):
-    """comp-flc-lag: comp-FLC that is told all of the latency, the dead time and the lag of the wheel loops.
+    """comp-flc-lag: comp-FLC that compensates the dead time and the lag of the wheel loops.
 
-    The paper's compensator knows the radio's dead time only; all others here are told the lag too.
+    The paper's compensator knows the dead time of the radio only. All other controllers here also
+    know the lag.
     """
 
     @staticmethod
-    def latency_told(model: TeamModel) -> float:
+    def get_compensated_latency(model: TeamModel) -> float:
         """See `CompFlc`."""
         return model.latency_frames

@@ -7,111 +7,118 @@ from omni_control.controllers.baselines import NominalRobot, compute_pose_error
 from omni_control.kinematics import Array
 from omni_control.reference import Reference
 
-# Of the acceleration that may be commanded: carpets may give less, and commands take their time to
-# act
-BRAKE = 0.25
+# Usable braking, as a fraction of the limit of commanded acceleration. The carpet may give less,
+# and a command acts late.
+BRAKING_FRACTION = 0.25
 
 
 def compute_lqr_gain(
-    transition: Array, effect: Array, state_weight: Array, command_weight: float
+    transition: Array, input_vector: Array, state_weight: Array, command_weight: float
 ) -> Array:
-    """Gain K (m,) of u = -K x that minimises the sum of x' Q x + r u^2 over all frames.
+    """Return the gain K (m,) of u = -K x that minimizes the sum of x' Q x + r u^2 over all frames.
 
     Args:
         transition: A (m, m) of x(k+1) = A x(k) + B u(k).
-        effect: B (m,).
+        input_vector: B (m,).
         state_weight: Q (m, m).
         command_weight: r.
     """
-    from scipy.linalg import (
-        solve_discrete_are,  # here, since it takes longer to import than all else together
-    )
+    # Importing scipy.linalg takes longer than all other imports together.
+    from scipy.linalg import solve_discrete_are
 
-    b = effect[:, None]
+    b = input_vector[:, None]
     cost = solve_discrete_are(transition, b, state_weight, np.array([[command_weight]]))
     return np.linalg.solve(command_weight + b.T @ cost @ b, b.T @ cost @ transition)[0]
 
 
 class Lqr(Controller):
-    """lqr: linear quadratic regulator on the model with dead time and lag, with preview and disturbance estimation.
+    """lqr: linear quadratic regulator with dead time, lag, preview and disturbance estimate.
 
-    Per axis the state is the error of position and velocity, and the commands in flight. Nothing
-    can be done about what these will cause, so that the optimal gain on this state is the gain for
-    a robot without dead time, applied to the state predicted at the end of it (D. L. Kleinman, IEEE
-    Trans. Automatic Control 14, 1969).
+    Per axis the state is the error of position and velocity, and the commands in flight. Their
+    effect cannot be changed. The optimal gain is therefore the gain for a robot without dead time,
+    applied to the state predicted at the end of the dead time (D. L. Kleinman, IEEE Trans.
+    Automatic Control 14, 1969).
 
-    Weights are Bryson's: a position error of `error_range_m` is as bad as a correction of
-    `speed_range_m_s`. The heading has the same ratio, since it is the displacement of a point on
-    the robot. Previewed by dead time and lag, the reference gives the command, position and
-    velocity of a robot that follows it exactly; its acceleration is taken to be constant over the
-    lag.
+    The weights follow Bryson's rule: a position error of `error_range_m` costs as much as a
+    correction of `speed_range_m_s`. The heading has the same ratio, as the displacement of a point
+    on the robot. The reference is previewed by dead time and lag. It yields command, position and
+    velocity of a robot that follows it exactly, for a constant acceleration over the lag.
 
-    What a robot does besides counts as a constant disturbance of its velocity, without which drag
-    and alpha would leave a lasting error. Its estimate takes as long as a command to show, and a
-    frame more, to follow.
+    The deviation of the robot from the model is treated as a constant disturbance of its velocity.
+    Without it, drag and alpha would cause a steady-state error. The time constant of the estimate
+    is the latency plus one frame.
 
-    No disturbance is believed to be more than `speed_range_m_s`, as much as the fuzzy controllers
-    correct at most, or, turning, that over `error_range_m`. Wheels that slide, a robot that is off
-    or a pose that jumps depart by more, for which no command makes up, and the estimate would wind
-    up.
+    The estimate is limited to `speed_range_m_s`, the largest correction of the fuzzy controllers,
+    and to that over `error_range_m` for the turn rate. Wheels that slide, a robot that is off, or
+    a jump of the pose exceed it. No command compensates for these, and the estimate would wind up.
 
-    Of the optimal command, the way back to the reference is not faster than robots can brake within
-    the error: the optimum knows no limit of acceleration, beyond which it swings.
+    The returning speed is limited to one from which the robot can brake within the error. The
+    quadratic cost does not know the limit of acceleration and would overshoot.
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         super().__init__(model, reference, n)
         self.robot = robot = NominalRobot(model, n)
         self.gain = compute_lqr_gain(
-            np.array([[1.0, robot.slide], [0.0, robot.keep]]),
-            np.array([model.period - robot.slide, 1 - robot.keep]),
+            np.array([[1.0, robot.coast_time_s], [0.0, robot.velocity_decay]]),
+            np.array([model.period - robot.coast_time_s, 1 - robot.velocity_decay]),
             np.diag([model.error_range_m**-2, 0.0]),
             model.speed_range_m_s**-2,
         )
         self.disturbance = np.zeros((n, 3))
-        self._brake = BRAKE * np.array(
+        self._braking = BRAKING_FRACTION * np.array(
             [*2 * [model.limits.acceleration], model.limits.turn_acceleration]
         )
-        self._most = model.speed_range_m_s * np.array([1.0, 1.0, 1 / model.error_range_m])
-        self._pose: Array | None = None
-        self._feed_forward: Array | None = None
+        self._max_disturbance = model.speed_range_m_s * np.array(
+            [1.0, 1.0, 1 / model.error_range_m]
+        )
+        self._last_pose: Array | None = None
+        self._last_feedforward: Array | None = None
 
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
         self.robot.advance(observation.sent_commands)
-        self._disturb(observation.pose)
-        position, velocity = self.robot.at_the_end_of_the_dead_time(
-            observation.pose, observation.commands_in_flight
-        )
+        self._estimate_disturbance(observation.pose)
+        position, velocity = self.robot.predict(observation.pose, observation.commands_in_flight)
         position = position + self.model.delay_frames * self.model.period * self.disturbance
         velocity = velocity + self.disturbance
         self.predicted_pose = position + self.model.lag_s * velocity
-        at, speed, feed_forward = self._wanted(frame)
-        error = compute_pose_error(at, position)
-        sizes = np.column_stack([*2 * [np.hypot(*error.T[:2])], np.abs(error[:, 2])])
-        brake = np.sqrt(2 * self._brake * sizes)
-        back = error * np.minimum(self.gain[0], brake / np.maximum(sizes, 1e-9))
-        return feed_forward - self.disturbance + (back + self.gain[1] * (speed - velocity))
+        desired_pose, desired_velocity, feedforward = self._nominal_state_on_reference(frame)
+        error = compute_pose_error(desired_pose, position)
+        distances = np.column_stack([*2 * [np.hypot(*error.T[:2])], np.abs(error[:, 2])])
+        max_speed = np.sqrt(2 * self._braking * distances)
+        max_gain = max_speed / np.maximum(distances, 1e-9)
+        position_correction = error * np.minimum(self.gain[0], max_gain)
+        velocity_correction = self.gain[1] * (desired_velocity - velocity)
+        return feedforward - self.disturbance + (position_correction + velocity_correction)
 
-    def _disturb(self, pose: Array) -> None:
-        """Estimate the disturbance from what robots that are at `pose` (n, 3) now did more than the model."""
-        before, self._pose = pose if self._pose is None else self._pose, pose
-        besides = (compute_pose_error(pose, before) - self.robot.moved) / self.model.period
-        self.disturbance = self.disturbance + (besides - self.disturbance) / (
+    def _estimate_disturbance(self, pose: Array) -> None:
+        """Update the velocity disturbance by the motion that the model does not explain.
+
+        Args:
+            pose: Present poses (n, 3).
+        """
+        last_pose = pose if self._last_pose is None else self._last_pose
+        self._last_pose = pose
+        unexplained = compute_pose_error(pose, last_pose) - self.robot.displacement
+        deviation = unexplained / self.model.period
+        self.disturbance = self.disturbance + (deviation - self.disturbance) / (
             self.model.latency_frames + 2
         )
-        self.disturbance = np.clip(self.disturbance, -self._most, self._most)
+        self.disturbance = np.clip(self.disturbance, -self._max_disturbance, self._max_disturbance)
 
-    def _wanted(self, frame: int) -> tuple[Array, Array, Array]:
-        """Pose, velocity and command (n, 3) of a nominal robot on the reference, at the end of the dead time."""
+    def _nominal_state_on_reference(self, frame: int) -> tuple[Array, Array, Array]:
+        """Return pose, velocity and command (n, 3) at the end of the dead time.
+
+        They are those of a nominal robot that follows the reference exactly.
+        """
         period, lag = self.model.period, self.model.lag_s
-        later, feed_forward = self.reference.at(
+        target, feedforward = self.reference.at(
             frame + self.model.latency_frames, self.predicted_pose
         )
-        before, self._feed_forward = (
-            feed_forward if self._feed_forward is None else self._feed_forward,
-            feed_forward,
-        )
-        acceleration = (feed_forward - before) / period
-        pose = later - lag * feed_forward + lag * (lag + period) / 2 * acceleration
-        return pose, feed_forward - period / (1 - self.robot.keep) * acceleration, feed_forward
+        last_feedforward = feedforward if self._last_feedforward is None else self._last_feedforward
+        self._last_feedforward = feedforward
+        acceleration = (feedforward - last_feedforward) / period
+        pose = target - lag * feedforward + lag * (lag + period) / 2 * acceleration
+        velocity = feedforward - period / (1 - self.robot.velocity_decay) * acceleration
+        return pose, velocity, feedforward

@@ -1,26 +1,30 @@
-"""Model predictive control with preview: the best commands for the next frames within what may be commanded.
+"""Model predictive control with preview: optimal commands for the next frames within the limits.
 
-Per axis of the body the `MotionModel` has a lag that depends on the speed. With the reference's speed in
-its place it is linear, and the errors of position and velocity, e_p and e_v, in the world, obey
+**Prediction.** Along each body axis the law of `RobotEkf` has a lag that depends on the speed. With
+the reference's speed it is linear. The errors of position and velocity, e_p and e_v, in the world
+frame, obey
 
-    e_v(k+1) = D e_v(k) + G w(k)               D = decay of a velocity in a frame, G = (1 - D) / g
-    e_p(k+1) = e_p(k) + C e_v(k) + M w(k) + r   C = way made in that decay,        M = (T - C) / g
+    e_v(k+1) = D e_v(k) + G w(k)                 D = decay of a velocity in a frame, G = (1 - D) / g
+    e_p(k+1) = e_p(k) + C e_v(k) + M w(k) + r    C = displacement during that decay, M = (T - C) / g
 
-with w what is commanded besides the inverse of the law for the reference, and r what that inverse misses of its
-positions: it leads to the velocities at the ends of each frame. D, G, C, M are of the body's axes, turned into
-the world by the heading that is expected in that frame.
+Here w is the correction of the command: the command minus the inverse of the law for the reference.
+The inverse reaches the reference's velocities at the ends of each frame. The residual r is its
+error of position. D, G, C, M act along the body axes; they are rotated into the world frame with
+the heading that is expected in that frame.
 
-**Quadratic programs.** Of one robot: minimize w' H w / 2 + c' w over commands w (N pairs) such that, of the
-commands s = planned + w sent,
+**Quadratic programs.** Per robot: minimize w' H w / 2 + c' w over N corrections w, such that the
+commands s = planned + w satisfy
 
-    |s(k) - s(k-1)| <= step,  |s(k)| <= speed
+    |s(k) - s(k-1)| <= max_step,  |s(k)| <= max_speed
 
-for which octagons stand in the place of circles: they have their corners on them, one of them along the way, where
-most is asked for; half-way between corners 8 % are given away. There always is a solution, since going on with the
-last command is one: where that lies beyond a side of the octagon of speeds, the side is moved out to it.
+Octagons replace the circles. Their corners lie on the circle, one of them in the direction of
+travel, where most is needed. Half-way between corners they exclude 8 %. The problem is always
+feasible, because repeating the last command is a solution: if that command lies outside a side of
+the octagon of speeds, the side is moved out to it.
 
-Where the minimum without limits keeps to them, it is the solution, and found by linear equations. Where it does
-not, piqp's interior point method finds it (R. Schwan, Y. Jiang, D. Kuhn and C. N. Jones, IEEE CDC 2023).
+If the unconstrained minimum satisfies the limits, it is the solution, and is found by linear
+equations. Otherwise piqp's interior point method finds the solution (R. Schwan, Y. Jiang, D. Kuhn
+and C. N. Jones, IEEE CDC 2023).
 """
 
 from typing import NamedTuple
@@ -34,222 +38,256 @@ from omni_control.estimation.motion_model import DISTURBANCE, INVERSE_GAIN, POSE
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import Reference
 
-FRAMES = 20  # N: a third of a second, in which an error falls to exp(-15 / s * 0.33 s) = 0.7 %
-# In speed ranges per error range: 15/s, the gain of the fuzzy controller at zero error
-STIFFNESS = 1.5
-STILL_M_S = 0.01  # speed of the reference below which its way has no direction
-_NORMALS = np.pi * (
-    np.arange(4) / 4 + 1 / 8
-)  # of half the octagon's sides; the others are opposite
-_INNER = np.cos(np.pi / 8)  # of the circle about an octagon, in the circle within
-EXACT = 1e-9  # to which piqp solves, of residuals and of the gap between primal and dual
-SLACK_M_S = 1e-8  # by which what is found without limits may miss them
+# N: a third of a second, in which an error decays to exp(-15 / s * 0.33 s) = 0.7 %.
+HORIZON_FRAMES = 20
+# Speed ranges per error range: 15/s, the gain of the fuzzy controller at zero error.
+RELATIVE_GAIN = 1.5
+MIN_DIRECTION_SPEED_M_S = 0.01  # below this speed a reference has no direction
+# Tolerance of piqp for residuals and for the gap between primal and dual.
+SOLVER_TOLERANCE = 1e-9
+CONSTRAINT_TOLERANCE_M_S = 1e-8  # allowed violation by an unconstrained solution
+# Directions of the normals of half of an octagon's sides; the other sides are opposite.
+_NORMAL_ANGLES = np.pi * (np.arange(4) / 4 + 1 / 8)
+_INRADIUS = np.cos(np.pi / 8)  # of an octagon with circumradius 1
 
 
 class Mpc(AdaptiveCompFlc):
-    """mpc: model predictive control with preview, on the identified law, within the limits of commands.
+    """mpc: model predictive control with preview, on the identified law, within command limits.
 
-    Robots are predicted to when the command will act, as by adaptive-comp-flc. The commands of the
-    next N = 20 frames are chosen to minimize
+    The state at the time when the command will act is predicted as in adaptive-comp-flc. The
+    commands of the next N = 20 frames minimize
 
         sum over the ends of N frames of |e_p|^2 + sum over N frames of |w|^2 / k^2
         + |e_p + (lag / g) e_v|^2 / (2 k T)
 
-    with w what is commanded besides the inverse of the law for the reference, which leaves no
-    lasting error. The weight k is Bryson's, but for a factor: an error of 0.1 m (`error_range_m`)
-    is as bad as a correction of 1.5 m/s (1.5 `speed_range_m_s`); k = 15/s is the gain of the fuzzy
-    controller at zero error. The last term is what comes after: the error to which the last
-    velocity would still lead, taken away at the rate k.
+    Here w is the correction of the command. It does not cause a steady-state error. The weight k
+    follows Bryson's rule, except for a factor: an error of 0.1 m (`error_range_m`) costs as much as
+    a correction of 1.5 m/s (1.5 `speed_range_m_s`); k = 15/s is the gain of the fuzzy controller
+    at zero error. The last term is the cost after the horizon: the position error to which the last
+    velocity would lead, reduced at the rate k.
 
-    Successive commands, of which the first follows the one sent last, change by no more than the
-    limit of acceleration lets them, and go no faster along the way than that of speed.
+    The limits of acceleration and speed hold for all commands. The first one is compared with the
+    last command sent.
 
-    Where a quadratic program is not solved, which none of its kind should be, the command is not a
-    number: the team then stops that robot, and says so. The heading is held as by
-    adaptive-comp-flc.
+    If a quadratic program is not solved, which should not happen, the command is NaN. The team then
+    stops that robot and reports it. The heading is controlled as in adaptive-comp-flc.
 
-    `channels["limits_active"]` is 1 for robots whose program was bound by limits.
+    `channels["limits_active"]` is 1 for robots whose program was constrained by the limits.
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         super().__init__(model, reference, n)
-        stiffness = STIFFNESS * model.speed_range_m_s / model.error_range_m
-        weights = np.append(np.full(FRAMES, stiffness**2), stiffness / (2 * model.period))
-        self._weights = np.repeat(weights, 2)  # of errors, that of commands being 1
+        gain = RELATIVE_GAIN * model.speed_range_m_s / model.error_range_m
+        weights = np.append(np.full(HORIZON_FRAMES, gain**2), gain / (2 * model.period))
+        self._error_weights = np.repeat(weights, 2)  # relative to that of corrections
 
     def track(self, frame: int, observation: Observation, state: Array) -> Array:
         """See `InverseFlc`."""
         ekf, limits = self.filter, self.model.limits
-        poses, twists = self.around(frame + ekf.latency, FRAMES)
-        velocities, headings = self.expected(poses, twists, state)
+        poses, twists = self.preview_reference(frame + ekf.latency, HORIZON_FRAMES)
+        velocities, headings = self.interpolate_reference(poses, twists, state)
         planned = ekf.dynamics.invert(ekf.state, velocities[:-1], velocities[1:], headings)
-        error = state[:, POSE] - poses[1]
-        late = state[:, VELOCITY] - velocities[0]
-        free, effect = self._errors(poses[1:, :, :2], velocities, headings, error, late)
-
-        weighed = (effect * self._weights[:, None]).swapaxes(1, 2)
-        hessian = weighed @ effect + np.eye(2 * FRAMES)
-        gradient = (weighed @ free[..., None])[..., 0]
-        edges = velocities[:-1, :, :2]
-        size = np.hypot(edges[..., 0], edges[..., 1])[..., None]
-        directions = np.where(size > STILL_M_S, edges / np.maximum(size, STILL_M_S), [1.0, 0.0])
-        disturbance = ekf.state[:, DISTURBANCE]
-        step = limits.acceleration * self.model.period
-        sent = planned[..., :2] - disturbance[:, :2]
-        best, bound = minimize(
-            hessian,
-            gradient,
-            Limits(
-                observation.sent_commands.get_latest(1)[0, :, :2],
-                sent,
-                directions,
-                step,
-                limits.speed,
-            ),
+        pose_error = state[:, POSE] - poses[1]
+        velocity_error = state[:, VELOCITY] - velocities[0]
+        free_errors, sensitivity = self._predict_errors(
+            self._linearize(poses[1:, :, :2], velocities, headings), pose_error, velocity_error
         )
-        self.channels["limits_active"] = bound.astype(float)
+
+        weighted = (sensitivity * self._error_weights[:, None]).swapaxes(1, 2)
+        hessian = weighted @ sensitivity + np.eye(2 * HORIZON_FRAMES)
+        gradient = (weighted @ free_errors[..., None])[..., 0]
+        disturbance = ekf.state[:, DISTURBANCE]
+        constraints = CommandConstraints(
+            observation.sent_commands.get_latest(1)[0, :, :2],
+            planned[..., :2] - disturbance[:, :2],
+            _compute_directions(velocities[:-1, :, :2]),
+            limits.acceleration * self.model.period,
+            limits.speed,
+        )
+        corrections, is_constrained = solve_quadratic_programs(hessian, gradient, constraints)
+        self.channels["limits_active"] = is_constrained.astype(float)
         command = planned[0] - disturbance
-        command[:, :2] += best[:, 0]
-        command[:, 2] -= self.model.heading_gain * wrap_angle(error[:, 2])
+        command[:, :2] += corrections[:, 0]
+        command[:, 2] -= self.model.heading_gain * wrap_angle(pose_error[:, 2])
         return command
 
-    def _errors(
-        self, positions: Array, velocities: Array, headings: Array, error: Array, late: Array
-    ) -> tuple[Array, Array]:
-        """Return how the errors of n robots depend on commands w in N frames, x and y one after the other.
+    def _linearize(self, positions: Array, velocities: Array, headings: Array) -> "_ErrorDynamics":
+        """Return the error dynamics of n robots on the reference.
 
         Args:
-            positions: of the reference where frames meet, (N + 1, n, 2) m.
-            velocities: same, (N + 1, n, 3) m/s.
-            headings: expected in the middle of each frame, (N, n) rad.
-            error: what the pose has more than the reference at the beginning, (n, 3).
-            late: the same of the velocity, (n, 3).
-
-        Returns:
-            Errors without w (n, 2 N + 2), of the positions at the end of each frame and of the
-            position to which the last velocity would still lead, m, and the effect of w on them (n,
-            2 N + 2, 2 N), s.
+            positions: Positions of the reference at the frame boundaries, (N + 1, n, 2) m.
+            velocities: Velocities of the reference there, (N + 1, n, 3) m/s.
+            headings: Expected headings in the middle of each frame, (N, n) rad.
         """
-        ekf, period, n = self.filter, self.model.period, len(error)
-        before, after = (
-            world_to_body(velocities[:-1], headings),
-            world_to_body(velocities[1:], headings),
-        )
-        speed = np.hypot(before[..., 0], before[..., 1])
-        lag, gain = (
-            ekf.dynamics.compute_time_constants(ekf.state, speed[..., None]),
-            ekf.state[:, INVERSE_GAIN],
-        )
+        ekf, period, n = self.filter, self.model.period, headings.shape[1]
+        start = world_to_body(velocities[:-1], headings)
+        end = world_to_body(velocities[1:], headings)
+        speed = np.hypot(start[..., 0], start[..., 1])
+        lag = ekf.dynamics.compute_time_constants(ekf.state, speed[..., None])
+        inverse_gain = ekf.state[:, INVERSE_GAIN]
         decay = np.exp(-period / lag)
-        carried = (1 - decay) * lag
-        towards = (after - decay * before) / (1 - decay)
-        moved = body_to_world(period * towards + lag * (before - after), headings)[..., :2]
-        missed = moved - np.diff(positions, axis=0)
+        coast_time = (1 - decay) * lag
+        steady_velocity = (end - decay * start) / (1 - decay)
+        displacement = body_to_world(period * steady_velocity + lag * (start - end), headings)
+        residual = displacement[..., :2] - np.diff(positions, axis=0)
 
         cosine, sine = np.cos(headings), np.sin(headings)
         rotation = np.stack([cosine, -sine, sine, cosine], axis=-1).reshape(*headings.shape, 2, 2)
 
-        def world(scales: Array) -> Array:
-            """Return the maps (N, n, 2, 2) that scale by (N, n, 2 or 3) along the body's axes."""
+        def rotate_scales(scales: Array) -> Array:
+            """Return maps (N, n, 2, 2) that scale by (N, n, 2 or 3) along the body axes."""
             return np.asarray((rotation * scales[..., None, :2]) @ rotation.swapaxes(-1, -2))
 
-        onwards = np.tile(np.eye(5), (FRAMES, n, 1, 1))  # of e_p, e_v and 1
-        onwards[..., :2, 2:4], onwards[..., 2:4, 2:4], onwards[..., :2, 4] = (
-            world(carried),
-            world(decay),
-            missed,
+        transition = np.tile(np.eye(5), (HORIZON_FRAMES, n, 1, 1))
+        transition[..., :2, 2:4] = rotate_scales(coast_time)
+        transition[..., 2:4, 2:4] = rotate_scales(decay)
+        transition[..., :2, 4] = residual
+        position_effect = rotate_scales((period - coast_time) / inverse_gain)
+        velocity_effect = rotate_scales((1 - decay) / inverse_gain)
+        return _ErrorDynamics(
+            transition,
+            np.concatenate([position_effect, velocity_effect], axis=-2),
+            rotate_scales(lag)[-1],
         )
-        driven = np.concatenate(
-            [world((period - carried) / gain), world((1 - decay) / gain)], axis=-2
-        )
-        table = np.zeros(
-            (FRAMES + 1, n, 5, 2 * FRAMES + 1)
-        )  # by commands and, in the last column, without
-        table[0, :, :2, -1], table[0, :, 2:4, -1], table[..., 4, -1] = (
-            error[:, :2],
-            late[:, :2],
-            1.0,
-        )
-        for k in range(FRAMES):
-            np.matmul(onwards[k], table[k], out=table[k + 1])
-            table[k + 1, :, :4, 2 * k : 2 * k + 2] = driven[k]
-        ends = table[-1, :, :2] + world(lag)[-1] @ table[-1, :, 2:4]
-        errors = (
-            np.concatenate([table[1:, :, :2], ends[None]])
-            .swapaxes(0, 1)
-            .reshape(n, 2 * FRAMES + 2, -1)
-        )
+
+    @staticmethod
+    def _predict_errors(
+        dynamics: "_ErrorDynamics", pose_error: Array, velocity_error: Array
+    ) -> tuple[Array, Array]:
+        """Return the errors without corrections, and their sensitivity to corrections.
+
+        Args:
+            dynamics: Error dynamics.
+            pose_error: Initial pose minus reference, (n, 3).
+            velocity_error: Initial velocity minus reference, (n, 3).
+
+        Returns:
+            Position errors (n, 2 N + 2), m, at the end of each frame, then the one to which the
+            last velocity would lead; and their sensitivity (n, 2 N + 2, 2 N), s, to the corrections
+            in N frames, x and y in turn.
+        """
+        n = len(pose_error)
+        # State [e_p, e_v, 1] as an affine function of the corrections; the last column is constant.
+        states = np.zeros((HORIZON_FRAMES + 1, n, 5, 2 * HORIZON_FRAMES + 1))
+        states[0, :, :2, -1] = pose_error[:, :2]
+        states[0, :, 2:4, -1] = velocity_error[:, :2]
+        states[..., 4, -1] = 1.0
+        for k in range(HORIZON_FRAMES):
+            np.matmul(dynamics.transition[k], states[k], out=states[k + 1])
+            states[k + 1, :, :4, 2 * k : 2 * k + 2] = dynamics.correction_effect[k]
+        final_positions = states[-1, :, :2] + dynamics.stopping_time @ states[-1, :, 2:4]
+        positions = np.concatenate([states[1:, :, :2], final_positions[None]]).swapaxes(0, 1)
+        errors = positions.reshape(n, 2 * HORIZON_FRAMES + 2, -1)
         return errors[:, :, -1], errors[:, :, :-1]
 
 
-class Limits(NamedTuple):
-    """What commands of n robots must keep to, in N frames.
+class _ErrorDynamics(NamedTuple):
+    """Linear dynamics of the errors of n robots in N frames, state [e_p, e_v, 1].
 
     Attributes:
-        last: command sent before the first frame, (n, 2) m/s.
-        planned: commands that w adds to, (N, n, 2) m/s.
-        directions: unit vectors along the way, (N, n, 2).
-        step: largest change from frame to frame, m/s.
-        speed: highest, m/s.
+        transition: Transition matrices, (N, n, 5, 5).
+        correction_effect: Effect of a correction on [e_p, e_v], (N, n, 4, 2).
+        stopping_time: Map from the last velocity to its remaining displacement, (n, 2, 2) s.
     """
 
-    last: Array
+    transition: Array
+    correction_effect: Array
+    stopping_time: Array
+
+
+class CommandConstraints(NamedTuple):
+    """Constraints on the commands of n robots in N frames.
+
+    Attributes:
+        last_command: Command sent before the first frame, (n, 2) m/s.
+        planned: Commands to which the corrections w are added, (N, n, 2) m/s.
+        directions: Unit vectors of the direction of travel, (N, n, 2).
+        max_step: Largest change from frame to frame, m/s.
+        max_speed: Largest speed, m/s.
+    """
+
+    last_command: Array
     planned: Array
     directions: Array
-    step: float
-    speed: float
+    max_step: float
+    max_speed: float
 
 
-def minimize(hessian: Array, gradient: Array, limits: Limits) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the best w of each robot, (n, N, 2), and which of them limits bind, (n,).
+def solve_quadratic_programs(
+    hessian: Array, gradient: Array, constraints: CommandConstraints
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the optimal corrections (n, N, 2), and which robots the constraints affect, (n,).
 
-    Robots are solved one by one, each from the start, so that none depends on what others, or
-    former frames, were. Where piqp says anything but solved, w is not a number.
+    Robots are solved one by one without a warm start, so that no result depends on other robots or
+    on earlier frames. An unsolved program yields NaN.
 
     Args:
         hessian: H, (n, 2 N, 2 N), positive definite.
         gradient: c, (n, 2 N).
-        limits: of the commands.
+        constraints: Constraints on the commands.
     """
-    best: Array = -np.linalg.solve(hessian, gradient[..., None])[..., 0].astype(float)
-    bound = np.zeros(len(best), bool)
-    for robot in range(len(best)):
-        rows, low, high = _rows(limits, robot)
-        reached = rows @ best[robot]
-        bound[robot] = ((reached < low - SLACK_M_S) | (reached > high + SLACK_M_S)).any()
-        if bound[robot]:
-            best[robot] = _solve(hessian[robot], gradient[robot], rows, low, high)
-    return best.reshape(len(best), -1, 2), bound
+    solutions: Array = -np.linalg.solve(hessian, gradient[..., None])[..., 0].astype(float)
+    is_constrained = np.zeros(len(solutions), bool)
+    for robot in range(len(solutions)):
+        matrix, lower, upper = _build_constraint_matrix(constraints, robot)
+        values = matrix @ solutions[robot]
+        is_violated = (values < lower - CONSTRAINT_TOLERANCE_M_S) | (
+            values > upper + CONSTRAINT_TOLERANCE_M_S
+        )
+        is_constrained[robot] = is_violated.any()
+        if is_constrained[robot]:
+            solutions[robot] = _solve_with_piqp(
+                hessian[robot], gradient[robot], matrix, lower, upper
+            )
+    return solutions.reshape(len(solutions), -1, 2), is_constrained
 
 
-def _rows(limits: Limits, robot: int) -> tuple[Array, Array, Array]:
-    """Return rows (8 N, 2 N), and the bounds (8 N,) of rows w of one robot: of changes, then of speeds."""
-    planned, directions = limits.planned[:, robot], limits.directions[:, robot]
-    frames, last = len(planned), limits.last[robot]
-    angles = np.arctan2(directions[:, 1], directions[:, 0])[:, None] + _NORMALS
+def _compute_directions(velocities: Array) -> Array:
+    """Return unit vectors of velocities (..., 2); [1, 0] near standstill."""
+    speed = np.hypot(velocities[..., 0], velocities[..., 1])[..., None]
+    unit_vectors = velocities / np.maximum(speed, MIN_DIRECTION_SPEED_M_S)
+    return np.where(speed > MIN_DIRECTION_SPEED_M_S, unit_vectors, [1.0, 0.0])
+
+
+def _build_constraint_matrix(
+    constraints: CommandConstraints, robot: int
+) -> tuple[Array, Array, Array]:
+    """Return A (8 N, 2 N) and bounds (8 N,) of lower <= A w <= upper of one robot.
+
+    The first 4 N rows limit changes, the others speeds.
+    """
+    planned, directions = constraints.planned[:, robot], constraints.directions[:, robot]
+    n_frames, last_command = len(planned), constraints.last_command[robot]
+    angles = np.arctan2(directions[:, 1], directions[:, 0])[:, None] + _NORMAL_ANGLES
     normals = np.stack([np.cos(angles), np.sin(angles)], axis=-1)  # (N, 4, 2)
-    frame = np.arange(frames)
-    speeds = np.zeros((frames, 4, frames, 2))
-    speeds[frame, :, frame] = normals
-    changes = speeds.copy()
-    changes[frame[1:], :, frame[:-1]] = -normals[1:]
-    sent = (normals @ planned[..., None])[..., 0]
-    changed = (normals @ np.diff(planned, axis=0, prepend=last[None])[..., None])[..., 0]
-    highest = np.maximum(_INNER * limits.speed, np.abs(normals @ last))
-    most = np.concatenate([np.full(4 * frames, _INNER * limits.step), highest.ravel()])
-    offset = np.concatenate([changed.ravel(), sent.ravel()])
-    return np.concatenate([changes, speeds]).reshape(8 * frames, -1), -most - offset, most - offset
+    frame = np.arange(n_frames)
+    speed_rows = np.zeros((n_frames, 4, n_frames, 2))
+    speed_rows[frame, :, frame] = normals
+    change_rows = speed_rows.copy()
+    change_rows[frame[1:], :, frame[:-1]] = -normals[1:]
+    planned_speeds = (normals @ planned[..., None])[..., 0]
+    planned_steps = np.diff(planned, axis=0, prepend=last_command[None])
+    planned_changes = (normals @ planned_steps[..., None])[..., 0]
+    max_speeds = np.maximum(_INRADIUS * constraints.max_speed, np.abs(normals @ last_command))
+    max_changes = np.full(4 * n_frames, _INRADIUS * constraints.max_step)
+    upper = np.concatenate([max_changes, max_speeds.ravel()])
+    offset = np.concatenate([planned_changes.ravel(), planned_speeds.ravel()])
+    matrix = np.concatenate([change_rows, speed_rows]).reshape(8 * n_frames, -1)
+    return matrix, -upper - offset, upper - offset
 
 
-def _solve(hessian: Array, gradient: Array, rows: Array, low: Array, high: Array) -> Array:
-    """Return the best w (2 N,) with `low` <= `rows` w <= `high`; not a number unless piqp says that it is."""
-    import piqp  # here, since only who needs it must have it
+def _solve_with_piqp(
+    hessian: Array, gradient: Array, matrix: Array, lower: Array, upper: Array
+) -> Array:
+    """Return the optimal w (2 N,) with `lower` <= `matrix` w <= `upper`; NaN if unsolved."""
+    import piqp  # optional: only users of this controller need it
 
     solver = piqp.DenseSolver()
-    solver.settings.eps_abs = solver.settings.eps_rel = EXACT
-    solver.settings.eps_duality_gap_abs = solver.settings.eps_duality_gap_rel = EXACT
+    solver.settings.eps_abs = solver.settings.eps_rel = SOLVER_TOLERANCE
+    solver.settings.eps_duality_gap_abs = SOLVER_TOLERANCE
+    solver.settings.eps_duality_gap_rel = SOLVER_TOLERANCE
     solver.setup(
-        np.asfortranarray(hessian), gradient, None, None, np.asfortranarray(rows), low, high
+        np.asfortranarray(hessian), gradient, None, None, np.asfortranarray(matrix), lower, upper
     )
-    solved = solver.solve() == piqp.PIQP_SOLVED
-    return np.array(solver.result.x) if solved else np.full(len(gradient), np.nan)
+    is_solved = solver.solve() == piqp.PIQP_SOLVED
+    return np.array(solver.result.x) if is_solved else np.full(len(gradient), np.nan)

@@ -35,7 +35,7 @@ CONTROLLERS: dict[str, str] = {
     "mpc": "omni_control.controllers.mpc:Mpc",
     "oracle": "omni_control.controllers.adaptive:Oracle",
 }
-# Packages beyond numpy and scipy. The extra `omni-mj[NAME]` installs the package of controller NAME.
+# Packages beyond numpy and scipy. The extra `omni-mj[NAME]` installs that of controller NAME.
 REQUIRED_PACKAGES = {"mpc": "piqp"}
 MAX_MEMORY_FRAMES = 36_000
 # Values that a parameter of each type accepts, and their description in messages.
@@ -54,7 +54,7 @@ def find_missing_package(name: str) -> str | None:
 
 
 def list_available_controllers() -> tuple[str, ...]:
-    """Return the names of the controllers whose packages are installed, in order of `CONTROLLERS`."""
+    """Return the names of the controllers whose packages are installed."""
     return tuple(name for name in CONTROLLERS if find_missing_package(name) is None)
 
 
