@@ -1,9 +1,10 @@
-"""Runs lessons: the Python of a page from top to bottom, as one program, in the folder one is in.
+"""Run the Python blocks of a lesson as one program, in the current folder.
 
-    python docs/lessons/run.py [--write] PAGE.md...
+    python docs/tutorials/run.py [--write] PAGE.md...
 
-What a block prints must be what the block of text behind it says; with --write it is written there. Figures are left in
-that folder. `make lessons` does the first, `make lessons WRITE=--write` the second, and puts figures beside the pages.
+The output of a block must equal the block of text below it. `--write` replaces that text instead.
+Figures are saved in the current folder. `make lessons` runs this; `make lessons WRITE=--write` also
+copies the figures next to the pages.
 """
 
 import io
@@ -18,33 +19,30 @@ BLOCK = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.MUL
 
 
 def run(page: str) -> str:
-    """A page with what its blocks print now."""
-    names: dict[str, Any] = {"__name__": "lesson"}
+    """Return a page with the present output of its blocks."""
+    namespace: dict[str, Any] = {"__name__": "lesson"}
 
-    def again(block: re.Match[str]) -> str:
-        with redirect_stdout(io.StringIO()) as printed:
-            exec(compile(block[1], "lesson", "exec"), names)
-        text = "".join(line.rstrip() + "\n" for line in printed.getvalue().splitlines())
+    def run_block(block: re.Match[str]) -> str:
+        with redirect_stdout(io.StringIO()) as stdout:
+            exec(compile(block[1], "lesson", "exec"), namespace)
+        text = "".join(line.rstrip() + "\n" for line in stdout.getvalue().splitlines())
         return f"```python\n{block[1]}```\n" + (f"\n```text\n{text}```\n" if text else "")
 
-    return BLOCK.sub(again, page)
+    return BLOCK.sub(run_block, page)
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the pages named; return how many say something else than their programs."""
-    differ = 0
-    for path in (Path(word) for word in words if word != "--write"):
-        before = path.read_text(encoding="utf-8")
-        after = run(before)
-        if "--write" in words:
-            path.write_text(after, encoding="utf-8")
-        elif after != before:
-            differ += 1
-            print(
-                f"{path} does not say what its program prints; see docs/lessons/run.py",
-                file=sys.stderr,
-            )
-    return differ
+def main(arguments: Sequence[str]) -> int:
+    """Run the pages; return how many of them differ from their output."""
+    n_differing = 0
+    for path in (Path(argument) for argument in arguments if argument != "--write"):
+        text = path.read_text(encoding="utf-8")
+        updated = run(text)
+        if "--write" in arguments:
+            path.write_text(updated, encoding="utf-8")
+        elif updated != text:
+            n_differing += 1
+            print(f"{path}: output differs; see docs/tutorials/run.py", file=sys.stderr)
+    return n_differing
 
 
 if __name__ == "__main__":
