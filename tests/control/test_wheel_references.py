@@ -54,7 +54,7 @@ def test_a_way_stays_within_what_wheels_can(
     """And within all other limits, of which none is given up for it."""
     reference = TimedReference(path, replace(limit, wheels=robot), T, dwell)
     assert_within(robot, reference.poses)
-    assert limit.required_time_scale(reference.poses, T) <= 1 + 1e-5
+    assert limit.compute_time_scale(reference.poses, T) <= 1 + 1e-5
 
 
 @settings(max_examples=12)
@@ -68,7 +68,7 @@ def test_a_curve_stays_within_what_wheels_can(
         CURVES[shape](length, 1.0), replace(limit, wheels=robot), T, 1, tangent
     )
     assert_within(robot, reference.poses)
-    assert limit.required_time_scale(reference.poses, T) <= 1 + 1e-8
+    assert limit.compute_time_scale(reference.poses, T) <= 1 + 1e-8
 
 
 # --- as fast as that allows ---
@@ -109,11 +109,16 @@ def test_a_curve_takes_the_time_of_a_linear_program(tangent: bool, slower: float
     u = np.linspace(0, 2 * np.pi, cells + 1)
     middle = (u[1:] + u[:-1]) / 2
 
-    def curvature(at: Array) -> Array:
-        return (eight(at, 1).conj() * eight(at, 2)).imag / np.abs(eight(at, 1)) ** 3
+    def derivative(at: Array, order: int) -> Array:
+        return eight(at, order) @ [1, 1j]
 
-    step, bend, growth = (np.abs(eight(middle, 1)) * u[1], curvature(middle), np.diff(curvature(u)))
-    ahead = np.ones(cells) + 0j if tangent else eight(middle, 1) / np.abs(eight(middle, 1))
+    def curvature(at: Array) -> Array:
+        first = derivative(at, 1)
+        return (first.conj() * derivative(at, 2)).imag / np.abs(first) ** 3
+
+    first = derivative(middle, 1)
+    step, bend, growth = np.abs(first) * u[1], curvature(middle), np.diff(curvature(u))
+    ahead = np.ones(cells) + 0j if tangent else first / np.abs(first)
     mean = (np.eye(cells, cells + 1) + np.eye(cells, cells + 1, 1)) / 2
     along = np.diff(np.eye(cells + 1), axis=0) / (2 * step[:, None])  # z'/2
     across = bend[:, None] * mean

@@ -1,4 +1,7 @@
-"""Where a robot should be when: known in advance (`timed`, `curves`) or planned anew in each frame (`iterated`)."""
+"""Desired poses of robots over time.
+
+They are known in advance (`timed`, `curves`) or planned anew in each frame (`iterated`).
+"""
 
 from omni_control.reference.curves import CURVES, CurveReference
 from omni_control.reference.iterated import IteratedReference

@@ -1,17 +1,19 @@
-"""The way from one way-point to the next, straight, from rest to rest, in whole frames.
+"""Straight segments from one way-point to the next, from rest to rest, in whole frames.
 
-Where velocity and acceleration alone are limited, `approach_pose` leads there, translation and heading each as fast as
-its own limits let it.
+If only velocity and acceleration are limited, `approach_pose` drives the segment: translation and
+heading each as fast as their own limits allow.
 
-With a limit of jerk, both are as gentle as the time allows, in the shortest time in which all limits are kept. A move
-of d is then a step of d smoothed by three boxes: its mean over n_v frames has a constant velocity of d / n_v, the mean
-of that over n_a frames changes velocity by d / (n_v n_a) a frame, and the mean of that over n_j frames acceleration by
-d / (n_v n_a n_j). As long as n_a >= n_j and n_v >= n_a + n_j nothing overlaps: these are the highest it has, and it
-takes n_v + n_a + n_j frames. The fastest with a limit of jerk, of up to seven phases, is of this form (Biagiotti
-and Melchiorri 2012, FIR filters for online trajectory planning).
+If jerk is limited, both are as smooth as the time allows, in the shortest time in which all limits
+hold. A move of length d is a step of d smoothed by three moving averages. The first, over n_v
+frames, has the constant velocity d / n_v. The second, over n_a frames, changes velocity by
+d / (n_v n_a) per frame. The third, over n_j frames, changes acceleration by d / (n_v n_a n_j). If
+n_a >= n_j and n_v >= n_a + n_j, nothing overlaps, and these are the highest values. The move takes
+n_v + n_a + n_j frames. The fastest move with limited jerk, of up to seven phases, has this form
+(Biagiotti and Melchiorri 2012, FIR filters for online trajectory planning).
 
-Where wheels cannot do both at once, robots drive and turn in step: the heading is linear along the way, and what there
-is left for speeding up and braking depends on the place alone, so that the fastest drive is an integral each way.
+If the wheels cannot do both at once, translation and heading are synchronized: the heading is
+linear along the segment. The acceleration that is left depends on the position alone, so that the
+fastest drive is an integral from each end.
 """
 
 import math
@@ -22,134 +24,171 @@ from functools import partial, reduce
 import numpy as np
 
 from omni_control.kinematics import Array, world_to_body
-from omni_control.reference.motion_limits import MotionLimits, approach_pose
-from omni_control.reference.time_scaling import ROUNDING, Timetable, bearable, driven_on_wheels
+from omni_control.reference.approach import approach_pose
+from omni_control.reference.motion_limits import MotionLimits
+from omni_control.reference.time_scaling import (
+    ROUNDING,
+    PathTiming,
+    is_within_wheel_limits,
+    sample_path_on_wheels,
+)
 from omni_control.traction import WheelLimits, max_over_neighbors
 
-_CELLS = 200  # of a leg on which wheels limit the drive
+_N_CELLS = 200  # of a segment on which wheels limit the drive
+_AT_REST = 1e-9  # m, rad and their rates; below it there is only rounding
 
-Way = tuple[tuple[float, ...], tuple[float, ...]]  # from a pose [x, y, heading] to another
+Segment = tuple[tuple[float, ...], tuple[float, ...]]  # two poses [x, y, heading]
 
 
-def legs(ways: Sequence[Way], limits: MotionLimits, period: float) -> list[Array]:
-    """Return for each way the poses (frames, 3) after its start, up to its end.
+def plan_segments(segments: Sequence[Segment], limits: MotionLimits, period: float) -> list[Array]:
+    """Return for each segment the poses (frames, 3) after its start, up to its end.
 
-    There it rests a frame, or two if jerk is limited. All are planned side by side, each as it
-    would be alone.
+    A segment ends with a frame of rest, or two if jerk is limited.
+
+    Args:
+        segments: Pairs of poses. All are planned together, with the results of planning each alone.
+        limits: Motion limits.
+        period: Length of a frame, s.
     """
-    drives = zip(ways, _driven(ways, limits, period), strict=True)
-    return [_borne(way, poses, limits, period)[1:] for way, poses in drives]
-
-
-def _borne(way: Way, poses: Array, limits: MotionLimits, period: float) -> Array:
-    """Return the same poses, or others where wheels could not drive these."""
-    if limits.wheels is None or bearable(poses, limits.wheels, period):
-        return poses
-    start, end = np.array(way)
-    plan = partial(_in_step, start, end, limits, limits.wheels)
-    poses = driven_on_wheels(partial(_poses_at, start, end), plan, limits, limits.wheels, period)
-    return np.concatenate(
-        [poses, np.repeat(end[None], 2 if limits.jerk or limits.turn_jerk else 1, axis=0)]
-    )
-
-
-def _driven(ways: Sequence[Way], limits: MotionLimits, period: float) -> list[Array]:
-    """Return the poses (frames + 1, 3) of each way, from its start on, whatever its wheels can do."""
-    start, end = np.array(ways).reshape(-1, 2, 3).swapaxes(0, 1)
+    start, end = np.array(segments).reshape(-1, 2, 3).swapaxes(0, 1)
     if limits.jerk or limits.turn_jerk:
-        return [_gentlest(*ends, limits, period) for ends in zip(start, end, strict=True)]
-    return _fastest(start, end, limits, period)
+        drives = [_plan_smooth(*ends, limits, period) for ends in zip(start, end, strict=True)]
+    else:
+        drives = _plan_fastest(start, end, limits, period)
+    return [
+        _slow_down_for_wheels(np.array(segment), poses, limits, period)[1:]
+        for segment, poses in zip(segments, drives, strict=True)
+    ]
 
 
-def _fastest(start: Array, end: Array, limits: MotionLimits, period: float) -> list[Array]:
-    """Return n drives as fast as the limits of velocity and acceleration let heading and rest."""
-    pose, twist, poses, lasts = start, np.zeros_like(start), [start], np.full(len(start), -1)
+def _slow_down_for_wheels(
+    segment: Array, poses: Array, limits: MotionLimits, period: float
+) -> Array:
+    """Return the poses (frames, 3) of a segment (2, 3), slower if the wheels require it."""
+    if limits.wheels is None or is_within_wheel_limits(poses, limits.wheels, period):
+        return poses
+    start, end = segment
+    path = partial(_interpolate, start, end)
+    plan_timing = partial(_plan_timing_on_wheels, start, end, limits, limits.wheels)
+    poses = sample_path_on_wheels(path, plan_timing, limits, limits.wheels, period)
+    rest_frames = 2 if limits.jerk or limits.turn_jerk else 1
+    return np.concatenate([poses, np.repeat(end[None], rest_frames, axis=0)])
+
+
+def _plan_fastest(start: Array, end: Array, limits: MotionLimits, period: float) -> list[Array]:
+    """Return n drives, each from a start to an end (n, 3), within velocity and acceleration."""
+    pose, twist, poses = start, np.zeros_like(start), [start]
+    arrival_frames = np.full(len(start), -1)
     while True:
-        apart = np.maximum(np.abs(end - pose).max(1), np.abs(twist).max(1))
-        # Nm: beyond it there is only rounding
-        lasts[(lasts < 0) & ~(apart > 1e-9)] = len(poses) - 1
-        if (lasts >= 0).all():
+        remaining = np.maximum(np.abs(end - pose).max(1), np.abs(twist).max(1))
+        arrival_frames[(arrival_frames < 0) & ~(remaining > _AT_REST)] = len(poses) - 1
+        if (arrival_frames >= 0).all():
             break
         twist = approach_pose(pose, twist, end, limits, period)
         pose = pose + twist * period
         poses.append(pose)
     drives = np.array(poses)
-    return [np.concatenate([drives[:last, i], end[i : i + 1]]) for i, last in enumerate(lasts)]
+    return [
+        np.concatenate([drives[:frames, i], end[i : i + 1]])
+        for i, frames in enumerate(arrival_frames)
+    ]
 
 
-def _gentlest(start: Array, end: Array, limits: MotionLimits, period: float) -> Array:
-    """Return a drive of the fewest frames in which both moves, as gentle as can be, keep all limits."""
+def _plan_smooth(start: Array, end: Array, limits: MotionLimits, period: float) -> Array:
+    """Return the drive (frames, 3) of the fewest frames in which smooth moves keep all limits."""
     distance, turn = np.hypot(*(end - start)[:2]), abs(end[2] - start[2])
     if not distance and not turn:
         return start[None]
-    cube = period**3
-    move = partial(_smooth_step, distance, limits.speed * period, (limits.jerk or math.inf) * cube)
-    rotate = partial(
-        _smooth_step, turn, limits.turn_rate * period, (limits.turn_jerk or math.inf) * cube
-    )
+    jerk = (limits.jerk or math.inf) * period**3
+    turn_jerk = (limits.turn_jerk or math.inf) * period**3
 
     def drive(frames: int) -> Array | None:
-        way, heading = move(frames), rotate(frames)
-        if way is None or heading is None:
+        translation = _smooth_step(distance, limits.speed * period, jerk, frames)
+        rotation = _smooth_step(turn, limits.turn_rate * period, turn_jerk, frames)
+        if translation is None or rotation is None:
             return None
-        poses = _poses_at(start, end, np.stack([way, way, heading], axis=1))
-        return poses if limits.required_time_scale(poses, period) <= 1 + ROUNDING else None
+        poses = _interpolate(start, end, np.stack([translation, translation, rotation], axis=1))
+        return poses if limits.compute_time_scale(poses, period) <= 1 + ROUNDING else None
 
-    most = 1
-    while (poses := drive(most)) is None:
-        most *= 2
+    enough = 1
+    while (poses := drive(enough)) is None:
+        enough *= 2
+    candidates = range(enough)
     shortest = bisect_left(
-        range(most), True, lo=most // 2, key=lambda frames: drive(frames) is not None
+        candidates, True, lo=enough // 2, key=lambda frames: drive(frames) is not None
     )
-    return poses if shortest == most else drive(shortest)  # type: ignore[return-value]
+    return poses if shortest == enough else drive(shortest)  # type: ignore[return-value]
 
 
 def _smooth_step(distance: float, speed: float, jerk: float, frames: int) -> Array | None:
-    """Return a step in so many frames (frames + 1,), from 0 to 1, as gentle as can be.
+    """Return the smoothest step (frames + 1,) from 0 to 1 in a number of frames.
 
-    None if it cannot keep limits of velocity and jerk per frame. Of boxes that do, those with the
-    shortest n_j are the gentlest.
+    Of the moving averages that keep the limits, those with the shortest n_j are the smoothest.
+
+    Args:
+        distance: Length of the move, m or rad.
+        speed: Highest change per frame.
+        jerk: Highest change of the acceleration per frame, per frame.
+        frames: Duration of the step.
+
+    Returns:
+        The step, or None if no moving averages of this duration keep the limits.
     """
-    third = np.zeros(1, int) if math.isinf(jerk) else np.arange(1, max(frames // 4, 1) + 1)
-    fastest = max(math.ceil(distance / speed - ROUNDING), 1)
-    second = np.minimum((frames - 2 * third) // 2, frames - third - fastest)
-    first = frames - second - third
-    fits = (second >= np.maximum(third, 1)) & (
-        first * second * third >= distance / jerk * (1 - ROUNDING)
-    )
-    if not fits.any():
+    n_j = np.zeros(1, int) if math.isinf(jerk) else np.arange(1, max(frames // 4, 1) + 1)
+    min_n_v = max(math.ceil(distance / speed - ROUNDING), 1)
+    n_a = np.minimum((frames - 2 * n_j) // 2, frames - n_j - min_n_v)
+    n_v = frames - n_a - n_j
+    keeps_jerk = n_v * n_a * n_j >= distance / jerk * (1 - ROUNDING)
+    is_feasible = (n_a >= np.maximum(n_j, 1)) & keeps_jerk
+    if not is_feasible.any():
         return None
-    i = fits.argmax()
-    velocity = reduce(np.convolve, [np.ones(max(box[i], 1)) for box in (first, second, third)])
-    share = np.append(0.0, np.cumsum(velocity) / velocity.sum())
-    return np.pad(share, (0, frames + 1 - len(share)), mode="edge")
+    i = is_feasible.argmax()
+    windows = [np.ones(max(length[i], 1)) for length in (n_v, n_a, n_j)]
+    velocity = reduce(np.convolve, windows)
+    progress = np.append(0.0, np.cumsum(velocity) / velocity.sum())
+    return np.pad(progress, (0, frames + 1 - len(progress)), mode="edge")
 
 
-def _in_step(
-    start: Array, end: Array, limits: MotionLimits, wheels: WheelLimits, share: float
-) -> Timetable:
-    """The fastest drive that asks for so large a share of what wheels can do, by shares of the way from 0 to 1."""
-    way = np.tile(end - start, (_CELLS, 1))
-    heading = start[2] + way[:, 2] * (np.arange(_CELLS) + 0.5) / _CELLS
-    travel = world_to_body(way, heading)
-    rows, dragged = wheels.get_friction_constraints(travel)
-    own = np.hypot(*limits.stretched(way[:, :2], heading).T) / limits.acceleration
-    own = np.maximum(own, np.abs(way[:, 2]) / limits.turn_acceleration)[:, None]
-    pushed = travel @ rows.T / (share - max_over_neighbors(dragged, "edge"))
-    up, down = (
-        2 / _CELLS / np.max(np.concatenate([own, each], axis=1), axis=1)
-        for each in (pushed, -pushed)
+def _plan_timing_on_wheels(
+    start: Array, end: Array, limits: MotionLimits, wheels: WheelLimits, capacity: float
+) -> PathTiming:
+    """Return the fastest timing that needs at most a fraction of the wheels' capacity.
+
+    Args:
+        start: First pose (3,).
+        end: Final pose (3,).
+        limits: Limits of velocity and acceleration.
+        wheels: Limits of the wheels.
+        capacity: Fraction of the friction and of the rim speed, above that which drag takes.
+
+    Returns:
+        Timing of the progress from 0 to 1.
+    """
+    offset = np.tile(end - start, (_N_CELLS, 1))
+    heading = start[2] + offset[:, 2] * (np.arange(_N_CELLS) + 0.5) / _N_CELLS
+    twist = world_to_body(offset, heading)  # per progress
+    rows, drag = wheels.get_friction_constraints(twist)
+    body_demand = np.hypot(*limits.to_isotropic(offset[:, :2], heading).T) / limits.acceleration
+    turn_demand = np.abs(offset[:, 2]) / limits.turn_acceleration
+    demand = np.maximum(body_demand, turn_demand)[:, None]
+    wheel_demand = twist @ rows.T / (capacity - max_over_neighbors(drag, "edge"))
+    # Change of the squared rate from cell to cell, speeding up and braking.
+    gains, losses = (
+        2 / _N_CELLS / np.max(np.concatenate([demand, signed_demand], axis=1), axis=1)
+        for signed_demand in (wheel_demand, -wheel_demand)
     )
-    slowest = max(
-        np.hypot(*way[0, :2]) / limits.speed,
-        abs(way[0, 2]) / limits.turn_rate,
-        wheels.compute_rim_speeds(travel).max() / (share * wheels.max_rim_speed),
+    min_duration = max(
+        np.hypot(*offset[0, :2]) / limits.speed,
+        abs(offset[0, 2]) / limits.turn_rate,
+        wheels.compute_rim_speeds(twist).max() / (capacity * wheels.max_rim_speed),
     )
-    squares = np.minimum(np.append(0, np.cumsum(up)), np.append(0, np.cumsum(down[::-1]))[::-1])
-    return Timetable.of_rates(1 / _CELLS, np.sqrt(np.minimum(squares, slowest**-2.0)))
+    from_start = np.append(0, np.cumsum(gains))
+    from_end = np.append(0, np.cumsum(losses[::-1]))[::-1]
+    squared_rate = np.minimum(np.minimum(from_start, from_end), min_duration**-2.0)
+    return PathTiming.from_rates(1 / _N_CELLS, np.sqrt(squared_rate))
 
 
-def _poses_at(start: Array, end: Array, share: Array) -> Array:
-    """Poses (frames, 3) at shares of the way (frames,), or of the way of each coordinate (frames, 3)."""
-    share = share if share.ndim == 2 else share[:, None]
-    return np.where(share == 1, end, start + share * (end - start))
+def _interpolate(start: Array, end: Array, progress: Array) -> Array:
+    """Return poses (frames, 3) for a progress from 0 to 1, (frames,) or (frames, 3)."""
+    progress = progress if progress.ndim == 2 else progress[:, None]
+    return np.where(progress == 1, end, start + progress * (end - start))
