@@ -1,6 +1,7 @@
 """`omni-mj run`, or `python -m omni_mj.run`: run a scenario, show its result, leave its files."""
 
 import shlex
+import textwrap
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -166,20 +167,23 @@ def viewers(view: bool, connect: str | None) -> list[str]:
 
 
 def _print_tables(result: "Result") -> None:
-    """Print the tables, and what happened."""
-    from omni_mj.results.result_tables import (
-        format_table,
-        recovery_table,
-        results_table,
-        saturation_table,
-    )
+    """Print the result in one sentence, then the tables and the events of a run."""
+    from omni_mj.results import result_tables
+    from omni_mj.results.summary_sentence import summary_sentence
 
     summary = result.summary()
-    if result.outcomes[0].entry["results"]:
-        for each in (results_table(summary), saturation_table(summary), recovery_table(summary)):
-            if each:
-                print(format_table(each), end="\n\n")
-        console.print_events(result.outcomes[0].entry)
+    if not result.outcomes[0].entry["results"]:
+        return
+    print(textwrap.fill(summary_sentence(summary), result_tables.TERMINAL_WIDTH), end="\n\n")
+    tables = (
+        result_tables.results_table(summary),
+        result_tables.saturation_table(summary),
+        result_tables.recovery_table(summary),
+    )
+    for table in tables:
+        if table:
+            print(result_tables.format_table(table), end="\n\n")
+    console.print_events(result.outcomes[0].entry)
 
 
 def _print_files(result: "Result", folder: Path) -> None:

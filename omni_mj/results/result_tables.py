@@ -1,6 +1,7 @@
-"""Tables of what came out: for the terminal, Markdown, recordings and plain text alike."""
+"""Tables of results as strings, for the terminal, Markdown, recordings and reports."""
 
-from collections.abc import Iterator, Mapping
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
@@ -11,143 +12,153 @@ from omni_mj.results.saturation import DUTY, METRIC_LABELS
 from omni_mj.results.statistics import SeedStatistics
 
 DASH = "\N{EN DASH}"
-PAPER = "paper's "  # before the names of controllers whose numbers the paper reports
-COLUMNS = {"x": ("x, cm", "error_m", 100.0), "y": ("y, cm", "error_m", 100.0)}
-COLUMNS |= {
-    "position": ("plane, cm", "error_m", 100.0),
+TERMINAL_WIDTH = 80
+PAPER_PREFIX = "paper's "  # before the names of controllers whose errors the paper reports
+AXIS_COLUMNS = {  # axis -> heading, key in the summary, factor
+    "x": ("x, cm", "error_m", 100.0),
+    "y": ("y, cm", "error_m", 100.0),
+    "position": ("position, cm", "error_m", 100.0),
     "heading": ("heading, °", "error_rad", degrees(1)),
 }
-EFFORT = "excess, m/s²"  # effort above what the reference needs: one scale for all scenarios
-WORTH = 0.05  # share from which on a table on the terminal tells of causes
+MIN_FRACTION = 0.05  # fraction of frames from which on a limit is worth a table
 Summary = Mapping[str, Any]
+Column = tuple[str, ...]  # heading and cells
 
 
 @dataclass(frozen=True)
 class Table:
-    """Headings and rows of strings; the first `left` columns are aligned to the left."""
+    """Headings and rows of strings. The first `left_columns` columns are aligned to the left."""
 
     title: str
     headings: list[str]
     rows: list[list[str]]
-    left: int
+    left_columns: int
 
 
-def results_table(summary: Summary) -> Table:
-    """The table of a summary: errors as maximum/mean, effort, time to settle, and the change against the first.
+def results_table(summary: Summary, effort: bool = False) -> Table:
+    """Return the errors and settling times of all controllers in all scenarios.
 
-    A number is that of the one seed, or the median over the seeds. What the paper has follows the
-    controllers.
+    Errors are "maximum/mean" over the frames; of several seeds, the medians. The paper's errors
+    follow in rows of their own. Errors in x and y have columns only if the paper reports them. A
+    column whose cells are all equal is left out.
+
+    Args:
+        summary: Content of summary.json.
+        effort: Whether to add a column with the excess effort.
     """
     entries = {name: entry for name, entry in summary["scenarios"].items() if entry["results"]}
     several = len(summary["scenarios"]) > 1
-    first = next((next(iter(entry["results"])) for entry in entries.values()), "")
-    headings = ["scenario"] * several + [
-        "controller",
-        *(heading for heading, _, _ in COLUMNS.values()),
-    ]
-    headings += [EFFORT, "settled, s", f"vs {first}, %"]
+    has_paper = any(entry["paper"] for entry in entries.values())
+    axes = [axis for axis in AXIS_COLUMNS if has_paper or axis not in ("x", "y")]
+    baseline = next((next(iter(entry["results"])) for entry in entries.values()), "")
+    headings = [*["scenario"] * several, "controller", *(AXIS_COLUMNS[axis][0] for axis in axes)]
+    headings += [*["excess effort, m/s²"] * effort, "settled, s", f"vs {baseline}, %"]
     rows = []
     for name, entry in entries.items():
-        for i, line in enumerate([*_lines(summary, entry), *_paper_lines(entry)]):
-            rows.append(["" if i else name] * several + line)
+        lines = [*_controller_rows(summary, entry, axes, effort), *_paper_rows(entry, axes)]
+        for i, line in enumerate(lines):
+            row = [*["" if i else name] * several, *line]
+            rows.append(row + [""] * (len(headings) - len(row)))
     name = "Controllers compared" if several else next(iter(summary["scenarios"]))
-    places = " and ".join(
-        dict.fromkeys(describe_plant(entry) for entry in summary["scenarios"].values())
-    )
-    return Table(
-        f"{name}, {places}{describe_seeds(summary)}; maximum/mean", headings, rows, 1 + several
-    )
+    plants = dict.fromkeys(describe_plant(entry) for entry in summary["scenarios"].values())
+    title = f"{name}, {' and '.join(plants)}{describe_seeds(summary)}; maximum/mean errors"
+    return _without_equal_columns(Table(title, headings, rows, 1 + several))
 
 
 def saturation_table(summary: Summary) -> Table | None:
-    """Each controller's shares in per cent, beside its error; None where all are small, or for several scenarios."""
+    """Return how often each controller reached a limit, in % of the frames, beside its error.
+
+    Returns:
+        None if limits were hardly reached, or if the summary has several scenarios.
+    """
     entries = [entry for entry in summary["scenarios"].values() if entry["results"]]
     if len(entries) != 1:
         return None
     results = entries[0]["results"]
-    met = {
+    largest = {
         name: max(result["saturation"][name]["median"] or 0.0 for result in results.values())
         for name in METRIC_LABELS
     }
-    if max(met[name] for name in METRIC_LABELS if name != DUTY) < WORTH:
+    if max(largest[name] for name in METRIC_LABELS if name != DUTY) < MIN_FRACTION:
         return None
-    shown = [name for name in METRIC_LABELS if met[name] > 0]
-    rows = [
-        [
-            controller_label(summary, controller, result),
-            _both(result["error_m"]["position"], 100),
-            *(format_number(result["saturation"][name]["median"], 100, 1) for name in shown),
+    names = [name for name in METRIC_LABELS if largest[name] > 0]
+    rows = []
+    for controller, result in results.items():
+        percentages = [
+            format_number(result["saturation"][name]["median"], 100, 1) for name in names
         ]
-        for controller, result in results.items()
-    ]
-    title = f"why{describe_seeds(summary)}: shares of the frames, and mean duty"
-    return Table(
-        title,
-        ["controller", "plane, cm", *(f"{METRIC_LABELS[name]}, %" for name in shown)],
-        rows,
-        1,
-    )
+        error = _max_and_mean(result["error_m"]["position"], 100)
+        rows.append([controller_label(summary, controller, result), error, *percentages])
+    title = f"Limits reached{describe_seeds(summary)}: % of the frames, and mean duty cycle"
+    headings = ["controller", "position, cm", *(f"{METRIC_LABELS[name]}, %" for name in names)]
+    return Table(title, headings, rows, 1)
 
 
 def recovery_table(summary: Summary) -> Table | None:
-    """Return how controllers came back from each fault of a summary's scenarios; None if there were none."""
+    """Return how the controllers recovered from each fault, or None if there were no faults."""
     rows = []
     for entry in summary["scenarios"].values():
-        for faults in zip(
-            *(result["recovery"] for result in entry["results"].values()), strict=False
-        ):
+        recoveries = [result["recovery"] for result in entry["results"].values()]
+        for faults in zip(*recoveries, strict=False):
             for i, (controller, fault) in enumerate(zip(entry["results"], faults, strict=True)):
-                time, worst = (
-                    fault[RECOVERY]["median"],
-                    format_number(fault[EXCURSION]["median"], 100),
-                )
-                came_back = "never" if time is None else format_number(time)
-                rows.append(["" if i else fault["fault"], controller, worst, came_back])
-    title = f"recovery{describe_seeds(summary)}: worst excursion until {RECOVERY_WINDOW_S:g} s after a fault, time from its start until"
-    headings = ["fault", "controller", "worst, cm", "recovered, s"]
-    return (
-        Table(f"{title} below {100 * RECOVERED_M:g} cm for good", headings, rows, 2)
-        if rows
-        else None
+                time_s = fault[RECOVERY]["median"]
+                recovered = "never" if time_s is None else format_number(time_s)
+                excursion = format_number(fault[EXCURSION]["median"], 100)
+                rows.append(["" if i else fault["fault"], controller, excursion, recovered])
+    title = (
+        f"Recovery from faults{describe_seeds(summary)}: largest position error until "
+        f"{RECOVERY_WINDOW_S:g} s after the fault, and time from its start until the error stays "
+        f"below {100 * RECOVERED_M:g} cm"
     )
+    headings = ["fault", "controller", "largest error, cm", "recovered, s"]
+    return Table(title, headings, rows, 2) if rows else None
 
 
 def describe_seeds(summary: Summary) -> str:
-    """What seeds a table is over, as an end of its title."""
+    """Return the seeds of a table as the end of its title."""
     seeds = summary["seeds"]
-    return (
-        f", median of {len(seeds)} seeds"
-        if len(seeds) > 1
-        else f", seed {seeds[0]}"
-        if seeds
-        else ""
-    )
+    if len(seeds) > 1:
+        return f", median of {len(seeds)} seeds"
+    return f", seed {seeds[0]}" if seeds else ""
 
 
 def describe_plant(entry: Mapping[str, Any]) -> str:
-    """The robot, if the plant has one, and the plant of a scenario's entry in a summary."""
+    """Return the robot, if the plant has one, and the plant of a scenario's entry in a summary."""
     robot = "" if entry["plant"] == "kinematic" else f"{Path(entry['robot']).name} "
     return f"{robot}on the {entry['plant']} plant"
 
 
-def format_table(given: Table) -> str:
-    """The table as lines of plain text."""
-    lines = [given.headings, *given.rows]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    aligned = [
-        "  ".join(
-            cell.ljust(width) if i < given.left else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in lines
-    ]
-    return "\n".join([given.title, *aligned])
+def format_table(table: Table, width: int = TERMINAL_WIDTH) -> str:
+    """Return a table as lines of plain text that fit the terminal.
+
+    Columns without any text are left out. If the table is too wide, units go to a second line of
+    the headings. Columns that still do not fit follow in another block below.
+
+    Args:
+        table: Table to print. Units follow a comma in its headings.
+        width: Largest number of characters in a line.
+    """
+    columns: list[Column] = list(zip(table.headings, *table.rows, strict=True))
+    labels = columns[: table.left_columns]
+    values = [column for column in columns[table.left_columns :] if any(column[1:])]
+    n_headings = 1
+    if _width([*labels, *values]) > width:
+        n_headings = 2
+        labels, values = ([_split_heading(column) for column in part] for part in (labels, values))
+    blocks: list[list[Column]] = [[]]
+    for column in values:
+        if blocks[-1] and _width([*labels, *blocks[-1], column]) > width:
+            blocks.append([])
+        blocks[-1].append(column)
+    title = "\n".join(textwrap.fill(line, width) for line in table.title.split("\n"))
+    body = "\n\n".join(_format_block(labels, block, n_headings) for block in blocks)
+    return f"{title}\n{body}"
 
 
 def controller_label(
     summary: Summary, controller: str, result: Mapping[str, Any] | None = None
 ) -> str:
-    """A controller's name, with what must be known of its numbers: if it knows the truth, how many seeds failed."""
+    """Return a controller's name with remarks: whether it is privileged, how many seeds failed."""
     remarks = ["privileged"] if controller in summary["privileged"] else []
     if result and result["n_failed"]:
         remarks.append(f"failed {result['n_failed']} of {len(result['effort_m_s2']['per_seed'])}")
@@ -155,50 +166,107 @@ def controller_label(
 
 
 def format_number(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
-    """A number, never -0, or a dash where there is none."""
+    """Return factor times a number, never as -0; a dash for None."""
     return DASH if value is None else f"{factor * value:z.{digits}f}"
 
 
 def format_mean(spread: SeedStatistics, factor: float = 1.0) -> str:
-    """The mean over the seeds and half its interval; a dash for what there is none of."""
+    """Return "mean±half width" of the 95 % confidence interval over the seeds, or a dash."""
     if spread["mean"] is None:
         return DASH
     return f"{factor * spread['mean']:.2f}±{format_number(spread['ci95_half_width'], factor)}"
 
 
-def _both(error: Mapping[str, Any], factor: float) -> str:
-    """Maximum and mean of an error: medians over the seeds."""
-    return "/".join(
-        format_number(error[statistic]["median"], factor) for statistic in ("max", "mean")
+def _controller_rows(
+    summary: Summary, entry: Mapping[str, Any], axes: Sequence[str], effort: bool
+) -> Iterator[list[str]]:
+    """Yield a row of `results_table` for each controller of a scenario."""
+    baseline = next(iter(entry["results"].values()))
+    for controller, result in entry["results"].items():
+        row = [controller_label(summary, controller, result)]
+        for axis in axes:
+            _, key, factor = AXIS_COLUMNS[axis]
+            row.append(_max_and_mean(result[key][axis], factor))
+        if effort:
+            row.append(format_number(result["excess_effort_m_s2"]["median"]))
+        change = "" if result is baseline else _change_percent(result, baseline)
+        yield [*row, _settling_time(result), change]
+
+
+def _settling_time(result: Mapping[str, Any]) -> str:
+    """Return the median settling time, and how many seeds settled if not all did."""
+    median, n_seeds = result["settle_s"]["median"], len(result["settle_s"]["per_seed"])
+    time_s = "never" if median is None else format_number(median)
+    return time_s + (
+        "" if result["n_settled"] == n_seeds else f" ({result['n_settled']}/{n_seeds})"
     )
 
 
-def _lines(summary: Summary, entry: Mapping[str, Any]) -> Iterator[list[str]]:
-    base = next(iter(entry["results"].values()))["error_m"]["position"]
-    for controller, result in entry["results"].items():
-        settle, count = result["settle_s"], len(result["settle_s"]["per_seed"])
-        settled = "never" if settle["median"] is None else format_number(settle["median"])
-        error = result["error_m"]["position"]
-        medians = [(error[name]["median"], base[name]["median"]) for name in ("max", "mean")]
-        changes = [
-            DASH if new is None or not old else f"{100 * (new / old - 1):+.0f}"
-            for new, old in medians
-        ]
-        yield [
-            controller_label(summary, controller, result),
-            *(_both(result[key][axis], factor) for axis, (_, key, factor) in COLUMNS.items()),
-            format_number(result["excess_effort_m_s2"]["median"]),
-            settled + ("" if result["n_settled"] == count else f" ({result['n_settled']}/{count})"),
-            "" if error is base else "/".join(changes),
-        ]
+def _change_percent(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> str:
+    """Return the changes of the maximum and mean position error against the baseline."""
+    changes = []
+    for statistic in ("max", "mean"):
+        new, old = (
+            other["error_m"]["position"][statistic]["median"] for other in (result, baseline)
+        )
+        changes.append(DASH if new is None or not old else f"{100 * (new / old - 1):+.0f}")
+    return "/".join(changes)
 
 
-def _paper_lines(entry: Mapping[str, Any]) -> Iterator[list[str]]:
+def _max_and_mean(error: Mapping[str, Any], factor: float) -> str:
+    """Return the maximum and mean of an error, medians over the seeds."""
+    return "/".join(format_number(error[name]["median"], factor) for name in ("max", "mean"))
+
+
+def _paper_rows(entry: Mapping[str, Any], axes: Sequence[str]) -> Iterator[list[str]]:
+    """Yield a row of `results_table` for each controller that the paper reports."""
     for controller, error in (entry["paper"] or {}).items():
         cells = [
-            "/".join(format_number(error[axis][s], 100) for s in ("max", "mean"))
+            "/".join(format_number(error[axis][name], 100) for name in ("max", "mean"))
             if axis in error
             else ""
-            for axis in COLUMNS
+            for axis in axes
         ]
-        yield [PAPER + controller, *cells, "", "", ""]
+        yield [PAPER_PREFIX + controller, *cells]
+
+
+def _without_equal_columns(table: Table) -> Table:
+    """Return a table without the columns that say the same of all controllers.
+
+    The position error always stays.
+    """
+    kept = []
+    for i, heading in enumerate(table.headings):
+        cells = [row[i] for row in table.rows if row[i]]
+        is_needed = i < table.left_columns or heading == AXIS_COLUMNS["position"][0]
+        if is_needed or len(cells) < 2 or len(set(cells)) > 1:
+            kept.append(i)
+    headings = [table.headings[i] for i in kept]
+    rows = [[row[i] for i in kept] for row in table.rows]
+    return Table(table.title, headings, rows, table.left_columns)
+
+
+def _split_heading(column: Column) -> Column:
+    """Return a column whose heading has its unit in a second line."""
+    quantity, _, unit = column[0].partition(", ")
+    return (quantity, unit, *column[1:])
+
+
+def _width(columns: Sequence[Column]) -> int:
+    """Return the width of columns side by side, in characters."""
+    return sum(2 + max(map(len, column)) for column in columns) - 2
+
+
+def _format_block(labels: Sequence[Column], values: Sequence[Column], n_headings: int) -> str:
+    """Return columns side by side, without the line of units if no column has one."""
+    columns = [*labels, *values]
+    widths = [max(map(len, column)) for column in columns]
+    lines = []
+    for cells in zip(*columns, strict=True):
+        aligned = [
+            cell.ljust(width) if i < len(labels) else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
+        ]
+        lines.append("  ".join(aligned).rstrip())
+    is_unit_line_empty = n_headings == 2 and not lines[1]
+    return "\n".join(lines[:1] + lines[2:] if is_unit_line_empty else lines)

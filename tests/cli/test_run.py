@@ -54,7 +54,13 @@ def test_a_run_prints_the_table_and_where_its_files_are(
     assert {p.name for p in folder.iterdir()} == FILES
     printed = capsys.readouterr()
     assert printed.err == ""
-    for text in ("x, cm", "plane, cm", "heading", "comp-flc", f"runs/{folder.name}/recording.rrd"):
+    for text in (
+        "is best: its mean",
+        "position",
+        "heading",
+        "comp-flc",
+        f"runs/{folder.name}/recording.rrd",
+    ):
         assert text in printed.out
     summary = strict(folder / "summary.json")
     assert (summary["complete"], summary["seeds"]) == (True, [0])
@@ -122,7 +128,7 @@ def test_faults_are_told_in_table_summary_report_and_recording(
         == 0
     )
     printed = capsys.readouterr().out
-    assert "worst, cm" in printed
+    assert "largest error, cm" in printed
     assert "radio-delay (delay_frames = 9), from 0.4 s on" in printed
     told = [event["text"] for event in strict(out / "summary.json")["scenarios"]["met"]["events"]]
     assert [each.split()[:2] for each in told if "vision" in each or "delay" in each] == [
@@ -286,7 +292,7 @@ def test_drawing_costs_no_numbers(
     monkeypatch.setattr("omni_mj.viz.figures.save_run_figures", fails)
     assert invoke(*KINEMATIC, "--no-record", "--out", tmp_path / "out") == code
     printed = capsys.readouterr()
-    assert "plane, cm" in printed.out
+    assert "position" in printed.out
     assert printed.err.startswith(f"error: {says}")
     assert printed.err.count("\n") == 1
     assert is_whole(tmp_path / "out")

@@ -27,7 +27,7 @@ def print_comparison(summary: Summary) -> None:
             "settled: s after the end of the reference's last move "
             "(how many of all seeds settle, if not all)"
         )
-        print("excess: command effort above the reference's own; compare.md has the definitions\n")
+        print("compare.md has the effort of the commands and all definitions\n")
     if verdicts.rows:
         print(format_table(verdicts))
         print(f"{_verdict_caption(summary)}\n")
@@ -37,7 +37,7 @@ def print_comparison(summary: Summary) -> None:
 
 def to_markdown(summary: Summary) -> str:
     """Return the tables, notes and definitions of a comparison as Markdown."""
-    errors, verdicts = results_table(summary), verdict_table(summary)
+    errors, verdicts = results_table(summary, effort=True), verdict_table(summary)
     blocks = [
         f"# {errors.title}",
         f"`{summary['repeat_command']}`" if summary["repeat_command"] else "",
