@@ -73,7 +73,7 @@ class Curve:
 
 CURVES: dict[str, Callable[[float, float], Curve]] = {
     "circle": partial(Curve, cycles=1, phase=-np.pi / 2),  # an ellipse, if length and width differ
-    "eight": partial(Curve, cycles=2, phase=0.0),  # the lemniscate of Gerono
+    "figure-eight": partial(Curve, cycles=2, phase=0.0),  # the lemniscate of Gerono
 }
 
 
