@@ -51,7 +51,7 @@ def test_the_limit_is_a_command(
     summary = strict(out / "summary.json")
     assert summary["seeds"] == [3, 4]
     assert summary["complete"]
-    assert len(summary["limit"]["attempts"]) >= 2
+    assert len(summary["limit"]["trials"]) >= 2
     assert min(imread(out / "limit.png").shape[:2]) > 700
     assert invoke("verify", out) == 2
     assert f"repeat it as a whole: omni-mj limit {tiny}" in capsys.readouterr().err
@@ -62,9 +62,9 @@ def test_bad_input_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     for words, says in (
         (("rekt",), "did you mean 'rect'"),
         (("rect", "--robot", "tigers"), "unknown robot 'tigers'"),
-        (("rect", "--iterations", 1), "at least 2 iterations"),
+        (("rect", "--iterations", 1), "iterations must be at least 2, got 1"),
         (("rect", "--seeds", 0), "seeds"),
-        (("rect", "--set", "world.start_poses=[[0,0,0],[0,1,0]]"), "has 2 places"),
+        (("rect", "--set", "world.start_poses=[[0,0,0],[0,1,0]]"), "has 2 poses"),
         ((), "Missing argument"),
     ):
         assert invoke("limit", *words, "--out", tmp_path / "bad") == 2

@@ -1,8 +1,9 @@
-"""Iterative learning without noise: what a robot can do that has driven the same path before.
+"""Iterative learning control (ILC) without noise: the best run of a robot that repeats its path.
 
-In each attempt several rows follow commands planned from the best run so far, with feedback, since rolling contacts
-do not repeat exactly; others follow the best run with random changes of its commands. How rows departed from the best
-one tells the model with which the next commands are planned.
+In each trial several rows track commands that are optimized from the best run so far. They need
+feedback, because rolling contacts do not repeat exactly. Other rows track the best run with random
+changes of its commands. The differences between rows identify the model (`deviation_model`) from
+which the next commands are optimized (`command_optimizer`).
 """
 
 from collections.abc import Callable, Sequence
@@ -19,40 +20,36 @@ from omni_mj.config import reference_factory
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.limit.deviation_model import DeviationModel, improve
-from omni_mj.studies.limit.lqr_tracking import Policy, Tracker
+from omni_mj.studies.limit.command_optimizer import optimize_commands
+from omni_mj.studies.limit.deviation_model import DeviationModel
+from omni_mj.studies.limit.lqr_tracking import FeedbackSettings, LqrTracker
 from omni_mj.studies.study_runner import AfterFrame, StartProgress
 
-Aim = Literal["max", "mean"]
-AIMS: tuple[Aim, ...] = ("max", "mean")
-Leader = Callable[[Array, Array, Array], Array]
-TEACHERS = ("comp-flc", "adaptive-comp-flc")  # whose best run is the first
-TRIES = tuple(
-    product((1.0, 0.3), (0.03, 0.003))
-)  # share of a planned change, weight of the regulator
-PROBES = 3  # rows that are disturbed, by so much in m/s and rad/s
-PROBE = np.array([0.1, 0.1, 0.5])
-PROBE_WEIGHT = 0.1
-ASTRAY, ASTRAY_M = (
-    4.0,
-    0.05,
-)  # times the best row's maximum: rows beyond both say nothing of runs near it
-HEADING_M = 0.01  # per rad: weight of the heading in what is compared
-PATIENCE, PROGRESS, PROGRESS_M = (
-    3,
-    0.04,
-    2e-5,
-)  # learning ends after so many attempts that gain less
+Statistic = Literal["max", "mean"]
+STATISTICS: tuple[Statistic, ...] = ("max", "mean")
+# Function of extrapolated poses, sent headings and last commands that returns commands
+CommandFunction = Callable[[Array, Array, Array], Array]
+INITIAL_CONTROLLERS = ("comp-flc", "adaptive-comp-flc")  # whose best run learning starts from
+# Rows that apply the optimized change: fraction of it, and command weight of the regulator
+OPTIMIZED_ROWS = tuple(product((1.0, 0.3), (0.03, 0.003)))
+EXPLORING_ROWS = 3
+EXPLORING_WEIGHT = 0.1
+EXPLORATION_STD = np.array([0.1, 0.1, 0.5])  # of their random changes, m/s and rad/s
+# Rows with larger maximum errors than both are not used to fit the local model
+MAX_ERROR_RATIO, MAX_ERROR_M = 4.0, 0.05  # relative to the best row; absolute
+HEADING_WEIGHT_M = 0.01  # per rad
+# Learning ends after three trials that each improve less than both
+MAX_IDLE_TRIALS, MIN_IMPROVEMENT, MIN_IMPROVEMENT_M = 3, 0.04, 2e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Drives:
-    """What came of n rows in F frames.
+class Runs:
+    """Runs of n rows over F frames.
 
     Attributes:
         sent: Commands within the limits, (F, n, 3).
         poses: True poses, (F, n, 3).
-        errors: Poses less the reference, (F, n, 3); infinite for a row that failed.
+        errors: Poses minus the reference, (F, n, 3); infinite for a row that failed.
     """
 
     sent: Array
@@ -60,37 +57,36 @@ class Drives:
     errors: Array
 
     @classmethod
-    def of(cls, simulation: Simulation) -> "Drives":
-        """Return those of a simulation that is over."""
+    def from_simulation(cls, simulation: Simulation) -> "Runs":
+        """Return the runs of a simulation at its end."""
         poses, sent = simulation.log.channel("pose"), simulation.log.channel("command")
         errors = poses - simulation.log.channel("ref")
         errors[:, [failure.row for failure in simulation.failures]] = np.inf
         return cls(sent, poses, errors)
 
     @property
-    def best(self) -> "Drives":
-        """Return those of the row with the least merit."""
-        row = [int(self.merit.argmin())]
-        return Drives(*(values[:, row] for values in (self.sent, self.poses, self.errors)))
+    def best(self) -> "Runs":
+        """The run with the least cost, as n = 1."""
+        row = [int(self.cost.argmin())]
+        return Runs(*(values[:, row] for values in (self.sent, self.poses, self.errors)))
 
-    def size(self, aim: Aim, heading_m: float = HEADING_M) -> Array:
-        """Return the maximum or mean error in the plane, (n,) m, and a little of that of the heading."""
-        error = np.hypot(self.errors[..., 0], self.errors[..., 1]) + heading_m * np.abs(
-            self.errors[..., 2]
-        )
-        return error.max(0) if aim == "max" else error.mean(0)
+    def error(self, statistic: Statistic, heading_weight_m: float = HEADING_WEIGHT_M) -> Array:
+        """Return the maximum or mean of position error plus weighted heading error, (n,) m."""
+        position = np.hypot(self.errors[..., 0], self.errors[..., 1])
+        error = position + heading_weight_m * np.abs(self.errors[..., 2])
+        return error.max(0) if statistic == "max" else error.mean(0)
 
     @property
-    def merit(self) -> Array:
-        """What learning minimizes, (n,) m: the mean of maximum and mean error."""
-        return (self.size("max") + self.size("mean")) / 2
+    def cost(self) -> Array:
+        """The cost that learning minimizes: mean of maximum and mean error, (n,) m."""
+        return (self.error("max") + self.error("mean")) / 2
 
 
-def led(label: str, leader: Leader) -> type[Controller]:
-    """Return a controller that sends what a function of reported poses, sent headings and last commands returns."""
+def controller_from_function(label: str, function: CommandFunction) -> type[Controller]:
+    """Return a controller class that sends the commands of a function."""
 
     def command(self: Controller, frame: int, observation: Observation) -> Array:
-        return leader(
+        return function(
             observation.extrapolated_pose,
             observation.pose[:, 2],
             observation.sent_commands.get_latest(1)[0],
@@ -99,81 +95,105 @@ def led(label: str, leader: Leader) -> type[Controller]:
     return type(label, (Controller,), {"command": command})
 
 
-def lead(
-    scenario: Scenario, seeds: Sequence[int], leader: Leader, after_frame: AfterFrame
-) -> Drives:
-    """Lead robots, one for each seed and each in its own world, from start to end."""
+def run_function(
+    scenario: Scenario, seeds: Sequence[int], function: CommandFunction, after_frame: AfterFrame
+) -> Runs:
+    """Run robots that are commanded by a function, each with its own seed and world."""
+    label = "tracking"
     rows = [
-        Row(i, 0, "led", seed, scenario.settings, scenario.robot) for i, seed in enumerate(seeds)
+        Row(i, 0, label, seed, scenario.settings, scenario.robot) for i, seed in enumerate(seeds)
     ]
-    simulation = Simulation(scenario, [led("led", leader)], rows=rows)
+    simulation = Simulation(scenario, [controller_from_function(label, function)], rows=rows)
     simulation.run(after_frame)
-    return Drives.of(simulation)
+    return Runs.from_simulation(simulation)
 
 
-def learn(
+def learn_run(
     scenario: Scenario,
-    attempts: int,
-    history: list[dict[Aim, float]],
+    max_trials: int,
+    history: list[dict[Statistic, float]],
     start_progress: StartProgress,
-) -> tuple[Drives, DeviationModel]:
-    """Learn the commands of a scenario without noise; return the best run and how robots depart from it.
+) -> tuple[Runs, DeviationModel]:
+    """Learn the commands of a scenario without noise.
 
     Args:
-        scenario: Without noise; its first seed counts.
-        attempts: From each the best run so far is planned anew, until nothing is gained any more;
-            so many at most.
-        history: Takes maximum and mean error in the plane of the best run, m, after each attempt.
-        start_progress: Called with a title and the number of frames before each attempt; what it returns is
-            called after each frame.
+        scenario: Scenario without noise; its first seed is used.
+        max_trials: Largest number of trials. Learning ends earlier if it no longer improves.
+        history: Receives maximum and mean position error of the best run, m, after each trial.
+        start_progress: Called with a title and the number of frames before each trial. It returns a
+            function that is called with each frame's number and may raise `StoppedError`.
+
+    Returns:
+        The best run, and the model of deviations from it.
+
+    Raises:
+        OmniError: No controller reaches the end of the scenario.
     """
-    settings, seed, idle = scenario.settings, scenario.seed, 0
+    settings, seed = scenario.settings, scenario.seed
     reference = reference_factory.timed(settings, settings.world.start_poses[0]).poses
-    limits, random = reference_factory.motion_limits(settings.control), np.random.default_rng(0)
-    model = DeviationModel.prior(
-        len(reference), settings.radio.delay_frames, 2 * settings.control.lag_s
-    )
-    teachers = Simulation(scenario, TEACHERS, [seed])
-    teachers.run(start_progress("controllers", len(reference)))
-    best = Drives.of(teachers).best
-    if not np.isfinite(best.merit).all():
-        raise OmniError(
-            f"no controller comes to the end of {scenario.name!r}: there is nothing to learn from"
-        )
-    policies = [Policy(weight) for _, weight in TRIES] + [Policy(PROBE_WEIGHT)] * PROBES
-    shares = np.array([share for share, _ in TRIES] + [0.0] * PROBES)[:, None]
-    for number in range(attempts + 1):
-        history.append({aim: float(best.size(aim, 0.0)[0]) for aim in AIMS})
-        if number == attempts or idle == PATIENCE:
+    limits = reference_factory.motion_limits(settings.control)
+    n_frames, delay = len(reference), settings.radio.delay_frames
+    model = DeviationModel.prior(n_frames, delay, 2 * settings.control.lag_s)
+    best = _initial_run(scenario, start_progress("controllers", n_frames))
+    feedback = [FeedbackSettings(weight) for _, weight in OPTIMIZED_ROWS]
+    feedback += [FeedbackSettings(EXPLORING_WEIGHT)] * EXPLORING_ROWS
+    fractions = np.array([f for f, _ in OPTIMIZED_ROWS] + [0.0] * EXPLORING_ROWS)[:, None]
+    random, idle_trials = np.random.default_rng(0), 0
+    for trial in range(max_trials + 1):
+        history.append({name: float(best.error(name, 0.0)[0]) for name in STATISTICS})
+        if trial == max_trials or idle_trials == MAX_IDLE_TRIALS:
             break
-        planned, expected = improve(model, limits, best.errors[:, 0], best.sent[:, 0])
-        commands = best.sent + shares * (planned[:, None] - best.sent)
-        poses = best.poses + shares * (expected[:, None] - best.errors)
-        tracker = Tracker(model, commands, poses, scenario, policies)
-        changes = PROBE * random.standard_normal((len(reference), len(policies), 3))
-        changes[1:] += changes[:-1].copy()
-        frames = iter(np.where(shares == 0, changes / np.sqrt(2), 0.0))
-        made = lead(
+        optimized, predicted = optimize_commands(model, limits, best.errors[:, 0], best.sent[:, 0])
+        commands = best.sent + fractions * (optimized[:, None] - best.sent)
+        poses = best.poses + fractions * (predicted[:, None] - best.errors)
+        tracker = LqrTracker(model, commands, poses, scenario, feedback)
+        exploration = _random_changes(random, n_frames, len(feedback))
+        changes = iter(np.where(fractions == 0, exploration, 0.0))
+        runs = run_function(
             scenario,
-            [seed] * len(policies),
-            lambda *seen, tracker=tracker, frames=frames: tracker(*seen) + next(frames),
-            start_progress(f"attempt {number + 1}", len(reference)),
+            [seed] * len(feedback),
+            lambda *observed, tracker=tracker, changes=changes: tracker(*observed) + next(changes),
+            start_progress(f"trial {trial + 1}", n_frames),
         )
-        model = _fitted(model, reference, made)
-        gain = float((best.merit - made.best.merit)[0])
-        idle = 0 if gain > max(PROGRESS * float(best.merit[0]), PROGRESS_M) else idle + 1
-        best = made.best if gain > 0 else best
+        model = _refit_model(model, reference, runs)
+        improvement = float((best.cost - runs.best.cost)[0])
+        is_idle = improvement <= max(MIN_IMPROVEMENT * float(best.cost[0]), MIN_IMPROVEMENT_M)
+        idle_trials = idle_trials + 1 if is_idle else 0
+        best = runs.best if improvement > 0 else best
     return best, model
 
 
-def _fitted(model: DeviationModel, reference: Array, made: Drives) -> DeviationModel:
-    """Return the model fitted to how rows near the best one differ from it, if there are enough."""
-    farthest = made.size("max")
-    rows = np.argsort(farthest, kind="stable")
-    near = rows[farthest[rows] < max(ASTRAY * farthest[rows[0]], ASTRAY_M)]
+def _initial_run(scenario: Scenario, after_frame: AfterFrame) -> Runs:
+    """Return the best run of the controllers that learning starts from.
+
+    Raises:
+        OmniError: None of them reaches the end of the scenario.
+    """
+    simulation = Simulation(scenario, INITIAL_CONTROLLERS, [scenario.seed])
+    simulation.run(after_frame)
+    best = Runs.from_simulation(simulation).best
+    if not np.isfinite(best.cost).all():
+        raise OmniError(
+            f"no controller reaches the end of {scenario.name!r}, so there is nothing to learn from"
+        )
+    return best
+
+
+def _random_changes(random: np.random.Generator, frames: int, rows: int) -> Array:
+    """Return random changes of commands, smoothed over two frames, (frames, rows, 3)."""
+    changes = EXPLORATION_STD * random.standard_normal((frames, rows, 3))
+    changes[1:] += changes[:-1].copy()
+    return changes / np.sqrt(2)
+
+
+def _refit_model(model: DeviationModel, reference: Array, runs: Runs) -> DeviationModel:
+    """Return the model fitted to the runs near the best one, if there are enough of them."""
+    max_error = runs.error("max")
+    rows = np.argsort(max_error, kind="stable")
+    near = rows[max_error[rows] < max(MAX_ERROR_RATIO * max_error[rows[0]], MAX_ERROR_M)]
     if len(near) < 3:
         return model
     poses, commands = (
-        values[:, near[1:]] - values[:, near[:1]] for values in (made.poses, made.sent)
+        values[:, near[1:]] - values[:, near[:1]] for values in (runs.poses, runs.sent)
     )
     return DeviationModel.fit(reference, model.delay, poses, commands)

@@ -1,13 +1,16 @@
-"""Lead robots along known runs: the learned commands, and feedback on the estimated departure.
+"""LQR tracking of a recorded run: its commands plus feedback on the estimated deviation.
 
-A Kalman filter on `DepartureModel` estimates how each robot departs from its run. The firmware's heading has an error
-c and its gyro a bias b of which it knows a part. Both follow known laws (`omni_mj.robot.firmware`):
+A Kalman filter on `DeviationModel` estimates how each robot deviates from its run. The heading of
+the firmware has an error c, and its gyro a bias b that is partly known. Both follow
+`omni_mj.robot.firmware`:
 
-    c(k+1) = c(k) + T b(k) + T g e(k),    b(k+1) = b(k) + T h e(k),    e(k) = heading sent - heading held then
+    c(k+1) = c(k) + T b(k) + T g e(k),    b(k+1) = b(k) + T h e(k),
 
-They act like other commands: turned by -c, with -b / (1 + turn gain) too much turn rate. So does a gain by which the
-kinematic plant's speeds differ from commands. A linear quadratic regulator acts on the departure predicted at the end
-of the dead time, which is optimal for a robot with dead time (D. L. Kleinman, IEEE Trans. Automatic Control 14, 1969).
+where e(k) is the heading that was sent minus the heading held at that time. They act as changes of
+the command: a rotation by -c, and the turn rate -b / (1 + turn gain). So does the gain by which the
+speeds of the kinematic plant differ from commands. A linear quadratic
+regulator acts on the deviation predicted at the end of the dead time, which is optimal for a robot
+with dead time (D. L. Kleinman, IEEE Trans. Automatic Control 14, 1969).
 """
 
 from collections.abc import Sequence
@@ -21,47 +24,43 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.studies.limit.deviation_model import SCALE, DeviationModel
 
-POSE, SPEED, DRIFT, COMPASS, BIAS, GAIN = (
-    slice(0, 3),
-    slice(3, 6),
-    slice(6, 9),
-    9,
-    10,
-    slice(11, 14),
-)
-STATES = 14
-TRANSLATION = np.array([1, 1, 0, 1, 1, 0, 1, 1, 0, 0, 0, 1, 1, 1], bool)
+# Indices of the state. Drift is the lasting part of the velocity error.
+POSE, VELOCITY, DRIFT = slice(0, 3), slice(3, 6), slice(6, 9)
+HEADING_OFFSET, BIAS, GAIN = 9, 10, slice(11, 14)
+N_STATES = 14
+IS_TRANSLATION = np.array([1, 1, 0, 1, 1, 0, 1, 1, 0, 0, 0, 1, 1, 1], bool)
 DRIFT_DECAY = np.exp(-1 / 30.0)  # per frame
-SMALLEST = 2e-6  # m or rad that vision resolves; avoids a division by zero
-# Standard deviations per frame of what no linear model foresees: velocity, its lasting part
-# (drift), in m/s and rad/s, and the heading that the firmware holds, rad. Those with which poses of
-# tigers-v2016 on `rect` are predicted best.
-ON_WHEELS_NOISE = np.array([0, 0, 0, 5e-4, 5e-4, 2e-3, 2e-5, 2e-5, 4e-5, 2.5e-4, 0, 0, 0, 0])
-ROUNDS = 5  # a disturbance is at most 0.2 of a command, so five rounds leave nothing of it
+MIN_NOISE = 2e-6  # m or rad, of the measured pose; avoids a division by zero
+# Standard deviations per frame of model errors: velocity and drift in m/s and rad/s, held heading
+# in rad. They predict the poses of tigers-v2016 on `rect` best.
+MODEL_ERROR = np.array([0, 0, 0, 5e-4, 5e-4, 2e-3, 2e-5, 2e-5, 4e-5, 2.5e-4, 0, 0, 0, 0])
+# Iterations that invert the disturbance of a command. It is at most 0.2 of the command, so the
+# remaining error is negligible.
+INVERSION_ITERATIONS = 5
 
 
-class Policy(NamedTuple):
-    """How feedback is set.
+class FeedbackSettings(NamedTuple):
+    """Settings of filter and regulator.
 
     Attributes:
-        weight: Of commands beside departures in the regulator, s^2; its root is about the time to
-            make one good.
-        noise: Factor of the filter's process noise of translation.
+        weight: Weight of commands relative to deviations in the regulator, s^2. Its root is about
+            the time constant of the feedback.
+        noise_factor: Factor on the filter's process noise of translation.
     """
 
     weight: float
-    noise: float = 1.0
+    noise_factor: float = 1.0
 
 
-class Tracker:
-    """Controller of n robots near n runs, called once a frame.
+class LqrTracker:
+    """Tracker of n robots near n recorded runs, called once per frame.
 
     Args:
-        model: Departures, the same for all runs.
-        commands: Of the runs, (F, n, 3), or (F, 1, 3) for one run of all.
-        poses: Of the runs, same shape.
-        scenario: Its noise, radio and firmware.
-        policies: One per robot.
+        model: Deviation model of all runs.
+        commands: Commands of the runs, (F, n, 3), or (F, 1, 3) for one run of all robots.
+        poses: Poses of the runs, same shape.
+        scenario: Its noise, radio and firmware are used.
+        feedback: Settings of each robot.
     """
 
     def __init__(
@@ -70,181 +69,202 @@ class Tracker:
         commands: Array,
         poses: Array,
         scenario: Scenario,
-        policies: Sequence[Policy],
+        feedback: Sequence[FeedbackSettings],
     ) -> None:
-        n, settings, firmware = len(policies), scenario.settings, scenario.plant in ON_WHEELS
-        self._delay, self._start, end = (
-            model.delay,
-            model.delay + 1,
-            [(0, model.delay), (0, 0), (0, 0)],
+        n, settings, has_firmware = len(feedback), scenario.settings, scenario.plant in ON_WHEELS
+        # Commands are stored with `_offset` frames in front, so that delayed ones always exist.
+        self._delay, self._offset = model.delay, model.delay + 1
+        padding = [(0, model.delay), (0, 0), (0, 0)]
+        self._velocity_matrix = np.pad(model.velocity, padding, "edge")
+        self._command_matrix = np.pad(model.command, [(0, 0), *padding], "edge")
+        self._inverse = np.linalg.pinv(self._command_matrix.sum(0))
+        self._commands = np.pad(commands, [(self._offset, 0), (0, 0), (0, 0)])
+        self._poses = poses
+        self._sent = np.zeros((self._offset + model.frames, n, 3))
+        self._headings = np.zeros((model.frames, n))  # sent minus true heading at that time
+        self._frame = -1
+        firmware = settings.firmware
+        self._heading_gain = has_firmware * PERIOD_S * firmware.heading_gain
+        self._bias_gain = has_firmware * PERIOD_S * firmware.bias_gain
+        self._bias_effect = has_firmware / (1 + firmware.turn_gain)
+        position_noise = max(settings.vision.position_noise_m, MIN_NOISE)
+        heading_noise = max(settings.vision.heading_noise_rad, MIN_NOISE)
+        self._vision_covariance = np.diag(
+            np.square([position_noise, position_noise, heading_noise])
         )
-        self._velocity = np.pad(model.velocity, end, "edge")
-        self._push = np.pad(model.command, [(0, 0), *end], "edge")
-        self._commands, self._poses = np.pad(commands, [(self._start, 0), (0, 0), (0, 0)]), poses
-        self._heading_gain = firmware * PERIOD_S * settings.firmware.heading_gain
-        self._bias_gain = firmware * PERIOD_S * settings.firmware.bias_gain
-        self._bias_effect = firmware / (1 + settings.firmware.turn_gain)
-        vision = settings.vision
-        position, heading = (
-            max(vision.position_noise_m, SMALLEST),
-            max(vision.heading_noise_rad, SMALLEST),
-        )
-        self._vision_covariance = np.diag(np.square([position, position, heading]))
         noise, gain, self._gain_decay = _process_noise(scenario)
         self._noise = np.array(
-            [np.where(TRANSLATION, policy.noise, 1.0) * noise for policy in policies]
+            [np.where(IS_TRANSLATION, robot.noise_factor, 1.0) * noise for robot in feedback]
         )
-        regulators = {
-            weight: _regulator(model, weight) for weight in {policy.weight for policy in policies}
-        }
-        self._gains = np.stack([regulators[policy.weight] for policy in policies], axis=1)
-        self._inverse = np.linalg.pinv(self._push.sum(0))
-        self._state = np.zeros((n, STATES))
-        self._covariance = np.zeros((n, STATES, STATES))
-        self._covariance[:, BIAS, BIAS] = firmware * settings.sensors.gyro_bias_rad_s**2
+        weights = {robot.weight for robot in feedback}
+        regulators = {weight: regulator_gains(model, weight) for weight in weights}
+        self._gains = np.stack([regulators[robot.weight] for robot in feedback], axis=1)
+        self._state = np.zeros((n, N_STATES))
+        self._covariance = np.zeros((n, N_STATES, N_STATES))
+        self._covariance[:, BIAS, BIAS] = has_firmware * settings.sensors.gyro_bias_rad_s**2
         self._covariance[:, GAIN, GAIN] = gain**2 * np.eye(3)
-        self._sent = np.zeros(
-            (self._start + model.frames, n, 3)
-        )  # before the start too, as of the commands
-        self._headings = np.zeros(
-            (model.frames, n)
-        )  # that were sent, less the robots' own at that time
-        self._frame = -1
 
-    def __call__(self, measured: Array, heading: Array, last: Array) -> Array:
+    def __call__(self, measured: Array, heading: Array, last_command: Array) -> Array:
         """Return commands (n, 3), before the limits.
 
         Args:
-            measured: Poses that vision reports, (n, 3); NaN where it reports none.
-            heading: Sent along with the command, (n,).
-            last: Commands sent in the frame before, (n, 3).
+            measured: Poses reported by vision, (n, 3); NaN if there is none.
+            heading: Heading sent along with the command, (n,) rad.
+            last_command: Commands sent in the previous frame, (n, 3).
         """
-        ahead, frame = self.predict(measured, heading, last), self._frame
-        acts, now = frame + self._delay, frame + self._start
-        before = self._sent[now - 1]
-        felt = before - self._commands[now - 1] + self._disturbance(ahead, before, acts)
-        state = np.concatenate([ahead[:, POSE], ahead[:, SPEED], felt], axis=1)
+        predicted, frame = self.predict(measured, heading, last_command), self._frame
+        effective_frame, now = frame + self._delay, frame + self._offset
+        last_sent = self._sent[now - 1]
+        last_change = last_sent - self._commands[now - 1]
+        last_effect = last_change + self._disturbance(predicted, last_sent, effective_frame)
+        state = np.concatenate([predicted[:, POSE], predicted[:, VELOCITY], last_effect], axis=1)
         feedback = (self._gains[frame] * state[:, None]).sum(-1)
         desired = command = self._commands[now] - feedback
-        for _ in range(ROUNDS):
-            command = desired - self._disturbance(ahead, command, acts)
+        for _ in range(INVERSION_ITERATIONS):
+            command = desired - self._disturbance(predicted, command, effective_frame)
         return command
 
-    def predict(self, measured: Array, heading: Array, last: Array) -> Array:
-        """Take in a frame; return the states (n, STATES) predicted for the frame in which its command acts."""
+    def predict(self, measured: Array, heading: Array, last_command: Array) -> Array:
+        """Advance the filter by a frame and predict the states when its command takes effect.
+
+        Args:
+            measured: Poses reported by vision, (n, 3); NaN if there is none.
+            heading: Heading sent along with the command, (n,) rad.
+            last_command: Commands sent in the previous frame, (n, 3).
+
+        Returns:
+            Predicted states, (n, N_STATES).
+        """
         if self._frame >= 0:
-            self._sent[self._frame + self._start] = last
+            self._sent[self._frame + self._offset] = last_command
             self._advance_filter()
         self._frame += 1
         pose = self._poses[self._frame]
         self._correct(measured - pose)
         self._headings[self._frame] = wrap_angle(heading - pose[:, 2] - self._state[:, 2])
-        ahead = self._state
+        predicted = self._state
         for frame in range(self._frame, self._frame + self._delay):
-            ahead = self._advanced(ahead, frame)
-        return ahead
+            predicted = self._next_state(predicted, frame)
+        return predicted
 
     def _advance_filter(self) -> None:
-        """Advance states and covariances by a frame; `_advanced` is affine, so differences are its Jacobian."""
-        states = np.zeros((1 + STATES, *self._state.shape))
-        states[1:] = np.eye(STATES)[:, None]
-        images = self._advanced(states, self._frame)
+        """Advance states and covariances by a frame.
+
+        `_next_state` is affine, so its differences are its Jacobian.
+        """
+        states = np.zeros((1 + N_STATES, *self._state.shape))
+        states[1:] = np.eye(N_STATES)[:, None]
+        images = self._next_state(states, self._frame)
         jacobian = (images[1:] - images[0]).transpose(1, 2, 0)
-        self._state = self._advanced(self._state, self._frame)
-        effect = np.eye(STATES)
-        effect[POSE, SPEED] = PERIOD_S * np.eye(3)
-        noise = effect * self._noise[:, None] ** 2 @ effect.T
+        self._state = self._next_state(self._state, self._frame)
+        noise_input = np.eye(N_STATES)
+        noise_input[POSE, VELOCITY] = PERIOD_S * np.eye(3)
+        noise = noise_input * self._noise[:, None] ** 2 @ noise_input.T
         self._covariance = jacobian @ self._covariance @ jacobian.swapaxes(1, 2) + noise
 
-    def _advanced(self, state: Array, frame: int) -> Array:
-        """Return the states (..., n, STATES) a frame later."""
-        speed = state[..., SPEED] @ self._velocity[frame].T + state[..., DRIFT]
-        for lag, matrix in enumerate(self._push[:, frame]):
-            command = self._sent[frame - lag + 1]  # a dead time, and a lag, before
+    def _next_state(self, state: Array, frame: int) -> Array:
+        """Return states (..., n, N_STATES) one frame after `frame`."""
+        velocity = state[..., VELOCITY] @ self._velocity_matrix[frame].T + state[..., DRIFT]
+        for lag, matrix in enumerate(self._command_matrix[:, frame]):
+            # Sent a dead time, and a dead time plus a frame, before
+            command = self._sent[frame - lag + 1]
             change = (
                 command - self._commands[frame - lag + 1] + self._firmware_error(state, command)
             )
-            speed = speed + change @ matrix.T
-        later = state.copy()
-        later[..., SPEED] = speed
-        later[..., POSE] += PERIOD_S * speed
-        later[..., DRIFT] *= DRIFT_DECAY
-        later[..., GAIN] *= self._gain_decay
+            velocity = velocity + change @ matrix.T
+        following = state.copy()
+        following[..., VELOCITY] = velocity
+        following[..., POSE] += PERIOD_S * velocity
+        following[..., DRIFT] *= DRIFT_DECAY
+        following[..., GAIN] *= self._gain_decay
         bias = state[..., BIAS]
-        later[..., COMPASS] += PERIOD_S * bias
+        following[..., HEADING_OFFSET] += PERIOD_S * bias
         if frame >= self._delay:
             sent = self._headings[frame - self._delay]
-            error = sent - state[..., COMPASS] + self._delay * PERIOD_S * bias
-            later[..., COMPASS] += self._heading_gain * error
-            later[..., BIAS] += self._bias_gain * error
-        return later
+            error = sent - state[..., HEADING_OFFSET] + self._delay * PERIOD_S * bias
+            following[..., HEADING_OFFSET] += self._heading_gain * error
+            following[..., BIAS] += self._bias_gain * error
+        return following
 
     def _firmware_error(self, state: Array, command: Array) -> Array:
-        """Return the change of the command (..., n, 3) that compass error, gyro bias and gain amount to."""
-        compass, bias = state[..., COMPASS], state[..., BIAS]
-        parts = compass * command[:, 1], -compass * command[:, 0], -self._bias_effect * bias
-        return np.stack(parts, axis=-1) + state[..., GAIN] * command
+        """Return the command change (..., n, 3) equivalent to heading offset, bias and gain."""
+        offset, bias = state[..., HEADING_OFFSET], state[..., BIAS]
+        rotation = offset * command[:, 1], -offset * command[:, 0], -self._bias_effect * bias
+        return np.stack(rotation, axis=-1) + state[..., GAIN] * command
 
     def _disturbance(self, state: Array, command: Array, frame: int) -> Array:
-        """Return the change of the command (n, 3) that all disturbances amount to when it acts."""
+        """Return the command change (n, 3) equivalent to all disturbances when it takes effect."""
         return self._firmware_error(state, command) + state[:, DRIFT] @ self._inverse[frame].T
 
-    def _correct(self, surprise: Array) -> None:
-        """Condition states and covariances on the poses that vision reports, less those of the runs (n, 3)."""
-        surprise = surprise - self._state[:, POSE]
-        surprise[:, 2] = wrap_angle(surprise[:, 2])
-        seen = ~np.isnan(surprise[:, 0])
-        innovation = self._covariance[:, POSE, POSE] + self._vision_covariance
+    def _correct(self, deviation: Array) -> None:
+        """Condition states and covariances on measured deviations (n, 3) from the runs' poses."""
+        innovation = deviation - self._state[:, POSE]
+        innovation[:, 2] = wrap_angle(innovation[:, 2])
+        is_visible = ~np.isnan(innovation[:, 0])
+        innovation_covariance = self._covariance[:, POSE, POSE] + self._vision_covariance
         gain = (
-            np.linalg.solve(innovation, self._covariance[:, POSE]).swapaxes(1, 2)
-            * seen[:, None, None]
+            np.linalg.solve(innovation_covariance, self._covariance[:, POSE]).swapaxes(1, 2)
+            * is_visible[:, None, None]
         )
-        self._state = self._state + (gain @ np.nan_to_num(surprise)[..., None])[..., 0]
+        self._state = self._state + (gain @ np.nan_to_num(innovation)[..., None])[..., 0]
         covariance = self._covariance - gain @ self._covariance[:, POSE]
         self._covariance = (covariance + covariance.swapaxes(1, 2)) / 2
 
 
 def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
-    """Return the standard deviation of the noise that acts on each state in a frame, (STATES,).
+    """Return the process noise of the filter for a scenario's plant and settings.
 
     Returns:
-        These; the standard deviation of the gain by which speeds differ from commands, and its
-        decay per frame.
+        Standard deviation of each state per frame, (N_STATES,); standard deviation of the gain by
+        which speeds differ from commands, and its decay per frame.
     """
-    settings, sizes = scenario.settings, np.zeros(STATES)
+    settings, deviations = scenario.settings, np.zeros(N_STATES)
     if scenario.plant in ON_WHEELS:
-        gyro = settings.sensors.gyro_noise_rad_s
-        sizes[SPEED] = settings.disturbance.force_n / settings.body.mass_kg * PERIOD_S / 3**0.5
-        sizes[5], sizes[COMPASS] = gyro / (1 + settings.firmware.turn_gain), PERIOD_S * gyro
-        return np.hypot(sizes, ON_WHEELS_NOISE), 0.0, 1.0
+        gyro, disturbance = settings.sensors.gyro_noise_rad_s, settings.disturbance
+        deviations[VELOCITY] = disturbance.force_n / settings.body.mass_kg * PERIOD_S / 3**0.5
+        deviations[5] = gyro / (1 + settings.firmware.turn_gain)
+        deviations[HEADING_OFFSET] = PERIOD_S * gyro
+        return np.hypot(deviations, MODEL_ERROR), 0.0, 1.0
     kinematic = settings.kinematic
-    sizes[SPEED], sizes[DRIFT] = 1e-9 + settings.disturbance.velocity_m_s / 3**0.5, 1e-9
+    deviations[VELOCITY] = 1e-9 + settings.disturbance.velocity_m_s / 3**0.5
+    deviations[DRIFT] = 1e-9
     gain = (
         (kinematic.alpha_high - kinematic.alpha_low)
         / (kinematic.alpha_high + kinematic.alpha_low)
         / 3**0.5
     )
     decay = float(np.exp(-PERIOD_S / kinematic.alpha_time_s)) if kinematic.alpha_time_s else 0.0
-    sizes[GAIN] = gain * (1 - decay**2) ** 0.5
-    return sizes, gain, decay
+    deviations[GAIN] = gain * (1 - decay**2) ** 0.5
+    return deviations, gain, decay
 
 
-def _regulator(model: DeviationModel, weight: float) -> Array:
-    """Return gains K (F, 3, 9) of du(k) = -K(k) [dp, dv, du(k-1)] at the time at which du(k) acts.
+def regulator_gains(model: DeviationModel, weight: float) -> Array:
+    """Return the gains of the time-varying linear quadratic regulator.
 
-    They minimize the sum over frames of |dp|^2 + weight |du|^2, turns counted at an arm's length.
+    They minimize the sum over frames of |dp|^2 + weight |du|^2, with angles times the robot's
+    radius. The Riccati recursion runs backward from the last frame.
+
+    Args:
+        model: Deviation model, with F frames.
+        weight: Weight of commands, s^2.
+
+    Returns:
+        K (F, 3, 9) of du(k) = -K(k) [dp, dv, du(k-1)], at the time when du(k) takes effect.
     """
     state_cost, command_cost = np.zeros((9, 9)), weight * np.diag(SCALE**2)
     state_cost[POSE, POSE] = np.diag(SCALE**2)
     gains, cost = np.zeros((model.frames, 3, 9)), state_cost
     for k in range(model.frames - 1, model.delay - 1, -1):
-        matrix, effect = np.zeros((9, 9)), np.zeros((9, 3))
-        matrix[SPEED, SPEED], matrix[SPEED, 6:] = model.velocity[k], model.command[1, k]
-        effect[SPEED], effect[6:] = model.command[0, k], np.eye(3)
-        matrix[POSE], effect[POSE] = PERIOD_S * matrix[SPEED], PERIOD_S * effect[SPEED]
-        matrix[POSE, POSE] += np.eye(3)
-        gain = np.linalg.solve(command_cost + effect.T @ cost @ effect, effect.T @ cost @ matrix)
-        cost = state_cost + matrix.T @ cost @ (matrix - effect @ gain)
+        transition, effect = np.zeros((9, 9)), np.zeros((9, 3))
+        transition[VELOCITY, VELOCITY] = model.velocity[k]
+        transition[VELOCITY, 6:] = model.command[1, k]
+        transition[POSE] = PERIOD_S * transition[VELOCITY]
+        transition[POSE, POSE] += np.eye(3)
+        effect[VELOCITY], effect[6:] = model.command[0, k], np.eye(3)
+        effect[POSE] = PERIOD_S * effect[VELOCITY]
+        information = command_cost + effect.T @ cost @ effect
+        gain = np.linalg.solve(information, effect.T @ cost @ transition)
+        cost = state_cost + transition.T @ cost @ (transition - effect @ gain)
         gains[k - model.delay] = gain
     gains[max(model.frames - model.delay, 0) :] = gains[max(model.frames - model.delay - 1, 0)]
     return gains

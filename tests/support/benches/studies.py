@@ -15,10 +15,11 @@ from omni_mj.results.result import Outcome
 from omni_mj.studies.alpha import AlphaResult, AlphaStudy
 from omni_mj.studies.alpha import operating_conditions as conditions
 from omni_mj.studies.identify.robot_logs import read
-from omni_mj.studies.limit.deviation_model import DeviationModel, improve
-from omni_mj.studies.limit.iterative_learning import Drives, learn
-from omni_mj.studies.limit.limit_study import quiet
-from omni_mj.studies.limit.lqr_tracking import POSE, Policy, Tracker, _regulator
+from omni_mj.studies.limit.command_optimizer import optimize_commands
+from omni_mj.studies.limit.deviation_model import DeviationModel
+from omni_mj.studies.limit.iterative_learning import Runs, learn_run
+from omni_mj.studies.limit.limit_study import remove_noise
+from omni_mj.studies.limit.lqr_tracking import POSE, FeedbackSettings, LqrTracker, regulator_gains
 from omni_mj.studies.loop import LoopResult, loop_experiment, measure_loop
 from omni_mj.studies.loop.loop_experiment import (
     FREQUENCIES,
@@ -51,12 +52,7 @@ def departures(model: DeviationModel, commands: Array) -> Array:
 
 def planned(model: DeviationModel, limits: MotionLimits, errors: Array) -> tuple[Array, Array]:
     """Return commands and expected errors (F, 3) planned for a run that was sent nothing."""
-    return improve(model, limits, errors, np.zeros_like(errors))
-
-
-def regulator_gains(model: DeviationModel, weight: float) -> Array:
-    """Return the gains (F, 3, 9) on pose, velocity and last command."""
-    return _regulator(model, weight)
+    return optimize_commands(model, limits, errors, np.zeros_like(errors))
 
 
 def predicted_poses(
@@ -72,15 +68,17 @@ def predicted_poses(
         delay: Dead time, frames.
     """
     zero = np.zeros_like(poses)
-    policies = [Policy(0.1, noise)] * poses.shape[1]
-    tracker = Tracker(DeviationModel.prior(len(poses), delay, 0.0), zero, zero, scenario, policies)
+    feedback = [FeedbackSettings(0.1, noise)] * poses.shape[1]
+    tracker = LqrTracker(
+        DeviationModel.prior(len(poses), delay, 0.0), zero, zero, scenario, feedback
+    )
     for k in range(len(poses) - delay):
         ahead = tracker.predict(measured[k], np.zeros(poses.shape[1]), np.zeros(poses.shape[1:]))
     return ahead[:, POSE]
 
 
-def learned(scenario: om.Scenario, attempts: int) -> tuple[Drives, list[dict[Any, float]]]:
+def learned(scenario: om.Scenario, trials: int) -> tuple[Runs, list[dict[Any, float]]]:
     """Return the best run of a robot that learns without noise, and its history."""
     history: list[dict[Any, float]] = []
-    best, _ = learn(quiet(scenario), attempts, history, lambda title, frames: ignore_frame)
+    best, _ = learn_run(remove_noise(scenario), trials, history, lambda title, frames: ignore_frame)
     return best, history
