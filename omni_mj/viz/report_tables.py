@@ -1,0 +1,181 @@
+"""Tables of a report that the terminal does not show: errors, motors, events, failures, settings."""
+
+import json
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from math import degrees
+from typing import Any
+
+from omni_mj.config.settings import every_setting
+from omni_mj.results.result_tables import DASH, Table, format_number
+from omni_mj.results.saturation import METRIC_LABELS
+
+STATISTICS = {"max": "maximum", "p99": "99th percentile", "mean": "mean", "rms": "root mean square"}
+ERRORS = {  # axis -> label, key of the summary, factor to the unit of the label
+    "x": ("in x, cm", "error_m", 100.0),
+    "y": ("in y, cm", "error_m", 100.0),
+    "position": ("position, cm", "error_m", 100.0),
+    "along_track": ("along the path, cm", "error_m", 100.0),
+    "cross_track": ("across the path, cm", "error_m", 100.0),
+    "heading": ("heading, deg", "error_rad", degrees(1)),
+}
+PEAKS = {"peak_voltage_v": "peak, V", "peak_current_a": "peak, A"}
+ALPHA = ("alpha x", "alpha y")
+TEMPERATURE = "peak_winding_temperature_c"
+MIN_HEATING_K = 10.0  # rise of a winding's temperature from which the table shows it
+MAX_EVENTS = 200
+Summary = Mapping[str, Any]
+
+
+def scenario_table(summary: Summary) -> Table:
+    """Return robot, plant, number of seeds and description of each scenario."""
+    rows = [
+        [name, entry["robot"], entry["plant"], str(len(entry["seeds"])), entry["description"]]
+        for name, entry in summary["scenarios"].items()
+    ]
+    return Table("", ["scenario", "robot", "plant", "seeds", "description"], rows, 5)
+
+
+def error_table(entry: Summary) -> Table:
+    """Return all error statistics of a scenario: median over the seeds, smallest and largest."""
+    rows = []
+    for axis, (label, key, factor) in ERRORS.items():
+        for controller, result in entry["results"].items():
+            spreads = [result[key][axis][statistic] for statistic in STATISTICS]
+            rows.append(
+                [label, controller, *(_format_spread(spread, factor) for spread in spreads)]
+            )
+    title = "Absolute errors; with several seeds the median (smallest to largest)"
+    return Table(title, ["error", "controller", *STATISTICS.values()], rows, 2)
+
+
+def motor_table(entry: Summary) -> Table:
+    """Return effort, limits reached, peaks of the motors and alpha of each controller."""
+    ambient_c = entry["settings"]["motor"]["ambient_c"]
+    temperatures = [result[TEMPERATURE] for result in entry["results"].values()]
+    is_hot = any(value is not None and value > ambient_c + MIN_HEATING_K for value in temperatures)
+    peaks = PEAKS | ({TEMPERATURE: "winding, °C"} if is_hot else {})
+    limits = [f"{label}, %" for label in METRIC_LABELS.values()]
+    headings = ["controller", "effort, m/s²", *limits, *peaks.values(), *ALPHA]
+    rows = []
+    for controller, result in entry["results"].items():
+        fractions = [result["saturation"][name]["median"] for name in METRIC_LABELS]
+        alphas = [(result["alpha"] or {}).get(axis, {}).values() for axis in "xy"]
+        rows.append(
+            [
+                controller,
+                format_number(result["effort_m_s2"]["median"]),
+                *(format_number(fraction, 100, 1) for fraction in fractions),
+                *(format_number(result[name]) for name in peaks),
+                *("/".join(map(format_number, percentiles)) for percentiles in alphas),
+            ]
+        )
+    title = (
+        "Effort; percentage of the frames in which a limit is reached, and mean duty cycle; peaks "
+        "of all motors and seeds; 5th/50th/95th percentile of alpha in windows of 0.25 s (the paper"
+        " reports 0.7 to 1)"
+    )
+    return drop_uninformative_columns(Table(title, headings, rows, 1), ALPHA)
+
+
+def failure_table(summary: Summary) -> Table:
+    """Return scenario, controller, seed, slot, time and cause of each failed row."""
+    rows = [
+        [
+            name,
+            failure["controller"],
+            str(failure["seed"]),
+            str(failure["slot"]),
+            format_number(failure["time_s"]),
+            failure["cause"],
+        ]
+        for name, entry in summary["scenarios"].items()
+        for failure in entry["failures"]
+    ]
+    title = "Robots that failed were stopped. Their errors count as infinite"
+    return Table(title, ["scenario", "controller", "seed", "slot", "time, s", "cause"], rows, 6)
+
+
+def event_table(entry: Summary) -> Table:
+    """Return time, controller, seed and text of a scenario's first events."""
+    rows = []
+    for event in entry["events"][:MAX_EVENTS]:
+        time = format_number(event["time_s"])
+        rows.append([time, event["controller"], str(event["seed"]), event["text"]])
+    return Table("Events", ["time, s", "controller", "seed", "event"], rows, 4)
+
+
+def settings_table(entries: Mapping[str, Summary]) -> Table:
+    """Return the settings in which scenarios differ, or those of one that are not the default."""
+    columns = {name: _flatten_settings(entry) for name, entry in entries.items()}
+    if len(entries) == 1:
+        title = "Settings that differ from their default"
+        (settings,) = columns.values()
+        defaults = {setting.full: setting.default for setting in every_setting()}
+        # A setting without a default depends on the robot, whose value counts as the default.
+        for name, default in defaults.items():
+            if default is None:
+                defaults[name] = settings.get(name)
+        columns = {"default": defaults} | columns
+    else:
+        title = "Settings in which they differ"
+        for name, entry in entries.items():
+            columns[name] |= {"plant": entry["plant"], "robot": entry["robot"]}
+    names = dict.fromkeys(name for values in columns.values() for name in values)
+    rows = []
+    for name in names:
+        values = [_to_json_types(column.get(name)) for column in columns.values()]
+        if any(value != values[0] for value in values):
+            rows.append([name, *map(format_setting, values)])
+    return Table(title, ["setting", *columns], rows, 1 + len(columns))
+
+
+def format_setting(value: Any) -> str:
+    """Return a setting's value as in a scenario file but without quotes, or a dash if None."""
+    if value is None:
+        return DASH
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def drop_uninformative_columns(table: Table, keep_constant: Collection[str] = ()) -> Table:
+    """Return a table without columns of numbers that are empty or equal in all rows.
+
+    Args:
+        table: Table, whose left-aligned columns stay.
+        keep_constant: Headings of columns that stay even if all rows are equal.
+    """
+    columns = []
+    for index, heading in enumerate(table.headings):
+        cells = [row[index] for row in table.rows]
+        values = [cell for cell in cells if cell not in ("", DASH)]
+        is_constant = len(values) > 1 and len(set(values)) == 1
+        is_informative = bool(values) and (heading in keep_constant or not is_constant)
+        if index < table.left or is_informative:
+            columns.append(index)
+    return replace(
+        table,
+        headings=[table.headings[index] for index in columns],
+        rows=[[row[index] for index in columns] for row in table.rows],
+    )
+
+
+def _to_json_types(value: Any) -> Any:
+    """Return a value as it is read from a file, so that values from files and code compare."""
+    return json.loads(json.dumps(value))
+
+
+def _format_spread(spread: Summary, factor: float) -> str:
+    """Return the median over the seeds and, with several seeds, the range."""
+    median, low, high = (format_number(spread[name], factor) for name in ("median", "min", "max"))
+    return f"{median} ({low} to {high})" if len(spread["per_seed"]) > 1 else median
+
+
+def _flatten_settings(entry: Summary) -> dict[str, Any]:
+    """Return settings by full name; faults and each controller's parameters are one value."""
+    values: dict[str, Any] = {}
+    for section, fields in entry["settings"].items():
+        if isinstance(fields, dict):
+            values |= {f"{section}.{name}": value for name, value in fields.items()}
+        elif fields:
+            values[section] = fields
+    return values
