@@ -150,7 +150,7 @@ def drop_uninformative_columns(table: Table, keep_constant: Collection[str] = ()
         values = [cell for cell in cells if cell not in ("", DASH)]
         is_constant = len(values) > 1 and len(set(values)) == 1
         is_informative = bool(values) and (heading in keep_constant or not is_constant)
-        if index < table.left or is_informative:
+        if index < table.left_columns or is_informative:
             columns.append(index)
     return replace(
         table,
