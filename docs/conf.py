@@ -138,13 +138,13 @@ ROBOT_COLUMNS = {
     "wheels.arm_m": "arm, m",
     "wheels.radius_m": "wheel radius, m",
     "wheels.rollers": "rollers",
-    "motor.gear": "gear",
-    "battery.cells": "cells",
+    "motor.gear_ratio": "gear",
+    "battery.series_cells": "cells",
     "firmware.rate_hz": "loop rate, Hz",
     "firmware.kp": "kp",
     "firmware.ki": "ki",
-    "drive.creep_stiffness": "creep stiffness",
-    "carpet.pile": "pile",
+    "drivetrain.creep_stiffness": "creep stiffness",
+    "carpet.rolling_resistance": "rolling resistance",
 }
 
 DATA_LINK = re.compile(

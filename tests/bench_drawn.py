@@ -37,10 +37,10 @@ def drawn(seed: int, number: int, plant: str) -> om.Scenario:
     reference |= {
         "max_speed_m_s": rng.uniform(0.8, 3.0),
         "max_acceleration_m_s2": rng.uniform(2.0, 5.0) if beyond else rng.uniform(0.5, 3.0),
-        "max_side_acceleration_m_s2": 0.0,
+        "max_sideways_acceleration_m_s2": 0.0,
         "max_jerk_m_s3": rng.uniform(7, 40) if rng.random() < 0.5 else 0.0,
-        "friction": friction * (rng.uniform(1.0, 1.2) if beyond else 1.0),
-        "wheel_share": 1.0 if beyond else rng.uniform(0.7, 0.85),
+        "assumed_friction": friction * (rng.uniform(1.0, 1.2) if beyond else 1.0),
+        "wheel_utilization": 1.0 if beyond else rng.uniform(0.7, 0.85),
     }
     weak = {
         "kind": "motor-demagnetized",
@@ -76,7 +76,7 @@ def _route(rng: np.random.Generator) -> tuple[str, dict[str, Any]]:
     if kind == 1:
         size = {"length_m": length, "width_m": width}
         return "waypoints", size | {
-            "count": int(rng.integers(4, 9)),
+            "waypoint_count": int(rng.integers(4, 9)),
             "seed": int(rng.integers(1_000_000)),
         }
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * (length / 2, width / 2)

@@ -44,8 +44,8 @@ ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam
 COUNTS_PER_RAD = -1024 * 12 / (2 * np.pi)
 OMNI3 = {  # mass, inertias, height and rollers are guesses
     ("body", "mass_kg"): "10.0",
-    ("body", "centre_x_m"): "0.0",
-    ("body", "centre_height_m"): "0.1",
+    ("body", "com_x_m"): "0.0",
+    ("body", "com_height_m"): "0.1",
     ("body", "yaw_inertia_kg_m2"): "0.25",
     ("body", "tilt_inertia_kg_m2"): "0.2",
     ("wheels", "azimuths_deg"): "[300, 60, 180]",
@@ -53,7 +53,7 @@ OMNI3 = {  # mass, inertias, height and rollers are guesses
     ("wheels", "radius_m"): "0.051",
     ("wheels", "rollers"): "18",
     ("wheels", "roller_radius_m"): "0.005",
-    ("carpet", "pile"): "0.1",
+    ("carpet", "rolling_resistance"): "0.1",
 }
 LENGTHS = 4  # of the moves of scenario identify
 COLUMNS = {  # number -> unit in the table
@@ -94,11 +94,11 @@ def draw_robot(base: Settings, number: int) -> Settings:
         *position, heading = chosen[i] * rng.uniform(0.8, 1.15)
         points += [[*np.round(rotation @ position, 4).tolist(), turn + heading], points[0]]
     return base.replace(
-        drive={
-            "creep_stiffness": base.drive.creep_stiffness * creep,
-            "roller_friction": base.drive.roller_friction * rollers,
+        drivetrain={
+            "creep_stiffness": base.drivetrain.creep_stiffness * creep,
+            "roller_friction": base.drivetrain.roller_friction * rollers,
         },
-        carpet={"pile": base.carpet.pile * pile},
+        carpet={"rolling_resistance": base.carpet.rolling_resistance * pile},
         firmware={"kp": base.firmware.kp * gain},
         radio={"delay_frames": int(rng.integers(2, 9))},
         vision={
@@ -114,9 +114,9 @@ def write_start_file(settings: Settings, robot: str, number: int, folder: Path) 
     rng = np.random.default_rng([number, 1])
     creep, rollers, pile = np.exp(rng.uniform(-0.4, 0.4, 3))
     changes = {
-        ("drive", "creep_stiffness"): settings.drive.creep_stiffness * creep,
-        ("drive", "roller_friction"): settings.drive.roller_friction * rollers,
-        ("carpet", "pile"): settings.carpet.pile * pile,
+        ("drivetrain", "creep_stiffness"): settings.drivetrain.creep_stiffness * creep,
+        ("drivetrain", "roller_friction"): settings.drivetrain.roller_friction * rollers,
+        ("carpet", "rolling_resistance"): settings.carpet.rolling_resistance * pile,
         ("body", "mass_kg"): settings.body.mass_kg * rng.uniform(0.93, 1.1),
         ("wheels", "radius_m"): settings.wheels.radius_m * (1 + RADIUS_SHARE * rng.normal()),
         ("radio", "delay_frames"): 3,
@@ -131,9 +131,9 @@ def true_numbers(settings: Settings) -> dict[str, float]:
     """
     law, half_step = creep(settings), 0.5 / CYCLE_RATE_HZ / settings.physics.substeps
     numbers = {
-        "wheels.creep_stiffness": settings.drive.creep_stiffness,
-        "wheels.pile": settings.carpet.pile,
-        "wheels.roller_friction": settings.drive.roller_friction,
+        "wheels.creep_stiffness": settings.drivetrain.creep_stiffness,
+        "wheels.rolling_resistance": settings.carpet.rolling_resistance,
+        "wheels.roller_friction": settings.drivetrain.roller_friction,
         "wheels.radius_m": ROLLS * settings.wheels.radius_m,
         "wheels.arm_m": settings.wheels.arm_m,
         "commands.latency_s": settings.radio.delay_frames * PERIOD_S - half_step,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from omni_mj.live.session import ConnectionOptions
 
 CONTROLLER = "adaptive-comp-flc"
-ALPHAS = "alpha_forward", "alpha_sideways"  # zero: not known
+ALPHAS = "assumed_alpha_forward", "assumed_alpha_sideways"  # zero: not known
 DURATION = click.FloatRange(min=0, max=1e5, min_open=True)
 OUTPUTS = (*run_command.OUTPUTS, "link.json")
 

@@ -44,12 +44,12 @@ class MotorSettings(Checked):
     resistance_ohm: float = setting(
         ..., "ohm", "datasheet: terminal resistance at 25 deg C", 1e-4, 1e3
     )
-    constant_nm_a: float = setting(
+    torque_constant_nm_a: float = setting(
         ..., "N m/A", "datasheet: torque constant at 25 deg C", 1e-6, 100
     )
     rotor_inertia_kg_m2: float = setting(..., "kg m^2", "datasheet: inertia of the rotor", 0, 1)
-    gear: float = setting(..., "", "turns of the motor in one of the wheel", 0.01, 1000)
-    dry_share: float = setting(
+    gear_ratio: float = setting(..., "", "turns of the motor in one of the wheel", 0.01, 1000)
+    dry_friction_fraction: float = setting(
         ...,
         "",
         "share of the no-load friction that is dry; the rest grows with speed (iron, windage)",
@@ -60,7 +60,7 @@ class MotorSettings(Checked):
     winding_c: float = setting(25.0, "deg C", "temperature of the windings at the start", -20, 200)
     housing_c: float = setting(25.0, "deg C", "temperature of the housings at the start", -20, 200)
     ambient_c: float = setting(25.0, "deg C", "temperature of the air", -20, 60)
-    limit_c: float = setting(
+    max_winding_c: float = setting(
         125.0, "deg C", "highest permissible temperature of the windings", 0, 300
     )
     winding_housing_k_w: float = setting(
@@ -75,10 +75,10 @@ class MotorSettings(Checked):
     housing_j_k: float = setting(
         49.9, "J/K", "heat capacity of the housing: 78.3 s / 1.57 K/W", 0.01, 1e5
     )
-    copper_per_k: float = setting(
+    winding_resistance_per_k: float = setting(
         0.00393, "1/K", "rise of the winding's resistance (copper)", 0, 0.1
     )
-    magnet_per_k: float = setting(
+    torque_constant_per_k: float = setting(
         -0.001, "1/K", "change of the torque constant (NdFeB, typical)", -0.01, 0
     )
 
@@ -86,23 +86,25 @@ class MotorSettings(Checked):
     def commutation_ohm_s(self) -> float:
         """Commutation's resistance per motor speed, ohm s/rad, by which the nominal row's current is the sheet's."""
         speed, current = self.nominal_rpm * RAD_S, self.nominal_current_a
-        on_the_line = self.resistance_ohm * current + self.constant_nm_a * speed
+        on_the_line = self.resistance_ohm * current + self.torque_constant_nm_a * speed
         return (self.nominal_voltage_v - on_the_line) / (speed * current)
 
     @property
     def no_load_friction_nm(self) -> float:
         """Torque of the motor's own friction at the no-load speed, N m."""
-        return self.constant_nm_a * self.no_load_current_a
+        return self.torque_constant_nm_a * self.no_load_current_a
 
     @property
     def dry_friction_nm(self) -> float:
         """The part of it that is the same at every speed, N m."""
-        return self.dry_share * self.no_load_friction_nm
+        return self.dry_friction_fraction * self.no_load_friction_nm
 
     @property
     def viscous_friction_nm_s(self) -> float:
         """The part of it that is proportional to speed, N m s/rad."""
-        return (1 - self.dry_share) * self.no_load_friction_nm / (self.no_load_rpm * RAD_S)
+        return (
+            (1 - self.dry_friction_fraction) * self.no_load_friction_nm / (self.no_load_rpm * RAD_S)
+        )
 
     def contradictions(self) -> Iterator[str]:
         """Yield what a motor cannot be, a line each."""
@@ -111,21 +113,21 @@ class MotorSettings(Checked):
         if commutation < 0:
             needed = volts - commutation * self.nominal_rpm * RAD_S * self.nominal_current_a
             yield (
-                f"motor.nominal_rpm with motor.nominal_current_a takes {needed:.4g} V by motor.constant_nm_a and "
+                f"motor.nominal_rpm with motor.nominal_current_a takes {needed:.4g} V by motor.torque_constant_nm_a and "
                 f"motor.resistance_ohm alone, above motor.nominal_voltage_v = {volts:g}{sheet}"
             )
         speed, current = self.no_load_rpm * RAD_S, self.no_load_current_a
         needed = (
             self.resistance_ohm + max(commutation, 0) * speed
-        ) * current + self.constant_nm_a * speed
+        ) * current + self.torque_constant_nm_a * speed
         if abs(needed / volts - 1) > NO_LOAD_TOLERANCE:
             yield (
-                f"motor.no_load_rpm with motor.no_load_current_a takes {needed:.4g} V by motor.constant_nm_a, not "
+                f"motor.no_load_rpm with motor.no_load_current_a takes {needed:.4g} V by motor.torque_constant_nm_a, not "
                 f"motor.nominal_voltage_v = {volts:g} within {NO_LOAD_TOLERANCE:.0%}{sheet}"
             )
-        torque = self.constant_nm_a * self.nominal_current_a
+        torque = self.torque_constant_nm_a * self.nominal_current_a
         if abs(self.nominal_torque_nm / torque - 1) > TORQUE_TOLERANCE:
             yield (
-                f"motor.nominal_torque_nm = {self.nominal_torque_nm:g} is not motor.constant_nm_a times "
+                f"motor.nominal_torque_nm = {self.nominal_torque_nm:g} is not motor.torque_constant_nm_a times "
                 f"motor.nominal_current_a, {torque:.4g}, within {TORQUE_TOLERANCE:.0%}{sheet}"
             )

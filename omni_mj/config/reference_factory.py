@@ -38,7 +38,7 @@ def timed(settings: Settings, where: Where = ORIGIN) -> SampledReference:
         where: Pose [x, y, heading] in m and rad by which all of it is displaced.
 
     Raises:
-        OmniError: On a carpet as slippery as `reference.friction` says, nobody can drive it.
+        OmniError: On a carpet as slippery as `reference.assumed_friction` says, nobody can drive it.
     """
     return _planned(settings.reference, reference_limits(settings), where)
 
@@ -92,7 +92,7 @@ def motion_limits(s: ReferenceSettings | ControlSettings) -> MotionLimits:
         return limits
     return replace(
         limits,
-        side_acceleration=s.max_side_acceleration_m_s2 or None,
+        side_acceleration=s.max_sideways_acceleration_m_s2 or None,
         jerk=s.max_jerk_m_s3 or None,
         turn_jerk=s.max_turn_jerk_rad_s3 or None,
     )
@@ -111,8 +111,8 @@ def reference_limits(settings: Settings) -> MotionLimits:
 def _wheels(settings: Settings) -> WheelLimits | None:
     """What may be asked of wheels on a carpet of the friction believed, the rest being as the robot's settings say."""
     friction, share, body = (
-        settings.reference.friction,
-        settings.reference.wheel_share,
+        settings.reference.assumed_friction,
+        settings.reference.wheel_utilization,
         settings.body,
     )
     if not friction:
@@ -122,14 +122,14 @@ def _wheels(settings: Settings) -> WheelLimits | None:
             settings.wheels.kinematics,
             share * friction,
             math.sqrt(body.yaw_inertia_kg_m2 / body.mass_kg),
-            body.centre_height_m,
-            settings.carpet.pile,
-            settings.drive.roller_friction,
+            body.com_height_m,
+            settings.carpet.rolling_resistance,
+            settings.drivetrain.roller_friction,
             share * _rim_speed(settings),
         )
     except OmniError as error:
         raise OmniError(
-            f"reference.friction = {friction:g} (0: wheels not regarded), wheel_share = {share:g}: {error}"
+            f"reference.assumed_friction = {friction:g} (0: wheels not regarded), wheel_utilization = {share:g}: {error}"
         ) from None
 
 
@@ -137,16 +137,16 @@ def _rim_speed(settings: Settings) -> float:
     """Up to where the nominal battery drives the current that a wheel's share of friction takes; at least half way."""
     motor, volts = settings.motor, settings.firmware.nominal_voltage_v
     push = (
-        settings.reference.friction
+        settings.reference.assumed_friction
         * settings.body.mass_kg
         * GRAVITY
         / len(settings.wheels.azimuths_deg)
     )
     current = motor.no_load_current_a + push * settings.wheels.radius_m / (
-        motor.gear * motor.constant_nm_a
+        motor.gear_ratio * motor.torque_constant_nm_a
     )
     back_emf = max(volts - motor.resistance_ohm * current, volts / 2)
-    return back_emf / (motor.constant_nm_a * motor.gear) * settings.wheels.radius_m
+    return back_emf / (motor.torque_constant_nm_a * motor.gear_ratio) * settings.wheels.radius_m
 
 
 @lru_cache(maxsize=4096)
@@ -169,7 +169,7 @@ def _planned(task: ReferenceSettings, limits: MotionLimits, where: Where) -> Sam
 
 
 def _lead_frames(settings: ReferenceSettings) -> int:
-    return round(settings.lead_s * FRAME_RATE_HZ)
+    return round(settings.initial_rest_s * FRAME_RATE_HZ)
 
 
 def _visits(settings: ReferenceSettings) -> Sequence[Sequence[float]]:
@@ -180,6 +180,6 @@ def _visits(settings: ReferenceSettings) -> Sequence[Sequence[float]]:
 def _random_waypoints(settings: ReferenceSettings) -> tuple[tuple[float, ...], ...]:
     """Poses drawn uniformly; from each to the next the robot turns the shorter way."""
     half = np.array([settings.length_m / 2, settings.width_m / 2, np.pi])
-    poses = np.random.default_rng(settings.seed).uniform(-half, half, (settings.count, 3))
+    poses = np.random.default_rng(settings.seed).uniform(-half, half, (settings.waypoint_count, 3))
     poses[:, 2] = np.unwrap(poses[:, 2])
     return tuple(map(tuple, poses.tolist()))

@@ -25,7 +25,7 @@ HARDWARE = (
     "wheels",
     "motor",
     "firmware",
-    "drive",
+    "drivetrain",
     "carpet",
 )  # sections from which [control] follows
 FOLLOWING = [name for name, field in ControlSettings.model_fields.items() if field.default is None]
@@ -88,7 +88,7 @@ def resolve(given: Mapping[str, Any], robot: str) -> Settings:
         own = _with_model(
             {name: hardware[name] for name in (*HARDWARE, "model") if name in hardware}, {}
         )
-        creep = {name: control[name] for name in ("creep_s2_m",) if name in control}
+        creep = {name: control[name] for name in ("assumed_creep_s2_m",) if name in control}
         following: dict[str, Any] = {}
         with suppress(OmniError):  # reported below, with all other errors
             beliefs = dict(Settings(**own, control=creep).control)

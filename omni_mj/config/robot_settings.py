@@ -29,8 +29,8 @@ class BodySettings(Checked):
     """The whole robot, wheels included."""
 
     mass_kg: float = setting(..., "kg", "mass", 0.5, 20)
-    centre_x_m: float = setting(..., "m", "centre of mass, ahead of the middle", -0.1, 0.1)
-    centre_height_m: float = setting(..., "m", "centre of mass, height", 0.01, 0.15)
+    com_x_m: float = setting(..., "m", "centre of mass, ahead of the middle", -0.1, 0.1)
+    com_height_m: float = setting(..., "m", "centre of mass, height", 0.01, 0.15)
     yaw_inertia_kg_m2: float = setting(
         ..., "kg m^2", "about the vertical axis through the centre of mass", 1e-4, 1
     )
@@ -86,7 +86,7 @@ class WheelSettings(Checked):
             )
 
 
-class DriveSettings(Checked):
+class DrivetrainSettings(Checked):
     """What is between motor and carpet."""
 
     gear_friction_nm: float = setting(..., "N m", "dry friction of a gear, at the wheel", 0, 1)
@@ -111,17 +111,17 @@ class CarpetSettings(Checked):
     friction: float = setting(
         0.8, "", "coefficient of friction, all wheels (the league's simulators)", 0.01, 5
     )
-    pile: float = setting(
+    rolling_resistance: float = setting(
         ..., "", "rolling resistance of its pile, against any motion: share of the load", 0, 1
     )
     nap: float = setting(
         0.0,
         "",
-        "how its drag changes with direction: it is pile (1 + nap cos(direction - nap_deg))",
+        "how its drag changes with direction: it is pile (1 + nap cos(direction - nap_direction_deg))",
         0,
         1,
     )
-    nap_deg: float = setting(
+    nap_direction_deg: float = setting(
         0.0, "deg", "direction of travel straight against its fibres, in the world", -360, 360
     )
     patches: Patches = setting(
@@ -133,22 +133,22 @@ class CarpetSettings(Checked):
     )
 
 
-class VariationSettings(Checked):
+class RandomizationSettings(Checked):
     """What sets robots of a kind apart, drawn once per seed and robot; normal numbers are cut at 3 deviations."""
 
-    friction: float = setting(
+    wheel_friction_std: float = setting(
         0.0, "", "standard deviation of each wheel's friction, relative", 0, 0.3
     )
-    wear_m: float = setting(
+    max_wear_m: float = setting(
         0.0, "m", "each wheel has lost up to this of its rollers' radius, uniformly", 0, 0.001
     )
-    motor_constant: float = setting(
+    torque_constant_std: float = setting(
         0.0, "", "standard deviation of each motor's torque constant, relative", 0, 0.3
     )
-    mass: float = setting(
+    mass_std: float = setting(
         0.0, "", "standard deviation of what the wheels carry, relative (batteries, covers)", 0, 0.3
     )
-    centre_m: float = setting(
+    com_offset_std_m: float = setting(
         0.0, "m", "standard deviation of where the middle of that mass is, ahead and aside", 0, 0.01
     )
 
@@ -174,11 +174,11 @@ class FirmwareSettings(Checked):
         1.0, "", "share of the wanted speed's back-EMF that is fed forward", 0, 2
     )
     nominal_voltage_v: float = setting(..., "V", "battery voltage that it reckons with", 1, 60)
-    turn_gain: float = setting(
+    turn_rate_gain: float = setting(
         1.0, "", "turn rate added per error of the turn rate that the gyro shows", 0, 10
     )
     heading_gain: float = setting(2.0, "1/s", "heading corrected per difference to vision's", 0, 30)
-    bias_gain: float = setting(
+    gyro_bias_gain: float = setting(
         0.5, "1/s^2", "gyro bias corrected per difference to vision's heading", 0, 100
     )
     current_limit_a: float = setting(
@@ -191,7 +191,7 @@ class FirmwareSettings(Checked):
         0,
         60,
     )
-    derate: bool = setting(
+    thermal_derating: bool = setting(
         False, "", "limit the current of a motor that nears its highest winding temperature"
     )
 
@@ -223,7 +223,7 @@ class BatterySettings(Checked):
     charge: float = setting(
         0.5, "", "state of charge at the start: 1 full (4.2 V a cell), 0.5 nominal (3.7 V)", 0, 1
     )
-    cells: int = setting(..., "", "cells in series", 1, 6)
+    series_cells: int = setting(..., "", "cells in series", 1, 6)
     capacity_ah: float = setting(..., "Ah", "capacity", 0.01, 100)
     resistance_ohm: float = setting(
         ..., "ohm", "internal resistance: cells, wires and connectors", 0, 1

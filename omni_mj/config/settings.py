@@ -18,11 +18,11 @@ from omni_mj.config.robot_settings import BatterySettings as BatterySettings
 from omni_mj.config.robot_settings import (
     BodySettings,
     CarpetSettings,
-    DriveSettings,
+    DrivetrainSettings,
     FirmwareSettings,
     ModelSettings,
+    RandomizationSettings,
     SensorSettings,
-    VariationSettings,
     WheelSettings,
     support,
 )
@@ -58,7 +58,9 @@ class ReferenceSettings(Checked):
     heading: Literal["fixed", "tangent"] = setting(
         "fixed", "", "curve: fixed: heading 0; tangent: facing along it"
     )
-    count: int = setting(10, "", "random: number of way-points, the start included", 2, 1000)
+    waypoint_count: int = setting(
+        10, "", "random: number of way-points, the start included", 2, 1000
+    )
     seed: int = setting(
         0, "", "random: what they are drawn from, the same for all seeds of a run", 0, 1_000_000
     )
@@ -76,7 +78,7 @@ class ReferenceSettings(Checked):
     max_acceleration_m_s2: float = setting(
         0.826, "m/s^2", "highest acceleration (paper, section 2)", 0.01, 20
     )
-    max_side_acceleration_m_s2: float = setting(
+    max_sideways_acceleration_m_s2: float = setting(
         0.0, "m/s^2", "same, along the body's y; 0: as along its x", 0, 20
     )
     max_turn_rate_rad_s: float = setting(
@@ -95,21 +97,21 @@ class ReferenceSettings(Checked):
     max_turn_jerk_rad_s3: float = setting(
         0.0, "rad/s^3", "highest change of the turn acceleration; same", 0, 1e5
     )
-    friction: float = setting(
+    assumed_friction: float = setting(
         0.8,
         "",
         "believed of the carpet: what wheels cannot do on it is driven slower; 0: wheels not regarded",
         0,
         5,
     )
-    wheel_share: float = setting(
+    wheel_utilization: float = setting(
         0.85,
         "",
         "how much of what wheels can do the reference asks at most; the rest is for the controller",
         0.1,
         1,
     )
-    lead_s: float = setting(
+    initial_rest_s: float = setting(
         0.25, "s", "rest before the first move; no command acts before the dead time", 0, 60
     )
     dwell_s: float = setting(0.0, "s", "rest at each way-point", 0, 60)
@@ -194,38 +196,38 @@ class ControlSettings(Checked):
     delay_error_frames: int = setting(
         0, "frames", "what it believes the dead time to be, less the true", -600, 600
     )
-    lag_s: float = setting(
+    assumed_lag_s: float = setting(
         None,
         "s",
         "Plants with wheels: what it believes the wheel loops' lag to be; by default that of its gains; 0: not known",
         0,
         1,
     )
-    drag_m_s: float = setting(
+    assumed_drag_m_s: float = setting(
         None,
         "m/s",
         "Plants with wheels: what it believes dry friction costs of the speed; by default by its gains; 0: not known",
         0,
         1,
     )
-    creep_s2_m: float = setting(
+    assumed_creep_s2_m: float = setting(
         None,
         "s^2/m",
         "Plants with wheels: what it believes wheels to creep, forward (TIGERs: 0.038 to 0.06); 0: not known",
         0,
         1,
     )
-    creep_sideways_s2_m: float = setting(
+    assumed_creep_sideways_s2_m: float = setting(
         None, "s^2/m", "the same sideways (TIGERs: 0.082 to 0.155)", 0, 1
     )
-    alpha_forward: float = setting(
+    assumed_alpha_forward: float = setting(
         None,
         "",
         "Plants with wheels: what it believes robots to reach of a command ahead; by default by that law; 0: not known",
         0,
         2,
     )
-    alpha_sideways: float = setting(None, "", "the same aside (TIGERs: 0.79 to 0.97)", 0, 2)
+    assumed_alpha_sideways: float = setting(None, "", "the same aside (TIGERs: 0.79 to 0.97)", 0, 2)
 
     error_range_m: float = setting(
         0.1, "m", "input range of the fuzzy controller (paper, section 4)", 1e-6, 10
@@ -282,7 +284,7 @@ class KinematicSettings(Checked):
 
     alpha_low: float = setting(0.7, "", "alpha is drawn uniformly from here ...", 0, 2)
     alpha_high: float = setting(1.0, "", "... to here, per axis (paper, section 2)", 0, 2)
-    alpha_time_s: float = setting(
+    alpha_correlation_time_s: float = setting(
         0.0, "s", "time over which alpha forgets its value; 0: new in every frame", 0, 1e6
     )
 
@@ -322,13 +324,13 @@ class Settings(Checked):
     sensors: SensorSettings
     motor: MotorSettings
     battery: BatterySettings
-    drive: DriveSettings
+    drivetrain: DrivetrainSettings
     physics: PhysicsSettings
     model: ModelSettings
     body: BodySettings
     wheels: WheelSettings
     carpet: CarpetSettings
-    variation: VariationSettings
+    randomization: RandomizationSettings
     disturbance: DisturbanceSettings
     kinematic: KinematicSettings
     world: WorldSettings
@@ -356,7 +358,7 @@ class Settings(Checked):
         """Set what the team believes of the robot where nothing else is said."""
         missing = [name for name, value in self.control if value is None]
         if missing:
-            found = team_model.follows(self, self.control.creep_s2_m)
+            found = team_model.follows(self, self.control.assumed_creep_s2_m)
             control = self.control.replace(**{name: found[name] for name in missing})
             object.__setattr__(self, "control", control)
         return self
@@ -365,10 +367,10 @@ class Settings(Checked):
         """Yield what no robot can be, a line each: a body that tips over or has no such inertia, a dead battery."""
         yield from faults.misfits(self.fault, self)
         body, placed, battery = self.body, self.wheels, self.battery
-        inside = support(placed.azimuths_deg, placed.arm_m, body.centre_x_m)
+        inside = support(placed.azimuths_deg, placed.arm_m, body.com_x_m)
         if inside <= 0:
             yield (
-                f"body.centre_x_m = {body.centre_x_m:g} is {-inside * 1e3:.3g} mm outside the polygon of the wheels' "
+                f"body.com_x_m = {body.com_x_m:g} is {-inside * 1e3:.3g} mm outside the polygon of the wheels' "
                 "contacts (wheels.azimuths_deg, wheels.arm_m): the robot would tip over as it stands; it must be inside"
             )
         if body.yaw_inertia_kg_m2 > 2 * body.tilt_inertia_kg_m2:
@@ -376,17 +378,17 @@ class Settings(Checked):
                 f"body.yaw_inertia_kg_m2 = {body.yaw_inertia_kg_m2:g} must be at most twice body.tilt_inertia_kg_m2 = "
                 f"{body.tilt_inertia_kg_m2:g}, as of a flat disc"
             )
-        full = FULL_CELL_V * battery.cells
+        full = FULL_CELL_V * battery.series_cells
         if battery.cut_off_v >= full:
             yield (
-                f"battery.cut_off_v = {battery.cut_off_v:g} is not below the {full:g} V of battery.cells = "
-                f"{battery.cells} when full ({FULL_CELL_V} V a cell): it would never give power"
+                f"battery.cut_off_v = {battery.cut_off_v:g} is not below the {full:g} V of battery.series_cells = "
+                f"{battery.series_cells} when full ({FULL_CELL_V} V a cell): it would never give power"
             )
 
     @property
     def hub_friction_nm(self) -> float:
         """Dry friction of a motor and its gear, at the wheel."""
-        return self.motor.dry_friction_nm * self.motor.gear + self.drive.gear_friction_nm
+        return self.motor.dry_friction_nm * self.motor.gear_ratio + self.drivetrain.gear_friction_nm
 
     def replace(self, **sections: Any) -> Self:
         """Return a copy with other values: `settings.replace(radio={"delay_frames": 9}, carpet=CarpetSettings())`.

@@ -47,7 +47,12 @@ if TYPE_CHECKING:
 
 # Where a loop integrates there is no single lag, and nothing that friction costs for good: a guess.
 # It overshoots, so that what it reaches is not known either.
-INTEGRATING = {"lag_s": 0.02, "drag_m_s": 0.04, "alpha_forward": 0.0, "alpha_sideways": 0.0}
+INTEGRATING = {
+    "assumed_lag_s": 0.02,
+    "assumed_drag_m_s": 0.04,
+    "assumed_alpha_forward": 0.0,
+    "assumed_alpha_sideways": 0.0,
+}
 # Effort at 1 m/s beyond that of creep in closed form: viscous friction, rolling radius, battery. On
 # six robots it is 0.013 to 0.023 ahead and 0.021 to 0.047 aside, where wheels give way more.
 OTHER_EFFORT = 0.02
@@ -84,12 +89,12 @@ def follows(settings: "Settings", believed_creep: float | None = None) -> dict[s
     if own:
         effort += share * (1 / law.gain[:2] - 1 + OTHER_EFFORT * np.array([1.0, law.time[1] / own]))
     values = {
-        "lag_s": round(float(lag(settings).mean()), 4),
-        "drag_m_s": round(float(drag(settings).mean()), 3),
-        "creep_s2_m": own,
-        "creep_sideways_s2_m": round(share * float(law.time[1]), 4),
-        "alpha_forward": round(float(1 / effort[0]), 3),
-        "alpha_sideways": round(float(1 / effort[1]), 3),
+        "assumed_lag_s": round(float(lag(settings).mean()), 4),
+        "assumed_drag_m_s": round(float(drag(settings).mean()), 3),
+        "assumed_creep_s2_m": own,
+        "assumed_creep_sideways_s2_m": round(share * float(law.time[1]), 4),
+        "assumed_alpha_forward": round(float(1 / effort[0]), 3),
+        "assumed_alpha_sideways": round(float(1 / effort[1]), 3),
     }
     if settings.firmware.ki:
         values |= INTEGRATING
@@ -108,7 +113,7 @@ def rim_softness(settings: "Settings") -> float:
     k)).
     """
     motor, firmware = settings.motor, settings.firmware
-    constant = motor.gear * motor.constant_nm_a
+    constant = motor.gear_ratio * motor.torque_constant_nm_a
     return (
         motor.resistance_ohm * settings.wheels.radius_m**2 / (constant * (firmware.kp + constant))
     )
@@ -127,10 +132,12 @@ def drag(settings: "Settings") -> Array:
     """
     cosines, weight = _cosines(settings), settings.body.mass_kg * GRAVITY
     rollers = (
-        settings.drive.roller_friction * weight * np.sqrt(np.maximum(1 - cosines**2, 0.0)).mean(0)
+        settings.drivetrain.roller_friction
+        * weight
+        * np.sqrt(np.maximum(1 - cosines**2, 0.0)).mean(0)
     )
     force = (
-        settings.carpet.pile * weight
+        settings.carpet.rolling_resistance * weight
         + rollers
         + settings.hub_friction_nm / settings.wheels.radius_m * cosines.sum(0)
     )
@@ -142,10 +149,13 @@ def creep(settings: "Settings") -> Creep:
     wheels, body = settings.wheels.kinematics, settings.body
     load, directions, arms = loads(settings), wheels.matrix, np.array([1.0, 1.0, wheels.arm])
     inertia = np.array([body.mass_kg, body.mass_kg, body.yaw_inertia_kg_m2])
-    bearing = settings.drive.roller_friction * (load[:, None] * np.abs(wheels.axles[:, :2])).sum(0)
-    resistance = settings.carpet.pile * load.sum() * arms + np.append(bearing, 0.0)
+    bearing = settings.drivetrain.roller_friction * (
+        load[:, None] * np.abs(wheels.axles[:, :2])
+    ).sum(0)
+    resistance = settings.carpet.rolling_resistance * load.sum() * arms + np.append(bearing, 0.0)
     softness = (
-        np.linalg.inv(directions.T @ (load[:, None] * directions)) / settings.drive.creep_stiffness
+        np.linalg.inv(directions.T @ (load[:, None] * directions))
+        / settings.drivetrain.creep_stiffness
     )
     time = inertia * np.diag(softness)
     gain = 1 / (1 + time * arms * resistance / inertia)
@@ -155,7 +165,7 @@ def creep(settings: "Settings") -> Creep:
 def loads(settings: "Settings") -> Array:
     """Return the loads of the wheels at rest, (W,) N."""
     body = settings.body
-    share: Array = compute_load_matrix(settings.wheels.kinematics) @ [1.0, body.centre_x_m, 0.0]
+    share: Array = compute_load_matrix(settings.wheels.kinematics) @ [1.0, body.com_x_m, 0.0]
     return body.mass_kg * GRAVITY * share
 
 

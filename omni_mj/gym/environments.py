@@ -268,4 +268,4 @@ def _memory(scenario: Scenario) -> int:
             "radio.delay_frames is drawn from a distribution without ends: give it some, or give history_length="
         )
     longest = radio.delay_frames if drawn is None else max(drawn.ends)
-    return int(longest) + radio.jitter_frames + math.ceil(control.lag_s / PERIOD_S) + 1
+    return int(longest) + radio.jitter_frames + math.ceil(control.assumed_lag_s / PERIOD_S) + 1

@@ -167,7 +167,8 @@ class Live(Simulation):
         self._plant = LivePlant(self.rows, start, driven=True)
         settings = [row.settings for row in self.rows]
         latency = [
-            robot.radio.delay_frames + FRAME_RATE_HZ * robot.control.lag_s for robot in settings
+            robot.radio.delay_frames + FRAME_RATE_HZ * robot.control.assumed_lag_s
+            for robot in settings
         ]
         self._nominal_latency = np.array(latency)
         self._sent, self._turn_rates = np.zeros_like(start), np.zeros((MEMORY_FRAMES, len(start)))

@@ -190,7 +190,7 @@ def _dead_time(trial: Live) -> int:
     latency = float(np.median([response.latency for response in responses]))
     ms = 1e3 * latency / FRAME_RATE_HZ
     trial.messages.add("pulse", f"latency measured by a pulse: {latency:.2f} frames ({ms:.0f} ms)")
-    return max(round(latency - trial.scenario.settings.control.lag_s * FRAME_RATE_HZ), 0)
+    return max(round(latency - trial.scenario.settings.control.assumed_lag_s * FRAME_RATE_HZ), 0)
 
 
 def _with_measured(

@@ -129,13 +129,13 @@ def _numbers(
     gear = float(model.actuator_gear[motor, 0])
     body = {
         "mass_kg": mass,
-        "centre_x_m": x,
-        "centre_height_m": z,
+        "com_x_m": x,
+        "com_height_m": z,
         "yaw_inertia_kg_m2": inertia[2, 2],
         "tilt_inertia_kg_m2": (inertia[0, 0] + inertia[1, 1]) / 2,
     }
     rotor = {
-        "gear": gear,
+        "gear_ratio": gear,
         "rotor_inertia_kg_m2": model.actuator_armature[motor] + model.dof_armature[hub] / gear**2,
     }
     rounded = {

@@ -32,14 +32,14 @@ class RobotShape:
     Args:
         body: mass and inertia.
         wheels: their geometry, and how they are computed.
-        gear: turns of the motor for one of the wheel.
+        gear_ratio: turns of the motor for one of the wheel.
         rotor_inertia: of the motor, kg m^2.
         model: a user's own, if there is one.
     """
 
     body: BodySettings
     wheels: WheelSettings
-    gear: float
+    gear_ratio: float
     rotor_inertia: float
     model: ModelSettings
 
@@ -48,7 +48,11 @@ class RobotShape:
         """That of a robot under these settings."""
         motor = settings.motor
         return cls(
-            settings.body, settings.wheels, motor.gear, motor.rotor_inertia_kg_m2, settings.model
+            settings.body,
+            settings.wheels,
+            motor.gear_ratio,
+            motor.rotor_inertia_kg_m2,
+            settings.model,
         )
 
 
@@ -62,7 +66,7 @@ def build_robot_spec(shape: RobotShape) -> RobotSpec:
     if not shape.model.file:
         return _ours(shape)
     own = resolve.read_model(shape.model)
-    motor = {"gear": shape.gear, "rotor_inertia_kg_m2": shape.rotor_inertia}
+    motor = {"gear_ratio": shape.gear_ratio, "rotor_inertia_kg_m2": shape.rotor_inertia}
     in_one(
         resolve.contradictions({"body": shape.body, "wheels": shape.wheels, "motor": motor}, own)
     )
@@ -100,7 +104,7 @@ def _write_wheels(root: Element, shape: RobotShape) -> None:
     _repeat_first(root, "actuator/dcmotor", count)
     _repeat_first(root, "sensor/jointpos", count)
     motor = _child(root, "default/dcmotor")
-    motor.set("gear", repr(shape.gear))
+    motor.set("gear", repr(shape.gear_ratio))
     motor.set("armature", repr(shape.rotor_inertia))
 
 
@@ -147,7 +151,7 @@ def _balance(spec: mujoco.MjSpec, body: BodySettings) -> None:
     others = [number for number in range(1, model.nbody) if number != chassis.id]
     mass, centre, inertia = compute_composite_inertia(model, others)
     left = body.mass_kg - mass
-    whole = np.array([body.centre_x_m, 0.0, body.centre_height_m])
+    whole = np.array([body.com_x_m, 0.0, body.com_height_m])
     if left <= 0:
         raise OmniError(
             f"body.mass_kg must be more than the {mass:.3f} kg of the wheels, not {body.mass_kg:g}"

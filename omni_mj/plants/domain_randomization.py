@@ -46,8 +46,16 @@ class RobotVariation:
     @classmethod
     def draw(cls, rows: Sequence[Row]) -> Self:
         """Draw the deviations of rows from their seeds. All rows must have equally many wheels."""
-        names = "friction", "wear_m", "motor_constant", "mass", "centre_m"
-        deviations = {name: gather(rows, f"settings.variation.{name}")[:, None] for name in names}
+        names = (
+            "wheel_friction_std",
+            "max_wear_m",
+            "torque_constant_std",
+            "mass_std",
+            "com_offset_std_m",
+        )
+        deviations = {
+            name: gather(rows, f"settings.randomization.{name}")[:, None] for name in names
+        }
         n_wheels = len(rows[0].settings.wheels.azimuths_deg)
         n_draws = 3 + 3 * n_wheels
         seeds = [row.noise_seed for row in rows]
@@ -58,11 +66,11 @@ class RobotVariation:
         normal = _to_truncated_normal(uniform) if is_varied else np.zeros_like(uniform)
         body, friction, motors, wear = np.split(np.arange(n_draws), 3 + n_wheels * np.arange(3))
         return cls(
-            friction_factor=1 + deviations["friction"] * normal[:, friction],
-            wear=deviations["wear_m"] * uniform[:, wear],
-            magnet_factor=1 + deviations["motor_constant"] * normal[:, motors],
-            mass_factor=1 + deviations["mass"] * normal[:, body[:1]],
-            center_shift=deviations["centre_m"] * normal[:, body[1:]],
+            friction_factor=1 + deviations["wheel_friction_std"] * normal[:, friction],
+            wear=deviations["max_wear_m"] * uniform[:, wear],
+            magnet_factor=1 + deviations["torque_constant_std"] * normal[:, motors],
+            mass_factor=1 + deviations["mass_std"] * normal[:, body[:1]],
+            center_shift=deviations["com_offset_std_m"] * normal[:, body[1:]],
         )
 
     def columns(self) -> dict[str, Array]:
@@ -82,7 +90,7 @@ class RobotVariation:
             f"motor_constant_{i}": values for i, values in enumerate(self.magnet_factor.T, 1)
         }
         columns["mass"] = self.mass_factor[:, 0]
-        columns["centre_x_m"], columns["centre_y_m"] = self.center_shift.T
+        columns["com_x_m"], columns["com_y_m"] = self.center_shift.T
         return columns
 
 

@@ -30,7 +30,7 @@ class KinematicPlant:
             gather(rows, f"settings.kinematic.alpha_{end}")[:, None] for end in ("low", "high")
         )
         self._quantiles = _AlphaQuantiles(
-            gather(rows, "settings.kinematic.alpha_time_s")[:, None], seeds
+            gather(rows, "settings.kinematic.alpha_correlation_time_s")[:, None], seeds
         )
         self._disturbance_noise = Noise(
             seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2))

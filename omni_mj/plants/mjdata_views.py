@@ -115,7 +115,9 @@ class RobotViews(ChangeableBodies):
         rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
         self._view_model("dof_frictionloss", hubs).set(gather(settings, "hub_friction_nm"))
         self._view_model("dof_damping", hubs).set(gather(motors, "wheel_viscous_friction"))
-        self._view_model("dof_damping", rollers).set(gather(settings, "drive.roller_damping_nm_s"))
+        self._view_model("dof_damping", rollers).set(
+            gather(settings, "drivetrain.roller_damping_nm_s")
+        )
         nominal_center = self._world.model.body_ipos[self._world.robots[0].chassis]
         mass_factor = variation.mass_factor
         shift = np.append(variation.center_shift, 0 * mass_factor, 1)
@@ -136,7 +138,7 @@ class RobotViews(ChangeableBodies):
         is_ellipsoid = model.geom_type[geoms[0]] == mujoco.mjtGeom.mjGEOM_ELLIPSOID
         if (size[:, 0] != size[:, 1]).any() or not is_ellipsoid.all():
             raise OmniError(
-                "variation.wear_m needs a model with rollers that are ellipsoids about their z axes"
+                "randomization.max_wear_m needs a model with rollers that are ellipsoids about their z axes"
             )
         roller_wear = np.repeat(wear, robot.rollers.shape[1], axis=0)
         radius = size[:, :1]

@@ -223,7 +223,7 @@ class MujocoPlant(WheeledPlant):
         self.onboard = begin_frame(parameters, self.onboard, inputs, wheel_angle)
         motors = self.onboard.motors
         self._views.resistance.set(motors.resistance)
-        self._views.torque_constant.set(motors.back_emf_constant / parameters.motors.gear)
+        self._views.torque_constant.set(motors.back_emf_constant / parameters.motors.gear_ratio)
         self._vision = self._no_vision
 
     def _begin_cycle(self) -> None:

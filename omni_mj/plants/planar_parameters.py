@@ -79,7 +79,7 @@ class PlanarBodyBuilder:
         self._contact = kinematics.arm * self._axle[0], kinematics.arm * self._axle[1]
         self._wheel_order = np.argsort(kinematics.azimuths)  # counter-clockwise
         motors = [Motor.from_settings(s.motor) for s in settings]
-        rotor_inertia = gather(motors, "rotor_inertia") * gather(motors, "gear") ** 2
+        rotor_inertia = gather(motors, "rotor_inertia") * gather(motors, "gear_ratio") ** 2
         hub_body_inertia = float(model.body_inertia[robot.wheels[0]].max())
         self._hub_inertia = hub_body_inertia + rotor_inertia
         _, _, rim_inertia = compute_composite_inertia(
@@ -97,7 +97,7 @@ class PlanarBodyBuilder:
         The settings describe the robot with its wheels; a robot's variation is that of its chassis.
         """
         n = len(self._settings)
-        names = "mass_kg", "centre_height_m", "centre_x_m", "yaw_inertia_kg_m2"
+        names = "mass_kg", "com_height_m", "com_x_m", "yaw_inertia_kg_m2"
         mass, height, center_x, inertia = (gather(self._settings, f"body.{name}") for name in names)
         chassis_id = world.robots[0].chassis
         wheels_mass, wheels_center, wheels_inertia = compute_composite_inertia(
@@ -218,7 +218,7 @@ class PlanarBodyBuilder:
 
     def _compute_roller_drag(self, wheel: WheelResponse) -> tuple[Array, Array, Array]:
         """Return `roller_drag`, `spin_up` and `spin_up_speed` of `BodyParameters`; see the module."""
-        bearing_damping = gather(self._settings, "drive.roller_damping_nm_s")
+        bearing_damping = gather(self._settings, "drivetrain.roller_damping_nm_s")
         # Time in which a bearing brakes its roller until it comes down again, s
         lifted_s = 2 * np.pi / SPEEDS_RAD_S[0]
         braked_fraction = 1 - np.exp(-bearing_damping / self._roller_inertia * lifted_s)

@@ -32,7 +32,7 @@ def check_rows(rows: Sequence[Row]) -> None:
         if not differences and RobotShape.from_settings(row.settings) != RobotShape.from_settings(
             reference
         ):
-            differences = ["motor.gear or motor.rotor_inertia_kg_m2"]
+            differences = ["motor.gear_ratio or motor.rotor_inertia_kg_m2"]
         if differences:
             raise OmniError(
                 f"rows 0 and {number} differ in {' and '.join(differences)}: "

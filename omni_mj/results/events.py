@@ -60,9 +60,13 @@ def _happened(log: Log, row: int) -> Iterator[tuple[int, str, str]]:
     length, settings = int(log.lengths[row]), log.rows[row].settings
     battery, winding = (log.channel(name)[:length, row] for name in ("battery", "winding"))
     with np.errstate(invalid="ignore"):  # not a number where there are no motors
-        hot = (winding > settings.motor.limit_c).any(-1)
+        hot = (winding > settings.motor.max_winding_c).any(-1)
     if hot.any():
-        yield int(hot.argmax()), TEMPERATURE, f"a winding is above {settings.motor.limit_c:g} deg C"
+        yield (
+            int(hot.argmax()),
+            TEMPERATURE,
+            f"a winding is above {settings.motor.max_winding_c:g} deg C",
+        )
     if (battery == 0).any():
         text = f"the battery sank below {settings.battery.cut_off_v:g} V and gives no more power"
         yield int((battery == 0).argmax()), BATTERY, text

@@ -19,7 +19,7 @@ TABLES: dict[int, Table] = {
 SCENARIOS = {3: "rect", 4: "rect-noise"}
 # What the robot shall do and what it meets; what its firmware and the team make of it may be tried.
 DEFINING = ("reference", "world", "disturbance", "radio", "fault")
-ON_WHEELS = ("carpet", "drive", "motor", "battery", "body", "wheels")
+ON_WHEELS = ("carpet", "drivetrain", "motor", "battery", "body", "wheels")
 PLANT_PARTS = {"kinematic": ("kinematic",), "mujoco": ON_WHEELS, "planar": ON_WHEELS}
 
 

@@ -30,7 +30,7 @@ ROUNDING = 1e-9  # relative, of a command that was scaled to a limit
 DEFINITIONS = {
     "saturation": (
         "sliding_fraction: share of the frames in which a wheel's slip_*_m_s is above 0.98 |v| carpet.friction /"
-        f" drive.creep_stiffness + {SLIDES_M_S:g} m/s, v being the velocity of the wheel's centre; voltage_saturated_fraction:"
+        f" drivetrain.creep_stiffness + {SLIDES_M_S:g} m/s, v being the velocity of the wheel's centre; voltage_saturated_fraction:"
         " in which peak_duty is 1; current_limited_fraction: in which current_limited_fraction_* of a motor is above 0;"
         " command_limited_fraction: in which the command is at a limit of [control], of speed or acceleration, translational or"
         " turning; duty_mean: mean of duty_peak over the frames. Statistics leave out seeds that failed"
@@ -50,7 +50,7 @@ def excess_slip(pose: Array, slip: Array, settings: Settings) -> Array:
     twist = world_to_body(np.diff(pose, axis=0) / PERIOD_S, pose[1:, 2])
     centre = (twist[:, 0] + 1j * twist[:, 1])[:, None]
     centre = centre + 1j * twist[:, 2, None] * wheels.arm * np.exp(1j * wheels.azimuths)
-    creep = 0.98 * np.abs(centre) * settings.carpet.friction / settings.drive.creep_stiffness
+    creep = 0.98 * np.abs(centre) * settings.carpet.friction / settings.drivetrain.creep_stiffness
     beyond: Array = slip[1:] - creep - SLIDES_M_S
     return beyond
 

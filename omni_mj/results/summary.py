@@ -73,7 +73,7 @@ DEFINITIONS = {
         " of the temperatures of the windings"
     ),
     "drawn_parameters": (
-        "what [variation] drew for the robot of a seed at a place, numbered by wheels: factors of friction, torque"
+        "what [randomization] drew for the robot of a seed at a place, numbered by wheels: factors of friction, torque"
         " constant and of the mass that the wheels carry, what wheels have lost of their radius, the shift of the"
         " middle of that mass"
     ),

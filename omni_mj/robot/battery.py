@@ -51,7 +51,7 @@ def make_battery(settings: Sequence[Settings]) -> tuple[BatteryParameters, Batte
     """Return parameters and initial state of the batteries of n robots."""
     n_cells, capacity, resistance, cut_off, charge = (
         gather(settings, f"battery.{name}")
-        for name in ("cells", "capacity_ah", "resistance_ohm", "cut_off_v", "charge")
+        for name in ("series_cells", "capacity_ah", "resistance_ohm", "cut_off_v", "charge")
     )
     p = BatteryParameters(n_cells, capacity * 3600, resistance, cut_off)
     voltage = n_cells * np.interp(charge, CELL_CHARGE, CELL_VOLTAGE_V)

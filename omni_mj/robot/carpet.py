@@ -114,7 +114,7 @@ def make_carpet_parameters(
         friction_factor: Friction of each wheel over the carpet's, (W, n).
         wear: Loss of each wheel's radius, (W, n) m.
     """
-    names = "pile", "nap", "nap_deg", "friction"
+    names = "rolling_resistance", "nap", "nap_direction_deg", "friction"
     pile, nap, direction, friction = (gather(settings, f"carpet.{name}") for name in names)
     radius = kinematics.radius - wear
     axle_x, axle_y, _ = kinematics.axles.T[..., None] * np.ones(len(settings))
@@ -127,8 +127,8 @@ def make_carpet_parameters(
         fiber_y=np.sin(np.radians(direction)),
         friction_factor=friction_factor,
         missing_angle=None,
-        roller_friction=gather(settings, "drive.roller_friction"),
-        creep_compliance=1 / (radius**2 * gather(settings, "drive.creep_stiffness")),
+        roller_friction=gather(settings, "drivetrain.roller_friction"),
+        creep_compliance=1 / (radius**2 * gather(settings, "drivetrain.creep_stiffness")),
         radius=radius,
         arm=np.full(len(settings), kinematics.arm),
         axle_x=axle_x,

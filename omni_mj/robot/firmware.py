@@ -45,8 +45,8 @@ class FirmwareParameters(NamedTuple):
     period: Array  # between runs, s
     timeout_cycles: Array  # cycles without a new command after which the robot halts
     heading_gain: Array  # fraction of the difference to vision's heading corrected in a frame
-    bias_gain: Array  # correction of the gyro's bias for that difference, 1/s
-    turn_gain: Array  # of the turn-rate loop
+    gyro_bias_gain: Array  # correction of the gyro's bias for that difference, 1/s
+    turn_rate_gain: Array  # of the turn-rate loop
     counts_per_rad: Array  # of the encoders, at the wheel
     kp: Array  # V s/rad
     ki: Array  # V/rad; None if no robot has an integral or derivative term
@@ -88,7 +88,7 @@ class FirmwareState(NamedTuple):
     halt_cycle: Array  # cycle from which the robot halts
     speeds_at_0_deg: Array  # wheel speeds for the commanded velocity at heading 0, (W, n) rad/s
     speeds_at_90_deg: Array  # the same at heading 90 degrees
-    turn_rate: Array  # commanded turn rate times 1 + turn_gain, rad/s
+    turn_rate: Array  # commanded turn rate times 1 + turn_rate_gain, rad/s
     encoder_count: Array  # at the last run, (W, n)
     duty: Array  # of the drivers, (W, n) in [-1, 1]
     in_body_frame: Array = None  # see `FirmwareCommand`
@@ -119,8 +119,8 @@ def make_firmware_parameters(
     timeout = values("timeout_s")
     back_emf_constant = gather(motors, "wheel_back_emf_constant")
     has_integral = bool(values("ki").any() or values("kd").any())
-    derates = values("derate").astype(bool)
-    winding_limit = np.where(derates, gather(settings, "motor.limit_c"), np.inf)
+    derates = values("thermal_derating").astype(bool)
+    winding_limit = np.where(derates, gather(settings, "motor.max_winding_c"), np.inf)
     wheel_per_twist = (kinematics.matrix.T / kinematics.radius)[..., None] * np.ones(len(settings))
     encoder_counts = gather(settings, "sensors.encoder_counts")
     return FirmwareParameters(
@@ -128,9 +128,9 @@ def make_firmware_parameters(
         period=cycles * CYCLE_S,
         timeout_cycles=np.where(timeout > 0, np.rint(timeout / CYCLE_S), np.inf),
         heading_gain=values("heading_gain") * PERIOD_S,
-        bias_gain=values("bias_gain") * PERIOD_S,
-        turn_gain=values("turn_gain"),
-        counts_per_rad=encoder_counts * gather(motors, "gear") / (2 * np.pi),
+        gyro_bias_gain=values("gyro_bias_gain") * PERIOD_S,
+        turn_rate_gain=values("turn_rate_gain"),
+        counts_per_rad=encoder_counts * gather(motors, "gear_ratio") / (2 * np.pi),
         kp=values("kp"),
         ki=values("ki") if has_integral else None,
         kd=values("kd") if has_integral else None,
@@ -195,7 +195,7 @@ def accept_command(
     return s._replace(
         speeds_at_0_deg=x * p.wheel_per_forward + y * p.wheel_per_sideways,
         speeds_at_90_deg=y * p.wheel_per_forward - x * p.wheel_per_sideways,
-        turn_rate=command.turn_rate * (1 + p.turn_gain),
+        turn_rate=command.turn_rate * (1 + p.turn_rate_gain),
         halt_cycle=halt_cycle,
         in_body_frame=command.in_body_frame,
         wheel_speeds=command.wheel_speeds,
@@ -311,7 +311,7 @@ def correct_heading(
         sine=xp.sin(heading),
         # Corrected as well, so that the same error is not corrected again by later headings
         past_headings=past_headings + correction,
-        gyro_bias=s.gyro_bias - p.bias_gain * error,
+        gyro_bias=s.gyro_bias - p.gyro_bias_gain * error,
     )
 
 
@@ -430,7 +430,7 @@ def _compute_desired_speeds(
         cosine = xp.where(is_halted, 0.0, cosine)
         sine = xp.where(is_halted, 0.0, sine)
         desired_turn_rate = xp.where(is_halted, 0.0, desired_turn_rate)
-    turn_control = desired_turn_rate - p.turn_gain * turn_rate
+    turn_control = desired_turn_rate - p.turn_rate_gain * turn_rate
     speeds = (
         cosine * s.speeds_at_0_deg + sine * s.speeds_at_90_deg + turn_control * p.wheel_per_turn
     )

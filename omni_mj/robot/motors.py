@@ -27,7 +27,7 @@ REFERENCE_C = 25.0  # at which the data sheet states resistance and torque const
 
 @dataclass(frozen=True)
 class Motor:
-    """A motor at 25 deg C by its data sheet, at its own shaft; the wheel turns `gear` times slower.
+    """A motor at 25 deg C by its data sheet, at its own shaft; the wheel turns `gear_ratio` times slower.
 
     Attributes:
         torque_constant: Torque per current, which equals voltage per speed, N m/A = V s/rad.
@@ -36,7 +36,7 @@ class Motor:
         dry_friction: Friction that does not depend on speed (bearings), N m.
         viscous_friction: Friction per speed (iron, windage), N m s/rad.
         rotor_inertia: Inertia of the rotor, kg m^2.
-        gear: Turns of the motor per turn of the wheel.
+        gear_ratio: Turns of the motor per turn of the wheel.
     """
 
     torque_constant: float
@@ -45,41 +45,41 @@ class Motor:
     dry_friction: float
     viscous_friction: float
     rotor_inertia: float
-    gear: float
+    gear_ratio: float
 
     @classmethod
     def from_settings(cls, settings: MotorSettings) -> Self:
         """Return the motor of a data sheet, with the constants that `MotorSettings` derives."""
         return cls(
-            torque_constant=settings.constant_nm_a,
+            torque_constant=settings.torque_constant_nm_a,
             resistance=settings.resistance_ohm,
             commutation=settings.commutation_ohm_s,
             dry_friction=settings.dry_friction_nm,
             viscous_friction=settings.viscous_friction_nm_s,
             rotor_inertia=settings.rotor_inertia_kg_m2,
-            gear=settings.gear,
+            gear_ratio=settings.gear_ratio,
         )
 
     @property
     def wheel_back_emf_constant(self) -> float:
         """Back-EMF per speed of the wheel, V s/rad."""
-        return self.torque_constant * self.gear
+        return self.torque_constant * self.gear_ratio
 
     @property
     def wheel_dry_friction(self) -> float:
         """Dry friction at the wheel, N m."""
-        return self.dry_friction * self.gear
+        return self.dry_friction * self.gear_ratio
 
     @property
     def wheel_viscous_friction(self) -> float:
         """Friction per speed at the wheel, N m s/rad."""
-        return self.viscous_friction * self.gear**2
+        return self.viscous_friction * self.gear_ratio**2
 
 
 class MotorParameters(NamedTuple):
     """Motors of n robots, at the wheel; (n,) unless another shape is given."""
 
-    gear: Array
+    gear_ratio: Array
     cold_resistance: Array  # at 25 deg C, ohm
     cold_torque_constant: Array  # at 25 deg C, at the motor's shaft, (W, n) N m/A
     commutation: Array  # resistance per wheel speed, ohm s/rad
@@ -112,15 +112,15 @@ def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) ->
     motors = [Motor.from_settings(sheet) for sheet in sheets]
     thermal_steps = {sheet: solve_thermal_nodes(sheet, PERIOD_S) for sheet in set(sheets)}
     return MotorParameters(
-        gear=gather(motors, "gear"),
+        gear_ratio=gather(motors, "gear_ratio"),
         cold_resistance=gather(motors, "resistance"),
         cold_torque_constant=gather(motors, "torque_constant") * magnet_factor,
-        commutation=gather(motors, "commutation") * gather(motors, "gear"),
+        commutation=gather(motors, "commutation") * gather(motors, "gear_ratio"),
         current_limit=gather(settings, "firmware.current_limit_a"),
         dry_friction=gather(motors, "wheel_dry_friction"),
         viscous_friction=gather(motors, "wheel_viscous_friction"),
-        copper_coefficient=gather(sheets, "copper_per_k"),
-        magnet_coefficient=gather(sheets, "magnet_per_k"),
+        copper_coefficient=gather(sheets, "winding_resistance_per_k"),
+        magnet_coefficient=gather(sheets, "torque_constant_per_k"),
         ambient=gather(sheets, "ambient_c"),
         thermal_step=np.stack([thermal_steps[sheet] for sheet in sheets], axis=-1),
     )
@@ -130,7 +130,7 @@ def make_motor_state(p: MotorParameters, winding: Array, housing: Array) -> Moto
     """Return motors at temperatures (W, n) in deg C: R and K change linearly with them."""
     resistance = p.cold_resistance * (1 + p.copper_coefficient * (winding - REFERENCE_C))
     torque_constant = p.cold_torque_constant * (1 + p.magnet_coefficient * (housing - REFERENCE_C))
-    return MotorState(winding, housing, resistance, torque_constant * p.gear)
+    return MotorState(winding, housing, resistance, torque_constant * p.gear_ratio)
 
 
 def solve_thermal_nodes(s: MotorSettings, period: float) -> Array:

@@ -81,14 +81,14 @@ def build_team(
 def build_team_model(settings: Settings, geometry: Kinematics, wheels: bool) -> TeamModel:
     """What the team's computer is told of the loop."""
     control, vision = settings.control, settings.vision
-    alpha = control.alpha_forward, control.alpha_sideways
+    alpha = control.assumed_alpha_forward, control.assumed_alpha_sideways
     return TeamModel(
         period=PERIOD_S,
         delay_frames=max(settings.radio.delay_frames + control.delay_error_frames, 0),
-        lag_s=control.lag_s if wheels else NONE,
-        drag_m_s=control.drag_m_s if wheels else NONE,
-        creep_s2_m=control.creep_s2_m if wheels else NONE,
-        creep_sideways_s2_m=control.creep_sideways_s2_m if wheels else NONE,
+        lag_s=control.assumed_lag_s if wheels else NONE,
+        drag_m_s=control.assumed_drag_m_s if wheels else NONE,
+        creep_s2_m=control.assumed_creep_s2_m if wheels else NONE,
+        creep_sideways_s2_m=control.assumed_creep_sideways_s2_m if wheels else NONE,
         alpha=alpha if wheels and min(alpha) > 0 else None,
         position_noise_m=vision.position_noise_m,
         heading_noise_rad=vision.heading_noise_rad,

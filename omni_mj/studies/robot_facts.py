@@ -55,14 +55,16 @@ def _derive_facts(settings: Settings) -> Mapping[str, float]:
     body, wheels, motor = settings.body, settings.wheels, settings.motor
     kinematics = wheels.kinematics
     rim_speed = (
-        settings.firmware.nominal_voltage_v / (motor.constant_nm_a * motor.gear) * wheels.radius_m
+        settings.firmware.nominal_voltage_v
+        / (motor.torque_constant_nm_a * motor.gear_ratio)
+        * wheels.radius_m
     )
-    support_radius = support(wheels.azimuths_deg, wheels.arm_m, body.centre_x_m)
-    tipping_limit = support_radius / body.centre_height_m * GRAVITY
+    support_radius = support(wheels.azimuths_deg, wheels.arm_m, body.com_x_m)
+    tipping_limit = support_radius / body.com_height_m * GRAVITY
     axis_facts = {
         "top_speed_{}_m_s": rim_speed / np.abs(kinematics.matrix[:, :2]).max(0),
         "traction_limit_{}_m_s2": compute_traction_limits(
-            kinematics, settings.carpet.friction, body.centre_height_m
+            kinematics, settings.carpet.friction, body.com_height_m
         ),
         "lag_{}_s": team_model.lag(settings),
         "drag_{}_m_s": team_model.drag(settings),

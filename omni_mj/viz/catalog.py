@@ -12,7 +12,6 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-from omni_control.controllers import CONTROLLERS, find_missing_package
 from omni_control.errors import OmniError, suggest_names
 from omni_mj.config import robot_files, toml_files
 
@@ -69,6 +68,8 @@ def rows(title: str) -> Rows:
                 toml_files.builtin() if title == "scenarios" else robot_files.builtin()
             )
         case "controllers":
+            from omni_control.controllers import CONTROLLERS
+
             return [
                 [name, _first_line(where) + _remark(name)] for name, where in CONTROLLERS.items()
             ]
@@ -109,6 +110,7 @@ def in_full(name: str, overrides: Sequence[str] = (), robot: str | None = None) 
         OmniError: There is nothing of that name, it is not what it should be, or has no settings to
             change.
     """
+    from omni_control.controllers import CONTROLLERS
     from omni_mj.config.plugins import names_class
     from omni_mj.config.scenario import load
 
@@ -236,6 +238,8 @@ def _print(lines: Rows) -> None:
 
 
 def _remark(controller: str) -> str:
+    from omni_control.controllers import find_missing_package
+
     package = find_missing_package(controller)
     return f" (needs {package}: pip install 'omni-mj[{controller}]')" if package else ""
 

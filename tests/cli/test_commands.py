@@ -122,7 +122,7 @@ def test_a_word_finds_the_lines_of_a_list(capsys: pytest.CaptureFixture[str]) ->
         assert name in whole
     assert max(map(len, whole.splitlines())) <= 140
     found = printed(capsys, "list", "settings", "FRICTION")
-    assert {"carpet.friction", "carpet.patches", "reference.friction"} <= set(
+    assert {"carpet.friction", "carpet.patches", "reference.assumed_friction"} <= set(
         re.findall(r"^  (\S+)", found, re.MULTILINE)
     )
     assert "radio.delay_frames" not in found

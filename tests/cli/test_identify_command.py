@@ -84,7 +84,7 @@ def test_our_own_recording_of_our_own_robot(tmp_path: Path) -> None:
     )
     found = strict(tmp_path / "out" / "identify.json")
     creep = found["estimates"]["wheels.creep_stiffness"]
-    truth = rect.settings.drive.creep_stiffness
+    truth = rect.settings.drivetrain.creep_stiffness
     assert creep["value"] == pytest.approx(truth, abs=4 * creep["standard_error"])
     assert found["estimates"]["wheels.gain_turning"]["value"] is None
 

@@ -72,7 +72,7 @@ def test_a_certain_robot_without_dead_time_drives_every_task_exactly(name: str) 
     exact = {
         "kinematic": {"alpha_low": 1.0},
         "radio": {"delay_frames": 0},
-        "control": {"lag_s": 0.0},
+        "control": {"assumed_lag_s": 0.0},
         "vision": vision,
     }
     frames = om.run(
@@ -87,9 +87,9 @@ def random_points(**changes: object) -> NDArray:
     task = {
         "shape": "random",
         "dwell_s": 0.1,
-        "lead_s": 0.1,
+        "initial_rest_s": 0.1,
         "settle_s": 0.1,
-        "friction": 0.0,
+        "assumed_friction": 0.0,
         **changes,
     }
     poses = (
@@ -103,7 +103,7 @@ def random_points(**changes: object) -> NDArray:
 
 def test_random_way_points_fill_the_rectangle_and_all_headings_and_are_a_seeds_own() -> None:
     """A uniform variable on (-1, 1) has mean 0 and variance 1/3; of 300, within 5 standard errors."""
-    points = random_points(count=300, length_m=4.0, width_m=3.0)
+    points = random_points(waypoint_count=300, length_m=4.0, width_m=3.0)
     assert points.shape == (300, 3)
     assert np.abs(np.diff(points[:, 2])).max() <= math.pi
     headings = np.angle(np.exp(1j * points[:, 2]))
@@ -112,7 +112,8 @@ def test_random_way_points_fill_the_rectangle_and_all_headings_and_are_a_seeds_o
         assert abs(unit.mean()) < 5 * math.sqrt(1 / 3 / 300)
         assert abs((unit**2).mean() - 1 / 3) < 5 * math.sqrt((1 / 5 - 1 / 9) / 300)
     assert (
-        random_points(seed=3, count=12)[:10].tobytes() == random_points(seed=3, count=10).tobytes()
+        random_points(seed=3, waypoint_count=12)[:10].tobytes()
+        == random_points(seed=3, waypoint_count=10).tobytes()
     )
     assert not np.isin(random_points(seed=3), random_points(seed=4)).any()
 
@@ -149,6 +150,6 @@ def test_no_task_is_slowed_by_what_wheels_can_do(name: str) -> None:
             )
             .references[0]
             .poses
-            for more in ({}, {"reference": {"friction": 0.0}})
+            for more in ({}, {"reference": {"assumed_friction": 0.0}})
         )
         np.testing.assert_array_equal(believed, free)

@@ -45,31 +45,42 @@ def test_a_robots_file_is_the_base_of_its_scenarios(
     other = tmp_path / "other.toml"
     other.write_text(
         changed(
-            text_of(DEFAULT, capsys), gear_friction_nm="0.01", pile="0.15", encoder_counts="1024"
+            text_of(DEFAULT, capsys),
+            gear_friction_nm="0.01",
+            rolling_resistance="0.15",
+            encoder_counts="1024",
         )
     )
     made = om.load_scenario("rect", robot=other, carpet={"friction": 0.6})
-    assert (made.settings.drive.gear_friction_nm, made.settings.sensors.encoder_counts) == (
+    assert (made.settings.drivetrain.gear_friction_nm, made.settings.sensors.encoder_counts) == (
         0.01,
         1024,
     )
-    assert (made.settings.carpet.pile, made.settings.carpet.friction) == (0.15, 0.6)
+    assert (made.settings.carpet.rolling_resistance, made.settings.carpet.friction) == (0.15, 0.6)
     assert (
         om.load_scenario(
-            "rect", robot=om.load_robot(other), carpet={"pile": 0.2}
-        ).settings.carpet.pile
+            "rect", robot=om.load_robot(other), carpet={"rolling_resistance": 0.2}
+        ).settings.carpet.rolling_resistance
         == 0.2
     )
     assert om.load_scenario("rect", robot=DEFAULT) == om.load_scenario("rect")
-    other.write_text(changed(text_of(DEFAULT, capsys), pile="0.25"))
-    assert om.load_scenario("rect", robot=other).settings.carpet.pile == 0.25
+    other.write_text(changed(text_of(DEFAULT, capsys), rolling_resistance="0.25"))
+    assert om.load_scenario("rect", robot=other).settings.carpet.rolling_resistance == 0.25
 
 
 @pytest.mark.parametrize(
     ("values", "more", "words"),
     [
-        ({"pile": ""}, "", "carpet.pile depends on the robot; give it in the scenario, or in "),
-        ({"pile": "-1"}, "", "carpet.pile must be greater than or equal to 0 (0 to 1), not -1"),
+        (
+            {"rolling_resistance": ""},
+            "",
+            "carpet.rolling_resistance depends on the robot; give it in the scenario, or in ",
+        ),
+        (
+            {"rolling_resistance": "-1"},
+            "",
+            "carpet.rolling_resistance must be greater than or equal to 0 (0 to 1), not -1",
+        ),
         ({"azimuths_deg": "[0, 180]"}, "", "wheels.azimuths_deg must have at least 3 items"),
         ({}, "[motr]\ngear = 3", "did you mean 'motor'"),
         ({}, "[body", "not valid TOML"),
@@ -94,19 +105,19 @@ def test_what_is_wrong_in_a_robots_file_is_said_in_a_line(
 def test_every_robots_numbers_fit_together(name: str) -> None:
     """What one number says of another: cells and volts, body and wheels, motor and battery, drags and friction."""
     s = om.load_robot(name).settings
-    assert s.firmware.nominal_voltage_v == pytest.approx(3.7 * s.battery.cells)  # LiPo
-    assert 3.0 * s.battery.cells <= s.battery.cut_off_v <= 3.5 * s.battery.cells
+    assert s.firmware.nominal_voltage_v == pytest.approx(3.7 * s.battery.series_cells)  # LiPo
+    assert 3.0 * s.battery.series_cells <= s.battery.cut_off_v <= 3.5 * s.battery.series_cells
     # A disc whose mass is within the wheels: 1/2 m r^2 with the arm as r at least, a ring's m r^2
     # at most.
     disc = s.body.mass_kg * s.wheels.arm_m**2
     assert 0.5 * disc < s.body.yaw_inertia_kg_m2 < disc
     assert s.body.tilt_inertia_kg_m2 > s.body.yaw_inertia_kg_m2 / 2
-    assert s.drive.roller_friction < s.carpet.friction
+    assert s.drivetrain.roller_friction < s.carpet.friction
     assert s.wheels.arm_m < 0.09  # the league's limit: 180 mm across
     # At the nominal battery it reaches the reference's speed in its fastest direction: back-EMF of
     # the motor at 3 m/s.
     assert (
-        s.motor.constant_nm_a * 3.0 / s.wheels.radius_m * s.motor.gear
+        s.motor.torque_constant_nm_a * 3.0 / s.wheels.radius_m * s.motor.gear_ratio
         < s.firmware.nominal_voltage_v
     )
 
@@ -131,7 +142,7 @@ def refused(**sections: Any) -> str:
         ),
         ({"wheels": {"azimuths_deg": [-60, 0, 60]}}, "41.5 mm outside the polygon"),
         ({"body": {"yaw_inertia_kg_m2": 0.03}}, "at most twice body.tilt_inertia_kg_m2"),
-        ({"battery": {"cut_off_v": 17.0}}, "the 16.8 V of battery.cells = 4"),
+        ({"battery": {"cut_off_v": 17.0}}, "the 16.8 V of battery.series_cells = 4"),
         (
             {"motor": {"resistance_ohm": 4.0}},
             "motor.nominal_rpm with motor.nominal_current_a takes",
@@ -140,7 +151,7 @@ def refused(**sections: Any) -> str:
             {"motor": {"no_load_rpm": 5500.0}},
             "motor.no_load_rpm with motor.no_load_current_a takes",
         ),
-        ({"motor": {"nominal_torque_nm": 1.0}}, "is not motor.constant_nm_a times"),
+        ({"motor": {"nominal_torque_nm": 1.0}}, "is not motor.torque_constant_nm_a times"),
     ],
 )
 def test_what_no_robot_can_be_is_refused_with_the_reason(
@@ -180,7 +191,7 @@ def test_a_robot_stands_where_wheels_can_bear_it(azimuths: list[float], x: float
         return
     balance = np.stack([np.ones(len(around)), arm * np.cos(around), arm * np.sin(around)])
     stands = linprog(np.zeros(len(around)), A_eq=balance, b_eq=[1.0, x, 0.0]).status == 0
-    message = refused(wheels={"azimuths_deg": azimuths, "arm_m": arm}, body={"centre_x_m": x})
+    message = refused(wheels={"azimuths_deg": azimuths, "arm_m": arm}, body={"com_x_m": x})
     assert ("outside the polygon" in message) != stands or abs(
         float(message.split(" is ")[1].split(" mm")[0])
     ) < 1e-3
@@ -256,17 +267,19 @@ def test_a_team_is_told_what_its_robots_gains_and_creep_make_of_them(name: str) 
     facts, told = robot.facts, robot.settings.control
     assert om.load_scenario("rect", robot=name).settings.control == told
     if robot.settings.firmware.ki:
-        assert (told.alpha_forward, told.alpha_sideways) == (0, 0)
+        assert (told.assumed_alpha_forward, told.assumed_alpha_sideways) == (0, 0)
         return
-    assert told.lag_s == pytest.approx(
+    assert told.assumed_lag_s == pytest.approx(
         (facts["lag_forward_s"] + facts["lag_sideways_s"]) / 2, rel=0.25
     )
-    assert told.drag_m_s == pytest.approx(
+    assert told.assumed_drag_m_s == pytest.approx(
         (facts["drag_forward_m_s"] + facts["drag_sideways_m_s"]) / 2, abs=1e-3
     )
     reached = np.diag(driven(name, np.tile(np.eye(3)[:2], (90, 1, 1))).plant.twist()[:, :2])
     reached = reached / (1 - np.array([facts["drag_forward_m_s"], facts["drag_sideways_m_s"]]))
-    assert (told.alpha_forward, told.alpha_sideways) == pytest.approx(tuple(reached), abs=0.015)
+    assert (told.assumed_alpha_forward, told.assumed_alpha_sideways) == pytest.approx(
+        tuple(reached), abs=0.015
+    )
 
 
 def test_what_is_told_can_be_said_and_does_not_follow_from_what_a_scenario_changes(
@@ -277,15 +290,18 @@ def test_what_is_told_can_be_said_and_does_not_follow_from_what_a_scenario_chang
     own = tmp_path / "own.toml"
     own.write_text(changed(text, kp="0.2"))
     robot = om.load_robot("tigers-v2020").settings
-    emf = robot.motor.gear * robot.motor.constant_nm_a
-    assert om.load_robot(own).settings.control.lag_s == pytest.approx(
-        robot.control.lag_s * (0.4 + emf) / (0.2 + emf), rel=2e-3
+    emf = robot.motor.gear_ratio * robot.motor.torque_constant_nm_a
+    assert om.load_robot(own).settings.control.assumed_lag_s == pytest.approx(
+        robot.control.assumed_lag_s * (0.4 + emf) / (0.2 + emf), rel=2e-3
     )
-    own.write_text(text + "\n[control]\nlag_s = 0.07\n")
-    assert om.load_robot(own).settings.control.lag_s == 0.07
-    assert om.load_robot(own).settings.control.drag_m_s == robot.control.drag_m_s
+    own.write_text(text + "\n[control]\nassumed_lag_s = 0.07\n")
+    assert om.load_robot(own).settings.control.assumed_lag_s == 0.07
+    assert om.load_robot(own).settings.control.assumed_drag_m_s == robot.control.assumed_drag_m_s
     assert (
-        om.load_scenario("rect", robot=own, control={"lag_s": 0.03}).settings.control.lag_s == 0.03
+        om.load_scenario(
+            "rect", robot=own, control={"assumed_lag_s": 0.03}
+        ).settings.control.assumed_lag_s
+        == 0.03
     )
     assert (
         om.load_scenario("roller-debris").settings.control
@@ -295,12 +311,14 @@ def test_what_is_told_can_be_said_and_does_not_follow_from_what_a_scenario_chang
 
 def test_a_team_that_takes_robots_not_to_creep_takes_them_to_reach_what_they_are_told() -> None:
     """Where wheels do not creep drag costs nothing; half the creep costs half the effort."""
-    full = om.load_scenario("rect").settings.control.creep_s2_m
+    full = om.load_scenario("rect").settings.control.assumed_creep_s2_m
     told = [
-        om.load_scenario("rect", control={"creep_s2_m": creep}).settings.control
+        om.load_scenario("rect", control={"assumed_creep_s2_m": creep}).settings.control
         for creep in (0.0, full / 2, full)
     ]
-    efforts = np.array([[1 / each.alpha_forward, 1 / each.alpha_sideways] for each in told])
+    efforts = np.array(
+        [[1 / each.assumed_alpha_forward, 1 / each.assumed_alpha_sideways] for each in told]
+    )
     np.testing.assert_allclose(efforts[0], 1.0, atol=1e-12)
     np.testing.assert_allclose(2 * (efforts[1] - 1), efforts[2] - 1, atol=2e-3)  # told to 0.001
     assert told[2] == om.load_scenario("rect").settings.control

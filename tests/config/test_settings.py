@@ -22,14 +22,14 @@ COMPANIONS = {
     "kinematic.alpha_low": {"kinematic": {"alpha_high": 2.0}},
     "kinematic.alpha_high": {"kinematic": {"alpha_low": 0.0}},
     "radio.jitter_frames": {"radio": {"delay_frames": 600}},
-    "battery.cells": {"battery": {"cut_off_v": 3.0}},
-    "motor.magnet_per_k": {"motor": {"limit_c": 100.0}},
+    "battery.series_cells": {"battery": {"cut_off_v": 3.0}},
+    "motor.torque_constant_per_k": {"motor": {"max_winding_c": 100.0}},
 }
 # Which other numbers bound as well: the rows of a motor's datasheet, a body on its wheels.
 BOUND = "body.", "wheels.", "battery.cut_off_v", "sensors.encoder_counts"
 SHEET = (
     "nominal_voltage_v",
-    "constant_nm_a",
+    "torque_constant_nm_a",
     "nominal_torque_nm",
     "resistance_ohm",
     "no_load_rpm",
@@ -145,7 +145,7 @@ def test_numbers_of_numpy_and_whole_numbers_serve_where_a_number_is_needed() -> 
         ({"radio": {"delay": 3}}, ["radio.delay", "did you mean 'radio.delay_frames'"]),
         ({"radoi": {"delay_frames": 3}}, ["radoi", "did you mean 'radio'"]),
         ({"radio": 3}, ["radio", "[radio]"]),
-        ({"firmware": {"derate": 1}}, ["firmware.derate", "boolean"]),
+        ({"firmware": {"thermal_derating": 1}}, ["firmware.thermal_derating", "boolean"]),
         (
             {"reference": {"mode": "iterate"}},
             ["reference.mode", "'timed' or 'iterated'", "'iterate'"],

@@ -77,8 +77,8 @@ def test_what_no_robot_can_be_is_refused_in_a_line() -> None:
 def test_the_robot_weighs_and_balances_as_its_settings_say() -> None:
     body = {
         "mass_kg": 3.1,
-        "centre_x_m": -0.005,
-        "centre_height_m": 0.05,
+        "com_x_m": -0.005,
+        "com_height_m": 0.05,
         "yaw_inertia_kg_m2": 0.016,
     }
     for wheels in ({}, {"model": "two-rollers"}, {"azimuths_deg": [60, 180, 300], "arm_m": 0.07}):

@@ -56,7 +56,7 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
             expected.append(a)
     free = {"roller_friction": 0.0, "roller_damping_nm_s": 0.0}
     settings = [
-        quiet(carpet={"friction": f, "pile": 0.0}, drive=free, **SHARP)
+        quiet(carpet={"friction": f, "rolling_resistance": 0.0}, drivetrain=free, **SHARP)
         for f in frictions
         for _ in range(2)
     ]

@@ -30,7 +30,7 @@ def free(stiffness: float = STIFFNESS, **sections: dict[str, object]) -> Setting
     """A robot that nothing brakes but creep: no drag, no friction in gears."""
     nothing = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
     return quiet(
-        carpet={"pile": 0.0}, drive=nothing | {"creep_stiffness": stiffness}, firmware=STIFF,
+        carpet={"rolling_resistance": 0.0}, drivetrain=nothing | {"creep_stiffness": stiffness}, firmware=STIFF,
         battery={"resistance_ohm": 0.0}, **sections,
     )  # fmt: skip
 
@@ -43,7 +43,7 @@ def driven() -> Tape:
 def test_each_wheel_slips_by_the_law(driven: Tape) -> None:
     """s = |v| f / (N C), f being what the motor's torque leaves of hub and rotor."""
     settings, window = free(), slice(16 * 20, 16 * 40)
-    inertia = HUB_INERTIA + settings.motor.rotor_inertia_kg_m2 * settings.motor.gear**2
+    inertia = HUB_INERTIA + settings.motor.rotor_inertia_kg_m2 * settings.motor.gear_ratio**2
     hubs = driven.steps["wheels"]
     pull = (driven.hub_torque() - inertia * np.gradient(hubs, 1 / 960, axis=0))[window].mean(
         0
@@ -63,7 +63,7 @@ def test_speeds_are_those_of_the_laws_own_differential_equation(driven: Tape) ->
     """Hubs, rims and body in one equation, solved by scipy, under the torques that the plant's motors gave."""
     start, end = 16 * 5, 16 * 35
     settings = free()
-    inertia = HUB_INERTIA + settings.motor.rotor_inertia_kg_m2 * settings.motor.gear**2
+    inertia = HUB_INERTIA + settings.motor.rotor_inertia_kg_m2 * settings.motor.gear_ratio**2
     times = np.arange(end) / 960
     frames, torque = times[8::16], driven.hub_torque()[:end, 0].reshape(-1, 16, 4).mean(1)
     speed, hubs = driven.twist()[:, 0, 0], driven.steps["wheels"][:, 0]

@@ -13,7 +13,7 @@ HUB_INERTIA = 9e-6 + 1e-6 + 16 * (0.0015 * 0.0225**2 + 6e-8)  # models/ssl_robot
 DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [0.7071, 0.7071], [-1.0, 0.0]])
 # As the sections of settings, each alone and all together.
 DRAGS = {
-    "pile": (0.1, 0.0, 0.0, 0.0),
+    "rolling_resistance": (0.1, 0.0, 0.0, 0.0),
     "bearings": (0.0, 0.06, 0.0, 0.0),
     "gears": (0.0, 0.0, 0.02, 0.0),
     "motors": (0.0, 0.0, 0.0, 1.0),
@@ -30,7 +30,7 @@ def settings(
     """`motor`: its friction, as a share of what it is."""
     no_load = {"no_load_current_a": motor * Settings().motor.no_load_current_a}
     drive = {"roller_friction": bearing, "gear_friction_nm": gear, "roller_damping_nm_s": 0.0}
-    return quiet(carpet={"pile": pile}, drive=drive, motor=no_load, **sections)
+    return quiet(carpet={"rolling_resistance": pile}, drivetrain=drive, motor=no_load, **sections)
 
 
 def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> Tape:
@@ -50,12 +50,12 @@ def expected(name: str, row: int, tape: Tape) -> float:
     along, aside = np.abs(TANGENTS @ direction), np.abs(OUTWARD @ direction)
     # The motor's viscous friction falls with the speed, and a fitted slope is that of the mean.
     mean = np.linalg.norm(tape.twist()[AFTER:, row, :2], axis=1).mean()
-    friction = motor * OWN.friction(mean * along / RADIUS_M) + chosen.drive.gear_friction_nm
+    friction = motor * OWN.friction(mean * along / RADIUS_M) + chosen.drivetrain.gear_friction_nm
     mass = chosen.body.mass_kg
-    inertia = HUB_INERTIA + chosen.motor.rotor_inertia_kg_m2 * chosen.motor.gear**2
+    inertia = HUB_INERTIA + chosen.motor.rotor_inertia_kg_m2 * chosen.motor.gear_ratio**2
     load = mass * GRAVITY / 4
     force = (
-        chosen.carpet.pile + chosen.drive.roller_friction * aside
+        chosen.carpet.rolling_resistance + chosen.drivetrain.roller_friction * aside
     ) * load + friction * along / RADIUS_M
     return float(force.sum() / (mass + (inertia * along**2).sum() / RADIUS_M**2))
 
@@ -90,7 +90,7 @@ def test_carpet_and_bearings_brake_in_proportion_to_load() -> None:
     few, many = (decelerations(rolled_out([each])) * each.body.mass_kg for each in (light, heavy))
     # Hubs and rotors turn with either: 9 % of the light robot's inertia along its wheels, half of
     # that of the heavy.
-    turning = HUB_INERTIA + Settings().motor.rotor_inertia_kg_m2 * Settings().motor.gear ** 2
+    turning = HUB_INERTIA + Settings().motor.rotor_inertia_kg_m2 * Settings().motor.gear_ratio ** 2
     added = turning * ((TANGENTS @ DIRECTIONS.T) ** 2).sum(0) / RADIUS_M**2
     light_inertia, heavy_inertia = 1 + added / light.body.mass_kg, 1 + added / heavy.body.mass_kg
     assert many * heavy_inertia == pytest.approx(2 * few * light_inertia, rel=0.02)

@@ -74,7 +74,7 @@ def test_mass_balance_and_inertia_are_those_of_the_default_robot(
     com, inertia = com_and_inertia(model, data)
     body = Settings().body
     assert model.body_mass.sum() == pytest.approx(body.mass_kg)
-    np.testing.assert_allclose(com, [body.centre_x_m, 0.0, body.centre_height_m], atol=1e-8)
+    np.testing.assert_allclose(com, [body.com_x_m, 0.0, body.com_height_m], atol=1e-8)
     # The file's nine digits.
     principal = np.diag([body.tilt_inertia_kg_m2, body.tilt_inertia_kg_m2, body.yaw_inertia_kg_m2])
     np.testing.assert_allclose(inertia, principal, rtol=1e-6, atol=1e-9)
@@ -84,7 +84,7 @@ def test_the_default_robot_is_like_the_published_ones(model: mujoco.MjModel) -> 
     """2.3 to 2.8 kg, centre of mass 45 to 49 mm up, 0.7 m r^2 about the vertical with r = 80 to 90 mm."""
     body = Settings().body
     assert 2.3 <= body.mass_kg <= 2.8
-    assert 0.0445 < body.centre_height_m < 0.0495
+    assert 0.0445 < body.com_height_m < 0.0495
     assert 0.7 * body.mass_kg * 0.08**2 < body.yaw_inertia_kg_m2 < 0.7 * body.mass_kg * 0.09**2
     assert (
         body.tilt_inertia_kg_m2 < body.yaw_inertia_kg_m2 < 2 * body.tilt_inertia_kg_m2

@@ -19,7 +19,7 @@ WAY = {
     "max_acceleration_m_s2": 2.0,
 }
 ROBOT = Path(om.__file__).parents[1] / "models" / "ssl_robot.xml"
-FROM_MODEL = {"body": None, "wheels": None, "motor": ("gear", "rotor_inertia_kg_m2")}
+FROM_MODEL = {"body": None, "wheels": None, "motor": ("gear_ratio", "rotor_inertia_kg_m2")}
 FOUR, THREE = (50, 130, 230, 310), (60, 180, 300)
 Write = Callable[[str], str]
 
@@ -110,7 +110,7 @@ def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
     # A disc of 80 mm about its axis, and wheels as points at their arm, which leave out 1 %.
     yaw = 2.2 * 0.08**2 / 2 + (body["mass_kg"] - 2.2) * given["arm"] ** 2
     assert body["yaw_inertia_kg_m2"] == pytest.approx(yaw, rel=0.02)
-    assert numbers["motor"] == {"gear": 3.2, "rotor_inertia_kg_m2": 1.35e-5}
+    assert numbers["motor"] == {"gear_ratio": 3.2, "rotor_inertia_kg_m2": 1.35e-5}
     by_model, by_numbers = path(model=file), path(**numbers)
     assert np.abs(by_numbers).max(0)[0] > 0.28, "it has driven"
     assert np.abs(by_model - by_numbers).max() < 1e-3
@@ -151,7 +151,11 @@ def test_several_share_a_world_and_meet(write: Write) -> None:
 
 def test_worn_rollers_must_be_barrels_about_z(write: Write) -> None:
     """What is worn is written into the first two semi-axes; models that have others there are refused."""
-    worn: dict[str, Any] = {"variation": {"wear_m": 1e-4}, "reference": WAY, "controllers": ["flc"]}
+    worn: dict[str, Any] = {
+        "randomization": {"max_wear_m": 1e-4},
+        "reference": WAY,
+        "controllers": ["flc"],
+    }
     with pytest.raises(om.OmniError, match="ellipsoids about their z axes"):
         om.Simulation(om.load_scenario("rect", model=write(written(FOUR)), **worn))
     om.Simulation(om.load_scenario("rect", model=str(ROBOT), **worn))

@@ -73,7 +73,7 @@ def test_what_is_given_beside_it_must_not_contradict_it(tmp_path: Path) -> None:
             model=str(file),
             body={"mass_kg": 3.0},
             wheels={"arm_m": 0.07},
-            motor={"gear": 3.2},
+            motor={"gear_ratio": 3.2},
         )
     first, second = str(error.value).splitlines()
     assert first.startswith(
@@ -126,19 +126,19 @@ def test_a_robots_file_may_name_it_and_leave_out_what_it_says(tmp_path: Path) ->
     (tmp_path / "mine.xml").write_text(TEXT)
     ours = tomllib.loads((Path(om.__file__).parent / "robots" / "tigers-v2016.toml").read_text())
     lines = ["[model]", 'file = "mine.xml"']
-    for section in ("motor", "battery", "sensors", "firmware", "drive", "carpet"):
+    for section in ("motor", "battery", "sensors", "firmware", "drivetrain", "carpet"):
         lines += [
             f"[{section}]",
             *(
                 f"{k} = {v}"
                 for k, v in ours[section].items()
-                if k not in ("gear", "rotor_inertia_kg_m2")
+                if k not in ("gear_ratio", "rotor_inertia_kg_m2")
             ),
         ]
     (tmp_path / "mine.toml").write_text("\n".join(lines))
     robot = om.load_robot(tmp_path / "mine.toml")
     assert robot.facts["mass_kg"] == pytest.approx(2.2 + 3 * (0.044 + 15 * 0.0015))
-    assert om.load_scenario("rect", robot=robot).settings.motor.gear == 3.2
+    assert om.load_scenario("rect", robot=robot).settings.motor.gear_ratio == 3.2
     (tmp_path / "mine.xml").unlink()
     with pytest.raises(om.OmniError, match=r"there is no model .*mine.xml"):
         om.load_robot(tmp_path / "mine.toml")

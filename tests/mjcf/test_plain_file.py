@@ -36,7 +36,7 @@ def expected() -> list[str]:
         name: getattr(world.model, f"pair_{name}")[0]
         for name in ("solref", "solimp", "solreffriction")
     }
-    dry = motor.wheel_dry_friction + settings.drive.gear_friction_nm
+    dry = motor.wheel_dry_friction + settings.drivetrain.gear_friction_nm
     at_rest = (
         settings.carpet.friction * settings.body.mass_kg * 9.81 / 4 * wheels.radius_m
     )  # of a rim
@@ -58,8 +58,8 @@ def expected() -> list[str]:
         f'<geom type="ellipsoid" size="{written(barrel)}"',
         f'frictionloss="{written(dry)}" damping="{written(motor.wheel_viscous_friction)}"',
         f'frictionloss="{written(at_rest)}"',
-        f'damping="{written(settings.drive.roller_damping_nm_s)}"',
-        f'motorconst="{written(motor.torque_constant)}" resistance="{written(motor.resistance)}" gear="{written(motor.gear)}"',
+        f'damping="{written(settings.drivetrain.roller_damping_nm_s)}"',
+        f'motorconst="{written(motor.torque_constant)}" resistance="{written(motor.resistance)}" gear="{written(motor.gear_ratio)}"',
         f'armature="{written(settings.motor.rotor_inertia_kg_m2)}"',
         f'solref="{written(pair["solref"])}"',
         f'solimp="{written(pair["solimp"][:3])}"',

@@ -37,8 +37,8 @@ def free(friction: float, bearing: float = 0.0) -> Settings:
     """No drag but that of a roller's bearing."""
     return stiff(
         friction,
-        carpet={"pile": 0.0},
-        drive={"roller_friction": bearing, "roller_damping_nm_s": 0.0},
+        carpet={"rolling_resistance": 0.0},
+        drivetrain={"roller_friction": bearing, "roller_damping_nm_s": 0.0},
     )
 
 
@@ -119,9 +119,7 @@ def test_a_reversal_at_full_speed_does_not_topple_a_robot(model: str) -> None:
 
 def stands(height: float, friction: float) -> bool:
     """Whether a robot without drag, its centre of mass at this height, stays up when it is reversed from 3 m/s."""
-    settings = free(friction).replace(
-        body={"centre_height_m": height, "tilt_inertia_kg_m2": 0.0085}
-    )
+    settings = free(friction).replace(body={"com_height_m": height, "tilt_inertia_kg_m2": 0.0085})
     # In a sixth of a second, for what it stands on overshoots when traction turns at once.
     share = np.append(
         np.minimum(1.0, 0.04 * np.arange(45)), np.maximum(-1.0, 1 - 0.2 * np.arange(45))

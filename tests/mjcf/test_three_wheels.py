@@ -23,7 +23,7 @@ def test_its_geometry_is_that_of_its_settings() -> None:
 def test_it_drives_where_its_kinematics_say(wheels: str) -> None:
     """Forward, sideways and turning: the body's twist is that of wheels that roll and creep, and as commanded."""
     # A carpet and rollers without drag, so that at a constant speed there is nothing to creep for.
-    free = {"carpet": {"pile": 0.0}, "drive": {"roller_friction": 0.0}}
+    free = {"carpet": {"rolling_resistance": 0.0}, "drivetrain": {"roller_friction": 0.0}}
     chosen = quiet(firmware=STIFF, wheels=THREE | {"model": wheels}, **free)
     twists = np.array([[0.5, 0, 0], [0, 0.5, 0], [0, 0, 6.0]])
     plant = mujoco([chosen] * 3)

@@ -97,7 +97,10 @@ def test_what_happens_to_a_row_concerns_no_other_on_the_planar_plant_either() ->
 def test_a_fault_that_has_ended_leaves_nothing_behind() -> None:
     """Every field of the model, friction, motors and forces are those of a robot that met nothing."""
     plant = plant_of(
-        [with_settings(fault=EVERYTHING), with_settings(variation={"mass": 0.1, "centre_m": 0.005})]
+        [
+            with_settings(fault=EVERYTHING),
+            with_settings(randomization={"mass_std": 0.1, "com_offset_std_m": 0.005}),
+        ]
     )
     before = numbers(plant)
     standing(plant, 7)

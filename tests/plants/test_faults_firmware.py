@@ -41,8 +41,8 @@ def test_motors_have_as_much_less_voltage_as_the_supply_has_sunk(plant_of: Plant
     """All that there is, free of load on ice: speeds are in proportion; the battery itself loses nothing."""
     share = 0.5
     slick: dict[str, Any] = {
-        "carpet": {"friction": 0.01, "pile": 0.0},
-        "drive": {"gear_friction_nm": 0.0, "roller_friction": 0.0},
+        "carpet": {"friction": 0.01, "rolling_resistance": 0.0},
+        "drivetrain": {"gear_friction_nm": 0.0, "roller_friction": 0.0},
         "motor": {"no_load_current_a": 0.0},
         "battery": {"resistance_ohm": 0.0},
     }
@@ -69,8 +69,8 @@ def test_a_robot_that_starts_anew_coasts_or_brakes_as_its_drivers_do(plant_of: P
     assert np.abs(told.current_mean[0]).max() < 1e-9
     assert not told.voltage_mean[1].any()
     speeds = told.wheel_speed[1]
-    resistance = motor.resistance_ohm + motor.commutation_ohm_s * motor.gear * np.abs(speeds)
-    shorted = -motor.constant_nm_a * motor.gear * speeds / resistance
+    resistance = motor.resistance_ohm + motor.commutation_ohm_s * motor.gear_ratio * np.abs(speeds)
+    shorted = -motor.torque_constant_nm_a * motor.gear_ratio * speeds / resistance
     np.testing.assert_allclose(
         told.current[1], shorted, rtol=0.1, atol=0.02
     )  # of a cycle before: wheels brake
@@ -84,7 +84,7 @@ def test_a_robot_that_has_started_anew_believes_the_first_heading_that_it_is_tol
     plant_of: PlantOf,
 ) -> None:
     """It stands until then, has forgotten its gyro's bias and what its loops were at, and then goes on."""
-    blind = {"heading_gain": 0.0, "bias_gain": 0.0}
+    blind = {"heading_gain": 0.0, "gyro_bias_gain": 0.0}
     own = meets(
         fault("reboot"),
         {"kind": "gyro-bias", "start_s": 0.0, "duration_s": 0.3, "bias_rad_s": 2.0},

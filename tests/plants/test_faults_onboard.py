@@ -25,7 +25,7 @@ def test_a_weak_motor_pulls_and_turns_by_its_constant() -> None:
     share, motor = 0.6, {"no_load_current_a": 0.0}
     slick = {
         "carpet": {"friction": 0.01},
-        "drive": {"gear_friction_nm": 0.0, "roller_friction": 0.0},
+        "drivetrain": {"gear_friction_nm": 0.0, "roller_friction": 0.0},
     }
     fault = {
         "kind": "motor-demagnetized",
@@ -43,7 +43,7 @@ def test_a_weak_motor_pulls_and_turns_by_its_constant() -> None:
         drive(plant, constant([0, 0, 100.0], 42, 2))
         expected[0, 1], told = weak, plant.telemetry()
         assert (told.duty_peak == 1).all()
-        constants = sheet.constant_nm_a * sheet.gear * expected
+        constants = sheet.torque_constant_nm_a * sheet.gear_ratio * expected
         # As in test_variation.py: what is left of friction 0.01 and of the run-up, and magnets that
         # warm up by 2 K.
         np.testing.assert_allclose(told.voltage / told.wheel_speed, constants, rtol=5e-3)
@@ -53,7 +53,7 @@ def test_a_gyros_bias_turns_what_a_robot_holds_for_its_heading() -> None:
     """By bias times time, where vision corrects nothing."""
     bias, frames = 0.4, 20
     fault = {"kind": "gyro-bias", "duration_s": frames * FRAME_S, "bias_rad_s": bias}
-    blind = {"heading_gain": 0.0, "bias_gain": 0.0, "turn_gain": 0.0}
+    blind = {"heading_gain": 0.0, "gyro_bias_gain": 0.0, "turn_rate_gain": 0.0}
     plant = plant_of([meets(fault, firmware=blind), quiet(firmware=blind)])
     standing(plant, SETTLE + frames + 10)
     drift = held_heading(plant) - plant.pose()[:, 2]

@@ -25,7 +25,7 @@ from omni_mj.config.settings import Settings
 
 PlantOf = Callable[[list[Settings]], Any]
 SIGMAS = 5
-BLIND = {"heading_gain": 0.0, "bias_gain": 0.0, "turn_gain": 0.0}
+BLIND = {"heading_gain": 0.0, "gyro_bias_gain": 0.0, "turn_rate_gain": 0.0}
 
 
 @ON_WHEELS

@@ -32,7 +32,7 @@ def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> 
     """At its terminals there is its back-EMF; its wheel turns as the robot goes. After that it pulls again."""
     smooth: dict[str, Any] = {
         "motor": {"no_load_current_a": 0.0},
-        "drive": {"gear_friction_nm": 0.0},
+        "drivetrain": {"gear_friction_nm": 0.0},
     }
     plant = plant_of(
         [
@@ -44,7 +44,7 @@ def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> 
     told, motor = plant.telemetry(), Settings().motor
     assert abs(told.current_mean[0, 1]) < 1e-9
     assert abs(told.current_mean[1, 1]) > 1e-3
-    back_emf = motor.constant_nm_a * motor.gear * told.wheel_speed[0, 1]
+    back_emf = motor.torque_constant_nm_a * motor.gear_ratio * told.wheel_speed[0, 1]
     assert told.voltage[0, 1] == pytest.approx(
         back_emf, rel=0.02
     )  # of a cycle before, and magnets that warm up
@@ -75,7 +75,9 @@ def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -
     drive(plant, ramp([AHEAD] * 2, 2.0, 20))
     told, motor = plant.telemetry(), Settings().motor
     assert abs(told.wheel_speed[0, 2]) < 0.02
-    resistance = motor.resistance_ohm * (1 + motor.copper_per_k * (told.winding[0, 2] - 25))
+    resistance = motor.resistance_ohm * (
+        1 + motor.winding_resistance_per_k * (told.winding[0, 2] - 25)
+    )
     np.testing.assert_allclose(told.current[0, 2], told.voltage[0, 2] / resistance, rtol=2e-3)
     assert np.abs(told.current[0, 2]) > 1
     x, y, turn = plant.twist()[0]
@@ -110,9 +112,9 @@ def test_wheels_that_are_worn_alike_are_a_carpet_of_as_much_less_friction(
 def test_wheels_without_half_of_their_rollers_pull_half_as_much(plant_of: PlantOf) -> None:
     """While all slide; their rims turn many times meanwhile."""
     slick: dict[str, Any] = {
-        "carpet": {"friction": 0.2, "pile": 0.0},
-        "drive": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0},
-        "firmware": {"turn_gain": 0.0},
+        "carpet": {"friction": 0.2, "rolling_resistance": 0.0},
+        "drivetrain": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0},
+        "firmware": {"turn_rate_gain": 0.0},
     }
     plant = plant_of(
         [meets(*all_wheels("wheel-missing-rollers", rollers=ROLLERS // 2), **slick), meets(**slick)]

@@ -133,10 +133,12 @@ def test_a_wheel_that_slides_pulls_by_the_friction_of_the_moment() -> None:
         "friction": other,
     }
     free: dict[str, Any] = {
-        "drive": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0},
+        "drivetrain": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0},
         "firmware": STIFF,
     }
-    tape = Tape(plant_of([meets(fault, carpet={"friction": usual, "pile": 0.0}, **free)]))
+    tape = Tape(
+        plant_of([meets(fault, carpet={"friction": usual, "rolling_resistance": 0.0}, **free)])
+    )
     tape.drive(constant([3.6, 0.0, 0.0], 18, 1))
     # From some steps after a change on, when the load has swung.
     for start, stop, friction in ((20, 60, usual), (80, 170, other), (190, 280, usual)):
@@ -202,7 +204,7 @@ def test_no_sensor_of_a_robot_sees_a_hand() -> None:
     """Neither the gyro, nor an encoder, nor what holds its wheels."""
     hand = {"kind": "kidnap", "x_m": 0.3, "heading_deg": 90.0}
     for make in (two_rollers, planar):
-        plant = make([meets(hand, firmware={"heading_gain": 0.0, "bias_gain": 0.0})])
+        plant = make([meets(hand, firmware={"heading_gain": 0.0, "gyro_bias_gain": 0.0})])
         standing(plant, SETTLE + 5)
         assert plant.pose()[0, 2] == pytest.approx(np.pi / 2, abs=1e-3)
         assert held_heading(plant)[0] == pytest.approx(0, abs=1e-3)

@@ -5,7 +5,9 @@ import pytest
 from benches.plant import constant, drive, mujoco, quiet
 
 SETTINGS = quiet(
-    wheels={"model": "two-rollers"}, carpet={"pile": 0.05}, drive={"roller_friction": 0.05}
+    wheels={"model": "two-rollers"},
+    carpet={"rolling_resistance": 0.05},
+    drivetrain={"roller_friction": 0.05},
 )
 FORWARD = (1.0, 0.0, 0.0)
 

@@ -25,7 +25,7 @@ def alphas(settings: list[Settings], seeds: list[int], frames: int) -> NDArray:
 
 
 def remembering(time_s: float, **bounds: float) -> Settings:
-    return with_settings(kinematic={"alpha_time_s": time_s, **bounds})
+    return with_settings(kinematic={"alpha_correlation_time_s": time_s, **bounds})
 
 
 @pytest.mark.parametrize("time_s", [0.1, 10.0])

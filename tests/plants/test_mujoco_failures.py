@@ -119,11 +119,11 @@ def test_an_unstable_world_stops_all_its_robots_and_no_other_world() -> None:
 def test_rows_that_one_batch_cannot_hold_are_refused() -> None:
     finer = rows([with_settings(), with_settings(physics={"substeps": 2})])
     heavier = rows([with_settings(), with_settings(body={"mass_kg": 3.0}, wheels={"arm_m": 0.09})])
-    geared = rows([with_settings(), with_settings(motor={"gear": 4.0})])
+    geared = rows([with_settings(), with_settings(motor={"gear_ratio": 4.0})])
     for wrong, message in (
         (finer, "rows 0 and 1 differ in physics"),
         (heavier, "rows 0 and 1 differ in body and wheels"),
-        (geared, "rows 0 and 1 differ in motor.gear"),
+        (geared, "rows 0 and 1 differ in motor.gear_ratio"),
     ):
         with pytest.raises(OmniError, match=message):
             MujocoPlant(wrong, np.zeros((len(wrong), 3)))

@@ -65,7 +65,7 @@ def test_heading_counts_full_turns() -> None:
     # Wheels count their own turns: l heading = r angle, once they no longer slide, less what they
     # creep: the pile's drag is the share p of the load, which creeps by p / C of the travel. 0.5 %
     # for the effective radius and the rollers' viscous bearings.
-    creep = Settings().carpet.pile / Settings().drive.creep_stiffness
+    creep = Settings().carpet.rolling_resistance / Settings().drivetrain.creep_stiffness
     rolled = (plant.telemetry().wheel_angle.mean(1) - begun) * RADIUS_M / ARM_M / (1 + creep)
     np.testing.assert_allclose(heading[-1] - heading[spin_up], rolled, rtol=5e-3)
     assert np.abs(heading[-1] - start).min() > 4 * math.pi
@@ -76,7 +76,12 @@ def test_nothing_drives_faster_than_the_carpets_friction_allows() -> None:
     friction = np.repeat([0.02, 0.05, 0.1], 3)
     # Nothing but that friction: pile and bearings of the robot would take more than it gives.
     free = {"roller_friction": 0.0}
-    plant = plant_of([quiet(carpet={"friction": mu, "pile": 0.0}, drive=free) for mu in friction])
+    plant = plant_of(
+        [
+            quiet(carpet={"friction": mu, "rolling_resistance": 0.0}, drivetrain=free)
+            for mu in friction
+        ]
+    )
     distance = np.linalg.norm(
         drive(plant, constant(np.tile(directions, (3, 1)), frames, 9))[-1, :, :2], axis=1
     )
@@ -90,7 +95,7 @@ def test_nothing_drives_faster_than_the_carpets_friction_allows() -> None:
 def test_disturbing_force_pushes_a_sliding_robot_by_newtons_law() -> None:
     frames, n, force = 40, 20, 50.0
     # Of the wheels nothing is asked here, so that the faster ones do.
-    carpet = {"friction": 0.01, "pile": 0.0}
+    carpet = {"friction": 0.01, "rolling_resistance": 0.0}
     settings = quiet(carpet=carpet, disturbance={"force_n": force}, wheels={"model": "two-rollers"})
     plant = plant_of([settings] * n, seeds=range(n))
     position = drive(plant, constant([0.0, 0.0, 0.0], frames, n))[..., :2]

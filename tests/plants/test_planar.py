@@ -36,7 +36,7 @@ from omni_mj.network.radio import ReceivedCommand
 STIFFNESS = 2.5
 NOTHING = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
 FREE: dict[str, Any] = {
-    "carpet": {"pile": 0.0}, "drive": NOTHING | {"creep_stiffness": STIFFNESS}, "firmware": STIFF,
+    "carpet": {"rolling_resistance": 0.0}, "drivetrain": NOTHING | {"creep_stiffness": STIFFNESS}, "firmware": STIFF,
     "battery": {"resistance_ohm": 0.0}, "motor": {"no_load_current_a": 0.0},
 }  # fmt: skip
 
@@ -71,7 +71,10 @@ def test_a_body_lags_behind_its_wheels_by_t_times_its_acceleration(axis: int) ->
 
 def test_sliding_wheels_pull_by_friction_times_load() -> None:
     friction = 0.3
-    plant, speeds = planar([quiet(**FREE | {"carpet": {"pile": 0.0, "friction": friction}})]), []
+    plant, speeds = (
+        planar([quiet(**FREE | {"carpet": {"rolling_resistance": 0.0, "friction": friction}})]),
+        [],
+    )
     for command in constant([3.6, 0.0, 0.0], 15, 1):
         drive(plant, command[None])
         speeds.append(plant.twist()[0, 0])

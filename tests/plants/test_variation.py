@@ -19,18 +19,29 @@ from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
 from omni_mj import load_scenario, run
-from omni_mj.config.robot_settings import VariationSettings
+from omni_mj.config.robot_settings import RandomizationSettings
 from omni_mj.config.settings import Settings
 from omni_mj.plants.domain_randomization import RobotVariation
 
 MODELS = ["rollers", "two-rollers"]
-ALL = {"friction": 0.1, "wear_m": 0.0005, "motor_constant": 0.05, "mass": 0.1, "centre_m": 0.005}
-NO_DRAG: dict[str, Any] = {"drive": {"roller_friction": 0.0}, "carpet": {"pile": 0.0}}
+ALL = {
+    "wheel_friction_std": 0.1,
+    "max_wear_m": 0.0005,
+    "torque_constant_std": 0.05,
+    "mass_std": 0.1,
+    "com_offset_std_m": 0.005,
+}
+NO_DRAG: dict[str, Any] = {
+    "drivetrain": {"roller_friction": 0.0},
+    "carpet": {"rolling_resistance": 0.0},
+}
 GRAVITY = 9.81
 
 
 def drawn(seeds: range | list[int], **variation: float) -> RobotVariation:
-    return RobotVariation.draw(rows([with_settings(variation=variation)] * len(seeds), list(seeds)))
+    return RobotVariation.draw(
+        rows([with_settings(randomization=variation)] * len(seeds), list(seeds))
+    )
 
 
 def flat(one: RobotVariation) -> NDArray:
@@ -45,10 +56,10 @@ def test_a_seed_draws_the_same_whatever_else_is_drawn() -> None:
     together, alone = flat(drawn(range(5), **ALL)), flat(drawn([3], **ALL))
     np.testing.assert_array_equal(together[3:4], alone)
     assert not (together[0] == together[1]).any()
-    pair = flat(RobotVariation.draw(rows([with_settings(variation=ALL)] * 2, [3, 3], places=2)))
+    pair = flat(RobotVariation.draw(rows([with_settings(randomization=ALL)] * 2, [3, 3], places=2)))
     np.testing.assert_array_equal(pair[0], alone[0])
     assert not (pair[0] == pair[1]).any()
-    wider = drawn([3], **{**ALL, "friction": 0.2})
+    wider = drawn([3], **{**ALL, "wheel_friction_std": 0.2})
     np.testing.assert_array_equal(wider.wear, drawn([3], **ALL).wear)
     np.testing.assert_allclose(
         wider.friction_factor - 1, 2 * (drawn([3], **ALL).friction_factor - 1), rtol=1e-12
@@ -60,16 +71,16 @@ def test_spreads_are_those_asked_for() -> None:
     robots = drawn(range(1500), **ALL)
     # A normal number that is cut at 3 deviations has a deviation of 0.9866.
     for values, middle, name in (
-        (robots.friction_factor, 1, "friction"),
-        (robots.magnet_factor, 1, "motor_constant"),
-        (robots.mass_factor, 1, "mass"),
-        (robots.center_shift, 0, "centre_m"),
+        (robots.friction_factor, 1, "wheel_friction_std"),
+        (robots.magnet_factor, 1, "torque_constant_std"),
+        (robots.mass_factor, 1, "mass_std"),
+        (robots.center_shift, 0, "com_offset_std_m"),
     ):
         sigma, n = 0.9866 * ALL[name], values.size
         assert abs(values.mean() - middle) < SIGMAS * sigma / np.sqrt(n), name
         assert abs(values.std() - sigma) < SIGMAS * sigma / np.sqrt(2 * n), name
         assert np.abs(values - middle).max() <= 3 * ALL[name] * (1 + 1e-12), name
-    wear, n = robots.wear / ALL["wear_m"], robots.wear.size
+    wear, n = robots.wear / ALL["max_wear_m"], robots.wear.size
     assert wear.min() >= 0
     assert wear.max() <= 1
     assert abs(wear.mean() - 1 / 2) < SIGMAS / np.sqrt(12 * n)
@@ -86,7 +97,7 @@ def test_a_summary_says_what_was_drawn_for_whom() -> None:
     )
     result = run(short, ["flc", "comp-flc"], seeds=[3, 4])
     (entry,) = result.summary()["scenarios"].values()
-    expected = drawn([3, 4], **dict(short.settings.variation)).columns()
+    expected = drawn([3, 4], **dict(short.settings.randomization)).columns()
     for i, told in enumerate(entry["drawn_parameters"]):
         assert told == {
             "seed": 3 + i,
@@ -94,7 +105,7 @@ def test_a_summary_says_what_was_drawn_for_whom() -> None:
             **{name: values[i] for name, values in expected.items()},
         }
     assert result.rows()["friction_1"].to_pylist() == [*expected["friction_1"]] * 2
-    new = short.settings.replace(variation=VariationSettings())
+    new = short.settings.replace(randomization=RandomizationSettings())
     for alike in (short.replace(plant="kinematic"), short.replace(settings=new)):
         (entry,) = run(alike, ["flc"], seeds=[3]).summary()["scenarios"].values()
         assert entry["drawn_parameters"] == []
@@ -111,11 +122,11 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
     """Without drag, and with rubber that hardly creeps: every wheel's way is its angle times its own radius."""
     free = {
         **NO_DRAG,
-        "drive": {"roller_friction": 0.0, "creep_stiffness": 1e3},
+        "drivetrain": {"roller_friction": 0.0, "creep_stiffness": 1e3},
         "wheels": {"model": model},
     }
     plant = plant_of(
-        [quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 0.0, 1e-3, 1e-3)],
+        [quiet(randomization={"max_wear_m": wear}, **free) for wear in (0.0, 0.0, 1e-3, 1e-3)],
         seeds=[0, 0, 1, 2],
     )
     commands = ramp([[0.5, 0, 0], [0, 0.5, 0]] * 2, 1.0, 40)
@@ -139,7 +150,9 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
         radius[2:] - radius[:2], -plant.variation.wear[2:], atol=5e-4 * 0.0285
     )
     standing = plant_of(
-        [quiet(variation={"wear_m": wear}, **free) for wear in (0.0, 1e-3)], [[0, 0, 0]] * 2, [0, 1]
+        [quiet(randomization={"max_wear_m": wear}, **free) for wear in (0.0, 1e-3)],
+        [[0, 0, 0]] * 2,
+        [0, 1],
     )
     drive(standing, constant([0, 0, 0], 30, 2))
     new, worn = wheel_loads(standing)
@@ -150,10 +163,11 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
 def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
     """All wheels spin: the robot turns up by sum(mu_i N_i) arm, and drifts by the sum of the wheels' pulls."""
     share, mu, frames = 0.3, 0.1, 14
-    base = {"firmware": {"kp": 0.4, "turn_gain": 0.0}, "drive": NO_DRAG["drive"]}
-    carpet = {"friction": mu, "pile": 0.0}
+    base = {"firmware": {"kp": 0.4, "turn_rate_gain": 0.0}, "drivetrain": NO_DRAG["drivetrain"]}
+    carpet = {"friction": mu, "rolling_resistance": 0.0}
     chosen = [
-        quiet(carpet=carpet, variation={"friction": each}, **base) for each in (0.0, *[share] * 4)
+        quiet(carpet=carpet, randomization={"wheel_friction_std": each}, **base)
+        for each in (0.0, *[share] * 4)
     ]
     plant = plant_of(chosen, seeds=range(5))
     drive(plant, constant([0, 0, 0], 30, 5))
@@ -180,7 +194,9 @@ def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
 
 def test_mass_and_centre_are_carried_by_the_wheels() -> None:
     """The loads' sum is the weight, their middle the centre of mass, which the wheels dilute."""
-    plant = plant_of([quiet(variation={"mass": 0.1, "centre_m": 0.005})] * 4, seeds=range(4))
+    plant = plant_of(
+        [quiet(randomization={"mass_std": 0.1, "com_offset_std_m": 0.005})] * 4, seeds=range(4)
+    )
     drive(plant, constant([0, 0, 0], 60, 4))
     load, body = wheel_loads(plant), Settings().body
     wheels = (
@@ -193,7 +209,7 @@ def test_mass_and_centre_are_carried_by_the_wheels() -> None:
         [np.cos(plant.geometry.azimuths), np.sin(plant.geometry.azimuths)]
     )
     middle = load @ feet / load.sum(1)[:, None]
-    as_built = (body.mass_kg * np.array([body.centre_x_m, 0]) - wheels * feet.mean(0)) / (
+    as_built = (body.mass_kg * np.array([body.com_x_m, 0]) - wheels * feet.mean(0)) / (
         body.mass_kg - wheels
     )
     moments = chassis[:, None] * (as_built + plant.variation.center_shift) + wheels * feet.mean(0)

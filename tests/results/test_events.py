@@ -39,7 +39,7 @@ def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_
     """Each by its own settings; 25.02 deg C: the windings pass it after a few frames of driving."""
     warm, empty = (
         simulated({}, **own).log
-        for own in ({"motor": {"limit_c": 25.02}}, {"battery": {"charge": 0.05}})
+        for own in ({"motor": {"max_winding_c": 25.02}}, {"battery": {"charge": 0.05}})
     )
     found = {
         (event.kind, event.controller): event
@@ -61,7 +61,7 @@ def test_events_stay_the_same_while_the_log_grows() -> None:
     route = {"waypoints": [[0, 0], [0.4, 0], [0.4, 0.2]], "settle_s": 0}
     out = {"kind": "vision-loss", "start_s": 0.4, "duration_s": 0.3}
     chosen = om.load_scenario(
-        "rect", plant="planar", reference=route, motor={"limit_c": 25.02}, fault=[out]
+        "rect", plant="planar", reference=route, motor={"max_winding_c": 25.02}, fault=[out]
     )
     simulation = om.Simulation(chosen, ["flc"])
     reported: list[Any] = []

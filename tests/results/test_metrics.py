@@ -147,10 +147,10 @@ def test_a_wheel_slides_that_slips_faster_than_it_can_creep(speed: float, fricti
     and does not slide.
     """
     own = RECT.replace(carpet={"friction": friction})
-    stiff = own.replace(drive={"creep_stiffness": 1000.0})
+    stiff = own.replace(drivetrain={"creep_stiffness": 1000.0})
     pose = np.zeros((60, 1, 3))
     pose[:, 0, 0] = speed * T * np.arange(60)
-    creep = speed * friction / own.drive.creep_stiffness
+    creep = speed * friction / own.drivetrain.creep_stiffness
 
     def share(settings: Any, slip: float) -> float:
         log = filled(

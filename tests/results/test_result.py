@@ -107,7 +107,7 @@ def test_the_paper_stands_beside_its_own_experiment_only() -> None:
     for own in (
         {},
         {"plant": "kinematic"},
-        {"controllers": ("lqr",), "control": {"lag_s": 0.1}, "seeds": 7},
+        {"controllers": ("lqr",), "control": {"assumed_lag_s": 0.1}, "seeds": 7},
     ):
         assert (
             paper_tables.find_paper_table(om.load_scenario("rect", **own)) is paper_tables.TABLES[3]

@@ -20,9 +20,9 @@ pytestmark = pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason=
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gradient" / "find_creep.py"
 COMMON: dict[str, Any] = {
     "carpet": {"patches": [[0.3, 0.0, 0.2, 0.3]], "nap": 0.3},
-    "variation": {"friction": 0.1, "wear_m": 0.0003, "motor_constant": 0.03, "mass": 0.03, "centre_m": 0.003},
+    "randomization": {"wheel_friction_std": 0.1, "max_wear_m": 0.0003, "torque_constant_std": 0.03, "mass_std": 0.03, "com_offset_std_m": 0.003},
     "disturbance": {"force_n": 5.0},
-    "firmware": {"ki": 0.5, "derate": True, "timeout_s": 0.1},
+    "firmware": {"ki": 0.5, "thermal_derating": True, "timeout_s": 0.1},
     "fault": [
         {"kind": "payload", "start_s": 0.1, "mass_kg": 0.5}, {"kind": "tilt", "start_s": 0.2, "angle_deg": 3.0},
         {"kind": "reboot", "start_s": 0.2, "duration_s": 0.1}, {"kind": "encoder-scale", "start_s": 0.1, "wheel": 1, "factor": 0.9},

@@ -8,7 +8,7 @@ from omni_mj.config.settings import Settings
 
 PACK = Settings(
     battery={
-        "cells": 6,
+        "series_cells": 6,
         "capacity_ah": 1.0,
         "resistance_ohm": 0.05,
         "charge": 0.5,

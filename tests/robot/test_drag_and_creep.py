@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from omni_mj.config.settings import Settings
 
 ANGLE = st.floats(-4, 4)
-FREE: dict[str, Any] = {"drive": {"roller_friction": 0.0}}
+FREE: dict[str, Any] = {"drivetrain": {"roller_friction": 0.0}}
 
 
 @examples(max_examples=40)
@@ -22,7 +22,10 @@ def test_the_pile_drags_by_the_angle_to_its_fibres(
     way: float, heading: float, speed: float, nap: float, fibres: float
 ) -> None:
     """Against the travel, p N (1 + nap cos) in all, whatever the heading."""
-    carpets: list[dict[str, Any]] = [{"pile": 0.1, "nap": nap, "nap_deg": fibres}, {"pile": 0.2}]
+    carpets: list[dict[str, Any]] = [
+        {"rolling_resistance": 0.1, "nap": nap, "nap_direction_deg": fibres},
+        {"rolling_resistance": 0.2},
+    ]
     load = np.array([[7.0], [5.0], [6.0], [8.0]])
     found = drag(
         [Settings(carpet=each, **FREE) for each in carpets],
@@ -41,7 +44,9 @@ def direction(angle: float) -> np.ndarray:
 
 def test_bearings_brake_along_the_axles_and_take_their_part_of_the_friction_circle() -> None:
     mu, b = 0.5, 0.2
-    chosen = Settings(carpet={"pile": 0.0, "friction": mu}, drive={"roller_friction": b})
+    chosen = Settings(
+        carpet={"rolling_resistance": 0.0, "friction": mu}, drivetrain={"roller_friction": b}
+    )
     azimuths = np.radians(Settings().wheels.azimuths_deg)
     found = drag([chosen], [1.0, 0.0])
     assert found.forward_force[0] == pytest.approx(-b * np.abs(np.cos(azimuths)).sum())
@@ -53,7 +58,7 @@ def test_bearings_brake_along_the_axles_and_take_their_part_of_the_friction_circ
 def test_rubber_is_softer_the_faster_a_wheel_travels() -> None:
     """s R = |v| t / (R N C): softness is slip speed over torque, times load."""
     stiffness = 2.5
-    chosen = Settings(drive={"creep_stiffness": stiffness})
+    chosen = Settings(drivetrain={"creep_stiffness": stiffness})
     for speed in (0.0, 0.5, 2.0):
         found = drag([chosen], [0.6 * speed, 0.8 * speed])
         np.testing.assert_allclose(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omni_mj.config.settings import Settings
 
-PURE: dict[str, Any] = {"turn_gain": 0.0, "feed_forward": 0.0, "kp": 0.1}
+PURE: dict[str, Any] = {"turn_rate_gain": 0.0, "feed_forward": 0.0, "kp": 0.1}
 
 
 def settings(**firmware: Any) -> Settings:
@@ -73,7 +73,7 @@ def test_a_pid_loop_sums_integrates_and_differentiates_and_does_not_wind_up() ->
 
 
 def test_encoders_count_whole_steps() -> None:
-    counts = Settings().sensors.encoder_counts * Settings().motor.gear / (2 * np.pi)
+    counts = Settings().sensors.encoder_counts * Settings().motor.gear_ratio / (2 * np.pi)
     firmware = Firmware([settings()])
     firmware.run(0.0, 0.0)
     assert np.abs(firmware.run(0.0, 0.9 / counts)).max() == 0
@@ -123,7 +123,7 @@ def test_the_heading_is_the_gyros_integral_put_right_by_vision_as_it_was_when_se
 
 
 def test_the_turn_rate_loop_adds_its_gains_share_of_the_missing_rate() -> None:
-    firmware = Firmware([settings(turn_gain=2.0)])
+    firmware = Firmware([settings(turn_rate_gain=2.0)])
     firmware.hear(turn=3.0)
     expected = duties(wanted(0, 0, 3.0 + 2.0 * (3.0 - 1.0)), 0.1)
     np.testing.assert_allclose(firmware.run(1.0, 0.0)[:, 0], expected)
@@ -134,7 +134,9 @@ def test_derating_leaves_less_current_the_closer_the_winding_is_to_its_limit(
     winding: float, share: float
 ) -> None:
     """Twice the nominal current 10 K below the limit of 125 degrees, none at it."""
-    chosen = Settings(firmware=PURE | {"kp": 5.0, "derate": True}, motor={"limit_c": 125.0})
+    chosen = Settings(
+        firmware=PURE | {"kp": 5.0, "thermal_derating": True}, motor={"max_winding_c": 125.0}
+    )
     firmware = Firmware([chosen])
     firmware.winding = np.full((4, 1), winding)
     firmware.begin()

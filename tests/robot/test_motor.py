@@ -13,7 +13,7 @@ BENCH = Settings(motor=SHEET, firmware={"current_limit_a": 1e3})
 
 def test_the_rows_of_the_sheet_come_out() -> None:
     """At the nominal speed the nominal current and torque; at the no-load speed a torque that friction takes."""
-    gear, volts = SHEET["gear"], SHEET["nominal_voltage_v"]
+    gear, volts = SHEET["gear_ratio"], SHEET["nominal_voltage_v"]
     speeds = np.array([SHEET["nominal_rpm"], SHEET["no_load_rpm"]]) / RPM / gear
     _, (nominal, free) = drive_motor(BENCH, volts, speeds)
     assert nominal == pytest.approx(SHEET["nominal_current_a"], rel=1e-9)
@@ -58,7 +58,7 @@ def test_temperatures_are_those_of_the_two_nodes_differential_equation(
 
     def rates(_: float, t: np.ndarray) -> list[float]:
         inner = (t[0] - t[1]) / s.winding_housing_k_w
-        copper = MAXON.resistance * (1 + s.copper_per_k * (t[0] - 25)) * current**2
+        copper = MAXON.resistance * (1 + s.winding_resistance_per_k * (t[0] - 25)) * current**2
         outer = MAXON.outer_loss(current, speed) - (t[1] - s.ambient_c) / s.housing_ambient_k_w
         return [(copper - inner) / s.winding_j_k, (inner + outer) / s.housing_j_k]
 

@@ -19,7 +19,7 @@ def alpha(value: float) -> tuple[str, ...]:
 DOUBTFUL = {
     "alpha lasting for 10 s": (),
     "alpha anew in each frame, jitter of 2 frames": (
-        "kinematic.alpha_time_s=0",
+        "kinematic.alpha_correlation_time_s=0",
         "radio.jitter_frames=2",
     ),
     "alpha 0.5": alpha(0.5),

@@ -71,7 +71,9 @@ def test_the_predicted_pose_is_the_pose_k_d_frames_later(delay: int) -> None:
 
 @pytest.mark.parametrize("delay", [1, 3, 6, 12])
 def test_compensated_the_only_error_is_the_late_start(delay: int) -> None:
-    trajectory = run("kinematic", (*IDEAL, f"radio.delay_frames={delay}", "reference.lead_s=0"))
+    trajectory = run(
+        "kinematic", (*IDEAL, f"radio.delay_frames={delay}", "reference.initial_rest_s=0")
+    )
     # The reference starts at once and gains a T per frame; the robot stands for k_d frames and
     # knows it: it lags by a T^2 (1 + 2 + ... + k_d), and never by more. Rounding of sums.
     late = ACCELERATION * FRAME_S**2 * delay * (delay + 1) / 2
@@ -80,7 +82,8 @@ def test_compensated_the_only_error_is_the_late_start(delay: int) -> None:
     # One that rests for the dead time first is followed without any, but for the lag of 1e-9 s that
     # is told.
     fair = run(
-        "kinematic", (*IDEAL, f"radio.delay_frames={delay}", f"reference.lead_s={delay * FRAME_S}")
+        "kinematic",
+        (*IDEAL, f"radio.delay_frames={delay}", f"reference.initial_rest_s={delay * FRAME_S}"),
     )
     assert errors(fair)[COMPENSATED].max() < 1e-9
 

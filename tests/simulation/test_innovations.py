@@ -15,7 +15,12 @@ CORNER = (
 )
 CASES = {
     "kinematic": ("rect", "kinematic", 10, ()),
-    "kinematic, alpha anew in each frame": ("rect", "kinematic", 10, ("kinematic.alpha_time_s=0",)),
+    "kinematic, alpha anew in each frame": (
+        "rect",
+        "kinematic",
+        10,
+        ("kinematic.alpha_correlation_time_s=0",),
+    ),
     "kinematic, disturbance": ("rect-noise", "kinematic", 10, ()),
     "kinematic, gaps": ("rect", "kinematic", 10, GAPS),
     "mujoco": ("rect", "mujoco", 3, CORNER),

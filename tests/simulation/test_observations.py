@@ -118,7 +118,7 @@ def test_controllers_are_told_the_lag_of_wheel_loops_where_there_are_wheels(
     plant: str, lag_s: float
 ) -> None:
     told = (
-        Simulation(scenario.load("rect", ["control.lag_s=0.05"], {"plant": plant}))
+        Simulation(scenario.load("rect", ["control.assumed_lag_s=0.05"], {"plant": plant}))
         .team.controllers[0]
         .model
     )

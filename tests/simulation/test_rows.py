@@ -21,7 +21,7 @@ def test_a_sweep_is_one_batch_of_the_runs_alone(plant: str) -> None:
         {
             "firmware": {"kp": 0.1, "ki": 1.0},
             "battery": {"charge": 0.15},
-            "kinematic": {"alpha_time_s": 1.0},
+            "kinematic": {"alpha_correlation_time_s": 1.0},
         },
         {"control": {"max_speed_m_s": 0.3, "error_range_m": 0.2}, "motor": {"winding_c": 110.0}},
         {
@@ -107,7 +107,7 @@ def test_a_controller_that_fails_stops_its_own_rows_and_no_others(users: dict[st
 def test_a_robot_that_topples_is_stopped_and_the_others_keep_their_bits() -> None:
     """Wheels on rough carpet, told to reverse from 3 m/s with 40 m/s^2: it falls; other rows do not know."""
     task = {
-        "friction": 0.0,
+        "assumed_friction": 0.0,
         "max_acceleration_m_s2": 20.0,
         "max_speed_m_s": 3.0,
         "waypoints": [[0, 0], [3, 0], [0, 0]],

@@ -11,7 +11,12 @@ from hypothesis.extra import numpy as arrays
 
 import omni_mj as om
 
-CHANGED = {"acceleration_m_s2": (3.0,), "pile": (0.2,), "winding_c": (120.0,), "charge": (1.0,)}
+CHANGED = {
+    "acceleration_m_s2": (3.0,),
+    "rolling_resistance": (0.2,),
+    "winding_c": (120.0,),
+    "charge": (1.0,),
+}
 FORWARD, SIDEWAYS, _ = range(3)
 
 
@@ -39,10 +44,10 @@ def study(result: AlphaResult) -> AlphaStudy:
 
 def softness(settings: om.Scenario) -> np.ndarray:
     """T forward and sideways, s^2/m: W / (g C sum of d^2) with the wheels' direction cosines d; see `model.creep`."""
-    wheels, drive = settings.settings.wheels, settings.settings.drive
+    wheels, drivetrain = settings.settings.wheels, settings.settings.drivetrain
     azimuths = np.radians(wheels.azimuths_deg)
     squares = np.array([(np.sin(azimuths) ** 2).sum(), (np.cos(azimuths) ** 2).sum()])
-    of_both: np.ndarray = len(azimuths) / (9.81 * drive.creep_stiffness * squares)
+    of_both: np.ndarray = len(azimuths) / (9.81 * drivetrain.creep_stiffness * squares)
     return of_both
 
 
@@ -86,7 +91,7 @@ def test_robots_creep_more_sideways(study: AlphaStudy) -> None:
 
 def test_more_pile_less_charge_and_heat_cost_what_they_can(study: AlphaStudy) -> None:
     """Pile and charge the gain; heat, which takes stiffness from the wheel loops, lag."""
-    for name, sign in (("pile", -1), ("charge", 1)):
+    for name, sign in (("rolling_resistance", -1), ("charge", 1)):
         assert (
             sign * (study.by_condition[name].steady_gain[0] - study.baseline.steady_gain) > 0.01
         ).all(), name

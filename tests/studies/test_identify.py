@@ -13,8 +13,8 @@ from omni_mj.studies.identify import IdentificationResult
 
 OTHER: dict[str, Any] = {
     "radio": {"delay_frames": 5},
-    "drive": {"creep_stiffness": 3.0, "roller_friction": 0.05},
-    "carpet": {"pile": 0.03},
+    "drivetrain": {"creep_stiffness": 3.0, "roller_friction": 0.05},
+    "carpet": {"rolling_resistance": 0.03},
     "fault": [{"kind": "tilt", "start_s": 0.0, "angle_deg": 1.8, "direction_deg": 20.0}],
 }
 

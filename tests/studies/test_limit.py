@@ -17,9 +17,9 @@ from omni_control.reference import MotionLimits
 PERIOD_S = 1 / 60
 LAG_S, DELAY = 0.05, 3
 ROUTE = {
-    "waypoints": [[0, 0], [0.08, 0.03, 0.1]], "max_acceleration_m_s2": 3.0, "lead_s": 0.12, "settle_s": 0.05,
+    "waypoints": [[0, 0], [0.08, 0.03, 0.1]], "max_acceleration_m_s2": 3.0, "initial_rest_s": 0.12, "settle_s": 0.05,
 }  # fmt: skip
-SLOW = {"alpha_time_s": 10.0}
+SLOW = {"alpha_correlation_time_s": 10.0}
 SEEDS = 2
 
 

@@ -94,7 +94,7 @@ def test_the_closed_form_of_a_robot_is_the_solution_of_its_wheels() -> None:
     closed, load = creep(robot), loads(robot)
     azimuth, c, mass = (
         np.radians(robot.wheels.azimuths_deg),
-        robot.drive.creep_stiffness,
+        robot.drivetrain.creep_stiffness,
         robot.body.mass_kg,
     )
     assert load.sum() == pytest.approx(mass * 9.81)

@@ -25,7 +25,7 @@ CONDITION_VALUES: ConditionValues = {
     "acceleration_m_s2": (1.0, 2.0, 3.0, 4.0),
     "friction": (0.5, 0.6, 0.8, 1.0),
     "creep_stiffness": (1.5, 2.5, 5.0, 1000.0),
-    "pile": (0.0, 0.05, 0.1, 0.15),
+    "rolling_resistance": (0.0, 0.05, 0.1, 0.15),
     "winding_c": (25.0, 75.0, 120.0),
     "charge": (1.0, 0.5, 0.15),
 }
@@ -34,15 +34,15 @@ CONDITION_LABELS = {
     "acceleration_m_s2": "acceleration in m/s²",
     "friction": "carpet friction",
     "creep_stiffness": "creep stiffness",
-    "pile": "drag of the pile / normal force",
+    "rolling_resistance": "drag of the pile / normal force",
     "winding_c": "winding temperature in °C",
     "charge": "battery charge",
 }
 # Section of settings of each condition that is not part of the profile
 CONDITION_SECTIONS = {
     "friction": "carpet",
-    "creep_stiffness": "drive",
-    "pile": "carpet",
+    "creep_stiffness": "drivetrain",
+    "rolling_resistance": "carpet",
     "winding_c": "motor",
     "charge": "battery",
 }
@@ -59,10 +59,10 @@ WORN_TEXT = f"windings at {WORN['winding_c']:g} °C, battery at {100 * WORN['cha
 
 # Cause -> function that removes it from settings
 CAUSES: dict[str, Callable[[Settings], Settings]] = {
-    "creep": lambda s: s.replace(drive={"creep_stiffness": 1000.0}),
+    "creep": lambda s: s.replace(drivetrain={"creep_stiffness": 1000.0}),
     "drag": lambda s: s.replace(
-        carpet={"pile": 0.0},
-        drive={"roller_friction": 0.0, "gear_friction_nm": 0.0},
+        carpet={"rolling_resistance": 0.0},
+        drivetrain={"roller_friction": 0.0, "gear_friction_nm": 0.0},
         motor=_frictionless_no_load(s),
     ),
     "heat": lambda s: apply_condition(s, "winding_c", 25.0)[0],
@@ -141,5 +141,5 @@ def _frictionless_no_load(settings: Settings) -> dict[str, float]:
     motor = settings.motor
     return {
         "no_load_current_a": 0.0,
-        "no_load_rpm": motor.nominal_voltage_v / motor.constant_nm_a / RAD_S,
+        "no_load_rpm": motor.nominal_voltage_v / motor.torque_constant_nm_a / RAD_S,
     }

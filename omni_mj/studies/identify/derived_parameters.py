@@ -55,7 +55,7 @@ KINDS = {
     LATE: Kind("latency of the loop", "s", "", 0.5 * PERIOD_S, 8e-4),
     "clock_s": Kind("poses later than wheels by", "s", "", 0.5 * PERIOD_S, 4.5e-4),
     "creep_stiffness": Kind("creep stiffness C", "", "creep", 0.25, 0.014, relative=True),
-    "pile": Kind("drag of the pile, over load", "", "creep", 0.02, 7e-3),
+    "rolling_resistance": Kind("drag of the pile, over load", "", "creep", 0.02, 7e-3),
     "roller_friction": Kind("friction of rollers, over load", "", "creep", 0.03, 8e-3),
     "radius_m": Kind("effective wheel radius", "m", "", 0.01, 1.1e-3, relative=True),
     "arm_m": Kind("effective arm", "m", "turning", 0.02, 3e-3, relative=True),
@@ -198,8 +198,8 @@ def numbers(
     give, scale, stiffness = p["give_s"], p["scale"], 1 / max(p["creep"], 1e-9)
     arm = settings.wheels.arm_m * p["arm"]
     changes = {
-        "drive": {"creep_stiffness": stiffness, "roller_friction": p["roller_friction"]},
-        "carpet": {"pile": p["pile"]},
+        "drivetrain": {"creep_stiffness": stiffness, "roller_friction": p["roller_friction"]},
+        "carpet": {"rolling_resistance": p["rolling_resistance"]},
         "wheels": {"arm_m": arm},
     }
     sections = {
@@ -208,12 +208,14 @@ def numbers(
     law = team_model.creep(settings.model_copy(update=sections))
     (forward, sideways, turning), drag = map(float, law.gain), law.drag / settings.body.mass_kg
     result = {"clock_s" if by_wheels else LATE: p[LATE], "creep_stiffness": stiffness}
-    result |= {name: p[name] for name in ("pile", "roller_friction", "compass_rad")}
+    result |= {name: p[name] for name in ("rolling_resistance", "roller_friction", "compass_rad")}
     if by_wheels:
         gain_turning = scale / p["arm"] * turning
         result |= {"radius_m": body.radius * scale, "arm_m": arm}
     else:
-        gain_turning = scale * (1 + p["turn_gain"]) / (1 / turning + scale * p["turn_gain"])
+        gain_turning = (
+            scale * (1 + p["turn_rate_gain"]) / (1 / turning + scale * p["turn_rate_gain"])
+        )
         cosines = np.abs(body.along[:, 0])
         squares = (cosines**2).sum()
         result["lag_forward_s"] = float(give * (1 / squares + body.hub))

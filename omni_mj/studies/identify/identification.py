@@ -33,7 +33,7 @@ ROLLS, RADIUS_SHARE = (
     0.9988,
     0.002,
 )  # rolling radius over the file's (rubber is pressed), and how well it is known
-CONTACTS = ("creep", "pile", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
+CONTACTS = ("creep", "rolling_resistance", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
 
 
 @dataclass
@@ -190,7 +190,7 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
     if by_wheels:
         free = [LATE, "scale", "arm", "compass_rad"]
     else:
-        free = [LATE, "scale", "give_s", "friction_m_s", "compass_rad"] + ["turn_gain"] * (
+        free = [LATE, "scale", "give_s", "friction_m_s", "compass_rad"] + ["turn_rate_gain"] * (
             "turning" not in lacks
         )
         start[LATE] = max(start[LATE] - 2 * start["give_s"] / len(body.along), 0.01)

@@ -24,14 +24,14 @@ from omni_mj.studies.identify.slip_dynamics import LATE, Body, Parameters, simul
 # Name -> size of a change that matters, step of finite differences, lowest and highest value.
 RANGES = {
     "creep": (0.2, 1e-2, 0.0, 20.0),
-    "pile": (0.02, 1e-3, -0.2, 1.0),
+    "rolling_resistance": (0.02, 1e-3, -0.2, 1.0),
     "roller_friction": (0.02, 1e-3, -0.2, 1.0),
     "scale": (0.05, 1e-3, 0.4, 2.5),
     "arm": (0.05, 1e-3, 0.4, 2.5),
     "compass_rad": (0.05, 1e-3, -1.0, 1.0),
     "give_s": (0.02, 2e-4, 1e-4, 1.0),
     "friction_m_s": (0.05, 1e-3, -0.2, 0.4),
-    "turn_gain": (0.3, 1e-2, -0.5, 10.0),
+    "turn_rate_gain": (0.3, 1e-2, -0.5, 10.0),
     "lean_x_m_s2": (0.1, 1e-2, -2.0, 2.0),
     "lean_y_m_s2": (0.1, 1e-2, -2.0, 2.0),
     LATE: (0.01, 1e-4, -0.5, 0.6),

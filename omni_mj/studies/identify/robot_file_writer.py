@@ -12,18 +12,18 @@ Changes = dict[tuple[str, str], str]  # section and field -> value as TOML has i
 FIELDS = {
     "wheels.radius_m": ("wheels", "radius_m"),
     "wheels.arm_m": ("wheels", "arm_m"),
-    "wheels.creep_stiffness": ("drive", "creep_stiffness"),
-    "wheels.pile": ("carpet", "pile"),
-    "wheels.roller_friction": ("drive", "roller_friction"),
+    "wheels.creep_stiffness": ("drivetrain", "creep_stiffness"),
+    "wheels.rolling_resistance": ("carpet", "rolling_resistance"),
+    "wheels.roller_friction": ("drivetrain", "roller_friction"),
     "commands.latency_s": ("radio", "delay_frames"),
-    "commands.lag_forward_s": ("control", "lag_s"),
-    "commands.friction_forward_m_s": ("control", "drag_m_s"),
-    "commands.creep_forward_s2_m": ("control", "creep_s2_m"),
-    "commands.creep_sideways_s2_m": ("control", "creep_sideways_s2_m"),
-    "commands.gain_forward": ("control", "alpha_forward"),
-    "commands.gain_sideways": ("control", "alpha_sideways"),
+    "commands.lag_forward_s": ("control", "assumed_lag_s"),
+    "commands.friction_forward_m_s": ("control", "assumed_drag_m_s"),
+    "commands.creep_forward_s2_m": ("control", "assumed_creep_s2_m"),
+    "commands.creep_sideways_s2_m": ("control", "assumed_creep_sideways_s2_m"),
+    "commands.gain_forward": ("control", "assumed_alpha_forward"),
+    "commands.gain_sideways": ("control", "assumed_alpha_sideways"),
 }
-DRAG = ("wheels.pile", "wheels.roller_friction")
+DRAG = ("wheels.rolling_resistance", "wheels.roller_friction")
 LEAST = {
     "radius_m": 0.01,
     "arm_m": 0.02,

@@ -88,7 +88,7 @@ class Body:
         along, radius, centre, kg = (
             wheels.kinematics.matrix,
             wheels.radius_m,
-            body.centre_x_m,
+            body.com_x_m,
             body.mass_kg,
         )
         count, roller = wheels.rollers, wheels.roller_radius_m
@@ -112,8 +112,8 @@ class Body:
             centre=centre,
             mass=mass + rims / kg * along.T @ along,
             loads=team_model.loads(settings) / kg,
-            shift=compute_load_distribution(wheels.kinematics, body.centre_height_m)[1][:, :2].T,
-            viscous=BOTH_TOUCH * settings.drive.roller_damping_nm_s / roller**2 / kg,
+            shift=compute_load_distribution(wheels.kinematics, body.com_height_m)[1][:, :2].T,
+            viscous=BOTH_TOUCH * settings.drivetrain.roller_damping_nm_s / roller**2 / kg,
             spun=SPUN_EARLY
             * count
             / (2 * np.pi * radius)
@@ -121,8 +121,8 @@ class Body:
             * ROLLER_KG
             * (roller / turning) ** 2
             / kg,
-            commutation=motor.commutation * motor.gear / (motor.resistance * radius),
-            hub=motor.rotor_inertia * motor.gear**2 / (radius**2 * kg),
+            commutation=motor.commutation * motor.gear_ratio / (motor.resistance * radius),
+            hub=motor.rotor_inertia * motor.gear_ratio**2 / (radius**2 * kg),
             wait=float(np.mean(-frame * np.arange(cycles) % cycles)) / CYCLE_RATE_HZ,
             loop_delay=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / gain,
             gyro_delay=(cycles / 2 + 1) / CYCLE_RATE_HZ,
@@ -135,15 +135,15 @@ class Body:
             "scale": 1.0,
             "arm": 1.0,
             "compass_rad": 0.0,
-            "creep": 1 / settings.drive.creep_stiffness,
-            "pile": settings.carpet.pile,
-            "roller_friction": settings.drive.roller_friction,
+            "creep": 1 / settings.drivetrain.creep_stiffness,
+            "rolling_resistance": settings.carpet.rolling_resistance,
+            "roller_friction": settings.drivetrain.roller_friction,
             "lean_x_m_s2": 0.0,
             "lean_y_m_s2": 0.0,
             "grip": settings.carpet.friction,
         }
         if by_wheels:
-            return known | {"give_s": 0.0, "friction_m_s": 0.0, "turn_gain": 0.0}
+            return known | {"give_s": 0.0, "friction_m_s": 0.0, "turn_rate_gain": 0.0}
         motor, firmware = Motor.from_settings(settings.motor), settings.firmware
         constant, gain = motor.wheel_back_emf_constant, firmware.kp + motor.wheel_back_emf_constant
         softness = team_model.rim_softness(settings)
@@ -151,7 +151,7 @@ class Body:
             "scale": 1 - (1 - firmware.feed_forward) * constant / gain,
             "give_s": settings.body.mass_kg * softness,
             "friction_m_s": settings.hub_friction_nm / self.radius * softness,
-            "turn_gain": firmware.turn_gain,
+            "turn_rate_gain": firmware.turn_rate_gain,
         }
 
 
@@ -204,14 +204,14 @@ def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Ar
             command = np.where(
                 stretches.in_body[:, None, None], command, world_to_body(command, heading)
             )
-            command[..., 2] += p["turn_gain"][:, 0] * (command[..., 2] - middle[..., 2])
+            command[..., 2] += p["turn_rate_gain"][:, 0] * (command[..., 2] - middle[..., 2])
             rim = _apply(along, command)
             soft = p["give_s"] * (1 + body.commutation * np.abs(rim))
             rim = p["scale"] * rim - p["friction_m_s"] * rim / np.maximum(np.abs(rim), RUBBED_M_S)
             compliance = compliance + soft
         stiffness = 1 / np.maximum(compliance, STIFFEST_S)
         stiffness = np.minimum(stiffness, cap * load / np.maximum(np.abs(rim - rolling), 1e-9))
-        pile = p["pile"] * load / np.maximum(speed, AT_REST_M_S)
+        pile = p["rolling_resistance"] * load / np.maximum(speed, AT_REST_M_S)
         bearing = p["roller_friction"] * load / np.maximum(np.abs(across), AT_REST_M_S)
         axle_drag = pile + bearing + body.viscous + body.spun * np.abs(rolling)
         resisting = _weigh(stiffness + PRESSED_S_M * load + pile, along) + _weigh(
@@ -222,7 +222,7 @@ def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Ar
             not by_wheels
         ):  # the loop on the gyro; motors, which turn with the rims, and loops that see late
             gyro = (
-                p["turn_gain"]
+                p["turn_rate_gain"]
                 * p["scale"]
                 * p["arm"]
                 * body.along[0, 2]

@@ -133,7 +133,7 @@ def learn_run(
     reference = reference_factory.timed(settings, settings.world.start_poses[0]).poses
     limits = reference_factory.motion_limits(settings.control)
     n_frames, delay = len(reference), settings.radio.delay_frames
-    model = DeviationModel.prior(n_frames, delay, 2 * settings.control.lag_s)
+    model = DeviationModel.prior(n_frames, delay, 2 * settings.control.assumed_lag_s)
     best = _initial_run(scenario, start_progress("controllers", n_frames))
     feedback = [FeedbackSettings(weight) for _, weight in OPTIMIZED_ROWS]
     feedback += [FeedbackSettings(EXPLORING_WEIGHT)] * EXPLORING_ROWS

@@ -13,7 +13,7 @@ from typing import Any
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj.config import distributions
-from omni_mj.config.robot_settings import VariationSettings
+from omni_mj.config.robot_settings import RandomizationSettings
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.result import Outcome, Result
@@ -106,7 +106,7 @@ def find_limit(
 ) -> LimitResult:
     """Find the least error that is possible in a scenario, on its plant.
 
-    The robot is the nominal one; `[variation]` is not used.
+    The robot is the nominal one; `[randomization]` is not used.
 
     Args:
         scenario: Scenario or its name; its controllers are not used.
@@ -126,7 +126,7 @@ def find_limit(
     start_time = time.perf_counter()
     scenario = resolve_scenario(scenario, seeds=seeds)
     check_limit(scenario, iterations)
-    settings = scenario.settings.replace(variation=VariationSettings().model_dump())
+    settings = scenario.settings.replace(randomization=RandomizationSettings().model_dump())
     scenario = choose_shared_backend(scenario.replace(settings=settings), scenario.seeds)
     result = LimitResult(
         [Outcome.not_run(scenario)], [LIMIT, WITHOUT_NOISE], seeds=scenario.seed_list
@@ -162,7 +162,11 @@ def remove_noise(scenario: Scenario) -> Scenario:
         sensors={"gyro_noise_rad_s": 0, "gyro_bias_rad_s": 0},
         disturbance={"force_n": 0, "velocity_m_s": 0},
         radio={"jitter_frames": 0},
-        kinematic={"alpha_low": mean_alpha, "alpha_high": mean_alpha, "alpha_time_s": 0},
+        kinematic={
+            "alpha_low": mean_alpha,
+            "alpha_high": mean_alpha,
+            "alpha_correlation_time_s": 0,
+        },
     )
     return scenario.replace(settings=settings)
 

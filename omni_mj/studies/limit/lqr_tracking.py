@@ -85,8 +85,8 @@ class LqrTracker:
         self._frame = -1
         firmware = settings.firmware
         self._heading_gain = has_firmware * PERIOD_S * firmware.heading_gain
-        self._bias_gain = has_firmware * PERIOD_S * firmware.bias_gain
-        self._bias_effect = has_firmware / (1 + firmware.turn_gain)
+        self._bias_gain = has_firmware * PERIOD_S * firmware.gyro_bias_gain
+        self._bias_effect = has_firmware / (1 + firmware.turn_rate_gain)
         position_noise = max(settings.vision.position_noise_m, MIN_NOISE)
         heading_noise = max(settings.vision.heading_noise_rad, MIN_NOISE)
         self._vision_covariance = np.diag(
@@ -222,7 +222,7 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
     if scenario.plant in ON_WHEELS:
         gyro, disturbance = settings.sensors.gyro_noise_rad_s, settings.disturbance
         deviations[VELOCITY] = disturbance.force_n / settings.body.mass_kg * PERIOD_S / 3**0.5
-        deviations[5] = gyro / (1 + settings.firmware.turn_gain)
+        deviations[5] = gyro / (1 + settings.firmware.turn_rate_gain)
         deviations[HEADING_OFFSET] = PERIOD_S * gyro
         return np.hypot(deviations, MODEL_ERROR), 0.0, 1.0
     kinematic = settings.kinematic
@@ -233,7 +233,11 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
         / (kinematic.alpha_high + kinematic.alpha_low)
         / 3**0.5
     )
-    decay = float(np.exp(-PERIOD_S / kinematic.alpha_time_s)) if kinematic.alpha_time_s else 0.0
+    decay = (
+        float(np.exp(-PERIOD_S / kinematic.alpha_correlation_time_s))
+        if kinematic.alpha_correlation_time_s
+        else 0.0
+    )
     deviations[GAIN] = gain * (1 - decay**2) ** 0.5
     return deviations, gain, decay
 

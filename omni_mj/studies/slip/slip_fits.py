@@ -181,7 +181,9 @@ def predict_decelerations(settings: Settings) -> Array:
     wheel_rates = np.abs(wheels.matrix) / wheels.radius * ROLL_OUT_SPEEDS  # rad/s
     friction = settings.hub_friction_nm + motor.wheel_viscous_friction * wheel_rates
     hubs = (np.abs(wheels.matrix) * friction).sum(0) / wheels.radius
-    rotors = motor.rotor_inertia * motor.gear**2 / wheels.radius**2 * (wheels.matrix**2).sum(0)
+    rotors = (
+        motor.rotor_inertia * motor.gear_ratio**2 / wheels.radius**2 * (wheels.matrix**2).sum(0)
+    )
     return np.asarray((team_model.creep(settings).drag + hubs) / (inertia + rotors))
 
 

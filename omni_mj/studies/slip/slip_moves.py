@@ -139,7 +139,7 @@ def record_moves(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFr
     """
     # The last frame only records the pose that the last command led to.
     frames = longest_move(moves) + 1
-    settings = open_loop_settings(scenario.settings, frames + 1, reference={"lead_s": 0.0})
+    settings = open_loop_settings(scenario.settings, frames + 1, reference={"initial_rest_s": 0.0})
     scenario = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
     rows = [
         Row(i, 0, Controller.__name__, scenario.seed + i, settings, scenario.robot)
@@ -149,7 +149,7 @@ def record_moves(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFr
     stopped = send_twists(simulation, _command_moves(simulation, moves, frames), after_frame)
     kinematics = settings.wheels.kinematics
     pose, angle = simulation.log.channel("pose"), simulation.log.channel("wheel_angle")
-    counts_per_rad = settings.sensors.encoder_counts * settings.motor.gear / (2 * np.pi)
+    counts_per_rad = settings.sensors.encoder_counts * settings.motor.gear_ratio / (2 * np.pi)
     counts = np.diff(np.floor(angle * counts_per_rad), axis=0)
     heading = (pose[1:, :, 2] + pose[:-1, :, 2]) / 2
     return MoveRecord(

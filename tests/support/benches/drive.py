@@ -27,11 +27,11 @@ NOBODY = f"{LOOPBACK}:9"
 ROUTE = {"waypoints": [[0, 0], [0.5, 0.3], [0.5, 0.0]], "settle_s": 0.3}
 # What is believed of robots that do as they are told; of alpha, as on equation 7's plant, nothing.
 EXACT = {
-    "lag_s": 0.0,
-    "drag_m_s": 0.0,
-    "creep_s2_m": 0.0,
-    "alpha_forward": 0.0,
-    "alpha_sideways": 0.0,
+    "assumed_lag_s": 0.0,
+    "assumed_drag_m_s": 0.0,
+    "assumed_creep_s2_m": 0.0,
+    "assumed_alpha_forward": 0.0,
+    "assumed_alpha_sideways": 0.0,
 }
 
 

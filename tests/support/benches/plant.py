@@ -17,7 +17,7 @@ from omni_mj.plants.planar import PlanarPlant
 
 # The default robot: the numbers of its file, and nothing that the code makes of them.
 _SETTINGS = Settings()
-MASS_KG, COM_HEIGHT_M = _SETTINGS.body.mass_kg, _SETTINGS.body.centre_height_m
+MASS_KG, COM_HEIGHT_M = _SETTINGS.body.mass_kg, _SETTINGS.body.com_height_m
 AZIMUTHS = np.radians(_SETTINGS.wheels.azimuths_deg)
 ARM_M, RADIUS_M = _SETTINGS.wheels.arm_m, _SETTINGS.wheels.radius_m
 ROLLER_RADIUS_M, ROLLERS = _SETTINGS.wheels.roller_radius_m, _SETTINGS.wheels.rollers
@@ -34,7 +34,7 @@ ROBOT = "tigers-v2016"
 # A stiff wheel loop. Not stiffer: free of its rim, the default robot's hub gains 1.2 rad/s a cycle
 # and volt, and is heard of a cycle late. With 1 V s/rad in place of 0.4, currents swing by 2 A at
 # rest and by 6 A in motion.
-STIFF = {"kp": 0.4, "ki": 20.0, "turn_gain": 0.0}
+STIFF = {"kp": 0.4, "ki": 20.0, "turn_rate_gain": 0.0}
 
 
 def with_settings(**sections: dict[str, Any]) -> Settings:
@@ -109,7 +109,10 @@ def ramp(twists: ArrayLike, acceleration: ArrayLike, frames: int) -> NDArray:
 # Rim and rollers turn along with a body that slides away under them (see test_sliding.py).
 RIM_INERTIA = 1e-6 + 16 * (0.0015 * 0.0225**2 + 6e-8)
 ROLLING_KG = RIM_INERTIA / RADIUS_M**2 * (TANGENTS**2).sum(0)
-ICE: dict[str, Any] = {"carpet": {"friction": 0.01, "pile": 0.0}, "drive": {"roller_friction": 0.0}}
+ICE: dict[str, Any] = {
+    "carpet": {"friction": 0.01, "rolling_resistance": 0.0},
+    "drivetrain": {"roller_friction": 0.0},
+}
 SETTLE, REST = 12, np.zeros(3)  # frames after which a robot stands
 STILL = 1e-5  # m, rad: what it moves meanwhile on ice, twice over
 FAST: dict[str, Any] = {"wheels": {"model": "two-rollers"}}

@@ -25,10 +25,10 @@ SHEET = {
     "nominal_torque_nm": 0.0911,
     "nominal_current_a": 2.52,
     "resistance_ohm": 0.942,
-    "constant_nm_a": 0.036,
+    "torque_constant_nm_a": 0.036,
     "rotor_inertia_kg_m2": 1.35e-5,
-    "gear": 60 / 18,
-    "dry_share": 0.25,
+    "gear_ratio": 60 / 18,
+    "dry_friction_fraction": 0.25,
 }
 FRAME_S, CYCLES = 1 / 60, 16
 Carried = tuple[onboard.OnboardParameters, onboard.OnboardState]
@@ -189,26 +189,28 @@ class Motor:
     """
 
     def __init__(self, rows: Mapping[str, float]) -> None:
-        self.constant, self.resistance, self.gear = (
-            rows["constant_nm_a"],
+        self.constant, self.resistance, self.gear_ratio = (
+            rows["torque_constant_nm_a"],
             rows["resistance_ohm"],
-            rows["gear"],
+            rows["gear_ratio"],
         )
-        self.back_emf = self.constant * self.gear  # V s/rad of the wheel
+        self.back_emf = self.constant * self.gear_ratio  # V s/rad of the wheel
         speed, current = rows["nominal_rpm"] / RPM, rows["nominal_current_a"]
         left = rows["nominal_voltage_v"] - self.resistance * current - self.constant * speed
         self._commutation = left / (current * speed)
         lost = self.constant * rows["no_load_current_a"]
-        self._dry, self._viscous = np.array([rows["dry_share"], 1 - rows["dry_share"]]) * lost
+        self._dry, self._viscous = (
+            np.array([rows["dry_friction_fraction"], 1 - rows["dry_friction_fraction"]]) * lost
+        )
         self._viscous /= rows["no_load_rpm"] / RPM
 
     def friction(self, wheel_speed: Any) -> Any:
         """Torque of the motor's own friction at the wheel, N m."""
-        return self.gear * (self._dry + self._viscous * self.gear * np.abs(wheel_speed))
+        return self.gear_ratio * (self._dry + self._viscous * self.gear_ratio * np.abs(wheel_speed))
 
     def series(self, wheel_speed: Any) -> Any:
         """Resistance with commutation's part, ohm."""
-        return self.resistance + self._commutation * self.gear * np.abs(wheel_speed)
+        return self.resistance + self._commutation * self.gear_ratio * np.abs(wheel_speed)
 
     def outer_loss(self, current: Any, wheel_speed: Any) -> Any:
         """Heat of a housing, W: commutation's X |w| i^2, and the power of dry and viscous friction."""
