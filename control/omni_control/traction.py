@@ -218,8 +218,8 @@ class WheelLimits:
         reach = grip * np.abs(normals @ wheel_forces.T)
         force_rows = np.concatenate([normals, np.zeros_like(load_transfer)])
         load_weights = np.concatenate([reach, np.eye(len(static_load))])
-        bound = GRAVITY * (load_weights @ static_load)[:, None]
-        return (force_rows - load_weights @ load_transfer) / bound, force_rows / bound
+        capacity = GRAVITY * (load_weights @ static_load)[:, None]
+        return (force_rows - load_weights @ load_transfer) / capacity, force_rows / capacity
 
     @cached_property
     def _max_drag(self) -> Array:

@@ -49,11 +49,10 @@ DISTURBANCE_SIGMA = 0.02, 0.02, 0.05  # m/s and rad/s
 
 # Time constants with which estimates return to the prior, s.
 DISTURBANCE_TIME_S, PARAMETER_TIME_S = (0.5, 0.5, 1.0), 12.0
-# Bounds.
-MAX_LATENCY_BELOW, MAX_LATENCY_ABOVE = 9, 6  # frames from the nominal one
-MIN_COUPLING, MAX_COUPLING = -1.0, 1.0
-MIN_INVERSE_GAIN, MAX_INVERSE_GAIN = 0.8, 1.9
-MAX_CREEP_S2_M, MAX_LAG_S, MAX_FRICTION_M_S = 0.2, 0.1, 0.15
+# Bounds of couplings (rad/m), inverse gains, latency (frames), creep, lag and friction.
+MIN_LATENCY_CHANGE, MAX_LATENCY_CHANGE = -9, 6  # from the nominal one
+LOWER_BOUNDS = -1, -1, 0.8, 0.8, 0.8, 0, 0, MIN_LAG_S, 0
+UPPER_BOUNDS = 1, 1, 1.9, 1.9, 1.9, np.inf, 0.2, 0.1, 0.15
 
 # Process noise: accelerations that the model does not explain; the second relative to the modeled.
 ACCELERATION_M_S2, ACCELERATION_RATIO, TURN_ACCELERATION_RAD_S2 = 0.35, 0.3, 1.5
@@ -89,9 +88,12 @@ class RobotEkf:
         self, model: TeamModel, n: int, noise: tuple[float, float, float], learns: bool = True
     ) -> None:
         self.period, self.model, self.dynamics = model.period, model, MotionModel(model)
-        min_latency = model.delay_frames - MAX_LATENCY_BELOW
-        max_latency = model.delay_frames + MAX_LATENCY_ABOVE
-        self._lower_bounds, self._upper_bounds = self._make_bounds(min_latency, max_latency)
+        prior = self.dynamics.prior[PARAMETERS]
+        self._lower_bounds = np.minimum(LOWER_BOUNDS, prior)
+        self._upper_bounds = np.maximum(UPPER_BOUNDS, prior)
+        latency = LATENCY - COUPLING.start
+        self._lower_bounds[latency] = max(model.delay_frames + MIN_LATENCY_CHANGE, 0)
+        self._upper_bounds[latency] = model.delay_frames + MAX_LATENCY_CHANGE
         times = np.array([*DISTURBANCE_TIME_S, *9 * [PARAMETER_TIME_S]])
         self._decay = np.append(np.ones(6), np.exp(-self.period / times))
         self._prior_covariance = self._make_prior_covariance(learns)
@@ -100,22 +102,13 @@ class RobotEkf:
         self._vision_covariance = np.diag(np.maximum(noise, [1e-4, 1e-4, 1e-3])) ** 2
         step = JACOBIAN_STEP * np.eye(SIZE)
         self._perturbations = np.concatenate([0 * step[:1], step, -step])[:, None]
-        self.memory_frames = max_latency + 8
+        self.memory_frames = model.delay_frames + MAX_LATENCY_CHANGE + 8
         self.state, self.covariance = np.zeros((n, SIZE)), np.zeros((n, SIZE, SIZE))
         self.mean_nis = np.ones(n)
         # Running means of the squared command, and of the command times the velocity.
         self._command_power, self._response_power = np.zeros((2, n))
         self._silent_frames = np.zeros(n)  # frames without a response
         self._started = False
-
-    def _make_bounds(self, min_latency: int, max_latency: int) -> tuple[Array, Array]:
-        """Return the bounds of the parameters from the couplings on, (9,) each."""
-        prior = self.dynamics.prior[PARAMETERS]
-        lower = [*2 * [MIN_COUPLING], *3 * [MIN_INVERSE_GAIN], max(min_latency, 0)]
-        upper = [*2 * [MAX_COUPLING], *3 * [MAX_INVERSE_GAIN], max_latency]
-        lower += [0, MIN_LAG_S, 0]
-        upper += [MAX_CREEP_S2_M, MAX_LAG_S, MAX_FRICTION_M_S]
-        return np.minimum(lower, prior), np.maximum(upper, prior)
 
     def _make_prior_covariance(self, learns: bool) -> Array:
         """Return the covariance (18, 18) of disturbances and parameters; 0 without learning."""
@@ -207,11 +200,11 @@ class RobotEkf:
         speed = np.hypot(*self.state[:, TRANSLATION_VELOCITY].T)
         turn_speed = self.dynamics.arm * np.abs(self.state[:, TURN_RATE])
         axis_speeds = np.stack(2 * [speed, speed, turn_speed], 1)
-        evidence = np.minimum(axis_speeds / EVIDENT_M_S, 1) ** 2
+        visibility = np.minimum(axis_speeds / EVIDENT_M_S, 1) ** 2
         trust = np.minimum(TRUSTED_NIS / self.mean_nis, 1)[:, None, None]
         steadiness = 1 + (speed_change[:, None, None] / (STEADY_M_S2 * self.period)) ** 2
         transition[:, MOTION, RESPONSE_PARAMETERS] *= trust
-        transition[:, MOTION, TRANSLATION_PARAMETERS] *= evidence[..., None] * trust
+        transition[:, MOTION, TRANSLATION_PARAMETERS] *= visibility[..., None] * trust
         transition[:, MOTION, TRANSLATION_GAINS] /= steadiness
 
     def _add_process_noise(self, covariance: Array, speed_change: Array) -> None:
@@ -223,9 +216,9 @@ class RobotEkf:
         turn_noise = scale * (TURN_ACCELERATION_RAD_S2 * self.period) ** 2
         covariance[:, TURN_RATE, TURN_RATE] += turn_noise
         covariance += self._renewed_covariance
-        yaw = YAW_DISTURBANCES
         growth = np.sqrt(scale[:, None, None]) - 1
-        covariance[:, yaw, yaw] += growth * self._renewed_covariance[yaw, yaw]
+        renewed = self._renewed_covariance[YAW_DISTURBANCES, YAW_DISTURBANCES]
+        covariance[:, YAW_DISTURBANCES, YAW_DISTURBANCES] += growth * renewed
 
     def _correct(self, measured_pose: Array, offset: Array, command: Array) -> None:
         """Correct the states by measured poses.

@@ -175,11 +175,11 @@ def _make_timing(squared_speed: Array, speed: Array, step: float, laps: int) -> 
 
 
 def _measure(curve: Curve, u: Array) -> tuple[Array, Array]:
-    """Return meters per parameter (n,) and the curvature (n,), 1/m, positive to the left."""
+    """Return the speed in meters per parameter (n,) and the curvature (n,), 1/m, left positive."""
     # Complex numbers keep the last bit of published results.
-    first, second = _to_complex(curve(u, 1)), _to_complex(curve(u, 2))
-    speed = np.abs(first)
-    return speed, (second / first).imag / speed
+    velocity = _to_complex(curve(u, 1))
+    speed = np.abs(velocity)
+    return speed, (_to_complex(curve(u, 2)) / velocity).imag / speed
 
 
 def _to_complex(points: Array) -> np.ndarray:

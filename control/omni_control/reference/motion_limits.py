@@ -103,18 +103,6 @@ class MotionLimits:
             math.cbrt(turn_jerk / (self.turn_jerk or np.inf)),
         )
 
-    def scale(self, acceleration: float, speed: float) -> "MotionLimits":
-        """Return the limits with all accelerations and all speeds times these factors."""
-        side = self.side_acceleration and self.side_acceleration * acceleration
-        return replace(
-            self,
-            speed=self.speed * speed,
-            turn_rate=self.turn_rate * speed,
-            acceleration=self.acceleration * acceleration,
-            turn_acceleration=self.turn_acceleration * acceleration,
-            side_acceleration=side,
-        )
-
     def reduce_for_wheels(self) -> "MotionLimits":
         """Return limits that the wheels can meet all at once, in any direction."""
         if self.wheels is None:
@@ -124,7 +112,16 @@ class MotionLimits:
             self.acceleration, side, self.turn_acceleration
         )
         rim_speed = self.speed + self.wheels.kinematics.arm * self.turn_rate
-        return self.scale(min(margin, 1.0), min(self.wheels.max_rim_speed / rim_speed, 1.0))
+        acceleration_scale = min(margin, 1.0)
+        speed_scale = min(self.wheels.max_rim_speed / rim_speed, 1.0)
+        return replace(
+            self,
+            speed=self.speed * speed_scale,
+            turn_rate=self.turn_rate * speed_scale,
+            acceleration=self.acceleration * acceleration_scale,
+            turn_acceleration=self.turn_acceleration * acceleration_scale,
+            side_acceleration=self.side_acceleration and side * acceleration_scale,
+        )
 
     def compute_min_acceleration(
         self, offset: Array, heading: Array, target_heading: Array

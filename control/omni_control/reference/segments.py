@@ -52,12 +52,14 @@ def plan_segments(segments: Sequence[Segment], limits: MotionLimits, period: flo
     """
     start, end = np.array(segments).reshape(-1, 2, 3).swapaxes(0, 1)
     if limits.jerk or limits.turn_jerk:
-        drives = [_plan_smooth(*ends, limits, period) for ends in zip(start, end, strict=True)]
+        trajectories = [
+            _plan_smooth(*ends, limits, period) for ends in zip(start, end, strict=True)
+        ]
     else:
-        drives = _plan_fastest(start, end, limits, period)
+        trajectories = _plan_fastest(start, end, limits, period)
     return [
         _slow_down_for_wheels(np.array(segment), poses, limits, period)[1:]
-        for segment, poses in zip(segments, drives, strict=True)
+        for segment, poses in zip(segments, trajectories, strict=True)
     ]
 
 
@@ -87,9 +89,9 @@ def _plan_fastest(start: Array, end: Array, limits: MotionLimits, period: float)
         twist = approach_pose(pose, twist, end, limits, period)
         pose = pose + twist * period
         poses.append(pose)
-    drives = np.array(poses)
+    trajectories = np.array(poses)
     return [
-        np.concatenate([drives[:frames, i], end[i : i + 1]])
+        np.concatenate([trajectories[:frames, i], end[i : i + 1]])
         for i, frames in enumerate(arrival_frames)
     ]
 

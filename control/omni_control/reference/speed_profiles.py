@@ -66,10 +66,10 @@ def integrate_speed_profile(
     corner = np.arccos(strip) - np.arctan2(cell_curvature, slope)
     max_lateral = a * np.cos(np.maximum(corner, 0))
 
-    bound = np.minimum(max_lateral / (side_weight * cell_curvature), max_squared_speed)
-    bound = np.tile(np.minimum(bound, (turn_rate / cell_curvature) ** 2), laps)
-    bound = np.concatenate([[0], np.minimum(bound[:-1], bound[1:]), [0]])
-    forward = _accelerate(bound, step, curvature, a, side_weight, turn_acceleration)
+    max_z = np.minimum(max_lateral / (side_weight * cell_curvature), max_squared_speed)
+    max_z = np.tile(np.minimum(max_z, (turn_rate / cell_curvature) ** 2), laps)
+    max_z = np.concatenate([[0], np.minimum(max_z[:-1], max_z[1:]), [0]])
+    forward = _accelerate(max_z, step, curvature, a, side_weight, turn_acceleration)
     backward = _accelerate(
         forward[::-1], step[::-1], curvature[::-1], a, side_weight, turn_acceleration
     )
@@ -77,14 +77,14 @@ def integrate_speed_profile(
 
 
 def _accelerate(
-    bound: Array,
+    max_z: Array,
     step: Array,
     curvature: Array,
     acceleration: float,
     side_weight: float,
     turn_acceleration: float,
 ) -> Array:
-    """Return the squared speeds (laps * cells + 1,) within a bound that can be reached from before.
+    """Return the squared speeds (laps * cells + 1,) up to a bound that can be reached from before.
 
     From one end of a cell to the other, the angle of the acceleration changes by up to twice the
     angle by which the path turns, times `side_weight`. The square of the turn rate changes by up to
@@ -101,14 +101,15 @@ def _accelerate(
         ],
         axis=1,
     ).tolist()
-    z = float(bound[0])
+    z = float(max_z[0])
     squared_speeds = [z]
     right_angle = math.pi / 2
     # Python's floats: each cell depends on the one before.
-    for max_z, (scale, rotation, decay, gain) in zip(bound[1:].tolist(), cycle(lap), strict=False):
+    bounds = zip(max_z[1:].tolist(), cycle(lap), strict=False)
+    for bound_z, (scale, rotation, decay, gain) in bounds:
         angle = math.asin(scale * z) + rotation if scale * z < 1 else right_angle
         on_circle = (math.sin(angle) if angle < right_angle else 1.0) / scale
-        z = min(decay * z + gain, on_circle, max_z)
+        z = min(decay * z + gain, on_circle, bound_z)
         squared_speeds.append(z)
     return np.array(squared_speeds)
 
