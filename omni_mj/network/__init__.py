@@ -1,1 +1,1 @@
-"""What is between robots and team: camera and radio, and what faults do to them."""
+"""Link between robots and the team's computer: cameras, radio, their faults, random numbers."""

@@ -1,8 +1,9 @@
-"""The camera that stands in for SSL-Vision: noise, misses, faults, and images that come late.
+"""Model of the cameras of SSL-Vision: noise, missed detections, faults, and delayed images.
 
-The loop ticks 60 times a second, and knows true poses then. An image in between is of a pose on the straight line from
-one to the next: at 5 m/s^2 that is off by a T^2 / 8 = 0.2 mm at most. Packets say when they were captured; by the
-velocity that it believes in, the team carries a robot on from there to its tick, as `omni-mj drive` does.
+The loop knows true poses 60 times a second. An image in between shows poses that are interpolated
+linearly: at 5 m/s^2 the error is at most a T^2 / 8 = 0.2 mm. Packets contain their capture time.
+The team extrapolates a pose from there to its frame with the filtered velocity, as `omni-mj drive`
+does.
 """
 
 from collections.abc import Sequence
@@ -24,21 +25,22 @@ from omni_mj.config.faults import (
     span,
 )
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, VisionSettings, gather
-from omni_mj.network.fault_schedule import FaultSchedule
+from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
 from omni_mj.network.random_streams import Noise, Seed, Stream, make_uniform_noise
 
-_SAME_S = 1e-9  # times that differ by less are the same
+_TIME_TOLERANCE_S = 1e-9  # for the comparison of times
 
 
 class Camera:
-    """What a camera sees of n robots in an image.
+    """Measures the poses of n robots in an image.
 
-    Biases of several faults add up; of several robots taken for this one the last counts.
+    The biases of simultaneous faults add up. Of simultaneous wrong detections of a robot the last
+    one counts.
 
     Args:
-        settings: Noise and misses, one per row.
-        seeds: One per row; rows with the same seed see the same noise.
-        faults: Of each row. [none]
+        settings: Noise and missed detections of each row.
+        seeds: Seed of each row; rows with the same seed get the same noise.
+        faults: Faults of each row. Default: none.
     """
 
     def __init__(
@@ -47,79 +49,75 @@ class Camera:
         seeds: Sequence[Seed],
         faults: Sequence[Sequence[Fault]] = (),
     ) -> None:
-        noise = [
-            gather(settings, name)
-            for name in ("position_noise_m", "position_noise_m", "heading_noise_rad")
-        ]
-        self._sigma = np.stack(noise, axis=1)
-        self._miss, self._gap = (
-            gather(settings, name) for name in ("miss_probability", "miss_frames")
-        )
-        self._errors = Noise(
+        sigmas = "position_noise_m", "position_noise_m", "heading_noise_rad"
+        self._sigma = np.stack([gather(settings, name) for name in sigmas], axis=1)
+        self._miss_probability = gather(settings, "miss_probability")
+        self._miss_frames = gather(settings, "miss_frames")
+        self._pose_noise = Noise(
             seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3))
         )
-        self._misses = make_uniform_noise(seeds, Stream.VISION_MISSES)
-        # Drawn for each image whatever goes on, so that a fault changes nothing of another.
-        self._chance = make_uniform_noise(seeds, Stream.CAMERA_FAULTS, 2)
+        self._miss_noise = make_uniform_noise(seeds, Stream.VISION_MISSES)
+        # Drawn for each image, also without faults, so that a fault does not affect another.
+        self._fault_noise = make_uniform_noise(seeds, Stream.CAMERA_FAULTS, 2)
         self._schedule = FaultSchedule(faults, VisionLoss, VisionFreeze, VisionWrongId, VisionBias)
         n = len(seeds)
-        self._missed = np.full(
-            n, -1.0
-        )  # images that a gap goes on for; below 0 before the first image
-        self._out, self._frozen = np.zeros((2, n), bool)
+        # Remaining images without a detection; negative before the first image.
+        self._missed_images = np.full(n, -1.0)
+        self._is_lost, self._is_frozen = np.zeros((2, n), bool)
         self._wrong_ids: list[tuple[int, VisionWrongId]] = []
         self._biases: list[tuple[int, VisionBias]] = []
-        self._last = np.full((n, 3), np.nan)  # what was shown
+        self._last_measured = np.full((n, 3), np.nan)
 
     def __call__(self, pose: Array, frame: int) -> Array:
-        """Return the poses seen (n, 3), NaN where a robot was missed.
+        """Return the measured poses (n, 3); NaN for robots that were not detected.
 
         Args:
-            pose: True, (n, 3).
-            frame: Of the loop in which this image is taken.
+            pose: True poses, (n, 3).
+            frame: Frame of the loop in which this image is taken.
         """
-        begins = (self._misses.next()[:, 0] < self._miss) & (
-            self._missed >= 0
-        )  # first, robots are placed in view
-        self._missed = np.where(begins, self._gap, np.maximum(self._missed - 1, 0))
-        measured = self._misled(pose, frame) + self._sigma * self._errors.next()
+        # A robot is always detected in its first image, so that the team can place it.
+        begins_miss = (self._miss_noise.next()[:, 0] < self._miss_probability) & (
+            self._missed_images >= 0
+        )
+        self._missed_images = np.where(
+            begins_miss, self._miss_frames, np.maximum(self._missed_images - 1, 0)
+        )
+        measured = self._get_visible_poses(pose, frame) + self._sigma * self._pose_noise.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
-        measured[self._missed > 0] = np.nan
-        measured[self._frozen] = self._last[self._frozen]
-        seen = ~np.isnan(measured[:, 0])
-        self._last[seen] = measured[seen]
-        measured[self._out] = np.nan
+        measured[self._missed_images > 0] = np.nan
+        measured[self._is_frozen] = self._last_measured[self._is_frozen]
+        is_detected = ~np.isnan(measured[:, 0])
+        self._last_measured[is_detected] = measured[is_detected]
+        measured[self._is_lost] = np.nan
         return measured
 
-    def _misled(self, pose: Array, frame: int) -> Array:
-        """Return what there is to see in a frame in place of true poses (n, 3), but for noise."""
+    def _get_visible_poses(self, pose: Array, frame: int) -> Array:
+        """Return the poses that faults show in place of the true poses (n, 3), without noise."""
         if (active := self._schedule.update(frame)) is not None:
-            self._out[:] = self._frozen[:] = False
-            self._out[[row for row, _ in active.of_kind(VisionLoss)]] = True
-            self._frozen[[row for row, _ in active.of_kind(VisionFreeze)]] = True
-            self._wrong_ids, self._biases = (
-                list(active.of_kind(VisionWrongId)),
-                list(active.of_kind(VisionBias)),
-            )
-        chances, shown = self._chance.next(), pose.copy()
+            self._is_lost[:] = self._is_frozen[:] = False
+            self._is_lost[[row for row, _ in active.of_kind(VisionLoss)]] = True
+            self._is_frozen[[row for row, _ in active.of_kind(VisionFreeze)]] = True
+            self._wrong_ids = list(active.of_kind(VisionWrongId))
+            self._biases = list(active.of_kind(VisionBias))
+        uniform, visible = self._fault_noise.next(), pose.copy()
         for row, bias in self._biases:
-            if chances[row, 1] < bias.probability:
-                shown[row] += bias.x_m, bias.y_m, np.radians(bias.heading_deg)
-        for row, other in self._wrong_ids:
-            if chances[row, 0] < other.probability:
-                shown[row] = other.x_m, other.y_m, np.radians(other.heading_deg)
-        return shown
+            if uniform[row, 1] < bias.probability:
+                visible[row] += bias.x_m, bias.y_m, np.radians(bias.heading_deg)
+        for row, wrong_id in self._wrong_ids:
+            if uniform[row, 0] < wrong_id.probability:
+                visible[row] = wrong_id.x_m, wrong_id.y_m, np.radians(wrong_id.heading_deg)
+        return visible
 
 
 class ImageTiming:
-    """When images of n robots arrive, and how old they are said to be.
+    """Arrival times of the images of n robots, and errors of their capture times.
 
-    Errors of clocks and jitters of several faults add up.
+    The clock errors and jitters of simultaneous faults add up.
 
     Args:
-        settings: Delay and jitter, one per row.
-        seeds: One per row.
-        faults: Of each row.
+        settings: Delay and jitter of each row.
+        seeds: Seed of each row.
+        faults: Faults of each row.
     """
 
     def __init__(
@@ -128,62 +126,78 @@ class ImageTiming:
         seeds: Sequence[Seed],
         faults: Sequence[Sequence[Fault]],
     ) -> None:
-        self._usual, self._jitter, self._loss = (
-            gather(settings, name) for name in ("delay_s", "jitter_s", "loss_probability")
-        )
-        self._late, self._lost, self._chance = (
-            make_uniform_noise(seeds, stream)
-            for stream in (Stream.CAMERA_JITTER, Stream.CAMERA_LOSSES, Stream.CAMERA_LATE)
-        )
+        self._nominal_delay_s = gather(settings, "delay_s")
+        self._jitter_s = gather(settings, "jitter_s")
+        self._loss_probability = gather(settings, "loss_probability")
+        self._jitter_noise = make_uniform_noise(seeds, Stream.CAMERA_JITTER)
+        self._loss_noise = make_uniform_noise(seeds, Stream.CAMERA_LOSSES)
+        self._fault_noise = make_uniform_noise(seeds, Stream.CAMERA_LATE)
         self._schedule = FaultSchedule(faults, VisionClockDrift, VisionJitter, VisionDelay)
-        self._delay = self._usual
-        self._more_jitter, self._loses, self._lost_s = np.zeros((3, len(seeds)))
+        self._delay_s = self._nominal_delay_s
+        # The clock's lag at time t is offset + drift t.
+        self._fault_jitter_s, self._clock_drift, self._clock_offset_s = np.zeros((3, len(seeds)))
 
     def schedule_arrival(self, frame: int, time: float) -> tuple[Array, Array]:
-        """Return when an image arrives, infinite if it is lost, and how much older it is said to be than it is.
+        """Return the arrival time of an image, and the lag of its capture time.
 
         Args:
-            frame: Of the loop in which it is taken.
-            time: When it is taken, from the start of the run, s.
+            frame: Frame of the loop in which the image is taken.
+            time: Capture time since the start of the run, s.
 
         Returns:
-            Both (n,), s.
+            Arrival times (n,), s, infinite for a lost image; and the amounts (n,), s, by which the
+            reported capture times are too early.
         """
         if (active := self._schedule.update(frame)) is not None:
-            self._delay = self._usual.copy()
-            self._more_jitter, self._loses, self._lost_s = np.zeros((3, len(self._usual)))
-            for row, late in active.of_kind(VisionDelay):
-                self._delay[row] = late.delay_s
-            for row, jitter in active.of_kind(VisionJitter):
-                self._more_jitter[row] += jitter.jitter_s
-            for row, clock in active.of_kind(VisionClockDrift):
-                self._loses[row] += clock.drift_ms_per_s / 1000
-                self._lost_s[row] -= clock.drift_ms_per_s / 1000 * span(clock)[0] * PERIOD_S
-        delay = self._delay + self._more_jitter * self._chance.next()[:, 0]
-        arrival = time + delay + self._jitter * self._late.next()[:, 0]
-        lost = self._lost.next()[:, 0] < self._loss
-        return np.where(lost, np.inf, arrival), self._lost_s + self._loses * time
+            self._apply_faults(active)
+        delay = self._delay_s + self._fault_jitter_s * self._fault_noise.next()[:, 0]
+        arrival = time + delay + self._jitter_s * self._jitter_noise.next()[:, 0]
+        is_lost = self._loss_noise.next()[:, 0] < self._loss_probability
+        clock_lag = self._clock_offset_s + self._clock_drift * time
+        return np.where(is_lost, np.inf, arrival), clock_lag
+
+    def _apply_faults(self, active: ActiveFaults) -> None:
+        """Set delay, jitter and clock error to those of the active faults."""
+        self._delay_s = self._nominal_delay_s.copy()
+        self._fault_jitter_s, self._clock_drift, self._clock_offset_s = np.zeros(
+            (3, len(self._nominal_delay_s))
+        )
+        for row, delay in active.of_kind(VisionDelay):
+            self._delay_s[row] = delay.delay_s
+        for row, jitter in active.of_kind(VisionJitter):
+            self._fault_jitter_s[row] += jitter.jitter_s
+        for row, clock in active.of_kind(VisionClockDrift):
+            drift = clock.drift_ms_per_s / 1000
+            self._clock_drift[row] += drift
+            self._clock_offset_s[row] -= drift * span(clock)[0] * PERIOD_S
 
 
 class _Image(NamedTuple):
-    """Taken at `time`, arrives at `arrival` (n,), is said to be older by `behind` (n,), s; poses (n, 3)."""
+    """An image on its way to the team.
+
+    Attributes:
+        time: Capture time, s.
+        poses: Measured poses (n, 3); NaN for robots that were not detected.
+        arrival: Arrival time for each row, (n,) s.
+        clock_lag: Amount by which the reported capture time is too early, (n,) s.
+    """
 
     time: float
-    poses: Array  # NaN where a robot was not seen
+    poses: Array
     arrival: Array
-    behind: Array
+    clock_lag: Array
 
 
 class Cameras:
-    """The cameras of n rows: rows of one rate take images at the same times.
+    """The cameras of n rows. Rows with the same frame rate take images at the same times.
 
     Args:
-        settings: One per row.
-        seeds: One per row.
-        faults: Of each row.
+        settings: Settings of each row.
+        seeds: Seed of each row.
+        faults: Faults of each row.
 
     Attributes:
-        measurement_age: For how long robots had been where they were last seen, (n,) s.
+        measurement_age: Age of the latest measurement according to its capture time, (n,) s.
     """
 
     def __init__(
@@ -193,27 +207,34 @@ class Cameras:
         faults: Sequence[Sequence[Fault]],
     ) -> None:
         rates = [row.rate_hz for row in settings]
-        self._groups: list[tuple[RowSelection, _SameRate]] = []
+        self._groups: list[tuple[RowSelection, _CamerasWithSameRate]] = []
         for rate in dict.fromkeys(rates):
-            own = [
-                part
-                for part in zip(settings, seeds, faults, strict=True)
-                if part[0].rate_hz == rate
-            ]
-            rows = slice(None) if len(own) == len(rates) else np.flatnonzero(np.equal(rates, rate))
-            self._groups.append((rows, _SameRate(*(list(part) for part in zip(*own, strict=True)))))
+            indices = [i for i, row_rate in enumerate(rates) if row_rate == rate]
+            cameras = _CamerasWithSameRate(
+                [settings[i] for i in indices],
+                [seeds[i] for i in indices],
+                [faults[i] for i in indices],
+            )
+            is_complete = len(indices) == len(rates)
+            self._groups.append((slice(None) if is_complete else np.array(indices), cameras))
         self.measurement_age: Array | None = None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the poses (n, 3) that arrived since the frame before, NaN where none did, and whether one did (n,)."""
+        """Return the poses (n, 3) that arrived since the last frame, and which did, (n,).
+
+        Rows without an arrival are NaN.
+
+        Args:
+            pose: True poses in this frame, (n, 3).
+        """
         measured, self.measurement_age = np.full(pose.shape, np.nan), np.zeros(len(pose))
-        for rows, group in self._groups:
-            measured[rows], self.measurement_age[rows] = group.arrive(pose[rows])
+        for rows, cameras in self._groups:
+            measured[rows], self.measurement_age[rows] = cameras.receive_images(pose[rows])
         return measured, ~np.isnan(measured[:, 0])
 
 
-class _SameRate:
-    """Rows of a batch whose cameras take images at the same times."""
+class _CamerasWithSameRate:
+    """The cameras of rows that take images at the same times."""
 
     def __init__(
         self,
@@ -221,43 +242,55 @@ class _SameRate:
         seeds: Sequence[Seed],
         faults: Sequence[Sequence[Fault]],
     ) -> None:
-        self._camera, self._timing = (
-            Camera(settings, seeds, faults),
-            ImageTiming(settings, seeds, faults),
-        )
-        self._rate = settings[0].rate_hz
-        self._before: Array | None = None
-        self._tick, self._taken = 0, 0  # frames of the loop, and images
-        self._flying: list[_Image] = []
-        self._newest = np.full(len(seeds), -np.inf)
+        self._camera = Camera(settings, seeds, faults)
+        self._timing = ImageTiming(settings, seeds, faults)
+        self._rate_hz = settings[0].rate_hz
+        self._last_pose: Array | None = None
+        self._frame, self._n_images = 0, 0
+        self._images_in_flight: list[_Image] = []
+        self._newest_capture_time = np.full(len(seeds), -np.inf)
 
-    def arrive(self, pose: Array) -> tuple[Array, Array]:
-        """Return what arrived since the frame before: poses (n, 3), and how old they are (n,), s."""
-        now, measured, age = self._tick * PERIOD_S, np.full(pose.shape, np.nan), np.zeros(len(pose))
-        before = pose if self._before is None else self._before
-        while (time := self._taken / self._rate) <= now + _SAME_S:
-            if abs(time - now) <= _SAME_S:
-                self._take(now, pose)
-            else:
-                self._take(time, before + ((time - now) / PERIOD_S + 1) * (pose - before))
-        self._before, self._tick = pose, self._tick + 1
-        for image in self._flying:
-            came = (
-                (image.arrival <= now + _SAME_S)
-                & (image.time > self._newest)
+    def receive_images(self, pose: Array) -> tuple[Array, Array]:
+        """Return the measured poses (n, 3) since the last frame, and their ages (n,), s.
+
+        Args:
+            pose: True poses in this frame, (n, 3).
+        """
+        now = self._frame * PERIOD_S
+        self._take_images(now, pose)
+        self._last_pose, self._frame = pose, self._frame + 1
+        measured, age = np.full(pose.shape, np.nan), np.zeros(len(pose))
+        for image in self._images_in_flight:
+            arrives = (
+                (image.arrival <= now + _TIME_TOLERANCE_S)
+                & (image.time > self._newest_capture_time)
                 & ~np.isnan(image.poses[:, 0])
             )
-            measured[came] = image.poses[came]
-            age[came] = np.maximum(now - image.time + image.behind[came], 0.0)
-            self._newest[came] = image.time
-        self._flying = [image for image in self._flying if (image.arrival > now + _SAME_S).any()]
+            measured[arrives] = image.poses[arrives]
+            age[arrives] = np.maximum(now - image.time + image.clock_lag[arrives], 0.0)
+            self._newest_capture_time[arrives] = image.time
+        self._images_in_flight = [
+            image
+            for image in self._images_in_flight
+            if (image.arrival > now + _TIME_TOLERANCE_S).any()
+        ]
         return measured, age
 
-    def _take(self, time: float, pose: Array) -> None:
-        frame = int((time + _SAME_S) * FRAME_RATE_HZ)
+    def _take_images(self, now: float, pose: Array) -> None:
+        """Take all images since the last frame, with poses interpolated to their times."""
+        last_pose = pose if self._last_pose is None else self._last_pose
+        while (time := self._n_images / self._rate_hz) <= now + _TIME_TOLERANCE_S:
+            if abs(time - now) <= _TIME_TOLERANCE_S:
+                self._take_image(now, pose)
+            else:
+                fraction = (time - now) / PERIOD_S + 1
+                self._take_image(time, last_pose + fraction * (pose - last_pose))
+
+    def _take_image(self, time: float, pose: Array) -> None:
+        frame = int((time + _TIME_TOLERANCE_S) * FRAME_RATE_HZ)
         poses = self._camera(pose, frame)
-        arrival, behind = self._timing.schedule_arrival(frame, time)
+        arrival, clock_lag = self._timing.schedule_arrival(frame, time)
         poses[np.isinf(arrival)] = np.nan
         arrival[np.isinf(arrival)] = time
-        self._flying.append(_Image(time, poses, arrival, behind))
-        self._taken += 1
+        self._images_in_flight.append(_Image(time, poses, arrival, clock_lag))
+        self._n_images += 1

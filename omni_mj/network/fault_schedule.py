@@ -1,4 +1,4 @@
-"""Which faults of which rows are going on, frame by frame."""
+"""Faults that are active in each frame, for all rows of a batch."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,56 +11,59 @@ Kind = TypeVar("Kind", bound=Fault)
 
 @dataclass(frozen=True)
 class ActiveFaults:
-    """The faults that go on: (row, fault), row by row, in a row in the order of its scenario.
+    """The active faults as pairs (row, fault), sorted by row, then by their order in the scenario.
 
     Attributes:
-        faults: All of them.
-        new: Those that have begun since the last change.
+        faults: All active faults.
+        new_faults: Those that have started since the last change.
     """
 
     faults: Sequence[tuple[int, Fault]]
-    new: Sequence[tuple[int, Fault]] = ()
+    new_faults: Sequence[tuple[int, Fault]] = ()
 
     def of_kind(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
-        """Return those of a kind."""
+        """Return the active faults of a kind."""
         return ((row, fault) for row, fault in self.faults if isinstance(fault, kind))
 
     def started(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
-        """Return those of a kind that are new."""
-        return ((row, fault) for row, fault in self.new if isinstance(fault, kind))
+        """Return the new faults of a kind."""
+        return ((row, fault) for row, fault in self.new_faults if isinstance(fault, kind))
 
 
 class FaultSchedule:
-    """Faults by the frames in which they begin and end.
+    """Start and end of the faults of all rows.
 
     Args:
-        faults: Of each row.
-        kinds: The kinds that matter.
+        faults: Faults of each row.
+        kinds: Kinds of faults to schedule; others are ignored.
     """
 
     def __init__(self, faults: Sequence[Sequence[Fault]], *kinds: type[Fault]) -> None:
         self._spans = [
             (row, fault, *span(fault))
-            for row, own in enumerate(faults)
-            for fault in own
+            for row, row_faults in enumerate(faults)
+            for fault in row_faults
             if isinstance(fault, kinds)
         ]
-        self._changes = sorted(
-            {frame for *_, start, end in self._spans for frame in (start, end)}, reverse=True
-        )
-        self._last = -1
+        change_frames = {frame for *_, start, end in self._spans for frame in (start, end)}
+        self._changes = sorted(change_frames, reverse=True)
+        self._last_frame = -1
 
     def update(self, frame: int) -> ActiveFaults | None:
-        """Return the faults that go on in a frame, not before that of the last call; None if nothing has changed."""
+        """Return the faults that are active in a frame, or None if nothing has changed.
+
+        Args:
+            frame: Frame number; must not decrease from call to call.
+        """
         if not self._changes or self._changes[-1] > frame:
             return None
         while self._changes and self._changes[-1] <= frame:
             self._changes.pop()
-        last, self._last = self._last, frame
-        going = [
+        last_frame, self._last_frame = self._last_frame, frame
+        active = [
             (row, fault, start) for row, fault, start, end in self._spans if start <= frame < end
         ]
         return ActiveFaults(
-            [each[:2] for each in going],
-            [(row, fault) for row, fault, start in going if start > last],
+            [(row, fault) for row, fault, _ in active],
+            [(row, fault) for row, fault, start in active if start > last_frame],
         )

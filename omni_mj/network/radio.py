@@ -1,4 +1,4 @@
-"""The radio link: a queue in which each command spends k_d frames, more or less, if it is not lost."""
+"""Model of the radio link: commands arrive after a dead time, with jitter, losses and faults."""
 
 import sys
 from collections.abc import Sequence
@@ -16,22 +16,21 @@ from omni_mj.config.faults import (
     RadioReorder,
 )
 from omni_mj.config.settings import RadioSettings, gather
-from omni_mj.network.fault_schedule import FaultSchedule
+from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
 from omni_mj.network.random_streams import Seed, Stream, make_uniform_noise
 
 
 class ReceivedCommand(NamedTuple):
-    """What n robots hold of the radio in a frame.
+    """The command that each of n robots applies in a frame.
 
     Args:
-        command: newest command that has arrived (n, 3); zero before the first.
-        heading: vision's heading that was sent with it (n,), rad; not a number where nothing new
-            arrived.
-        age: frames since it was sent (n,).
-        is_new: whether it arrived in this frame (n,); None where all did.
-        in_body_frame: whether its velocities are along the robot's own axes (n,); None where none are.
-        rim_speeds: rim speeds asked for in its place (n, wheels) m/s, not a number where it is
-            velocities; None for none.
+        command: Newest command that has arrived, (n, 3); zero before the first.
+        heading: Heading from vision that was sent with it, (n,) rad; NaN if nothing new arrived.
+        age: Frames since it was sent, (n,).
+        is_new: Whether it arrived in this frame, (n,). Default: all did.
+        in_body_frame: Whether its velocities are in the robot's frame, (n,). Default: none are.
+        rim_speeds: Commanded rim speeds in place of a velocity, (n, wheels) m/s; NaN for a
+            velocity. Default: all are velocities.
     """
 
     command: Array
@@ -43,23 +42,31 @@ class ReceivedCommand(NamedTuple):
 
     @classmethod
     def without_delay(cls, command: Array, heading: Array | None = None) -> "ReceivedCommand":
-        """Commands (n, 3) without a radio's delay, and headings (n,) if vision sees any."""
+        """Return commands (n, 3) that arrive at once, with headings (n,) or NaN."""
         n = len(command)
-        seen = np.full(n, np.nan) if heading is None else heading
-        return cls(command, seen, np.zeros(n, int), np.ones(n, bool))
+        heading = np.full(n, np.nan) if heading is None else heading
+        return cls(command, heading, np.zeros(n, int), np.ones(n, bool))
 
 
 def compute_max_delay_frames(settings: RadioSettings, faults: Sequence[Fault]) -> int:
-    """Return how many frames a packet takes at most."""
+    """Return the longest time that a packet can take, frames."""
     delays = [fault.delay_frames for fault in faults if isinstance(fault, RadioDelay)]
-    behind = [
+    extra_delays = [
         fault.delay_frames for fault in faults if isinstance(fault, (RadioDuplicates, RadioReorder))
     ]
-    return max(settings.delay_frames, *delays, 0) + settings.jitter_frames + max(behind, default=0)
+    max_delay = max(settings.delay_frames, *delays, 0)
+    return max_delay + settings.jitter_frames + max(extra_delays, default=0)
 
 
-class _Flight(NamedTuple):
-    """Packets (k, columns) to some robots (k,) that arrive together; `is_last`: after all others of their tick."""
+class _Delivery(NamedTuple):
+    """Packets that arrive in the same tick.
+
+    Attributes:
+        sent_tick: Tick in which they were sent.
+        robots: Indices of the receiving robots, (k,).
+        packets: Contents, (k, columns).
+        is_last: Whether they arrive after all others of their tick, even after newer ones.
+    """
 
     sent_tick: int
     robots: np.ndarray
@@ -68,27 +75,28 @@ class _Flight(NamedTuple):
 
 
 class Radio:
-    """Packets in flight to n robots: a command, and the heading that vision saw when it was sent.
+    """Link to n robots. A packet holds a command and the latest heading from vision.
 
-    With a delay of 2 frames, sending a, b, c, d in frames 0 to 3 delivers nothing, nothing, a, b;
-    nothing is a command of zero and a heading that is NaN. With jitter a packet may overtake
-    another: a robot applies the one that was sent last of those that have arrived. A packet that is
-    lost never arrives; the robot holds the one before.
+    With a delay of 2 frames, sending a, b, c, d in frames 0 to 3 delivers the initial packet twice,
+    then a and b. With jitter a packet may overtake another. Of the packets that have arrived, a
+    robot applies the one that was sent last. If a packet is lost, the robot keeps the previous
+    one.
 
-    A fault `delay` is the dead time of what is sent while it goes on; of several the last counts.
-    Others may lose packets, or have some come after younger ones, or twice: a robot that gets one
-    applies it until the next comes. Each packet meets each kind independently; of several faults of
-    a kind that lose packets chances multiply.
+    The fault `radio-delay` sets the dead time of packets sent while it is active; of several such
+    faults the last one counts. Other faults lose packets, deliver them after newer ones, or deliver
+    them twice. A robot applies such a packet until the next one arrives. Each packet is subject to
+    each kind of fault independently. Several faults of the same kind multiply the probabilities
+    that a packet passes.
 
-    The loop sends to all robots once a frame (`exchange`). Other callers count in ticks of a
-    fraction of a frame: `send` to some robots, any number of times a tick, then `deliver` once.
+    The simulated loop sends to all robots once a frame (`exchange`). Other callers divide a frame
+    into ticks: they `send` to some robots any number of times per tick, then `deliver` once.
 
     Args:
-        settings: Dead time, jitter and losses, one per row.
-        seeds: One per row; rows with the same seed lose the same packets.
-        faults: Of each row. [none]
-        ticks: Of a frame.
-        nothing: What a robot holds before the first packet, (k,): a packet is as many numbers.
+        settings: Dead time, jitter and losses of each row.
+        seeds: Seed of each row; rows with the same seed lose the same packets.
+        faults: Faults of each row. Default: none.
+        ticks_per_frame: Number of ticks per frame.
+        initial_packet: Contents that robots hold before the first packet, (columns,).
     """
 
     def __init__(
@@ -96,124 +104,143 @@ class Radio:
         settings: Sequence[RadioSettings],
         seeds: Sequence[Seed],
         faults: Sequence[Sequence[Fault]] = (),
-        ticks: int = 1,
-        nothing: Sequence[float] = (0.0, 0.0, 0.0, np.nan),
+        ticks_per_frame: int = 1,
+        initial_packet: Sequence[float] = (0.0, 0.0, 0.0, np.nan),
     ) -> None:
         n = len(seeds)
-        self._usual = gather(settings, "delay_frames").astype(int) * ticks
-        self._jitter = gather(settings, "jitter_frames").astype(int) * ticks
-        self._loss = gather(settings, "loss_probability")
-        # Drawn for each packet, or each frame, whatever goes on, so that a fault changes nothing of
+        self._ticks_per_frame, self._tick = ticks_per_frame, 0
+        self._nominal_delay = gather(settings, "delay_frames").astype(int) * ticks_per_frame
+        self._jitter = gather(settings, "jitter_frames").astype(int) * ticks_per_frame
+        self._loss_probability = gather(settings, "loss_probability")
+        # Drawn for each packet or frame, also without faults, so that a fault does not affect
         # another.
-        self._late, self._losses, self._steps = (
-            make_uniform_noise(seeds, stream)
-            for stream in (Stream.RADIO_JITTER, Stream.RADIO_LOSSES, Stream.RADIO_BURSTS)
-        )
-        self._chance = make_uniform_noise(seeds, Stream.RADIO_FAULTS, 4)
+        self._jitter_noise = make_uniform_noise(seeds, Stream.RADIO_JITTER)
+        self._loss_noise = make_uniform_noise(seeds, Stream.RADIO_LOSSES)
+        self._burst_noise = make_uniform_noise(seeds, Stream.RADIO_BURSTS)
+        self._fault_noise = make_uniform_noise(seeds, Stream.RADIO_FAULTS, 4)
         self._schedule = FaultSchedule(
             faults, RadioDelay, RadioLoss, RadioBurstLoss, RadioDuplicates, RadioReorder
         )
-        self._passes, self._outside_burst = np.ones((2, n))  # probabilities of a packet
-        self._chains = dict[
-            tuple[int, RadioBurstLoss], bool
-        ]()  # of the bursts that go on: whether in one
-        self._copied, self._overtaken = np.zeros(
-            (2, n)
-        )  # probabilities of a packet, and by how many frames
-        self._copied_by, self._overtaken_by = np.zeros((2, n), int)
-        self._current = np.tile(np.asarray(nothing, float), (n, 1))
-        self._sent_ticks = np.full(n, -1)  # when the packets that robots hold were sent
-        self._newest = np.full(n, -1)  # the same, of the newest packet that was not overtaken
-        self._in_flight = dict[int, list[_Flight]]()  # by tick of arrival, in the order of sending
-        self._ticks, self._tick = ticks, 0
-        self._delay = self._usual  # of what is sent from now on, (n,)
+        # Probabilities that a packet passes the losses and the bursts.
+        self._loss_pass_probability, self._burst_pass_probability = np.ones((2, n))
+        # Active bursts, and whether each is in its lossy state.
+        self._burst_states = dict[tuple[int, RadioBurstLoss], bool]()
+        # Probabilities of duplicates and of late packets, and their additional frames.
+        self._duplicate_probability, self._reorder_probability = np.zeros((2, n))
+        self._duplicate_frames, self._reorder_frames = np.zeros((2, n), int)
+        self._packets = np.tile(np.asarray(initial_packet, float), (n, 1))
+        self._sent_ticks = np.full(n, -1)  # of the packets that robots hold
+        self._newest_sent_ticks = np.full(n, -1)  # without duplicates and late packets
+        # By tick of arrival, in the order of sending.
+        self._deliveries = dict[int, list[_Delivery]]()
+        self._delay = self._nominal_delay  # of packets sent from now on, (n,) ticks
         self._begin_frame()
 
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
-        """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
+        """Send commands (n, 3) and headings (n,); return what the robots apply in this frame."""
         packets = np.empty((len(command), 4))
         packets[:, :3], packets[:, 3] = command, heading
         self.send(packets)
-        packets, new, age = self.deliver()
-        packets[~new, 3] = np.nan
-        return ReceivedCommand(packets[:, :3], packets[:, 3], age, new)
+        packets, is_new, age = self.deliver()
+        packets[~is_new, 3] = np.nan
+        return ReceivedCommand(packets[:, :3], packets[:, 3], age, is_new)
 
-    def send(self, packets: Array, to: np.ndarray | None = None) -> None:
-        """Send packets (n, k) to the robots of these numbers, by default to all."""
-        is_sent = np.full(len(self._newest), to is None)
-        if to is not None:
-            is_sent[to] = True
-        jitter = (2 * self._jitter + 1) * self._late.next()[:, 0] - (self._jitter + 0.5)
+    def send(self, packets: Array, robots: np.ndarray | None = None) -> None:
+        """Send packets.
+
+        Args:
+            packets: Contents for all n robots, (n, columns).
+            robots: Indices of the receiving robots. Default: all.
+        """
+        is_sent = np.full(len(self._sent_ticks), robots is None)
+        if robots is not None:
+            is_sent[robots] = True
+        jitter = (2 * self._jitter + 1) * self._jitter_noise.next()[:, 0] - (self._jitter + 0.5)
         arrival = self._tick + self._delay + np.rint(jitter).astype(int)
-        lost, burst, copied, overtaken = self._chance.next().T
-        is_received = is_sent & (self._losses.next()[:, 0] >= self._loss)
-        is_received &= (lost < self._passes) & (burst < self._outside_burst)
-        is_overtaken = is_received & (overtaken < self._overtaken)
-        is_copied = is_received & (copied < self._copied)
-        later = arrival + np.where(is_overtaken, self._overtaken_by, self._copied_by) * self._ticks
-        self._launch(packets, is_overtaken | is_copied, later, is_last=True)
-        self._launch(packets, is_received & ~is_overtaken, arrival, is_last=False)
+        loss, burst, duplicate, reorder = self._fault_noise.next().T
+        is_received = is_sent & (self._loss_noise.next()[:, 0] >= self._loss_probability)
+        is_received &= loss < self._loss_pass_probability
+        is_received &= burst < self._burst_pass_probability
+        is_late = is_received & (reorder < self._reorder_probability)
+        is_duplicated = is_received & (duplicate < self._duplicate_probability)
+        extra_frames = np.where(is_late, self._reorder_frames, self._duplicate_frames)
+        late_arrival = arrival + extra_frames * self._ticks_per_frame
+        self._schedule_delivery(packets, is_late | is_duplicated, late_arrival, is_last=True)
+        self._schedule_delivery(packets, is_received & ~is_late, arrival, is_last=False)
 
     def deliver(self) -> tuple[Array, np.ndarray, np.ndarray]:
-        """End a tick; return what robots hold (n, k), whether it arrived now (n,), and its age in ticks (n,)."""
-        tick, new = self._tick, np.zeros(len(self._newest), bool)
-        for flight in sorted(self._in_flight.pop(tick, ()), key=lambda flight: flight.is_last):
-            robots, packets = flight.robots, flight.packets
-            if not flight.is_last:
-                is_newer = self._newest[robots] <= flight.sent_tick
+        """End a tick.
+
+        Returns:
+            Packets that the robots hold (n, columns), whether they arrived in this tick (n,), and
+            their ages in ticks (n,).
+        """
+        tick, is_new = self._tick, np.zeros(len(self._sent_ticks), bool)
+        deliveries = self._deliveries.pop(tick, [])
+        for delivery in sorted(deliveries, key=lambda delivery: delivery.is_last):
+            robots, packets = delivery.robots, delivery.packets
+            if not delivery.is_last:
+                is_newer = self._newest_sent_ticks[robots] <= delivery.sent_tick
                 robots, packets = robots[is_newer], packets[is_newer]
-                self._newest[robots] = flight.sent_tick
-            self._current[robots], self._sent_ticks[robots], new[robots] = (
-                packets,
-                flight.sent_tick,
-                True,
-            )
+                self._newest_sent_ticks[robots] = delivery.sent_tick
+            self._packets[robots] = packets
+            self._sent_ticks[robots] = delivery.sent_tick
+            is_new[robots] = True
         self.skip_ticks()
-        return self._current.copy(), new, tick - self._sent_ticks
+        return self._packets.copy(), is_new, tick - self._sent_ticks
 
     @property
     def ticks_to_next_arrival(self) -> int:
-        """The number of ticks from this one on in which nothing arrives of what was sent until now."""
-        return min(self._in_flight) - self._tick if self._in_flight else sys.maxsize
+        """Number of ticks until a packet arrives, if nothing more is sent."""
+        return min(self._deliveries) - self._tick if self._deliveries else sys.maxsize
 
     def skip_ticks(self, ticks: int = 1) -> None:
-        """End ticks in which all is quiet, without asking what robots hold."""
+        """End ticks in which no packet arrives."""
         for _ in range(ticks):
             self._tick += 1
-            if self._tick % self._ticks == 0:
+            if self._tick % self._ticks_per_frame == 0:
                 self._begin_frame()
 
-    def _launch(self, packets: Array, to: np.ndarray, arrival: np.ndarray, is_last: bool) -> None:
-        """Let packets (n, k) to some robots (n,) arrive in ticks (n,), after all others of the tick or not."""
-        while np.count_nonzero(to):
-            tick = int(arrival[to][0])
-            group = np.flatnonzero(to & (arrival == tick))
-            self._in_flight.setdefault(tick, []).append(
-                _Flight(self._tick, group, packets[group], is_last)
+    def _schedule_delivery(
+        self, packets: Array, mask: np.ndarray, arrival: np.ndarray, is_last: bool
+    ) -> None:
+        """Schedule packets (n, columns) of the robots in `mask` (n,) at ticks `arrival` (n,)."""
+        while np.count_nonzero(mask):
+            tick = int(arrival[mask][0])
+            robots = np.flatnonzero(mask & (arrival == tick))
+            self._deliveries.setdefault(tick, []).append(
+                _Delivery(self._tick, robots, packets[robots], is_last)
             )
-            to = to & (arrival != tick)
+            mask = mask & (arrival != tick)
 
     def _begin_frame(self) -> None:
         """Apply the faults of the frame that begins."""
-        if (active := self._schedule.update(self._tick // self._ticks)) is not None:
-            self._delay = self._usual.copy()
-            self._passes[:], self._copied[:], self._overtaken[:] = 1.0, 0.0, 0.0
-            for row, fault in active.of_kind(RadioDelay):
-                self._delay[row] = fault.delay_frames * self._ticks
-            for row, loss in active.of_kind(RadioLoss):
-                self._passes[row] *= 1 - loss.probability
-            for row, copies in active.of_kind(RadioDuplicates):
-                self._copied[row], self._copied_by[row] = copies.probability, copies.delay_frames
-            for row, late in active.of_kind(RadioReorder):
-                self._overtaken[row], self._overtaken_by[row] = late.probability, late.delay_frames
-            self._chains = {
-                chain: self._chains.get(chain, False) for chain in active.of_kind(RadioBurstLoss)
-            }
-        drawn = self._steps.next()[:, 0]
-        self._outside_burst[:] = 1.0
-        for (row, bursts), inside in self._chains.items():
+        if (active := self._schedule.update(self._tick // self._ticks_per_frame)) is not None:
+            self._apply_faults(active)
+        uniform = self._burst_noise.next()[:, 0]
+        self._burst_pass_probability[:] = 1.0
+        for (row, bursts), is_lossy in self._burst_states.items():
             leave = 1 / bursts.mean_burst_frames
             enter = leave * bursts.burst_fraction / (1 - bursts.burst_fraction)
-            inside = bool(drawn[row] >= leave if inside else drawn[row] < enter)
-            self._chains[row, bursts] = inside
-            self._outside_burst[row] *= 1 - bursts.probability * inside
+            is_lossy = bool(uniform[row] >= leave if is_lossy else uniform[row] < enter)
+            self._burst_states[row, bursts] = is_lossy
+            self._burst_pass_probability[row] *= 1 - bursts.probability * is_lossy
+
+    def _apply_faults(self, active: ActiveFaults) -> None:
+        """Set delays and probabilities to those of the active faults."""
+        self._delay = self._nominal_delay.copy()
+        self._loss_pass_probability[:] = 1.0
+        self._duplicate_probability[:] = self._reorder_probability[:] = 0.0
+        for row, delay in active.of_kind(RadioDelay):
+            self._delay[row] = delay.delay_frames * self._ticks_per_frame
+        for row, loss in active.of_kind(RadioLoss):
+            self._loss_pass_probability[row] *= 1 - loss.probability
+        for row, duplicates in active.of_kind(RadioDuplicates):
+            self._duplicate_probability[row] = duplicates.probability
+            self._duplicate_frames[row] = duplicates.delay_frames
+        for row, reorder in active.of_kind(RadioReorder):
+            self._reorder_probability[row] = reorder.probability
+            self._reorder_frames[row] = reorder.delay_frames
+        self._burst_states = {
+            burst: self._burst_states.get(burst, False) for burst in active.of_kind(RadioBurstLoss)
+        }

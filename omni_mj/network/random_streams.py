@@ -1,4 +1,4 @@
-"""Random numbers as long as asked, which depend on a row's own seed only, not on the batch it runs in."""
+"""Streams of random numbers that depend only on a row's seed, not on the batch it runs in."""
 
 from collections.abc import Callable, Sequence
 from enum import IntEnum
@@ -7,13 +7,13 @@ import numpy as np
 
 from omni_control.kinematics import Array
 
-BLOCK = 256  # drawn at a time; the numbers are the same whatever it is
+BLOCK_LENGTH = 256  # values drawn at a time; the numbers do not depend on it
 
-Seed = tuple[int, ...]  # of a row; see `Row.noise_seed`
+Seed = tuple[int, ...]  # of a row, see `Row.noise_seed`
 
 
 class Stream(IntEnum):
-    """What a seed's random numbers are for; each has its own independent stream."""
+    """Purpose of random numbers. Each purpose has an independent stream per seed."""
 
     VISION_NOISE = 0
     VISION_MISSES = 1
@@ -35,13 +35,13 @@ class Stream(IntEnum):
 
 
 class Noise:
-    """A stream of random numbers for each of n rows; rows with the same seed get the same.
+    """A stream of random numbers for each of n rows. Rows with the same seed get the same.
 
     Args:
-        seeds: one per row.
-        stream: what the numbers are for.
-        sample: draws a number of successive values from a generator, (count, k); drawing twice must
-            give what drawing once as many does.
+        seeds: Seed of each row.
+        stream: Purpose of the numbers.
+        sample: Draws `count` successive values (count, k) from a generator. Two draws must yield
+            the same values as one draw of their total length.
     """
 
     def __init__(
@@ -50,20 +50,21 @@ class Noise:
         stream: Stream,
         sample: Callable[[np.random.Generator, int], Array],
     ) -> None:
-        numbers = {seed: number for number, seed in enumerate(dict.fromkeys(seeds))}
-        self._rows = [numbers[seed] for seed in seeds]
-        self._generators = [np.random.default_rng([int(stream), *seed]) for seed in numbers]
-        self._sample, self._used = sample, BLOCK
+        indices = {seed: index for index, seed in enumerate(dict.fromkeys(seeds))}
+        self._generator_of_row = [indices[seed] for seed in seeds]
+        self._generators = [np.random.default_rng([int(stream), *seed]) for seed in indices]
+        self._sample, self._position = sample, BLOCK_LENGTH
 
     def next(self) -> Array:
-        """The next value of each row, (n, k)."""
-        if self._used == BLOCK:
-            drawn = [self._sample(rng, BLOCK) for rng in self._generators]
-            self._block, self._used = np.stack([drawn[number] for number in self._rows], axis=1), 0
-        self._used += 1
-        return self._block[self._used - 1]
+        """Return the next value of each row, (n, k)."""
+        if self._position == BLOCK_LENGTH:
+            blocks = [self._sample(rng, BLOCK_LENGTH) for rng in self._generators]
+            self._block = np.stack([blocks[index] for index in self._generator_of_row], axis=1)
+            self._position = 0
+        self._position += 1
+        return self._block[self._position - 1]
 
 
-def make_uniform_noise(seeds: Sequence[Seed], stream: Stream, count: int = 1) -> Noise:
-    """Return the stream of so many numbers from 0 to 1 a time."""
-    return Noise(seeds, stream, lambda rng, length: rng.random((length, count)))
+def make_uniform_noise(seeds: Sequence[Seed], stream: Stream, size: int = 1) -> Noise:
+    """Return a stream of uniform numbers in [0, 1), `size` of them per row and step."""
+    return Noise(seeds, stream, lambda rng, count: rng.random((count, size)))

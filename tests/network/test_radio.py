@@ -168,7 +168,7 @@ def test_a_fault_that_is_over_leaves_the_radio_as_it_was_and_concerns_no_other_r
 
 def test_packets_to_some_robots_leave_the_others_with_what_they_hold() -> None:
     """Two in a tick: to each robot the last of those sent to it. Waiting is delivering what nobody asks for."""
-    link = radio([{"delay_frames": 0}] * 3, ticks=16, nothing=(0.0, -1.0))
+    link = radio([{"delay_frames": 0}] * 3, ticks_per_frame=16, initial_packet=(0.0, -1.0))
     link.send(np.full((3, 2), 1.0), np.array([0, 1]))
     link.send(np.full((3, 2), 2.0), np.array([1]))
     assert link.ticks_to_next_arrival == 0

@@ -164,7 +164,7 @@ class AdaptiveCompFlc(InverseFlc):
 
 
 class Oracle(AdaptiveCompFlc):
-    """oracle: adaptive-comp-flc that observes the true state in every frame; not a competitor.
+    """oracle: adaptive-comp-flc that knows the true state in every frame; not a competitor.
 
     Its error is the price of the dead time alone: disturbances during the dead time, and parameters
     that show only after the first motion. It identifies unknown parameters from true poses.

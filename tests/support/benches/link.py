@@ -71,7 +71,7 @@ def hold(
 ) -> NDArray:
     """Send a packet a tick; return the tick of the packet that each robot holds, (frames * ticks, n); -1 for none."""
     own = [{"delay_frames": delay, **settings}] * len(faults)
-    link = radio(own, faults, seeds, ticks=ticks, nothing=(-1.0,))
+    link = radio(own, faults, seeds, ticks_per_frame=ticks, initial_packet=(-1.0,))
     held = []
     for wait_for_frame in range(frames * ticks):
         link.send(np.full((len(faults), 1), float(wait_for_frame)))
