@@ -1,7 +1,7 @@
 """Tables of results as strings, for the terminal, Markdown, recordings and reports."""
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
@@ -62,7 +62,8 @@ def results_table(summary: Summary, effort: bool = False) -> Table:
     name = "Controllers compared" if several else next(iter(summary["scenarios"]))
     plants = dict.fromkeys(describe_plant(entry) for entry in summary["scenarios"].values())
     title = f"{name}, {' and '.join(plants)}{describe_seeds(summary)}; maximum/mean errors"
-    return _without_equal_columns(Table(title, headings, rows, 1 + several))
+    position = AXIS_COLUMNS["position"][0]
+    return drop_equal_columns(Table(title, headings, rows, 1 + several), keep=[position])
 
 
 def saturation_table(summary: Summary) -> Table | None:
@@ -126,6 +127,26 @@ def describe_plant(entry: Mapping[str, Any]) -> str:
     """Return the robot, if the plant has one, and the plant of a scenario's entry in a summary."""
     robot = "" if entry["plant"] == "kinematic" else f"{Path(entry['robot']).name} "
     return f"{robot}on the {entry['plant']} plant"
+
+
+def drop_equal_columns(table: Table, keep: Collection[str] = ()) -> Table:
+    """Return a table without columns that are empty or say the same of all controllers.
+
+    Args:
+        table: Table, whose left-aligned columns stay.
+        keep: Headings of columns that stay even if all their cells are equal.
+    """
+    columns = []
+    for index, heading in enumerate(table.headings):
+        cells = [row[index] for row in table.rows]
+        values = [cell for cell in cells if cell not in ("", DASH)]
+        is_equal = len(values) > 1 and len(set(values)) == 1
+        is_informative = bool(values) and (heading in keep or not is_equal)
+        if index < table.left_columns or is_informative:
+            columns.append(index)
+    headings = [table.headings[index] for index in columns]
+    rows = [[row[index] for index in columns] for row in table.rows]
+    return Table(table.title, headings, rows, table.left_columns)
 
 
 def format_table(table: Table, width: int = TERMINAL_WIDTH) -> str:
@@ -228,22 +249,6 @@ def _paper_rows(entry: Mapping[str, Any], axes: Sequence[str]) -> Iterator[list[
             for axis in axes
         ]
         yield [PAPER_PREFIX + controller, *cells]
-
-
-def _without_equal_columns(table: Table) -> Table:
-    """Return a table without the columns that say the same of all controllers.
-
-    The position error always stays.
-    """
-    kept = []
-    for i, heading in enumerate(table.headings):
-        cells = [row[i] for row in table.rows if row[i]]
-        is_needed = i < table.left_columns or heading == AXIS_COLUMNS["position"][0]
-        if is_needed or len(cells) < 2 or len(set(cells)) > 1:
-            kept.append(i)
-    headings = [table.headings[i] for i in kept]
-    rows = [[row[i] for i in kept] for row in table.rows]
-    return Table(table.title, headings, rows, table.left_columns)
 
 
 def _split_heading(column: Column) -> Column:

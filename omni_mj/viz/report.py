@@ -75,10 +75,8 @@ def _render_page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> s
         "summary": summary,
         "sources": summaries,
         "sentence": summary_sentence(summary),
-        "scenarios": report_tables.drop_uninformative_columns(
-            report_tables.scenario_table(summary)
-        ),
-        "results": report_tables.drop_uninformative_columns(results_table(summary)),
+        "scenarios": report_tables.scenario_table(summary),
+        "results": results_table(summary, effort=True),
         "recovery": recovery_table(summary),
         "verdicts": verdict_table(summary),
         "failures": report_tables.failure_table(summary),

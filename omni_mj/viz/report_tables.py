@@ -1,13 +1,12 @@
 """Tables of a report that the terminal does not show: errors, motors, events, failures, settings."""
 
 import json
-from collections.abc import Collection, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 from math import degrees
 from typing import Any
 
 from omni_mj.config.settings import every_setting
-from omni_mj.results.result_tables import DASH, Table, format_number
+from omni_mj.results.result_tables import DASH, Table, drop_equal_columns, format_number
 from omni_mj.results.saturation import METRIC_LABELS
 
 STATISTICS = {"max": "maximum", "p99": "99th percentile", "mean": "mean", "rms": "root mean square"}
@@ -75,7 +74,7 @@ def motor_table(entry: Summary) -> Table:
         "of all motors and seeds; 5th/50th/95th percentile of alpha in windows of 0.25 s (the paper"
         " reports 0.7 to 1)"
     )
-    return drop_uninformative_columns(Table(title, headings, rows, 1), ALPHA)
+    return drop_equal_columns(Table(title, headings, rows, 1), keep=ALPHA)
 
 
 def failure_table(summary: Summary) -> Table:
@@ -135,28 +134,6 @@ def format_setting(value: Any) -> str:
     if value is None:
         return DASH
     return value if isinstance(value, str) else json.dumps(value)
-
-
-def drop_uninformative_columns(table: Table, keep_constant: Collection[str] = ()) -> Table:
-    """Return a table without columns of numbers that are empty or equal in all rows.
-
-    Args:
-        table: Table, whose left-aligned columns stay.
-        keep_constant: Headings of columns that stay even if all rows are equal.
-    """
-    columns = []
-    for index, heading in enumerate(table.headings):
-        cells = [row[index] for row in table.rows]
-        values = [cell for cell in cells if cell not in ("", DASH)]
-        is_constant = len(values) > 1 and len(set(values)) == 1
-        is_informative = bool(values) and (heading in keep_constant or not is_constant)
-        if index < table.left_columns or is_informative:
-            columns.append(index)
-    return replace(
-        table,
-        headings=[table.headings[index] for index in columns],
-        rows=[[row[index] for index in columns] for row in table.rows],
-    )
 
 
 def _to_json_types(value: Any) -> Any:

@@ -169,7 +169,7 @@ def test_a_comparison_has_verdicts(comparison: Path, out: Path) -> None:
     assert "Comparison of 2 scenarios" in report.text
     assert "Verdicts on p" in report.text
     for entry in summary["scenarios"].values():
-        error = entry["results"]["p"]["error_m"]["x"]
+        error = entry["results"]["p"]["error_m"]["position"]
         assert (
             "/".join(f"{100 * error[key]['median']:.2f}" for key in ("max", "mean")) in report.cells
         )
