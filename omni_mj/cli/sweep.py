@@ -115,8 +115,8 @@ def _run(plan: "SweepPlan", folder: Path, quiet: bool, **how: Any) -> None:
             result = sweep_study.run_sweep(
                 plan, folder, before_shard=before_shard, check=interrupts.check, **how
             )
-        done = f"{result.done} of {len(plan.shards)} shards are"
-        if result.done:
+        done = f"{result.n_done} of {len(plan.shards)} shards are"
+        if result.n_done:
             sweep_table.save_sweep_table(result, folder / "sweep.md")
             sweep_figure.save_sweep_figure(result, folder / "sweep.png")
             if not quiet:

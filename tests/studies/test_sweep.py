@@ -109,24 +109,28 @@ def test_a_sweep_that_was_stopped_goes_on_and_computes_nothing_twice(
 ) -> None:
     run: list[int] = []
 
-    def three_at_most(job: Any) -> object:
+    def three_at_most(shard: Any) -> object:
         if len(run) == 3:
             raise bench.StoppedError("enough")
-        run.append(job.number)
+        run.append(shard.number)
         return bench.ignore_frame
 
     folder = tmp_path / "sweep"
     part = swept(folder, batch_size=4, before_shard=three_at_most)
-    assert (part.done, part.stopped, part.complete) == (3, "enough", False)
-    assert part.rows().num_rows == sum(len(NAMES) * len(job.runs) for job in part.plan.shards[:3])
+    assert (part.n_done, part.stopped, part.complete) == (3, "enough", False)
+    assert part.rows().num_rows == sum(
+        len(NAMES) * len(shard.runs) for shard in part.plan.shards[:3]
+    )
     assert json.loads((folder / "summary.json").read_text())["complete"] is False
     rest: list[int] = []
     done = swept(
-        folder, batch_size=4, before_shard=lambda job: rest.append(job.number) or bench.ignore_frame
+        folder,
+        batch_size=4,
+        before_shard=lambda shard: rest.append(shard.number) or bench.ignore_frame,
     )
-    assert sorted(run + rest) == [job.number for job in done.plan.shards]
+    assert sorted(run + rest) == [shard.number for shard in done.plan.shards]
     assert bits(done.rows()) == bits(whole.rows())
-    swept(folder, batch_size=4, before_shard=lambda job: pytest.fail("nothing is left"))
+    swept(folder, batch_size=4, before_shard=lambda shard: pytest.fail("nothing is left"))
 
 
 def test_a_killed_process_loses_no_shard_that_was_done(
@@ -192,8 +196,8 @@ def test_a_cluster_of_which_a_worker_is_killed_and_processes_find_the_same(
     done: list[int] = []
     address, processes = cluster
 
-    def kill_one(job: Any) -> Callable[[int], None]:
-        done.append(job.number)
+    def kill_one(shard: Any) -> Callable[[int], None]:
+        done.append(shard.number)
         if len(done) == 2:
             processes[0].kill()
         return bench.ignore_frame
@@ -201,7 +205,7 @@ def test_a_cluster_of_which_a_worker_is_killed_and_processes_find_the_same(
     with Client(address) as client:
         there = client.get_executor(pure=False)
         found = swept(tmp_path / "there", batch_size=2, executor=there, before_shard=kill_one)
-    assert sorted(done) == [job.number for job in found.plan.shards] == list(range(12))
+    assert sorted(done) == [shard.number for shard in found.plan.shards] == list(range(12))
     assert bits(found.rows()) == bits(whole.rows())
     assert bits(swept(tmp_path / "jobs", batch_size=8, jobs=2).rows()) == bits(whole.rows())
     assert invoke(*words(tmp_path / "command"), "--cluster", address) == 0
@@ -267,9 +271,9 @@ def test_rows_that_cannot_share_a_batch_are_run_apart() -> None:
     plan = bench.SweepPlan(
         om.load_scenario("rect", controllers=["p"], seeds=2), bench.check_axes(vary)
     )
-    assert [len(job.runs) for job in plan.shards] == [4, 4]
-    for job in plan.shards:
-        assert len({plan.points[point]["wheels.model"] for point, _ in job.runs}) == 1
+    assert [len(shard.runs) for shard in plan.shards] == [4, 4]
+    for shard in plan.shards:
+        assert len({plan.points[point]["wheels.model"] for point, _ in shard.runs}) == 1
 
 
 def test_what_matters_and_the_worst_runs_are_said(
@@ -315,20 +319,20 @@ def test_cells_have_rates_and_medians_of_their_rows_with_intervals(
     whole: bench.SweepResult,
 ) -> None:
     """Of three robots none of which failed: a rate of 0 % up to 56 % by Wilson's interval; too few for a median's."""
-    cells = whole.summary["cells"]
-    assert [(c["point"], c["controller"]) for c in cells] == [
+    points = whole.summary["points"]
+    assert [(c["point"], c["controller"]) for c in points] == [
         (i, name) for i in range(4) for name in NAMES
     ]
-    for cell in cells:
+    for point in points:
         own = [
             row
             for row in whole.rows().to_pylist()
-            if all(row[key] == cell[key] for key in ("point", "controller"))
+            if all(row[key] == point[key] for key in ("point", "controller"))
         ]
-        assert (cell["robots"], cell["failed"], cell["failure_low"]) == (3, 0, 0.0)
-        assert cell["failure_high"] == pytest.approx(0.5615, abs=1e-4)
+        assert (point["n_robots"], point["n_failed"], point["failure_low"]) == (3, 0, 0.0)
+        assert point["failure_high"] == pytest.approx(0.5615, abs=1e-4)
         errors = sorted(row["position_max_m"] for row in own)
-        assert cell["position_max_m"] == {
+        assert point["position_max_m"] == {
             "median": errors[1],
             "low": None,
             "high": None,

@@ -5,57 +5,67 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, StrMethodFormatter
 
 from omni_control.kinematics import Array
-from omni_mj.studies.sweep.sweep_statistics import STRAYED
+from omni_mj.studies.sweep.sweep_statistics import MAX_ERROR
 from omni_mj.viz import style
 from omni_mj.viz.figures import plotting
 
 if TYPE_CHECKING:
     from omni_mj.studies.sweep import SweepResult
 
-ERROR, RATE = "maximum error in the plane, cm: median", "robots that failed, %"
-# Of the axis, over which the intervals at a value are spread so that they do not overlap
-SPREAD = 0.03
+ERROR_LABEL = "median of the maximum position error in cm"
+RATE_LABEL = "robots that failed in %"
+INTERVAL_OFFSET = 0.03  # of the axis, between the intervals of controllers at one value
 MAX_TICKS = 8
 
 
 def save_sweep_figure(result: "SweepResult", path: Path) -> None:
-    """Draw a sweep into a PNG over its first two settings, if it has any; of several values of others, the worst.
+    """Draw a sweep over its first two settings into a PNG file; nothing without settings.
 
-    The worst is shown because a mean over settings that nobody weighted has no meaning.
+    If further settings vary, their worst values are drawn. A mean would need weights that nobody
+    stated.
     """
     plan = result.plan
-    worst = "; the worst over the others" if len(plan.axes) > 2 else ""
-    part = "" if result.complete else f", {result.done} of {len(plan.shards)} shards"
-    title = f"{plan.scenario.name} on the {plan.scenario.plant} plant{worst}{part}"
-    if plan.axes:
-        with plotting.figure_file(path.with_suffix(""), title) as figure:
-            (_draw_lines if len(plan.axes) == 1 else _draw_maps)(figure, result)
+    if not plan.axes:
+        return
+    worst = "; worst case of all other settings" if len(plan.axes) > 2 else ""
+    progress = "" if result.complete else f", {result.n_done} of {len(plan.shards)} shards"
+    settings = " and ".join(list(plan.axes)[:2])
+    title = f"Errors over {settings}: {plan.scenario.name} on the {plan.scenario.plant} plant"
+    with plotting.figure_file(path.with_suffix(""), f"{title}{worst}{progress}") as figure:
+        if len(plan.axes) == 1:
+            _draw_lines(figure, result)
+        else:
+            _draw_maps(figure, result)
 
 
 def _draw_lines(figure: Figure, result: "SweepResult") -> None:
-    """Draw median errors with their intervals, and failure rates below."""
+    """Draw median errors above failure rates, both with 95 % intervals."""
     figure.set_size_inches(8, 5.5)
     error, rate = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     ((setting, levels),), names = result.plan.axes.items(), result.plan.scenario.labels
-    errors = [_values(result, STRAYED, key) for key in ("median", "low", "high")]
-    median, low, high = (np.where(np.isfinite(values), values, np.nan) for values in errors)
-    rates = [_values(result, f"failure_{key}") for key in ("rate", "low", "high")]
+    errors = [_collect(result, MAX_ERROR, key) for key in ("median", "low", "high")]
+    median, low, high = (_finite_or_nan(values) for values in errors)
+    rates = [_collect(result, f"failure_{key}") for key in ("rate", "low", "high")]
     x = np.arange(len(levels))
     for i, slot in enumerate(style.style_indices(names).values()):
-        look, (failed, least, most) = style.line_style(slot), (values[:, i] for values in rates)
-        error.plot(x, median[:, i], label=names[i], **look)
-        error.fill_between(x, low[:, i], high[:, i], color=look["color"], alpha=0.2, lw=0)
-        shift = (i / len(names) - 0.5) * SPREAD * len(x)
-        rate.errorbar(x + shift, failed, [failed - least, most - failed], elinewidth=1.2, **look)
+        line = style.line_style(slot)
+        error.plot(x, median[:, i], label=names[i], **line)
+        error.fill_between(x, low[:, i], high[:, i], color=line["color"], alpha=0.2, lw=0)
+        offset = (i / len(names) - 0.5) * INTERVAL_OFFSET * len(x)
+        failed, lower, upper = (values[:, i] for values in rates)
+        interval = [failed - lower, upper - failed]
+        rate.errorbar(x + offset, failed, interval, elinewidth=1.2, **line)
     if np.isfinite(median).any():
         plotting.use_log_scale(error.yaxis)
-    error.set_ylabel(f"{ERROR}\nand its 95 % interval")
-    rate.set(xlabel=setting, ylabel=f"{RATE},\nand 95 % intervals")
+    error.set_ylabel(f"{ERROR_LABEL}\nwith 95 % interval")
+    rate.set(xlabel=setting, ylabel=f"{RATE_LABEL}\nwith 95 % interval")
     rate.margins(x=0.03)
     rate.set_ylim(bottom=0)
     _set_ticks(rate.xaxis, levels)
@@ -63,48 +73,75 @@ def _draw_lines(figure: Figure, result: "SweepResult") -> None:
 
 
 def _draw_maps(figure: Figure, result: "SweepResult") -> None:
-    """Draw a column per controller: errors, grey where there is no bound, and failure rates if any robot failed."""
-    (down, down_values), (across, across_values), *_ = result.plan.axes.items()
+    """Draw a column of heat maps per controller: errors, and failure rates if any robot failed."""
+    (row_name, row_values), (column_name, column_values), *_ = result.plan.axes.items()
     names = result.plan.scenario.labels
-    shape = len(down_values), len(across_values), -1, len(names)
-    both = _values(result, STRAYED, "median"), _values(result, "failure_rate")
-    errors, rates = (np.fmax.reduce(values.reshape(shape), axis=2) for values in both)
+    shape = len(row_values), len(column_values), -1, len(names)
+    errors = _worst(_collect(result, MAX_ERROR, "median").reshape(shape))
+    rates = _worst(_collect(result, "failure_rate").reshape(shape))
     finite = errors[np.isfinite(errors) & (errors > 0)]
     norm = LogNorm(finite.min(), max(finite.max(), 1.01 * finite.min())) if finite.size else None
-    parts: list[tuple[Array, dict[str, Any], str]] = [
-        (errors, {"norm": norm, "cmap": "viridis"}, ERROR)
+    maps: list[tuple[Array, dict[str, Any], str]] = [
+        (errors, {"norm": norm, "cmap": "viridis"}, ERROR_LABEL)
     ]
-    parts += [(rates, {"vmin": 0, "vmax": 100, "cmap": "Reds"}, RATE)] * bool(np.nanmax(rates) > 0)
-    figure.set_size_inches(1.5 + 3.2 * len(names), 0.8 + 2.9 * len(parts))
-    grid = figure.subplots(len(parts), len(names), sharex=True, sharey=True, squeeze=False)
-    for row, (values, look, label) in zip(grid, parts, strict=True):
+    if np.nanmax(rates) > 0:
+        maps.append((rates, {"vmin": 0, "vmax": 100, "cmap": "Reds"}, RATE_LABEL))
+    figure.set_size_inches(1.5 + 3.2 * len(names), 0.8 + 2.9 * len(maps))
+    grid = figure.subplots(len(maps), len(names), sharex=True, sharey=True, squeeze=False)
+    for row, (values, colors, label) in zip(grid, maps, strict=True):
         for i, axes in enumerate(row):
-            shown = np.where(np.isfinite(values[..., i]), values[..., i], np.nan)
-            axes.grid(visible=False)
-            axes.set_facecolor(style.BACKGROUND)
-            image = axes.imshow(shown, origin="lower", aspect="auto", **look)
-            axes.set(title=names[i], xlabel=across, ylabel=down)
+            image = _draw_map(axes, values[..., i], colors)
+            axes.set(title=names[i], xlabel=column_name, ylabel=row_name)
             axes.label_outer()
-        figure.colorbar(image, ax=list(row), label=label, fraction=0.05, format="{x:g}")
-    _set_ticks(grid[0, 0].xaxis, across_values)
-    _set_ticks(grid[0, 0].yaxis, down_values)
+        ticks = LogLocator(subs=(1, 2, 5)) if label == ERROR_LABEL else None
+        bar = figure.colorbar(image, ax=list(row), label=label, fraction=0.05, ticks=ticks)
+        bar.formatter = StrMethodFormatter("{x:g}")
+        bar.minorticks_off()
+    _set_ticks(grid[0, 0].xaxis, column_values)
+    _set_ticks(grid[0, 0].yaxis, row_values)
 
 
-def _values(result: "SweepResult", *path: str) -> Array:
-    """Return a number of each cell times 100, (points, controllers); infinite without bound, NaN for missing cells."""
-    values = np.full((len(result.plan.points), len(result.plan.scenario.labels)), np.nan)
-    for cell in result.summary["cells"]:
-        value: Any = cell
+def _draw_map(axes: Axes, values: Array, colors: dict[str, Any]) -> Any:
+    """Draw one heat map, gray where a value is infinite or missing, and return its image."""
+    axes.grid(visible=False)
+    axes.set_facecolor(style.BACKGROUND)
+    return axes.imshow(_finite_or_nan(values), origin="lower", aspect="auto", **colors)
+
+
+def _worst(values: Array) -> Array:
+    """Return the largest values over all settings but the first two; NaN are ignored."""
+    largest: Array = np.fmax.reduce(values, axis=2)
+    return largest
+
+
+def _finite_or_nan(values: Array) -> Array:
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _collect(result: "SweepResult", *path: str) -> Array:
+    """Return a statistic of each point and controller times 100, (points, controllers).
+
+    It is infinite if robots failed, and NaN if it is missing.
+
+    Args:
+        result: The sweep.
+        path: Keys of the statistic in an entry of the summary's "points".
+    """
+    labels = result.plan.scenario.labels
+    values = np.full((len(result.plan.points), len(labels)), np.nan)
+    for statistics in result.summary["points"]:
+        value: Any = statistics
         for key in path:
             value = value[key]
-        place = cell["point"], result.plan.scenario.labels.index(cell["controller"])
-        values[place] = np.inf if value is None else 100 * value
+        index = statistics["point"], labels.index(statistics["controller"])
+        values[index] = np.inf if value is None else 100 * value
     return values
 
 
-def _set_ticks(ticks: Axis, levels: Sequence[Any]) -> None:
+def _set_ticks(axis: Axis, levels: Sequence[Any]) -> None:
+    """Label at most `MAX_TICKS` values of a setting."""
     step = -(-len(levels) // MAX_TICKS)
     labels = [
         f"{value:.3g}" if isinstance(value, float) else str(value) for value in levels[::step]
     ]
-    ticks.set_ticks(range(0, len(levels), step), labels)
+    axis.set_ticks(range(0, len(levels), step), labels)

@@ -1,4 +1,4 @@
-"""What a sweep says: how often robots fail and how far they stray, what matters, and which runs are the worst."""
+"""Statistics of a sweep: failure rates, errors, rank correlations, and the worst runs."""
 
 import shlex
 from itertools import groupby
@@ -14,100 +14,112 @@ from omni_mj.studies.sweep.sweep_plan import SweepPlan
 if TYPE_CHECKING:
     import pyarrow as pa
 
-STRAYED = "position_max_m"
-SHOWN = (STRAYED, "position_mean_m")  # maximum and mean error in the plane
+MAX_ERROR = "position_max_m"
+ERROR_COLUMNS = (MAX_ERROR, "position_mean_m")
 N_WORST = 3
 
 
-def cells(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
-    """Return a dictionary for each point and controller, in order: numbers, or None where none is finite.
+def summarize_points(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
+    """Return the statistics of each point and controller.
 
-    Failure rates have Wilson's 95 % interval, which is sane for 0 of n as well. Medians have one by
-    order statistics, which assumes nothing about the samples, infinite for robots that failed;
-    there is none below 6 samples.
+    Failure rates have Wilson's 95 % interval, which is also valid for 0 of n failures. Medians have
+    an interval by order statistics, which assumes no distribution. An error is infinite for a robot
+    that failed. Below 6 samples there is no interval.
 
     Args:
-        table: Rows of the sweep, those of a point and controller together.
-        axes: Names of the settings that are varied.
+        table: Rows of the sweep; those of a point and controller are adjacent.
+        axes: Names of the settings that vary.
+
+    Returns:
+        A dictionary for each point and controller; None stands for a number that is not finite.
     """
-    from scipy.stats import binomtest, quantile_test
-
     keys = list(zip(table["point"].to_pylist(), table["controller"].to_pylist(), strict=True))
-    result = []
-    for (point, controller), group in groupby(range(len(keys)), keys.__getitem__):
-        rows = table.take(list(group))
-        n_failed = rows.num_rows - rows["cause"].null_count
-        rate = binomtest(n_failed, rows.num_rows).proportion_ci(CONFIDENCE, method="wilson")
-        cell = {
-            "point": point,
-            **{name: rows[name][0].as_py() for name in axes},
-            "controller": controller,
-        }
-        cell |= {
-            "robots": rows.num_rows,
-            "failed": n_failed,
-            "failure_rate": n_failed / rows.num_rows,
-        }
-        cell |= {"failure_low": float(rate.low), "failure_high": float(rate.high)}
-        for name in SHOWN:
-            errors = rows[name].to_numpy()
-            interval = quantile_test(errors, p=0.5).confidence_interval(CONFIDENCE)
-            with np.errstate(invalid="ignore"):  # infinite less infinite
-                median = np.median(errors)
-            numbers = {"median": median, "low": interval.low, "high": interval.high}
-            numbers["p90"] = np.quantile(errors, 0.9, method="higher")
-            cell[name] = {key: finite_or_none(value) for key, value in numbers.items()}
-        result.append(cell)
-    return result
+    statistics = []
+    for (point, controller), indices in groupby(range(len(keys)), keys.__getitem__):
+        rows = table.take(list(indices))
+        values = {name: rows[name][0].as_py() for name in axes}
+        errors = {name: _error_statistics(rows[name].to_numpy()) for name in ERROR_COLUMNS}
+        statistics.append(
+            {"point": point, **values, "controller": controller} | _failure_rate(rows) | errors
+        )
+    return statistics
 
 
-def correlations(table: "pa.Table") -> list[dict[str, Any]]:
-    """Return Spearman's rank correlation of each number that is varied or drawn with each controller's errors.
+def _failure_rate(rows: "pa.Table") -> dict[str, Any]:
+    """Return the number of robots that failed, and the failure rate with its interval."""
+    from scipy.stats import binomtest
 
-    A robot that failed ranks behind all others. It is None where errors are all the same.
+    n_failed = rows.num_rows - rows["cause"].null_count
+    interval = binomtest(n_failed, rows.num_rows).proportion_ci(CONFIDENCE, method="wilson")
+    return {
+        "n_robots": rows.num_rows,
+        "n_failed": n_failed,
+        "failure_rate": n_failed / rows.num_rows,
+        "failure_low": float(interval.low),
+        "failure_high": float(interval.high),
+    }
+
+
+def _error_statistics(errors: np.ndarray) -> dict[str, float | None]:
+    """Return median, its interval, and 90th percentile; None if infinite or unknown."""
+    from scipy.stats import quantile_test
+
+    interval = quantile_test(errors, p=0.5).confidence_interval(CONFIDENCE)
+    with np.errstate(invalid="ignore"):  # infinity minus infinity
+        median = np.median(errors)
+    p90 = np.quantile(errors, 0.9, method="higher")
+    numbers = {"median": median, "low": interval.low, "high": interval.high, "p90": p90}
+    return {name: finite_or_none(value) for name, value in numbers.items()}
+
+
+def rank_correlations(table: "pa.Table") -> list[dict[str, Any]]:
+    """Return Spearman's correlation of each varied or drawn number with each controller's errors.
+
+    A robot that failed ranks last. The correlation is None if all errors are equal.
     """
     from scipy.stats import spearmanr
 
-    result = []
+    correlations = []
+    controllers = table["controller"].to_numpy(zero_copy_only=False)
     for controller in table["controller"].unique().to_pylist():
-        rows = table.take(
-            np.flatnonzero(table["controller"].to_numpy(zero_copy_only=False) == controller)
-        )
+        rows = table.take(np.flatnonzero(controllers == controller))
         for setting in (name for name in table.column_names if "." in name):
             values = np.array(rows[setting].to_pylist())
-            if values.dtype.kind in "if" and np.ptp(values) > 0:
-                line = {"controller": controller, "setting": setting}
-                for error in SHOWN:
-                    errors = rows[error].to_numpy()
-                    is_constant = (errors == errors[0]).all()
-                    line[error] = (
-                        None if is_constant else finite_or_none(spearmanr(values, errors).statistic)
-                    )
-                result.append(line)
-    return result
+            is_varied = values.dtype.kind in "if" and np.ptp(values) > 0
+            if not is_varied:
+                continue
+            correlation: dict[str, Any] = {"controller": controller, "setting": setting}
+            for name in ERROR_COLUMNS:
+                errors = rows[name].to_numpy()
+                is_constant = (errors == errors[0]).all()
+                rho = np.nan if is_constant else spearmanr(values, errors).statistic
+                correlation[name] = finite_or_none(rho)
+            correlations.append(correlation)
+    return correlations
 
 
-def worst(table: "pa.Table", plan: SweepPlan, folder: Path) -> list[dict[str, Any]]:
-    """Return the worst runs, and the command that repeats each: those that failed first, then those that strayed most.
+def worst_runs(table: "pa.Table", plan: SweepPlan, folder: Path) -> list[dict[str, Any]]:
+    """Return the worst runs, with a command that repeats each.
+
+    Runs that failed come first, then those with the largest errors.
 
     Args:
         table: Rows of the sweep.
-        plan: Of the sweep.
-        folder: Of the sweep, with its scenario.
+        plan: Plan of the sweep.
+        folder: Folder of the sweep, with its scenario.
     """
-    kinds = dict(zip(plan.scenario.labels, map(written, plan.scenario.controllers), strict=True))
-    keys = [("failed_at_s", "ascending"), (STRAYED, "descending")]
-    result = []
+    scenario = plan.scenario
+    controllers = dict(zip(scenario.labels, map(written, scenario.controllers), strict=True))
+    keys = [("failed_at_s", "ascending"), (MAX_ERROR, "descending")]
+    columns = ("point", *plan.axes, "controller", "seed", "cause")
+    runs = []
     for row in table.sort_by(keys).slice(0, N_WORST).to_pylist():
-        words = [
-            "--scenario",
-            str(folder / "scenario.toml"),
-            "--controller",
-            kinds[row["controller"]],
-        ]
-        words += ["--seed", str(row["seed"]), "--seeds", "1"]
-        words += [word for name in plan.axes for word in ("--set", f"{name}={row[name]}")]
-        columns = ("point", *plan.axes, "controller", "seed", "cause")
-        line = {name: row[name] for name in columns} | {STRAYED: finite_or_none(row[STRAYED])}
-        result.append({**line, "repeat_command": shlex.join(["omni-mj", "run", *words])})
-    return result
+        command = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml")]
+        command += ["--controller", controllers[row["controller"]]]
+        command += ["--seed", str(row["seed"]), "--seeds", "1"]
+        for name in plan.axes:
+            command += ["--set", f"{name}={row[name]}"]
+        run = {name: row[name] for name in columns}
+        run[MAX_ERROR] = finite_or_none(row[MAX_ERROR])
+        runs.append(run | {"repeat_command": shlex.join(command)})
+    return runs

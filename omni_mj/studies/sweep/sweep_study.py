@@ -1,4 +1,4 @@
-"""Runs a sweep shard by shard, each written when it is done, so that what was computed is never computed again."""
+"""Run a sweep shard by shard. A shard's rows are stored at once, so they are computed only once."""
 
 import gc
 import json
@@ -25,8 +25,12 @@ from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.run_scenario import resolve_scenario
 from omni_mj.studies.study_runner import AfterFrame, StoppedError, ignore_frame
 from omni_mj.studies.sweep.sweep_plan import BATCH_SIZE, Shard, SweepPlan, check_axes
-from omni_mj.studies.sweep.sweep_statistics import cells, correlations, worst
-from omni_mj.studies.sweep.workers import processes, tables
+from omni_mj.studies.sweep.sweep_statistics import (
+    rank_correlations,
+    summarize_points,
+    worst_runs,
+)
+from omni_mj.studies.sweep.workers import process_pool, run_shards
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -37,38 +41,42 @@ BeforeShard = Callable[[Shard], AfterFrame]
 
 @dataclass(frozen=True)
 class SweepResult:
-    """What came of a sweep.
+    """Result of a sweep, perhaps not complete.
 
     Attributes:
-        plan: What was asked for.
-        done: How many of its shards are.
-        stopped: Why it ended before its time, or None.
-        folder: Where it is.
+        plan: Plan of the sweep.
+        n_done: Number of shards that are done.
+        stopped: Reason why it ended early, or None.
+        folder: Folder of the sweep.
     """
 
     plan: SweepPlan
-    done: int
+    n_done: int
     stopped: str | None
     folder: Path
 
     @property
     def complete(self) -> bool:
-        """Return whether all of it is there."""
-        return self.done == len(self.plan.shards)
+        """Whether all shards are done."""
+        return self.n_done == len(self.plan.shards)
 
     def rows(self) -> "pa.Table":
-        """Return a line per robot that was simulated, by point, controller, seed and place; see `run_shard`."""
-        whole = self.folder / ROWS
-        return parquet.read_table(whole) if whole.is_file() else _gathered(self.plan, self.folder)
+        """Return a row per robot, sorted by point, controller, seed and slot; see `run_shard`."""
+        path = self.folder / ROWS
+        return parquet.read_table(path) if path.is_file() else _merge_shards(self.plan, self.folder)
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """Return what summary.json holds."""
-        table, names = self.rows(), list(self.plan.axes)
+        """Content of summary.json."""
+        table = self.rows()
         return {
-            "complete": self.complete, "shards": len(self.plan.shards), "done": self.done, "cells": cells(table, names),
-            "correlations": correlations(table), "worst": worst(table, self.plan, self.folder),
-        }  # fmt: skip
+            "complete": self.complete,
+            "n_shards": len(self.plan.shards),
+            "n_done": self.n_done,
+            "points": summarize_points(table, list(self.plan.axes)),
+            "correlations": rank_correlations(table),
+            "worst": worst_runs(table, self.plan, self.folder),
+        }
 
 
 def sweep(
@@ -79,31 +87,29 @@ def sweep(
     *,
     out: str | Path,
     batch_size: int = BATCH_SIZE,
-    **how: Any,
+    **run_options: Any,
 ) -> SweepResult:
-    """Run a scenario under all combinations of settings, with all seeds and controllers.
+    """Run a scenario with all combinations of settings, seeds and controllers.
 
     Args:
-        scenario: All that is not varied; what it draws from distributions is drawn anew for each
-            seed.
-        vary: Settings `section.field` -> values; none for a scenario that draws some.
-        controllers: Names, `file.py:Class`, or classes derived from `Controller`. [the scenario's]
-        seeds: Of the random numbers, counting up, or how many from 0 on; the same everywhere. [the
-            scenario's]
-        out: Folder that a sweep is begun in, or gone on with if it is the same.
-        batch_size: Robots that are simulated at once: memory grows with them, and not with the number
-            of runs.
-        how: It is run: `jobs`, `executor`, `before_shard` of `run`.
+        scenario: Scenario with all settings that do not vary. Settings with a distribution are
+            drawn for each seed.
+        vary: Settings `section.field` -> values; empty for a scenario with distributions.
+        controllers: Names, `file.py:Class`, or classes derived from `Controller`. Default: the
+            scenario's.
+        seeds: Consecutive seeds, or a number of seeds that start at 0; the same at all points.
+            Default: the scenario's.
+        out: Folder of the sweep. If it holds a part of the same sweep, the rest is run.
+        batch_size: Largest number of robots that are simulated together. Memory grows with it, not
+            with the number of runs.
+        run_options: `jobs`, `executor` and `before_shard` of `run_sweep`.
 
     Raises:
-        OmniError: Something is unknown or not allowed, what is asked for does not fit into memory,
-            or another sweep is in the folder.
+        OmniError: A name is unknown or a value not valid, the sweep does not fit into memory, or
+            the folder holds another sweep.
     """
-    return run_sweep(
-        SweepPlan(resolve_scenario(scenario, controllers, seeds), check_axes(vary), batch_size),
-        out,
-        **how,
-    )
+    scenario = resolve_scenario(scenario, controllers, seeds)
+    return run_sweep(SweepPlan(scenario, check_axes(vary), batch_size), out, **run_options)
 
 
 def run_sweep(
@@ -112,26 +118,117 @@ def run_sweep(
     *,
     jobs: int = 1,
     executor: Executor | None = None,
-    before_shard: BeforeShard = lambda job: ignore_frame,
+    before_shard: BeforeShard = lambda shard: ignore_frame,
     check: Callable[[], None] = lambda: None,
 ) -> SweepResult:
-    """Run a plan, or the shards of it that are not in its folder yet.
+    """Run the shards of a plan that are not stored in its folder yet.
 
     Args:
-        plan: Of the sweep.
+        plan: Plan of the sweep.
         out: Its folder.
-        jobs: Processes of this machine that run shards side by side.
-        executor: Runs shards in their place, anywhere, such as that of a Dask cluster.
-        before_shard: Called with each shard; what it returns is called after each frame, and may
-            raise `StoppedError`. Of shards that other processes run, both are called once, when
-            they are done.
-        check: Called now and then while others run shards; it may raise `StoppedError`.
+        jobs: Number of local processes.
+        executor: Executor that runs shards instead, such as that of a Dask cluster.
+        before_shard: Called with each shard. It returns a function that is called with each frame's
+            number and may raise `StoppedError`. If other processes run the shards, both are called
+            once when a shard is done.
+        check: Called a few times per second while other processes run shards; it may raise
+            `StoppedError`.
 
     Raises:
         OmniError: See `sweep`.
     """
     folder, stopped = Path(out), None
     plan.check(jobs)
+    _prepare_folder(plan, folder)
+    missing = remaining_shards(plan, folder)
+    try:
+        with nullcontext(executor) if executor or jobs == 1 else process_pool(jobs) as workers:
+            if workers is None:
+                for shard in missing:
+                    table = run_shard(plan, shard, before_shard(shard))
+                    parquet.write_tables([table], _shard_file(folder, shard))
+            else:
+                for shard, table in run_shards(workers, run_shard, plan, missing, check):
+                    parquet.write_tables([table], _shard_file(folder, shard))
+                    before_shard(shard)(plan.frames - 1)
+    except StoppedError as error:
+        stopped = error.reason
+    n_done = len(plan.shards) - len(remaining_shards(plan, folder))
+    result = SweepResult(plan, n_done, stopped, folder)
+    _write_result(result)
+    return result
+
+
+def remaining_shards(plan: SweepPlan, folder: Path) -> list[Shard]:
+    """Return the shards that are not stored in the folder yet."""
+    if (folder / ROWS).exists():
+        return []
+    return [shard for shard in plan.shards if not _shard_file(folder, shard).exists()]
+
+
+def create_simulation(plan: SweepPlan, shard: Shard) -> Simulation:
+    """Return the simulation of a shard at its start, with a world for each run and controller.
+
+    Raises:
+        OmniError: A value that a seed draws is not valid.
+    """
+    points = dict.fromkeys(point for point, _ in shard.runs)
+    scenarios = {point: plan.scenario_at(point) for point in points}
+    rows = list[Row]()
+    for point, seed in shard.runs:
+        scenario = scenarios[point]
+        for row in rows_of(scenario.labels, [seed], scenario.settings_of, scenario.robot):
+            world = rows[-1].world + (row.slot == 0) if rows else 0
+            rows.append(Row(world, row.slot, row.controller, row.seed, row.settings, row.robot))
+    return Simulation(scenarios[shard.runs[0][0]], rows=rows)
+
+
+def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_frame) -> "pa.Table":
+    """Simulate a shard and compute the metrics of its rows.
+
+    Args:
+        plan: Plan of the sweep.
+        shard: The shard.
+        after_frame: Called with each frame's number. If it raises an exception, nothing of the
+            shard is kept.
+
+    Returns:
+        A row per robot: `point`, the settings that vary, `controller`, `seed`, `slot`,
+        `failed_at_s`, `cause`, the settings that were drawn, and the numbers of
+        `metrics.row_metrics`. Errors are infinite for a robot that failed.
+    """
+    import pyarrow as pa
+
+    # The previous shard is kept alive by reference cycles and would double the memory.
+    gc.collect()
+    simulation = create_simulation(plan, shard)
+    log = simulation.run(after_frame)
+    rows = simulation.rows
+    rows_per_run = len(rows) // len(shard.runs)
+    points = np.repeat([point for point, _ in shard.runs], rows_per_run).astype(np.int32)
+    failures = {failure.row: failure for failure in simulation.failures}
+    failed_at_s = [failures[i].time_s if i in failures else np.nan for i in range(len(rows))]
+    causes = [failures[i].cause if i in failures else None for i in range(len(rows))]
+    columns: dict[str, object] = {"point": points}
+    columns |= {name: [plan.points[point][name] for point in points] for name in plan.axes}
+    columns |= {
+        "controller": [row.controller for row in rows],
+        "seed": np.array([row.seed for row in rows], np.int64),
+        "slot": np.array([row.slot for row in rows], np.int32),
+        "failed_at_s": failed_at_s,
+        "cause": pa.array(causes, pa.string()),
+    }
+    for name in sorted(set(plan.scenario.distributions) - set(plan.points[0])):
+        columns[name] = [attrgetter(name)(row.settings) for row in rows]
+    return pa.table(columns | row_metrics(log, simulation.failures))
+
+
+def _prepare_folder(plan: SweepPlan, folder: Path) -> None:
+    """Create the folder and the files that identify the sweep.
+
+    Raises:
+        OmniError: The folder holds another sweep.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in plan.files.items():
         if not (folder / name).exists():
@@ -139,116 +236,40 @@ def run_sweep(
         elif (folder / name).read_text(encoding="utf-8") != text:
             raise OmniError(f"{folder} holds another sweep, by its {name}; name another --out")
     (folder / SHARDS).mkdir(exist_ok=True)
-    missing = remaining_shards(plan, folder)
-    try:
-        with nullcontext(executor) if executor or jobs == 1 else processes(jobs) as workers:
-            if workers is None:
-                for job in missing:
-                    parquet.write_tables(
-                        [run_shard(plan, job, before_shard(job))], _file(folder, job)
-                    )
-            else:
-                for job, table in tables(workers, run_shard, plan, missing, check):
-                    parquet.write_tables([table], _file(folder, job))
-                    before_shard(job)(plan.frames - 1)
-    except StoppedError as error:
-        stopped = error.reason
-    result = SweepResult(
-        plan, len(plan.shards) - len(remaining_shards(plan, folder)), stopped, folder
-    )
+
+
+def _write_result(result: SweepResult) -> None:
+    """Write summary.json, and replace the shards by one table if all are done."""
+    plan, folder = result.plan, result.folder
     if result.complete and not (folder / ROWS).exists():
-        parquet.write_tables([_gathered(plan, folder)], folder / ROWS)
-    if result.done:
-        write_text(
-            folder / "summary.json", json.dumps(result.summary, indent=1, allow_nan=False) + "\n"
-        )
+        parquet.write_tables([_merge_shards(plan, folder)], folder / ROWS)
+    if result.n_done:
+        summary = json.dumps(result.summary, indent=1, allow_nan=False) + "\n"
+        write_text(folder / "summary.json", summary)
     if result.complete:
-        for job in plan.shards:
-            _file(folder, job).unlink(missing_ok=True)
+        for shard in plan.shards:
+            _shard_file(folder, shard).unlink(missing_ok=True)
         (folder / SHARDS).rmdir()
-    return result
 
 
-def remaining_shards(plan: SweepPlan, folder: Path) -> list[Shard]:
-    """Return the shards that are still to be run."""
-    return (
-        []
-        if (folder / ROWS).exists()
-        else [job for job in plan.shards if not _file(folder, job).exists()]
-    )
-
-
-def simulation(plan: SweepPlan, job: Shard) -> Simulation:
-    """Return the simulation of a shard's robots at its start, a world for each run and controller.
+def _merge_shards(plan: SweepPlan, folder: Path) -> "pa.Table":
+    """Return the rows of all stored shards, sorted by point, controller, seed and slot.
 
     Raises:
-        OmniError: What a seed draws is not allowed.
-    """
-    there = {point: plan.at(point) for point in dict.fromkeys(point for point, _ in job.runs)}
-    rows = list[Row]()
-    for point, seed in job.runs:
-        for row in rows_of(
-            there[point].labels, [seed], there[point].settings_of, there[point].robot
-        ):
-            world = rows[-1].world + (row.slot == 0) if rows else 0
-            rows.append(Row(world, row.slot, row.controller, row.seed, row.settings, row.robot))
-    return Simulation(there[job.runs[0][0]], rows=rows)
-
-
-def run_shard(plan: SweepPlan, job: Shard, after_frame: AfterFrame = ignore_frame) -> "pa.Table":
-    """Simulate a shard and measure it.
-
-    Args:
-        plan: Of the sweep.
-        job: Which shard.
-        after_frame: Called with each frame's number; what it raises ends the shard, of which then
-            nothing is kept.
-
-    Returns:
-        A line per robot: `point`, what is varied, `controller`, `seed`, `place`, `failed_at_s`,
-            `cause`, what was
-        drawn, and the numbers of `metrics.row_metrics`, infinite errors for a robot that failed.
+        OmniError: No shard is stored.
     """
     import pyarrow as pa
 
-    # The shard before, which is held by itself in circles, and would take as much memory again
-    gc.collect()
-    driven = simulation(plan, job)
-    log = driven.run(after_frame)
-    failures = {failure.row: failure for failure in driven.failures}
-    n = len(driven.rows) // len(job.runs)  # rows of a run
-    point = np.repeat([point for point, _ in job.runs], n).astype(np.int32)
-    columns: dict[str, object] = {"point": point}
-    columns |= {name: [plan.points[i][name] for i in point] for name in plan.axes}
-    columns |= {
-        "controller": [row.controller for row in driven.rows],
-        "seed": np.array([row.seed for row in driven.rows], np.int64),
-        "slot": np.array([row.slot for row in driven.rows], np.int32),
-        "failed_at_s": [failures[i].time_s if i in failures else np.nan for i in range(len(point))],
-        "cause": pa.array(
-            [failures[i].cause if i in failures else None for i in range(len(point))], pa.string()
-        ),
-    }
-    drawn = sorted(set(plan.scenario.distributions) - set(plan.points[0]))
-    columns |= {name: [attrgetter(name)(row.settings) for row in driven.rows] for name in drawn}
-    return pa.table(columns | row_metrics(log, driven.failures))
-
-
-def _gathered(plan: SweepPlan, folder: Path) -> "pa.Table":
-    import pyarrow as pa
-
-    files = [_file(folder, job) for job in plan.shards if _file(folder, job).exists()]
-    if not files:
+    paths = (_shard_file(folder, shard) for shard in plan.shards)
+    tables = [parquet.read_table(path) for path in paths if path.exists()]
+    if not tables:
         raise OmniError(f"nothing of the sweep in {folder} has been run yet")
-    table = pa.concat_tables(
-        [parquet.read_table(file) for file in files], promote_options="permissive"
-    )
-    order = pa.array(
-        [plan.scenario.labels.index(label) for label in table["controller"].to_pylist()]
-    )
+    table = pa.concat_tables(tables, promote_options="permissive")
+    labels = plan.scenario.labels
+    order = pa.array([labels.index(label) for label in table["controller"].to_pylist()])
     keys = [(name, "ascending") for name in ("point", "order", "seed", "slot")]
     return table.append_column("order", order).sort_by(keys).drop_columns("order")
 
 
-def _file(folder: Path, job: Shard) -> Path:
-    return folder / SHARDS / f"{job.number:06d}.parquet"
+def _shard_file(folder: Path, shard: Shard) -> Path:
+    return folder / SHARDS / f"{shard.number:06d}.parquet"

@@ -1,11 +1,11 @@
-"""Tables of a sweep: a line per point and controller, and what matters for the errors."""
+"""Tables of a sweep: a line per point and controller, and the settings that affect the errors."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from omni_mj.files import write_text
 from omni_mj.results.result_tables import Table, format_number, format_table
-from omni_mj.studies.sweep.sweep_statistics import SHOWN, STRAYED
+from omni_mj.studies.sweep.sweep_statistics import ERROR_COLUMNS, MAX_ERROR
 from omni_mj.viz import markdown_tables
 
 if TYPE_CHECKING:
@@ -15,70 +15,72 @@ MAX_LINES = 60  # on a terminal
 
 
 def format_sweep_tables(result: "SweepResult") -> str:
-    """Return the tables as text; of a large sweep those lines where most robots fail and stray farthest."""
-    cells = result.summary["cells"]
-    if len(cells) > MAX_LINES:
-        cells = sorted(
-            cells, key=lambda cell: (-cell["failure_rate"], -(cell[STRAYED]["p90"] or 1e9))
-        )[:MAX_LINES]
-    return "\n\n".join(map(format_table, [_table(result, cells), *_correlations(result)]))
+    """Return the tables as text; of a large sweep only the lines with the most failures."""
+    points = result.summary["points"]
+    if len(points) > MAX_LINES:
+        points = sorted(points, key=_badness)[:MAX_LINES]
+    tables = [_point_table(result, points), *_correlation_tables(result)]
+    return "\n\n".join(map(format_table, tables))
 
 
 def save_sweep_table(result: "SweepResult", path: Path) -> None:
-    """Write the whole tables as Markdown."""
-    whole = [_table(result, result.summary["cells"]), *_correlations(result)]
-    parts = [
+    """Write the complete tables as Markdown."""
+    tables = [_point_table(result, result.summary["points"]), *_correlation_tables(result)]
+    blocks = [
         f"{table.title}\n\n{markdown_tables.markdown(table.headings, table.rows)}\n"
-        for table in whole
+        for table in tables
     ]
-    write_text(path, "\n".join(parts))
+    write_text(path, "\n".join(blocks))
 
 
-def _table(result: "SweepResult", cells: list[dict[str, Any]]) -> Table:
-    """Return failure rates and maximum errors in the plane, medians and 90th percentiles, with 95 % intervals."""
+def _badness(point: dict[str, Any]) -> tuple[float, float]:
+    """Return a sort key: most failures first, then largest errors."""
+    return -point["failure_rate"], -(point[MAX_ERROR]["p90"] or 1e9)
+
+
+def _point_table(result: "SweepResult", points: list[dict[str, Any]]) -> Table:
+    """Return failure rates and maximum position errors with 95 % intervals."""
     plan, names = result.plan, list(result.plan.axes)
-    n_all = len(result.summary["cells"])
-    counts = sorted({cell["robots"] for cell in cells})
+    n_all = len(result.summary["points"])
+    counts = sorted({point["n_robots"] for point in points})
     robots = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
-    title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, {robots} robots a line"
-    title += "" if result.complete else f", {result.done} of {len(plan.shards)} shards"
-    title += f"; the worst {len(cells)} of {n_all} lines" if len(cells) < n_all else ""
-    headings = [
-        *names,
-        "controller",
-        "failed, %",
-        "95 %",
-        "max error, cm",
-        "95 %",
-        "90th percentile",
+    title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, {robots} robots per line"
+    if not result.complete:
+        title += f", {result.n_done} of {len(plan.shards)} shards"
+    if len(points) < n_all:
+        title += f"; the worst {len(points)} of {n_all} lines"
+    headings = [*names, "controller", "failed, %", "95 %", "max error, cm", "95 %"]
+    headings += ["90th percentile"]
+    return Table(title, headings, [_point_row(point, names) for point in points], len(names) + 1)
+
+
+def _point_row(point: dict[str, Any], names: list[str]) -> list[str]:
+    """Return the cells of a point and controller."""
+    errors = {
+        key: "∞" if error_m is None else f"{100 * error_m:.2f}"
+        for key, error_m in point[MAX_ERROR].items()
+    }
+    has_interval = point[MAX_ERROR]["low"] is not None
+    return [
+        *(_format_value(point[name]) for name in names),
+        point["controller"],
+        f"{100 * point['failure_rate']:.3g}",
+        f"{100 * point['failure_low']:.0f} to {100 * point['failure_high']:.0f}",
+        errors["median"],
+        f"{errors['low']} to {errors['high']}" if has_interval else "",
+        errors["p90"],
     ]
-    return Table(title, headings, [_line(cell, names) for cell in cells], len(names) + 1)
 
 
-def _correlations(result: "SweepResult") -> list[Table]:
-    """Return a table of what matters for the errors, if anything is known to."""
+def _format_value(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _correlation_tables(result: "SweepResult") -> list[Table]:
+    """Return a table of rank correlations, or none if there are no numbers to correlate."""
     rows = [
-        [line["controller"], line["setting"], *(format_number(line[error]) for error in SHOWN)]
+        [line["controller"], line["setting"], *(format_number(line[e]) for e in ERROR_COLUMNS)]
         for line in result.summary["correlations"]
     ]
-    title = "what matters: Spearman's rank correlation with the error in the plane"
+    title = "settings that affect the position error: Spearman's rank correlation"
     return [Table(title, ["controller", "setting", "maximum", "mean"], rows, 2)] if rows else []
-
-
-def _line(cell: dict[str, Any], names: list[str]) -> list[str]:
-    error = {
-        key: "∞" if metres is None else f"{100 * metres:.2f}"
-        for key, metres in cell[STRAYED].items()
-    }
-    return [
-        *(
-            f"{cell[name]:g}" if isinstance(cell[name], float) else str(cell[name])
-            for name in names
-        ),
-        cell["controller"],
-        f"{100 * cell['failure_rate']:.3g}",
-        f"{100 * cell['failure_low']:.0f} to {100 * cell['failure_high']:.0f}",
-        error["median"],
-        "" if cell[STRAYED]["low"] is None else f"{error['low']} to {error['high']}",
-        error["p90"],
-    ]

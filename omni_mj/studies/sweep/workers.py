@@ -1,4 +1,4 @@
-"""Shards run side by side, on this machine or a Dask cluster: tables come back, files are written here alone."""
+"""Run shards in parallel, on this machine or a Dask cluster. Only the caller writes files."""
 
 import multiprocessing
 import signal
@@ -18,74 +18,84 @@ from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
 if TYPE_CHECKING:
     import pyarrow as pa
 
-LOOK_S = 0.2  # between two looks at whether it shall stop
-ANSWER_S = 10.0  # that a scheduler may take
+POLL_S = 0.2  # interval of calls to `check`
+SCHEDULER_TIMEOUT_S = 10.0
 RunShard = Callable[[SweepPlan, Shard], "pa.Table"]
 
 
-def tables(
+def run_shards(
     executor: Executor,
-    shard: RunShard,
+    run_shard: RunShard,
     plan: SweepPlan,
-    jobs: Sequence[Shard],
+    shards: Sequence[Shard],
     check: Callable[[], None],
 ) -> "Iterator[tuple[Shard, pa.Table]]":
-    """Have shards run, and yield their tables, each as soon as it is there.
+    """Run shards in other processes and yield each shard's table as soon as it is done.
 
     Args:
-        executor: Of processes that run them, here or elsewhere.
-        shard: Runs one.
-        plan: Of the sweep.
-        jobs: Its shards.
-        check: Called a few times a second; what it raises ends this.
+        executor: Executor of the processes.
+        run_shard: Function that runs one shard.
+        plan: Plan of the sweep.
+        shards: Shards to run.
+        check: Called every `POLL_S`; its exceptions end the iteration.
 
     Raises:
-        OmniError: A shard cannot be run, a process was killed, or a worker has other versions than
-            are here.
+        OmniError: A shard cannot be run, a process was killed, or a worker has other versions of
+            the packages.
     """
-    waiting = {executor.submit(_run, shard, plan, job, dependencies()): job for job in jobs}
-    while waiting:
+    expected = dependencies()
+    pending = {
+        executor.submit(_run_on_worker, run_shard, plan, shard, expected): shard for shard in shards
+    }
+    while pending:
         check()
-        for future in wait(waiting, LOOK_S, FIRST_COMPLETED).done:
-            job = waiting.pop(future)
+        for future in wait(pending, POLL_S, FIRST_COMPLETED).done:
+            shard = pending.pop(future)
             try:
-                yield job, future.result()
+                yield shard, future.result()
             except BrokenProcessPool:
                 raise OmniError(
-                    "a process of --jobs was killed, perhaps for want of memory; what was done is kept: go on with"
-                    " the same command and fewer --jobs"
+                    "a process of --jobs was killed, perhaps for lack of memory; completed shards "
+                    "are kept: continue with the same command and fewer --jobs"
                 ) from None
             except OmniError:
                 raise
             except Exception as error:
                 reason = f"{type(error).__name__}: {error}"
-                raise OmniError(f"a worker could not run shard {job.number}: {reason}") from error
+                raise OmniError(f"a worker could not run shard {shard.number}: {reason}") from error
 
 
-def _run(shard: RunShard, plan: SweepPlan, job: Shard, expected: dict[str, str]) -> "pa.Table":
-    """Return a shard's table; on a worker."""
-    present = dependencies()
-    differ = [
-        f"{name} {present.get(name)}, not {v}"
-        for name, v in expected.items()
-        if present.get(name) != v
+def _run_on_worker(
+    run_shard: RunShard, plan: SweepPlan, shard: Shard, expected: dict[str, str]
+) -> "pa.Table":
+    """Return a shard's table if this worker has the expected versions.
+
+    Raises:
+        OmniError: It has other versions.
+    """
+    actual = dependencies()
+    differences = [
+        f"{name} {actual.get(name)}, not {version}"
+        for name, version in expected.items()
+        if actual.get(name) != version
     ]
-    if differ:
+    if differences:
         raise OmniError(
-            f"a worker has other versions than are here, and may find other numbers: {'; '.join(differ)}"
+            "a worker has other versions than this machine, and may compute other numbers: "
+            f"{'; '.join(differences)}"
         )
-    return shard(plan, job)
+    return run_shard(plan, shard)
 
 
 @cache
 def dependencies() -> dict[str, str]:
-    """Return what must be the same everywhere for the same numbers: versions, and the hash of the package's source."""
+    """Return the versions and source hash that must be equal for equal results."""
     return package_versions() | {"source": source_digest()[:12]}
 
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """Give an executor of the workers of a Dask scheduler, tcp://host:port.
+    """Provide an executor of the workers of a Dask scheduler at tcp://host:port.
 
     Raises:
         OmniError: Dask is not installed, no scheduler answers, or it has no workers.
@@ -98,7 +108,7 @@ def cluster(address: str) -> Iterator[Executor]:
         ) from None
     connect: Any = distributed.Client
     try:
-        client = connect(address, timeout=ANSWER_S)
+        client = connect(address, timeout=SCHEDULER_TIMEOUT_S)
     except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0]
         raise OmniError(f"no Dask scheduler answers at {address}: {reason}") from None
@@ -111,25 +121,24 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 @contextmanager
-def processes(count: int) -> Iterator[Executor]:
-    """Give an executor of processes of this machine, which end at once if it is left by an exception."""
-    before = multiprocessing.active_children()
-    context = multiprocessing.get_context(
-        "spawn"
-    )  # forked ones would inherit threads, of which they know nothing
-    with ProcessPoolExecutor(count, context, _begin) as executor:
+def process_pool(count: int) -> Iterator[Executor]:
+    """Provide an executor of local processes; an exception in the block terminates them."""
+    previous = multiprocessing.active_children()
+    # Forked processes would inherit locks of threads that do not exist in them.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(count, context, _initialize_process) as executor:
         try:
             yield executor
         except BaseException:
             executor.shutdown(wait=False, cancel_futures=True)
             for child in multiprocessing.active_children():
-                if child not in before:
+                if child not in previous:
                     child.terminate()
             raise
 
 
-def _begin() -> None:
-    """Make a process one of several: a thread each, and Ctrl-C is for the one that began them."""
+def _initialize_process() -> None:
+    """Use one thread, and leave Ctrl-C to the parent process."""
     from omni_mj.cli.console import quiet_mujoco
     from omni_mj.plants import mujoco
 
