@@ -1,8 +1,8 @@
-"""Find the creep stiffness of a robot from one drive, by the gradient of the planar plant.
+"""Identify the creep stiffness of a robot from one drive, by the gradient of the planar plant.
 
-JAX differentiates the plant's own equations (extra `fast`): how the end of a drive changes with a number of the robot.
-A robot whose wheels creep more than the catalogue says is driven once. Newton's method then finds its stiffness from
-where it ended.
+JAX (extra `fast`) differentiates the equations of the plant: how the end of a drive changes with a
+parameter of the robot. Here a robot drives whose wheels creep more than nominal. Newton's method
+then finds its creep stiffness from the position where it ended.
 """
 
 from functools import partial
@@ -14,14 +14,17 @@ import numpy as np
 import omni_mj as om
 from omni_mj.config.rows import Row
 from omni_mj.plants.planar import PlanarPlant
-from omni_mj.robot.firmware import FirmwareCommand
+from omni_mj.robot.firmware_state import FirmwareCommand
 from omni_mj.robot.onboard import make_undisturbed_inputs
-from omni_mj.robot.planar_frame import PlanarParameters, PlanarState, advance_frame
+from omni_mj.robot.planar_frame import advance_frame
+from omni_mj.robot.planar_state import PlanarParameters, PlanarState
 
-FRAMES, TRUE_STIFFNESS = 60, 2.0
+N_FRAMES = 60
+TRUE_STIFFNESS = 2.0
+INITIAL_GUESS = 3.5
 
 
-def robot() -> tuple[PlanarParameters, PlanarState]:
+def make_robot() -> tuple[PlanarParameters, PlanarState]:
     """Return parameters and state at rest of the default robot, as arrays of JAX."""
     settings = om.load_scenario("rect", plant="planar", physics={"backend": "numpy"}).settings
     plant = PlanarPlant([Row(0, 0, "", 0, settings, "tigers-v2016")], np.zeros((1, 3)))
@@ -29,38 +32,40 @@ def robot() -> tuple[PlanarParameters, PlanarState]:
     return parameters, state
 
 
-def travel(
-    parameters: PlanarParameters, state: PlanarState, stiffness: float | jax.Array
-) -> jax.Array:
-    """Return how far the robot is ahead after a second at a rising speed, m."""
+def drive(parameters: PlanarParameters, state: PlanarState, stiffness: float) -> jax.Array:
+    """Return the forward position after a second of rising speed, m."""
     carpet = parameters.carpet
-    soft = 1 / (carpet.radius**2 * stiffness)
-    parameters = parameters._replace(carpet=carpet._replace(creep_compliance=soft))
-    inputs, none = jax.tree.map(jnp.asarray, make_undisturbed_inputs(1)), jnp.zeros(1)
+    carpet = carpet._replace(creep_compliance=1 / (carpet.radius**2 * stiffness))
+    parameters = parameters._replace(carpet=carpet)
+    inputs = jax.tree.map(jnp.asarray, make_undisturbed_inputs(1))
+    zero = jnp.zeros(1)
 
-    def frame(state: PlanarState, speed: jax.Array) -> tuple[PlanarState, None]:
-        command = FirmwareCommand(speed[None], none, none, jnp.ones(1, bool))
-        return advance_frame(parameters, state, command, inputs)[0], None
+    def step(state: PlanarState, speed: jax.Array) -> tuple[PlanarState, None]:
+        command = FirmwareCommand(speed[None], zero, zero, jnp.ones(1, bool))
+        state, _ = advance_frame(parameters, state, command, inputs)
+        return state, None
 
-    state, _ = jax.lax.scan(frame, state, jnp.linspace(0.0, 2.0, FRAMES))
+    state, _ = jax.lax.scan(step, state, jnp.linspace(0.0, 2.0, N_FRAMES))
     return state.body.x[0]
 
 
 def main() -> None:
-    """Print the stiffness after each step of Newton's method."""
+    """Print the creep stiffness after each step of Newton's method."""
     with jax.enable_x64(True):
-        drive = partial(travel, *robot())
-        # One number is differentiated: forwards is cheaper than `jax.grad`.
-        value_and_slope = jax.jit(lambda stiffness: jax.jvp(drive, (stiffness,), (1.0,)))
-        measured, _ = value_and_slope(TRUE_STIFFNESS)
-        stiffness = 3.5
-        for step in range(6):
-            value, slope = value_and_slope(stiffness)
+        drive_robot = partial(drive, *make_robot())
+        # For a derivative by one parameter, forward mode is cheaper than `jax.grad`.
+        position_and_slope = jax.jit(lambda stiffness: jax.jvp(drive_robot, (stiffness,), (1.0,)))
+        measured_position, _ = position_and_slope(TRUE_STIFFNESS)
+        stiffness = INITIAL_GUESS
+        for iteration in range(6):
+            position, slope = position_and_slope(stiffness)
+            error_mm = 1e3 * (position - measured_position)
             print(
-                f"step {step}: creep stiffness {stiffness:.4f}, {1e3 * (value - measured):+.3f} mm off"
+                f"step {iteration}: creep stiffness {stiffness:.4f}, position error "
+                f"{error_mm:+.3f} mm"
             )
-            stiffness = float(stiffness + (measured - value) / slope)
-    print(f"found {stiffness:.3f}, true {TRUE_STIFFNESS:.3f}")
+            stiffness = float(stiffness + (measured_position - position) / slope)
+    print(f"identified {stiffness:.3f}, true {TRUE_STIFFNESS:.3f}")
 
 
 if __name__ == "__main__":

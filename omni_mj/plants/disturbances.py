@@ -1,4 +1,9 @@
-"""Random disturbances drawn anew in each frame: push forces and errors of the gyros."""
+"""Random disturbances drawn anew in each frame: push forces and errors of the gyros.
+
+Each robot has its own random streams, which depend on its seed only. Push forces are the
+disturbance of table 4 in the paper as a force: uniform within an amplitude, per axis and frame.
+The error of a gyro is a constant bias, drawn once, and white noise, both normal.
+"""
 
 from collections.abc import Sequence
 
@@ -38,11 +43,18 @@ class Disturbances:
         )
 
     def draw_push_force(self) -> Array:
-        """Draw the forces on the chassis in the next frame, uniform per axis, (n, 2) N."""
+        """Draw the forces on the chassis in the next frame, world frame, (n, 2) N."""
         if not self._has_force:
             return np.zeros((len(self._max_force), 2))
         return np.asarray(self._max_force * self._uniform_noise.next())
 
     def draw_gyro_error(self, bias: Array) -> Array:
-        """Draw the gyros' errors in the next frame, (n,) rad/s, around a `bias` (n, 1) in rad/s."""
+        """Draw the errors of the gyros in the next frame.
+
+        Args:
+            bias: Constant part, (n, 1) rad/s; `gyro_bias` and that of faults.
+
+        Returns:
+            Errors, (n,) rad/s.
+        """
         return np.asarray(bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]

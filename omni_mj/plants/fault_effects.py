@@ -203,12 +203,12 @@ def _zero(_: Any) -> float:
     return 0.0
 
 
-def _compute_push_force(push: Any) -> Array:
-    return np.asarray(push.force_n * _unit_vector(push.direction_deg))
+def _compute_push_force(fault: Any) -> Array:
+    return np.asarray(fault.force_n * _unit_vector(fault.direction_deg))
 
 
-def _compute_slope(tilt: Any) -> Array:
-    return np.asarray(np.sin(np.radians(tilt.angle_deg)) * _unit_vector(tilt.direction_deg))
+def _compute_slope(fault: Any) -> Array:
+    return np.asarray(np.sin(np.radians(fault.angle_deg)) * _unit_vector(fault.direction_deg))
 
 
 def _unit_vector(direction_deg: float) -> Array:

@@ -12,21 +12,15 @@ from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import world_batch
+from omni_mj.plants.carpet_forces import CarpetForces, scale_creep_for_mujoco
 from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.mjdata_views import RobotViews
 from omni_mj.plants.telemetry import Telemetry
 from omni_mj.plants.wheeled_plant import WheeledPlant, transpose
-from omni_mj.robot.array_ops import rotate, stack_records
-from omni_mj.robot.carpet import (
-    DRAG_CYCLES,
-    CarpetParameters,
-    ChassisMotion,
-    Drag,
-    compute_drag,
-    compute_torque_limit,
-    make_carpet_parameters,
-)
-from omni_mj.robot.firmware import CYCLES, set_heading
+from omni_mj.robot.array_ops import stack_records
+from omni_mj.robot.carpet import DRAG_CYCLES, CarpetParameters, make_carpet_parameters
+from omni_mj.robot.firmware import set_heading
+from omni_mj.robot.firmware_state import CYCLES
 from omni_mj.robot.onboard import (
     CycleRecord,
     OnboardParameters,
@@ -111,7 +105,7 @@ class MujocoPlant(WheeledPlant):
         has_two_rollers = wheels.model == "two-rollers"
         self._roller_pitch = 2 * np.pi / wheels.rollers if has_two_rollers else None
         self._make_parameters()
-        self._drag: Drag
+        self._carpet_forces = CarpetForces(self._views)
         self._cycle = 0  # in the frame
         self._records = list[CycleRecord]()
         # Headings of vision that arrived in this frame, rad, and their ages in frames, (n,)
@@ -128,11 +122,8 @@ class MujocoPlant(WheeledPlant):
             transpose(self.variation.friction_factor),
             transpose(self.variation.wear),
         )
-        # Compliance Q over the inverse inertia A of the slip hinges; see `omni_mj.robot.carpet`
-        inverse_inertia = world.model.dof_invweight0[world.robots[0].slip_dofs][:, None]
-        compliance = carpet.creep_compliance / (world.model.opt.timestep * inverse_inertia)
         onboard, state = self._initial_onboard
-        self.parameters = MujocoParameters(onboard, carpet._replace(creep_compliance=compliance))
+        self.parameters = MujocoParameters(onboard, scale_creep_for_mujoco(carpet, world))
         _, wheel_angle = self._sensor_values
         count = np.floor(wheel_angle * onboard.firmware.counts_per_rad)
         self.onboard = state._replace(firmware=state.firmware._replace(encoder_count=count))
@@ -238,16 +229,16 @@ class MujocoPlant(WheeledPlant):
         )
         self._records.append(record)
         if is_drag_due:
-            motion = self._compute_motion()
-            self._drag = compute_drag(self.parameters.carpet, motion, load, wheel_angle)
-            views.wrench.set(self._compute_wrench(motion))
+            self._carpet_forces.update_drag(
+                self.parameters.carpet, self.onboard.inputs, load, wheel_angle
+            )
         motors = self.onboard.motors
         # MuJoCo's dcmotor has a constant resistance R in place of R + X |w|. This is the voltage
         # that drives the same current through it.
         views.voltage.set(
             motors.back_emf_constant * wheel_speed + record.current * motors.resistance
         )
-        self._set_slip_limits(load)
+        self._carpet_forces.set_slip_limits(load)
 
     def _after_step(self, is_first: bool, is_last: bool) -> None:
         """Read sensors and update slip hinges after the first or last physics step of a cycle."""
@@ -258,43 +249,11 @@ class MujocoPlant(WheeledPlant):
         if self._roller_pitch is not None:
             self._views.wrap_rollers(self._roller_pitch)
         if not is_last:
-            self._set_slip_limits(self._views.load.get())
+            self._carpet_forces.set_slip_limits(self._views.load.get())
 
     def _read_sensors(self) -> None:
         """Store gyro, (n,) rad/s, and encoders, (W, n) rad."""
         self._sensor_values = self._views.gyro.get()[0], self._views.encoders.get()
-
-    def _compute_motion(self) -> ChassisMotion:
-        """Return the motion of the centers of the wheels, for robots that stand upright."""
-        x, y, _, w, _, _, z = self._views.pose.get()
-        velocity_x, velocity_y, _, _, _, turn_rate = self._views.velocity.get()
-        cosine = w * w - z * z
-        sine = 2 * w * z
-        forward_velocity, sideways_velocity = rotate(velocity_x, velocity_y, cosine, -sine)
-        return ChassisMotion(x, y, cosine, sine, forward_velocity, sideways_velocity, turn_rate)
-
-    def _compute_wrench(self, motion: ChassisMotion) -> Array:
-        """Return the wrench of drag and pushes on the chassis, world frame, (6, n) N and N m."""
-        drag = self._drag
-        inputs = self.onboard.inputs
-        x, y = rotate(drag.forward_force, drag.sideways_force, motion.cosine, motion.sine)
-        center_x, center_y, height = self._views.center_of_mass
-        moment = drag.moment - center_x * drag.sideways_force + center_y * drag.forward_force
-        force_x = x + inputs.push_force_x
-        force_y = y + inputs.push_force_y
-        return np.stack([force_x, force_y, 0 * moment, height * y, -height * x, moment])
-
-    def _set_slip_limits(self, load: Array) -> None:
-        """Write Coulomb's limits and the impedances of creep to the slip hinges.
-
-        Args:
-            load: Normal forces, (W, n) N.
-        """
-        limit, positive_load = compute_torque_limit(self._drag.torque_per_load, load)
-        self._views.slip_limit.set(limit)
-        # d = A / (A + Q), see `omni_mj.robot.carpet`
-        impedance = positive_load / (positive_load + self._drag.slip_compliance)
-        self._views.slip_impedance.set(impedance)
 
     def _reset_worlds(self, worlds: np.ndarray) -> None:
         """Put the robots of some worlds to their start poses, at rest, and read their sensors."""
@@ -321,17 +280,17 @@ class MujocoPlant(WheeledPlant):
 
     def _stop_failed_rows(self) -> dict[int, str]:
         """Stop the rows that became unstable or toppled, and return them with the causes."""
-        causes: dict[int, str] = {}
+        failures: dict[int, str] = {}
         for warning, counts in zip(INSTABILITY_WARNINGS, self._warning_counts.T, strict=True):
             is_unstable = np.repeat(counts > 0, self._robots_per_world) & ~self._failed
             cause = f"became unstable (MuJoCo: {warning.name})"
-            causes = dict.fromkeys(np.flatnonzero(is_unstable).tolist(), cause) | causes
-        unstable_rows = list(causes)
+            failures = dict.fromkeys(np.flatnonzero(is_unstable).tolist(), cause) | failures
+        unstable_rows = list(failures)
         toppled_rows = np.flatnonzero(self._find_toppled() & ~self._failed)
-        causes |= {row: "toppled over" for row in toppled_rows.tolist() if row not in causes}
-        if causes:
-            self._stop_rows(list(causes), unstable_rows)
-        return causes
+        failures |= {row: "toppled over" for row in toppled_rows.tolist() if row not in failures}
+        if failures:
+            self._stop_rows(list(failures), unstable_rows)
+        return failures
 
     def _stop_rows(self, rows: list[int], unstable_rows: list[int]) -> None:
         """Switch rows off, and step worlds without a living robot no more.

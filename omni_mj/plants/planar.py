@@ -1,4 +1,7 @@
-"""The plant `planar`: robots in the plane, on wheels that creep and slide (docs/explanation/planar-plant.md)."""
+"""The plant `planar`: robots in the plane, on wheels that creep and slide.
+
+The equations are in `omni_mj.robot.planar_body` and docs/explanation/planar-plant.md.
+"""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -18,8 +21,14 @@ from omni_mj.plants.wheeled_plant import WheeledPlant, transpose
 from omni_mj.robot.array_ops import rotate, select
 from omni_mj.robot.backends import JaxBackend, NumpyBackend
 from omni_mj.robot.carpet import make_carpet_parameters
-from omni_mj.robot.planar_body import BodyParameters, BodyState
-from omni_mj.robot.planar_frame import FrameReport, PlanarParameters, PlanarState, advance_frame
+from omni_mj.robot.planar_frame import advance_frame
+from omni_mj.robot.planar_state import (
+    BodyParameters,
+    BodyState,
+    FrameReport,
+    PlanarParameters,
+    PlanarState,
+)
 
 
 class PlanarPlant(WheeledPlant, ChangeableBodies):
@@ -113,20 +122,20 @@ class PlanarPlant(WheeledPlant, ChangeableBodies):
             return {}
         toppled_rows = np.flatnonzero(report.topples & ~self._failed).tolist()
         unstable_rows = np.flatnonzero(is_unstable & ~self._failed).tolist()
-        causes = dict.fromkeys(
+        failures = dict.fromkeys(
             toppled_rows, "would topple over, which the plant planar does not simulate"
         )
-        causes |= dict.fromkeys(unstable_rows, "became unstable: its pose is not a number")
+        failures |= dict.fromkeys(unstable_rows, "became unstable: its pose is not a number")
         self._failed = self._failed | is_unstable | report.topples
         self._stop_robots(self._failed, previous_pose)
-        return causes
+        return failures
 
     def set_payloads(self, payloads: Iterable[Payload]) -> None:
         """See `ChangeableBodies`. The centers of the wheels keep their poses and velocities."""
         self._payloads = list(payloads)
         old = self.parameters.body
         new = self._rebuild_bodies()
-        # Shift of the center of mass, robot frame
+        # Shift of the center of mass, body frame
         shift_x = old.center_x - new.center_x
         shift_y = old.center_y - new.center_y
         state: Any = self._backend.state

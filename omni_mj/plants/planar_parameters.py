@@ -28,9 +28,9 @@ from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.fault_effects import Payload
 from omni_mj.plants.planar_wheel import SPEEDS_RAD_S, WheelResponse, interpolate_response
 from omni_mj.robot.array_ops import sum_wheels
-from omni_mj.robot.firmware import CYCLE_S
+from omni_mj.robot.firmware_state import CYCLE_S
 from omni_mj.robot.motors import Motor
-from omni_mj.robot.planar_body import BodyParameters
+from omni_mj.robot.planar_state import BodyParameters
 
 # Damping of a roller's contact along the carpet
 CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ
@@ -43,15 +43,15 @@ class RigidBodies(NamedTuple):
     """n rigid bodies."""
 
     mass: Array  # (n,) kg
-    center: Array  # center of mass, robot frame from the center of the wheels, (n, 3) m
+    center: Array  # center of mass, body frame from the center of the wheels, (n, 3) m
     inertia: Array  # about the vertical axis through the center of mass, (n,) kg m^2
 
-    def combine(self, other: "RigidBodies") -> "RigidBodies":
+    def combine(self, added: "RigidBodies") -> "RigidBodies":
         """Return both together, by the parallel axis theorem with the reduced mass."""
-        mass = self.mass + other.mass
-        first_moment = self.mass[:, None] * self.center + other.mass[:, None] * other.center
-        squared_distance = ((self.center - other.center)[:, :2] ** 2).sum(1)
-        inertia = self.inertia + other.inertia + self.mass * other.mass / mass * squared_distance
+        mass = self.mass + added.mass
+        first_moment = self.mass[:, None] * self.center + added.mass[:, None] * added.center
+        squared_distance = ((self.center - added.center)[:, :2] ** 2).sum(1)
+        inertia = self.inertia + added.inertia + self.mass * added.mass / mass * squared_distance
         return RigidBodies(mass, first_moment / mass[:, None], inertia)
 
 
@@ -217,7 +217,7 @@ class PlanarBodyBuilder:
         return sum_wheels(rims + roller_mass * axle_jacobian[:, None] * axle_jacobian)
 
     def _compute_roller_drag(self, wheel: WheelResponse) -> tuple[Array, Array, Array]:
-        """Return `roller_drag`, `spin_up` and `spin_up_speed` of `BodyParameters`; see the module."""
+        """Return roller_drag, spin_up and spin_up_speed of `BodyParameters`; see the module."""
         bearing_damping = gather(self._settings, "drivetrain.roller_damping_nm_s")
         # Time in which a bearing brakes its roller until it comes down again, s
         lifted_s = 2 * np.pi / SPEEDS_RAD_S[0]
@@ -239,7 +239,7 @@ class PlanarBodyBuilder:
         )
 
     def _compute_edges(self, contact_x: Array, contact_y: Array) -> Array:
-        """Return the edges of the wheels' polygon, counter-clockwise from each contact, (2, W, n)."""
+        """Return the edge of the wheels' polygon from each contact counter-clockwise, (2, W, n) m."""
         contact = np.stack([contact_x, contact_y])
         edges = np.zeros_like(contact)
         order = self._wheel_order

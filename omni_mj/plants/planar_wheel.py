@@ -48,7 +48,7 @@ class WheelResponse(NamedTuple):
     # come down
     inverse_square: Array
     inverse_square_down: Array
-    rolling_loss: Array  # this and the following: see `omni_mj.robot.planar_body.BodyParameters`
+    rolling_loss: Array  # this and the following: see `omni_mj.robot.planar_state.BodyParameters`
     rolling_loss_fade: Array
     lift: Array
     lift_fade: Array
@@ -57,10 +57,16 @@ class WheelResponse(NamedTuple):
 
 
 def interpolate_response(wheels: WheelSettings, load: Array) -> WheelResponse:
-    """Return the response of wheels under normal forces (W, n) in N, interpolated over log force."""
+    """Return the response of wheels, interpolated over the logarithm of the normal force.
+
+    Args:
+        wheels: Geometry of the wheels and rollers.
+        load: Normal forces, (W, n) N.
+    """
     log_load = np.log(np.maximum(load, _LOADS_N[0]))
-    table = _tabulate_response(wheels)
-    return WheelResponse(*(np.interp(log_load, np.log(_LOADS_N), values) for values in table.T))
+    log_loads = np.log(_LOADS_N)
+    fields = _tabulate_response(wheels).T
+    return WheelResponse(*(np.interp(log_load, log_loads, values) for values in fields))
 
 
 @lru_cache(maxsize=16)
@@ -127,5 +133,5 @@ def _compute_response(wheels: WheelSettings, load: float) -> WheelResponse:
 def _fit_fade(slow: float, fast: float) -> tuple[float, float]:
     """Return a and b of a / (1 + b w), which has these values at the slow and the fast speed."""
     slow_speed, fast_speed = SPEEDS_RAD_S
-    fade = (slow - fast) / (fast_speed * fast - slow_speed * slow)
-    return slow * (1 + slow_speed * fade), fade
+    fade_s = (slow - fast) / (fast_speed * fast - slow_speed * slow)
+    return slow * (1 + slow_speed * fade_s), fade_s

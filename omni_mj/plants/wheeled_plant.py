@@ -11,7 +11,7 @@ from omni_mj.plants.disturbances import Disturbances
 from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.fault_effects import ChangeableBodies, FaultEffects
 from omni_mj.plants.telemetry import Telemetry
-from omni_mj.robot.firmware import FirmwareCommand
+from omni_mj.robot.firmware_state import FirmwareCommand
 from omni_mj.robot.onboard import (
     CycleRecord,
     FrameInputs,

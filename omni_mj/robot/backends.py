@@ -4,9 +4,9 @@ A backend stores parameters and state of n robots, and runs functions
 
     (parameters, state, *inputs) -> (state, outputs).
 
-To pass an array to a compiled program costs 1 to 3 us, and a state has sixty arrays. So `JaxBackend`
-packs parameters, state and inputs into one array each, and unpacks state and outputs. A frame of
-one robot takes half the time. Batches are padded with copies of the last robot to a few sizes,
+To pass an array to a compiled program costs 1 to 3 us, and a state has sixty arrays. So
+`JaxBackend` packs parameters, state and inputs into one array each, and unpacks state and outputs.
+A frame of one robot takes half the time. Batches are padded with copies of the last robot to a few sizes,
 because every new size compiles anew.
 """
 
@@ -114,7 +114,7 @@ def make_unpack(structure: Any, shapes_and_types: tuple[ShapeAndType, ...]) -> U
 
 
 def pack(tree: Any, xp: Any = np) -> tuple[Any, Unpack]:
-    """Concatenate the arrays of NamedTuples to one (size,); return the function to unpack it too."""
+    """Return the arrays of NamedTuples as one array (size,), and the function that unpacks it."""
     import jax
 
     leaves, structure = jax.tree.flatten(tree)
@@ -124,7 +124,7 @@ def pack(tree: Any, xp: Any = np) -> tuple[Any, Unpack]:
 
 
 class JaxBackend:
-    """A backend that compiles functions with JAX; see the module. Its interface is `NumpyBackend`'s."""
+    """A backend that compiles functions with JAX; see the module and `NumpyBackend`."""
 
     def __init__(self, parameters: Any, state: Any) -> None:
         _set_up_jax()

@@ -30,7 +30,10 @@ class BatteryParameters(NamedTuple):
 
 
 class BatterySource(NamedTuple):
-    """Thevenin equivalent of n batteries in a frame, (n,). A battery that is off shorts the motors."""
+    """Thevenin equivalent of n batteries in a frame, (n,).
+
+    A battery that is off shorts the motors.
+    """
 
     open_circuit_voltage: Array  # V
     resistance: Array  # ohm

@@ -61,7 +61,7 @@ class CarpetParameters(NamedTuple):
     # X, y and radius in m, and friction coefficient, (patches, 4, n). Where patches overlap, the
     # last one counts. None if there are none.
     patches: Array
-    pile_drag: Array  # p: rolling resistance over normal force
+    rolling_resistance: Array  # p: rolling resistance over normal force
     nap: Array  # relative rise of p straight against the fibers; None if no fibers lean
     fiber_x: Array  # direction straight against the fibers, world frame
     fiber_y: Array
@@ -74,7 +74,7 @@ class CarpetParameters(NamedTuple):
     creep_compliance: Array
     radius: Array  # of the wheels, (W, n) m
     arm: Array  # from the center of the wheels to where they touch, m
-    axle_x: Array  # directions of the axles, robot frame, (W, n)
+    axle_x: Array  # directions of the axles, body frame, (W, n)
     axle_y: Array
 
 
@@ -85,7 +85,7 @@ class ChassisMotion(NamedTuple):
     y: Array
     cosine: Array  # of the heading
     sine: Array
-    forward_velocity: Array  # robot frame, m/s
+    forward_velocity: Array  # body frame, m/s
     sideways_velocity: Array
     turn_rate: Array  # rad/s
 
@@ -93,7 +93,7 @@ class ChassisMotion(NamedTuple):
 class Drag(NamedTuple):
     """Drag of carpet and bearings, and limits of traction, until they are computed again."""
 
-    forward_force: Array  # robot frame, (n,) N
+    forward_force: Array  # body frame, (n,) N
     sideways_force: Array
     moment: Array  # about the center of the wheels, (n,) N m
     slip_compliance: (
@@ -115,13 +115,13 @@ def make_carpet_parameters(
         wear: Loss of each wheel's radius, (W, n) m.
     """
     names = "rolling_resistance", "nap", "nap_direction_deg", "friction"
-    pile, nap, direction, friction = (gather(settings, f"carpet.{name}") for name in names)
+    rolling_resistance, nap, direction, friction = (gather(settings, f"carpet.{name}") for name in names)
     radius = kinematics.radius - wear
     axle_x, axle_y, _ = kinematics.axles.T[..., None] * np.ones(len(settings))
     return CarpetParameters(
         friction=friction,
         patches=stack_patches([s.carpet.patches for s in settings]),
-        pile_drag=pile,
+        rolling_resistance=rolling_resistance,
         nap=nap if nap.any() else None,
         fiber_x=np.cos(np.radians(direction)),
         fiber_y=np.sin(np.radians(direction)),
@@ -181,14 +181,14 @@ def compute_drag(
         / xp.maximum(abs(axle_speed), AT_REST_M_S)
         * axle_speed
     )
-    pile_drag = p.pile_drag
+    rolling_resistance = p.rolling_resistance
     if p.nap is not None:
         fiber_x, fiber_y = rotate(p.fiber_x, p.fiber_y, motion.cosine, -motion.sine)
         travel_x = axle_direction * p.axle_x - rim_direction * p.axle_y
         travel_y = axle_direction * p.axle_y + rim_direction * p.axle_x
-        pile_drag = p.pile_drag * (1 + p.nap * (travel_x * fiber_x + travel_y * fiber_y))
-    axle_force = load * (pile_drag * axle_direction + bearing_drag)
-    rim_force = load * (pile_drag * rim_direction)
+        rolling_resistance = p.rolling_resistance * (1 + p.nap * (travel_x * fiber_x + travel_y * fiber_y))
+    axle_force = load * (rolling_resistance * axle_direction + bearing_drag)
+    rim_force = load * (rolling_resistance * rim_direction)
     rim_friction = safe_sqrt(friction * friction - bearing_drag * bearing_drag)
     return Drag(
         forward_force=-sum_wheels(axle_force * p.axle_x - rim_force * p.axle_y),

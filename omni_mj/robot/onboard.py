@@ -18,17 +18,19 @@ from omni_mj.robot.battery import (
     make_source,
 )
 from omni_mj.robot.firmware import (
-    FirmwareCommand,
-    FirmwareParameters,
-    FirmwareState,
     accept_command,
     correct_heading,
     derate_motors,
-    make_firmware_parameters,
-    make_firmware_state,
     run_wheel_loops,
     set_encoder_scale,
     switch_processors,
+)
+from omni_mj.robot.firmware_state import (
+    FirmwareCommand,
+    FirmwareParameters,
+    FirmwareState,
+    make_firmware_parameters,
+    make_firmware_state,
 )
 from omni_mj.robot.motors import (
     MotorParameters,

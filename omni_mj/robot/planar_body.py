@@ -14,7 +14,7 @@ axles, and with the other forces F,
 
     (M / h + sum J J' / (S + G)) v = M v_before / h + F + sum J e / (S + G).
 
-A wheel whose torque would exceed Coulomb's limit has that limit. Vectors are in the robot's frame.
+A wheel whose torque would exceed Coulomb's limit has that limit. Vectors are in the body frame.
 In v_before the mass keeps its velocity in the world, so its direction turns in this frame. Rims and
 rollers keep their speeds, so theirs does not.
 
@@ -23,8 +23,6 @@ springs do. A wheel that turns carries more, and its normal force ripples as rol
 yields to the sum and the moments of both, so that wheels keep only the part that no motion of the
 body takes away.
 """
-
-from typing import NamedTuple
 
 from omni_mj.robot.array_ops import (
     Array,
@@ -39,11 +37,11 @@ from omni_mj.robot.array_ops import (
 from omni_mj.robot.carpet import (
     CarpetParameters,
     ChassisMotion,
-    Drag,
     compute_drag,
     compute_torque_limit,
 )
-from omni_mj.robot.firmware import CYCLE_S
+from omni_mj.robot.firmware_state import CYCLE_S
+from omni_mj.robot.planar_state import BodyParameters, BodyState, SlowForces
 
 # A wheel that starts to slide may let others slide. More than two such passes are rare.
 MAX_SLIDING_PASSES = 3
@@ -52,87 +50,8 @@ MAX_SLIDING_PASSES = 3
 STICTION_RETENTION = 1 - 400.0 * CYCLE_S
 
 
-class BodyParameters(NamedTuple):
-    """Bodies and wheels of n robots, (n,) unless another shape is given.
-
-    Positions are in the robot's frame, from the center of mass.
-    """
-
-    contact_x: Array  # where wheels touch the carpet, (W, n) m
-    contact_y: Array
-    edge_x: Array  # from there to the next wheel's contact counter-clockwise, (W, n) m
-    edge_y: Array
-    jacobian: Array  # J: rim speed per twist of the body, (3, W, n) 1/m, 1/m, 1
-    mass_rate: Array  # M / h: mass matrix over a cycle, (3, 3, n) kg/s, kg m/s and kg m^2/s
-    # Part of M due to rims and rollers, columns of the two velocities, (3, 2, n) kg and kg m
-    rolling_mass: Array
-    hub_gain: Array  # G: speed that a hub gains per torque in a cycle, rad/s / (N m)
-    hub_viscous_friction: Array  # N m s/rad
-    hub_dry_friction: Array  # (W, n) N m
-    contact_compliance: Array  # slip speed over torque of the contacts, (W, n) rad/s / (N m)
-    rolling_radius: Array  # from the axle to the carpet, (W, n) m
-    # Force along the axle over speed, roller_drag + spin_up |w| (1 - exp(-spin_up_speed / |w|)),
-    # (W, n) N s/m
-    roller_drag: Array
-    spin_up: Array
-    # Wheel speed at which rollers take on most of the carpet's speed, (W, n) rad/s
-    spin_up_speed: Array
-    # Torque of rolling resistance, rolling_loss w / (1 + rolling_loss_fade |w|), (W, n) N m
-    rolling_loss: Array
-    rolling_loss_fade: Array
-    # Normal force that turning adds to a wheel, lift w^2 / (1 + lift_fade |w|), (W, n) N
-    lift: Array
-    lift_fade: Array
-    # Ripple of the normal force as rollers pass, (ripple + ripple_growth |w|) times
-    # `compute_ripple_wave`, (W, n) N
-    ripple: Array
-    ripple_growth: Array
-    rollers_per_speed: Array  # rollers that pass in a cycle per rim speed, s/rad
-    center_x: Array  # center of the wheels, m
-    center_y: Array
-    push_x: Array  # point at which push forces act, m
-    push_y: Array
-    mass_height: Array  # center of mass above the carpet, m
-    push_height: Array  # point at which push forces act above the center of mass, m
-    static_load: Array  # normal force of each wheel at rest, (W, n) N
-    # Normal forces of the wheels for a vertical force and two moments, (3, W, n) 1, 1/m, 1/m
-    load_distribution: Array
-    slope_force_x: Array  # gravity along the carpet, world frame, N
-    slope_force_y: Array
-
-
-class BodyState(NamedTuple):
-    """Bodies and wheels of n robots, (n,) unless another shape is given."""
-
-    x: Array  # center of mass, world frame, m
-    y: Array
-    heading: Array  # rad
-    cosine: Array  # of the heading
-    sine: Array
-    twist: Array  # robot frame, (3, n) m/s, m/s, rad/s
-    gyro_rate: Array  # turn rate at the gyro, one cycle old, rad/s
-    hub_angle: Array  # (W, n) rad
-    encoder_angle: Array  # hub angle at the encoders, one cycle old, (W, n) rad
-    hub_speed: Array  # (W, n) rad/s
-    rim_speed: Array  # (W, n) rad/s
-    torque: Array  # t: of the rubber between hub and rim, (W, n) N m
-    load: Array  # normal force, (W, n) N
-    passed_rollers: Array  # rollers of each wheel that have passed so far, (W, n)
-    tilting_moment: Array  # about -y and x, summed over the cycles of a frame, (2, n) N m
-
-
-class SlowForces(NamedTuple):
-    """Forces computed every `DRAG_CYCLES` cycles; (n,) unless another shape is given."""
-
-    drag: Drag
-    force: Array  # F: all but the wheels' traction, and its moment, (3, n) N and N m
-    tilting_moment: Array  # of drag and pushes, (2, n) N m
-    lift: Array  # normal force that turning adds, (W, n) N
-    ripple: Array  # amplitude of the normal force's ripple, (W, n) N
-
-
 def compute_slow_forces(
-    b: BodyParameters,
+    p: BodyParameters,
     carpet: CarpetParameters,
     s: BodyState,
     push_force_x: Array,
@@ -141,36 +60,36 @@ def compute_slow_forces(
     """Compute drag, pushes, the force of a slope, and the forces of rollers on their wheels.
 
     Args:
-        b: Parameters of the bodies.
+        p: Parameters of the bodies.
         carpet: Parameters of the carpet.
         s: State.
         push_force_x: Force on the chassis, world frame, (n,) N.
         push_force_y: See `push_force_x`.
     """
     xp = namespace(s.x)
-    drag = compute_drag(carpet, compute_center_motion(b, s), s.load, s.encoder_angle)
+    drag = compute_drag(carpet, compute_center_motion(p, s), s.load, s.encoder_angle)
     abs_speed = abs(s.rim_speed)
     # Rollers are spun up and braked along the axle, and pressed into the carpet as the wheel turns.
-    spun_up_fraction = 1 - xp.exp(-b.spin_up_speed / xp.maximum(abs_speed, 1.0))
-    axle_force = -(b.roller_drag + b.spin_up * abs_speed * spun_up_fraction) * drag.axle_speed
-    rolling_torque = -b.rolling_loss * s.rim_speed / (1 + b.rolling_loss_fade * abs_speed)
-    rim_force = rolling_torque / b.rolling_radius
+    spun_up_fraction = 1 - xp.exp(-p.spin_up_speed / xp.maximum(abs_speed, 1.0))
+    axle_force = -(p.roller_drag + p.spin_up * abs_speed * spun_up_fraction) * drag.axle_speed
+    rolling_torque = -p.rolling_loss * s.rim_speed / (1 + p.rolling_loss_fade * abs_speed)
+    rim_force = rolling_torque / p.rolling_radius
     roller_x, roller_y = rotate(axle_force, rim_force, carpet.axle_x, carpet.axle_y)
     ground_x = drag.forward_force + sum_wheels(roller_x)
     ground_y = drag.sideways_force + sum_wheels(roller_y)
     push_x, push_y = rotate(push_force_x, push_force_y, s.cosine, -s.sine)
-    slope_x, slope_y = rotate(b.slope_force_x, b.slope_force_y, s.cosine, -s.sine)
-    moment = drag.moment + b.center_x * drag.sideways_force - b.center_y * drag.forward_force
-    moment = moment + sum_wheels(b.contact_x * roller_y - b.contact_y * roller_x)
-    moment = moment + b.push_x * push_y - b.push_y * push_x
-    tilting_x = b.mass_height * ground_x - b.push_height * push_x
-    tilting_y = b.mass_height * ground_y - b.push_height * push_y
+    slope_x, slope_y = rotate(p.slope_force_x, p.slope_force_y, s.cosine, -s.sine)
+    moment = drag.moment + p.center_x * drag.sideways_force - p.center_y * drag.forward_force
+    moment = moment + sum_wheels(p.contact_x * roller_y - p.contact_y * roller_x)
+    moment = moment + p.push_x * push_y - p.push_y * push_x
+    tilting_x = p.mass_height * ground_x - p.push_height * push_x
+    tilting_y = p.mass_height * ground_y - p.push_height * push_y
     return SlowForces(
         drag=drag,
         force=xp.stack([ground_x + push_x + slope_x, ground_y + push_y + slope_y, moment]),
         tilting_moment=xp.stack([tilting_x, tilting_y]),
-        lift=b.lift * abs_speed * abs_speed / (1 + b.lift_fade * abs_speed),
-        ripple=b.ripple + b.ripple_growth * abs_speed,
+        lift=p.lift * abs_speed * abs_speed / (1 + p.lift_fade * abs_speed),
+        ripple=p.ripple + p.ripple_growth * abs_speed,
     )
 
 

@@ -1,53 +1,26 @@
 """A frame of the plant `planar`: firmware, motors and the body in the plane, as a pure function."""
 
-from typing import NamedTuple
-
 from omni_mj.robot.array_ops import Array, namespace, rotate, scan, sum_wheels
-from omni_mj.robot.carpet import DRAG_CYCLES, CarpetParameters
-from omni_mj.robot.firmware import CYCLES, FirmwareCommand
+from omni_mj.robot.carpet import DRAG_CYCLES
+from omni_mj.robot.firmware_state import CYCLES, FirmwareCommand
 from omni_mj.robot.onboard import (
     CycleRecord,
     FrameInputs,
-    OnboardParameters,
-    OnboardState,
     begin_frame,
     end_frame,
     receive_command,
     run_cycle,
     stack_telemetry,
 )
-from omni_mj.robot.planar_body import (
+from omni_mj.robot.planar_body import advance_body, compute_center_motion, compute_slow_forces
+from omni_mj.robot.planar_state import (
     BodyParameters,
     BodyState,
+    FrameReport,
+    PlanarParameters,
+    PlanarState,
     SlowForces,
-    advance_body,
-    compute_center_motion,
-    compute_slow_forces,
 )
-
-
-class PlanarParameters(NamedTuple):
-    """Parameters of n robots on the plant `planar`."""
-
-    onboard: OnboardParameters
-    carpet: CarpetParameters
-    body: BodyParameters
-
-
-class PlanarState(NamedTuple):
-    """State of n robots on the plant `planar`."""
-
-    onboard: OnboardState
-    body: BodyState
-
-
-class FrameReport(NamedTuple):
-    """Motion and telemetry at the end of a frame, (n,) unless another shape is given."""
-
-    pose: Array  # of the center of the wheels, world frame, (3, n) m, m, rad
-    twist: Array  # world frame, (3, n) m/s, m/s, rad/s
-    topples: Array  # whether the robot would topple
-    telemetry: Array  # (10 W + 4, n), see `omni_mj.plants.telemetry.Telemetry`
 
 
 def advance_frame(

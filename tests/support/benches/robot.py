@@ -10,7 +10,7 @@ from omni_mj.config import robot_files
 from omni_mj.config.motor_settings import MotorSettings
 from omni_mj.config.robot_files import builtin
 from omni_mj.config.settings import Settings
-from omni_mj.robot import battery, carpet, firmware, motors, onboard
+from omni_mj.robot import battery, carpet, firmware, firmware_state, motors, onboard
 from omni_mj.robot.backends import JaxBackend
 from omni_mj.simulation.simulation import Simulation
 
@@ -43,10 +43,10 @@ def carried(settings: list[Settings], heading: float = 0.0, restarts: bool = Fal
 
 def command(
     x: float = 0.0, y: float = 0.0, turn: float = 0.0, n: int = 1, **more: Any
-) -> firmware.FirmwareCommand:
+) -> firmware_state.FirmwareCommand:
     """One command for all robots."""
     values = [np.full(n, each) for each in (x, y, turn)]
-    return firmware.FirmwareCommand(*values, np.ones(n, bool))._replace(**more)
+    return firmware_state.FirmwareCommand(*values, np.ones(n, bool))._replace(**more)
 
 
 class Firmware:
@@ -176,8 +176,8 @@ def drag(
     )
 
 
-def programs_of(simulation: Simulation) -> bool:
-    """Whether compiled programs drive a simulation's robots."""
+def uses_jax(simulation: Simulation) -> bool:
+    """Return whether JAX computes a simulation's robots."""
     return isinstance(getattr(simulation.plant, "_backend", None), JaxBackend)
 
 

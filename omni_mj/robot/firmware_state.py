@@ -1,0 +1,162 @@
+"""Parameters, commands and state of the firmware; its functions are in `omni_mj.robot.firmware`."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from omni_control.kinematics import Kinematics
+from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings, gather
+from omni_mj.robot.array_ops import Array
+from omni_mj.robot.motors import Motor
+
+CYCLE_S = 1 / CYCLE_RATE_HZ
+CYCLES = round(PERIOD_S * CYCLE_RATE_HZ)  # in a camera frame
+# Current limit over the nominal current at which derating begins. It falls linearly to zero at the
+# winding's temperature limit.
+DERATING_CURRENT_RATIO = 2.0
+
+
+class FirmwareParameters(NamedTuple):
+    """Gains and nominal values of the firmware, (n,) unless another shape is given."""
+
+    cycles_per_run: Array  # from one run of the loops to the next; None if all run in every cycle
+    period: Array  # between runs, s
+    timeout_cycles: Array  # cycles without a new command after which the robot halts
+    heading_gain: Array  # fraction of the difference to vision's heading corrected in a frame
+    gyro_bias_gain: Array  # correction of the gyro's bias for that difference, 1/s
+    turn_rate_gain: Array  # of the turn-rate loop
+    counts_per_rad: Array  # of the encoders, at the wheel
+    kp: Array  # V s/rad
+    ki: Array  # V/rad; None if no robot has an integral or derivative term
+    kd: Array  # V s^2/rad; None as ki
+    feedforward: Array  # voltage per desired wheel speed, V s/rad
+    nominal_back_emf_constant: Array  # by the data sheet, at the wheel, V s/rad
+    nominal_resistance: Array  # by the data sheet, ohm
+    nominal_voltage: Array  # of the battery, V
+    # Winding temperature at which derating leaves no current, deg C; None if no robot derates
+    winding_limit: Array
+    derating_current: Array  # at which derating begins, A
+    wheel_per_forward: Array  # wheel speed per forward velocity, (W, n) rad/m
+    wheel_per_sideways: Array  # wheel speed per sideways velocity, (W, n) rad/m
+    wheel_per_turn: Array  # wheel speed per turn rate, (W, n)
+
+
+class FirmwareCommand(NamedTuple):
+    """Commands that the radio delivers, (n,) unless another shape is given."""
+
+    velocity_x: Array  # m/s
+    velocity_y: Array  # m/s
+    turn_rate: Array  # rad/s
+    is_new: Array  # whether it arrived in this frame
+    # Whether the velocity is in the body frame; None if all are in the world frame
+    in_body_frame: Array = None
+    # Speeds of the wheels in place of the velocity, (W, n) rad/s; NaN where there is none, None if
+    # there are none at all
+    wheel_speeds: Array = None
+
+
+class FirmwareState(NamedTuple):
+    """Memory of the firmware, (n,) unless another shape is given."""
+
+    heading: Array  # estimate, rad
+    cosine: Array  # of the heading
+    sine: Array
+    gyro_bias: Array  # estimate, rad/s
+    past_headings: Array  # ring buffer of the estimates at the beginning of frames, (frames, n) rad
+    halt_cycle: Array  # cycle from which the robot halts
+    speeds_at_0_deg: Array  # wheel speeds for the commanded velocity at heading 0, (W, n) rad/s
+    speeds_at_90_deg: Array  # the same at heading 90 degrees
+    turn_rate: Array  # commanded turn rate times 1 + turn_rate_gain, rad/s
+    encoder_count: Array  # at the last run, (W, n)
+    duty: Array  # of the drivers, (W, n) in [-1, 1]
+    in_body_frame: Array = None  # see `FirmwareCommand`
+    wheel_speeds: Array = None  # see `FirmwareCommand`
+    # Largest difference of a motor's voltage from its back-EMF, (W, n) V; None without derating
+    voltage_margin: Array = None
+    error_integral: Array = None  # of the wheels' speed error, (W, n) rad; None if `ki` is None
+    speed_error: Array = None  # of the wheels at the last run, (W, n) rad/s; None as error_integral
+    # Shown over true angle of the wheels, (W, n); None if no robot has faults
+    encoder_scale: Array = None
+    encoder_offset: Array = None  # shown angle at the true angle 0, (W, n) rad; None as the scale
+    is_off: Array = None  # whether the processor is off; None as the scale
+    # Whether the processor has restarted and waits for a heading from vision; None as the scale
+    lacks_heading: Array = None
+    ignores_commands: Array = None  # None as the scale
+
+
+def make_firmware_parameters(
+    settings: Sequence[Settings], kinematics: Kinematics
+) -> FirmwareParameters:
+    """Return the parameters of n robots with one wheel geometry."""
+    motors = [Motor.from_settings(s.motor) for s in settings]
+
+    def values(name: str) -> Array:
+        return gather(settings, f"firmware.{name}")
+
+    cycles = np.maximum(1.0, np.rint(1 / (values("rate_hz") * CYCLE_S)))
+    timeout = values("timeout_s")
+    back_emf_constant = gather(motors, "wheel_back_emf_constant")
+    has_integral = bool(values("ki").any() or values("kd").any())
+    derates = values("thermal_derating").astype(bool)
+    winding_limit = np.where(derates, gather(settings, "motor.max_winding_c"), np.inf)
+    wheel_per_twist = (kinematics.matrix.T / kinematics.radius)[..., None] * np.ones(len(settings))
+    encoder_counts = gather(settings, "sensors.encoder_counts")
+    return FirmwareParameters(
+        cycles_per_run=cycles if (cycles > 1).any() else None,
+        period=cycles * CYCLE_S,
+        timeout_cycles=np.where(timeout > 0, np.rint(timeout / CYCLE_S), np.inf),
+        heading_gain=values("heading_gain") * PERIOD_S,
+        gyro_bias_gain=values("gyro_bias_gain") * PERIOD_S,
+        turn_rate_gain=values("turn_rate_gain"),
+        counts_per_rad=encoder_counts * gather(motors, "gear_ratio") / (2 * np.pi),
+        kp=values("kp"),
+        ki=values("ki") if has_integral else None,
+        kd=values("kd") if has_integral else None,
+        feedforward=values("feed_forward") * back_emf_constant,
+        nominal_back_emf_constant=back_emf_constant,
+        nominal_resistance=gather(motors, "resistance"),
+        nominal_voltage=values("nominal_voltage_v"),
+        winding_limit=winding_limit if derates.any() else None,
+        derating_current=DERATING_CURRENT_RATIO * gather(settings, "motor.nominal_current_a"),
+        wheel_per_forward=wheel_per_twist[0],
+        wheel_per_sideways=wheel_per_twist[1],
+        wheel_per_turn=wheel_per_twist[2],
+    )
+
+
+def make_firmware_state(
+    p: FirmwareParameters, heading: Array, n_frames: int, has_faults: bool
+) -> FirmwareState:
+    """Return the state of robots that are switched on, with wheels at the angle zero.
+
+    Args:
+        p: Parameters.
+        heading: Heading at the start, (n,) rad.
+        n_frames: Length of the ring buffer of headings.
+        has_faults: Whether processors and encoders may fail in this run.
+    """
+    wheel_zeros = np.zeros_like(p.wheel_per_forward)
+    zeros = np.zeros_like(heading)
+    all_false = np.zeros(len(heading), bool)
+    return FirmwareState(
+        heading=heading.copy(),
+        cosine=np.cos(heading),
+        sine=np.sin(heading),
+        gyro_bias=zeros,
+        past_headings=np.tile(heading, (n_frames, 1)),
+        halt_cycle=p.timeout_cycles,
+        speeds_at_0_deg=wheel_zeros,
+        speeds_at_90_deg=wheel_zeros,
+        turn_rate=zeros,
+        voltage_margin=None if p.winding_limit is None else np.full_like(wheel_zeros, np.inf),
+        encoder_count=wheel_zeros,
+        error_integral=None if p.ki is None else wheel_zeros,
+        speed_error=None if p.ki is None else wheel_zeros,
+        duty=wheel_zeros,
+        encoder_scale=np.ones_like(wheel_zeros) if has_faults else None,
+        encoder_offset=wheel_zeros if has_faults else None,
+        is_off=all_false if has_faults else None,
+        lacks_heading=all_false if has_faults else None,
+        ignores_commands=all_false if has_faults else None,
+    )
