@@ -115,7 +115,9 @@ def make_carpet_parameters(
         wear: Loss of each wheel's radius, (W, n) m.
     """
     names = "rolling_resistance", "nap", "nap_direction_deg", "friction"
-    rolling_resistance, nap, direction, friction = (gather(settings, f"carpet.{name}") for name in names)
+    rolling_resistance, nap, direction, friction = (
+        gather(settings, f"carpet.{name}") for name in names
+    )
     radius = kinematics.radius - wear
     axle_x, axle_y, _ = kinematics.axles.T[..., None] * np.ones(len(settings))
     return CarpetParameters(
@@ -186,7 +188,9 @@ def compute_drag(
         fiber_x, fiber_y = rotate(p.fiber_x, p.fiber_y, motion.cosine, -motion.sine)
         travel_x = axle_direction * p.axle_x - rim_direction * p.axle_y
         travel_y = axle_direction * p.axle_y + rim_direction * p.axle_x
-        rolling_resistance = p.rolling_resistance * (1 + p.nap * (travel_x * fiber_x + travel_y * fiber_y))
+        rolling_resistance = p.rolling_resistance * (
+            1 + p.nap * (travel_x * fiber_x + travel_y * fiber_y)
+        )
     axle_force = load * (rolling_resistance * axle_direction + bearing_drag)
     rim_force = load * (rolling_resistance * rim_direction)
     rim_friction = safe_sqrt(friction * friction - bearing_drag * bearing_drag)
