@@ -165,7 +165,9 @@ def navigation() -> str:
 def settings() -> str:
     """Return a table of settings per section."""
     sections = groupby(catalog.rows("settings"), lambda row: row[0].partition(".")[0])
-    return "".join(f"\n## [{section}]\n\n" + _settings_table(rows) for section, rows in sections)
+    return "".join(
+        f"\n## [{section}]\n\n" + _settings_table(rows, "none") for section, rows in sections
+    )
 
 
 def faults() -> str:
@@ -173,11 +175,12 @@ def faults() -> str:
     text, rows = "\n## Fields of every fault\n\n", []
     for row in catalog.rows("faults"):
         if row[0].startswith("kind = "):
-            text += (_settings_table(rows) if rows else "") + f"\n### {row[0][7:]}\n\n{row[-1]}\n\n"
+            text += _settings_table(rows, "required")
+            text += f"\n## {row[0].removeprefix('kind = ')}\n\n{row[-1]}\n\n"
             rows = []
         else:
             rows.append(row)
-    return text + (_settings_table(rows) if rows else "")
+    return text + _settings_table(rows, "required")
 
 
 def scenarios() -> str:
@@ -228,12 +231,12 @@ def data_table(name: str, path: str) -> str:
     source = tomllib.loads((HERE / "data" / "sources.toml").read_text("utf-8"))[name]
     with (HERE / "data" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
         head, *rows = csv.reader(file)
-    commands = source["command"].strip().splitlines()
+    origin = "".join(f"    {line}\n" for line in source["command"].strip().splitlines())
+    note = f" {source['note']}" if "note" in source else ""
     return (
         f"**{source['title']}**\n\n"
         + _table(head, rows)
-        + f"\nData: [{name}.csv]({path}), made by:\n\n"
-        + "".join(f"    {line}\n" for line in commands)
+        + f"\nData: [{name}.csv]({path}).{note} Command:\n\n{origin}"
     )
 
 
@@ -241,13 +244,18 @@ def _named(rows: Iterable[Sequence[str]]) -> list[list[str]]:
     return [[f"`{name}`", description] for name, description in rows]
 
 
-def _settings_table(rows: Iterable[Sequence[str]]) -> str:
+def _settings_table(rows: Iterable[Sequence[str]], without_default: str) -> str:
     """Return settings as a table with the default and its unit in one column."""
     cells = [
-        [f"`{name.rpartition('.')[2].strip()}`", f"{default} {unit}".strip(), allowed, meaning]
+        [
+            f"`{name.rpartition('.')[2].strip()}`",
+            f"{default or without_default} {unit}".strip(),
+            allowed,
+            meaning,
+        ]
         for name, default, unit, allowed, meaning in rows
     ]
-    return _table(["name", "default", "allowed", "meaning"], cells)
+    return _table(["name", "default", "allowed", "meaning"], cells) if cells else ""
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -120,6 +120,28 @@ def test_options_and_settings_of_commands_exist(path: Path) -> None:
                 assert setting in names, (words, setting)
 
 
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_settings_in_a_text_exist(path: Path) -> None:
+    """Inline code of the form `section.field` names a setting, if it begins with a section."""
+    names = {setting.full for setting in every_setting()}
+    sections = {name.partition(".")[0] for name in names}
+    text = path.read_text(encoding="utf-8")
+    for name in re.findall(r"`([a-z]+\.[a-z0-9_]+)(?:[ =][^`]*)?`", text):
+        if name.partition(".")[0] in sections and not name.endswith((".py", ".toml", ".xml")):
+            assert name in names, name
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_lines_are_short(path: Path) -> None:
+    """Prose and code have at most 100 columns. Tables and links can be longer."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    long_lines = [
+        line for line in lines if len(line) > 100 and "|" not in line and "](" not in line
+    ]
+    assert not long_lines
+    assert path != ROOT / "README.md" or len(lines) <= 150
+
+
 def test_links_and_files_of_the_pages_exist() -> None:
     """Files of the repository that a page links or names exist."""
     for path in TEXTS:
