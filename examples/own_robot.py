@@ -1,4 +1,4 @@
-"""A team's computer on your own robot. Replace the simulated robot by your vision and your radio."""
+"""Run a team on your own robot. Replace the simulated robot by your vision and your radio."""
 
 from collections import deque
 
