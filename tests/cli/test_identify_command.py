@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import invoke, strict
-from synthetic import POSE, driven, write
+from synthetic_logs import POSE, make_log, write_csv
 
 import omni_mj as om
 
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    return write(tmp_path / "log.csv", driven(wheels=False))
+    return write_csv(tmp_path / "log.csv", make_log(wheels=False))
 
 
 def test_a_log_becomes_numbers_a_report_and_a_robot(
@@ -37,7 +37,7 @@ def test_a_log_becomes_numbers_a_report_and_a_robot(
 def test_what_is_no_log_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("log.txt", "log.parquet"):
         (tmp_path / name).write_text("time_s\n0\n")
-    short = write(tmp_path / "short.csv", {k: v[:100] for k, v in driven().items()})
+    short = write_csv(tmp_path / "short.csv", {k: v[:100] for k, v in make_log().items()})
     for words, says in (
         ((), "Missing argument"),
         ((tmp_path / "none.csv",), "there is no log"),
@@ -54,11 +54,11 @@ def test_what_is_no_log_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 def test_gaps_and_lines_without_a_pose_are_passed_over(log: Path, tmp_path: Path) -> None:
     """Half a second is missing, and one pose in ten: the latency is the same within five standard errors."""
-    columns = driven(wheels=False)
+    columns = make_log(wheels=False)
     lost = np.random.default_rng(0).random(len(columns["time_s"])) < 0.1
     columns |= {name: np.where(lost, np.nan, columns[name]) for name in POSE}
     there = (columns["time_s"] < 3.1) | (columns["time_s"] > 3.6)
-    write(log, {name: values[there] for name, values in columns.items()})
+    write_csv(log, {name: values[there] for name, values in columns.items()})
     assert invoke("identify", log, "--out", tmp_path / "out", "--quiet") == 0
     late = strict(tmp_path / "out" / "identify.json")["estimates"]["commands.latency_s"]
     assert late["value"] == pytest.approx(0.1, abs=5 * late["standard_error"])

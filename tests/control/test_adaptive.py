@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from benches.control import Array, Reference, make_controller
-from closed_loop import WHEELS, Creeping, T, loop, vision
+from closed_loop import WHEELS, CreepingPlant, T, make_vision_noise, run_team
 
 from omni_control import IteratedReference, MotionLimits, Team, TeamModel, TimedReference
 
@@ -28,10 +28,12 @@ def errors(record: dict[str, Array], route: TimedReference = ROUTE) -> tuple[Arr
 
 
 def driven(
-    name: str, robots: Creeping | None = None, delay: int = 6, **known: object
+    name: str, robots: CreepingPlant | None = None, delay: int = 6, **known: object
 ) -> tuple[Array, Array]:
     return errors(
-        loop(team(name, delay, **known), robots or Creeping(np.zeros((1, 3))), ROUTE.frames)
+        run_team(
+            team(name, delay, **known), robots or CreepingPlant(np.zeros((1, 3))), ROUTE.frames
+        )
     )
 
 
@@ -42,7 +44,7 @@ def test_what_knowledge_is_worth_and_what_learning_is_worth() -> None:
     teams = [team(name, **known) for known in ({}, wrong) for name in names]
     made = [one.controllers[0] for one in (team("comp-flc"), *teams)]
     start = np.zeros((len(made), 3))
-    distance, _ = errors(loop(Team(made, start), Creeping(start), ROUTE.frames))
+    distance, _ = errors(run_team(Team(made, start), CreepingPlant(start), ROUTE.frames))
     comp, *right = distance[:, :3].max(0)
     assert max(right) < comp / 3
     held, learned = distance[:, 3:].mean(0)
@@ -50,7 +52,7 @@ def test_what_knowledge_is_worth_and_what_learning_is_worth() -> None:
 
 
 def test_inverse_flc_learns_nothing() -> None:
-    record = loop(team("inverse-flc"), Creeping(np.zeros((1, 3))), 200)
+    record = run_team(team("inverse-flc"), CreepingPlant(np.zeros((1, 3))), 200)
     for name in ("alpha_hat", "latency", "creep", "friction", "velocity_disturbance"):
         assert np.ptp(record[name], axis=0).max() == 0, name
     assert record["alpha_sigma"].max() == 0
@@ -59,8 +61,10 @@ def test_inverse_flc_learns_nothing() -> None:
 def test_zeros_told_of_lag_creep_and_friction_are_unknown_not_none() -> None:
     """The creep is found from nothing; errors are then a third of those of one that takes zeros for granted."""
     known = UNKNOWN | {"alpha": None}
-    record = loop(
-        team("adaptive-comp-flc", **known), Creeping(np.zeros((1, 3)), creep=0.08), ROUTE.frames
+    record = run_team(
+        team("adaptive-comp-flc", **known),
+        CreepingPlant(np.zeros((1, 3)), creep=0.08),
+        ROUTE.frames,
     )
     distance, _ = errors(record)
     assert record["creep"][-SECOND, 0, 0] > 0.02
@@ -71,11 +75,11 @@ def test_zeros_told_of_lag_creep_and_friction_are_unknown_not_none() -> None:
 def test_nothing_is_learned_of_a_robot_that_does_not_respond() -> None:
     """The radio is silent for a second on the way: no bias winds up, and the heading does not swing afterwards."""
     silent = range(100, 160)
-    record = loop(
+    record = run_team(
         team("adaptive-comp-flc"),
-        Creeping(np.zeros((1, 3))),
+        CreepingPlant(np.zeros((1, 3))),
         ROUTE.frames,
-        hears=lambda frame: frame not in silent,
+        is_received=lambda frame: frame not in silent,
     )
     until = slice(silent.start, silent.stop + 12)
     assert np.abs(record["velocity_disturbance"][until, 0, 2]).max() < 0.25
@@ -95,11 +99,11 @@ def test_a_frozen_image_does_not_reverse_the_heading(name: str) -> None:
         k for k in range(5, route.frames) if np.hypot(*(route.poses[k] - square[1])[:2]) < 1e-9
     )
     begins = corner + np.array([-2, 1, 4])[:, None]
-    record = loop(
+    record = run_team(
         team(name, route=route, n=3),
-        Creeping(np.zeros((3, 3))),
+        CreepingPlant(np.zeros((3, 3))),
         route.frames,
-        sees=lambda frame, image, last: np.where(
+        camera=lambda frame, image, last: np.where(
             (begins < frame) & (frame < begins + 84), last, image
         ),
     )
@@ -111,8 +115,8 @@ def test_a_frozen_image_does_not_reverse_the_heading(name: str) -> None:
 
 def test_a_dead_time_told_wrong_is_found_and_robots_come_to_rest() -> None:
     """By three frames less and more, and by eight."""
-    robots = Creeping(np.zeros((3, 3)), delay=[5, 11, 0])
-    record = loop(team("adaptive-comp-flc", 8, n=3), robots, ROUTE.frames + SECOND)
+    robots = CreepingPlant(np.zeros((3, 3)), delay=[5, 11, 0])
+    record = run_team(team("adaptive-comp-flc", 8, n=3), robots, ROUTE.frames + SECOND)
     rest = record["pose"][-SECOND // 2 :]
     assert np.ptp(rest[..., :2], axis=0).max() < 0.003
     assert np.ptp(rest[..., 2], axis=0).max() < np.radians(2)
@@ -124,9 +128,11 @@ def test_robots_told_wrong_are_found_out_and_tracked() -> None:
     """Latencies from 3 to 9 frames under one controller told 6, alpha from 0.6 to 1.1, drag: on the way after 2 s."""
     n, rng = 13, np.random.default_rng(0)
     alpha, drag = rng.uniform(0.6, 1.1, (n, 1)) * np.ones(3), rng.uniform(0, 0.03, (n, 1))
-    plant = Creeping(np.zeros((n, 3)), np.linspace(3, 9, n), 0.01, 0.0, drag, alpha)
+    plant = CreepingPlant(np.zeros((n, 3)), np.linspace(3, 9, n), 0.01, 0.0, drag, alpha)
     distance, turned = errors(
-        loop(team("adaptive-comp-flc", n=n, **NONE), plant, vision(rng, ROUTE.frames, n))
+        run_team(
+            team("adaptive-comp-flc", n=n, **NONE), plant, make_vision_noise(rng, ROUTE.frames, n)
+        )
     )
     late = LEAD + 2 * SECOND
     assert (distance.max(), distance[late:].max()) < (0.04, 0.015)
@@ -138,7 +144,7 @@ def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
     """Iterated from the predicted pose it has no timetable; robots pass near every way-point and stop at the last."""
     n, path, delay = 3, np.array(PATH), 12
     reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
-    plant = Creeping(
+    plant = CreepingPlant(
         np.repeat(path[:1], n, axis=0),
         delay,
         0.01,
@@ -146,8 +152,8 @@ def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
         0.01,
         np.outer([1.0, 0.8, 0.6], np.ones(3)),
     )
-    noise = vision(np.random.default_rng(0), 6 * SECOND, n)
-    record = loop(team("adaptive-comp-flc", delay, reference, n, **NONE), plant, noise)
+    noise = make_vision_noise(np.random.default_rng(0), 6 * SECOND, n)
+    record = run_team(team("adaptive-comp-flc", delay, reference, n, **NONE), plant, noise)
     for point in path[1:]:
         # Within the 2 cm at which a way-point counts as reached, and as much that the prediction
         # may be off.

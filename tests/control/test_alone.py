@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benches.control import make_controller
-from closed_loop import T, commands_for, seen_at
-from ways import TIMED
+from closed_loop import T, make_empty_history, make_observation
+from team_setup import TIMED
 
 from omni_control import TeamModel
 
@@ -44,9 +44,9 @@ def test_the_controller_of_the_readme_runs() -> None:
     names: dict = {}
     exec(BLOCKS[1], names)
     controller = make_controller(names["Bridged"], TeamModel(T, 2), TIMED, 1, {"gain": 3.0})
-    sent = commands_for(controller)
+    sent = make_empty_history(controller)
     sent.append(np.array([[0.6, 0.0, 0.0]]))
-    command = controller.command(0, seen_at(controller.model, np.zeros((1, 3)), sent))
+    command = controller.command(0, make_observation(controller.model, np.zeros((1, 3)), sent))
     target, speed = TIMED.at(2, np.zeros((1, 3)))
     np.testing.assert_allclose(command, speed + 3.0 * (target - [[0.01, 0, 0]]), rtol=0, atol=1e-15)
 

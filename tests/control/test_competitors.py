@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from benches.control import CONTROLLERS, load_controller_class, make_controller
-from closed_loop import Lagged, T, commands_for, loop, seen_at
+from closed_loop import LaggedPlant, T, make_empty_history, make_observation, run_team
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ways import KINDS, LIMITS, REST, TIMED, along, model
+from team_setup import LIMITS, MODES, REST, TIMED, make_model, make_reference
 
 from omni_control import Team, TimedReference
 
@@ -57,9 +57,11 @@ def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: in
     """
     rng, frames = np.random.default_rng(seed), 240 if name in IDENTIFYING else 360
     start = rng.uniform(-0.1, 0.1, (n, 3))
-    controller = make_controller(name, model(delay, lag), REST, n)
+    controller = make_controller(name, make_model(delay, lag), REST, n)
     alpha, noise = rng.uniform(0.5, 1.1, (n, 3)), np.zeros((frames, n, 3))
-    pose = loop(Team(controller, start), Lagged(start, delay + wrong, lag, alpha), noise)["pose"]
+    pose = run_team(Team(controller, start), LaggedPlant(start, delay + wrong, lag, alpha), noise)[
+        "pose"
+    ]
     # The slowest loop, p with a latency of 11 frames and alpha 0.5, leaves some exp(-0.5 * 2.7 / s
     # * 6 s) = 3e-4 of it.
     assert np.abs(pose[-1]).max() < (2e-3 if name in IDENTIFYING else 1e-4)
@@ -69,14 +71,14 @@ def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: in
 def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands() -> None:
     """With y, headings and their noise mirrored, y and turn rates change their sign, and nothing else changes."""
     for name in COMPETITORS:
-        for kind in KINDS:
+        for kind in MODES:
             rng, mirror = np.random.default_rng(0), np.array([1.0, -1.0, -1.0])
             start, noise = rng.uniform(-0.1, 0.1, (3, 3)), rng.normal(0, 0.002, (40, 3, 3))
             alpha = rng.uniform(0.7, 1, (3, 3))
             runs = [
-                loop(
-                    Team(make_controller(name, model(6, noisy=True), along(kind, 3, side), 3), side * start),
-                    Lagged(side * start, 6, 0.02, alpha), side * noise,
+                run_team(
+                    Team(make_controller(name, make_model(6, noisy=True), make_reference(kind, 3, side), 3), side * start),
+                    LaggedPlant(side * start, 6, 0.02, alpha), side * noise,
                 )["command"]
                 for side in (np.ones(3), mirror)
             ]  # fmt: skip
@@ -90,10 +92,12 @@ def test_headings_take_the_short_way() -> None:
     for name in COMPETITORS:
         for turns in [-3, 1, 40]:
             controller = make_controller(
-                name, model(0, 0.0), TimedReference([[0, 0, 3.0]], LIMITS, T), 2
+                name, make_model(0, 0.0), TimedReference([[0, 0, 3.0]], LIMITS, T), 2
             )
             pose = np.array([[0, 0, 3.0 + 2 * np.pi * turns], [0, 0, -3.0]])
-            seen = seen_at(controller.model, pose, commands_for(controller), np.zeros((2, 3)), pose)
+            seen = make_observation(
+                controller.model, pose, make_empty_history(controller), np.zeros((2, 3)), pose
+            )
             command = controller.command(0, seen)
             # Forty turns are rounded at 3e-14 rad, times a gain of 30 / s.
             assert abs(command[0, 2]) < 2e-12
@@ -108,10 +112,10 @@ def test_the_truth_is_never_worse_than_noise() -> None:
     noise = rng.normal(0, 1, (path.frames, n, 3)) * (0.0013, 0.0013, 0.01)
     error = {}
     for name in ("oracle", ADAPTIVE):
-        controller = make_controller(name, model(6, noisy=True), path, n)
+        controller = make_controller(name, make_model(6, noisy=True), path, n)
         start = np.zeros((n, 3))
         off = (
-            loop(Team(controller, start), Lagged(start, 6, 0.02, alpha), noise)["pose"]
+            run_team(Team(controller, start), LaggedPlant(start, 6, 0.02, alpha), noise)["pose"]
             - path.poses[:, None]
         )
         error[name] = np.hypot(off[..., 0], off[..., 1])

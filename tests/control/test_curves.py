@@ -9,7 +9,7 @@ import pytest
 from benches.control import CURVES, Array, Curve, CurveReference
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from routes import T, assert_keeps, curves, limits, smooth_limits
+from random_motion import T, assert_keeps, curves, limits, smooth_limits
 from scipy.integrate import quad, solve_ivp
 
 from omni_control import MotionLimits

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from benches.control import Array, vision_filter
-from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven
+from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, simulate_drift
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -61,7 +61,7 @@ def textbook(
 @given(seeds, st.floats(0, 0.9))
 def test_it_is_the_textbooks_kalman_filter(seed: int, missed: float) -> None:
     """With the process noise as it is stated: pose, twist, drift, sigma and innovations, gaps included, to 1e-9."""
-    _, measured, displacement = driven(seed, 120, 2, missed=missed)
+    _, measured, displacement = simulate_drift(seed, 120, 2, missed=missed)
     start = np.zeros((2, 3))
     said = filtered_as_stated(measured, displacement, start)
     for axis in range(3):
@@ -109,7 +109,7 @@ def test_headings_are_followed_over_full_turns(heading: float, rate: float) -> N
 
 def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
     """A robot's estimate does not depend, in its last bit, on the others, nor on whether they are seen."""
-    _, measured, displacement = driven(3, 80, 9, missed=0.2)
+    _, measured, displacement = simulate_drift(3, 80, 9, missed=0.2)
     batch = filtered(measured, displacement, np.zeros((9, 3)))
     for i in range(9):
         alone = filtered(measured[:, i : i + 1], displacement[:, i : i + 1], np.zeros((1, 3)))

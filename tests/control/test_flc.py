@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 from benches.control import Array, make_controller
-from closed_loop import Lagged, Run, T, drive
+from closed_loop import LaggedPlant, Run, T, run_controller
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
-from ways import KINDS, LIMITS, along
+from team_setup import LIMITS, MODES, make_reference
 
 from omni_control import Controller, MotionLimits, TeamModel, TimedReference
 
 FRAMES = 120
 FUZZY = ("flc", "comp-flc")
-both_references = pytest.mark.parametrize("kind", KINDS)
+both_references = pytest.mark.parametrize("kind", MODES)
 
 # Robots that start within the controller's range; headings less than half a turn off, which has no
 # shorter side.
@@ -31,9 +31,9 @@ def follow(
     highest: float = np.inf,
 ) -> Run:
     """Close the loop with equation 7; commands are clipped at `highest`, noisy poses are taken for the truth."""
-    return drive(
+    return run_controller(
         controller,
-        Lagged(start, delay),
+        LaggedPlant(start, delay),
         noise,
         limits=lambda wanted, last: np.clip(wanted, -highest, highest),
         first_frame=first_frame,
@@ -48,11 +48,13 @@ def position_error(run: Run, reference: TimedReference) -> Array:
 
 def test_without_dead_time_both_controllers_are_the_same() -> None:
     """With k_d = 0 there is nothing to compensate: the commands are bit-identical, whatever vision sees."""
-    for kind in KINDS:
+    for kind in MODES:
         rng = np.random.default_rng(0)
         start, noise = rng.uniform(-0.1, 0.1, (4, 3)), rng.normal(0, 0.01, (FRAMES, 4, 3))
         flc, comp_flc = (
-            follow(make_controller(name, TeamModel(T, 0), along(kind, 4), 4), start, 0, noise)
+            follow(
+                make_controller(name, TeamModel(T, 0), make_reference(kind, 4), 4), start, 0, noise
+            )
             for name in FUZZY
         )
         assert np.array_equal(flc.sent, comp_flc.sent)
@@ -70,9 +72,11 @@ def test_compensation_takes_the_dead_time_out_of_the_loop(
     Nothing moves it in the first k_d frames. From then on it goes, under comp-FLC, the way of a
     robot without dead time that starts at k_d under FLC.
     """
-    late = follow(make_controller("comp-flc", TeamModel(T, delay), along(kind), 1), [start], delay)
+    late = follow(
+        make_controller("comp-flc", TeamModel(T, delay), make_reference(kind), 1), [start], delay
+    )
     prompt = follow(
-        make_controller("flc", TeamModel(T, 0), along(kind), 1),
+        make_controller("flc", TeamModel(T, 0), make_reference(kind), 1),
         [start],
         0,
         FRAMES - delay,
@@ -92,7 +96,7 @@ def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
 ) -> None:
     """On a perfect plant x_p of frame k is x(k + k_d), also when limits cut what the controller asked for."""
     run = follow(
-        make_controller("comp-flc", TeamModel(T, delay), along(kind), 1),
+        make_controller("comp-flc", TeamModel(T, delay), make_reference(kind), 1),
         [start],
         delay,
         highest=highest,

@@ -9,10 +9,10 @@ from benches.control import (
     make_controller,
     wrap_angle,
 )
-from closed_loop import NOISE, Lagged, T, loop, reported, vision
+from closed_loop import NOISE, LaggedPlant, T, make_vision_noise, run_team, to_measured_pose
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ways import TIMED, along, starts
+from team_setup import TIMED, make_reference, make_start_poses
 
 from omni_control import MotionLimits, Team, TeamModel
 
@@ -90,7 +90,7 @@ def test_whatever_was_seen_a_robot_is_believed_within_ten_images(
         image[rng.random(3) < missed] = np.nan
         gate.reject_outliers(image, rng.uniform(0, 0.2, 3))
     for k in range(3 * MAX_REJECTIONS):
-        image = reported(np.array(place) + NOISE * rng.standard_normal((3, 3)))
+        image = to_measured_pose(np.array(place) + NOISE * rng.standard_normal((3, 3)))
         found = gate.reject_outliers(image)
         if k >= MAX_REJECTIONS - 1:
             np.testing.assert_array_equal(found[:, :2], image[:, :2])
@@ -136,16 +136,16 @@ def test_a_team_drives_on_as_if_nothing_had_been_mistaken(seed: int, share: floa
     So it is whatever a controller makes of what it sees.
     """
     rng, n, frames = np.random.default_rng(seed), 2, 100
-    errors = vision(rng, frames, n)
+    errors = make_vision_noise(rng, frames, n)
     wrong = (rng.random((frames, n)) < share) & (np.arange(frames) > 0)[:, None]
     lied, missed = errors.copy(), errors.copy()
     lied[wrong] += [1.5, 0.3, np.pi]
     missed[wrong] = np.nan
-    model, start = TeamModel(T, 4), starts(n)
+    model, start = TeamModel(T, 4), make_start_poses(n)
     driven = [
-        loop(
-            Team(make_controller("comp-flc", model, along(TIMED, n), n), start),
-            Lagged(start, 4, alpha=0.9),
+        run_team(
+            Team(make_controller("comp-flc", model, make_reference(TIMED, n), n), start),
+            LaggedPlant(start, 4, alpha=0.9),
             each,
         )
         for each in (lied, missed)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from benches.control import AdaptiveCompFlc, Array
-from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, driven
+from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, simulate_drift
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -45,7 +45,7 @@ def best(
 @pytest.mark.parametrize("late", [1, 4])
 def test_what_is_seen_late_serves_as_well_as_it_can(late: int) -> None:
     """Errors are at most 3 % above those of the optimal filter, which is told the true process noise."""
-    true, measured, displacement = driven(3, 300, 20)
+    true, measured, displacement = simulate_drift(3, 300, 20)
     displacement[0] = 0
     seen = np.full_like(measured, np.nan)
     seen[late:] = measured[:-late]

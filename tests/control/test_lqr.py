@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from benches.control import Array, Lqr
-from closed_loop import Lagged, T, commands_for, drive, seen_at
+from closed_loop import LaggedPlant, T, make_empty_history, make_observation, run_controller
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 from scipy.signal import cont2discrete
-from ways import KINDS, LIMITS, REST, STRAIGHT, along, model
+from team_setup import LIMITS, MODES, REST, STRAIGHT, make_model, make_reference
 
 from omni_control import MotionLimits, TimedReference
 
@@ -48,8 +48,8 @@ def gain_of(delay: int, lag: float) -> Array:
     """
     gains: list[Array] = []
     for part in range(2 + delay):
-        controller = Lqr(model(delay, lag), REST, 1)
-        robot, sent = controller.robot, commands_for(controller)
+        controller = Lqr(make_model(delay, lag), REST, 1)
+        robot, sent = controller.robot, make_empty_history(controller)
         pose, commands = (
             np.full((1, 3), LITTLE * (part == 0)),
             np.zeros((2 + delay, 1, 3)),
@@ -59,13 +59,13 @@ def gain_of(delay: int, lag: float) -> Array:
             commands[part] = LITTLE / (1 - robot.velocity_decay) if part == 1 else LITTLE
         for command in commands[:-1]:
             sent.append(command)
-            controller.command(0, seen_at(controller.model, pose, sent))
+            controller.command(0, make_observation(controller.model, pose, sent))
         if part == 1:
             pose = (T - robot.coast_time_s) * commands[
                 1
             ]  # where it is then, so that there is no disturbance
         sent.append(commands[-1])
-        answer = -controller.command(0, seen_at(controller.model, pose, sent))[0] / LITTLE
+        answer = -controller.command(0, make_observation(controller.model, pose, sent))[0] / LITTLE
         assert (answer == answer[0]).all(), "the same for all axes"
         gains.append(answer[0] - gains[0] * pose[0, 0] / LITTLE if part == 1 else answer[0])
     return np.array(gains)
@@ -84,7 +84,7 @@ def test_its_answer_is_the_optimal_gain_of_the_model_with_dead_time() -> None:
             assert np.abs(np.linalg.eigvals(a - b @ gain[None])).max() < 1
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", MODES)
 @settings(max_examples=12)
 @given(start=starts, delay=delays, lag=st.sampled_from([0.0, 0.02, 0.1]))
 def test_the_dead_time_is_taken_out_of_the_loop(
@@ -93,9 +93,9 @@ def test_the_dead_time_is_taken_out_of_the_loop(
     """A nominal robot does what one without dead time does, k_d frames later."""
 
     def follow(delay: int, frames: int, first_frame: int) -> Array:
-        return drive(
-            Lqr(model(delay, lag), along(kind), 1),
-            Lagged([start], delay, lag),
+        return run_controller(
+            Lqr(make_model(delay, lag), make_reference(kind), 1),
+            LaggedPlant([start], delay, lag),
             frames,
             first_frame=first_frame,
         ).pose
@@ -111,8 +111,8 @@ def test_with_a_lag_it_follows_a_constant_acceleration_exactly() -> None:
     for lag_frames in [1, 2, 6]:
         for delay in [0, 6]:
             reference = TimedReference(STRAIGHT, LIMITS, T)
-            plant = Lagged(np.zeros((1, 3)), delay, lag_frames * T)
-            run = drive(Lqr(model(delay, lag_frames * T), reference, 1), plant, 220)
+            plant = LaggedPlant(np.zeros((1, 3)), delay, lag_frames * T)
+            run = run_controller(Lqr(make_model(delay, lag_frames * T), reference, 1), plant, 220)
             # Poles of 0.87 and less have forgotten the start after 200 frames.
             np.testing.assert_allclose(
                 run.pose[210:, 0], reference.poses[210:220], rtol=0, atol=1e-11
@@ -123,8 +123,8 @@ def test_a_weak_robot_has_no_lasting_error_at_constant_speed() -> None:
     """What it falls short by is a constant disturbance then, which is estimated and added to the command."""
     for alpha in [0.6, 0.8, 1.1]:
         reference = TimedReference(STRAIGHT, MotionLimits(speed=1.0), T)
-        controller = Lqr(model(6), reference, 1)
-        run = drive(controller, Lagged(np.zeros((1, 3)), 6, 0.02, alpha), 900)
+        controller = Lqr(make_model(6), reference, 1)
+        run = run_controller(controller, LaggedPlant(np.zeros((1, 3)), 6, 0.02, alpha), 900)
         assert reference.poses[899, 0] < 20 - 1, "still under way"
         # The estimate's loop has a gain of 1 - alpha and some 0.15 s a round: 0.4^(14 s / 0.15 s)
         # is only rounding.

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 from benches.control import Array, CommandConstraints, make_controller, solve_quadratic_programs
-from closed_loop import Lagged, T, drive
+from closed_loop import LaggedPlant, T, run_controller
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize
@@ -133,8 +133,10 @@ def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:
         fastest.append(np.hypot(*command[0, :2]))
         return command
 
-    plant = Lagged(np.zeros((1, 3)), 4, alpha=0.9)
-    run = drive(make_controller("mpc", model, reference, 1), plant, reference.frames, limits=noted)
+    plant = LaggedPlant(np.zeros((1, 3)), 4, alpha=0.9)
+    run = run_controller(
+        make_controller("mpc", model, reference, 1), plant, reference.frames, limits=noted
+    )
     assert (
         max(wanted) < 4.7 + 1e-5
     )  # 1e-9 m/s to which programs are solved, in a frame of 1/60 s, and some rounding

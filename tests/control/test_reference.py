@@ -10,7 +10,7 @@ import pytest
 from benches.control import OmniError
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from routes import (
+from random_motion import (
     SNAP_M,
     T,
     assert_keeps,

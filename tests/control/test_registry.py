@@ -14,7 +14,7 @@ from benches.control import (
     validate_parameters,
 )
 from closed_loop import T
-from ways import TIMED
+from team_setup import TIMED
 
 from omni_control import Controller, ControllerError, Kinematics, MotionLimits, OmniError, TeamModel
 

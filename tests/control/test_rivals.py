@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from benches.control import NominalRobot, Proportional, SmithPredictor, compute_simc_gain
-from closed_loop import Lagged, T, drive
+from closed_loop import LaggedPlant, T, run_controller
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.signal import cont2discrete
-from ways import KINDS, LIMITS, REST, STRAIGHT, along, model
+from team_setup import LIMITS, MODES, REST, STRAIGHT, make_model, make_reference
 
 from omni_control import CommandHistory, TimedReference
 
@@ -22,7 +22,7 @@ def test_the_nominal_robot_is_its_differential_equation_sampled(
 ) -> None:
     """Displacement in the last frame, and state at the end of the dead time, are those of scipy's discretisation."""
     commands = np.random.default_rng(seed).uniform(-3, 3, (20, 1, 3))
-    robot = NominalRobot(model(delay, lag), 1)
+    robot = NominalRobot(make_model(delay, lag), 1)
     queue = CommandHistory(1, delay + 1)
     for command in commands:
         queue.append(command)
@@ -71,9 +71,9 @@ def test_p_returns_to_rest_along_the_poles_of_its_loop() -> None:
     overshoots by 9 %.
     """
     for delay in range(10):
-        controller = Proportional(model(delay, 0.0), REST, 1)
+        controller = Proportional(make_model(delay, 0.0), REST, 1)
         start = np.array([[0.1, -0.1, 0.5]])
-        error = drive(controller, Lagged(start, delay, 0.0), 400).pose[:, 0] / start
+        error = run_controller(controller, LaggedPlant(start, delay, 0.0), 400).pose[:, 0] / start
         polynomial = np.zeros(delay + 2)
         polynomial[:2] = 1, -1
         polynomial[-1] += controller.gain * T
@@ -85,7 +85,7 @@ def test_p_returns_to_rest_along_the_poles_of_its_loop() -> None:
         )
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", MODES)
 @settings(max_examples=12)
 @given(start=starts, delay=delays, lag=lags)
 def test_smith_takes_the_dead_time_out_of_the_loop(
@@ -94,9 +94,9 @@ def test_smith_takes_the_dead_time_out_of_the_loop(
     """The law of the Smith predictor: a nominal robot does what one without dead time does, k_d frames later."""
 
     def follow(delay: int, frames: int, first_frame: int) -> np.ndarray:
-        return drive(
-            SmithPredictor(model(delay, lag), along(kind), 1),
-            Lagged([start], delay, lag),
+        return run_controller(
+            SmithPredictor(make_model(delay, lag), make_reference(kind), 1),
+            LaggedPlant([start], delay, lag),
             frames,
             first_frame=first_frame,
         ).pose
@@ -115,8 +115,10 @@ def test_with_a_lag_smith_is_behind_an_acceleration_by_half_the_square_of_it() -
     """
     for lag_frames in [1, 2, 5]:
         reference, lag = TimedReference(STRAIGHT, LIMITS, T), lag_frames * T
-        run = drive(
-            SmithPredictor(model(3, lag), reference, 1), Lagged(np.zeros((1, 3)), 3, lag), 200
+        run = run_controller(
+            SmithPredictor(make_model(3, lag), reference, 1),
+            LaggedPlant(np.zeros((1, 3)), 3, lag),
+            200,
         )
         error = reference.poses[199, 0] - run.pose[-1, 0, 0]
         # The transient of a loop with a gain of 5 / s and more is 1e-6 of its first error after 3

@@ -17,7 +17,7 @@ from benches.control import (
     WheelCompliance,
     anticipate,
 )
-from closed_loop import NOISE, WHEELS, Creeping, T
+from closed_loop import NOISE, WHEELS, CreepingPlant, T
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -73,7 +73,7 @@ def test_the_inverse_leads_from_one_velocity_to_another(drawn: tuple[float, ...]
 
 
 def identify(
-    model: TeamModel, robots: Creeping, frames: int, seed: int = 0, tail: int = 0
+    model: TeamModel, robots: CreepingPlant, frames: int, seed: int = 0, tail: int = 0
 ) -> RobotEkf:
     """What is found of robots that weave about, each its own way; in the last `tail` frames nothing is asked."""
     n, rng = len(robots.pose), np.random.default_rng(seed)
@@ -107,7 +107,7 @@ def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
     """Robots that differ from what is told, within twice the standard deviations that the filter states, on average."""
     truth = {"delay": 7, "creep": 0.075, "lag": 0.025, "alpha": (0.98, 0.92, 0.95)}
     found = identify(
-        TeamModel(T, 6, geometry=WHEELS, **KNOWN), Creeping(np.zeros((20, 3)), **truth), 480
+        TeamModel(T, 6, geometry=WHEELS, **KNOWN), CreepingPlant(np.zeros((20, 3)), **truth), 480
     )  # type: ignore[arg-type]
     sigma = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
     actual = np.array([1 / 0.98, 1 / 0.92, 1 / 0.95, 7.0, 0.075])
@@ -122,7 +122,7 @@ def test_what_is_not_shown_is_forgotten() -> None:
     model, away = TeamModel(T, 6, geometry=WHEELS, **KNOWN), []  # type: ignore[arg-type]
     for tail in (10, 730):
         found = identify(
-            model, Creeping(np.zeros((1, 3)), alpha=(1.05, 1.0, 1.0)), 240 + tail, tail=tail
+            model, CreepingPlant(np.zeros((1, 3)), alpha=(1.05, 1.0, 1.0)), 240 + tail, tail=tail
         )
         away.append(abs(found.state[0, 11] - 1 / 0.92))
     assert away[1] == pytest.approx(away[0] * math.exp(-1), rel=0.15)
@@ -132,7 +132,7 @@ def test_what_is_not_shown_is_forgotten() -> None:
 def test_a_robot_that_is_put_elsewhere_has_not_driven_there(hand: float) -> None:
     """It is where it is seen; velocity, what pushes it and its parameters stay."""
     model = TeamModel(T, 6, geometry=WHEELS, **KNOWN)  # type: ignore[arg-type]
-    robots = Creeping(np.zeros((1, 3)))
+    robots = CreepingPlant(np.zeros((1, 3)))
     found = identify(model, robots, 200)
     before = found.state.copy()
     image = robots.pose + np.array([hand, 0, 0])

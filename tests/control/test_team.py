@@ -5,8 +5,18 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 from benches.control import CONTROLLERS, Array, CommandLimiter, KalmanFilter, make_controller
-from closed_loop import Plant, T, loop, reported
-from ways import KINDS, TIGHT, TIMED, Knowing, Straight, along, noise_of, plant_of, starts
+from closed_loop import Plant, T, run_team, to_measured_pose
+from team_setup import (
+    MODES,
+    TIGHT,
+    TIMED,
+    Follower,
+    TruthFollower,
+    make_noise,
+    make_plant,
+    make_reference,
+    make_start_poses,
+)
 
 from omni_control import CommandHistory, Controller, Observation, OmniError, Team, TeamModel
 
@@ -20,7 +30,7 @@ def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Ar
     )
     queue, commands = CommandHistory(n, 40), []
     for frame, error in enumerate(noise):
-        measured = reported(plant.pose + error)
+        measured = to_measured_pose(plant.pose + error)
         queue.append(sent)
         estimate = kalman.update(measured, queue.get_delayed(model.latency_frames) * T)
         wanted, first = [], 0
@@ -43,33 +53,35 @@ def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Ar
 
 def test_it_is_the_loop_written_by_hand() -> None:
     """Every controller, side by side in one team, bit for bit."""
-    model, start = TeamModel(T, 6, limits=TIGHT), starts(2 * len(CONTROLLERS))
-    for kind in KINDS:
+    model, start = TeamModel(T, 6, limits=TIGHT), make_start_poses(2 * len(CONTROLLERS))
+    for kind in MODES:
         made = [
-            [make_controller(name, model, along(kind, 2), 2) for name in CONTROLLERS]
+            [make_controller(name, model, make_reference(kind, 2), 2) for name in CONTROLLERS]
             for _ in range(2)
         ]
-        expected = by_hand(made[0], plant_of(start), noise_of(len(start)))
+        expected = by_hand(made[0], make_plant(start), make_noise(len(start)))
         assert np.array_equal(
-            loop(Team(made[1], start), plant_of(start), noise_of(len(start)))["command"], expected
+            run_team(Team(made[1], start), make_plant(start), make_noise(len(start)))["command"],
+            expected,
         )
         assert np.hypot(*np.moveaxis(expected[..., :2], -1, 0)).max() == pytest.approx(0.25), (
             "the limits count"
         )
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", MODES)
 def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
     """Each robot's every number, under every controller, is bit for bit its own: of one alone, and of some."""
     n, model = 4, TeamModel(T, 5)
-    start, noise = starts(n), noise_of(n)
+    start, noise = make_start_poses(n), make_noise(n)
     for name in CONTROLLERS:
 
         def run(*rows: int, name: str = name) -> dict[str, Array]:
             team = Team(
-                make_controller(name, model, along(kind, len(rows)), len(rows)), start[list(rows)]
+                make_controller(name, model, make_reference(kind, len(rows)), len(rows)),
+                start[list(rows)],
             )
-            return loop(team, plant_of(start, list(rows)), noise[:, rows])
+            return run_team(team, make_plant(start, list(rows)), noise[:, rows])
 
         batch = run(0, 1, 2, 3)
         for rows in ((3,), (1, 2)):
@@ -81,12 +93,19 @@ def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
 
 def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> None:
     """What one sees, and the whole team's view; the pose to which commands in flight lead is equation 11's sum."""
-    tolds, start = (TeamModel(T, 3), TeamModel(T, 0, limits=TIGHT), TeamModel(T, 5)), starts(6)
-    made = [Straight(tolds[0], TIMED, 2), Knowing(tolds[1], TIMED, 1), Straight(tolds[2], TIMED, 3)]
-    team, plant = Team(made, start), plant_of(start)
+    tolds, start = (
+        (TeamModel(T, 3), TeamModel(T, 0, limits=TIGHT), TeamModel(T, 5)),
+        make_start_poses(6),
+    )
+    made = [
+        Follower(tolds[0], TIMED, 2),
+        TruthFollower(tolds[1], TIMED, 1),
+        Follower(tolds[2], TIMED, 3),
+    ]
+    team, plant = Team(made, start), make_plant(start)
     commands, seen, true = [np.zeros((6, 3))] * 9, [], []
-    for error in noise_of(6, 20):
-        measured = reported(plant.pose + error)
+    for error in make_noise(6, 20):
+        measured = to_measured_pose(plant.pose + error)
         seen.append(team.observe(measured, (plant.pose, plant.twist)))
         np.testing.assert_array_equal(seen[-1].measured_pose, measured)
         np.testing.assert_array_equal(seen[-1].pose, team.estimate)
@@ -102,7 +121,7 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
         commands.append(team.command())
         plant.advance(commands[-1])
     for controller, rows in zip(made, (slice(0, 2), slice(2, 3), slice(3, 6)), strict=True):
-        for k, own in enumerate(controller.saw):
+        for k, own in enumerate(controller.observations):
             delay, memory = controller.model.delay_frames, controller.memory_frames
             known = (
                 (*true[k], true[k][0])
@@ -117,8 +136,8 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
 
 
 def test_who_writes_into_what_a_team_returns_changes_nothing() -> None:
-    team, other = (Team(Straight(TeamModel(T, 4), TIMED, 2), starts(2)) for _ in range(2))
-    for measured in noise_of(2, 10):
+    team, other = (Team(Follower(TeamModel(T, 4), TIMED, 2), make_start_poses(2)) for _ in range(2))
+    for measured in make_noise(2, 10):
         observation = other.observe(measured)
         for values in (
             observation.pose,
@@ -137,7 +156,7 @@ def test_who_writes_into_what_a_team_returns_changes_nothing() -> None:
 # --- what is recorded, and what is refused ---
 
 
-class Talking(Straight):
+class Talking(Follower):
     def command(self, frame: int, observation: Observation) -> Array:
         self.channels["number"] = np.full(len(observation.pose), float(frame))
         self.channels["pair"] = observation.pose[:, :2]
@@ -146,11 +165,12 @@ class Talking(Straight):
 
 def test_channels_of_a_controllers_own_are_put_together() -> None:
     team = Team(
-        [Straight(TeamModel(T, 2), TIMED, 1), Talking(TeamModel(T, 2), TIMED, 2)], starts(3)
+        [Follower(TeamModel(T, 2), TIMED, 1), Talking(TeamModel(T, 2), TIMED, 2)],
+        make_start_poses(3),
     )
     assert team.channels == {}
-    team.step(starts(3))
-    team.step(starts(3))
+    team.step(make_start_poses(3))
+    team.step(make_start_poses(3))
     nan = np.nan
     assert list(team.channels) == ["number", "pair"]
     np.testing.assert_array_equal(team.channels["number"], [[nan], [1], [1]])
@@ -158,8 +178,8 @@ def test_channels_of_a_controllers_own_are_put_together() -> None:
 
 
 def test_nonsense_is_refused() -> None:
-    model, poses = TeamModel(T, 2), starts(3)
-    one, two = Straight(model, TIMED, 1), Straight(model, TIMED, 2)
+    model, poses = TeamModel(T, 2), make_start_poses(3)
+    one, two = Follower(model, TIMED, 1), Follower(model, TIMED, 2)
     refused: list[tuple[str, Callable[[], object]]] = [
         ("one controller each", lambda: Team(one, poses)),
         ("one controller each", lambda: Team([one, two], poses, [[0], [0, 1]])),
@@ -167,8 +187,11 @@ def test_nonsense_is_refused() -> None:
         ("one controller each", lambda: Team([], poses)),
         (r"finite poses \(n, 3\)", lambda: Team(one, np.zeros(3))),
         (r"finite poses \(n, 3\)", lambda: Team(one, [[np.nan, 0, 0]])),
-        ("same length", lambda: Team([one, Straight(TeamModel(T / 2, 2), TIMED, 2)], poses)),
-        ("knows the truth", lambda: Team(Knowing(model, TIMED, 1), poses[:1]).step(poses[:1])),
+        ("same length", lambda: Team([one, Follower(TeamModel(T / 2, 2), TIMED, 2)], poses)),
+        (
+            "knows the truth",
+            lambda: Team(TruthFollower(model, TIMED, 1), poses[:1]).step(poses[:1]),
+        ),
         (r"\(1, 3\), not of shape \(3, 3\)", lambda: Team(one, poses[:1]).step(poses)),
         ("observed before", lambda: Team(one, poses[:1]).command()),
         ("commands must be finite", lambda: Team(one, poses[:1]).command([[np.nan] * 3])),

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 from benches.control import Array, make_controller
-from closed_loop import T, loop
-from ways import TIMED, Knowing, Straight, noise_of, plant_of, starts
+from closed_loop import T, run_team
+from team_setup import TIMED, Follower, TruthFollower, make_noise, make_plant, make_start_poses
 
 from omni_control import ControllerError, Observation, OmniError, Team, TeamModel
 
 
-class Failing(Straight):
+class Failing(Follower):
     """Fails in frame 5 as its text says."""
 
     how: str = ""
@@ -59,16 +59,16 @@ FAILURES: dict[str, tuple[int, list[int], str]] = {  # the frame, the rows, what
 def team_with(how: str, on_failure: Callable[..., None] | None = None) -> Team:
     model = TeamModel(T, 2)
     made = [
-        Straight(model, TIMED, 2),
+        Follower(model, TIMED, 2),
         make_controller(Failing, model, TIMED, 3, {"how": how}),
-        Knowing(model, TIMED, 1),
+        TruthFollower(model, TIMED, 1),
     ]
-    return Team(made, starts(6), on_failure=on_failure)
+    return Team(made, make_start_poses(6), on_failure=on_failure)
 
 
 def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
     """TeamModel once, with the reason; they say nothing more, and no bit of the others changes."""
-    quiet = loop(team_with(""), plant_of(starts(6)), noise_of(6, 12))
+    quiet = run_team(team_with(""), make_plant(make_start_poses(6)), make_noise(6, 12))
     for how, (frame, rows, says) in FAILURES.items():
         model: list[tuple[int, list[int]]] = []
 
@@ -81,7 +81,7 @@ def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
                 raise reason
 
         team = team_with(how, handle)
-        said = loop(team, plant_of(starts(6)), noise_of(6, 12))
+        said = run_team(team, make_plant(make_start_poses(6)), make_noise(6, 12))
         assert (model, np.flatnonzero(team.failed).tolist()) == ([rows], rows), how
         others = [row for row in range(6) if row not in rows]
         for name, values in said.items():
@@ -90,17 +90,18 @@ def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
         assert (said["command"][frame:, rows] == 0).all()
         assert np.isnan(said["predicted_pose"][frame:, rows]).all()
         with pytest.raises(ControllerError, match=says):
-            loop(team_with(how), plant_of(starts(6)), noise_of(6, 12))
+            run_team(team_with(how), make_plant(make_start_poses(6)), make_noise(6, 12))
 
 
 def test_a_robot_that_was_stopped_is_left_alone() -> None:
     """Whatever vision and truth say of it from then on; an infinite pose of another is refused."""
     team = Team(
-        [Straight(TeamModel(T, 2), TIMED, 2), Knowing(TeamModel(T, 2), TIMED, 2)], starts(4)
+        [Follower(TeamModel(T, 2), TIMED, 2), TruthFollower(TeamModel(T, 2), TIMED, 2)],
+        make_start_poses(4),
     )
-    team.step(starts(4), (starts(4), np.zeros((4, 3))))
+    team.step(make_start_poses(4), (make_start_poses(4), np.zeros((4, 3))))
     team.stop([1, 3])
-    broken = starts(4)
+    broken = make_start_poses(4)
     broken[[1, 3]] = np.nan
     for _ in range(3):
         command = team.step(broken, (broken, broken))

@@ -8,7 +8,7 @@ import pytest
 from benches.control import compute_max_acceleration
 from hypothesis import given
 from hypothesis import strategies as st
-from routes import TIGERS, G, most, vectors, wheels
+from random_motion import TIGERS, G, solve_max_scale, vectors, wheels
 
 from omni_control import OmniError, WheelLimits
 
@@ -18,7 +18,7 @@ def test_no_forces_give_more(
     robot: WheelLimits, asked: tuple[float, ...], travel: tuple[float, ...]
 ) -> None:
     """At so many times the acceleration as forces of single wheels can give at best, the whole friction is needed."""
-    times = most(robot, np.array(asked), np.array(travel))
+    times = solve_max_scale(robot, np.array(asked), np.array(travel))
     share = robot.compute_friction_utilization(times * np.array([asked]), np.array([travel]))
     assert share[0] == pytest.approx(1, rel=1e-6)  # of the solver
 

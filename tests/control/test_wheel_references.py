@@ -8,7 +8,16 @@ import pytest
 from benches.control import Array
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from routes import TIGERS, T, drag, limits, paths, smooth_limits, statics, wheels
+from random_motion import (
+    TIGERS,
+    T,
+    compute_drag,
+    compute_loads,
+    limits,
+    paths,
+    smooth_limits,
+    wheels,
+)
 from scipy.optimize import linprog
 
 from omni_control import CURVES, CurveReference, MotionLimits, TimedReference, WheelLimits
@@ -82,11 +91,11 @@ def most_along(
     These are [ax, ay, b] = gain (cells, 3, n) times x, plus offset (cells, 3).
     """
     cells, scale = len(gain), np.array([1, 1, robot.gyration_radius**2])
-    (standing, shifting), spoke = statics(robot), np.exp(1j * robot.kinematics.azimuths)
+    (standing, shifting), spoke = compute_loads(robot), np.exp(1j * robot.kinematics.azimuths)
     grip = math.sqrt(robot.friction**2 - robot.roller_friction**2)
     gives = np.array([(1j * spoke).real, (1j * spoke).imag, np.full(4, robot.kinematics.arm)])
     drags = np.array(
-        [drag(robot, way) if np.abs(way).max() > 1e-9 else np.zeros(3) for way in travel]
+        [compute_drag(robot, way) if np.abs(way).max() > 1e-9 else np.zeros(3) for way in travel]
     )
     n = gain.shape[-1]
     shifts = -grip * np.einsum("wx,cxn->cwn", shifting, gain[:, :2]).reshape(4 * cells, n)

@@ -11,7 +11,7 @@ import pytest
 from benches.studies import read
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import COMMAND, LATE_S, POSE, STIFFNESS, Columns, driven
+from synthetic_logs import COMMAND, CREEP_STIFFNESS, LATENCY_S, POSE, Columns, make_log
 
 import omni_mj as om
 
@@ -20,10 +20,10 @@ HEAD = ("time_s", *POSE, *COMMAND)
 
 def whole() -> Columns:
     """A log, driven once by the process that needs it: each process of the tests imports this file."""
-    return driven(3.0, speed=1.6, wheels=False)
+    return make_log(3.0, speed=1.6, wheels=False)
 
 
-def write(path: Path, columns: Any) -> Path:
+def write_parquet(path: Path, columns: Any) -> Path:
     """Parquet, of whatever types."""
     pq.write_table(pa.table(columns), path)
     return path
@@ -61,17 +61,19 @@ def test_csv_in_any_dialect_holds_the_same_numbers(
 
 def test_ten_lines_a_second_tell_the_same(tmp_path: Path) -> None:
     """The robot's latency and creep stiffness, within five standard errors."""
-    found = om.identify([write(tmp_path / "log.parquet", driven(9.3, 10, speed=1.6, wheels=False))])
-    for name, value in (("latency_s", LATE_S), ("creep_stiffness", STIFFNESS)):
+    found = om.identify(
+        [write_parquet(tmp_path / "log.parquet", make_log(9.3, 10, speed=1.6, wheels=False))]
+    )
+    for name, value in (("latency_s", LATENCY_S), ("creep_stiffness", CREEP_STIFFNESS)):
         estimate = found[f"commands.{name}"]
         assert estimate.value == pytest.approx(value, abs=5 * estimate.error)
 
 
 def test_lines_there_twice_and_poses_held_are_no_new_poses(tmp_path: Path) -> None:
     """A recorder at 240 Hz holds what a camera sees at 60: the same poses at the same times come out."""
-    (plain,) = read(write(tmp_path / "log.parquet", whole()))
+    (plain,) = read(write_parquet(tmp_path / "log.parquet", whole()))
     (twice,) = read(
-        write(
+        write_parquet(
             tmp_path / "log.parquet",
             {name: np.repeat(values, 2) for name, values in whole().items()},
         )
@@ -79,7 +81,7 @@ def test_lines_there_twice_and_poses_held_are_no_new_poses(tmp_path: Path) -> No
     np.testing.assert_array_equal(twice.pose, plain.pose)
     held = {name: np.repeat(values, 4) for name, values in whole().items()}
     held["time_s"] = np.arange(len(held["x_m"])) / 240
-    (log,) = read(write(tmp_path / "log.parquet", held))
+    (log,) = read(write_parquet(tmp_path / "log.parquet", held))
     np.testing.assert_array_equal(np.isfinite(log.pose).all(1), np.arange(len(log.time)) % 4 == 0)
 
 
@@ -121,7 +123,7 @@ def test_what_cannot_be_what_it_says_is_one_line(tmp_path: Path) -> None:
     ]
     for columns, says in cases:
         with pytest.raises(om.OmniError) as error:
-            om.identify([write(tmp_path / "log.parquet", columns)])
+            om.identify([write_parquet(tmp_path / "log.parquet", columns)])
         assert says in str(error.value), says
         assert str(error.value).count("\n") == 0
 

@@ -6,7 +6,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic import COMMAND, LATE_S, POSE, SETTINGS, STIFFNESS, WHEELS, Columns, driven, write
+from synthetic_logs import (
+    COMMAND,
+    CREEP_STIFFNESS,
+    LATENCY_S,
+    POSE,
+    SETTINGS,
+    WHEELS,
+    Columns,
+    make_log,
+    write_csv,
+)
 
 import omni_mj as om
 from omni_mj.studies.identify import IdentificationResult
@@ -20,14 +30,14 @@ OTHER: dict[str, Any] = {
 
 
 def identified(columns: Columns, folder: Path) -> IdentificationResult:
-    return om.identify([write(folder / "log.csv", columns)])
+    return om.identify([write_csv(folder / "log.csv", columns)])
 
 
 @pytest.mark.parametrize("other", [False, True], ids=["default", "other"])
 def test_a_robot_comes_out_of_its_log(other: bool, tmp_path: Path) -> None:
     """Within four standard errors, from a start that has other numbers; creep within 10 %, latency 0.3 frame."""
-    found = identified(driven(**OTHER if other else {}), tmp_path)
-    late, stiffness, slope = (5 / 60, 3.0, 0.0314) if other else (LATE_S, STIFFNESS, 0.0)
+    found = identified(make_log(**OTHER if other else {}), tmp_path)
+    late, stiffness, slope = (5 / 60, 3.0, 0.0314) if other else (LATENCY_S, CREEP_STIFFNESS, 0.0)
     assert not found.misfits
     for name, value in (
         ("wheels.creep_stiffness", stiffness),
@@ -45,13 +55,13 @@ def test_a_robot_comes_out_of_its_log(other: bool, tmp_path: Path) -> None:
 
 
 def test_commands_alone_tell_creep_too(tmp_path: Path) -> None:
-    found = identified(driven(wheels=False, **OTHER), tmp_path)
+    found = identified(make_log(wheels=False, **OTHER), tmp_path)
     assert found["commands.creep_stiffness"].value == pytest.approx(3.0, rel=0.1)
 
 
 def test_what_the_law_lacks_is_a_misfit(tmp_path: Path) -> None:
     """The robot swings by 12 mm at 1.1 Hz, by accelerations of 0.6 m/s^2."""
-    log = driven(commands=False)
+    log = make_log(commands=False)
     found = identified(
         log | {"x_m": log["x_m"] + 0.012 * np.sin(2 * np.pi * 1.1 * log["time_s"])}, tmp_path
     )
@@ -60,7 +70,7 @@ def test_what_the_law_lacks_is_a_misfit(tmp_path: Path) -> None:
 
 def test_slow_data_do_not_tell_creep(tmp_path: Path) -> None:
     """As of a robot in a laboratory: 0.4 m/s and 0.8 m/s^2. Creep is not told, and it says why."""
-    found = identified(driven(speed=0.4, pull=0.8, commands=False), tmp_path)
+    found = identified(make_log(speed=0.4, pull=0.8, commands=False), tmp_path)
     creep = found["wheels.creep_stiffness"]
     assert "it needs 1 m/s and 1 m/s^2" in (creep.why_not or "")
     assert creep.report()["value"] is None
@@ -170,5 +180,7 @@ BAD: dict[str, tuple[Callable[[Columns], Columns], str]] = {
 def test_logs_that_are_not_as_stated_are_a_line(cases: str, kind: str, tmp_path: Path) -> None:
     spoil, says = WRONG[kind] if cases == "wheels" else BAD[kind]
     with pytest.raises(om.OmniError, match=says) as error:
-        identified(spoil(driven(wheels=cases == "wheels", commands=cases == "commands")), tmp_path)
+        identified(
+            spoil(make_log(wheels=cases == "wheels", commands=cases == "commands")), tmp_path
+        )
     assert str(error.value).count("\n") == 0

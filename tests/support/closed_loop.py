@@ -16,7 +16,7 @@ WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.083, 0.0285)
 SIDE = 5 / 3  # creep, lag and friction sideways over those forward, with these wheels
 
 
-def turned(twist: Array, angle: Array) -> Array:
+def rotate(twist: Array, angle: Array) -> Array:
     """Return twists (n, 3) whose translation is rotated by angles (n,)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.stack(
@@ -50,7 +50,7 @@ class Plant:
         return self._sent[MEMORY - 1 + np.floor(share - self._delay).astype(int), self._robots]
 
 
-class Lagged(Plant):
+class LaggedPlant(Plant):
     """x' = v, v' = (alpha u - v) / lag in the world frame, from rest; without a lag, equation 7 of the paper.
 
     Args:
@@ -75,7 +75,7 @@ class Lagged(Plant):
         self.twist = speed + (self.twist - speed) * left
 
 
-class Creeping(Plant):
+class CreepingPlant(Plant):
     """(lag + g^2 creep |v|) v' = u - friction v / |v| - g v along the axes of the body; turning has a lag.
 
     Args:
@@ -108,7 +108,7 @@ class Creeping(Plant):
         halves = self.acting(), self.acting(0.5)
         for i in range(SUBSTEPS):
             acting, v, heading = halves[2 * i // SUBSTEPS], self._body_twist, self.pose[:, 2]
-            u = turned(acting, -heading)
+            u = rotate(acting, -heading)
             speed = np.hypot(v[:, 0], v[:, 1])[:, None]
             rubs = self._friction * side * v[:, :2] / np.maximum(speed, 0.05)
             late = self._lag * side + gain[..., :2] ** 2 * self._creep * side * speed
@@ -117,7 +117,7 @@ class Creeping(Plant):
             # The turning of the axes moves no velocity of the world.
             spin = v[:, 2:] * np.stack([v[:, 1], -v[:, 0]], axis=1)
             self._body_twist = v + dt * np.concatenate([rate + spin, turning], axis=1)
-            self.twist = turned(self._body_twist, heading)
+            self.twist = rotate(self._body_twist, heading)
             self.pose = self.pose + dt * self.twist
 
 
@@ -129,7 +129,7 @@ class Run(NamedTuple):
     sent: Array
 
 
-def vision(rng: np.random.Generator, frames: int, n: int, gaps: float = 0.0) -> Array:
+def make_vision_noise(rng: np.random.Generator, frames: int, n: int, gaps: float = 0.0) -> Array:
     """Noise of vision (frames, n, 3), not a number where a robot is not seen.
 
     Robots are missed in 2 % of the frames; with the probability `gaps`, per frame, for ten frames
@@ -144,17 +144,17 @@ def vision(rng: np.random.Generator, frames: int, n: int, gaps: float = 0.0) -> 
     return noise
 
 
-def reported(pose: Array) -> Array:
+def to_measured_pose(pose: Array) -> Array:
     """Poses (n, 3) as vision reports them, with headings in (-pi, pi]."""
     return np.column_stack([pose[:, :2], np.angle(np.exp(1j * pose[:, 2]))])
 
 
-def commands_for(controller: Controller) -> CommandHistory:
+def make_empty_history(controller: Controller) -> CommandHistory:
     """The commands that a controller is to see: all zero, and as many as it needs."""
     return CommandHistory(len(controller.predicted_pose), controller.memory_frames)
 
 
-def seen_at(
+def make_observation(
     model: TeamModel,
     pose: ArrayLike,
     sent: CommandHistory,
@@ -170,7 +170,7 @@ def seen_at(
     )
 
 
-def drive(
+def run_controller(
     controller: Controller,
     plant: Plant,
     noise: Array | int,
@@ -179,14 +179,14 @@ def drive(
     first_frame: int = 0,
 ) -> Run:
     """Close the loop without a team's filter, for as many frames as there is noise (frames, n, 3), or without noise."""
-    sent, queue = np.zeros_like(plant.pose), commands_for(controller)
+    sent, queue = np.zeros_like(plant.pose), make_empty_history(controller)
     rows = []
     for k, error in enumerate(np.zeros((noise, 1, 3)) if isinstance(noise, int) else noise):
         queue.append(sent)
         seen = plant.pose + error
         sent = limits(
             controller.command(
-                first_frame + k, seen_at(controller.model, seen, queue, plant.twist, seen)
+                first_frame + k, make_observation(controller.model, seen, queue, plant.twist, seen)
             ),
             sent,
         )
@@ -195,13 +195,13 @@ def drive(
     return Run(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def loop(
+def run_team(
     team: Team,
     plant: Plant,
     noise: Array | int,
     *,
-    sees: Callable[[int, Array, Array], Array] = lambda frame, image, last: image,
-    hears: Callable[[int], bool] = lambda frame: True,
+    camera: Callable[[int, Array, Array], Array] = lambda frame, image, last: image,
+    is_received: Callable[[int], bool] = lambda frame: True,
 ) -> dict[str, Array]:
     """Drive robots for some frames; return their poses, and what the team records, (frames, n, k) by name.
 
@@ -209,28 +209,28 @@ def loop(
         team: Of these robots.
         plant: Robots at their start.
         noise: Of vision, (frames, n, 3), or for how many frames it is drawn.
-        sees: The image of a frame by its number, what a camera would show, and the image before.
-        hears: Whether what is sent in a frame arrives; robots stand as long as nothing does.
+        camera: The image of a frame by its number, what a camera would show, and the image before.
+        is_received: Whether what is sent in a frame arrives; robots stand as long as nothing does.
     """
     if isinstance(noise, int):
         noise = NOISE * np.random.default_rng(0).standard_normal((noise, *plant.pose.shape))
     image, record = plant.pose, []
     for frame, error in enumerate(noise):
-        image = sees(frame, reported(plant.pose + error), image)
+        image = camera(frame, to_measured_pose(plant.pose + error), image)
         command = team.step(image, (plant.pose, plant.twist))
         said = {
             name: np.array(getattr(team, name))
             for name in ("estimate", "predicted_pose", "alpha_hat", "latency_hat")
         }
         record.append({"pose": plant.pose, "command": command, **team.channels, **said})
-        plant.advance(command if hears(frame) else np.zeros_like(command))
+        plant.advance(command if is_received(frame) else np.zeros_like(command))
     return {name: np.array([entry[name] for entry in record]) for name in record[0]}
 
 
 GAIN_ERROR, DRIFT, DRIFT_TIME_S = 0.06, (0.1, 0.1, 0.5), 0.5
 
 
-def driven(
+def simulate_drift(
     seed: int, frames: int, n: int, scale: float = 1.0, missed: float = 0.02
 ) -> tuple[Array, Array, Array]:
     """True poses, poses seen and commanded displacements (frames, n, 3).

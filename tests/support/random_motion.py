@@ -88,22 +88,22 @@ TIGERS = WheelLimits(
 )  # v2016
 
 
-def spokes(robot: WheelLimits) -> Array:
+def get_axles(robot: WheelLimits) -> Array:
     """Return unit vectors (wheels, 2) from the centre to the wheels, which are their axles too."""
     azimuths = robot.kinematics.azimuths
     return np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
 
 
-def statics(robot: WheelLimits) -> tuple[Array, Array]:
+def compute_loads(robot: WheelLimits) -> tuple[Array, Array]:
     """Loads at rest (wheels,) and what accelerations [ax, ay] add to them (wheels, 2), per mass: four springs."""
-    balance = np.column_stack([np.ones(4), robot.kinematics.arm * spokes(robot)])
+    balance = np.column_stack([np.ones(4), robot.kinematics.arm * get_axles(robot)])
     loads = np.linalg.pinv(balance).T @ np.diag([G, -robot.centre_height, -robot.centre_height])
     return loads[:, 0], loads[:, 1:]
 
 
-def drag(robot: WheelLimits, travel: Array) -> Array:
+def compute_drag(robot: WheelLimits, travel: Array) -> Array:
     """Force [x, y] and moment per mass on a body that travels at a twist, wheel by wheel."""
-    axle, load = spokes(robot), statics(robot)[0][:, None]
+    axle, load = get_axles(robot), compute_loads(robot)[0][:, None]
     arm = robot.kinematics.arm * axle
     v = travel[:2] + travel[2] * np.column_stack([-arm[:, 1], arm[:, 0]])
     across = np.sign((v * axle).sum(axis=1, keepdims=True))
@@ -114,12 +114,12 @@ def drag(robot: WheelLimits, travel: Array) -> Array:
     return np.append(push.sum(0), (arm[:, 0] * push[:, 1] - arm[:, 1] * push[:, 0]).sum())
 
 
-def most(robot: WheelLimits, asked: Array, travel: Array) -> float:
+def solve_max_scale(robot: WheelLimits, asked: Array, travel: Array) -> float:
     """How many times accelerations [ax, ay, b] can be had at best: forces of the rims, by a linear program."""
-    standing, shifting = statics(robot)
+    standing, shifting = compute_loads(robot)
     grip = math.sqrt(robot.friction**2 - robot.roller_friction**2)
     q = asked * [1, 1, robot.gyration_radius**2]
-    x, y = spokes(robot).T
+    x, y = get_axles(robot).T
     gives = np.array([-y, x, np.full(4, robot.kinematics.arm)])
     shifts = -grip * (shifting @ q[:2])[:, None]
     found = linprog(
@@ -127,7 +127,7 @@ def most(robot: WheelLimits, asked: Array, travel: Array) -> float:
         np.vstack([np.hstack([sign * np.eye(4), shifts]) for sign in (1, -1)]),
         np.tile(grip * standing, 2),
         np.hstack([gives, -q[:, None]]),
-        -drag(robot, travel),
+        -compute_drag(robot, travel),
         bounds=(None, None),
     )
     return float(found.x[-1])

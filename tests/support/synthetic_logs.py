@@ -13,12 +13,12 @@ POSE = ("x_m", "y_m", "heading_rad")
 COMMAND = ("vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s")
 WHEELS = ("wheel_1_rad", "wheel_2_rad", "wheel_3_rad", "wheel_4_rad")
 SETTINGS = om.load_scenario("rect").settings
-LATE_S, STIFFNESS = 0.1, SETTINGS.drivetrain.creep_stiffness
+LATENCY_S, CREEP_STIFFNESS = 0.1, SETTINGS.drivetrain.creep_stiffness
 Columns = dict[str, np.ndarray]
 
 
 @cache
-def _driven(seconds: float, rate: int, speed: float, pull: float, changes: str) -> Columns:
+def _simulate(seconds: float, rate: int, speed: float, pull: float, changes: str) -> Columns:
     """The columns of a log; commands change with each line."""
     frames, hold = round(60 * seconds), 60 // rate
     rest = {
@@ -56,7 +56,7 @@ def _driven(seconds: float, rate: int, speed: float, pull: float, changes: str) 
     )
 
 
-def driven(
+def make_log(
     seconds: float = 6.5,
     rate: int = 60,
     speed: float = 2.2,
@@ -78,11 +78,11 @@ def driven(
         sections: Settings of the robot.
     """
     left = (() if commands else COMMAND) + (() if wheels else WHEELS)
-    columns = _driven(seconds, rate, speed, pull, json.dumps(sections))
+    columns = _simulate(seconds, rate, speed, pull, json.dumps(sections))
     return {name: values.copy() for name, values in columns.items() if name not in left}
 
 
-def write(path: Path, columns: Columns) -> Path:
+def write_csv(path: Path, columns: Columns) -> Path:
     """A log as CSV; what is not a number is empty."""
     body = np.stack(list(columns.values()), 1)
     np.savetxt(path, body, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
