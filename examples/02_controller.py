@@ -1,4 +1,4 @@
-"""A controller of one's own, beside one that comes along."""
+"""Compare your own controller with a built-in one."""
 
 import numpy as np
 
@@ -6,20 +6,21 @@ import omni_mj as om
 
 
 class Mine(om.Controller):
-    """Proportional control of the pose to which the commands in flight lead."""
+    """Proportional control of the predicted pose at the end of the dead time."""
 
-    # 1/s; set by controller={"Mine": {"gain": 5.0}}, or --set controller.Mine.gain=5
+    # A parameter, in 1/s. Set it by controller={"Mine": {"gain": 5.0}}, or on the command line by
+    # --set controller.Mine.gain=5
     gain: float = 3.0
 
     def command(self, frame: int, observation: om.Observation) -> np.ndarray:
-        """Poses and commands are (n, 3): n robots at once, world frame."""
-        target, speed = self.reference.at(
+        """Return commands (n, 3) for n robots, world frame."""
+        target, feedforward = self.reference.at(
             frame + self.model.delay_frames, observation.predicted_pose
         )
-        self.channels["gap"] = np.hypot(
-            *(target - observation.predicted_pose)[:, :2].T
-        )  # recorded as channel_gap
-        return speed + self.gain * (target - observation.predicted_pose)
+        error = target - observation.predicted_pose
+        # Recorded as the column channel_predicted_error.
+        self.channels["predicted_error"] = np.hypot(error[:, 0], error[:, 1])
+        return feedforward + self.gain * error
 
 
 rect = om.load_scenario(

@@ -1,12 +1,12 @@
-"""The testbed as environments of Gymnasium: `omni_mj/Track-v0`, one robot or many; see docs/how-to/train-a-policy.md.
+"""Gymnasium environments of the testbed: `omni_mj/Track-v0`; see docs/how-to/train-a-policy.md.
 
     import gymnasium
     import omni_mj.gym
 
-    one = gymnasium.make("omni_mj/Track-v0", scenario="rect", plant="planar")
-    many = gymnasium.make_vec("omni_mj/Track-v0", 64, scenario="rect", plant="planar")
+    env = gymnasium.make("omni_mj/Track-v0", scenario="rect", plant="planar")
+    envs = gymnasium.make_vec("omni_mj/Track-v0", 64, scenario="rect", plant="planar")
 
-Importing it registers them. Gymnasium is the extra `omni-mj[gym]`.
+Importing this package registers them. Gymnasium is in the extra `omni-mj[gym]`.
 """
 
 try:
@@ -14,9 +14,9 @@ try:
 except ModuleNotFoundError as error:
     if error.name != "gymnasium":
         raise
-    get = "pip install 'omni-mj[gym]'"
     raise ImportError(
-        f"omni_mj.gym needs the package gymnasium, which is not installed: {get}"
+        "omni_mj.gym needs the package gymnasium, which is not installed; "
+        "install it with pip install 'omni-mj[gym]'"
     ) from None
 
 from omni_mj.gym.observations import (
@@ -28,9 +28,9 @@ from omni_mj.gym.observations import (
 
 __all__ = ["PREVIEW_FRAMES", "decode_action", "encode_observation", "get_observation_size"]
 
-_HOME = "omni_mj.gym.environments"
+_ENVIRONMENTS = "omni_mj.gym.environments"
 gymnasium.register(
     "omni_mj/Track-v0",
-    entry_point=f"{_HOME}:TrackEnv",
-    vector_entry_point=f"{_HOME}:TrackVectorEnv",
+    entry_point=f"{_ENVIRONMENTS}:TrackEnv",
+    vector_entry_point=f"{_ENVIRONMENTS}:TrackVectorEnv",
 )

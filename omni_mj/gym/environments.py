@@ -1,4 +1,4 @@
-"""`omni_mj/Track-v0`: robots that each follow the reference of a scenario, commanded from outside."""
+"""Gymnasium environments `omni_mj/Track-v0`: robots that follow the reference of a scenario."""
 
 import math
 from collections.abc import Sequence
@@ -21,16 +21,16 @@ from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, Settings
 from omni_mj.gym import observations
 from omni_mj.simulation.simulation import Simulation, batch_key
 
-ARM_M = 0.09  # the league's largest radius of a robot: so far its hull is off per radian of heading
-LOST_M = 1.0
-LONGEST_MEMORY = 600  # frames
-LAST_SEED = 2**63 - 1
+ROBOT_RADIUS_M = 0.09  # the league's maximum; cost of a heading error, m/rad
+MAX_ERROR_M = 1.0
+MAX_HISTORY_LENGTH = 600  # frames
+MAX_SEED = 2**63 - 1
 Numbers = NDArray[Any]
 Bools = NDArray[np.bool_]
 
 
 class ExternalController(Controller):
-    """Holds the place of a controller where commands come from outside; it is never asked."""
+    """Placeholder for a controller whose commands come from outside; `command` is never called."""
 
     history_length: int = 1  # frames
 
@@ -40,17 +40,19 @@ class ExternalController(Controller):
 
 
 class EpisodeBatch:
-    """Robots whose episodes began in the same frame: the rows of one simulation.
+    """Robots whose episodes started in the same frame: the rows of one simulation.
 
     Args:
-        simulation: Theirs.
-        robots: Their numbers; -1 for one that has begun another episode since.
+        simulation: Their simulation.
+        robots: Index of the environment of each row; -1 after it has started another episode.
     """
 
     def __init__(self, simulation: Simulation, robots: NDArray[np.intp]) -> None:
-        self.simulation, self.robots, own = simulation, robots, simulation.references
-        self.reference = own[0] if all(each is own[0] for each in own) else PerRobotReference(own)
-        self.last = np.array([each.frames - 1 for each in own])
+        self.simulation, self.robots = simulation, robots
+        references = simulation.references
+        is_common = all(reference is references[0] for reference in references)
+        self.reference = references[0] if is_common else PerRobotReference(references)
+        self.last_frame = np.array([reference.frames - 1 for reference in references])
         control = [row.settings.control for row in simulation.rows]
         self.limits = np.array(
             [[c.max_speed_m_s, c.max_speed_m_s, c.max_turn_rate_rad_s] for c in control]
@@ -58,24 +60,22 @@ class EpisodeBatch:
 
 
 class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
-    """Many robots, simulated together; to the bit what as many of `Track` are, one by one.
+    """Many robots, simulated together; the results equal those of single `TrackEnv`s bit for bit.
 
-    Robots whose episodes began in the same frame are one batch, which is what makes them fast.
+    Robots whose episodes start in the same frame run as one batch, which is faster.
 
     Args:
         num_envs: Number of robots.
-        scenario: Its name, its file, or itself. What it draws from distributions is drawn for each
-            episode.
-        history_length: How many of the commands sent are observed. [as many as may be in flight, and one]
-        max_error_m: How far off its reference a robot is lost, m.
-        autoreset_mode: When an episode that has ended is followed by the next: with the next step
-            (the action of which is ignored), or when `reset` says so. A robot whose episode has
-            ended until then stays where it is and is rewarded with 0.
-        changes: Of a scenario that is named: plant, robot, and sections of settings, as
-            `om.load_scenario` takes them.
+        scenario: Name, file, or `Scenario`. Its distributions are drawn for each episode.
+        history_length: Number of observed commands. Default: the maximum in flight plus one.
+        max_error_m: Position error at which an episode terminates, m.
+        autoreset_mode: When an ended episode is followed by the next one: in the next step, which
+            ignores the action, or by `reset`. Until then a robot stays still with a reward of 0.
+        changes: Changes of a named scenario: plant, robot, and sections of settings, as in
+            `om.load_scenario`.
 
     Raises:
-        OmniError: Something is unknown or not allowed.
+        OmniError: An argument is unknown or out of range.
     """
 
     def __init__(
@@ -84,42 +84,37 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         scenario: Scenario | str = "rect",
         *,
         history_length: int | None = None,
-        max_error_m: float = LOST_M,
+        max_error_m: float = MAX_ERROR_M,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: None = None,
         **changes: Any,
     ) -> None:
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
-            raise OmniError("autoreset_mode must be NextStep or Disabled")
-        if isinstance(scenario, Scenario) and changes:
+            raise OmniError("autoreset_mode must be NextStep or Disabled, got SameStep")
+        scenario = _load_single_robot_scenario(scenario, changes)
+        if history_length is None:
+            history_length = _compute_default_history_length(scenario)
+        if not 1 <= history_length <= MAX_HISTORY_LENGTH or not 0 < max_error_m < math.inf:
             raise OmniError(
-                f"{', '.join(changes)}: changes are made to a scenario that is named; make them in yours"
+                f"history_length must be from 1 to {MAX_HISTORY_LENGTH} frames, max_error_m above "
+                f"0, got {history_length} and {max_error_m}"
             )
-        chosen = scenario if isinstance(scenario, Scenario) else load_scenario(scenario, **changes)
-        if len(chosen.settings.world.start_poses) > 1:
-            raise OmniError("world.start_poses: an environment is one robot; leave one place")
-        self.history_length = _memory(chosen) if history_length is None else history_length
-        if not 1 <= self.history_length <= LONGEST_MEMORY or not 0 < max_error_m < math.inf:
-            raise OmniError(
-                f"history_length must be from 1 to {LONGEST_MEMORY} frames, max_error_m above 0"
-            )
-        parameters = {ExternalController.__name__: {"history_length": self.history_length}}
-        settings = Settings(**{**dict(chosen.settings), "controller": parameters})
-        self.scenario = chosen.replace(controllers=(ExternalController,), settings=settings)
+        parameters = {ExternalController.__name__: {"history_length": history_length}}
+        settings = Settings(**{**dict(scenario.settings), "controller": parameters})
+        self.scenario = scenario.replace(controllers=(ExternalController,), settings=settings)
         self.num_envs, self.max_error_m = num_envs, max_error_m
+        self.history_length = history_length
         self.metadata = {**TrackEnv.metadata, "autoreset_mode": self.autoreset_mode}
-        box, size = gymnasium.spaces.Box, observations.get_observation_size(self.history_length)
-        self.single_observation_space = box(
-            -observations.HIGHEST, observations.HIGHEST, (size,), np.float32
-        )
-        self.single_action_space = box(-1.0, 1.0, (3,), np.float32)
+        size, high = observations.get_observation_size(history_length), observations.MAX_OBSERVATION
+        self.single_observation_space = gymnasium.spaces.Box(-high, high, (size,), np.float32)
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.seen = np.zeros((num_envs, size), np.float32)
-        self.terminated, self.truncated = np.ones((2, num_envs), bool)
+        self._observations = np.zeros((num_envs, size), np.float32)
+        self._terminated, self._truncated = np.ones((2, num_envs), bool)
         self._batches: list[EpisodeBatch] = []
-        self._random: list[np.random.Generator | None] = [None] * num_envs
+        self._generators: list[np.random.Generator | None] = [None] * num_envs
 
     def reset(
         self,
@@ -127,145 +122,189 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Numbers, dict[str, Any]]:
-        """Begin an episode of each robot, or of those where `options["reset_mask"]`, (num_envs,), says so.
+        """Start an episode of each robot, or of those in `options["reset_mask"]`, (num_envs,).
 
         Args:
-            seed: Of the first; the others' count up from it. Or one for each.
+            seed: Seed of the first robot, counting up for the others; or one for each robot.
             options: See above.
 
         Raises:
-            OmniError: A seed draws what is not allowed.
+            OmniError: A seed draws settings that are not allowed.
         """
         if isinstance(seed, int):
             seed = [seed + i for i in range(self.num_envs)]
         mask = (options or {}).get("reset_mask", np.ones(self.num_envs, bool))
-        info = self._begin(np.flatnonzero(mask), seed or [None] * self.num_envs)
-        return self.seen.copy(), info
+        info = self._start_episodes(np.flatnonzero(mask), seed or [None] * self.num_envs)
+        return self._observations.copy(), info
 
     def step(self, actions: Any) -> tuple[Numbers, Array, Bools, Bools, dict[str, Any]]:
-        """Go on by a frame, 1/60 s; robots whose episodes have ended stay as they are.
+        """Advance by a frame, 1/60 s; robots whose episodes have ended stay still.
 
         Raises:
-            OmniError: The actions are not (num_envs, 3) finite numbers.
+            OmniError: The actions are not finite numbers (num_envs, 3).
         """
-        given = np.asarray(actions, float)
-        if given.shape != (self.num_envs, 3):
+        actions = np.asarray(actions, float)
+        if actions.shape != (self.num_envs, 3):
             raise OmniError(
-                f"actions must be finite numbers {(self.num_envs, 3)}, not of shape {given.shape}"
+                f"actions must be finite numbers {(self.num_envs, 3)}, got shape {actions.shape}"
             )
-        before = self.terminated | self.truncated
-        reward, distance, turned = np.zeros((3, self.num_envs))
-        self._batches = [batch for batch in self._batches if self._going(batch).any()]
+        had_ended = self._terminated | self._truncated
+        reward, position_error, heading_error = np.zeros((3, self.num_envs))
+        self._batches = [batch for batch in self._batches if self._is_running(batch).any()]
         for batch in self._batches:
-            going, simulation = self._going(batch), batch.simulation
-            simulation.step(
-                observations.decode_action(given[batch.robots], simulation.observe(), batch.limits)
-            )
-            poses = simulation.plant.pose()
-            error = poses - batch.reference.at(simulation.frame, poses)[0]
-            off, angle = np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angle(error[:, 2]))
-            failed = np.isin(np.arange(len(off)), [failure.row for failure in simulation.failures])
-            terminated = failed | ~(off <= self.max_error_m)  # what is no number has failed
-            cost = np.minimum(
-                np.where(failed, self.max_error_m, off + ARM_M * angle), self.max_error_m
-            )
-            cost += np.where(terminated, self.max_error_m * (batch.last - simulation.frame), 0.0)
-            robots = batch.robots[going]
-            reward[robots], distance[robots], turned[robots] = (
-                -cost[going],
-                off[going],
-                angle[going],
-            )
-            self.terminated[robots] = terminated[going]
-            self.truncated[robots] = ((simulation.frame >= batch.last) & ~terminated)[going]
-            self._observe(batch, going)
+            is_running, robots = self._is_running(batch), batch.robots
+            result = self._step_batch(batch, actions[robots])
+            for values, row_values in zip(
+                (reward, position_error, heading_error, self._terminated, self._truncated),
+                result,
+                strict=True,
+            ):
+                values[robots[is_running]] = row_values[is_running]
+            self._update_observations(batch, is_running)
         info: dict[str, Any] = {}
-        if not before.all():
-            info = {"distance_m": distance, "heading_error_rad": turned}
-            info |= {f"_{name}": ~before for name in info}
-        if self.autoreset_mode is AutoresetMode.NEXT_STEP and before.any():
-            info |= self._begin(np.flatnonzero(before), [None] * self.num_envs)
-        return self.seen.copy(), reward, self.terminated.copy(), self.truncated.copy(), info
+        if not had_ended.all():
+            info = {"position_error_m": position_error, "heading_error_rad": heading_error}
+            info |= {f"_{name}": ~had_ended for name in info}
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and had_ended.any():
+            info |= self._start_episodes(np.flatnonzero(had_ended), [None] * self.num_envs)
+        terminated, truncated = self._terminated.copy(), self._truncated.copy()
+        return self._observations.copy(), reward, terminated, truncated, info
 
-    def _begin(self, robots: NDArray[np.intp], seeds: Sequence[int | None]) -> dict[str, Any]:
-        """Begin episodes of these robots from the start of their references; return their seeds."""
-        numbers, begun = np.zeros(self.num_envs, np.int64), np.zeros(self.num_envs, bool)
-        self.terminated[robots], self.truncated[robots], begun[robots] = False, False, True
-        for batch in self._batches:  # what ended there is begun anew here
+    def _step_batch(
+        self, batch: EpisodeBatch, actions: Array
+    ) -> tuple[Array, Array, Array, Bools, Bools]:
+        """Advance a batch by a frame.
+
+        Args:
+            batch: Batch of n rows.
+            actions: Actions of its rows, (n, 3).
+
+        Returns:
+            Reward, position error (m), heading error (rad), terminated and truncated, (n,) each.
+        """
+        simulation = batch.simulation
+        command = observations.decode_action(actions, simulation.observe(), batch.limits)
+        simulation.step(command)
+        poses = simulation.plant.pose()
+        error = poses - batch.reference.at(simulation.frame, poses)[0]
+        position_error = np.hypot(error[:, 0], error[:, 1])
+        heading_error = np.abs(wrap_angle(error[:, 2]))
+        failed_rows = [failure.row for failure in simulation.failures]
+        has_failed = np.isin(np.arange(len(poses)), failed_rows)
+        terminated = has_failed | ~(position_error <= self.max_error_m)  # also if it is NaN
+        max_cost = self.max_error_m
+        cost = np.where(has_failed, max_cost, position_error + ROBOT_RADIUS_M * heading_error)
+        cost = np.minimum(cost, max_cost)
+        remaining_frames = batch.last_frame - simulation.frame
+        cost += np.where(terminated, max_cost * remaining_frames, 0.0)
+        truncated = (simulation.frame >= batch.last_frame) & ~terminated
+        return -cost, position_error, heading_error, terminated, truncated
+
+    def _start_episodes(
+        self, robots: NDArray[np.intp], seeds: Sequence[int | None]
+    ) -> dict[str, Any]:
+        """Start episodes of these robots at the start of their references; return their seeds."""
+        used_seeds, has_started = np.zeros(self.num_envs, np.int64), np.zeros(self.num_envs, bool)
+        self._terminated[robots], self._truncated[robots] = False, False
+        has_started[robots] = True
+        for batch in self._batches:
             batch.robots[np.isin(batch.robots, robots)] = -1
         groups: dict[object, dict[int, Row]] = {}
         for i in robots.tolist():
-            random, seed = self._random[i], seeds[i]
-            if seed is not None or random is None:
-                self._random[i] = random = seeding.np_random(seed)[0]
-            numbers[i] = seed = int(random.integers(LAST_SEED)) if seed is None else seed
-            own = self.scenario.settings_of(seed)
-            group = groups.setdefault(batch_key(self.scenario.plant, own), {})
-            group[i] = Row(
-                len(group), 0, ExternalController.__name__, seed, own, self.scenario.robot
+            generator, seed = self._generators[i], seeds[i]
+            if seed is not None or generator is None:
+                self._generators[i] = generator = seeding.np_random(seed)[0]
+            used_seeds[i] = seed = int(generator.integers(MAX_SEED)) if seed is None else seed
+            settings = self.scenario.settings_of(seed)
+            rows = groups.setdefault(batch_key(self.scenario.plant, settings), {})
+            rows[i] = Row(
+                len(rows), 0, ExternalController.__name__, seed, settings, self.scenario.robot
             )
-        for group in groups.values():
-            simulation = Simulation(self.scenario, rows=list(group.values()), logged=False)
-            self._batches.append(EpisodeBatch(simulation, np.array(list(group))))
-            self._observe(self._batches[-1])
-        return {"seed": numbers, "_seed": begun}
+        for rows in groups.values():
+            simulation = Simulation(self.scenario, rows=list(rows.values()), logged=False)
+            self._batches.append(EpisodeBatch(simulation, np.array(list(rows))))
+            self._update_observations(self._batches[-1])
+        return {"seed": used_seeds, "_seed": has_started}
 
-    def _going(self, batch: EpisodeBatch) -> Bools:
-        return (batch.robots >= 0) & ~(self.terminated | self.truncated)[batch.robots]
+    def _is_running(self, batch: EpisodeBatch) -> Bools:
+        """Return the mask of the rows of a batch whose episodes have not ended."""
+        return (batch.robots >= 0) & ~(self._terminated | self._truncated)[batch.robots]
 
-    def _observe(self, batch: EpisodeBatch, going: Bools | slice = slice(None)) -> None:
+    def _update_observations(self, batch: EpisodeBatch, rows: Bools | slice = slice(None)) -> None:
+        """Write the observations of some rows of a batch."""
         simulation = batch.simulation
-        found = observations.encode_observation(
+        batch_observations = observations.encode_observation(
             simulation.frame, simulation.observe(), batch.reference, self.history_length
         )
-        self.seen[batch.robots[going]] = found[going]
+        self._observations[batch.robots[rows]] = batch_observations[rows]
 
 
 class TrackEnv(gymnasium.Env[Numbers, Numbers]):
-    """A robot that is to follow the reference of a scenario: `Tracks` of one; see docs/how-to/train-a-policy.md.
+    """A robot that follows the reference of a scenario; see docs/how-to/train-a-policy.md.
 
     Args:
-        scenario, given: As of `Tracks`.
+        scenario, options: Same as for `TrackVectorEnv`.
 
     Raises:
-        OmniError: Something is unknown or not allowed.
+        OmniError: An argument is unknown or out of range.
     """
 
-    metadata = {"render_modes": [], "render_fps": round(FRAME_RATE_HZ)}  # noqa: RUF012 - as the base class has it
+    # Gymnasium's base class also has a mutable class attribute.
+    metadata = {"render_modes": [], "render_fps": round(FRAME_RATE_HZ)}  # noqa: RUF012
 
-    def __init__(self, scenario: Scenario | str = "rect", **given: Any) -> None:
-        self._one = TrackVectorEnv(1, scenario, autoreset_mode=AutoresetMode.DISABLED, **given)
-        self.observation_space = self._one.single_observation_space
-        self.action_space = self._one.single_action_space
+    def __init__(self, scenario: Scenario | str = "rect", **options: Any) -> None:
+        self._env = TrackVectorEnv(1, scenario, autoreset_mode=AutoresetMode.DISABLED, **options)
+        self.observation_space = self._env.single_observation_space
+        self.action_space = self._env.single_action_space
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Numbers, dict[str, Any]]:
-        """Begin an episode: with a seed, the run that `omni-mj run --seed` drives; without, the next that it draws."""
+        """Start an episode.
+
+        With a seed, it has the noise of `omni-mj run --seed`; without, that of the next seed drawn.
+        """
         super().reset(seed=seed)
-        seen, info = self._one.reset(seed=seed)
-        return seen[0], {"seed": int(info["seed"][0])}
+        observation, info = self._env.reset(seed=seed)
+        return observation[0], {"seed": int(info["seed"][0])}
 
     def step(self, action: Any) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
-        """Go on by a frame, 1/60 s."""
-        seen, reward, terminated, truncated, info = self._one.step(np.asarray(action, float)[None])
-        model = {
-            name: float(values[0]) for name, values in info.items() if not name.startswith("_")
-        }
-        return seen[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), model
+        """Advance by a frame, 1/60 s."""
+        observation, reward, terminated, truncated, info = self._env.step(
+            np.asarray(action, float)[None]
+        )
+        info = {name: float(values[0]) for name, values in info.items() if not name.startswith("_")}
+        return observation[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
 
 
-def _memory(scenario: Scenario) -> int:
-    """Return the frames within which a command has acted, at most.
+def _load_single_robot_scenario(scenario: Scenario | str, changes: dict[str, Any]) -> Scenario:
+    """Return the scenario with changes.
 
     Raises:
-        OmniError: There is no most, since the dead time is drawn from a distribution without ends.
+        OmniError: A `Scenario` object is to be changed, or a world has several robots.
+    """
+    if isinstance(scenario, Scenario) and changes:
+        raise OmniError(
+            f"{', '.join(changes)}: only a scenario given by name can be changed; change yours"
+        )
+    loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario, **changes)
+    if len(loaded.settings.world.start_poses) > 1:
+        raise OmniError("world.start_poses must have one pose: an environment has one robot")
+    return loaded
+
+
+def _compute_default_history_length(scenario: Scenario) -> int:
+    """Return the largest number of frames from a command to the end of its effect.
+
+    Raises:
+        OmniError: The dead time is drawn from an unbounded distribution.
     """
     control, radio = scenario.settings.control, scenario.settings.radio
-    drawn = scenario.distributions.get("radio.delay_frames")
-    if drawn is not None and not drawn.ends:
+    distribution = scenario.distributions.get("radio.delay_frames")
+    if distribution is not None and not distribution.ends:
         raise OmniError(
-            "radio.delay_frames is drawn from a distribution without ends: give it some, or give history_length="
+            "radio.delay_frames is drawn from an unbounded distribution: bound it, or give "
+            "history_length="
         )
-    longest = radio.delay_frames if drawn is None else max(drawn.ends)
-    return int(longest) + radio.jitter_frames + math.ceil(control.assumed_lag_s / PERIOD_S) + 1
+    max_delay = radio.delay_frames if distribution is None else max(distribution.ends)
+    return int(max_delay) + radio.jitter_frames + math.ceil(control.assumed_lag_s / PERIOD_S) + 1

@@ -15,7 +15,7 @@ from team_setup import TIMED
 from omni_control import TeamModel
 
 ROOT = Path(__file__).parents[2]
-EXAMPLE = ROOT / "examples" / "own_robot.py"
+EXAMPLE = ROOT / "examples" / "real_robot.py"
 BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "control" / "README.md").read_text(), re.S)
 
 

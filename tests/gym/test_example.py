@@ -22,7 +22,7 @@ def test_the_example_learns_and_drives(
     monkeypatch.setattr(sys, "argv", ["learn.py", *asked])
     runpy.run_path(str(ROOT / "examples" / "learn" / "learn.py"))
     printed = capsys.readouterr().out
-    off = [float(each) for each in re.findall(r": ([0-9.]+) cm off", printed)]
+    off = [float(each) for each in re.findall(r"mean error ([0-9.]+) cm", printed)]
     assert off[-1] < off[0] / 2
     assert "Learned" in printed
 

@@ -176,7 +176,7 @@ def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> No
         .frames
         - 1
     )
-    assert info["distance_m"] > 0.2
+    assert info["position_error_m"] > 0.2
     assert sum(rewards) == pytest.approx(sum(rewards[:-1]) - 0.2 * (frames - len(rewards) + 1))
     assert env.step([0.0, 0.0, 0.0])[1:4] == (0.0, True, False)
 
@@ -202,7 +202,7 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
         ({"plant": "planer"}, "unknown plant"),
         ({"history_length": 0}, "history_length must be from 1"),
         ({"max_error_m": 0.0}, "max_error_m above 0"),
-        ({"world": {"start_poses": [[0, 0, 0], [0, 2, 0]]}}, "an environment is one robot"),
+        ({"world": {"start_poses": [[0, 0, 0], [0, 2, 0]]}}, "an environment has one robot"),
         ({"radio": {"delay_frames": {"normal": [6, 1]}}}, "give history_length="),
         ({"autoreset_mode": "SameStep"}, "must be NextStep or Disabled"),
     ],
