@@ -98,13 +98,13 @@ def command(
 
     if out.suffix not in film.SUFFIXES:
         raise OmniError(f"{out}: a film's name ends in {', '.join(film.SUFFIXES)}")
-    settings, takes = film.load_trajectories(folder, controllers)
-    last = PERIOD_S * max(len(take.poses) for take in takes)
+    settings, tracks = film.load_tracks(folder, controllers)
+    last = PERIOD_S * max(len(track.poses) for track in tracks)
     end = min(last if end_s is None else end_s, last)
     if begin_s >= end:
         raise OmniError(f"--from {begin_s:g} must be before the film's end at {end:g} s")
     instants = np.arange(begin_s, end, speed / rate)
-    drawn = film.FilmRenderer(settings, takes, view, size).render(instants)
-    with click.progressbar(drawn, len(instants), file=sys.stderr) as pictures:
+    frames = film.FilmRenderer(settings, tracks, view, size).render(instants)
+    with click.progressbar(frames, len(instants), file=sys.stderr) as pictures:
         film.write_film(pictures, out, rate)
     print(f"film in {out}: {len(instants) / rate:.1f} s, {out.stat().st_size / 1e6:.1f} MB")

@@ -1,12 +1,13 @@
-"""Films of runs: a panel for each controller, drawn by MuJoCo, with its name and its error."""
+"""Films of runs: MuJoCo draws a panel for each controller with its name and position error."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 from PIL import Image, ImageDraw, ImageFont
 
@@ -16,216 +17,225 @@ from omni_mj import parquet
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.files import open_atomic
 from omni_mj.mjcf import world_builder
-from omni_mj.results.summary import read_summary as read_summary
+from omni_mj.results.summary import read_summary
 from omni_mj.viz import style
 from omni_mj.viz.recording.robot_shapes import cover_materials
 from omni_mj.viz.recording.scene import HEIGHT_M, RADIUS_M
 
 SUFFIXES = (".gif", ".webp")
-NEEDS = "MuJoCo cannot draw here: {reason}; without a display it needs EGL, on Debian libegl1 and libgl1-mesa-dri"
-GAP = 4  # pixels between panels
-PIECES = 300  # of a path at most
-ELEVATION_DEG = {"follow": -38.0, "plan": -90.0}  # of each view's direction
-NEAR_M = 0.85  # from the robot that is followed
-REFERENCE, ROUTE = (1.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 0.6)
-LINE_SHARE = 0.007  # thickness of lines, as a share of the distance from which they are seen
-# Next to the scene's own light; more, and seen from above a robot's colour is burnt out
+RENDERER_ERROR = (
+    "MuJoCo cannot draw here: {reason}; without a display it needs EGL, on Debian libegl1 and "
+    "libgl1-mesa-dri"
+)
+GAP_PIXELS = 4  # between panels
+MAX_SEGMENTS = 300  # of a path
+ELEVATION_DEG = {"follow": -38.0, "plan": -90.0}  # view -> elevation of the camera's direction
+FOLLOW_DISTANCE_M = 0.85  # of the camera from the robot that it follows
+REFERENCE_RGBA, ROUTE_RGBA = (1.0, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 0.6)
+LINE_WIDTH = 0.007  # of lines, as a fraction of the camera's distance
+# Brightness of the light at the camera, which adds to the scene's light. Brighter light would
+# overexpose covers in the view from above.
 HEADLIGHT = 0.1
-MAX_GEOMS = 20_000  # a robot with whole wheels has some 200
-MARGIN_M = 0.35  # around the route, for the robots on it
+MAX_GEOMS = 20_000  # a robot with complete wheels has about 200
+MARGIN_M = 0.35  # of the plan view around the route, for the robots on it
 
 
-class Trajectories(NamedTuple):
-    """What one controller did with the first seed.
+class FilmTrack(NamedTuple):
+    """Trajectories of one controller's robots in the first seed.
 
     Args:
-        controller: Its name.
-        colour: As in figures and recordings.
-        poses: Poses of its robots, (frames, places, 3) m, m, rad.
-        references: Poses in which they should be, as `poses`.
-        wheels: Angles of their wheels, (frames, places, wheels) rad.
+        controller: Name of the controller.
+        colour: Color of the controller in figures and recordings.
+        poses: True poses, (frames, robots, 3) m, m, rad.
+        references: Reference poses, (frames, robots, 3) m, m, rad.
+        wheel_angles: Angles of the wheels, (frames, robots, wheels) rad.
     """
 
     controller: str
     colour: str
     poses: Array
     references: Array
-    wheels: Array
+    wheel_angles: Array
 
 
-def load_trajectories(
-    folder: Path, controllers: Sequence[str] = ()
-) -> tuple[Settings, list[Trajectories]]:
-    """Return the settings of a run's robots, and what its controllers did with its first seed.
+def load_tracks(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[FilmTrack]]:
+    """Return the settings of a run's robots, and a track for each controller.
 
     Args:
         folder: Folder of the run.
-        controllers: Names of controllers. [all]
+        controllers: Names of controllers. Default: all.
 
     Raises:
-        OmniError: The folder holds no run, no trajectory, or no such controller.
+        OmniError: The folder has no run, no trajectory, or no such controller.
     """
     entry = next(iter(read_summary(folder)["scenarios"].values()))
-    settings = Settings(
-        **{section: entry["settings"][section] for section in ("model", "body", "wheels")}
-    )
+    sections = ("model", "body", "wheels")
+    settings = Settings(**{section: entry["settings"][section] for section in sections})
     pose = ["x_m", "y_m", "heading_rad"]
-    angles = [f"wheel_angle_{i + 1}_rad" for i in range(len(settings.wheels.azimuths_deg))]
-    numbers = [*pose, *(f"ref_{name}" for name in pose), *angles]
-    table = parquet.read_table(
-        folder / "trajectory.parquet", ["controller", "seed", "slot", *numbers]
-    )
+    reference = [f"ref_{name}" for name in pose]
+    n_wheels = len(settings.wheels.azimuths_deg)
+    columns = [*pose, *reference, *(f"wheel_angle_{i + 1}_rad" for i in range(n_wheels))]
+    keys = ["controller", "seed", "slot"]
+    table = parquet.read_table(folder / "trajectory.parquet", [*keys, *columns])
     known = table["controller"].unique().to_pylist()
     if unknown := [name for name in controllers if name not in known]:
         raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
-    first = pc.min(table["seed"])
-    slots, takes = style.style_indices(known), []
+    indices = style.style_indices(known)
+    is_first_seed = pc.field("seed") == pc.min(table["seed"])
+    tracks = []
     for name in controllers or known:
-        part = table.filter((pc.field("controller") == name) & (pc.field("seed") == first))
-        values = np.nan_to_num(np.column_stack([part[column].to_numpy() for column in numbers]))
-        robots = np.split(values, np.flatnonzero(np.diff(part["slot"].to_numpy())) + 1)
-        longest = max(map(len, robots))
-        # Robots that failed have no frames after that, and stay where they are.
-        robots = [np.pad(robot, [(0, longest - len(robot)), (0, 0)], "edge") for robot in robots]
-        takes.append(
-            Trajectories(
-                name, style.colour(slots[name]), *np.split(np.stack(robots, axis=1), (3, 6), axis=2)
-            )
-        )
-    return settings, takes
+        rows = table.filter((pc.field("controller") == name) & is_first_seed)
+        poses, references, wheel_angles = np.split(_stack_robots(rows, columns), (3, 6), axis=2)
+        colour = style.colour(indices[name])
+        tracks.append(FilmTrack(name, colour, poses, references, wheel_angles))
+    return settings, tracks
+
+
+def _stack_robots(rows: pa.Table, columns: Sequence[str]) -> Array:
+    """Return columns of a trajectory table as an array (frames, robots, columns), 0 for NaN.
+
+    A robot that failed has fewer frames; it keeps its last pose.
+    """
+    values = np.nan_to_num(np.column_stack([rows[column].to_numpy() for column in columns]))
+    slot_changes = np.flatnonzero(np.diff(rows["slot"].to_numpy())) + 1
+    robots = np.split(values, slot_changes)
+    n_frames = max(map(len, robots))
+    padded = [np.pad(robot, [(0, n_frames - len(robot)), (0, 0)], "edge") for robot in robots]
+    return np.stack(padded, axis=1)
 
 
 class FilmRenderer:
-    """The robots of one world and a camera, which draws panels side by side.
+    """A world with a camera that draws tracks in panels side by side.
 
     Args:
         settings: Settings of the robots.
-        takes: What is shown.
-        view: Name of one of `ELEVATION_DEG`.
+        tracks: Tracks from left to right.
+        view: Name of a view in `ELEVATION_DEG`.
         size: Width and height of a picture, pixels.
 
     Raises:
-        OmniError: MuJoCo finds nothing to draw with.
+        OmniError: MuJoCo cannot draw on this computer.
     """
 
     def __init__(
-        self, settings: Settings, takes: Sequence[Trajectories], view: str, size: tuple[int, int]
+        self, settings: Settings, tracks: Sequence[FilmTrack], view: str, size: tuple[int, int]
     ) -> None:
-        self._takes, self._size, places = takes, size, takes[0].poses.shape[1]
-        width, height = size[0] // len(takes) - GAP, size[1]
+        self._tracks = tracks
+        self._size = size
+        n_robots = tracks[0].poses.shape[1]
+        width, height = size[0] // len(tracks) - GAP_PIXELS, size[1]
+        wheels = {"model": "rollers"}
         self._world = world_builder.build_world(
-            settings.replace(wheels={"model": "rollers"}), places, with_hulls=False
+            settings.replace(wheels=wheels), n_robots, with_hulls=False
         )
-        self._data, visual = mujoco.MjData(self._world.model), self._world.model.vis
+        self._data = mujoco.MjData(self._world.model)
+        visual = self._world.model.vis
         visual.global_.offwidth, visual.global_.offheight = width, height
-        # Of a software renderer: time goes with the facets of some 80 rollers
+        # A software renderer's time grows with the facets of about 80 rollers.
         quality = visual.quality
         quality.numslices, quality.numstacks, quality.shadowsize = 20, 8, 1024
         visual.headlight.diffuse[:] = HEADLIGHT
         try:
             self._renderer = mujoco.Renderer(self._world.model, height, width, MAX_GEOMS)
-        except Exception as error:  # whatever the platform's GL raises
-            raise OmniError(NEEDS.format(reason=error or type(error).__name__)) from None
-        route = np.concatenate([take.references[..., :2].reshape(-1, 2) for take in takes])
-        low, high = route.min(0) - MARGIN_M, route.max(0) + MARGIN_M
-        self._camera = camera = mujoco.MjvCamera()
-        camera.azimuth, camera.elevation, camera.lookat[:] = (
-            90.0,
-            ELEVATION_DEG[view],
-            (*(low + high) / 2, 0.05),
-        )
-        # The whole route is in sight from where its height and, less by the picture's shape, its
-        # width are.
-        size_m = max(high[1] - low[1], (high[0] - low[0]) * height / width)
-        self._follows = view == "follow" and places == 1
-        camera.distance = (
-            NEAR_M if self._follows else size_m / 2 / np.tan(np.deg2rad(visual.global_.fovy / 2))
-        )
-        self._thickness = LINE_SHARE * camera.distance
+        except Exception as error:  # the type depends on the platform's GL
+            reason = error or type(error).__name__
+            raise OmniError(RENDERER_ERROR.format(reason=reason)) from None
+        self._follows_robot = view == "follow" and n_robots == 1
+        self._camera = self._create_camera(view, height / width)
+        self._line_width_m = LINE_WIDTH * self._camera.distance
 
-    def render(self, instants: Array) -> Iterator[Image.Image]:
-        """Yield a picture for each of the instants, s."""
-        for instant in instants:
+    def render(self, times: Array) -> Iterator[Image.Image]:
+        """Yield a picture for each of the times, s."""
+        for time in times:
             picture = Image.new("RGB", self._size, "white")
-            for i, take in enumerate(self._takes):
-                picture.paste(
-                    self._panel(take, instant), (i * self._size[0] // len(self._takes), 0)
-                )
+            for i, track in enumerate(self._tracks):
+                left = i * self._size[0] // len(self._tracks)
+                picture.paste(self._draw_panel(track, time), (left, 0))
             yield picture
 
-    def _panel(self, take: Trajectories, instant: float) -> Image.Image:
-        frame = min(round(instant / PERIOD_S), len(take.poses) - 1)
-        errors = 100 * np.linalg.norm(
-            (take.poses - take.references)[: frame + 1, :, :2], axis=-1
-        ).max(-1)
-        self._set(take, frame)
+    def _create_camera(self, view: str, aspect_ratio: float) -> mujoco.MjvCamera:
+        """Return a camera whose picture contains the whole route, or one near the robot."""
+        points = [track.references[..., :2].reshape(-1, 2) for track in self._tracks]
+        route = np.concatenate(points)
+        low, high = route.min(0) - MARGIN_M, route.max(0) + MARGIN_M
+        camera = mujoco.MjvCamera()
+        camera.azimuth, camera.elevation = 90.0, ELEVATION_DEG[view]
+        camera.lookat[:] = *(low + high) / 2, 0.05
+        if self._follows_robot:
+            camera.distance = FOLLOW_DISTANCE_M
+        else:
+            visible_height_m = max(high[1] - low[1], (high[0] - low[0]) * aspect_ratio)
+            half_angle = np.deg2rad(self._world.model.vis.global_.fovy / 2)
+            camera.distance = visible_height_m / 2 / np.tan(half_angle)
+        return camera
+
+    def _draw_panel(self, track: FilmTrack, time: float) -> Image.Image:
+        """Return the picture of one track with the controller's name, its error and the time."""
+        frame = min(round(time / PERIOD_S), len(track.poses) - 1)
+        error = (track.poses - track.references)[: frame + 1, :, :2]
+        errors_cm = 100 * np.linalg.norm(error, axis=-1).max(-1)
+        self._set_scene(track, frame)
         panel = Image.fromarray(self._renderer.render())
         pen, inset = ImageDraw.Draw(panel), panel.height // 40
         large, small = (ImageFont.load_default(max(9, panel.height // n)) for n in (18, 26))
-        text = f"{errors[-1]:.1f} cm off, {errors.max():.1f} at most"
-        pen.text(
-            (inset, inset), take.controller, "white", large, stroke_width=2, stroke_fill=take.colour
-        )
-        pen.text(
-            (inset, panel.height - inset),
-            text,
-            "white",
-            small,
-            "ls",
-            stroke_width=2,
-            stroke_fill="#00000080",
-        )
-        pen.text((panel.width - inset, inset), f"{instant:.1f} s", "white", small, "ra")
+        name_style: dict[str, Any] = {"stroke_width": 2, "stroke_fill": track.colour}
+        pen.text((inset, inset), track.controller, "white", large, **name_style)
+        text = f"position error {errors_cm[-1]:.1f} cm, maximum {errors_cm.max():.1f} cm"
+        text_style: dict[str, Any] = {"anchor": "ls", "stroke_width": 2, "stroke_fill": "#00000080"}
+        pen.text((inset, panel.height - inset), text, "white", small, **text_style)
+        pen.text((panel.width - inset, inset), f"{time:.1f} s", "white", small, anchor="ra")
         return panel
 
-    def _set(self, take: Trajectories, frame: int) -> None:
-        """Put robots and lines where they are in a frame."""
-        data, model, references = self._data, self._world.model, take.references[frame]
-        colour = np.array(style.rgb(take.colour)) / 255
+    def _set_scene(self, track: FilmTrack, frame: int) -> None:
+        """Move robots and camera to their poses in a frame, and add the lines of paths."""
+        data, model, references = self._data, self._world.model, track.references[frame]
+        colour = np.array(style.rgb(track.colour)) / 255
         data.qpos[:] = self._world.rest_qpos
-        for place, robot in enumerate(self._world.robots):
-            x, y, heading = take.poses[frame, place]
+        for slot, robot in enumerate(self._world.robots):
+            x, y, heading = track.poses[frame, slot]
             data.qpos[robot.qpos[:2]] = x, y
             data.qpos[robot.qpos[3:7]] = np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)
-            data.qpos[robot.wheel_qpos] = take.wheels[frame, place]
+            data.qpos[robot.wheel_qpos] = track.wheel_angles[frame, slot]
         model.mat_rgba[cover_materials(model), :3] = colour
         mujoco.mj_fwdPosition(model, data)
-        if self._follows:
-            self._camera.lookat[:2] = (take.poses[frame, 0, :2] + references[0, :2]) / 2
+        if self._follows_robot:
+            self._camera.lookat[:2] = (track.poses[frame, 0, :2] + references[0, :2]) / 2
         self._renderer.update_scene(data, self._camera)
-        for place, (x, y, heading) in enumerate(references):
-            self._add_line(take.references[:, place, :2], ROUTE)
-            self._add_line(take.poses[: frame + 1, place, :2], (*colour, 1.0))
-            # On top of the league's envelope a ring with a line to its front shows the reference.
+        for slot, (x, y, heading) in enumerate(references):
+            self._add_line(track.references[:, slot, :2], ROUTE_RGBA)
+            self._add_line(track.poses[: frame + 1, slot, :2], (*colour, 1.0))
+            # The reference is a ring above the robot with a line that shows its heading.
             angles = heading + np.linspace(0, 2 * np.pi, 25)
             ring = np.column_stack([x + RADIUS_M * np.cos(angles), y + RADIUS_M * np.sin(angles)])
-            self._add_line(np.concatenate([[[x, y]], ring]), REFERENCE, HEIGHT_M)
+            self._add_line(np.concatenate([[[x, y]], ring]), REFERENCE_RGBA, HEIGHT_M)
 
     def _add_line(self, points: Array, rgba: tuple[float, ...], height: float = 0.0) -> None:
-        """Add a line through points (m, 2) at a height in m to the scene."""
-        points = points[:: 1 + len(points) // PIECES]
+        """Add a line through points (n, 2) at a height in m to the scene."""
+        points = points[:: 1 + len(points) // MAX_SEGMENTS]
         scene, capsule, zero = self._renderer.scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3)
-        for start, end in pairwise(np.column_stack([points, np.full(len(points), height)])):
-            geom = scene.geoms[scene.ngeom]
-            mujoco.mjv_initGeom(
-                geom, capsule, zero, zero, np.eye(3).ravel(), np.array(rgba, np.float32)
-            )
-            mujoco.mjv_connector(geom, capsule, self._thickness / 2, start, end)
+        corners = np.column_stack([points, np.full(len(points), height)])
+        for start, end in pairwise(corners):
+            geom, colour = scene.geoms[scene.ngeom], np.array(rgba, np.float32)
+            mujoco.mjv_initGeom(geom, capsule, zero, zero, np.eye(3).ravel(), colour)
+            mujoco.mjv_connector(geom, capsule, self._line_width_m / 2, start, end)
             scene.ngeom += 1
 
 
 def write_film(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
-    """Write pictures of one size to a file of a kind of `SUFFIXES`, `rate` of them a second.
+    """Write pictures of equal size to a file.
+
+    Args:
+        pictures: At least one picture.
+        out: File with one of `SUFFIXES`.
+        rate: Pictures per second.
 
     Raises:
         OmniError: The file cannot be written.
     """
+    options: dict[str, Any] = {"save_all": True, "loop": 0, "duration": round(1000 / rate)}
     try:
         with open_atomic(out) as file:
-            first, *others = pictures
-            duration = round(1000 / rate)
-            first.save(
-                file, out.suffix[1:], save_all=True, append_images=others, loop=0, duration=duration
-            )
+            first_picture, *other_pictures = pictures
+            first_picture.save(file, out.suffix[1:], append_images=other_pictures, **options)
     except OSError as error:
         raise OmniError(f"{out}: {error.strerror or error}") from None

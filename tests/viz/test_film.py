@@ -11,7 +11,7 @@ from commands import invoke
 from PIL import Image, ImageSequence
 
 import omni_mj as om
-from omni_mj.viz.film import load_trajectories
+from omni_mj.viz.film import load_tracks
 
 SIDE = 480  # pixels
 MARGIN_M = 0.35  # around the route
@@ -94,11 +94,11 @@ def test_a_robot_that_failed_stays_where_it_is_and_others_go_on(tmp_path: Path) 
     om.run(
         om.load_scenario("rect", plant="kinematic", reference=route, world=places), [Breaks], [0]
     ).save(tmp_path)
-    _, (take,) = load_trajectories(tmp_path)
+    _, (track,) = load_tracks(tmp_path)
     rows = pq.read_table(tmp_path / "trajectory.parquet", filters=[("slot", "=", 1)]).to_pydict()
-    np.testing.assert_array_equal(take.references[:, 1, 0], rows["ref_x_m"])
+    np.testing.assert_array_equal(track.references[:, 1, 0], rows["ref_x_m"])
     assert len(rows["ref_x_m"]) > 60
-    assert (take.references[30:, 0] == take.references[29, 0]).all()
+    assert (track.references[30:, 0] == track.references[29, 0]).all()
 
 
 def test_a_gif_holds_the_pictures_in_their_order(folder: Path, tmp_path: Path) -> None:
