@@ -1,7 +1,7 @@
 """Tables of results as strings, for the terminal, Markdown, recordings and reports."""
 
 import textwrap
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
@@ -174,6 +174,17 @@ def format_table(table: Table, width: int = TERMINAL_WIDTH) -> str:
     title = "\n".join(textwrap.fill(line, width) for line in table.title.split("\n"))
     body = "\n\n".join(_format_block(labels, block, n_headings) for block in blocks)
     return f"{title}\n{body}"
+
+
+def format_markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown with one line of headings."""
+    lines = [headings, ["---"] * len(headings), *rows]
+    return "\n".join("| " + " | ".join(map(escape_markdown_cell, line)) + " |" for line in lines)
+
+
+def escape_markdown_cell(text: str) -> str:
+    """Return a text without characters that would end a cell or line of a table in Markdown."""
+    return " ".join(text.replace("|", "\\|").split())
 
 
 def controller_label(

@@ -7,12 +7,13 @@ from omni_mj.results.result_tables import (
     DASH,
     Table,
     controller_label,
+    escape_markdown_cell,
+    format_markdown,
     format_mean,
     format_table,
     results_table,
 )
 from omni_mj.results.statistics import SIGNIFICANCE_LEVEL, STATISTIC_LABELS
-from omni_mj.viz import markdown_tables
 
 Summary = dict[str, Any]
 WITHIN_CHANCE = "?"  # mark of a difference that chance may explain
@@ -44,7 +45,7 @@ def to_markdown(summary: Summary) -> str:
         _bullet_list(_list_missing(summary)),
     ]
     if verdicts.rows:
-        verdict_rows = markdown_tables.markdown(verdicts.headings, verdicts.rows)
+        verdict_rows = format_markdown(verdicts.headings, verdicts.rows)
         blocks += [f"## {verdicts.title}", _verdict_caption(summary), verdict_rows]
     for statistic, name in {"max": "Maximum", "mean": "Mean"}.items():
         blocks += [f"## {name} position error in cm", _error_matrix(summary, statistic)]
@@ -52,7 +53,7 @@ def to_markdown(summary: Summary) -> str:
     versions = summary["versions"].items()
     blocks += [
         "## Errors, effort and settling",
-        markdown_tables.markdown(errors.headings, errors.rows) if errors.rows else "",
+        format_markdown(errors.headings, errors.rows) if errors.rows else "",
         "## Definitions",
         _bullet_list(f"**{name}**: {definition}" for name, definition in definitions),
         ", ".join(f"{name} {version}" for name, version in versions),
@@ -73,7 +74,7 @@ def _error_matrix(summary: Summary, statistic: str) -> str:
             cells[name] = format_mean(result["error_m"]["position"][statistic], 100) + failed
         rows.append([scenario, *(cells.get(name, DASH) for name in summary["controllers"])])
     labels = [controller_label(summary, name) for name in summary["controllers"]]
-    return markdown_tables.markdown(["", *labels], rows)
+    return format_markdown(["", *labels], rows)
 
 
 def verdict_table(summary: Summary) -> Table:
@@ -134,4 +135,4 @@ def _list_missing(summary: Summary) -> Iterator[str]:
 
 
 def _bullet_list(lines: Iterable[str]) -> str:
-    return "\n".join(f"- {markdown_tables.escape_cell(line)}" for line in lines)
+    return "\n".join(f"- {escape_markdown_cell(line)}" for line in lines)

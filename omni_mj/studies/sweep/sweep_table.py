@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from omni_mj.files import write_text
-from omni_mj.results.result_tables import Table, format_number, format_table
+from omni_mj.results.result_tables import Table, format_markdown, format_number, format_table
 from omni_mj.studies.sweep.sweep_statistics import ERROR_COLUMNS, MAX_ERROR
-from omni_mj.viz import markdown_tables
 
 if TYPE_CHECKING:
     from omni_mj.studies.sweep import SweepResult
@@ -27,8 +26,7 @@ def save_sweep_table(result: "SweepResult", path: Path) -> None:
     """Write the complete tables as Markdown."""
     tables = [_point_table(result, result.summary["points"]), *_correlation_tables(result)]
     blocks = [
-        f"{table.title}\n\n{markdown_tables.markdown(table.headings, table.rows)}\n"
-        for table in tables
+        f"{table.title}\n\n{format_markdown(table.headings, table.rows)}\n" for table in tables
     ]
     write_text(path, "\n".join(blocks))
 
