@@ -18,9 +18,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from omni_mj.cli import catalog
 from omni_mj.simulation.log import channel_columns
 from omni_mj.studies.robot_facts import load_robot
-from omni_mj.viz import catalog
 
 HERE = Path(__file__).parent
 
@@ -193,7 +193,7 @@ def robots() -> str:
     rows = catalog.rows("robots")
     numbers = []
     for name, _ in rows:
-        robot_settings = load_robot(name).settings.plain()
+        robot_settings = load_robot(name).settings.to_dict()
         values = [
             robot_settings[section][field]
             for section, field in (setting.split(".") for setting in ROBOT_COLUMNS)

@@ -72,7 +72,7 @@ def report(robots: int, wheels: str) -> dict[str, float]:
     """
     sets = [*(SHORT if robots >= 16 else DRIVE), f"wheels.model={wheels}"]
     chosen = {
-        backend: scenario.load(
+        backend: scenario.load_with_overrides(
             "rect",
             [*sets, f"physics.backend={backend}"],
             {"seeds": robots, "controllers": ("comp-flc",)},
@@ -108,7 +108,7 @@ def report(robots: int, wheels: str) -> dict[str, float]:
 def report_planar(robots: int) -> dict[str, float]:
     """Simulated seconds per CPU second of the plant `planar`, firmware included, and of the loop around it."""
     chosen = {
-        backend: scenario.load(
+        backend: scenario.load_with_overrides(
             "rect",
             [*(SHORT if robots > 1 else DRIVE), f"physics.backend={backend}"],
             {"plant": "planar", "seeds": robots, "controllers": ("comp-flc",)},
@@ -129,7 +129,7 @@ def report_frames(controller: str) -> dict[str, float]:
     works, frames = {}, 0
     for backend in BACKENDS:
         head = {"plant": "planar", "seeds": 1, "controllers": (controller,)}
-        chosen = scenario.load("rect", [*DRIVE, f"physics.backend={backend}"], head)
+        chosen = scenario.load_with_overrides("rect", [*DRIVE, f"physics.backend={backend}"], head)
         frames = Simulation(chosen).run().length
         works[f"{backend}, ms"] = partial(_whole, chosen)
     return {name: 1e3 * used / frames for name, used in fastest(works, ROUNDS).items()}
@@ -186,7 +186,7 @@ def report_threads(robots: int) -> dict[str, float]:
     Rounds are short and many, as somebody else's work on either core costs two threads more than
     one.
     """
-    chosen, times = scenario.load("rect", DRIVE, {}), {}
+    chosen, times = scenario.load_with_overrides("rect", DRIVE, {}), {}
     steps = max(1, STEPPED // robots)
     for _ in range(THREAD_ROUNDS):
         for threads in (1, 2):
@@ -218,7 +218,7 @@ def report_controllers(robots: int) -> dict[str, float]:
     """Compare controllers with the bare steps of the robots that they drive, in the same run, both in CPU time."""
     found = {}
     for name in CONTROLLERS:
-        chosen = scenario.load(
+        chosen = scenario.load_with_overrides(
             "rect", DRIVE if robots == 1 else SHORT, {"seeds": robots, "controllers": (name,)}
         )
         times = []

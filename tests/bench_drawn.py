@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import omni_mj as om
-from omni_mj.config.robot_files import builtin as robots
+from omni_mj.config.robot_files import find_builtin_robots as robots
 from omni_mj.results.result_tables import Table, format_table
 
 SUBJECT = "adaptive-comp-flc"

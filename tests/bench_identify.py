@@ -21,10 +21,10 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.config import robot_files
+from omni_mj.config.nominal_model import compute_creep_law
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import load_scenario
 from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
-from omni_mj.config.team_model import creep
 from omni_mj.results.result_tables import DASH, Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies import run_scenario
@@ -67,7 +67,7 @@ def write_robot(path: Path, robot: str, changes: Mapping[tuple[str, str], object
     values = {place: f"{value} # a guess" for place, value in changes.items()}
     path.write_text(
         robot_file_writer.write_changes(
-            robot_files.robot_path(robot).read_text("utf-8"), values, ["a guess"]
+            robot_files.find_robot_file(robot).read_text("utf-8"), values, ["a guess"]
         ),
         "utf-8",
     )
@@ -129,7 +129,7 @@ def true_numbers(settings: Settings) -> dict[str, float]:
 
     The plant's integrator is semi-implicit: bodies are half a step ahead of their forces.
     """
-    law, half_step = creep(settings), 0.5 / CYCLE_RATE_HZ / settings.physics.substeps
+    law, half_step = compute_creep_law(settings), 0.5 / CYCLE_RATE_HZ / settings.physics.substeps
     numbers = {
         "wheels.creep_stiffness": settings.drivetrain.creep_stiffness,
         "wheels.rolling_resistance": settings.carpet.rolling_resistance,
@@ -213,7 +213,7 @@ def coverage(logs: int, folder: Path) -> Table:
 
 def measured(runs: Path, folder: Path) -> Table:
     """Return what each run of omni3 tells."""
-    robot = write_robot(folder / "omni3.toml", robot_files.DEFAULT, OMNI3)
+    robot = write_robot(folder / "omni3.toml", robot_files.DEFAULT_ROBOT, OMNI3)
     rows = []
     for path in sorted(runs.glob("*_run-*.csv")):
         data = np.loadtxt(path, delimiter=",")

@@ -28,8 +28,8 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.config import scenario
-from omni_mj.config.robot_files import builtin as builtin_robots
-from omni_mj.config.toml_files import builtin as builtin_scenarios
+from omni_mj.config.robot_files import find_builtin_robots as builtin_robots
+from omni_mj.config.toml_files import find_builtin_scenarios as builtin_scenarios
 from omni_mj.results.metrics import row_metrics
 from omni_mj.results.statistics import confidence_interval
 from omni_mj.simulation.simulation import Simulation
@@ -78,7 +78,7 @@ class Runs:
         name, robot = cell
         substeps = ["physics.substeps=4"] if plant == FINER else []
         head = {"plant": PLANAR if plant == PLANAR else FULL, "robot": robot}
-        chosen = scenario.load(name, [*self.overrides, *substeps], head)
+        chosen = scenario.load_with_overrides(name, [*self.overrides, *substeps], head)
         names, numbers = (list(dict.fromkeys(each)) for each in zip(*wanted, strict=True))
         simulation = Simulation(chosen, names, numbers)
         measured = row_metrics(simulation.run(), simulation.failures)

@@ -15,7 +15,8 @@ LAPS, PARTS, LIMIT = 40, 4, 1.5
 def main() -> int:
     """Print the cost of a frame in each quarter of a run; 1 if the last costs `LIMIT` times what the second does."""
     simulation = Simulation(
-        scenario.load("rect", [f"reference.laps={LAPS}"], {"plant": "kinematic"}), ["flc"]
+        scenario.load_with_overrides("rect", [f"reference.laps={LAPS}"], {"plant": "kinematic"}),
+        ["flc"],
     )
     frames, spent = max(reference.frames for reference in simulation.references), [0.0] * PARTS
     with (

@@ -89,8 +89,8 @@ def command(
 ) -> None:
     """Drive robots that SSL-Vision detects, and measure their latency and alpha."""
     from omni_mj.config import scenario
-    from omni_mj.config.robot_files import DEFAULT
-    from omni_mj.config.toml_files import builtin
+    from omni_mj.config.robot_files import DEFAULT_ROBOT
+    from omni_mj.config.toml_files import find_builtin_scenarios
     from omni_mj.live import session
     from omni_mj.studies.study_runner import StoppedError
 
@@ -106,13 +106,13 @@ def command(
         return
     if name is None:
         raise OmniError(
-            f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file"
+            f"--scenario is missing; choose from {', '.join(find_builtin_scenarios())}, or a .toml file"
         )
     head = {"controllers": (controller,), "plant": "live", "seeds": 1} | (
         {"robot": robot} if robot else {}
     )
-    chosen = scenario.load(name, overrides, head)
-    if robot is None and chosen.robot == DEFAULT:  # nobody said which robot is out there
+    chosen = scenario.load_with_overrides(name, overrides, head)
+    if robot is None and chosen.robot == DEFAULT_ROBOT:  # nobody said which robot is out there
         unknown = {
             alpha: 0.0 for alpha in ALPHAS if not connection.is_overridden(f"control.{alpha}")
         }

@@ -5,8 +5,7 @@ import json
 import click
 
 from omni_control.errors import OmniError, suggest_names
-from omni_mj.cli import options
-from omni_mj.viz import catalog
+from omni_mj.cli import catalog, options
 
 
 @click.command("list")
@@ -21,7 +20,7 @@ def command(what: str | None, word: str | None) -> None:
     only = next((title for title in catalog.TITLES if what in (title, title[:-1])), None)
     if only is None and word is not None:
         raise OmniError(f"there is no list {what!r}; {suggest_names(what, catalog.TITLES)}")
-    catalog.show(only, (word if only else what) or "")
+    catalog.print_lists(only, (word if only else what) or "")
 
 
 @click.command("show")
@@ -37,12 +36,12 @@ def show(name: str, robot: str | None, overrides: tuple[str, ...]) -> None:
     file for --robot, with what follows from its numbers; of a controller, what it does and its
     parameters.
     """
-    print(catalog.in_full(name, overrides, robot), end="")
+    print(catalog.describe(name, overrides, robot), end="")
 
 
 @click.command("schema")
 def schema() -> None:
     """Print the JSON Schema of scenario files."""
-    from omni_mj.config.scenario import schema
+    from omni_mj.config.scenario import build_json_schema
 
-    print(json.dumps(schema(), indent=2))
+    print(json.dumps(build_json_schema(), indent=2))

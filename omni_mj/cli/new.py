@@ -36,12 +36,13 @@ def command(kind: str, name: str, overwrite: bool) -> None:
     text = (Path(__file__).parent / "starters" / f"{kind}.txt").read_text(encoding="utf-8")
     text = text.replace("CLASS", class_name).replace("NAME", path.stem)
     if kind == "robot":
+        from omni_mj.cli import catalog
         from omni_mj.config import robot_files
-        from omni_mj.config.resolve import resolve
-        from omni_mj.viz import catalog
+        from omni_mj.config.resolve import resolve_settings
 
-        text += catalog.sections(
-            resolve({}, robot_files.DEFAULT), robot_files.sections(robot_files.DEFAULT)
+        text += catalog.format_sections(
+            resolve_settings({}, robot_files.DEFAULT_ROBOT),
+            robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT),
         )
     try:
         write_text(path, text)

@@ -81,7 +81,7 @@ class Choice:
             usual: settings of the command, before those of the user.
 
         Raises:
-            OmniError: see `omni_mj.config.scenario.load`.
+            OmniError: see `omni_mj.config.scenario.load_with_overrides`.
         """
         from omni_mj.config import scenario
 
@@ -89,7 +89,7 @@ class Choice:
         given = {key: value for key, value in head.items() if value is not None}
         if self.controllers:
             given["controllers"] = self.controllers
-        return scenario.load(name, (*usual, *self.settings), given, self.allow_code)
+        return scenario.load_with_overrides(name, (*usual, *self.settings), given, self.allow_code)
 
 
 @dataclass(frozen=True)

@@ -58,12 +58,12 @@ def command(
     quiet: bool,
 ) -> None:
     """Run a scenario with one or several controllers and compare them."""
-    from omni_mj.config.toml_files import builtin
+    from omni_mj.config.toml_files import find_builtin_scenarios
     from omni_mj.studies import run_scenario
 
     if name is None:
         raise OmniError(
-            f"--scenario is missing; choose from {', '.join(builtin())}, or a .toml file"
+            f"--scenario is missing; choose from {', '.join(find_builtin_scenarios())}, or a .toml file"
         )
     chosen = choice.load(name)
     simulation = run_scenario.prepare_simulation(chosen)
@@ -126,7 +126,7 @@ def recorded(
             for recording in recordings:
                 recording.write()
         result = run_scenario.build_result(simulation, outcome)
-        allow_code = ["--allow-code"] * scenario.has_code
+        allow_code = ["--allow-code"] * scenario.references_code
         words = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml"), *allow_code]
         result.repeat_command = shlex.join(words) if study == "run" else console.command_line()
         result.save_files(folder)

@@ -61,11 +61,11 @@ def identify(
 
     --robot is that from which it starts. The scenario identify has moves to drive for logs.
     """
-    from omni_mj.config.robot_files import DEFAULT
+    from omni_mj.config.robot_files import DEFAULT_ROBOT
     from omni_mj.results import provenance
     from omni_mj.studies.identify import identify
 
-    result = identify(logs, robot or DEFAULT, model)
+    result = identify(logs, robot or DEFAULT_ROBOT, model)
     outputs = ("identify.json", "robot.toml", *output_folders.PROVENANCE)
     folder = output_folders.prepare(out, "identify", outputs, overwrite)
     with console.writing(folder):
@@ -165,12 +165,12 @@ def loop(choice: options.Choice, name: str, **output: Any) -> None:
 @options.choice
 def slip(choice: options.Choice, robots: Sequence[str], **output: Any) -> None:
     """Identify gain, slip and drag of robots as TIGERs Mannheim do."""
-    from omni_mj.config.robot_files import DEFAULT
+    from omni_mj.config.robot_files import DEFAULT_ROBOT
     from omni_mj.studies.slip import PUBLISHED, measure_slip, prepare_slip_scenario, slip_figure
 
     chosen = [
         prepare_slip_scenario(replace(choice, robot=robot).load("rect", "wheels.model=two-rollers"))
-        for robot in robots or ([DEFAULT] if choice.model else PUBLISHED)
+        for robot in robots or ([DEFAULT_ROBOT] if choice.model else PUBLISHED)
     ]
     _run(
         "slip",

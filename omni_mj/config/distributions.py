@@ -12,8 +12,8 @@ from zlib import crc32
 import numpy as np
 
 from omni_control.errors import OmniError, suggest_names
-from omni_mj.config.settings import Settings, every_setting
-from omni_mj.config.validation import shown
+from omni_mj.config.settings import Settings, list_settings
+from omni_mj.config.validation import format_value
 
 KINDS = {
     "uniform": "[low, high], low below high",
@@ -76,7 +76,9 @@ class Distribution:
         return round(value) if self.whole else float(value)
 
 
-def split(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Distribution]]:
+def split_distributions(
+    sections: Mapping[str, Any],
+) -> tuple[dict[str, Any], dict[str, Distribution]]:
     """Return sections with each distribution's middle in its place, and the distributions by `section.field`.
 
     Raises:
@@ -95,7 +97,7 @@ def split(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Distri
     return plain, drawn
 
 
-def check(settings: Settings, drawn: Mapping[str, Distribution]) -> None:
+def check_bounds(settings: Settings, drawn: Mapping[str, Distribution]) -> None:
     """Check that all ends of distributions are allowed.
 
     Raises:
@@ -103,10 +105,12 @@ def check(settings: Settings, drawn: Mapping[str, Distribution]) -> None:
     """
     for name, distribution in drawn.items():
         for end in distribution.ends:
-            put(settings, {name: end})
+            replace_values(settings, {name: end})
 
 
-def draw(settings: Settings, distributions: Mapping[str, Distribution], seed: int) -> Settings:
+def draw_settings(
+    settings: Settings, distributions: Mapping[str, Distribution], seed: int
+) -> Settings:
     """Return the settings that a seed draws; a setting's draws do not depend on which others are drawn.
 
     Raises:
@@ -119,14 +123,14 @@ def draw(settings: Settings, distributions: Mapping[str, Distribution], seed: in
         for name, each in sorted(distributions.items())
     }
     try:
-        return put(settings, values)
+        return replace_values(settings, values)
     except OmniError as error:
         raise OmniError(
             f"seed {seed} draws what is not allowed; give the distribution ends: {error}"
         ) from None
 
 
-def refuse(distributions: Mapping[str, Distribution], study: str) -> None:
+def require_fixed_settings(distributions: Mapping[str, Distribution], study: str) -> None:
     """Check that nothing is drawn, where a study takes one robot with settings of its own.
 
     Raises:
@@ -138,7 +142,7 @@ def refuse(distributions: Mapping[str, Distribution], study: str) -> None:
         )
 
 
-def put(settings: Settings, values: Mapping[str, Value]) -> Settings:
+def replace_values(settings: Settings, values: Mapping[str, Value]) -> Settings:
     """Return the settings with other values, by `section.field`.
 
     Raises:
@@ -152,13 +156,13 @@ def put(settings: Settings, values: Mapping[str, Value]) -> Settings:
 
 
 def _made(name: str, given: Mapping[str, Any]) -> Distribution:
-    known = {each.full: each for each in every_setting()}
+    known = {each.full: each for each in list_settings()}
     if name not in known:
         raise OmniError(f"unknown setting {name}; {suggest_names(name, known)}")
     kind, values = next(iter(given.items()), ("", ()))
     if len(given) != 1 or kind not in KINDS:
         raise OmniError(
-            f"{name} must be a value, or one of {', '.join(KINDS)}, not {shown(dict(given))}"
+            f"{name} must be a value, or one of {', '.join(KINDS)}, not {format_value(dict(given))}"
         )
     if known[name].kind is tuple:
         raise OmniError(f"{name} is a list, which cannot be drawn")
@@ -171,5 +175,5 @@ def _made(name: str, given: Mapping[str, Any]) -> Distribution:
         fits = all(isinstance(number, (int, float)) for number in numbers)
         fits = fits and bool(np.all(np.diff(np.reshape(pairs, (-1, 2))) > 0))
     if not fits:
-        raise OmniError(f"{name}: {kind} = {KINDS[kind]}, not {shown(values)}")
+        raise OmniError(f"{name}: {kind} = {KINDS[kind]}, not {format_value(values)}")
     return Distribution(kind, numbers, known[name].kind is int)

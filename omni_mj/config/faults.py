@@ -14,18 +14,25 @@ from pydantic import Field, computed_field
 from omni_control.errors import OmniError, suggest_names
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.plugins import PLANTS, find_plant
-from omni_mj.config.validation import FRICTIONS, REACH_M, Checked, in_one, setting, shown
+from omni_mj.config.validation import (
+    FRICTION_RANGE,
+    MAX_COORDINATE_M,
+    SettingsModel,
+    format_value,
+    raise_errors,
+    setting,
+)
 
 if TYPE_CHECKING:
     from omni_mj.config.settings import Settings
 
 ON_WHEELS, KINEMATIC = ("mujoco", "planar"), ("kinematic",)
 HIGHEST = 15  # number of a robot in the league
-KINDS: dict[str, type["Fault"]] = {}  # name in files -> class
+FAULT_KINDS: dict[str, type["Fault"]] = {}  # name in files -> class
 Robots = Annotated[tuple[Annotated[int, Field(ge=0, le=HIGHEST)], ...], Field(strict=False)]
 
 
-class Fault(Checked):
+class Fault(SettingsModel):
     """Something that begins in a frame and ends in another, or with the run.
 
     Attributes:
@@ -52,7 +59,7 @@ class Fault(Checked):
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
         if not cls.__name__.startswith("On"):  # a class of several kinds
-            KINDS[_kind(cls)] = cls
+            FAULT_KINDS[_kind(cls)] = cls
 
     @computed_field  # type: ignore[prop-decorator]
     @property
@@ -71,17 +78,17 @@ class Fault(Checked):
         return f"{self.kind} ({details})" if details else self.kind
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """Its text, and when it happens to which robots."""
         until = f"to {self.start_s + self.duration_s:g} s" if self.duration_s else "on"
         whose = f", of robots {', '.join(map(str, self.robots))}" if self.robots else ""
         return f"{self.text}, from {self.start_s:g} s {until}{whose}"
 
-    def concerns(self, robot: int) -> bool:
+    def affects(self, robot: int) -> bool:
         """Return whether it happens to the robot of this number."""
         return not self.robots or robot in self.robots
 
-    def contradictions(self) -> Iterator[str]:
+    def find_contradictions(self) -> Iterator[str]:
         """Yield what its values cannot be."""
         if 0 < self.duration_s < 0.999 * PERIOD_S:
             yield f"duration_s must be 0 or at least a frame, {PERIOD_S:.4f} s, not {self.duration_s:g}"
@@ -131,7 +138,7 @@ class Kidnap(Fault):
     heading_deg: float = setting(0.0, "deg", "how far turned", -180, 180)
 
     @property
-    def moved(self) -> tuple[float, float, float]:
+    def displacement(self) -> tuple[float, float, float]:
         """The displacement, m, m, rad."""
         return self.x_m, self.y_m, math.radians(self.heading_deg)
 
@@ -151,9 +158,9 @@ class Tilt(OnWheels):
     angle_deg: float = setting(..., "deg", "slope", 0, 30)
     direction_deg: float = setting(0.0, "deg", "downhill, from the world's x to its y", -360, 360)
 
-    def contradictions(self) -> Iterator[str]:
+    def find_contradictions(self) -> Iterator[str]:
         """Yield what its values cannot be."""
-        yield from super().contradictions()
+        yield from super().find_contradictions()
         if self.robots:
             yield "robots must be left out of a tilt: all robots of a world stand on one carpet"
 
@@ -162,17 +169,17 @@ class Friction(OnWheels):
     """Another carpet, wherever there is no patch."""
 
     friction: float = setting(
-        ..., "", "coefficient of friction, in place of carpet.friction", *FRICTIONS
+        ..., "", "coefficient of friction, in place of carpet.friction", *FRICTION_RANGE
     )
 
 
 class FrictionPatch(OnWheels):
     """A patch of another friction: something was spilt. It covers carpet.patches."""
 
-    x_m: float = setting(..., "m", "its centre", -REACH_M, REACH_M)
-    y_m: float = setting(..., "m", "same", -REACH_M, REACH_M)
+    x_m: float = setting(..., "m", "its centre", -MAX_COORDINATE_M, MAX_COORDINATE_M)
+    y_m: float = setting(..., "m", "same", -MAX_COORDINATE_M, MAX_COORDINATE_M)
     radius_m: float = setting(..., "m", "its radius", 0.01, 20)
-    friction: float = setting(..., "", "coefficient of friction on it", *FRICTIONS)
+    friction: float = setting(..., "", "coefficient of friction on it", *FRICTION_RANGE)
 
 
 class Alpha(Fault):
@@ -319,8 +326,8 @@ class VisionFreeze(Fault):
 class VisionWrongId(Fault):
     """Another robot that is taken for this one: the camera shows the pose of what stands elsewhere."""
 
-    x_m: float = setting(..., "m", "where it stands", -REACH_M, REACH_M)
-    y_m: float = setting(..., "m", "same", -REACH_M, REACH_M)
+    x_m: float = setting(..., "m", "where it stands", -MAX_COORDINATE_M, MAX_COORDINATE_M)
+    y_m: float = setting(..., "m", "same", -MAX_COORDINATE_M, MAX_COORDINATE_M)
     heading_deg: float = setting(0.0, "deg", "its heading", -360, 360)
     probability: float = _chance("of an image", 1.0)
 
@@ -360,7 +367,7 @@ class VisionDelay(Fault):
     )
 
 
-def made(given: Any) -> tuple[Fault, ...]:
+def parse_faults(given: Any) -> tuple[Fault, ...]:
     """Return the faults that the list of a scenario's file describes.
 
     Raises:
@@ -368,7 +375,7 @@ def made(given: Any) -> tuple[Fault, ...]:
     """
     if not isinstance(given, (list, tuple)):
         raise ValueError(
-            f"fault is a list: write [[fault]] and its fields below, not {shown(given)}"
+            f"fault is a list: write [[fault]] and its fields below, not {format_value(given)}"
         )
     faults: list[Fault] = []
     errors: list[str] = []
@@ -377,30 +384,32 @@ def made(given: Any) -> tuple[Fault, ...]:
             faults.append(fault if isinstance(fault, Fault) else _one(fault))
         except OmniError as error:
             errors += [f"fault {number}: {line}" for line in str(error).splitlines()]
-    in_one(errors)
+    raise_errors(errors)
     return tuple(faults)
 
 
 def _one(given: Any) -> Fault:
     fields = dict(given) if isinstance(given, Mapping) else {"kind": given}
     kind = str(fields.pop("kind", None))
-    if kind not in KINDS:
-        raise OmniError(f"kind must be a fault's, not {shown(kind)}; {suggest_names(kind, KINDS)}")
-    return KINDS[kind](**fields)
+    if kind not in FAULT_KINDS:
+        raise OmniError(
+            f"kind must be a fault's, not {format_value(kind)}; {suggest_names(kind, FAULT_KINDS)}"
+        )
+    return FAULT_KINDS[kind](**fields)
 
 
-def of_robot(faults: Iterable[Fault], robot: int) -> tuple[Fault, ...]:
+def select_faults_of_robot(faults: Iterable[Fault], robot: int) -> tuple[Fault, ...]:
     """Return the faults that happen to the robot of a number."""
-    return tuple(fault for fault in faults if fault.concerns(robot))
+    return tuple(fault for fault in faults if fault.affects(robot))
 
 
-def span(fault: Fault) -> tuple[int, float]:
+def compute_frame_span(fault: Fault) -> tuple[int, float]:
     """Return a fault's first frame, and the first frame after it; infinite if it lasts until the end of the run."""
     start = round(fault.start_s * FRAME_RATE_HZ)
     return start, start + round(fault.duration_s * FRAME_RATE_HZ) if fault.duration_s else math.inf
 
 
-def misfits(faults: Iterable[Fault], settings: "Settings") -> Iterator[str]:
+def find_settings_conflicts(faults: Iterable[Fault], settings: "Settings") -> Iterator[str]:
     """Yield why some cannot happen under these settings, a line for each."""
     wheels, jitter = len(settings.wheels.azimuths_deg), settings.radio.jitter_frames
     for number, fault in enumerate(faults, 1):
@@ -411,7 +420,7 @@ def misfits(faults: Iterable[Fault], settings: "Settings") -> Iterator[str]:
             yield f"{where}: delay_frames must be at least radio.jitter_frames, {jitter}, not {fault.delay_frames}"
 
 
-def known(plant: str) -> list[str]:
+def list_supported_kinds(plant: str) -> list[str]:
     """Return the kinds that a plant knows; a user's own plant names them in its attribute `faults`.
 
     Raises:
@@ -420,12 +429,12 @@ def known(plant: str) -> list[str]:
     own = () if plant in PLANTS else getattr(find_plant(plant), "faults", ())
     return [
         name
-        for name, kind in KINDS.items()
+        for name, kind in FAULT_KINDS.items()
         if kind.plants is None or plant in kind.plants or name in own
     ]
 
 
-def check(faults: Sequence[Fault], plant: str, robots: int | None = None) -> None:
+def check_plant_supports(faults: Sequence[Fault], plant: str, robots: int | None = None) -> None:
     """Check that a plant knows all faults, and that its worlds have the robots to which they happen.
 
     Args:
@@ -436,7 +445,7 @@ def check(faults: Sequence[Fault], plant: str, robots: int | None = None) -> Non
     Raises:
         OmniError: It does not; a line for each fault.
     """
-    kinds, errors = known(plant) if faults else [], []
+    kinds, errors = list_supported_kinds(plant) if faults else [], []
     for number, fault in enumerate(faults, 1):
         if fault.kind not in kinds:
             errors.append(
@@ -446,4 +455,4 @@ def check(faults: Sequence[Fault], plant: str, robots: int | None = None) -> Non
             errors.append(
                 f"fault {number}: {fault.kind} names robot {max(fault.robots)}; a world has {robots}, numbered from 0"
             )
-    in_one(errors)
+    raise_errors(errors)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from omni_mj.config.validation import Checked, setting
+from omni_mj.config.validation import SettingsModel, setting
 
 RAD_S = math.pi / 30  # in a turn per minute
 NO_LOAD_TOLERANCE = 0.05  # of the nominal voltage; samples differ, and the rows' digits
@@ -11,7 +11,7 @@ NO_LOAD_TOLERANCE = 0.05  # of the nominal voltage; samples differ, and the rows
 TORQUE_TOLERANCE = 0.2
 
 
-class MotorSettings(Checked):
+class MotorSettings(SettingsModel):
     """A motor and its gear, as the datasheet prints them; thermal rows are those of the maxon EC 45 flat 50 W.
 
     What no row says is derived. The line of resistance and torque constant misses the nominal row:
@@ -106,7 +106,7 @@ class MotorSettings(Checked):
             (1 - self.dry_friction_fraction) * self.no_load_friction_nm / (self.no_load_rpm * RAD_S)
         )
 
-    def contradictions(self) -> Iterator[str]:
+    def find_contradictions(self) -> Iterator[str]:
         """Yield what a motor cannot be, a line each."""
         volts, commutation = self.nominal_voltage_v, self.commutation_ohm_s
         sheet = "; take all rows from one page"

@@ -12,7 +12,7 @@ from typing import Any
 from omni_control.controllers import CONTROLLERS, load_controller_class, validate_parameters
 from omni_control.controllers.base import Controller, describe_error
 from omni_control.errors import OmniError, suggest_names, to_printable
-from omni_mj.config.validation import in_one
+from omni_mj.config.validation import raise_errors
 
 Kind = str | type[Controller]
 PLANTS: dict[str, str] = {  # a plant is added by its file and one line here
@@ -36,10 +36,10 @@ def find_controller(kind: Kind) -> type[Controller]:
     name = str(kind)
     if name in CONTROLLERS:
         return load_controller_class(name)
-    if not names_class(name):
+    if not is_class_reference(name):
         hint = suggest_names(name, sorted(CONTROLLERS))
         raise OmniError(f"unknown controller {name!r}; {hint}, or a class of yours: file.py:Class")
-    return find_class(
+    return load_class(
         name, "derived from omni_control.Controller", lambda found: issubclass(found, Controller)
     )
 
@@ -54,11 +54,11 @@ def find_plant(name: str) -> type[Any]:
         module, _, class_name = PLANTS[name].partition(":")
         kind: type[Any] = getattr(import_module(module), class_name)
         return kind
-    if not names_class(name):
+    if not is_class_reference(name):
         raise OmniError(
             f"unknown plant {name!r}; {suggest_names(name, PLANTS)}, or a class of yours: file.py:Class"
         )
-    fits = find_class(
+    fits = load_class(
         name,
         f"with the calls {', '.join(_CALLS)}",
         lambda found: all(hasattr(found, c) for c in _CALLS),
@@ -80,12 +80,12 @@ def _guarded(plant: type[Any], call: str) -> Callable[..., Any]:
     return guarded
 
 
-def label(kind: Kind) -> str:
+def label_controller(kind: Kind) -> str:
     """Return the name of a controller in tables and files: the class's name for a user's own."""
     return kind.rpartition(":")[2] if isinstance(kind, str) else kind.__name__
 
 
-def written(kind: Kind) -> str:
+def reference_controller(kind: Kind) -> str:
     """Return the name of a controller in a scenario's file: a class by the file that it is in, if there is one."""
     if isinstance(kind, str):
         return kind
@@ -93,7 +93,7 @@ def written(kind: Kind) -> str:
     return f"{file}:{kind.__qualname__}"
 
 
-def check_parameters(
+def check_controller_parameters(
     parameters: Mapping[str, Mapping[str, Any]], kinds: Iterable[Kind]
 ) -> dict[str, dict[str, Any]]:
     """Return parameters as the controllers take them: a whole number becomes a float where one is needed.
@@ -106,7 +106,7 @@ def check_parameters(
         OmniError: There is no such controller or parameter, or a value has another type; a line for
             each.
     """
-    known, errors = {label(kind): kind for kind in kinds}, list[str]()
+    known, errors = {label_controller(kind): kind for kind in kinds}, list[str]()
     result: dict[str, dict[str, Any]] = {}
     for name, values in parameters.items():
         try:
@@ -115,17 +115,17 @@ def check_parameters(
             result[name] = validate_parameters(find_controller(known[name]), values)
         except OmniError as error:
             errors += [f"controller.{name}: {line}" for line in str(error).splitlines()]
-    in_one(errors)
+    raise_errors(errors)
     return result
 
 
-def names_class(name: str) -> bool:
+def is_class_reference(name: str) -> bool:
     """Return whether a name is one of a class in a file, which need not exist."""
     file, colon, _ = name.rpartition(":")
     return bool(colon) and file.endswith(".py")
 
 
-def find_class(name: str, what: str, fits: Callable[[type], bool]) -> type[Any]:
+def load_class(name: str, what: str, fits: Callable[[type], bool]) -> type[Any]:
     """Return the class named `file.py:Class`, of those in the file that fit.
 
     Args:

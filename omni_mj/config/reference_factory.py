@@ -30,7 +30,7 @@ Where = tuple[float, float, float]
 ORIGIN: Where = (0.0, 0.0, 0.0)
 
 
-def timed(settings: Settings, where: Where = ORIGIN) -> SampledReference:
+def build_timed_reference(settings: Settings, where: Where = ORIGIN) -> SampledReference:
     """Return the reference that is known in advance, against which errors are measured; equal ones are the same object.
 
     Args:
@@ -40,22 +40,24 @@ def timed(settings: Settings, where: Where = ORIGIN) -> SampledReference:
     Raises:
         OmniError: On a carpet as slippery as `reference.assumed_friction` says, nobody can drive it.
     """
-    return _planned(settings.reference, reference_limits(settings), where)
+    return _planned(settings.reference, build_reference_limits(settings), where)
 
 
-def iterated(settings: Settings, n: int, where: Where = ORIGIN) -> IteratedReference:
+def build_iterated_reference(
+    settings: Settings, n: int, where: Where = ORIGIN
+) -> IteratedReference:
     """The reference that is planned anew in every frame for `n` robots; for way-points only.
 
     Raises:
         OmniError: as `timed`.
     """
-    points, rest = waypoints(settings.reference, where), _lead_frames(settings.reference)
+    points, rest = list_waypoints(settings.reference, where), _lead_frames(settings.reference)
     return IteratedReference(
-        points.tolist(), reference_limits(settings), PERIOD_S, n, rest_frames=rest
+        points.tolist(), build_reference_limits(settings), PERIOD_S, n, rest_frames=rest
     )
 
 
-def waypoints(task: ReferenceSettings, where: Where = ORIGIN) -> Array:
+def list_waypoints(task: ReferenceSettings, where: Where = ORIGIN) -> Array:
     """The poses (points, 3) that a reference visits one after the other, on all its laps; of a curve none.
 
     Raises:
@@ -64,11 +66,11 @@ def waypoints(task: ReferenceSettings, where: Where = ORIGIN) -> Array:
     return (
         np.zeros((0, 3))
         if task.shape in CURVES
-        else displaced(np.array(_visits(task), float), where)
+        else displace_poses(np.array(_visits(task), float), where)
     )
 
 
-def displaced(poses: Array, where: Where) -> Array:
+def displace_poses(poses: Array, where: Where) -> Array:
     """Poses (frames, 3) as seen from `where`, in the frame that `where` is given in."""
     if where == ORIGIN:
         return poses
@@ -80,7 +82,7 @@ def displaced(poses: Array, where: Where) -> Array:
     return rotated + np.array([x, y, heading])
 
 
-def motion_limits(s: ReferenceSettings | ControlSettings) -> MotionLimits:
+def build_motion_limits(s: ReferenceSettings | ControlSettings) -> MotionLimits:
     """The limits that the reference keeps whatever the robot, or those of what may be commanded."""
     limits = MotionLimits(
         s.max_speed_m_s,
@@ -99,13 +101,13 @@ def motion_limits(s: ReferenceSettings | ControlSettings) -> MotionLimits:
 
 
 @lru_cache(maxsize=4096)
-def reference_limits(settings: Settings) -> MotionLimits:
+def build_reference_limits(settings: Settings) -> MotionLimits:
     """All limits that the reference keeps: those of its settings, and what they let the robot's wheels do at once.
 
     Raises:
         OmniError: on a carpet of the friction believed, the robot's wheels cannot drive it.
     """
-    return replace(motion_limits(settings.reference), wheels=_wheels(settings))
+    return replace(build_motion_limits(settings.reference), wheels=_wheels(settings))
 
 
 def _wheels(settings: Settings) -> WheelLimits | None:
@@ -164,7 +166,7 @@ def _planned(task: ReferenceSettings, limits: MotionLimits, where: Where) -> Sam
     return (
         reference
         if where == ORIGIN
-        else SampledReference(displaced(reference.poses, where), PERIOD_S)
+        else SampledReference(displace_poses(reference.poses, where), PERIOD_S)
     )
 
 

@@ -15,7 +15,7 @@ from omni_control.errors import OmniError
 from omni_mj.config import robot_files
 from omni_mj.config.robot_settings import ModelSettings
 from omni_mj.config.settings import ControlSettings, Settings
-from omni_mj.config.validation import Checked, in_one, merged
+from omni_mj.config.validation import SettingsModel, merge_sections, raise_errors
 
 if TYPE_CHECKING:
     from omni_mj.mjcf.custom_robot import CustomRobotSpec
@@ -58,7 +58,7 @@ class Robot:
         )
 
 
-def resolve(given: Mapping[str, Any], robot: str) -> Settings:
+def resolve_settings(given: Mapping[str, Any], robot: str) -> Settings:
     """Return the settings of a scenario for a robot.
 
     What neither says of `[control]` follows from the robot's own file and model, not from what a
@@ -72,11 +72,11 @@ def resolve(given: Mapping[str, Any], robot: str) -> Settings:
         OmniError: A value is not allowed; neither gives a setting that depends on the robot; or the
             robot's MJCF cannot be read or contradicts what is given. A line for each.
     """
-    file = robot_files.sections(robot)
+    file = robot_files.read_robot_sections(robot)
     whole = _with_model(file, given)
-    in_one(
-        f"{section}.{field} depends on the robot; give it in the scenario, or in {robot_files.robot_path(robot)}"
-        for section, fields in robot_files.sections(robot_files.DEFAULT).items()
+    raise_errors(
+        f"{section}.{field} depends on the robot; give it in the scenario, or in {robot_files.find_robot_file(robot)}"
+        for section, fields in robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT).items()
         for field in fields
         if section != "control"
         and isinstance(whole.get(section, {}), Mapping)
@@ -84,7 +84,7 @@ def resolve(given: Mapping[str, Any], robot: str) -> Settings:
     )
     control = whole.get("control", {})
     if isinstance(control, Mapping):
-        hardware = merged(whole, {name: file[name] for name in HARDWARE if name in file})
+        hardware = merge_sections(whole, {name: file[name] for name in HARDWARE if name in file})
         own = _with_model(
             {name: hardware[name] for name in (*HARDWARE, "model") if name in hardware}, {}
         )
@@ -110,7 +110,7 @@ def read_model(model: ModelSettings) -> "CustomRobotSpec":
 
 def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return a robot's sections with those `given` above them, and the numbers of the MJCF that they name."""
-    whole = merged(file, given)
+    whole = merge_sections(file, given)
     model = whole.get("model", {})
     if isinstance(model, (str, Path)):
         model = {"file": str(model)}
@@ -118,19 +118,19 @@ def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, 
         whole["model"] = model = ModelSettings(**model)
     if isinstance(model, ModelSettings) and model.file:
         mjcf = read_model(model)
-        in_one(contradictions(given, mjcf))
-        whole = merged(whole, mjcf.implied_settings)
+        raise_errors(find_model_contradictions(given, mjcf))
+        whole = merge_sections(whole, mjcf.implied_settings)
     return whole
 
 
-def contradictions(given: Mapping[str, Any], mjcf: "CustomRobotSpec") -> Iterator[str]:
+def find_model_contradictions(given: Mapping[str, Any], mjcf: "CustomRobotSpec") -> Iterator[str]:
     """Yield a line for each value of given sections that differs from a robot's own MJCF."""
     for section, fields in mjcf.implied_settings.items():
         values = given.get(section)
         for field, number in fields.items():
             other = (
                 dict(values).get(field, number)
-                if isinstance(values, (Mapping, Checked))
+                if isinstance(values, (Mapping, SettingsModel))
                 else number
             )
             if not _is_same(number, other):

@@ -10,14 +10,14 @@ from pydantic import Field
 
 from omni_control.kinematics import Kinematics
 from omni_mj.config import CYCLE_RATE_HZ
-from omni_mj.config.validation import Angles, Checked, Patches, setting
+from omni_mj.config.validation import Angles, Patches, SettingsModel, setting
 
 # By which a robot's weight presses rollers into the carpet (omni_mj.mjcf.contact_parameters, 2.65
 # kg on 4 wheels), rounded up.
 SINKS_M = 7e-5
 
 
-class ModelSettings(Checked):
+class ModelSettings(SettingsModel):
     """A robot's own MJCF, which then says what `body`, `wheels` and gear would; empty: the shape that comes along."""
 
     file: str = setting(
@@ -25,7 +25,7 @@ class ModelSettings(Checked):
     )
 
 
-class BodySettings(Checked):
+class BodySettings(SettingsModel):
     """The whole robot, wheels included."""
 
     mass_kg: float = setting(..., "kg", "mass", 0.5, 20)
@@ -39,7 +39,7 @@ class BodySettings(Checked):
     )
 
 
-class WheelSettings(Checked):
+class WheelSettings(SettingsModel):
     """The wheels: where they are, what they are made of, and how they are computed."""
 
     model: Literal["rollers", "two-rollers"] = setting(
@@ -58,7 +58,7 @@ class WheelSettings(Checked):
         """Of a robot with these wheels."""
         return Kinematics(np.radians(self.azimuths_deg) % (2 * np.pi), self.arm_m, self.radius_m)
 
-    def contradictions(self) -> Iterator[str]:
+    def find_contradictions(self) -> Iterator[str]:
         """Yield what wheels cannot be, a line each: rollers that do not fit or close a wheel."""
         radius, roller, count = self.radius_m, self.roller_radius_m, self.rollers
         if 2 * roller >= radius:
@@ -78,7 +78,7 @@ class WheelSettings(Checked):
             )
         elif (
             self.model == "two-rollers"
-            and radius - depth(radius, roller, math.tau / count) < SINKS_M
+            and radius - compute_roller_depth(radius, roller, math.tau / count) < SINKS_M
         ):
             yield (
                 f"wheels.rollers = {count} is too many for wheels.model = two-rollers: with wheels.roller_radius_m = "
@@ -86,7 +86,7 @@ class WheelSettings(Checked):
             )
 
 
-class DrivetrainSettings(Checked):
+class DrivetrainSettings(SettingsModel):
     """What is between motor and carpet."""
 
     gear_friction_nm: float = setting(..., "N m", "dry friction of a gear, at the wheel", 0, 1)
@@ -105,7 +105,7 @@ class DrivetrainSettings(Checked):
     )
 
 
-class CarpetSettings(Checked):
+class CarpetSettings(SettingsModel):
     """The carpet under the rollers."""
 
     friction: float = setting(
@@ -133,7 +133,7 @@ class CarpetSettings(Checked):
     )
 
 
-class RandomizationSettings(Checked):
+class RandomizationSettings(SettingsModel):
     """What sets robots of a kind apart, drawn once per seed and robot; normal numbers are cut at 3 deviations."""
 
     wheel_friction_std: float = setting(
@@ -153,7 +153,7 @@ class RandomizationSettings(Checked):
     )
 
 
-class FirmwareSettings(Checked):
+class FirmwareSettings(SettingsModel):
     """What runs on the robot: wheel loops, one PID per wheel, with gains at the wheel, and heading.
 
     By default the wheel loops are proportional with feed-forward, as in the firmware of TIGERs (k_i
@@ -195,7 +195,7 @@ class FirmwareSettings(Checked):
         False, "", "limit the current of a motor that nears its highest winding temperature"
     )
 
-    def contradictions(self) -> Iterator[str]:
+    def find_contradictions(self) -> Iterator[str]:
         """Yield what its clock cannot do."""
         rates = [CYCLE_RATE_HZ // n for n in range(1, 17) if CYCLE_RATE_HZ % n == 0]
         if self.rate_hz not in rates:
@@ -205,7 +205,7 @@ class FirmwareSettings(Checked):
             )
 
 
-class SensorSettings(Checked):
+class SensorSettings(SettingsModel):
     """The sensors on the robot."""
 
     encoder_counts: int = setting(..., "", "counts per revolution of a motor", 1, 1_000_000)
@@ -217,7 +217,7 @@ class SensorSettings(Checked):
     )
 
 
-class BatterySettings(Checked):
+class BatterySettings(SettingsModel):
     """The battery: LiPo."""
 
     charge: float = setting(
@@ -233,7 +233,7 @@ class BatterySettings(Checked):
     )
 
 
-def depth(radius: float, roller_radius: float, angle: float) -> float:
+def compute_roller_depth(radius: float, roller_radius: float, angle: float) -> float:
     """Return how far a roller reaches below the axle when it is `angle` (rad) away from the bottom, m.
 
     Rollers are ellipsoids about a chord of the wheel, with half-axes r across and sqrt(R r) along,
@@ -244,7 +244,7 @@ def depth(radius: float, roller_radius: float, angle: float) -> float:
     return (radius - roller_radius) * c + math.hypot(roller_radius * c, along * s)
 
 
-def support(azimuths: Sequence[float], arm: float, x: float) -> float:
+def compute_support_margin(azimuths: Sequence[float], arm: float, x: float) -> float:
     """Return how far a point (x, 0) is inside the polygon of the wheels' contacts, m; negative outside."""
     around = sorted(math.radians(azimuth % 360) for azimuth in azimuths)
     inside = math.inf

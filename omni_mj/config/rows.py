@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from omni_mj.config.faults import Fault, of_robot
+from omni_mj.config.faults import Fault, select_faults_of_robot
 from omni_mj.config.settings import Settings
 
 
@@ -36,7 +36,7 @@ class Row:
     @property
     def faults(self) -> tuple[Fault, ...]:
         """The faults that happen to it."""
-        return of_robot(self.settings.fault, self.slot)
+        return select_faults_of_robot(self.settings.fault, self.slot)
 
     @property
     def start_pose(self) -> tuple[float, float, float]:
@@ -44,7 +44,7 @@ class Row:
         return self.settings.world.start_poses[self.slot]
 
 
-def table(
+def build_rows(
     controllers: Iterable[str],
     seeds: Iterable[int],
     settings_of: Callable[[int], Settings],

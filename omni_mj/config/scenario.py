@@ -12,16 +12,23 @@ from omni_control.controllers import CONTROLLERS
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj.config import distributions, faults, plugins, robot_files
-from omni_mj.config.resolve import Robot, resolve
+from omni_mj.config.resolve import Robot, resolve_settings
 from omni_mj.config.settings import Settings
-from omni_mj.config.toml_files import NAME_LETTERS, put, read_scenario
-from omni_mj.config.validation import Checked, collected, in_one, merged, setting, shown
+from omni_mj.config.toml_files import NAME_LETTERS, apply_override, read_scenario_file
+from omni_mj.config.validation import (
+    SettingsModel,
+    collect_errors,
+    format_value,
+    merge_sections,
+    raise_errors,
+    setting,
+)
 
 _NOTHING: Any = {}
 MOST_SEEDS = 100_000
 
 
-class Scenario(Checked):
+class Scenario(SettingsModel):
     """What is run: the settings in force, the plant, the robot, the controllers and the seeds.
 
     Settings may be given as sections by name; they then start from the defaults that the robot's
@@ -43,7 +50,7 @@ class Scenario(Checked):
         "mujoco", "", "what is driven: a plant that omni-mj list names, or file.py:Class"
     )
     robot: str = setting(
-        robot_files.DEFAULT, "", "the name of a robot, or the path of a robot's .toml file"
+        robot_files.DEFAULT_ROBOT, "", "the name of a robot, or the path of a robot's .toml file"
     )
     controllers: tuple[str | type[Controller], ...] = setting(
         ("flc", "comp-flc"), "", "what drives it: names of controllers, or file.py:Class", 1
@@ -58,13 +65,14 @@ class Scenario(Checked):
     @property
     def labels(self) -> tuple[str, ...]:
         """The names of the controllers in tables and files."""
-        return tuple(plugins.label(kind) for kind in self.controllers)
+        return tuple(plugins.label_controller(kind) for kind in self.controllers)
 
     @property
-    def has_code(self) -> bool:
+    def references_code(self) -> bool:
         """Whether its file names code: a controller or a plant of a user's own."""
         return any(
-            plugins.names_class(plugins.written(kind)) for kind in (*self.controllers, self.plant)
+            plugins.is_class_reference(plugins.reference_controller(kind))
+            for kind in (*self.controllers, self.plant)
         )
 
     @property
@@ -72,13 +80,13 @@ class Scenario(Checked):
         """The seeds; each is a row per controller."""
         return [self.seed + i for i in range(self.seeds)]
 
-    def settings_of(self, seed: int) -> Settings:
+    def settings_for_seed(self, seed: int) -> Settings:
         """Return the settings of a seed's rows.
 
         Raises:
             OmniError: A drawn value is not allowed.
         """
-        return distributions.draw(self.settings, self.distributions, seed)
+        return distributions.draw_settings(self.settings, self.distributions, seed)
 
     def replace(self, **values: Any) -> Self:
         """Return a copy with other values, validated.
@@ -92,9 +100,9 @@ class Scenario(Checked):
             )
         return super().replace(**values)
 
-    def plain_settings(self) -> dict[str, Any]:
+    def settings_to_dict(self) -> dict[str, Any]:
         """Return the settings by section, as in a file, with distributions in place of values drawn from them."""
-        sections = self.settings.plain()
+        sections = self.settings.to_dict()
         for name, each in self.distributions.items():
             section, field = name.split(".")
             sections[section][field] = {each.kind: list(each.values)}
@@ -105,8 +113,10 @@ class Scenario(Checked):
 
         A controller that was given as a class is named by its file.
         """
-        head = dict(self) | {"controllers": [plugins.written(kind) for kind in self.controllers]}
-        sections = self.plain_settings()
+        head = dict(self) | {
+            "controllers": [plugins.reference_controller(kind) for kind in self.controllers]
+        }
+        sections = self.settings_to_dict()
         parameters, events = sections.pop("controller"), sections.pop("fault")
         tables = [(f"[{name}]", values) for name, values in sections.items()]
         tables += [(f"[controller.{_key(name)}]", values) for name, values in parameters.items()]
@@ -138,7 +148,7 @@ class Scenario(Checked):
             else robot
         )
         if isinstance(name, str):
-            robot_files.sections(name)
+            robot_files.read_robot_sections(name)
         return name
 
     @field_validator("controllers", mode="before")
@@ -146,15 +156,15 @@ class Scenario(Checked):
     def _controllers(cls, kinds: Any) -> tuple[str | type[Controller], ...]:
         if not isinstance(kinds, (list, tuple)) or not kinds:
             raise ValueError(
-                f"controllers must be a list of at least one name or class, not {shown(kinds)}"
+                f"controllers must be a list of at least one name or class, not {format_value(kinds)}"
             )
         errors: list[str] = []
         for kind in kinds:
-            with collected(errors):
+            with collect_errors(errors):
                 if str(kind) not in CONTROLLERS:
                     plugins.find_controller(kind)
-        labels = [plugins.label(kind) for kind in kinds] if not errors else []
-        in_one(
+        labels = [plugins.label_controller(kind) for kind in kinds] if not errors else []
+        raise_errors(
             [
                 *errors,
                 *(
@@ -174,16 +184,16 @@ class Scenario(Checked):
         settings = (
             given
             if isinstance(given, Settings)
-            else resolve(given, head.get("robot", robot_files.DEFAULT))
+            else resolve_settings(given, head.get("robot", robot_files.DEFAULT_ROBOT))
         )
         parameters = settings.controller
         if "plant" in head:
-            with collected(errors):
-                faults.check(settings.fault, head["plant"])
+            with collect_errors(errors):
+                faults.check_plant_supports(settings.fault, head["plant"])
         if "controllers" in head:
-            with collected(errors):
-                parameters = plugins.check_parameters(parameters, head["controllers"])
-        in_one(errors)
+            with collect_errors(errors):
+                parameters = plugins.check_controller_parameters(parameters, head["controllers"])
+        raise_errors(errors)
         return (
             settings
             if parameters == settings.controller
@@ -229,7 +239,7 @@ def load_scenario(
         "seed": seed,
         "seeds": seeds,
     }
-    return load(
+    return load_with_overrides(
         str(name_or_path),
         (),
         {k: value for k, value in head.items() if value is not None},
@@ -238,7 +248,7 @@ def load_scenario(
     )
 
 
-def load(
+def load_with_overrides(
     name_or_path: str | None,
     overrides: Iterable[str] = (),
     head: Mapping[str, Any] = _NOTHING,
@@ -259,25 +269,25 @@ def load(
         OmniError: No such scenario or file, not TOML, an unknown name, or a value that is not
             allowed; a line for each.
     """
-    data, stem = ({}, "scenario") if name_or_path is None else read_scenario(name_or_path)
+    data, stem = ({}, "scenario") if name_or_path is None else read_scenario_file(name_or_path)
     if not code:
         _check_code(data, head)
     errors: list[str] = []
     for override in overrides:
-        with collected(errors):
-            put(data, override)
-    data = merged(data, sections) | dict(head)
+        with collect_errors(errors):
+            apply_override(data, override)
+    data = merge_sections(data, sections) | dict(head)
     values: dict[str, Any] = {}
     own: dict[str, Any] = {}
     known = {**Settings.model_fields, **Scenario.model_fields}
     for name, value in data.items():
-        is_section = name in known or isinstance(value, (Mapping, Checked))
+        is_section = name in known or isinstance(value, (Mapping, SettingsModel))
         (own if is_section and name not in HEAD else values)[name] = value
-    with collected(errors):
-        settings, drawn = distributions.split(own)
+    with collect_errors(errors):
+        settings, drawn = distributions.split_distributions(own)
         result = Scenario(**{"name": stem, **values, "settings": settings, "distributions": drawn})
-        distributions.check(result.settings, result.distributions)
-    in_one(errors)
+        distributions.check_bounds(result.settings, result.distributions)
+    raise_errors(errors)
     return result
 
 
@@ -289,11 +299,11 @@ def _check_code(data: Mapping[str, Any], head: Mapping[str, Any]) -> None:
     """
     plants = [] if "plant" in head else [data.get("plant")]
     kinds = [] if "controllers" in head else data.get("controllers", [])
-    in_one(
-        f"the scenario's file names code, {shown(name)}, which is not run unasked; name it yourself by "
+    raise_errors(
+        f"the scenario's file names code, {format_value(name)}, which is not run unasked; name it yourself by "
         "--plant or --controller, or allow it by --allow-code (in Python: code=True)"
         for name in [*plants, *(kinds if isinstance(kinds, list) else [])]
-        if isinstance(name, str) and plugins.names_class(name)
+        if isinstance(name, str) and plugins.is_class_reference(name)
     )
 
 
@@ -310,7 +320,7 @@ def _key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
 
 
-def schema() -> dict[str, Any]:
+def build_json_schema() -> dict[str, Any]:
     """Return the JSON Schema of a scenario's file, by which editors of TOML complete, explain and check it.
 
     Plants, robots and controllers are open, since they may be a user's own; numbers may be drawn.
@@ -318,8 +328,8 @@ def schema() -> dict[str, Any]:
     scenario = Scenario.model_json_schema()
     definitions = scenario.pop("$defs")
     settings = definitions.pop("Settings")["properties"]
-    definitions["Fault"]["properties"] |= {"kind": {"enum": list(faults.KINDS)}}
-    for kind in faults.KINDS.values():
+    definitions["Fault"]["properties"] |= {"kind": {"enum": list(faults.FAULT_KINDS)}}
+    for kind in faults.FAULT_KINDS.values():
         definitions["Fault"]["properties"] |= kind.model_json_schema()["properties"]
     for name, section in definitions.items():
         if name != "Fault":

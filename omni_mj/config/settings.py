@@ -12,7 +12,7 @@ from omni_control.reference.curves import CURVES
 from omni_mj.config import CYCLE_RATE_HZ as CYCLE_RATE_HZ
 from omni_mj.config import FRAME_RATE_HZ as FRAME_RATE_HZ
 from omni_mj.config import PERIOD_S as PERIOD_S
-from omni_mj.config import faults, robot_files, team_model
+from omni_mj.config import faults, nominal_model, robot_files
 from omni_mj.config.motor_settings import MotorSettings
 from omni_mj.config.robot_settings import BatterySettings as BatterySettings
 from omni_mj.config.robot_settings import (
@@ -24,9 +24,9 @@ from omni_mj.config.robot_settings import (
     RandomizationSettings,
     SensorSettings,
     WheelSettings,
-    support,
+    compute_support_margin,
 )
-from omni_mj.config.validation import Checked, Poses, Setting, merged, setting
+from omni_mj.config.validation import Poses, SettingInfo, SettingsModel, merge_sections, setting
 
 FULL_CELL_V = 4.2  # of a LiPo cell
 
@@ -37,7 +37,7 @@ def gather(settings: Sequence[Any], name: str) -> Array:
     return np.array([float(field(each)) for each in settings])
 
 
-class ReferenceSettings(Checked):
+class ReferenceSettings(SettingsModel):
     """The task: where the robot shall be when; way-points or a curve, and the limits of moving along it."""
 
     shape: Literal["waypoints", "random", *CURVES] = setting(  # type: ignore[valid-type]
@@ -117,7 +117,7 @@ class ReferenceSettings(Checked):
     dwell_s: float = setting(0.0, "s", "rest at each way-point", 0, 60)
     settle_s: float = setting(1.0, "s", "rest at the end", 0, 60)
 
-    def contradictions(self) -> Iterator[str]:
+    def find_contradictions(self) -> Iterator[str]:
         """Yield what no reference can be, a line each."""
         if self.mode == "iterated" and self.shape in CURVES:
             yield (
@@ -131,7 +131,7 @@ class ReferenceSettings(Checked):
             )
 
 
-class VisionSettings(Checked):
+class VisionSettings(SettingsModel):
     """The cameras. Noise and misses: "Realistic" of the ER-Force simulator."""
 
     position_noise_m: float = setting(
@@ -170,7 +170,7 @@ class VisionSettings(Checked):
     )
 
 
-class RadioSettings(Checked):
+class RadioSettings(SettingsModel):
     """The radio link from the team's computer to the robot."""
 
     delay_frames: int = setting(
@@ -181,13 +181,13 @@ class RadioSettings(Checked):
     )
     loss_probability: float = setting(0.0, "", "probability that a packet never arrives", 0, 0.95)
 
-    def contradictions(self) -> Iterator[str]:
+    def find_contradictions(self) -> Iterator[str]:
         """Yield what a radio cannot do."""
         if self.jitter_frames > self.delay_frames:
             yield "radio.jitter_frames must not be above radio.delay_frames: no packet arrives before it is sent"
 
 
-class ControlSettings(Checked):
+class ControlSettings(SettingsModel):
     """The team's computer: what it believes of the robots, the controllers, and the limits of what they may command.
 
     What has no default here follows from the robot's numbers.
@@ -255,7 +255,7 @@ class ControlSettings(Checked):
     )
 
 
-class PhysicsSettings(Checked):
+class PhysicsSettings(SettingsModel):
     """The integration."""
 
     substeps: int = setting(
@@ -268,7 +268,7 @@ class PhysicsSettings(Checked):
     )
 
 
-class DisturbanceSettings(Checked):
+class DisturbanceSettings(SettingsModel):
     """A random disturbance, uniform in plus or minus its amplitude, drawn anew per frame and axis (table 4)."""
 
     velocity_m_s: float = setting(
@@ -279,7 +279,7 @@ class DisturbanceSettings(Checked):
     )
 
 
-class KinematicSettings(Checked):
+class KinematicSettings(SettingsModel):
     """The paper's own plant, equation 7."""
 
     alpha_low: float = setting(0.7, "", "alpha is drawn uniformly from here ...", 0, 2)
@@ -288,13 +288,13 @@ class KinematicSettings(Checked):
         0.0, "s", "time over which alpha forgets its value; 0: new in every frame", 0, 1e6
     )
 
-    def contradictions(self) -> Iterator[str]:
+    def find_contradictions(self) -> Iterator[str]:
         """Yield what alpha cannot be."""
         if self.alpha_low > self.alpha_high:
             yield "kinematic.alpha_low must not be above kinematic.alpha_high"
 
 
-class WorldSettings(Checked):
+class WorldSettings(SettingsModel):
     """The world that robots share."""
 
     start_poses: Poses = setting(
@@ -306,7 +306,7 @@ class WorldSettings(Checked):
     )
 
 
-class Settings(Checked):
+class Settings(SettingsModel):
     """All sections; `controller` holds the parameters of controllers by label, `fault` what happens in a run.
 
     Each is given as a model, or as its fields that differ from the defaults:
@@ -338,36 +338,38 @@ class Settings(Checked):
     fault: tuple[SerializeAsAny[faults.Fault], ...] = ()
 
     def __hash__(self) -> int:
-        return hash((*(getattr(self, name) for name in sections()), self.fault))
+        return hash((*(getattr(self, name) for name in get_section_classes()), self.fault))
 
     def __init__(self, /, **given: Any) -> None:
         hardware = {
             name: own
-            for name, own in robot_files.sections(robot_files.DEFAULT).items()
+            for name, own in robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT).items()
             if name != "control"
         }
-        super().__init__(**merged({name: {} for name in sections()} | hardware, given))
+        super().__init__(
+            **merge_sections({name: {} for name in get_section_classes()} | hardware, given)
+        )
 
     @field_validator("fault", mode="before")
     @classmethod
     def _faults(cls, value: Any) -> tuple[faults.Fault, ...]:
-        return faults.made(value)
+        return faults.parse_faults(value)
 
     @model_validator(mode="after")
     def _tell_team(self) -> Self:
         """Set what the team believes of the robot where nothing else is said."""
         missing = [name for name, value in self.control if value is None]
         if missing:
-            found = team_model.follows(self, self.control.assumed_creep_s2_m)
+            found = nominal_model.derive_assumptions(self, self.control.assumed_creep_s2_m)
             control = self.control.replace(**{name: found[name] for name in missing})
             object.__setattr__(self, "control", control)
         return self
 
-    def contradictions(self) -> Iterator[str]:
+    def find_contradictions(self) -> Iterator[str]:
         """Yield what no robot can be, a line each: a body that tips over or has no such inertia, a dead battery."""
-        yield from faults.misfits(self.fault, self)
+        yield from faults.find_settings_conflicts(self.fault, self)
         body, placed, battery = self.body, self.wheels, self.battery
-        inside = support(placed.azimuths_deg, placed.arm_m, body.com_x_m)
+        inside = compute_support_margin(placed.azimuths_deg, placed.arm_m, body.com_x_m)
         if inside <= 0:
             yield (
                 f"body.com_x_m = {body.com_x_m:g} is {-inside * 1e3:.3g} mm outside the polygon of the wheels' "
@@ -396,32 +398,32 @@ class Settings(Checked):
         Raises:
             OmniError: An unknown name, or a value that is not allowed.
         """
-        return type(self)(**merged(dict(self), sections))
+        return type(self)(**merge_sections(dict(self), sections))
 
-    def plain(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return all values by section and field, and the faults as a list, as TOML and JSON hold them."""
         return self.model_dump(mode="json", by_alias=True)
 
 
-def sections() -> dict[str, type[Checked]]:
+def get_section_classes() -> dict[str, type[SettingsModel]]:
     """Return the class of each section by name, without that of controllers' parameters."""
     kinds = {name: field.annotation for name, field in Settings.model_fields.items()}
     return {
         name: kind
         for name, kind in kinds.items()
-        if isinstance(kind, type) and issubclass(kind, Checked)
+        if isinstance(kind, type) and issubclass(kind, SettingsModel)
     }
 
 
-def every_setting() -> list[Setting]:
+def list_settings() -> list[SettingInfo]:
     """Return the declarations of all settings of all sections, in order."""
-    robot = robot_files.sections(robot_files.DEFAULT)
+    robot = robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT)
     return [
         declared._replace(default=robot.get(name, {}).get(field, declared.default))
-        for name, kind in sections().items()
-        for field, declared in kind.declared().items()
+        for name, kind in get_section_classes().items()
+        for field, declared in kind.describe_fields().items()
     ]
 
 
-for _name, _kind in sections().items():
+for _name, _kind in get_section_classes().items():
     _kind.section = f"{_name}."

@@ -15,17 +15,17 @@ NAME_LETTERS = 100  # longest name of a scenario
 
 
 @cache
-def shipped(folder: str) -> Mapping[str, Path]:
+def find_packaged_files(folder: str) -> Mapping[str, Path]:
     """Return the TOML files of a folder of the package, by name."""
     return {path.stem: path for path in sorted((Path(__file__).parents[1] / folder).glob("*.toml"))}
 
 
-def builtin() -> Mapping[str, Path]:
+def find_builtin_scenarios() -> Mapping[str, Path]:
     """Return the files of the scenarios that come with the package, by name."""
-    return shipped("scenarios")
+    return find_packaged_files("scenarios")
 
 
-def read(path: Path, what: str) -> dict[str, Any]:
+def read_toml(path: Path, what: str) -> dict[str, Any]:
     """Read a TOML file.
 
     Args:
@@ -40,7 +40,7 @@ def read(path: Path, what: str) -> dict[str, Any]:
             data = file.read(MOST_BYTES + 1)
         if len(data) > MOST_BYTES:
             raise ValueError(f"it has more than {MOST_BYTES / 1e6:g} MB")
-        return parse(data.decode())
+        return parse_toml(data.decode())
     except OSError as error:
         raise OmniError(f"cannot read {what} {path}: {error.strerror}") from None
     except (
@@ -49,7 +49,7 @@ def read(path: Path, what: str) -> dict[str, Any]:
         raise OmniError(f"{what} {path} is not valid TOML: {to_printable(str(error))}") from None
 
 
-def parse(text: str) -> dict[str, Any]:
+def parse_toml(text: str) -> dict[str, Any]:
     """Parse a text in TOML.
 
     Raises:
@@ -61,21 +61,23 @@ def parse(text: str) -> dict[str, Any]:
         raise ValueError("lists or tables are nested too deeply") from None
 
 
-def read_scenario(name_or_path: str) -> tuple[dict[str, Any], str]:
+def read_scenario_file(name_or_path: str) -> tuple[dict[str, Any], str]:
     """Return the values of a scenario's file, and the name it gives the scenario.
 
     Raises:
         OmniError: There is no such scenario or file, or it is not TOML.
     """
-    path = builtin().get(name_or_path, Path(name_or_path))
-    if name_or_path not in builtin() and not (path.suffix == ".toml" or os.path.isfile(path)):
-        hint = suggest_names(name_or_path, sorted(builtin()))
+    path = find_builtin_scenarios().get(name_or_path, Path(name_or_path))
+    if name_or_path not in find_builtin_scenarios() and not (
+        path.suffix == ".toml" or os.path.isfile(path)
+    ):
+        hint = suggest_names(name_or_path, sorted(find_builtin_scenarios()))
         raise OmniError(f"unknown scenario {name_or_path!r}; {hint}, or a .toml file")
     name = re.sub(r"[^\w.-]+", "-", path.stem)[:NAME_LETTERS].strip(".")
-    return read(path, "scenario"), name or "scenario"
+    return read_toml(path, "scenario"), name or "scenario"
 
 
-def put(data: dict[str, Any], text: str) -> None:
+def apply_override(data: dict[str, Any], text: str) -> None:
     """Put a value given as `section.field=value` into the values of a file.
 
     Raises:
@@ -88,7 +90,7 @@ def put(data: dict[str, Any], text: str) -> None:
             f"cannot read --set {to_printable(text)}; write section.field=value, such as radio.delay_frames=3"
         )
     try:
-        value = parse(f"value = {written}")["value"]
+        value = parse_toml(f"value = {written}")["value"]
     except ValueError:
         value = written.strip()  # a bare word, such as reference.mode=iterated
     for section in sections:

@@ -19,8 +19,8 @@ from pydantic_core import ErrorDetails
 
 from omni_control.errors import OmniError, suggest_names, to_printable
 
-REACH_M = 100.0  # largest coordinate of a pose
-FRICTIONS = 0.01, 5.0  # smallest and largest coefficient of friction
+MAX_COORDINATE_M = 100.0  # largest coordinate of a pose
+FRICTION_RANGE = 0.01, 5.0  # smallest and largest coefficient of friction
 SHOWN = 200  # longest wrong value in a message, characters
 
 
@@ -57,7 +57,7 @@ def _in_files(name: str) -> str:
     return name.rstrip("_")
 
 
-class Setting(NamedTuple):
+class SettingInfo(NamedTuple):
     """The declaration of a field.
 
     Attributes:
@@ -97,7 +97,7 @@ class Setting(NamedTuple):
         return self.kind in (int, float)
 
 
-class Checked(BaseModel):
+class SettingsModel(BaseModel):
     """A frozen model that raises one `OmniError` with a line for each wrong value."""
 
     model_config = ConfigDict(
@@ -114,15 +114,15 @@ class Checked(BaseModel):
             errors = error.errors(include_url=False)
         else:
             return
-        in_one(line for each in errors for line in self._explain(each))
+        raise_errors(line for each in errors for line in self._explain(each))
 
-    def contradictions(self) -> Iterable[str]:
+    def find_contradictions(self) -> Iterable[str]:
         """Return what its values cannot be together, a line each."""
         return ()
 
     @model_validator(mode="after")
     def _are_consistent(self) -> Self:
-        in_one(self.contradictions())
+        raise_errors(self.find_contradictions())
         return self
 
     def replace(self, **values: Any) -> Self:
@@ -138,15 +138,15 @@ class Checked(BaseModel):
         return {_in_files(name): getattr(self, name) for name in type(self).model_fields}
 
     @classmethod
-    def declared(cls) -> dict[str, Setting]:
+    def describe_fields(cls) -> dict[str, SettingInfo]:
         """Return the declarations of its fields by their names in files."""
         names = {_in_files(name): field for name, field in cls.model_fields.items()}
-        return {name: Setting.of(cls.section + name, field) for name, field in names.items()}
+        return {name: SettingInfo.of(cls.section + name, field) for name, field in names.items()}
 
     @classmethod
     def _explain(cls, error: ErrorDetails) -> Iterator[str]:
         """Yield the lines of a message for an error of pydantic's."""
-        kind, (name, *place), declared = error["type"], error["loc"] or ("",), cls.declared()
+        kind, (name, *place), declared = error["type"], error["loc"] or ("",), cls.describe_fields()
         full = cls.section + "".join([str(name), *(f"[{index}]" for index in place)])
         if kind == "value_error":  # one of our own
             yield from str(error["ctx"]["error"]).splitlines()
@@ -156,16 +156,16 @@ class Checked(BaseModel):
         elif kind == "missing":
             yield f"{full} is missing: {declared[str(name)].doc}"
         elif kind == "model_type":
-            yield f"{full} is a section: write [{full}] and its fields, not {shown(error['input'])}"
+            yield f"{full} is a section: write [{full}] and its fields, not {format_value(error['input'])}"
         else:
             what = re.sub("^(Input|Tuple|String) should", "must", error["msg"])
             what = what.partition(" after validation")[0].replace("tuple", "list")
             field = declared[str(name)]
             limits = f" ({field.allowed} {field.unit}".rstrip() + ")" if field.number else ""
-            yield f"{full} {what}{limits}, not {shown(error['input'])}"
+            yield f"{full} {what}{limits}, not {format_value(error['input'])}"
 
 
-def in_one(errors: Iterable[str]) -> None:
+def raise_errors(errors: Iterable[str]) -> None:
     """Raise one error with a line for each different message, if there are any.
 
     Raises:
@@ -176,7 +176,7 @@ def in_one(errors: Iterable[str]) -> None:
 
 
 @contextmanager
-def collected(errors: list[str]) -> Iterator[None]:
+def collect_errors(errors: list[str]) -> Iterator[None]:
     """Within it, an `OmniError` is added to a list of messages, and ends the block."""
     try:
         yield
@@ -184,7 +184,7 @@ def collected(errors: list[str]) -> Iterator[None]:
         errors.append(str(error))
 
 
-def shown(value: object) -> str:
+def format_value(value: object) -> str:
     """Return a wrong value as a message shows it, on one line."""
     try:
         return to_printable(repr(value), SHOWN)
@@ -195,13 +195,13 @@ def shown(value: object) -> str:
         return "a value too large to print"
 
 
-def merged(sections: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def merge_sections(sections: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return `sections` with `changes`; a mapping replaces some values of a section, anything else all of it."""
     result = dict(sections)
     for name, change in changes.items():
         section = sections.get(name, {})
-        if isinstance(change, Mapping) and isinstance(section, (Mapping, Checked)):
-            change = merged(dict(section), change)
+        if isinstance(change, Mapping) and isinstance(section, (Mapping, SettingsModel)):
+            change = merge_sections(dict(section), change)
         result[name] = change
     return result
 
@@ -217,15 +217,15 @@ def _with_heading(pose: Any) -> Any:
 
 
 _LIST = Field(strict=False)  # TOML has lists only
-Coordinate = Annotated[float, Field(ge=-REACH_M, le=REACH_M)]
+Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 Pose = Annotated[tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(_with_heading), _LIST]
 Poses = Annotated[tuple[Pose, ...], _LIST]
 Patch = Annotated[
     tuple[
         Coordinate,
         Coordinate,
-        Annotated[float, Field(gt=0, le=REACH_M)],
-        Annotated[float, Field(ge=FRICTIONS[0], le=FRICTIONS[1])],
+        Annotated[float, Field(gt=0, le=MAX_COORDINATE_M)],
+        Annotated[float, Field(ge=FRICTION_RANGE[0], le=FRICTION_RANGE[1])],
     ],
     _LIST,
 ]

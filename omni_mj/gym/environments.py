@@ -215,7 +215,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
             if seed is not None or generator is None:
                 self._generators[i] = generator = seeding.np_random(seed)[0]
             used_seeds[i] = seed = int(generator.integers(MAX_SEED)) if seed is None else seed
-            settings = self.scenario.settings_of(seed)
+            settings = self.scenario.settings_for_seed(seed)
             rows = groups.setdefault(batch_key(self.scenario.plant, settings), {})
             rows[i] = Row(
                 len(rows), 0, ExternalController.__name__, seed, settings, self.scenario.robot

@@ -10,7 +10,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config import distributions, plugins, reference_factory
-from omni_mj.config.plugins import label
+from omni_mj.config.plugins import label_controller
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import FRAME_RATE_HZ
 from omni_mj.live.frame_clock import FrameClock, Pace
@@ -89,12 +89,12 @@ def check_drivable(scenario: Scenario, options: ConnectionOptions) -> None:
     Raises:
         OmniError: They cannot; one line for each reason.
     """
-    distributions.refuse(scenario.distributions, "drive")
+    distributions.require_fixed_settings(scenario.distributions, "drive")
     _ = options.vision_address, options.sender_config  # raise if malformed
     errors = list[str]()
     (controller,) = scenario.controllers
     if plugins.find_controller(controller).knows_truth:
-        name = label(controller)
+        name = label_controller(controller)
         errors.append(f"{name} needs the true pose, which is unknown for external robots")
     if scenario.settings.fault:
         errors.append(
@@ -223,7 +223,7 @@ def _chosen_ids(
 
 def _displaced(scenario: Scenario, poses: Array) -> Scenario:
     """Return the scenario with start poses such that each reference starts at the robot's pose."""
-    x, y, heading = reference_factory.timed(scenario.settings).poses[0]
+    x, y, heading = reference_factory.build_timed_reference(scenario.settings).poses[0]
     turn = wrap_angle(poses[:, 2] - heading)
     c, s = np.cos(turn), np.sin(turn)
     start_poses = np.column_stack(
@@ -240,9 +240,9 @@ def _find_radio(name: str) -> type[TeamRadio]:
     Raises:
         OmniError: There is no such class.
     """
-    if not plugins.names_class(name):
+    if not plugins.is_class_reference(name):
         raise OmniError(f"--radio must be file.py:Class, got {name!r}")
-    return plugins.find_class(
+    return plugins.load_class(
         name,
         "derived from omni_mj.live.team_radio.TeamRadio",
         lambda kind: issubclass(kind, TeamRadio),

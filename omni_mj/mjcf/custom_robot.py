@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError, to_printable
-from omni_mj.config.validation import in_one
+from omni_mj.config.validation import raise_errors
 from omni_mj.mjcf import adapt_custom_robot
 from omni_mj.mjcf.model_files import list_model_files
 from omni_mj.mjcf.robot_geometry import WheelGeometry, compute_composite_inertia, measure_wheels
@@ -108,7 +108,7 @@ def _read(path: Path, file: str, changed: tuple[int, ...]) -> CustomRobotSpec:
     (robot,) = find_robots(model)
     touching = adapt_custom_robot.touching(spec, model, robot)
     wheels = measure_wheels(model, robot, np.array([model.geom(name).id for name in touching], int))
-    in_one(_unfit(model, robot))
+    raise_errors(_unfit(model, robot))
     adapt_custom_robot.drive(spec, model, robot, wheels)
     adapt_custom_robot.lower(chassis, wheels.radius - wheels.height)
     model = spec.compile()

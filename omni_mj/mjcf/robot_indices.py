@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.config.validation import in_one
+from omni_mj.config.validation import raise_errors
 
 Ids = NDArray[np.int_]
 # Rollers of a wheel that is computed with those at the bottom alone (`wheels.model = two-rollers`)
@@ -84,7 +84,7 @@ def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
         _find_robot(model, data, int(root), motors[roots == root], errors)
         for root in np.unique(roots)
     ]
-    in_one(dict.fromkeys(errors))
+    raise_errors(dict.fromkeys(errors))
     return tuple(robot for robot in robots if robot)
 
 
@@ -135,7 +135,7 @@ def _wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> Ids:
             errors.append(
                 f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: {_WRITE}"
             )
-    in_one(errors)
+    raise_errors(errors)
     return motors
 
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.config import resolve
-from omni_mj.config.robot_files import robot_model
+from omni_mj.config.robot_files import find_robot_mjcf
 from omni_mj.config.robot_settings import BodySettings, ModelSettings, WheelSettings
 from omni_mj.config.settings import Settings
-from omni_mj.config.validation import in_one
+from omni_mj.config.validation import raise_errors
 from omni_mj.mjcf.custom_robot import RobotSpec, hull
 from omni_mj.mjcf.robot_geometry import compute_composite_inertia, point_mass_inertia, set_inertial
 
@@ -67,8 +67,10 @@ def build_robot_spec(shape: RobotShape) -> RobotSpec:
         return _ours(shape)
     own = resolve.read_model(shape.model)
     motor = {"gear_ratio": shape.gear_ratio, "rotor_inertia_kg_m2": shape.rotor_inertia}
-    in_one(
-        resolve.contradictions({"body": shape.body, "wheels": shape.wheels, "motor": motor}, own)
+    raise_errors(
+        resolve.find_model_contradictions(
+            {"body": shape.body, "wheels": shape.wheels, "motor": motor}, own
+        )
     )
     if shape.wheels.model == "two-rollers" and not own.has_uniform_rollers:
         raise OmniError(
@@ -80,7 +82,7 @@ def build_robot_spec(shape: RobotShape) -> RobotSpec:
 
 @lru_cache(maxsize=16)
 def _ours(shape: RobotShape) -> RobotSpec:
-    path = robot_model()
+    path = find_robot_mjcf()
     root = ElementTree.parse(path).getroot()
     _write_wheels(root, shape)
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))

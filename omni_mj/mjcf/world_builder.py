@@ -15,7 +15,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
-from omni_mj.config.robot_files import models
+from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import contact_parameters, robot_indices, two_roller_wheels
 from omni_mj.mjcf.custom_robot import RobotSpec
@@ -83,7 +83,7 @@ def build_world(
 
 @lru_cache(maxsize=16)
 def _world(part: RobotSpec, shape: RobotShape, places: int, substeps: int, hulls: bool) -> World:
-    field = mujoco.MjSpec.from_file(str(models() / "field.xml"))
+    field = mujoco.MjSpec.from_file(str(find_models_folder() / "field.xml"))
     spec, rollers = part.spec.copy(), part.contact_geoms
     alone = spec.compile()
     (robot,) = robot_indices.find_robots(alone)

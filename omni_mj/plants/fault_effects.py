@@ -141,7 +141,7 @@ class FaultEffects:
             turns = _combine(active, faults.MotorBlocked, self._wheel_ones, _zero)
             self._bodies.block_hubs(turns == 0)
         for row, kidnap in active.started(faults.Kidnap):
-            self._bodies.displace_robot(row, kidnap.moved)
+            self._bodies.displace_robot(row, kidnap.displacement)
 
     def _change_inputs(self, active: ActiveFaults) -> None:
         """Apply faults of sensors, drivers, processors and supplies, and push forces."""

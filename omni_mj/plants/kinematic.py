@@ -85,7 +85,7 @@ class KinematicPlant:
             self._fault_alpha[row] = fault.alpha
         for row, kidnap in active.started(Kidnap):
             self._pose = self._pose.copy()
-            self._pose[row] += kidnap.moved
+            self._pose[row] += kidnap.displacement
 
 
 class _AlphaQuantiles:

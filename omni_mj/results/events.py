@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omni_mj.config.faults import span
+from omni_mj.config.faults import compute_frame_span
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.simulation.log import Log
 
@@ -71,6 +71,6 @@ def _happened(log: Log, row: int) -> Iterator[tuple[int, str, str]]:
         text = f"the battery sank below {settings.battery.cut_off_v:g} V and gives no more power"
         yield int((battery == 0).argmax()), BATTERY, text
     for fault in log.rows[row].faults:
-        for frame, does in zip(span(fault), ("begins", "ends"), strict=True):
+        for frame, does in zip(compute_frame_span(fault), ("begins", "ends"), strict=True):
             if frame < length:
                 yield int(frame), FAULT, f"{does}: {fault.text}"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.config.faults import span
+from omni_mj.config.faults import compute_frame_span
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.results import saturation
@@ -201,11 +201,11 @@ def _recoveries(rows: Sequence[Row], distance: Array, failed: Collection[int]) -
     }
     for k, row in enumerate(rows):
         for i, fault in enumerate(row.settings.fault, start=1):
-            first, end = span(fault)
+            first, end = compute_frame_span(fault)
             stop = min(end + RECOVERY_WINDOW_S * FRAME_RATE_HZ, len(distance))
             error = distance[int(min(first, stop)) : int(stop), k]
             error = error[~np.isnan(error)]
-            if not fault.concerns(row.slot) or not (error.size or k in failed):
+            if not fault.affects(row.slot) or not (error.size or k in failed):
                 continue
             excursion, recovery = np.inf, np.inf
             if k not in failed:

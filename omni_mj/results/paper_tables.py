@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 
-from omni_mj.config.scenario import Scenario, load
+from omni_mj.config.scenario import Scenario, load_with_overrides
 
 Table = dict[str, dict[str, dict[str, float]]]  # controller -> axis -> statistic
 
@@ -35,4 +35,4 @@ def find_paper_table(scenario: Scenario) -> Table | None:
 
 @lru_cache
 def _experiment(number: int, robot: str) -> Scenario:
-    return load(SCENARIOS[number], head={"robot": robot})
+    return load_with_overrides(SCENARIOS[number], head={"robot": robot})

@@ -88,7 +88,7 @@ def sha256(data: bytes) -> str:
 
 def source_digest() -> str:
     """Return a digest of names and contents of the packages' files and of the models."""
-    folders = _PACKAGE, Path(omni_control.__file__).parent, robot_files.models()
+    folders = _PACKAGE, Path(omni_control.__file__).parent, robot_files.find_models_folder()
     return sha256("".join(line for folder in folders for line in _digests(folder)).encode())
 
 
@@ -121,7 +121,7 @@ def _commit() -> str | None:
 
 def _describe(scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
     """Return what a scenario is made of, and add copies of the user's own files to `files`."""
-    robot, plant = robot_files.robot_path(scenario.robot), scenario.plant
+    robot, plant = robot_files.find_robot_file(scenario.robot), scenario.plant
     (robot_copy,) = _copy(files, {robot.name: robot.read_bytes()})
     entry: dict[str, Any] = {
         "plant": {"name": plant} if plant in plugins.PLANTS else _class(plant, files),
@@ -141,7 +141,7 @@ def _describe(scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
 
 
 def _controller(kind: plugins.Kind, scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
-    label, found = plugins.label(kind), plugins.find_controller(kind)
+    label, found = plugins.label_controller(kind), plugins.find_controller(kind)
     entry = {"name": label} if kind in CONTROLLERS else _class(kind, files)
     given = scenario.settings.controller.get(label, {})
     return entry | {"parameters": get_parameters(found) | dict(given)}
@@ -149,8 +149,8 @@ def _controller(kind: plugins.Kind, scenario: Scenario, files: dict[str, bytes])
 
 def _class(kind: plugins.Kind, files: dict[str, bytes]) -> dict[str, Any]:
     """Return the entry of a class of the user's own, and copy the file that defines it."""
-    file, _, name = plugins.written(kind).rpartition(":")
-    entry = {"name": plugins.label(kind), "class": name}
+    file, _, name = plugins.reference_controller(kind).rpartition(":")
+    entry = {"name": plugins.label_controller(kind), "class": name}
     is_main = isinstance(kind, type) and kind.__module__ == "__main__"
     if is_main or "." in name or not Path(file).is_file():
         return entry | {"reason": "is not defined at the top level of a file that can be imported"}

@@ -14,7 +14,7 @@ g times the way commanded:
 A linear response of gain g delays its input in the mean, that is by the first moment of its impulse response, which is
 what both terms are, whatever the shape of the ramp: a dead time is its own lag, a lag of first order its time constant,
 those in series add. A speed that dry friction costs while driving, whatever the speed, has no lag: it adds to D_up what
-it takes from D_down. Creep, T |v| v' = u - v / g (`omni_mj.config.team_model`), is a lag that grows with speed: its
+it takes from D_down. Creep, T |v| v' = u - v / g (`omni_mj.config.nominal_model`), is a lag that grows with speed: its
 g u - v = g T v v' integrates on either ramp to g T (g U)^2 / 2, so that its lag is T g^2 U / 2.
 
 **Gain while speeding up**: the slope of v over u in the second half of the ramp up. Lag and dry friction shift v by a

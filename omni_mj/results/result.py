@@ -205,7 +205,7 @@ def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
     """Yield a row's name, failure, settings and numbers, row by row."""
     failures = {failure.row: failure for failure in outcome.failures}
     settings = {id(row.settings): row.settings for row in outcome.rows}  # rows share them
-    plain = {key: dict(summary.flatten(value.plain())) for key, value in settings.items()}
+    plain = {key: dict(summary.flatten(value.to_dict())) for key, value in settings.items()}
     for i, row in enumerate(outcome.rows):
         failure = failures.get(i)
         yield {

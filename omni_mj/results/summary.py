@@ -97,7 +97,7 @@ def empty_entry(scenario: Scenario) -> Entry:
     return {
         "description": scenario.description, "plant": scenario.plant, "robot": scenario.robot,
         "status": "not run", "reason": None, "seeds": [], "frames": 0, "simulated_s": 0.0, "wall_s": 0.0,
-        "settings": scenario.plain_settings(), "paper_table": scenario.paper_table, "paper": paper_tables.find_paper_table(scenario),
+        "settings": scenario.settings_to_dict(), "paper_table": scenario.paper_table, "paper": paper_tables.find_paper_table(scenario),
         "drawn_parameters": [], "events": [], "failures": [], "results": {}, "verdict": None,
     }  # fmt: skip
 
@@ -262,7 +262,7 @@ def _recovery(log: Log, rows: np.ndarray, measured: Mapping[str, Array]) -> list
     for i, fault in enumerate(log.rows[rows[0]].settings.fault):
         same = [
             row for row in rows
-            if log.rows[row].settings.fault[i : i + 1] == (fault,) and fault.concerns(log.rows[row].slot)
+            if log.rows[row].settings.fault[i : i + 1] == (fault,) and fault.affects(log.rows[row].slot)
         ]  # fmt: skip
         numbers = {
             key: seed_statistics(measured[f"fault_{i + 1}_{key}"][same])
@@ -270,7 +270,7 @@ def _recovery(log: Log, rows: np.ndarray, measured: Mapping[str, Array]) -> list
         }
         found.append(
             {
-                "fault": fault.told,
+                "fault": fault.description,
                 "kind": fault.kind,
                 "at_s": fault.start_s,
                 "for_s": fault.duration_s or None,

@@ -163,7 +163,7 @@ def _load(path: Path, file: Path, said: Mapping[str, Any], entry: Mapping[str, A
         sections["model"] = {"file": copy(model)}
         for part in model["parts"]:
             copy(part)
-    return scenario.load(str(file), (), head, sections=sections)
+    return scenario.load_with_overrides(str(file), (), head, sections=sections)
 
 
 def _run(chosen: Scenario, entry: Mapping[str, Any], start_progress: StartProgress) -> Outcome:

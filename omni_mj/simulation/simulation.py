@@ -15,7 +15,7 @@ from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
 from omni_mj.config import faults, plugins, reference_factory
-from omni_mj.config.rows import Row, table
+from omni_mj.config.rows import Row, build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.mjcf.robot_spec import RobotShape
@@ -113,21 +113,27 @@ class Simulation:
             scenario if controllers is None else scenario.replace(controllers=tuple(controllers))
         )
         self._kinds = {
-            plugins.label(kind): plugins.find_controller(kind) for kind in self.scenario.controllers
+            plugins.label_controller(kind): plugins.find_controller(kind)
+            for kind in self.scenario.controllers
         }
         given = scenario.seed_list if seeds is None else list(seeds)
         self._draws = bool(scenario.distributions) and rows is None
-        self._table = rows or table(self._kinds, given, scenario.settings_of, scenario.robot)
+        self._table = rows or build_rows(
+            self._kinds, given, scenario.settings_for_seed, scenario.robot
+        )
         for label in dict.fromkeys(row.controller for row in self._table):
             if label not in self._kinds:
                 raise OmniError(
                     f"a row names the controller {label!r}; {suggest_names(label, self._kinds)}"
                 )
         for settings in {id(row.settings): row.settings for row in self._table}.values():
-            faults.check(settings.fault, self.scenario.plant, len(settings.world.start_poses))
+            faults.check_plant_supports(
+                settings.fault, self.scenario.plant, len(settings.world.start_poses)
+            )
         self._follow = follow
         self.references = [
-            reference_factory.timed(row.settings, row.start_pose) for row in self._table
+            reference_factory.build_timed_reference(row.settings, row.start_pose)
+            for row in self._table
         ]
         _check_delays(self._table, self.references)
         self._choose_backend()
@@ -158,11 +164,12 @@ class Simulation:
         shift = 0 if seed is None else seed - min(row.seed for row in self._table)
         self.rows = [replace(row, seed=row.seed + shift) for row in self._table]
         if shift and self._draws:
-            settings = {row.seed: self.scenario.settings_of(row.seed) for row in self.rows}
+            settings = {row.seed: self.scenario.settings_for_seed(row.seed) for row in self.rows}
             self.rows = [replace(row, settings=settings[row.seed]) for row in self.rows]
         n = len(self.rows)
         self.references = [
-            reference_factory.timed(row.settings, row.start_pose) for row in self.rows
+            reference_factory.build_timed_reference(row.settings, row.start_pose)
+            for row in self.rows
         ]
         self.frame, self.failures = 0, list[Failure]()
         self._running = np.ones(n, bool)
@@ -283,13 +290,13 @@ class Simulation:
         self._running[rows] = False
 
 
-def _check_delays(table: Sequence[Row], ways: Sequence[SampledReference]) -> None:
+def _check_delays(rows: Sequence[Row], ways: Sequence[SampledReference]) -> None:
     """See that commands arrive before the end of what rows follow.
 
     Raises:
         OmniError: none does.
     """
-    for row, way in zip(table, ways, strict=True):
+    for row, way in zip(rows, ways, strict=True):
         delay = row.settings.radio.delay_frames
         if delay >= way.frames:
             raise OmniError(

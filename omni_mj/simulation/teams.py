@@ -44,7 +44,7 @@ def build_team(
     for i, row in enumerate(rows):
         way = (
             row.settings.reference,
-            reference_factory.reference_limits(row.settings),
+            reference_factory.build_reference_limits(row.settings),
             row.start_pose,
         )
         # One that is known in advance may be each robot's own
@@ -97,14 +97,16 @@ def build_team_model(settings: Settings, geometry: Kinematics, wheels: bool) -> 
         heading_gain=control.heading_gain,
         alpha_window_frames=control.alpha_window_frames,
         geometry=geometry,
-        limits=reference_factory.motion_limits(control),
+        limits=reference_factory.build_motion_limits(control),
     )
 
 
 def _reference(rows: Sequence[Row]) -> Reference:
     if _iterated(rows[0]):
-        return reference_factory.iterated(rows[0].settings, len(rows), rows[0].start_pose)
-    own = [reference_factory.timed(row.settings, row.start_pose) for row in rows]
+        return reference_factory.build_iterated_reference(
+            rows[0].settings, len(rows), rows[0].start_pose
+        )
+    own = [reference_factory.build_timed_reference(row.settings, row.start_pose) for row in rows]
     return own[0] if all(each is own[0] for each in own) else PerRobotReference(own)
 
 

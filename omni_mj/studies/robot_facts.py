@@ -8,9 +8,9 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.traction import GRAVITY, compute_traction_limits
-from omni_mj.config import robot_files, team_model
-from omni_mj.config.resolve import Robot, resolve
-from omni_mj.config.robot_settings import support
+from omni_mj.config import nominal_model, robot_files
+from omni_mj.config.resolve import Robot, resolve_settings
+from omni_mj.config.robot_settings import compute_support_margin
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
 
@@ -41,8 +41,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
             numbers contradict each other or physics; one line for each error.
     """
     name = str(name_or_path)
-    path, description = robot_files.robot_path(name), robot_files.description(name)
-    settings = resolve({}, name)
+    path, description = robot_files.find_robot_file(name), robot_files.read_robot_description(name)
+    settings = resolve_settings({}, name)
     try:
         world_builder.build_world(settings)
     except OmniError as error:
@@ -59,15 +59,15 @@ def _derive_facts(settings: Settings) -> Mapping[str, float]:
         / (motor.torque_constant_nm_a * motor.gear_ratio)
         * wheels.radius_m
     )
-    support_radius = support(wheels.azimuths_deg, wheels.arm_m, body.com_x_m)
+    support_radius = compute_support_margin(wheels.azimuths_deg, wheels.arm_m, body.com_x_m)
     tipping_limit = support_radius / body.com_height_m * GRAVITY
     axis_facts = {
         "top_speed_{}_m_s": rim_speed / np.abs(kinematics.matrix[:, :2]).max(0),
         "traction_limit_{}_m_s2": compute_traction_limits(
             kinematics, settings.carpet.friction, body.com_height_m
         ),
-        "lag_{}_s": team_model.lag(settings),
-        "drag_{}_m_s": team_model.drag(settings),
+        "lag_{}_s": nominal_model.compute_lag(settings),
+        "drag_{}_m_s": nominal_model.compute_drag(settings),
     }
     facts = {"mass_kg": body.mass_kg, "tipping_limit_m_s2": tipping_limit}
     for name, (forward, sideways) in axis_facts.items():

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, suggest_names
-from omni_mj.config.reference_factory import timed
-from omni_mj.config.scenario import Scenario, load
+from omni_mj.config.reference_factory import build_timed_reference
+from omni_mj.config.scenario import Scenario, load_with_overrides
 from omni_mj.results.result import Outcome, Result
 from omni_mj.robot.backends import choose_backend
 from omni_mj.simulation.simulation import Simulation
@@ -58,7 +58,7 @@ def prepare_simulation(
     scenario = resolve_scenario(scenario, controllers, seeds)
     settings = scenario.settings
     robots = len(scenario.controllers) * scenario.seeds * len(settings.world.start_poses)
-    check_memory(robots, timed(settings).frames)
+    check_memory(robots, build_timed_reference(settings).frames)
     return Simulation(scenario)
 
 
@@ -68,7 +68,7 @@ def resolve_scenario(
     seeds: int | Iterable[int] | None = None,
 ) -> Scenario:
     """Return a scenario, loaded if it is a name, with other controllers and seeds if given."""
-    scenario = scenario if isinstance(scenario, Scenario) else load(str(scenario))
+    scenario = scenario if isinstance(scenario, Scenario) else load_with_overrides(str(scenario))
     if controllers is not None:
         is_one = isinstance(controllers, str | type)
         scenario = scenario.replace(controllers=(controllers,) if is_one else tuple(controllers))
@@ -93,7 +93,7 @@ def choose_shared_backend(scenario: Scenario, robots: int) -> Scenario:
     settings = scenario.settings
     if settings.physics.backend != "auto":
         return scenario
-    backend = choose_backend("auto", scenario.plant, robots, timed(settings).frames)
+    backend = choose_backend("auto", scenario.plant, robots, build_timed_reference(settings).frames)
     return scenario.replace(settings=settings.replace(physics={"backend": backend}))
 
 

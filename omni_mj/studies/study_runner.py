@@ -10,7 +10,7 @@ import numpy as np
 from omni_control.controllers import list_available_controllers
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.config.plugins import find_controller, label
+from omni_mj.config.plugins import find_controller, label_controller
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.results import metrics, summary
@@ -172,7 +172,9 @@ def count_frames(simulation: Simulation) -> int:
 
 def list_privileged(scenario: Scenario) -> list[str]:
     """Return the labels of the scenario's controllers that know the true state."""
-    return [label(kind) for kind in scenario.controllers if find_controller(kind).knows_truth]
+    return [
+        label_controller(kind) for kind in scenario.controllers if find_controller(kind).knows_truth
+    ]
 
 
 def list_competitors() -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from math import degrees
 from typing import Any
 
-from omni_mj.config.settings import every_setting
+from omni_mj.config.settings import list_settings
 from omni_mj.results.result_tables import DASH, Table, drop_equal_columns, format_number
 from omni_mj.results.saturation import METRIC_LABELS
 
@@ -110,7 +110,7 @@ def settings_table(entries: Mapping[str, Summary]) -> Table:
     if len(entries) == 1:
         title = "Settings that differ from their default"
         (settings,) = columns.values()
-        defaults = {setting.full: setting.default for setting in every_setting()}
+        defaults = {setting.full: setting.default for setting in list_settings()}
         # A setting without a default depends on the robot, whose value counts as the default.
         for name, default in defaults.items():
             if default is None:

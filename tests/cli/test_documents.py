@@ -18,7 +18,7 @@ import click
 import pytest
 
 from omni_mj.cli.main import cli
-from omni_mj.config.settings import every_setting
+from omni_mj.config.settings import list_settings
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "docs" / "data"
@@ -102,7 +102,7 @@ def options_of(command: click.Command) -> dict[str, bool]:
 def test_options_and_settings_of_commands_exist(path: Path) -> None:
     """Every option of every command on a page exists, and so does every setting of `--set`."""
     assert isinstance(cli, click.Group)
-    names = {setting.full for setting in every_setting()}
+    names = {setting.full for setting in list_settings()}
     sources = tomllib.loads((DATA / "sources.toml").read_text(encoding="utf-8"))
     text = path.read_text(encoding="utf-8")
     if path.name == "README.md" and path.parent == DATA:
@@ -123,7 +123,7 @@ def test_options_and_settings_of_commands_exist(path: Path) -> None:
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_settings_in_a_text_exist(path: Path) -> None:
     """Inline code of the form `section.field` names a setting, if it begins with a section."""
-    names = {setting.full for setting in every_setting()}
+    names = {setting.full for setting in list_settings()}
     sections = {name.partition(".")[0] for name in names}
     text = path.read_text(encoding="utf-8")
     for name in re.findall(r"`([a-z]+\.[a-z0-9_]+)(?:[ =][^`]*)?`", text):

@@ -28,7 +28,7 @@ def made(**sections: object) -> om.Scenario:
 def test_draws_follow_their_law(written: dict[str, list[float]], law: Any) -> None:
     """By Kolmogorov and Smirnov: with these fixed seeds no chance is involved, with others 1 in 1,000 would fail."""
     chosen = made(carpet={"friction": written})
-    drawn = [chosen.settings_of(seed).carpet.friction for seed in range(DRAWS)]
+    drawn = [chosen.settings_for_seed(seed).carpet.friction for seed in range(DRAWS)]
     assert stats.kstest(drawn, law.cdf).pvalue > 1e-3
 
 
@@ -38,7 +38,7 @@ def test_whole_numbers_and_choices_are_drawn_evenly() -> None:
         radio={"delay_frames": {"uniform": [2, 6]}},
         wheels={"model": {"choice": ["rollers", "two-rollers"]}},
     )
-    settings = [chosen.settings_of(seed) for seed in range(DRAWS)]
+    settings = [chosen.settings_for_seed(seed) for seed in range(DRAWS)]
     for values, known in (
         ([each.radio.delay_frames for each in settings], [2, 3, 4, 5, 6]),
         ([each.wheels.model for each in settings], ["rollers", "two-rollers"]),
@@ -53,7 +53,7 @@ def test_a_seeds_draws_depend_on_nothing_else_and_are_in_result_and_file(tmp_pat
     delays = {"uniform": [0, 9]}
     chosen = made(radio={"delay_frames": delays}, battery={"charge": {"choice": [0.4, 0.5]}})
     expected = [
-        made(radio={"delay_frames": delays}).settings_of(seed).radio.delay_frames
+        made(radio={"delay_frames": delays}).settings_for_seed(seed).radio.delay_frames
         for seed in (3, 4, 5)
     ]
     result = om.run(chosen, ["p", "flc"], seeds=range(3, 6))
@@ -67,10 +67,10 @@ def test_a_seeds_draws_depend_on_nothing_else_and_are_in_result_and_file(tmp_pat
     (tmp_path / "again.toml").write_text(chosen.to_toml())
     again = om.load_scenario(tmp_path / "again.toml")
     assert again.to_toml() == chosen.to_toml()
-    assert again.settings_of(4) == chosen.settings_of(4)
+    assert again.settings_for_seed(4) == chosen.settings_for_seed(4)
     simulation = om.Simulation(chosen, ["p"])
     simulation.reset(seed=7)
-    assert simulation.rows[0].settings.radio == chosen.settings_of(7).radio
+    assert simulation.rows[0].settings.radio == chosen.settings_for_seed(7).radio
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_a_draw_that_is_not_allowed_names_its_seed_and_studies_of_one_robot_refu
     with pytest.raises(
         om.OmniError, match=r"seed \d+ draws what is not allowed; .*carpet.friction"
     ):
-        [chosen.settings_of(seed) for seed in range(50)]
+        [chosen.settings_for_seed(seed) for seed in range(50)]
     with pytest.raises(
         om.OmniError, match=r"limit takes numbers, no distributions; .*carpet.friction"
     ):

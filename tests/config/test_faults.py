@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 import omni_mj as om
-from omni_mj.config.faults import KINDS
+from omni_mj.config.faults import FAULT_KINDS
 
 PUSH: dict[str, Any] = {
     "kind": "push",
@@ -30,7 +30,7 @@ def test_faults_are_tables_in_files_and_dictionaries_in_python(tmp_path: Path) -
     )
     read, made = om.load_scenario(file), om.load_scenario("rect", fault=[PUSH])
     assert read.settings.fault == made.settings.fault
-    assert made.settings.plain()["fault"] == [{"robots": [], **PUSH}]
+    assert made.settings.to_dict()["fault"] == [{"robots": [], **PUSH}]
     file.write_text(made.to_toml())
     assert om.load_scenario(file) == made
     assert made.settings.replace(carpet={"friction": 0.5}).fault == made.settings.fault
@@ -39,7 +39,7 @@ def test_faults_are_tables_in_files_and_dictionaries_in_python(tmp_path: Path) -
 
 def test_fault_all_has_every_kind_of_plants_on_wheels() -> None:
     present = {fault.kind for fault in om.load_scenario("fault-all").settings.fault}
-    assert present == KINDS.keys() - {"alpha"}
+    assert present == FAULT_KINDS.keys() - {"alpha"}
 
 
 def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:

@@ -6,7 +6,7 @@ import pytest
 from benches.plant import ARM_M, RADIUS_M, ROLLER_RADIUS_M
 from numpy.typing import NDArray
 
-from omni_mj.config.robot_files import models
+from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
 
@@ -16,7 +16,7 @@ WHEELS = (1, 2, 3, 4)
 
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(models() / "scene.xml"))
+    return mujoco.MjModel.from_xml_path(str(find_models_folder() / "scene.xml"))
 
 
 @pytest.fixture(scope="module")

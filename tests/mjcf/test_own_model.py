@@ -36,7 +36,7 @@ def write(tmp_path: Path) -> Write:
 
 def numbers_of(file: str) -> dict[str, dict[str, Any]]:
     """Return the settings that a model says, by section and field."""
-    plain = om.load_scenario("rect", model=file).settings.plain()
+    plain = om.load_scenario("rect", model=file).settings.to_dict()
     chosen = {
         section: {name: plain[section][name] for name in names or plain[section]}
         for section, names in FROM_MODEL.items()
@@ -72,7 +72,7 @@ def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
     saved.compile()
     for model, tolerance in ((text, 2e-4), (saved.to_xml(), 5e-4)):
         file = write(model)
-        numbers, settings = numbers_of(file), om.load_scenario("rect").settings.plain()
+        numbers, settings = numbers_of(file), om.load_scenario("rect").settings.to_dict()
         for section, fields in numbers.items():
             for name, value in fields.items():
                 np.testing.assert_allclose(

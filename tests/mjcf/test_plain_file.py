@@ -7,7 +7,7 @@ import numpy as np
 from benches.plant import arrays
 from numpy.typing import NDArray
 
-from omni_mj.config.robot_files import models
+from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
 from omni_mj.mjcf.robot_spec import RobotShape, build_robot_spec
@@ -69,14 +69,14 @@ def expected() -> list[str]:
 
 def test_the_plain_file_holds_the_default_robots_numbers() -> None:
     """omni_mj/robots says them, models/ssl_robot.xml repeats them for those who open it without omni-mj."""
-    text = " ".join((models() / "ssl_robot.xml").read_text().split())
+    text = " ".join((find_models_folder() / "ssl_robot.xml").read_text().split())
     missing = [line for line in expected() if line not in text]
     assert not missing, "models/ssl_robot.xml must be changed to hold these:\n" + "\n".join(missing)
 
 
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
     """But for the sensors of load, which the build adds, and what is written in every step."""
-    plain = arrays(mujoco.MjModel.from_xml_path(str(models() / "scene.xml")))
+    plain = arrays(mujoco.MjModel.from_xml_path(str(find_models_folder() / "scene.xml")))
     built = arrays(world_builder.build_world().model)
     assert plain.keys() == built.keys()
     assert len(plain) > 300

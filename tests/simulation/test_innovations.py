@@ -42,7 +42,7 @@ class Certainty:
 def certainty(request: pytest.FixtureRequest) -> Certainty:
     name, plant, seeds, overrides = CASES[request.param]
     head = {"plant": plant, "seeds": seeds, "controllers": ("comp-flc",)}
-    simulation = Simulation(scenario.load(name, overrides, head))
+    simulation = Simulation(scenario.load_with_overrides(name, overrides, head))
     kalman, said = simulation.team.filter, []
     log = simulation.run(
         lambda frame: said.append(

@@ -60,7 +60,8 @@ def simulated(plant: str, *kinds: type[Controller], overrides: tuple[str, ...] =
     if plant == "mujoco":
         overrides = (*FAST, *overrides)
     simulation = Simulation(
-        scenario.load("rect", [*SHORT, *overrides], {"plant": plant, "seeds": 2}), kinds
+        scenario.load_with_overrides("rect", [*SHORT, *overrides], {"plant": plant, "seeds": 2}),
+        kinds,
     )
     simulation.run()
     return simulation
@@ -118,7 +119,9 @@ def test_controllers_are_told_the_lag_of_wheel_loops_where_there_are_wheels(
     plant: str, lag_s: float
 ) -> None:
     told = (
-        Simulation(scenario.load("rect", ["control.assumed_lag_s=0.05"], {"plant": plant}))
+        Simulation(
+            scenario.load_with_overrides("rect", ["control.assumed_lag_s=0.05"], {"plant": plant})
+        )
         .team.controllers[0]
         .model
     )

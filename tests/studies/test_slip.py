@@ -7,9 +7,9 @@ from benches.studies import (
     PUBLISHED,
     Move,
     Settings,
-    creep,
+    compute_creep_law,
+    compute_normal_forces,
     fits,
-    loads,
     moves,
     straight_move,
 )
@@ -89,9 +89,9 @@ def test_drag_of_a_roll_out_is_recovered(dry: float, viscous: float) -> None:
 
 
 def test_the_closed_form_of_a_robot_is_the_solution_of_its_wheels() -> None:
-    """Here slips are given, and forces follow wheel by wheel; `creep` inverts. Equal loads give W/(g C sum d^2)."""
+    """Here slips are given, and forces follow wheel by wheel; `compute_creep_law` inverts. Equal loads give W/(g C sum d^2)."""
     robot = Settings()
-    closed, load = creep(robot), loads(robot)
+    closed, load = compute_creep_law(robot), compute_normal_forces(robot)
     azimuth, c, mass = (
         np.radians(robot.wheels.azimuths_deg),
         robot.drivetrain.creep_stiffness,
@@ -105,7 +105,9 @@ def test_the_closed_form_of_a_robot_is_the_solution_of_its_wheels() -> None:
         assert gap == pytest.approx(softness * v * force / mass, rel=1e-9)
         assert closed.gain[axis] == pytest.approx(1 / (1 + softness * closed.drag[axis] / mass))
     even = robot.replace(wheels={"azimuths_deg": [45, 135, 225, 315]})
-    assert creep(even).time[0] / creep(even).gain[0] ** 2 == pytest.approx(4 / (9.81 * c * 2))
+    assert compute_creep_law(even).time[0] / compute_creep_law(even).gain[0] ** 2 == pytest.approx(
+        4 / (9.81 * c * 2)
+    )
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

@@ -32,12 +32,12 @@ def load_served_scenario(
         head: Fields of `Scenario` that replace the scenario's.
 
     Raises:
-        OmniError: See `scenario.load`.
+        OmniError: See `scenario.load_with_overrides`.
     """
     if name is None:
         overrides, head = [*DEFAULT_OVERRIDES, *overrides], {"name": "serve", **head}
-    chosen = scenario.load(name, overrides, head)
-    distributions.refuse(chosen.distributions, "serve")
+    chosen = scenario.load_with_overrides(name, overrides, head)
+    distributions.require_fixed_settings(chosen.distributions, "serve")
     if chosen.plant != "mujoco":
         raise OmniError(f"serve needs the plant mujoco, got {chosen.plant}")
     return chosen

@@ -11,7 +11,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.config.faults import of_robot
+from omni_mj.config.faults import select_faults_of_robot
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import CYCLE_RATE_HZ
@@ -260,6 +260,9 @@ class ServedWorld:
     def _row(self, slot: int, name: RobotName) -> Row:
         team, number = name
         scenario = self._scenario
-        faults = [fault.replace(robots=()) for fault in of_robot(scenario.settings.fault, number)]
+        faults = [
+            fault.replace(robots=())
+            for fault in select_faults_of_robot(scenario.settings.fault, number)
+        ]
         settings = scenario.settings.replace(fault=faults)
         return Row(0, slot, Team.Name(team).lower(), scenario.seed, settings, scenario.robot)

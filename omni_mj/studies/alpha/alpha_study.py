@@ -212,7 +212,7 @@ def measure_alpha(
     robot = resolve_scenario(scenario).replace(
         name="alpha", description="gain and lag, and their causes", paper_table=0, seeds=1
     )
-    distributions.refuse(robot.distributions, "alpha")
+    distributions.require_fixed_settings(robot.distributions, "alpha")
     trials = [(robot.settings, PROFILE)]
     trials += [
         apply_condition(robot.settings, name, value)

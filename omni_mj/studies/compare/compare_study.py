@@ -8,9 +8,9 @@ from omni_control.controllers import list_available_controllers
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj.config import faults
-from omni_mj.config.scenario import Scenario, load
-from omni_mj.config.toml_files import builtin
-from omni_mj.config.validation import collected, in_one
+from omni_mj.config.scenario import Scenario, load_with_overrides
+from omni_mj.config.toml_files import find_builtin_scenarios
+from omni_mj.config.validation import collect_errors, raise_errors
 from omni_mj.results.result import Outcome, Result
 from omni_mj.studies.run_scenario import (
     check_subject,
@@ -90,10 +90,12 @@ def compare(
 
 def default_scenarios(plant: str = "mujoco") -> tuple[str, ...]:
     """Return the built-in scenarios that are compared by default and whose faults the plant has."""
-    kinds = faults.known(plant)
-    names = (name for name in builtin() if name not in EXCLUDED)
+    kinds = faults.list_supported_kinds(plant)
+    names = (name for name in find_builtin_scenarios() if name not in EXCLUDED)
     return tuple(
-        name for name in names if all(fault.kind in kinds for fault in load(name).settings.fault)
+        name
+        for name in names
+        if all(fault.kind in kinds for fault in load_with_overrides(name).settings.fault)
     )
 
 
@@ -111,9 +113,9 @@ def check_scenarios(scenarios: Sequence[Scenario], subject: str | None) -> None:
         if names.count(name) > 1
     ]
     if scenarios:
-        with collected(errors):
+        with collect_errors(errors):
             check_subject(scenarios[0], subject)
-    in_one(errors)
+    raise_errors(errors)
 
 
 def _run_to_end(

@@ -9,7 +9,7 @@ from scipy.optimize import approx_fprime
 
 from omni_control.kinematics import Array
 from omni_control.traction import GRAVITY
-from omni_mj.config import team_model
+from omni_mj.config import nominal_model
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.studies.identify.parameter_fit import RANGES, Fit
 from omni_mj.studies.identify.slip_dynamics import LATE, Body
@@ -194,7 +194,7 @@ def estimates(fitted: Fit, settings: Settings, lacks: Mapping[str, str]) -> Iter
 def numbers(
     body: Body, settings: Settings, p: Mapping[str, float], by_wheels: bool
 ) -> dict[str, float]:
-    """Return the numbers of a robot that follows the law with these parameters; see `omni_mj.config.team_model`."""
+    """Return the numbers of a robot that follows the law with these parameters; see `omni_mj.config.nominal_model`."""
     give, scale, stiffness = p["give_s"], p["scale"], 1 / max(p["creep"], 1e-9)
     arm = settings.wheels.arm_m * p["arm"]
     changes = {
@@ -205,7 +205,7 @@ def numbers(
     sections = {
         name: getattr(settings, name).model_copy(update=fields) for name, fields in changes.items()
     }
-    law = team_model.creep(settings.model_copy(update=sections))
+    law = nominal_model.compute_creep_law(settings.model_copy(update=sections))
     (forward, sideways, turning), drag = map(float, law.gain), law.drag / settings.body.mass_kg
     result = {"clock_s" if by_wheels else LATE: p[LATE], "creep_stiffness": stiffness}
     result |= {name: p[name] for name in ("rolling_resistance", "roller_friction", "compass_rad")}

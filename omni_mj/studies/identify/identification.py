@@ -120,7 +120,7 @@ class IdentificationResult:
         made = robot_file_writer.changes(self.estimates)
         if model := self.start.settings.model.file:
             made["model", "file"] = json.dumps(Path(model).resolve().as_posix())
-        start = robot_files.robot_path(self.start.robot).read_text("utf-8")
+        start = robot_files.find_robot_file(self.start.robot).read_text("utf-8")
         write_text(folder / "robot.toml", robot_file_writer.write_changes(start, made, self.logs))
         write_text(
             folder / "identify.json", json.dumps(self.report(), indent=2, allow_nan=False) + "\n"
@@ -129,7 +129,7 @@ class IdentificationResult:
 
 def identify(
     logs: Sequence[Path | str] | Path | str,
-    robot: str = robot_files.DEFAULT,
+    robot: str = robot_files.DEFAULT_ROBOT,
     model: str | None = None,
 ) -> IdentificationResult:
     """Identify a robot from its logs.

@@ -26,7 +26,7 @@ import numpy as np
 
 from omni_control.kinematics import Array, body_to_world, world_to_body
 from omni_control.traction import GRAVITY, compute_load_distribution
-from omni_mj.config import team_model
+from omni_mj.config import nominal_model
 from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
 from omni_mj.robot.carpet import AT_REST_M_S
 from omni_mj.robot.motors import Motor
@@ -111,7 +111,7 @@ class Body:
             radius=radius,
             centre=centre,
             mass=mass + rims / kg * along.T @ along,
-            loads=team_model.loads(settings) / kg,
+            loads=nominal_model.compute_normal_forces(settings) / kg,
             shift=compute_load_distribution(wheels.kinematics, body.com_height_m)[1][:, :2].T,
             viscous=BOTH_TOUCH * settings.drivetrain.roller_damping_nm_s / roller**2 / kg,
             spun=SPUN_EARLY
@@ -146,7 +146,7 @@ class Body:
             return known | {"give_s": 0.0, "friction_m_s": 0.0, "turn_rate_gain": 0.0}
         motor, firmware = Motor.from_settings(settings.motor), settings.firmware
         constant, gain = motor.wheel_back_emf_constant, firmware.kp + motor.wheel_back_emf_constant
-        softness = team_model.rim_softness(settings)
+        softness = nominal_model.compute_rim_compliance(settings)
         return known | {
             "scale": 1 - (1 - firmware.feed_forward) * constant / gain,
             "give_s": settings.body.mass_kg * softness,

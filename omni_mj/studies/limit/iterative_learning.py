@@ -130,8 +130,10 @@ def learn_run(
         OmniError: No controller reaches the end of the scenario.
     """
     settings, seed = scenario.settings, scenario.seed
-    reference = reference_factory.timed(settings, settings.world.start_poses[0]).poses
-    limits = reference_factory.motion_limits(settings.control)
+    reference = reference_factory.build_timed_reference(
+        settings, settings.world.start_poses[0]
+    ).poses
+    limits = reference_factory.build_motion_limits(settings.control)
     n_frames, delay = len(reference), settings.radio.delay_frames
     model = DeviationModel.prior(n_frames, delay, 2 * settings.control.assumed_lag_s)
     best = _initial_run(scenario, start_progress("controllers", n_frames))

@@ -142,7 +142,7 @@ def find_limit(
 
 def check_limit(scenario: Scenario, iterations: int) -> None:
     """Raise OmniError if the limit of a scenario cannot be found."""
-    distributions.refuse(scenario.distributions, "limit")
+    distributions.require_fixed_settings(scenario.distributions, "limit")
     n_robots = len(scenario.settings.world.start_poses)
     if n_robots > 1:
         raise OmniError(

@@ -174,7 +174,7 @@ def measure_loop(
     scenario = resolve_scenario(
         scenario, list_competitors() if controllers is None else controllers
     )
-    distributions.refuse(scenario.distributions, "loop")
+    distributions.require_fixed_settings(scenario.distributions, "loop")
     scenario = scenario.replace(
         name="loop", description="step responses and margins", paper_table=0
     )

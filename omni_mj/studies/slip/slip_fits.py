@@ -10,7 +10,7 @@ rim directions d
 
     deceleration = (D_j + sum |d_ij| tau / R) / (m + sum d_ij^2 I / R^2).
 
-The closed form of K and T follows from the slip model (`omni_mj.config.team_model`).
+The closed form of K and T follows from the slip model (`omni_mj.config.nominal_model`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ from scipy.linalg import solve_banded
 from scipy.optimize import least_squares
 
 from omni_control.kinematics import Array
-from omni_mj.config import team_model
+from omni_mj.config import nominal_model
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.robot.motors import Motor
 from omni_mj.studies.slip.slip_moves import AXES, Move, MoveRecord
@@ -74,7 +74,7 @@ def fit_moves(
     wheel_speeds = (record.wheel_twists * directions).sum(-1)
     body_speeds = (record.body_twists * directions).sum(-1)
     fitted = _fit_each_move(settings, moves, record, wheel_speeds, body_speeds)
-    slip, decelerations = team_model.creep(settings), predict_decelerations(settings)
+    slip, decelerations = nominal_model.compute_creep_law(settings), predict_decelerations(settings)
     masses = {axis: inertia if axis == "turning" else mass for axis in AXES}
     closed_form, measured = dict[str, float](), dict[str, float]()
     for j, axis in enumerate(AXES):
@@ -184,7 +184,7 @@ def predict_decelerations(settings: Settings) -> Array:
     rotors = (
         motor.rotor_inertia * motor.gear_ratio**2 / wheels.radius**2 * (wheels.matrix**2).sum(0)
     )
-    return np.asarray((team_model.creep(settings).drag + hubs) / (inertia + rotors))
+    return np.asarray((nominal_model.compute_creep_law(settings).drag + hubs) / (inertia + rotors))
 
 
 def _mean_of_known(values: Array) -> float:

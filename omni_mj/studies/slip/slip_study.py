@@ -179,7 +179,7 @@ def prepare_slip_scenario(robot: Scenario | Robot | str) -> Scenario:
     """Return the scenario of a robot's moves; it has the robot's name."""
     if not isinstance(robot, Scenario):
         robot = load_scenario("rect", robot=robot, wheels={"model": "two-rollers"})
-    distributions.refuse(robot.distributions, "slip")
+    distributions.require_fixed_settings(robot.distributions, "slip")
     name = Path(robot.robot).stem if robot.robot.endswith(".toml") else robot.robot
     file_name = re.sub(r"[^\w.-]+", "-", name)
     return robot.replace(name=file_name, description="identification of slip")

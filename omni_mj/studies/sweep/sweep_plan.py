@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from omni_control.errors import OmniError, suggest_names
-from omni_mj.config.distributions import put
-from omni_mj.config.reference_factory import timed
+from omni_mj.config.distributions import replace_values
+from omni_mj.config.reference_factory import build_timed_reference
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import every_setting
-from omni_mj.config.validation import shown
+from omni_mj.config.settings import list_settings
+from omni_mj.config.validation import format_value
 from omni_mj.simulation.simulation import batch_key, seeds_share_batch
 from omni_mj.studies.run_scenario import choose_shared_backend
 from omni_mj.studies.study_runner import check_memory
@@ -43,7 +43,7 @@ def check_axes(
             plain = [float(value) if type(value) is int else value for value in plain]
         if not 1 <= len(plain) <= MAX_VALUES or len(set(plain)) != len(plain):
             raise OmniError(
-                f"{name} must have 1 to {MAX_VALUES} values, each once, not {shown(plain)}"
+                f"{name} must have 1 to {MAX_VALUES} values, each once, not {format_value(plain)}"
             )
         if name in axes:
             raise OmniError(f"{name} is varied twice; give all of its values at once")
@@ -142,7 +142,7 @@ class SweepPlan:
             for name, distribution in self.scenario.distributions.items()
             if name not in values
         }
-        settings = put(self.scenario.settings, values)
+        settings = replace_values(self.scenario.settings, values)
         return self.scenario.replace(settings=settings, distributions=distributions)
 
     @cached_property
@@ -152,7 +152,7 @@ class SweepPlan:
         for point, scenario in enumerate(self.point_scenarios):
             is_shared = seeds_share_batch(scenario)
             for seed in scenario.seed_list:
-                settings = scenario.settings if is_shared else scenario.settings_of(seed)
+                settings = scenario.settings if is_shared else scenario.settings_for_seed(seed)
                 groups.setdefault(batch_key(scenario.plant, settings), []).append((point, seed))
         batches = []
         for runs in groups.values():
@@ -165,7 +165,9 @@ class SweepPlan:
     @cached_property
     def frames(self) -> int:
         """Number of frames of the longest run."""
-        return max(timed(scenario.settings).frames for scenario in self.point_scenarios)
+        return max(
+            build_timed_reference(scenario.settings).frames for scenario in self.point_scenarios
+        )
 
     def check(self, processes: int) -> None:
         """Raise OmniError if this many processes are not valid or do not fit into memory."""
@@ -188,7 +190,7 @@ def _setting_type(name: str) -> Any:
     Raises:
         OmniError: There is no such setting.
     """
-    types = {setting.full: setting.kind for setting in every_setting()}
+    types = {setting.full: setting.kind for setting in list_settings()}
     if name not in types:
         raise OmniError(f"unknown setting {name}; {suggest_names(name, list(types))}")
     return types[name]

@@ -51,7 +51,7 @@ def outcome(
     lengths = [(ends or {}).get(row, frames) for row in range(len(table))]
     log = filled(table, frames, lengths, own, **values | channels)
     failures = [failure(log, row) for row in ends or {}]
-    chosen = scenario.load("rect", (), {"plant": "kinematic"})
+    chosen = scenario.load_with_overrides("rect", (), {"plant": "kinematic"})
     measured = metrics.row_metrics(log, failures)
     entry = summary.scenario_entry(chosen, log, failures, measured, 0.0, None)
     return Outcome(chosen, entry, table, failures, measured, log)

@@ -174,7 +174,8 @@ def simulated(
 ) -> Simulation:
     """Return a simulation of `rect` at its start, on the kinematic plant if nothing else is said."""
     return Simulation(
-        scenario.load("rect", list(overrides), {"plant": "kinematic", **head}), controllers
+        scenario.load_with_overrides("rect", list(overrides), {"plant": "kinematic", **head}),
+        controllers,
     )
 
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_mj.config import robot_files
 from omni_mj.config.motor_settings import MotorSettings
-from omni_mj.config.robot_files import builtin
+from omni_mj.config.robot_files import find_builtin_robots
 from omni_mj.config.settings import Settings
 from omni_mj.robot import battery, carpet, firmware, firmware_state, motors, onboard
 from omni_mj.robot.backends import JaxBackend
@@ -224,5 +224,7 @@ def sheet(**changes: float) -> MotorSettings:
 
 
 MAXON = Motor(SHEET)
-ROBOTS = {name: Motor(robot_files.sections(name)["motor"]) for name in builtin()}
-OWN = ROBOTS[robot_files.DEFAULT]
+ROBOTS = {
+    name: Motor(robot_files.read_robot_sections(name)["motor"]) for name in find_builtin_robots()
+}
+OWN = ROBOTS[robot_files.DEFAULT_ROBOT]

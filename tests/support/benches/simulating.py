@@ -62,7 +62,7 @@ def simulation(
     if plant == "mujoco":
         overrides = (*FAST, *overrides)
     head = {"plant": plant, "controllers": controllers, "seed": seed, "seeds": seeds}
-    return Simulation(scenario.load(name, route + overrides, head))
+    return Simulation(scenario.load_with_overrides(name, route + overrides, head))
 
 
 @cache
@@ -82,7 +82,9 @@ def batch(
     Its rows are all seeds of all controllers of all cases.
     """
     sets = "physics.backend=numpy", *route
-    chosen = [scenario.load("rect", sets + case, {"plant": "kinematic"}) for case in cases]
+    chosen = [
+        scenario.load_with_overrides("rect", sets + case, {"plant": "kinematic"}) for case in cases
+    ]
     each = [(c, name, seed) for c in chosen for name in controllers for seed in seeds]
     rows = [Row(i, 0, name, seed, c.settings, c.robot) for i, (c, name, seed) in enumerate(each)]
     return Simulation(chosen[0], controllers, rows=rows)
@@ -116,7 +118,9 @@ def variants(
     plant: str, changes: Sequence[dict[str, Any]], labels: Sequence[str], route: tuple[str, ...]
 ) -> Simulation:
     """Return a simulation with a row for each change of the settings, the labels in turn, and other seeds."""
-    chosen = scenario.load("rect", route, {"plant": plant, "controllers": tuple(labels)})
+    chosen = scenario.load_with_overrides(
+        "rect", route, {"plant": plant, "controllers": tuple(labels)}
+    )
     settings = [chosen.settings.replace(**change) for change in changes]
     rows = [
         Row(i, 0, labels[i % len(labels)], 5 + i // 3, own, chosen.robot)

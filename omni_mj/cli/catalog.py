@@ -18,7 +18,7 @@ from omni_mj.config import robot_files, toml_files
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
     from omni_mj.config.settings import Settings
-    from omni_mj.config.validation import Setting
+    from omni_mj.config.validation import SettingInfo
 
 FACTS = ("default", "in", "allowed:")  # before the default, the unit and what is allowed
 TITLES = {  # of the lists, and how each is used
@@ -34,7 +34,7 @@ COMMENT_AT = 40  # column where the comments of settings begin, if there is room
 Rows = list[list[str]]
 
 
-def show(only: str | None = None, word: str = "") -> None:
+def print_lists(only: str | None = None, word: str = "") -> None:
     """Print the lists.
 
     Args:
@@ -44,7 +44,7 @@ def show(only: str | None = None, word: str = "") -> None:
     Raises:
         OmniError: No line contains the word.
     """
-    lists = {title: rows(title) for title in ([only] if only else TITLES)}
+    lists = {title: list_entries(title) for title in ([only] if only else TITLES)}
     matching = {
         title: [row for row in lines if any(word.casefold() in cell.casefold() for cell in row)]
         for title, lines in lists.items()
@@ -60,12 +60,14 @@ def show(only: str | None = None, word: str = "") -> None:
             _print(lines)
 
 
-def rows(title: str) -> Rows:
+def list_entries(title: str) -> Rows:
     """Return the lines of the list called `title`: a name first, its meaning last."""
     match title:
         case "scenarios" | "robots":
             return _descriptions(
-                toml_files.builtin() if title == "scenarios" else robot_files.builtin()
+                toml_files.find_builtin_scenarios()
+                if title == "scenarios"
+                else robot_files.find_builtin_robots()
             )
         case "controllers":
             from omni_control.controllers import CONTROLLERS
@@ -78,27 +80,27 @@ def rows(title: str) -> Rows:
 
             return [[name, _first_line(where)] for name, where in PLANTS.items()]
         case "settings":
-            from omni_mj.config.settings import every_setting
+            from omni_mj.config.settings import list_settings
 
-            return [_row(setting.full, setting) for setting in every_setting()]
+            return [_row(setting.full, setting) for setting in list_settings()]
         case _:
-            return faults()
+            return list_faults()
 
 
-def faults() -> Rows:
+def list_faults() -> Rows:
     """Return the fields of all faults, then each kind of fault and its further fields."""
-    from omni_mj.config.faults import KINDS, Fault
+    from omni_mj.config.faults import FAULT_KINDS, Fault
 
-    lines = [_row(name, setting) for name, setting in Fault.declared().items()]
-    for name, kind in KINDS.items():
+    lines = [_row(name, setting) for name, setting in Fault.describe_fields().items()]
+    for name, kind in FAULT_KINDS.items():
         plants = f"plants {', '.join(kind.plants)}: " if kind.plants else ""
         lines.append([f"kind = {name}", "", "", "", plants + (kind.__doc__ or "").split("\n")[0]])
-        own = list(kind.declared().items())[len(Fault.model_fields) :]
+        own = list(kind.describe_fields().items())[len(Fault.model_fields) :]
         lines += [_row(f"{name}.{field}", setting) for field, setting in own]
     return lines
 
 
-def in_full(name: str, overrides: Sequence[str] = (), robot: str | None = None) -> str:
+def describe(name: str, overrides: Sequence[str] = (), robot: str | None = None) -> str:
     """Return a scenario, a robot or a controller in full, as text: the first two are files that can be used.
 
     Args:
@@ -111,36 +113,44 @@ def in_full(name: str, overrides: Sequence[str] = (), robot: str | None = None) 
             change.
     """
     from omni_control.controllers import CONTROLLERS
-    from omni_mj.config.plugins import names_class
-    from omni_mj.config.scenario import load
+    from omni_mj.config.plugins import is_class_reference
+    from omni_mj.config.scenario import load_with_overrides
 
-    if name in toml_files.builtin() or (name.endswith(".toml") and not _is_robot(name)):
-        return scenario(load(name, overrides, {"robot": robot} if robot else {}))
-    if name in robot_files.builtin() or name.endswith(".toml"):
-        kind, describe = "robot", _robot
-    elif name in CONTROLLERS or names_class(name):
-        kind, describe = "controller", _controller
+    if name in toml_files.find_builtin_scenarios() or (
+        name.endswith(".toml") and not _is_robot(name)
+    ):
+        return describe_scenario(
+            load_with_overrides(name, overrides, {"robot": robot} if robot else {})
+        )
+    if name in robot_files.find_builtin_robots() or name.endswith(".toml"):
+        kind, describe_entry = "robot", _robot
+    elif name in CONTROLLERS or is_class_reference(name):
+        kind, describe_entry = "controller", _controller
     else:
-        names = [*toml_files.builtin(), *robot_files.builtin(), *CONTROLLERS]
+        names = [
+            *toml_files.find_builtin_scenarios(),
+            *robot_files.find_builtin_robots(),
+            *CONTROLLERS,
+        ]
         raise OmniError(
             f"there is nothing called {name!r}; {suggest_names(name, names)}, or a file: .toml, or file.py:Class"
         )
     if overrides or robot:
         raise OmniError(f"--set and --robot change a scenario; {name} is a {kind}")
-    return describe(name)
+    return describe_entry(name)
 
 
-def scenario(scenario: "Scenario") -> str:
+def describe_scenario(scenario: "Scenario") -> str:
     """Return the effective scenario; a setting that is not as the robot drives with by default says so."""
-    from omni_mj.config.resolve import resolve
+    from omni_mj.config.resolve import resolve_settings
 
-    usual = resolve({}, scenario.robot).plain()
+    usual = resolve_settings({}, scenario.robot).to_dict()
     return "\n".join(_explained(scenario.to_toml().splitlines(), usual)) + "\n"
 
 
-def sections(settings: "Settings", fields: Mapping[str, Iterable[str]]) -> str:
+def format_sections(settings: "Settings", fields: Mapping[str, Iterable[str]]) -> str:
     """Return settings as TOML with units and meanings, those of the given sections and fields."""
-    values = settings.plain()
+    values = settings.to_dict()
     lines = []
     for section, names in fields.items():
         lines += [
@@ -165,9 +175,9 @@ def _robot(name: str) -> str:
     ]
     fields = {
         section: getattr(chosen.settings, section).values()
-        for section in robot_files.sections(name)
+        for section in robot_files.read_robot_sections(name)
     }
-    return "\n".join([*head, sections(chosen.settings, fields)])
+    return "\n".join([*head, format_sections(chosen.settings, fields)])
 
 
 def _controller(name: str) -> str:
@@ -175,7 +185,7 @@ def _controller(name: str) -> str:
     from omni_control.controllers import get_parameters
     from omni_mj.config import plugins
 
-    kind, label = plugins.find_controller(name), plugins.label(name)
+    kind, label = plugins.find_controller(name), plugins.label_controller(name)
     lines = [
         inspect.getdoc(kind) or f"{label}: its class has no docstring",
         "",
@@ -192,18 +202,18 @@ def _is_robot(file: str) -> bool:
     """Return whether a TOML file is a robot's rather than a scenario's: it has nothing that robots do not have."""
     if not Path(file).is_file():
         raise OmniError(f"there is no file {file}")
-    data = toml_files.read(Path(file), "the file")
+    data = toml_files.read_toml(Path(file), "the file")
     return bool(data) and data.keys() <= {
-        *robot_files.sections(robot_files.DEFAULT),
+        *robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT),
         robot_files.DESCRIPTION,
     }
 
 
 def _explained(lines: Iterable[str], usual: Mapping[str, Any] | None = None) -> Iterator[str]:
     """Yield TOML lines, those of settings with unit and meaning behind, and their default where they differ from it."""
-    from omni_mj.config.settings import every_setting
+    from omni_mj.config.settings import list_settings
 
-    declared = {setting.full: setting for setting in every_setting()}
+    declared = {setting.full: setting for setting in list_settings()}
     section = ""
     for line in lines:
         section = line.strip("[]") if line.startswith("[") else section
@@ -218,7 +228,7 @@ def _explained(lines: Iterable[str], usual: Mapping[str, Any] | None = None) -> 
         yield f"{line.ljust(COMMENT_AT)} # {note}"
 
 
-def _row(name: str, setting: "Setting") -> list[str]:
+def _row(name: str, setting: "SettingInfo") -> list[str]:
     value = setting.default
     default = "" if value is None else value if isinstance(value, str) else json.dumps(value)
     return [name, default, setting.unit, setting.allowed, setting.doc]

@@ -58,7 +58,7 @@ INTEGRATING = {
 OTHER_EFFORT = 0.02
 
 
-class Creep(NamedTuple):
+class CreepLaw(NamedTuple):
     """The numbers of the creep law along forward, sideways and turning, (3,) each.
 
     Attributes:
@@ -72,7 +72,9 @@ class Creep(NamedTuple):
     time: Array
 
 
-def follows(settings: "Settings", believed_creep: float | None = None) -> dict[str, float]:
+def derive_assumptions(
+    settings: "Settings", believed_creep: float | None = None
+) -> dict[str, float]:
     """Return the fields of `[control]` that follow from a robot's numbers.
 
     Lag and drag are means of both axes, to 0.1 ms and 1 mm/s.
@@ -82,15 +84,15 @@ def follows(settings: "Settings", believed_creep: float | None = None) -> dict[s
         believed_creep: What the team is told of the creep, s^2/m; a team that takes its robots not
             to creep takes them to reach what they are told. [the robot's own]
     """
-    law = creep(settings)
+    law = compute_creep_law(settings)
     own = round(float(law.time[0]), 4)
     share = believed_creep / own if own and believed_creep is not None else 1.0
     effort = np.ones(2)
     if own:
         effort += share * (1 / law.gain[:2] - 1 + OTHER_EFFORT * np.array([1.0, law.time[1] / own]))
     values = {
-        "assumed_lag_s": round(float(lag(settings).mean()), 4),
-        "assumed_drag_m_s": round(float(drag(settings).mean()), 3),
+        "assumed_lag_s": round(float(compute_lag(settings).mean()), 4),
+        "assumed_drag_m_s": round(float(compute_drag(settings).mean()), 3),
         "assumed_creep_s2_m": own,
         "assumed_creep_sideways_s2_m": round(share * float(law.time[1]), 4),
         "assumed_alpha_forward": round(float(1 / effort[0]), 3),
@@ -101,12 +103,12 @@ def follows(settings: "Settings", believed_creep: float | None = None) -> dict[s
     return {name: min(value, 1.0) for name, value in values.items()}
 
 
-def hold(settings: "Settings") -> Array:
+def compute_speed_stiffness(settings: "Settings") -> Array:
     """Return the force per missing speed ahead and aside, (2,) N s/m: that of the loops' gain and of back-EMF."""
-    return np.asarray((_cosines(settings) ** 2).sum(0) / rim_softness(settings))
+    return np.asarray((_cosines(settings) ** 2).sum(0) / compute_rim_compliance(settings))
 
 
-def rim_softness(settings: "Settings") -> float:
+def compute_rim_compliance(settings: "Settings") -> float:
     """Return by how much a rim is slower than told per force that it pulls with, m/s / N.
 
     A loop of proportional gain k_p with a motor of speed constant k gives way by R r^2 / (k (k_p +
@@ -119,12 +121,12 @@ def rim_softness(settings: "Settings") -> float:
     )
 
 
-def lag(settings: "Settings") -> Array:
+def compute_lag(settings: "Settings") -> Array:
     """Return the time constant of small steps ahead and aside, (2,) s."""
-    return np.asarray(settings.body.mass_kg / hold(settings))
+    return np.asarray(settings.body.mass_kg / compute_speed_stiffness(settings))
 
 
-def drag(settings: "Settings") -> Array:
+def compute_drag(settings: "Settings") -> Array:
     """Return the speed that dry friction costs ahead and aside, (2,) m/s.
 
     It is that of pile, of gears and motors, tau / r at a wheel's rim, and of rollers, which turn by
@@ -141,13 +143,17 @@ def drag(settings: "Settings") -> Array:
         + rollers
         + settings.hub_friction_nm / settings.wheels.radius_m * cosines.sum(0)
     )
-    return np.asarray(force / hold(settings))
+    return np.asarray(force / compute_speed_stiffness(settings))
 
 
-def creep(settings: "Settings") -> Creep:
+def compute_creep_law(settings: "Settings") -> CreepLaw:
     """Return the creep law of a robot on level carpet."""
     wheels, body = settings.wheels.kinematics, settings.body
-    load, directions, arms = loads(settings), wheels.matrix, np.array([1.0, 1.0, wheels.arm])
+    load, directions, arms = (
+        compute_normal_forces(settings),
+        wheels.matrix,
+        np.array([1.0, 1.0, wheels.arm]),
+    )
     inertia = np.array([body.mass_kg, body.mass_kg, body.yaw_inertia_kg_m2])
     bearing = settings.drivetrain.roller_friction * (
         load[:, None] * np.abs(wheels.axles[:, :2])
@@ -159,10 +165,10 @@ def creep(settings: "Settings") -> Creep:
     )
     time = inertia * np.diag(softness)
     gain = 1 / (1 + time * arms * resistance / inertia)
-    return Creep(resistance, gain, gain**2 * time)
+    return CreepLaw(resistance, gain, gain**2 * time)
 
 
-def loads(settings: "Settings") -> Array:
+def compute_normal_forces(settings: "Settings") -> Array:
     """Return the loads of the wheels at rest, (W,) N."""
     body = settings.body
     share: Array = compute_load_matrix(settings.wheels.kinematics) @ [1.0, body.com_x_m, 0.0]
