@@ -164,7 +164,7 @@ def navigation() -> str:
 
 def settings() -> str:
     """Return a table of settings per section."""
-    sections = groupby(catalog.rows("settings"), lambda row: row[0].partition(".")[0])
+    sections = groupby(catalog.list_entries("settings"), lambda row: row[0].partition(".")[0])
     return "".join(
         f"\n## [{section}]\n\n" + _settings_table(rows, "none") for section, rows in sections
     )
@@ -173,7 +173,7 @@ def settings() -> str:
 def faults() -> str:
     """Return a table of the fields of all faults, then a section per kind of fault."""
     text, rows = "\n## Fields of every fault\n\n", []
-    for row in catalog.rows("faults"):
+    for row in catalog.list_entries("faults"):
         if row[0].startswith("kind = "):
             text += _settings_table(rows, "required")
             text += f"\n## {row[0].removeprefix('kind = ')}\n\n{row[-1]}\n\n"
@@ -185,12 +185,12 @@ def faults() -> str:
 
 def scenarios() -> str:
     """Return a table of the scenarios that ship."""
-    return "\n" + _table(["scenario", "description"], _named(catalog.rows("scenarios")))
+    return "\n" + _table(["scenario", "description"], _named(catalog.list_entries("scenarios")))
 
 
 def robots() -> str:
     """Return a table of the robots that ship and one of their numbers."""
-    rows = catalog.rows("robots")
+    rows = catalog.list_entries("robots")
     numbers = []
     for name, _ in rows:
         robot_settings = load_robot(name).settings.to_dict()
