@@ -74,14 +74,17 @@ def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands() -> None:
         for kind in MODES:
             rng, mirror = np.random.default_rng(0), np.array([1.0, -1.0, -1.0])
             start, noise = rng.uniform(-0.1, 0.1, (3, 3)), rng.normal(0, 0.002, (40, 3, 3))
-            alpha = rng.uniform(0.7, 1, (3, 3))
+            alpha, model = rng.uniform(0.7, 1, (3, 3)), make_model(6, noisy=True)
             runs = [
                 run_team(
-                    Team(make_controller(name, make_model(6, noisy=True), make_reference(kind, 3, side), 3), side * start),
-                    LaggedPlant(side * start, 6, 0.02, alpha), side * noise,
+                    Team(
+                        make_controller(name, model, make_reference(kind, 3, side), 3), side * start
+                    ),
+                    LaggedPlant(side * start, 6, 0.02, alpha),
+                    side * noise,
                 )["command"]
                 for side in (np.ones(3), mirror)
-            ]  # fmt: skip
+            ]
             # Programs are solved to 1e-9.
             atol = 1e-6 if name == "mpc" else 0
             np.testing.assert_allclose(runs[0], mirror * runs[1], rtol=0, atol=atol)

@@ -14,8 +14,8 @@ from random_motion import (
     SNAP_M,
     T,
     assert_keeps,
-    ellipse_share,
-    fastest_time,
+    compute_ellipse_utilization,
+    compute_fastest_time,
     limits,
     paths,
     poses,
@@ -78,10 +78,10 @@ def test_a_leg_takes_the_closed_form_time(
     end = end if limit.side_acceleration is None else (*end[:2], start[2])
     bearing = math.atan2(end[1] - start[1], end[0] - start[0])
     ahead = np.array([[math.cos(bearing), math.sin(bearing)]])
-    acceleration = 1 / float(ellipse_share(ahead, np.array(start[2:]), limit)[0])
+    acceleration = 1 / float(compute_ellipse_utilization(ahead, np.array(start[2:]), limit)[0])
     fastest = max(
-        fastest_time(math.dist(start[:2], end[:2]), limit.speed, acceleration),
-        fastest_time(abs(end[2] - start[2]), limit.turn_rate, limit.turn_acceleration),
+        compute_fastest_time(math.dist(start[:2], end[:2]), limit.speed, acceleration),
+        compute_fastest_time(abs(end[2] - start[2]), limit.turn_rate, limit.turn_acceleration),
     )
     frames = TimedReference([start, end], limit, T).frames - 1
     # Whole frames: one may be lost where the profile's speed lies between two units, one is the
@@ -150,7 +150,7 @@ def test_an_iterated_reference_keeps_its_limits_for_a_disturbed_robot(
         # Roundings of numbers of size 10, against steps of at least 0.3 T.
         assert np.hypot(twist[:, 0], twist[:, 1]).max() <= limit.speed + 1e-13
         assert np.abs(twist[:, 2]).max() <= limit.turn_rate + 1e-13
-        assert ellipse_share((twist - last) / T, pose[:, 2], limit).max() <= 1 + 1e-10
+        assert compute_ellipse_utilization((twist - last) / T, pose[:, 2], limit).max() <= 1 + 1e-10
         assert np.abs(twist - last)[:, 2].max() <= limit.turn_acceleration * T + 1e-13
         last, pose = twist, pose + twist * T + rng.normal(0, 0.02, (3, 3))
 

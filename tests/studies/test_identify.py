@@ -70,7 +70,7 @@ def test_what_the_law_lacks_is_a_misfit(tmp_path: Path) -> None:
 
 def test_slow_data_do_not_tell_creep(tmp_path: Path) -> None:
     """As of a robot in a laboratory: 0.4 m/s and 0.8 m/s^2. Creep is not told, and it says why."""
-    found = identified(make_log(speed=0.4, pull=0.8, commands=False), tmp_path)
+    found = identified(make_log(speed=0.4, acceleration=0.8, commands=False), tmp_path)
     creep = found["wheels.creep_stiffness"]
     assert "it needs 1 m/s and 1 m/s^2" in (creep.why_not or "")
     assert creep.report()["value"] is None

@@ -1,4 +1,4 @@
-"""What tests of controllers share: plants, written without the code under test, and the loops around them."""
+"""Plants written without the code under test, and closed loops around them."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -10,8 +10,8 @@ from omni_control import CommandHistory, Controller, Kinematics, Observation, Te
 from omni_control.kinematics import Array
 
 T, SUBSTEPS = 1 / 60, 8
-NOISE = np.array([0.0013, 0.0013, 0.01])  # of the vision of a league's field, m and rad
-MEMORY = 40  # commands that a plant remembers, frames
+NOISE = np.array([0.0013, 0.0013, 0.01])  # of vision in the league, m and rad
+MEMORY = 40  # commands that a plant stores, frames
 WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.083, 0.0285)
 SIDE = 5 / 3  # creep, lag and friction sideways over those forward, with these wheels
 
@@ -25,14 +25,14 @@ def rotate(twist: Array, angle: Array) -> Array:
 
 
 class Plant:
-    """n robots whose commands act after a dead time.
+    """Robots whose commands act after a dead time.
 
     Args:
         start: Poses (n, 3).
-        delay: Dead times, (n,) or one for all, frames, of creeping robots whole halves.
+        delay: Dead times, (n,) or one for all, frames; whole or half frames for `CreepingPlant`.
 
     Attributes:
-        pose, twist: The truth, (n, 3).
+        pose, twist: True poses and twists, (n, 3).
     """
 
     def __init__(self, start: ArrayLike, delay: ArrayLike) -> None:
@@ -42,16 +42,18 @@ class Plant:
         self._sent = np.zeros((MEMORY, *self.pose.shape))
 
     def advance(self, command: Array) -> None:
-        """Go on by a frame in which the commands (n, 3) are sent, world frame."""
+        """Advance by a frame in which commands (n, 3) are sent, world frame."""
         self._sent = np.concatenate([self._sent[1:], [command]])
 
-    def acting(self, share: float = 0.0) -> Array:
-        """Return the commands (n, 3) that act when a share of the frame is over."""
-        return self._sent[MEMORY - 1 + np.floor(share - self._delay).astype(int), self._robots]
+    def get_acting(self, fraction: float = 0.0) -> Array:
+        """Return the commands (n, 3) that act when a fraction of the frame is over."""
+        return self._sent[MEMORY - 1 + np.floor(fraction - self._delay).astype(int), self._robots]
 
 
 class LaggedPlant(Plant):
-    """x' = v, v' = (alpha u - v) / lag in the world frame, from rest; without a lag, equation 7 of the paper.
+    """Robots with x' = v, v' = (alpha u - v) / lag in the world frame, from rest.
+
+    Without a lag, this is equation 7 of the paper.
 
     Args:
         start, delay: As of `Plant`.
@@ -67,16 +69,17 @@ class LaggedPlant(Plant):
 
     def advance(self, command: Array) -> None:
         super().advance(command)
-        # The closed form: towards the new speed, the difference dying out with the lag's time
-        # constant.
-        speed = self._alpha * self.acting()
-        left = np.exp(-T / self._lag) if self._lag else 0.0
-        self.pose = self.pose + speed * T + (self.twist - speed) * self._lag * (1 - left)
-        self.twist = speed + (self.twist - speed) * left
+        # Closed form of the exponential approach to the new speed.
+        speed = self._alpha * self.get_acting()
+        decay = np.exp(-T / self._lag) if self._lag else 0.0
+        self.pose = self.pose + speed * T + (self.twist - speed) * self._lag * (1 - decay)
+        self.twist = speed + (self.twist - speed) * decay
 
 
 class CreepingPlant(Plant):
-    """(lag + g^2 creep |v|) v' = u - friction v / |v| - g v along the axes of the body; turning has a lag.
+    """Robots with (lag + g^2 creep |v|) v' = u - friction v / |v| - g v in the body's axes.
+
+    Turning has a lag.
 
     Args:
         start, delay: As of `Plant`.
@@ -94,27 +97,23 @@ class CreepingPlant(Plant):
         alpha: ArrayLike = (0.92, 0.87, 0.98),
     ) -> None:
         super().__init__(start, delay)
-        self._lag, self._creep, self._friction, self._gain = (
-            lag,
-            creep,
-            friction,
-            1 / np.asarray(alpha),
-        )
+        self._lag, self._creep, self._friction = lag, creep, friction
+        self._gain = 1 / np.asarray(alpha)
         self._body_twist = np.zeros_like(self.pose)
 
     def advance(self, command: Array) -> None:
         super().advance(command)
         gain, side, dt = self._gain, np.array([1.0, SIDE]), T / SUBSTEPS
-        halves = self.acting(), self.acting(0.5)
+        halves = self.get_acting(), self.get_acting(0.5)
         for i in range(SUBSTEPS):
-            acting, v, heading = halves[2 * i // SUBSTEPS], self._body_twist, self.pose[:, 2]
-            u = rotate(acting, -heading)
+            v, heading = self._body_twist, self.pose[:, 2]
+            u = rotate(halves[2 * i // SUBSTEPS], -heading)
             speed = np.hypot(v[:, 0], v[:, 1])[:, None]
-            rubs = self._friction * side * v[:, :2] / np.maximum(speed, 0.05)
-            late = self._lag * side + gain[..., :2] ** 2 * self._creep * side * speed
-            rate = ((u - gain * v)[:, :2] - rubs) / late
+            friction = self._friction * side * v[:, :2] / np.maximum(speed, 0.05)
+            time_constant = self._lag * side + gain[..., :2] ** 2 * self._creep * side * speed
+            rate = ((u - gain * v)[:, :2] - friction) / time_constant
             turning = (u - gain * v)[:, 2:] / (0.25 * self._lag)
-            # The turning of the axes moves no velocity of the world.
+            # Rotation of the axes leaves the velocity in the world unchanged.
             spin = v[:, 2:] * np.stack([v[:, 1], -v[:, 0]], axis=1)
             self._body_twist = v + dt * np.concatenate([rate + spin, turning], axis=1)
             self.twist = rotate(self._body_twist, heading)
@@ -122,7 +121,7 @@ class CreepingPlant(Plant):
 
 
 class Run(NamedTuple):
-    """What happened in each frame, (frames, n, 3) each: the truth, and what the controller predicted and was sent."""
+    """True poses, predicted poses and sent commands of a run, (frames, n, 3) each."""
 
     pose: Array
     predicted_pose: Array
@@ -130,27 +129,27 @@ class Run(NamedTuple):
 
 
 def make_vision_noise(rng: np.random.Generator, frames: int, n: int, gaps: float = 0.0) -> Array:
-    """Noise of vision (frames, n, 3), not a number where a robot is not seen.
+    """Return noise of vision (frames, n, 3), NaN where a robot is not seen.
 
-    Robots are missed in 2 % of the frames; with the probability `gaps`, per frame, for ten frames
-    from then on. They are seen in the first.
+    Robots are not seen in 2 % of the frames. With a probability of `gaps` per frame, they are not
+    seen for ten frames. In the first frame, they are always seen.
     """
     noise = NOISE * rng.standard_normal((frames, n, 3))
-    unseen, begins = rng.random((frames, n)) < 0.02, rng.random((frames, n)) < gaps
-    for after in range(10):
-        unseen[after:] |= begins[: frames - after]
+    unseen, gap_starts = rng.random((frames, n)) < 0.02, rng.random((frames, n)) < gaps
+    for i in range(10):
+        unseen[i:] |= gap_starts[: frames - i]
     unseen[0] = False
     noise[unseen] = np.nan
     return noise
 
 
 def to_measured_pose(pose: Array) -> Array:
-    """Poses (n, 3) as vision reports them, with headings in (-pi, pi]."""
+    """Return poses (n, 3) as vision reports them, with headings in (-pi, pi]."""
     return np.column_stack([pose[:, :2], np.angle(np.exp(1j * pose[:, 2]))])
 
 
 def make_empty_history(controller: Controller) -> CommandHistory:
-    """The commands that a controller is to see: all zero, and as many as it needs."""
+    """Return a history of zero commands, as many as a controller needs."""
     return CommandHistory(len(controller.predicted_pose), controller.memory_frames)
 
 
@@ -161,7 +160,7 @@ def make_observation(
     twist: Array | None = None,
     measured: Array | None = None,
 ) -> Observation:
-    """What is known of robots at `pose` (n, 3), of which nothing else is known unless it is given."""
+    """Return an observation of robots at `pose` (n, 3); what is not given is NaN."""
     pose = np.array(pose, float)
     unknown = np.full_like(pose, np.nan)
     twist, measured = (unknown if values is None else values for values in (twist, measured))
@@ -178,18 +177,22 @@ def run_controller(
     limits: Callable[[Array, Array], Array] = lambda command, last: command,
     first_frame: int = 0,
 ) -> Run:
-    """Close the loop without a team's filter, for as many frames as there is noise (frames, n, 3), or without noise."""
+    """Run a controller without a team's filter.
+
+    Args:
+        controller: The controller.
+        plant: Robots at their start.
+        noise: Of vision, (frames, n, 3), or for how many frames it is zero.
+        limits: Function from a command and the last one to the command that is sent.
+        first_frame: Number of the first frame.
+    """
     sent, queue = np.zeros_like(plant.pose), make_empty_history(controller)
     rows = []
     for k, error in enumerate(np.zeros((noise, 1, 3)) if isinstance(noise, int) else noise):
         queue.append(sent)
-        seen = plant.pose + error
-        sent = limits(
-            controller.command(
-                first_frame + k, make_observation(controller.model, seen, queue, plant.twist, seen)
-            ),
-            sent,
-        )
+        pose = plant.pose + error
+        observation = make_observation(controller.model, pose, queue, plant.twist, pose)
+        sent = limits(controller.command(first_frame + k, observation), sent)
         rows.append((plant.pose, controller.predicted_pose.copy(), sent))
         plant.advance(sent)
     return Run(*(np.array(column) for column in zip(*rows, strict=True)))
@@ -203,14 +206,15 @@ def run_team(
     camera: Callable[[int, Array, Array], Array] = lambda frame, image, last: image,
     is_received: Callable[[int], bool] = lambda frame: True,
 ) -> dict[str, Array]:
-    """Drive robots for some frames; return their poses, and what the team records, (frames, n, k) by name.
+    """Run a team; return true poses and what the team records, (frames, n, k) by name.
 
     Args:
-        team: Of these robots.
+        team: Team of these robots.
         plant: Robots at their start.
-        noise: Of vision, (frames, n, 3), or for how many frames it is drawn.
-        camera: The image of a frame by its number, what a camera would show, and the image before.
-        is_received: Whether what is sent in a frame arrives; robots stand as long as nothing does.
+        noise: Of vision, (frames, n, 3), or the number of frames for which it is drawn.
+        camera: Function from the number of a frame, its measured poses and the poses returned for
+            the frame before to the poses that the team gets.
+        is_received: Whether the commands sent in a frame arrive; otherwise robots get zero.
     """
     if isinstance(noise, int):
         noise = NOISE * np.random.default_rng(0).standard_normal((noise, *plant.pose.shape))
@@ -218,11 +222,11 @@ def run_team(
     for frame, error in enumerate(noise):
         image = camera(frame, to_measured_pose(plant.pose + error), image)
         command = team.step(image, (plant.pose, plant.twist))
-        said = {
+        estimates = {
             name: np.array(getattr(team, name))
             for name in ("estimate", "predicted_pose", "alpha_hat", "latency_hat")
         }
-        record.append({"pose": plant.pose, "command": command, **team.channels, **said})
+        record.append({"pose": plant.pose, "command": command, **team.channels, **estimates})
         plant.advance(command if is_received(frame) else np.zeros_like(command))
     return {name: np.array([entry[name] for entry in record]) for name in record[0]}
 
@@ -233,10 +237,14 @@ GAIN_ERROR, DRIFT, DRIFT_TIME_S = 0.06, (0.1, 0.1, 0.5), 0.5
 def simulate_drift(
     seed: int, frames: int, n: int, scale: float = 1.0, missed: float = 0.02
 ) -> tuple[Array, Array, Array]:
-    """True poses, poses seen and commanded displacements (frames, n, 3).
+    """Return true poses, measured poses and commanded displacements, (frames, n, 3) each.
 
-    The process noise has `scale` times the variance that the filter states; of the poses a share
-    `missed` is not seen.
+    Args:
+        seed: Seed of the random numbers.
+        frames: Number of frames.
+        n: Number of robots.
+        scale: Variance of the process noise over that which the filter assumes.
+        missed: Fraction of the poses that are not seen.
     """
     rng = np.random.default_rng(seed)
     # Speeds that change slowly, as under a limit of acceleration.
@@ -246,15 +254,10 @@ def simulate_drift(
     )
     pose, drift, poses = rng.uniform(-1, 1, (n, 3)), np.zeros((n, 3)), []
     for q in displacement:
-        pose = (
-            pose
-            + q
-            + T * drift
-            + np.sqrt(scale) * GAIN_ERROR * np.abs(q) * rng.standard_normal((n, 3))
-        )
-        drift = drift * np.exp(-T / DRIFT_TIME_S) + np.sqrt(scale * T) * np.array(
-            DRIFT
-        ) * rng.standard_normal((n, 3))
+        gain_noise = np.sqrt(scale) * GAIN_ERROR * np.abs(q) * rng.standard_normal((n, 3))
+        pose = pose + q + T * drift + gain_noise
+        drift_noise = np.sqrt(scale * T) * np.array(DRIFT) * rng.standard_normal((n, 3))
+        drift = drift * np.exp(-T / DRIFT_TIME_S) + drift_noise
         poses.append(pose)
     true = np.array(poses)
     measured = true + np.array(NOISE) * rng.standard_normal(true.shape)

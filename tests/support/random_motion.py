@@ -1,4 +1,4 @@
-"""Way-points, curves and limits at random, and what all drives within limits have in common."""
+"""Random way-points, curves and limits for hypothesis, and the laws that all references keep."""
 
 import math
 
@@ -10,13 +10,12 @@ from omni_control import CURVES, Kinematics, MotionLimits, WheelLimits
 from omni_control.kinematics import Array
 
 T = 1 / 60
-# A leg's last frame is put on the way-point from at most so far away, a change of velocity of 1e-9
-# / T
+# The last frame of a segment is moved to the way-point by at most this distance.
 SNAP_M = 1e-9
 
 
 def micro(limit: float) -> st.SearchStrategy[float]:
-    """Numbers on a grid of 1e-6, so that way-points coincide or are farther apart than a reference's snap."""
+    """Return numbers on a grid of 1e-6: way-points coincide or differ by more than the snap."""
     return st.integers(-int(limit * 1e6), int(limit * 1e6)).map(lambda i: i / 1e6)
 
 
@@ -33,16 +32,15 @@ curves = st.builds(
 )
 
 
-def ellipse_share(change: Array, heading: Array, limit: MotionLimits) -> Array:
-    """Return accelerations (n, 2 or 3) at headings (n,) over what the ellipse in the body's axes allows."""
+def compute_ellipse_utilization(change: Array, heading: Array, limit: MotionLimits) -> Array:
+    """Return accelerations (n, 2 or 3) at headings (n,) over the ellipse in the body's axes."""
     body = (change[:, 0] + 1j * change[:, 1]) * np.exp(-1j * heading)
-    return np.hypot(
-        body.real / limit.acceleration, body.imag / (limit.side_acceleration or limit.acceleration)
-    )
+    side_acceleration = limit.side_acceleration or limit.acceleration
+    return np.hypot(body.real / limit.acceleration, body.imag / side_acceleration)
 
 
 def assert_keeps(poses: Array, limit: MotionLimits, snap: float = 0.0) -> None:
-    """Differences of poses (frames, 3), with rest before and after them, are within the limits."""
+    """Assert that differences of poses (frames, 3), with rest at both ends, keep the limits."""
     velocity = np.pad(np.diff(poses, axis=0) / T, ((2, 2), (0, 0)))
     acceleration = np.diff(velocity, axis=0) / T
     jerk = np.diff(acceleration, axis=0) / T
@@ -51,15 +49,17 @@ def assert_keeps(poses: Array, limit: MotionLimits, snap: float = 0.0) -> None:
     assert np.hypot(velocity[:, 0], velocity[:, 1]).max() <= limit.speed * close + 2 * steps[0]
     assert np.abs(velocity[:, 2]).max() <= limit.turn_rate * close + 2 * steps[0]
     lowest = min(limit.acceleration, limit.side_acceleration or limit.acceleration)
-    share = ellipse_share(acceleration, np.pad(poses[:, 2], 1, mode="edge"), limit)
-    assert share.max() <= close + 4 * steps[1] / lowest
+    utilization = compute_ellipse_utilization(
+        acceleration, np.pad(poses[:, 2], 1, mode="edge"), limit
+    )
+    assert utilization.max() <= close + 4 * steps[1] / lowest
     assert np.abs(acceleration[:, 2]).max() <= limit.turn_acceleration * close + 4 * steps[1]
     assert np.hypot(jerk[:, 0], jerk[:, 1]).max() <= (limit.jerk or np.inf) * close
     assert np.abs(jerk[:, 2]).max() <= (limit.turn_jerk or np.inf) * close
 
 
-def fastest_time(distance: float, speed: float, acceleration: float) -> float:
-    """Return the duration of the triangular or trapezoidal velocity profile from rest to rest, s."""
+def compute_fastest_time(distance: float, speed: float, acceleration: float) -> float:
+    """Return the duration (s) of the triangular or trapezoidal profile from rest to rest."""
     if distance <= speed**2 / acceleration:
         return 2 * math.sqrt(distance / acceleration)
     return distance / speed + speed / acceleration
@@ -67,8 +67,8 @@ def fastest_time(distance: float, speed: float, acceleration: float) -> float:
 
 G, RADIUS = 9.81, 0.0285
 AZIMUTHS = (60.0, 135.0, 225.0, 300.0)
-# Wheels at most 15 deg from these azimuths: they stand around the centre. On the worst carpet drag
-# takes 2/3 of it.
+# Wheels at most 15 degrees from these azimuths stand around the center. Drag takes at most 2/3 of
+# their friction.
 wheels = st.builds(
     lambda shift, arm, *rest: WheelLimits(
         Kinematics(np.radians(np.add(AZIMUTHS, shift)), arm, RADIUS), *rest
@@ -89,45 +89,51 @@ TIGERS = WheelLimits(
 
 
 def get_axles(robot: WheelLimits) -> Array:
-    """Return unit vectors (wheels, 2) from the centre to the wheels, which are their axles too."""
+    """Return unit vectors (wheels, 2) from the center to the wheels, which are also their axles."""
     azimuths = robot.kinematics.azimuths
     return np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
 
 
 def compute_loads(robot: WheelLimits) -> tuple[Array, Array]:
-    """Loads at rest (wheels,) and what accelerations [ax, ay] add to them (wheels, 2), per mass: four springs."""
+    """Return loads at rest (wheels,) and per acceleration [ax, ay] (wheels, 2), over the mass.
+
+    The wheels are four equal springs.
+    """
     balance = np.column_stack([np.ones(4), robot.kinematics.arm * get_axles(robot)])
     loads = np.linalg.pinv(balance).T @ np.diag([G, -robot.centre_height, -robot.centre_height])
     return loads[:, 0], loads[:, 1:]
 
 
-def compute_drag(robot: WheelLimits, travel: Array) -> Array:
-    """Force [x, y] and moment per mass on a body that travels at a twist, wheel by wheel."""
+def compute_drag(robot: WheelLimits, twist: Array) -> Array:
+    """Return drag at a body twist, [x, y, moment] per mass, as a sum over the wheels."""
     axle, load = get_axles(robot), compute_loads(robot)[0][:, None]
     arm = robot.kinematics.arm * axle
-    v = travel[:2] + travel[2] * np.column_stack([-arm[:, 1], arm[:, 0]])
-    across = np.sign((v * axle).sum(axis=1, keepdims=True))
-    push = -load * (
+    v = twist[:2] + twist[2] * np.column_stack([-arm[:, 1], arm[:, 0]])
+    axle_sign = np.sign((v * axle).sum(axis=1, keepdims=True))
+    force = -load * (
         robot.carpet_drag * v / np.linalg.norm(v, axis=1, keepdims=True)
-        + robot.roller_friction * across * axle
+        + robot.roller_friction * axle_sign * axle
     )
-    return np.append(push.sum(0), (arm[:, 0] * push[:, 1] - arm[:, 1] * push[:, 0]).sum())
+    return np.append(force.sum(0), (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())
 
 
-def solve_max_scale(robot: WheelLimits, asked: Array, travel: Array) -> float:
-    """How many times accelerations [ax, ay, b] can be had at best: forces of the rims, by a linear program."""
-    standing, shifting = compute_loads(robot)
+def solve_max_scale(robot: WheelLimits, acceleration: Array, twist: Array) -> float:
+    """Return the largest feasible multiple of an acceleration [ax, ay, b] at a body twist.
+
+    A linear program finds the forces of the rims.
+    """
+    static_load, transfer = compute_loads(robot)
     grip = math.sqrt(robot.friction**2 - robot.roller_friction**2)
-    q = asked * [1, 1, robot.gyration_radius**2]
+    q = acceleration * [1, 1, robot.gyration_radius**2]
     x, y = get_axles(robot).T
-    gives = np.array([-y, x, np.full(4, robot.kinematics.arm)])
-    shifts = -grip * (shifting @ q[:2])[:, None]
-    found = linprog(
+    rim_matrix = np.array([-y, x, np.full(4, robot.kinematics.arm)])
+    gained = -grip * (transfer @ q[:2])[:, None]
+    result = linprog(
         [0, 0, 0, 0, -1],
-        np.vstack([np.hstack([sign * np.eye(4), shifts]) for sign in (1, -1)]),
-        np.tile(grip * standing, 2),
-        np.hstack([gives, -q[:, None]]),
-        -compute_drag(robot, travel),
+        np.vstack([np.hstack([sign * np.eye(4), gained]) for sign in (1, -1)]),
+        np.tile(grip * static_load, 2),
+        np.hstack([rim_matrix, -q[:, None]]),
+        -compute_drag(robot, twist),
         bounds=(None, None),
     )
-    return float(found.x[-1])
+    return float(result.x[-1])

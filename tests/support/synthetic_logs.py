@@ -1,4 +1,4 @@
-"""Logs of a robot on the planar plant that is told random velocities, with noise of 1.3 mm and 3 mrad."""
+"""Logs of a robot on the planar plant under random commands, with noise of 1.3 mm and 3 mrad."""
 
 import json
 from functools import cache
@@ -18,8 +18,10 @@ Columns = dict[str, np.ndarray]
 
 
 @cache
-def _simulate(seconds: float, rate: int, speed: float, pull: float, changes: str) -> Columns:
-    """The columns of a log; commands change with each line."""
+def _simulate(
+    seconds: float, rate: int, speed: float, acceleration: float, changes: str
+) -> Columns:
+    """Return the columns of a log; commands change with each line."""
     frames, hold = round(60 * seconds), 60 // rate
     rest = {
         "shape": "waypoints",
@@ -27,20 +29,20 @@ def _simulate(seconds: float, rate: int, speed: float, pull: float, changes: str
         "mode": "timed",
         "settle_s": seconds + 1,
     }
-    usual = {
+    defaults = {
         "reference": rest,
         "world": {"start_poses": [[0, 0, 0]]},
         "wheels": {"model": "two-rollers"},
     }
-    sim = om.Simulation(om.load_scenario("rect", **usual, **json.loads(changes)), ["p"])
+    sim = om.Simulation(om.load_scenario("rect", **defaults, **json.loads(changes)), ["p"])
     rng, command, goal = np.random.default_rng(1), np.zeros((frames, 3)), np.zeros(3)
-    steepest = np.array([pull, pull, 15.0]) / rate
+    max_step = np.array([acceleration, acceleration, 15.0]) / rate
     for k in range(hold, frames):
         command[k] = command[k - 1]
         if k % (45 // hold * hold) == 0:
             goal = rng.uniform(-1, 1, 3) * [speed, speed, 3.0]
         if k % hold == 0:
-            command[k] += np.clip(goal - command[k], -steepest, steepest)
+            command[k] += np.clip(goal - command[k], -max_step, max_step)
     for twist in command:
         sim.step(twist[None])
     lines = slice(0, frames, hold)
@@ -60,30 +62,30 @@ def make_log(
     seconds: float = 6.5,
     rate: int = 60,
     speed: float = 2.2,
-    pull: float = 2.0,
+    acceleration: float = 2.0,
     *,
     wheels: bool = True,
     commands: bool = True,
     **sections: Any,
 ) -> Columns:
-    """The columns of a log.
+    """Return the columns of a log.
 
     Args:
-        seconds: How long.
-        rate: Lines per second, by which 60 can be divided.
+        seconds: Duration.
+        rate: Lines per second, a divisor of 60.
         speed: Largest velocity per axis, m/s.
-        pull: Largest acceleration, m/s^2.
-        wheels: Whether the log has wheels.
-        commands: Whether it has commands.
+        acceleration: Largest acceleration, m/s^2.
+        wheels: Whether the log has wheel angles.
+        commands: Whether the log has commands.
         sections: Settings of the robot.
     """
-    left = (() if commands else COMMAND) + (() if wheels else WHEELS)
-    columns = _simulate(seconds, rate, speed, pull, json.dumps(sections))
-    return {name: values.copy() for name, values in columns.items() if name not in left}
+    omitted = (() if commands else COMMAND) + (() if wheels else WHEELS)
+    columns = _simulate(seconds, rate, speed, acceleration, json.dumps(sections))
+    return {name: values.copy() for name, values in columns.items() if name not in omitted}
 
 
 def write_csv(path: Path, columns: Columns) -> Path:
-    """A log as CSV; what is not a number is empty."""
+    """Write a log as CSV with empty fields for NaN."""
     body = np.stack(list(columns.values()), 1)
     np.savetxt(path, body, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
     path.write_text(path.read_text().replace("nan", ""))

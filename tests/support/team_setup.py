@@ -1,4 +1,4 @@
-"""The ways along which tests of controllers drive, and what the controllers are told."""
+"""References, models, controllers and plants for tests of teams and controllers."""
 
 from typing import Any
 
@@ -24,15 +24,17 @@ TIMED = TimedReference(PATH.tolist(), LIMITS, T)
 MODES = ("timed", "iterated")
 
 
-def make_reference(kind: str, n: int = 1, side: Array | float = 1.0) -> Reference:
-    """The way along `side` times PATH, "timed", known in advance, or "iterated", planned anew in each frame."""
-    if kind == "timed":
-        return TIMED if np.all(side == 1) else TimedReference((side * PATH).tolist(), LIMITS, T)
-    return IteratedReference((side * PATH).tolist(), LIMITS, T, n)
+def make_reference(mode: str, n: int = 1, scale: Array | float = 1.0) -> Reference:
+    """Return the reference of a mode for n robots through `scale` times PATH."""
+    if mode == "timed":
+        if np.all(scale == 1):
+            return TIMED
+        return TimedReference((scale * PATH).tolist(), LIMITS, T)
+    return IteratedReference((scale * PATH).tolist(), LIMITS, T, n)
 
 
 def make_model(delay: int, lag: float = 0.02, noisy: bool = False) -> TeamModel:
-    """What is told of robots with this dead time, frames, and lag, s; vision that is not `noisy` is trusted."""
+    """Return the model of robots with a dead time (frames) and a lag (s), and vision with noise."""
     noise = (0.0013, 0.01) if noisy else (0.0, 0.0)
     return TeamModel(T, delay, lag, *noise)
 
@@ -42,23 +44,23 @@ TIGHT = MotionLimits(0.25, 3.0, 1.0, 5.0)
 
 
 class Follower(Controller):
-    """Drives as the reference does, and notes what it saw."""
+    """Follow a reference with proportional feedback, and store the observations."""
 
     gain: float = 2.0
 
-    def __init__(self, *known: Any) -> None:
-        super().__init__(*known)
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
         self.observations: list[Observation] = []
 
     def command(self, frame: int, observation: Observation) -> Array:
         self.observations.append(observation)
         self.predicted_pose = observation.predicted_pose
-        target, speed = self.reference.at(frame, observation.pose)
-        return speed + self.gain * (target - observation.predicted_pose)
+        target, twist = self.reference.at(frame, observation.pose)
+        return twist + self.gain * (target - observation.predicted_pose)
 
 
 class TruthFollower(Follower):
-    """The same with the truth."""
+    """The same with true poses."""
 
     knows_truth = True
 
@@ -68,7 +70,7 @@ def make_noise(n: int, frames: int = FRAMES) -> Array:
 
 
 def make_plant(start: Array, rows: Any = slice(None)) -> Plant:
-    """Some of robots of which each answers in a way of its own."""
+    """Return some rows of robots with different latencies and alphas."""
     rng, n = np.random.default_rng(1), len(start)
     latency, alpha = rng.integers(3, 8, n), rng.uniform(0.7, 1.1, (n, 3))
     return CreepingPlant(start[rows], latency[rows], creep=0.0, alpha=alpha[rows])
