@@ -5,7 +5,7 @@ import re
 import mujoco
 import numpy as np
 import pytest
-from benches.plant import arrays, with_settings
+from benches.plant import model_arrays, with_settings
 
 from omni_control.errors import OmniError
 from omni_mj.mjcf import world_builder
@@ -20,7 +20,7 @@ def test_every_robot_of_a_world_is_the_one_alone() -> None:
         assert robot.dofs == range(i * dofs, (i + 1) * dofs)
         assert three.model.body(robot.chassis).name == f"robot_{i + 1}/chassis"
         # Arrays by body, dof, pair, actuator and sensor, in each robot's share.
-        for name, value in arrays(one.model).items():
+        for name, value in model_arrays(one.model).items():
             kind, first = name.partition("_")[0], {"body": 1}.get(name.partition("_")[0], 0)
             if kind not in ("body", "dof", "pair", "actuator") or re.search(
                 "adr|id$|root|geom|joint|pair_sig", name

@@ -13,8 +13,8 @@ from benches.plant import (
     TANGENTS,
     constant,
     drive,
-    quiet,
-    sensed,
+    noiseless,
+    read_sensors,
 )
 from benches.plant import mujoco as plant_of
 
@@ -30,7 +30,7 @@ def test_a_robot_that_stands_or_has_stopped_does_not_creep() -> None:
     twists = np.array([[0.0, 0.0, 0.0], [0.7, 0.2, 0.0], [-0.3, 0.6, 2.0], [0.0, 0.0, -4.0]])
     start = np.array([[0.3, -0.2, 0.7], *np.zeros((3, 3))])
     commands = np.concatenate([constant(twists, 30, 4), constant([0, 0, 0], 240, 4)])
-    poses = drive(plant_of([quiet()] * 4, start), commands)
+    poses = drive(plant_of([noiseless()] * 4, start), commands)
     stood = poses[-1] - poses[-181]  # the last 3 s
     # A league's bound of 0.1 mm in 10 s, and as much at the rim of the robot for the heading.
     assert np.hypot(stood[:, 0], stood[:, 1]).max() < 0.3e-4
@@ -56,7 +56,7 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
             expected.append(a)
     free = {"roller_friction": 0.0, "roller_damping_nm_s": 0.0}
     settings = [
-        quiet(carpet={"friction": f, "rolling_resistance": 0.0}, drivetrain=free, **SHARP)
+        noiseless(carpet={"friction": f, "rolling_resistance": 0.0}, drivetrain=free, **SHARP)
         for f in frictions
         for _ in range(2)
     ]
@@ -73,13 +73,13 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
 
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
-    plant = plant_of([quiet(physics={"substeps": substeps})])
+    plant = plant_of([noiseless(physics={"substeps": substeps})])
     true, shown = [], []
     for _ in range(6 * plant.cycles_per_frame):
         told = plant.telemetry()
         true.append([*told.wheel_angle[0], plant.twist()[0, 2]])
         plant.advance_cycles(1, ReceivedCommand.without_delay(np.array([[0.5, 0.2, 3.0]])))
-        shown.append(sensed(plant))
+        shown.append(read_sensors(plant))
     # The gyro feels the chassis's own axis, which tilts by less than a milliradian.
     np.testing.assert_allclose(np.array(shown)[:, :4], np.array(true)[:, :4], rtol=0, atol=1e-12)
     np.testing.assert_allclose(np.array(shown)[:, 4], np.array(true)[:, 4], rtol=0, atol=1e-3)
@@ -89,7 +89,7 @@ def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
 def test_what_is_shared_of_a_world_is_left_as_it_was() -> None:
     before = copy.copy(world_builder.build_world().model)
     drive(
-        plant_of([quiet(carpet={"friction": 0.3}, physics={"substeps": 2})]),
+        plant_of([noiseless(carpet={"friction": 0.3}, physics={"substeps": 2})]),
         constant([1, 0, 0], 2, 1),
     )
     for name in (

@@ -11,7 +11,7 @@ from benches.plant import (
     STIFF,
     TANGENTS,
     mujoco,
-    quiet,
+    noiseless,
     ramp,
 )
 from benches.steps import Tape
@@ -29,7 +29,7 @@ TWISTS = np.array([[1.5, 0, 0], [0, 1.5, 0], [1.0, 1.0, 0]])
 def free(stiffness: float = STIFFNESS, **sections: dict[str, object]) -> Settings:
     """A robot that nothing brakes but creep: no drag, no friction in gears."""
     nothing = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
-    return quiet(
+    return noiseless(
         carpet={"rolling_resistance": 0.0}, drivetrain=nothing | {"creep_stiffness": stiffness}, firmware=STIFF,
         battery={"resistance_ohm": 0.0}, **sections,
     )  # fmt: skip

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from benches.plant import GRAVITY, OUTWARD, RADIUS_M, TANGENTS, mujoco, quiet
-from benches.robot import OWN
+from benches.plant import GRAVITY, OUTWARD, RADIUS_M, TANGENTS, mujoco, noiseless
+from benches.robot import DEFAULT_MOTOR
 from benches.steps import Tape
 from numpy.typing import NDArray
 
@@ -30,7 +30,9 @@ def settings(
     """`motor`: its friction, as a share of what it is."""
     no_load = {"no_load_current_a": motor * Settings().motor.no_load_current_a}
     drive = {"roller_friction": bearing, "gear_friction_nm": gear, "roller_damping_nm_s": 0.0}
-    return quiet(carpet={"rolling_resistance": pile}, drivetrain=drive, motor=no_load, **sections)
+    return noiseless(
+        carpet={"rolling_resistance": pile}, drivetrain=drive, motor=no_load, **sections
+    )
 
 
 def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> Tape:
@@ -50,7 +52,9 @@ def expected(name: str, row: int, tape: Tape) -> float:
     along, aside = np.abs(TANGENTS @ direction), np.abs(OUTWARD @ direction)
     # The motor's viscous friction falls with the speed, and a fitted slope is that of the mean.
     mean = np.linalg.norm(tape.twist()[AFTER:, row, :2], axis=1).mean()
-    friction = motor * OWN.friction(mean * along / RADIUS_M) + chosen.drivetrain.gear_friction_nm
+    friction = (
+        motor * DEFAULT_MOTOR.friction(mean * along / RADIUS_M) + chosen.drivetrain.gear_friction_nm
+    )
     mass = chosen.body.mass_kg
     inertia = HUB_INERTIA + chosen.motor.rotor_inertia_kg_m2 * chosen.motor.gear_ratio**2
     load = mass * GRAVITY / 4
@@ -99,7 +103,7 @@ def test_carpet_and_bearings_brake_in_proportion_to_load() -> None:
 def test_the_default_robot_rolls_out_as_published() -> None:
     """TIGERs publish 4.44 N for their v2016, from moves at 0.5 to 1.5 m/s, of 1.06 on average."""
     x, y, diagonal, back = (
-        decelerations(rolled_out([quiet()], speed=1.06, frames=30)) * Settings().body.mass_kg
+        decelerations(rolled_out([noiseless()], speed=1.06, frames=30)) * Settings().body.mass_kg
     )
     # 10 %: mass times deceleration, or with what turns in it.
     assert [x, back] == pytest.approx([4.44, 4.44], rel=0.1)

@@ -5,7 +5,7 @@ from typing import Any
 import mujoco as mj
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, GRAVITY, MASS_KG, mujoco, quiet
+from benches.plant import FRAME_S, GRAVITY, MASS_KG, mujoco, noiseless
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
@@ -91,7 +91,7 @@ class Audit:
 # On a slippery carpet wheels slide most of the time.
 @pytest.mark.parametrize(("friction", "substeps"), [(0.8, 1), (0.25, 1), (0.8, 2)])
 def test_energy_audit_of_a_driven_robot(friction: float, substeps: int) -> None:
-    plant = mujoco([quiet(carpet={"friction": friction}, physics={"substeps": substeps})])
+    plant = mujoco([noiseless(carpet={"friction": friction}, physics={"substeps": substeps})])
     plant._batch = tape = Recorder(plant._batch)  # type: ignore[assignment]
     currents = []
     for frame in range(60):

@@ -5,7 +5,7 @@ import copy
 import mujoco
 import numpy as np
 import pytest
-from benches.plant import MASS_KG, constant, drive, quiet, ramp
+from benches.plant import MASS_KG, constant, drive, noiseless, ramp
 from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
@@ -23,7 +23,7 @@ def test_robots_that_do_not_meet_have_the_paths_they_have_alone(wheels: str) -> 
     A bit is enough to change an encoder's count in time, and through it the path: after a second
     and a half, 0.05 mm.
     """
-    chosen = [quiet(wheels={"model": wheels})] * 2
+    chosen = [noiseless(wheels={"model": wheels})] * 2
     start, commands = (
         [[0, 0, 0], [1, 0.5, 2.0]],
         ramp([[1.0, 0.2, 2.0], [0.3, -0.8, -3.0]], 3.0, 60),
@@ -84,9 +84,9 @@ def test_a_collision_conserves_momentum(speed: float, aside: float) -> None:
 
 @pytest.mark.parametrize("wheels", WHEELS)
 def test_robots_that_drive_at_each_other_do_not_pass(wheels: str) -> None:
-    chosen = [quiet(wheels={"model": wheels})] * 2
+    chosen = [noiseless(wheels={"model": wheels})] * 2
     poses = drive(
-        plant_of(chosen, [[-0.5, 0, 0], [0.5, 0, 0]], places=2),
+        plant_of(chosen, [[-0.5, 0, 0], [0.5, 0, 0]], per_world=2),
         ramp([[1.5, 0, 0], [-1.5, 0, 0]], 4.0, 60),
     )
     apart = np.linalg.norm(poses[:, 0, :2] - poses[:, 1, :2], axis=1)
@@ -97,9 +97,9 @@ def test_robots_that_drive_at_each_other_do_not_pass(wheels: str) -> None:
 
 @pytest.mark.parametrize("wheels", WHEELS)
 def test_a_robot_stops_at_a_wall(wheels: str) -> None:
-    chosen = [quiet(wheels={"model": wheels})] * 2
+    chosen = [noiseless(wheels={"model": wheels})] * 2
     start = [[WALL_X_M - 0.5, 1.0, 0.5], [0, 0, 0]]
-    poses = drive(plant_of(chosen, start, places=2), constant([[1.2, 0, 0], [0, 0, 0]], 60, 2))
+    poses = drive(plant_of(chosen, start, per_world=2), constant([[1.2, 0, 0], [0, 0, 0]], 60, 2))
     at = poses[:, 0, 0]
     # 3 mm for the hit, and no more for the push of spinning wheels, about 10 N.
     assert at.max() < WALL_X_M - RADIUS_M + 3e-3
@@ -113,4 +113,4 @@ def test_robots_must_start_apart() -> None:
         ([[0, 0, 0], [0, 3.65, 0]], "wall_left"),
     ):
         with pytest.raises(OmniError, match=f"world 0: .*{where}.* mm deep"):
-            plant_of([quiet()] * 2, start, places=2)
+            plant_of([noiseless()] * 2, start, per_world=2)

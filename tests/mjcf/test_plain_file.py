@@ -4,7 +4,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from benches.plant import arrays
+from benches.plant import model_arrays
 from numpy.typing import NDArray
 
 from omni_mj.config.robot_files import find_models_folder
@@ -76,8 +76,8 @@ def test_the_plain_file_holds_the_default_robots_numbers() -> None:
 
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
     """But for the sensors of load, which the build adds, and what is written in every step."""
-    plain = arrays(mujoco.MjModel.from_xml_path(str(find_models_folder() / "scene.xml")))
-    built = arrays(world_builder.build_world().model)
+    plain = model_arrays(mujoco.MjModel.from_xml_path(str(find_models_folder() / "scene.xml")))
+    built = model_arrays(world_builder.build_world().model)
     assert plain.keys() == built.keys()
     assert len(plain) > 300
     own = plain["nsensor"]

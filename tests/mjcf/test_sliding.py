@@ -11,7 +11,7 @@ from benches.plant import (
     TANGENTS,
     constant,
     mujoco,
-    quiet,
+    noiseless,
 )
 from benches.steps import Tape
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ ROLLING_KG = MASS_KG + RIM_INERTIA / RADIUS_M**2 * (TANGENTS**2).sum(0)
 
 def stiff(friction: float, **sections: dict[str, object]) -> Settings:
     """So that the carpet is the limit and not the firmware."""
-    return quiet(
+    return noiseless(
         carpet={"friction": friction} | sections.pop("carpet", {}), firmware=STIFF, **sections
     )
 

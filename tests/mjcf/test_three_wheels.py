@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, STIFF, drive, mujoco, quiet, ramp
+from benches.plant import FRAME_S, STIFF, drive, mujoco, noiseless, ramp
 
 from omni_control.kinematics import world_to_body
 from omni_mj.mjcf import world_builder
@@ -13,7 +13,7 @@ THREE = {"azimuths_deg": AZIMUTHS_DEG, "rollers": 18}
 
 
 def test_its_geometry_is_that_of_its_settings() -> None:
-    world = world_builder.build_world(quiet(wheels=THREE))
+    world = world_builder.build_world(noiseless(wheels=THREE))
     np.testing.assert_allclose(np.degrees(world.kinematics.azimuths), AZIMUTHS_DEG)
     assert world.robots[0].rollers.shape == (3, 18)
     assert (world.model.npair, world.model.nu) == (3 * 18, 3)
@@ -24,7 +24,7 @@ def test_it_drives_where_its_kinematics_say(wheels: str) -> None:
     """Forward, sideways and turning: the body's twist is that of wheels that roll and creep, and as commanded."""
     # A carpet and rollers without drag, so that at a constant speed there is nothing to creep for.
     free = {"carpet": {"rolling_resistance": 0.0}, "drivetrain": {"roller_friction": 0.0}}
-    chosen = quiet(firmware=STIFF, wheels=THREE | {"model": wheels}, **free)
+    chosen = noiseless(firmware=STIFF, wheels=THREE | {"model": wheels}, **free)
     twists = np.array([[0.5, 0, 0], [0, 0.5, 0], [0, 0, 6.0]])
     plant = mujoco([chosen] * 3)
     commands = ramp(twists, [2.0, 2.0, 24.0], 75)
@@ -50,7 +50,7 @@ def test_it_drives_where_its_kinematics_say(wheels: str) -> None:
 
 
 def test_its_motors_and_battery_have_three_wheels_each() -> None:
-    plant = mujoco([quiet(wheels=THREE)] * 2, [[0, 0, 0], [0, 1, 0]], places=2)
+    plant = mujoco([noiseless(wheels=THREE)] * 2, [[0, 0, 0], [0, 1, 0]], per_world=2)
     drive(plant, ramp([[0.5, 0, 0], [0, 0.5, 0]], 2.0, 5))
     for name in TELEMETRY_NAMES:
         values = getattr(plant.telemetry(), name)

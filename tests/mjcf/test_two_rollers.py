@@ -5,7 +5,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, ROLLERS, STIFF, constant, drive, quiet, ramp
+from benches.plant import FRAME_S, ROLLERS, STIFF, constant, drive, noiseless, ramp
 from benches.plant import mujoco as plant_of
 from benches.steps import Tape
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
 
 FAST = {"model": "two-rollers"}
-EITHER = (quiet(), quiet(wheels=FAST))
+EITHER = (noiseless(), noiseless(wheels=FAST))
 # An encoder that hardly rounds: of the robot's own, a count that comes a cycle later or not is 0.9
 # rad/s, for which the loop gives 0.6 A, so that the least difference between two wheels makes 2
 # mm/s of slip, whatever it is.
@@ -102,7 +102,7 @@ def test_sliding_robots_go_the_same_way(friction: float) -> None:
     commands = constant([[3.0, 0, 0], [0, 3.0, 0], [-2.1, 2.1, 0]], 30, 3)
     poses = [
         drive(
-            plant_of([quiet(carpet={"friction": friction}, firmware=STIFF, wheels=each)] * 3),
+            plant_of([noiseless(carpet={"friction": friction}, firmware=STIFF, wheels=each)] * 3),
             commands,
         )[..., :2]
         for each in ({}, FAST)
@@ -113,7 +113,7 @@ def test_sliding_robots_go_the_same_way(friction: float) -> None:
 
 def test_the_encoder_knows_nothing_of_the_hand_over() -> None:
     """The hub's angle is the integral of its speed in every step, over many hand-overs and in either direction."""
-    plant = plant_of([quiet(wheels=FAST)] * 2)
+    plant = plant_of([noiseless(wheels=FAST)] * 2)
     start = plant.telemetry().wheel_angle
     tape = Tape(plant).drive(constant([[0.6, 0, 0], [0, 0, -5.0]], 60, 2))
     turned = plant.telemetry().wheel_angle - start

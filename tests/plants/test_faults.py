@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from benches.plant import (
     ICE,
-    SETTLE,
-    STILL,
+    MAX_DRIFT,
+    SETTLE_FRAMES,
+    changeable_values,
     drive,
-    meets,
-    numbers,
+    noiseless,
     planar,
-    quiet,
     ramp,
-    standing,
-    stop,
+    stand_still,
+    stop_robot,
+    with_faults,
     with_settings,
 )
 from benches.plant import mujoco as plant_of
@@ -102,36 +102,36 @@ def test_a_fault_that_has_ended_leaves_nothing_behind() -> None:
             with_settings(randomization={"mass_std": 0.1, "com_offset_std_m": 0.005}),
         ]
     )
-    before = numbers(plant)
-    standing(plant, 7)
-    during = numbers(plant)
+    before = changeable_values(plant)
+    stand_still(plant, 7)
+    during = changeable_values(plant)
     # Of the other robot, which is no two's like, nothing ever changes.
     assert all((now[0] != then[0]).any() for now, then in zip(during, before, strict=True))
     assert all((now[1] == then[1]).all() for now, then in zip(during, before, strict=True))
-    standing(plant, 9)
-    for now, then in zip(numbers(plant), before, strict=True):
+    stand_still(plant, 9)
+    for now, then in zip(changeable_values(plant), before, strict=True):
         np.testing.assert_array_equal(now, then)
 
 
 def test_a_robot_that_failed_is_pushed_no_more() -> None:
     """In a world that another robot, which is, keeps going."""
     plant = plant_of(
-        [meets({"kind": "push", "start_s": 0.0, "force_n": 9.0}, **ICE)] * 2,
+        [with_faults({"kind": "push", "start_s": 0.0, "force_n": 9.0}, **ICE)] * 2,
         [[0, 0, 0], [1, 0, 0]],
-        places=2,
+        per_world=2,
     )
-    stop(plant, 0)
-    standing(plant, 10)
-    assert plant.pose()[0, 0] < STILL < 0.03 < plant.pose()[1, 0] - 1
+    stop_robot(plant, 0)
+    stand_still(plant, 10)
+    assert plant.pose()[0, 0] < MAX_DRIFT < 0.03 < plant.pose()[1, 0] - 1
 
 
 def test_rows_at_several_places_meet_their_own() -> None:
     """A payload and a push of the second robot of the second world are its alone."""
     start = [[0, 0, 0], [1, 0, 0]] * 2
     push, load = {"kind": "push", "force_n": 9.0}, {"kind": "payload", "mass_kg": 1.0}
-    plant = plant_of([*[quiet(**ICE)] * 3, meets(push, load, **ICE)], start, places=2)
-    moved = standing(plant, SETTLE + 10)[-1] - start
-    assert (np.abs(moved[:3]) < STILL).all()
+    plant = plant_of([*[noiseless(**ICE)] * 3, with_faults(push, load, **ICE)], start, per_world=2)
+    moved = stand_still(plant, SETTLE_FRAMES + 10)[-1] - start
+    assert (np.abs(moved[:3]) < MAX_DRIFT).all()
     assert moved[3, 0] > 0.03
     mass = plant._batch.expand("body_mass")
     chassis = [robot.chassis for robot in plant._world.robots]

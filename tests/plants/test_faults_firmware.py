@@ -5,7 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, ON_WHEELS, constant, drive, held_heading, meets, ramp
+from benches.plant import (
+    FRAME_S,
+    WHEELED_PLANTS,
+    constant,
+    drive,
+    estimated_heading,
+    ramp,
+    with_faults,
+)
 
 from omni_mj.config.settings import Settings
 from omni_mj.network.radio import ReceivedCommand
@@ -19,10 +27,10 @@ def fault(kind: str, **values: Any) -> dict[str, Any]:
     return {"kind": kind, "start_s": START * FRAME_S, "duration_s": LASTS * FRAME_S, **values}
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_a_firmware_that_times_out_does_as_one_that_is_told_to_stand(plant_of: PlantOf) -> None:
     """To rounding; then it obeys again."""
-    plant = plant_of([meets(fault("firmware-timeout")), meets()])
+    plant = plant_of([with_faults(fault("firmware-timeout")), with_faults()])
     commands = ramp([TWIST] * 2, 3.0, START + LASTS + 25).copy()
     commands[START : START + LASTS, 1] = 0.0
     commands[START + LASTS, 1] = 0.0  # it listens again, and waits for the next packet
@@ -36,7 +44,7 @@ def test_a_firmware_that_times_out_does_as_one_that_is_told_to_stand(plant_of: P
     assert np.linalg.norm(plant.twist()[0, :2]) > 0.8 * np.linalg.norm(TWIST)
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_motors_have_as_much_less_voltage_as_the_supply_has_sunk(plant_of: PlantOf) -> None:
     """All that there is, free of load on ice: speeds are in proportion; the battery itself loses nothing."""
     share = 0.5
@@ -47,7 +55,7 @@ def test_motors_have_as_much_less_voltage_as_the_supply_has_sunk(plant_of: Plant
         "battery": {"resistance_ohm": 0.0},
     }
     sinks = {"kind": "brown-out", "start_s": 0.0, "duration_s": 40 * FRAME_S, "factor": share}
-    plant = plant_of([meets(sinks, **slick), meets(**slick)])
+    plant = plant_of([with_faults(sinks, **slick), with_faults(**slick)])
     drive(plant, constant([0, 0, 100.0], 40, 2))
     told = plant.telemetry()
     assert (told.duty_peak == 1).all()
@@ -58,10 +66,10 @@ def test_motors_have_as_much_less_voltage_as_the_supply_has_sunk(plant_of: Plant
     assert plant.telemetry().battery[0] == pytest.approx(told.battery[1], rel=1e-3)
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_a_robot_that_starts_anew_coasts_or_brakes_as_its_drivers_do(plant_of: PlantOf) -> None:
     """Without current, or with shorted windings, I = -K w / (R + X |w|), in which energy goes; so it brakes sooner."""
-    own = [meets(fault("reboot", motors=motors)) for motors in ("coast", "brake")]
+    own = [with_faults(fault("reboot", motors=motors)) for motors in ("coast", "brake")]
     plant = plant_of(own)
     before = drive(plant, ramp([TWIST] * 2, 3.0, START))[-1]
     drive(plant, constant(TWIST, 3, 2))
@@ -79,26 +87,26 @@ def test_a_robot_that_starts_anew_coasts_or_brakes_as_its_drivers_do(plant_of: P
     assert coasted > 1.5 * braked
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_a_robot_that_has_started_anew_believes_the_first_heading_that_it_is_told(
     plant_of: PlantOf,
 ) -> None:
     """It stands until then, has forgotten its gyro's bias and what its loops were at, and then goes on."""
     blind = {"heading_gain": 0.0, "gyro_bias_gain": 0.0}
-    own = meets(
+    own = with_faults(
         fault("reboot"),
         {"kind": "gyro-bias", "start_s": 0.0, "duration_s": 0.3, "bias_rad_s": 2.0},
         firmware=blind,
     )
-    plant, none = plant_of([own, meets(firmware=blind)]), np.zeros(2, int)
+    plant, none = plant_of([own, with_faults(firmware=blind)]), np.zeros(2, int)
     drive(plant, ramp([TWIST] * 2, 3.0, START + LASTS))
-    assert held_heading(plant)[0] > 0.3  # of the bias, which has gone
+    assert estimated_heading(plant)[0] > 0.3  # of the bias, which has gone
     commands = np.tile(TWIST, (2, 1))
     for _ in range(12):  # packets without a heading
         plant.advance(ReceivedCommand(commands, np.full(2, np.nan), none))
     assert np.linalg.norm(plant.twist()[0, :2]) < 0.02
     plant.advance(ReceivedCommand(commands, plant.pose()[:, 2], none))
-    assert held_heading(plant)[0] == pytest.approx(plant.pose()[0, 2], abs=0.02)
+    assert estimated_heading(plant)[0] == pytest.approx(plant.pose()[0, 2], abs=0.02)
     drive(plant, constant(TWIST, 40, 2))
-    np.testing.assert_allclose(held_heading(plant), plant.pose()[:, 2], atol=2e-3)
+    np.testing.assert_allclose(estimated_heading(plant), plant.pose()[:, 2], atol=2e-3)
     assert np.linalg.norm(plant.twist()[0, :2]) > 0.8 * np.linalg.norm(TWIST)

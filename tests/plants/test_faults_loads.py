@@ -5,17 +5,17 @@ import numpy as np
 import pytest
 from benches.plant import (
     CONTACTS,
-    FAST,
     FRAME_S,
     GRAVITY,
     ICE,
     MASS_KG,
     ROLLING_KG,
-    SETTLE,
-    meets,
-    quiet,
-    standing,
+    SETTLE_FRAMES,
+    TWO_ROLLERS,
+    noiseless,
+    stand_still,
     wheel_loads,
+    with_faults,
 )
 from benches.plant import mujoco as plant_of
 from hypothesis import given
@@ -50,9 +50,9 @@ def inertia_about(origin: NDArray, body: tuple[float, NDArray, NDArray]) -> NDAr
 def test_a_load_is_a_point_mass_on_the_chassis(loads: list[tuple[float, float]]) -> None:
     """Mass, first and second moments about the origin are sums over the bodies: they are independent of its axes."""
     payloads = [{"kind": "payload", "start_s": 0.0, "mass_kg": m, "height_m": h} for m, h in loads]
-    plant = plant_of([meets(*payloads), quiet()])
+    plant = plant_of([with_faults(*payloads), noiseless()])
     empty = chassis_of(plant, 0)
-    standing(plant, 1)
+    stand_still(plant, 1)
     loaded, beside = chassis_of(plant, 0), chassis_of(plant, 1)
     points = [(m, np.array([*empty[1][:2], h])) for m, h in loads]
     assert loaded[0] == pytest.approx(empty[0] + sum(m for m, _ in points))
@@ -79,9 +79,9 @@ def test_wheels_bear_a_load_and_its_inertia() -> None:
         {"kind": "payload", "mass_kg": mass},
     )
     tilt = {"kind": "tilt", "angle_deg": 5.0}
-    own = [meets(*each, **FAST) for each in ((load,), (more,), (load, tilt), (tilt,))]
-    plant = plant_of([*own, quiet(**FAST)])
-    standing(plant, SETTLE + 60)
+    own = [with_faults(*each, **TWO_ROLLERS) for each in ((load,), (more,), (load, tilt), (tilt,))]
+    plant = plant_of([*own, noiseless(**TWO_ROLLERS)])
+    stand_still(plant, SETTLE_FRAMES + 60)
     bears = wheel_loads(plant)
     np.testing.assert_allclose(bears[:2].sum(1), (MASS_KG + mass) * GRAVITY, rtol=2e-3)
     ahead = bears @ CONTACTS[:, 0] / GRAVITY
@@ -93,9 +93,14 @@ def test_wheels_bear_a_load_and_its_inertia() -> None:
     shift = (ahead[2] - np.cos(angle) * ahead[0]) - (ahead[3] - np.cos(angle) * ahead[4])
     assert shift == pytest.approx(mass * height * np.sin(angle), rel=0.02)
 
-    push = {"kind": "push", "start_s": 2 * SETTLE * FRAME_S, "force_n": 12.0, "direction_deg": 90.0}
-    plant = plant_of([meets(more, push, **ICE), meets(push, **ICE)])
-    standing(plant, 2 * SETTLE + 8)
+    push = {
+        "kind": "push",
+        "start_s": 2 * SETTLE_FRAMES * FRAME_S,
+        "force_n": 12.0,
+        "direction_deg": 90.0,
+    }
+    plant = plant_of([with_faults(more, push, **ICE), with_faults(push, **ICE)])
+    stand_still(plant, 2 * SETTLE_FRAMES + 8)
     heavy, light = plant.twist()[:, 1]
     ratio = (MASS_KG + ROLLING_KG[1]) / (MASS_KG + mass + ROLLING_KG[1])
     # Friction of ice is 2.5 % of this push, and as much more as the mass; 1 %: rollers that come

@@ -2,16 +2,16 @@
 
 import numpy as np
 from benches.plant import (
-    FAST,
     FRAME_S,
-    SETTLE,
+    SETTLE_FRAMES,
+    TWO_ROLLERS,
     constant,
     drive,
-    held_heading,
-    meets,
-    quiet,
+    estimated_heading,
+    noiseless,
     rows,
-    standing,
+    stand_still,
+    with_faults,
     with_settings,
 )
 from benches.plant import mujoco as plant_of
@@ -35,7 +35,10 @@ def test_a_weak_motor_pulls_and_turns_by_its_constant() -> None:
         "factor": share,
     }
     plant = plant_of(
-        [meets(fault, motor=motor, **slick, **FAST), quiet(motor=motor, **slick, **FAST)]
+        [
+            with_faults(fault, motor=motor, **slick, **TWO_ROLLERS),
+            noiseless(motor=motor, **slick, **TWO_ROLLERS),
+        ]
     )
     expected = np.ones((2, 4))
     sheet = Settings().motor
@@ -54,9 +57,9 @@ def test_a_gyros_bias_turns_what_a_robot_holds_for_its_heading() -> None:
     bias, frames = 0.4, 20
     fault = {"kind": "gyro-bias", "duration_s": frames * FRAME_S, "bias_rad_s": bias}
     blind = {"heading_gain": 0.0, "gyro_bias_gain": 0.0, "turn_rate_gain": 0.0}
-    plant = plant_of([meets(fault, firmware=blind), quiet(firmware=blind)])
-    standing(plant, SETTLE + frames + 10)
-    drift = held_heading(plant) - plant.pose()[:, 2]
+    plant = plant_of([with_faults(fault, firmware=blind), noiseless(firmware=blind)])
+    stand_still(plant, SETTLE_FRAMES + frames + 10)
+    drift = estimated_heading(plant) - plant.pose()[:, 2]
     np.testing.assert_allclose(
         drift, [bias * frames * FRAME_S, 0.0], atol=1e-4
     )  # the gyro is a cycle late

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from benches.plant import (
     FRAME_S,
-    ON_WHEELS,
     RADIUS_M,
-    SETTLE,
+    SETTLE_FRAMES,
     STIFF,
     TANGENTS,
+    WHEELED_PLANTS,
     constant,
     drive,
     encoder_angles,
-    held_heading,
-    meets,
+    estimated_heading,
     ramp,
-    standing,
+    stand_still,
+    with_faults,
 )
 
 from omni_mj.config.settings import Settings
@@ -28,7 +28,7 @@ SIGMAS = 5
 BLIND = {"heading_gain": 0.0, "gyro_bias_gain": 0.0, "turn_rate_gain": 0.0}
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_encoders_that_count_otherwise_have_the_robot_drive_otherwise(
     plant_of: PlantOf, factor: float
@@ -38,7 +38,7 @@ def test_encoders_that_count_otherwise_have_the_robot_drive_otherwise(
         {"kind": "encoder-scale", "wheel": w, "factor": factor, "start_s": 0.0}
         for w in (1, 2, 3, 4)
     ]
-    plant, twist = plant_of([meets(*scales, firmware=STIFF)]), np.array([0.5, 0.3, 0.0])
+    plant, twist = plant_of([with_faults(*scales, firmware=STIFF)]), np.array([0.5, 0.3, 0.0])
     drive(plant, ramp([twist], 1.5, 60))
     turned = plant.telemetry().wheel_angle
     drive(plant, constant(twist, 30, 1))
@@ -49,13 +49,13 @@ def test_encoders_that_count_otherwise_have_the_robot_drive_otherwise(
     )  # the robot turns a little
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_a_loose_encoder_stands_still_in_as_many_frames_as_said(plant_of: PlantOf) -> None:
     """A binomial share; the wheels beside it count in all."""
     share, frames = 0.4, 150
     fault = {"kind": "encoder-dropout", "wheel": 4, "probability": share, "start_s": 0.0}
-    plant = plant_of([meets(fault)])
-    drive(plant, ramp([[0.8, 0.0, 0.0]], 3.0, SETTLE))
+    plant = plant_of([with_faults(fault)])
+    drive(plant, ramp([[0.8, 0.0, 0.0]], 3.0, SETTLE_FRAMES))
     stands = []
     for _ in range(frames):
         counts, angles = encoder_angles(plant), plant.telemetry().wheel_angle
@@ -70,7 +70,7 @@ def test_a_loose_encoder_stands_still_in_as_many_frames_as_said(plant_of: PlantO
     assert not part[:3].any()
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_a_gyro_of_another_scale_turns_what_a_robot_holds_for_its_heading(
     plant_of: PlantOf,
 ) -> None:
@@ -81,19 +81,22 @@ def test_a_gyro_of_another_scale_turns_what_a_robot_holds_for_its_heading(
         {"kind": "gyro-scale", "factor": 0.0},
     ]
     plant = plant_of(
-        [*(meets({**each, "start_s": 0.0}, firmware=BLIND) for each in own), meets(firmware=BLIND)]
+        [
+            *(with_faults({**each, "start_s": 0.0}, firmware=BLIND) for each in own),
+            with_faults(firmware=BLIND),
+        ]
     )
     drive(plant, ramp([[0.0, 0.0, 2.0]] * 4, 4.0, 30))
-    turned, held = plant.pose()[:, 2], held_heading(plant)
+    turned, held = plant.pose()[:, 2], estimated_heading(plant)
     assert (turned > 0.4).all()
     late = 2 * 2.0 / 960  # rad: by which a gyro is, a cycle or two, at this rate
     np.testing.assert_allclose(held, np.array([0.7, 1.5, 0.0, 1.0]) * turned, atol=1.5 * late)
     assert held[2] == 0
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_a_dead_gyro_shows_no_bias_either(plant_of: PlantOf) -> None:
     faults = [{"kind": "gyro-bias", "bias_rad_s": 0.5}, {"kind": "gyro-scale", "factor": 0.0}]
-    plant = plant_of([meets(*faults, firmware=BLIND), meets(faults[0], firmware=BLIND)])
-    standing(plant, SETTLE + 12)
-    np.testing.assert_allclose(held_heading(plant), [0.0, 0.1], atol=1e-3)
+    plant = plant_of([with_faults(*faults, firmware=BLIND), with_faults(faults[0], firmware=BLIND)])
+    stand_still(plant, SETTLE_FRAMES + 12)
+    np.testing.assert_allclose(estimated_heading(plant), [0.0, 0.1], atol=1e-3)

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from benches.plant import (
     FRAME_S,
-    ON_WHEELS,
     RADIUS_M,
     ROLLERS,
     TANGENTS,
+    WHEELED_PLANTS,
     constant,
     drive,
-    meets,
     ramp,
+    with_faults,
 )
 
 from omni_mj.config.settings import Settings
@@ -27,7 +27,7 @@ def all_wheels(kind: str, **values: Any) -> list[dict[str, Any]]:
     return [{"kind": kind, "wheel": wheel, "start_s": 0.0, **values} for wheel in (1, 2, 3, 4)]
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> None:
     """At its terminals there is its back-EMF; its wheel turns as the robot goes. After that it pulls again."""
     smooth: dict[str, Any] = {
@@ -36,8 +36,8 @@ def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> 
     }
     plant = plant_of(
         [
-            meets({"kind": "motor-dead", "wheel": 2, "duration_s": 20 * FRAME_S}, **smooth),
-            meets(**smooth),
+            with_faults({"kind": "motor-dead", "wheel": 2, "duration_s": 20 * FRAME_S}, **smooth),
+            with_faults(**smooth),
         ]
     )
     drive(plant, ramp([AHEAD] * 2, 2.0, 32))
@@ -61,15 +61,15 @@ def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> 
     assert abs(plant.telemetry().current_mean[0, 1]) > 0.01
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -> None:
     """I = V / R; it slides as fast as the carpet passes. After that it turns as before."""
     plant = plant_of(
         [
-            meets(
+            with_faults(
                 {"kind": "motor-blocked", "wheel": 3, "start_s": 0.0, "duration_s": 20 * FRAME_S}
             ),
-            meets(),
+            with_faults(),
         ]
     )
     drive(plant, ramp([AHEAD] * 2, 2.0, 20))
@@ -92,23 +92,23 @@ def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -
     assert abs(plant.telemetry().wheel_speed[0, 2]) > 0.5 * abs(plant.telemetry().wheel_speed[1, 2])
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_wheels_that_are_worn_alike_are_a_carpet_of_as_much_less_friction(
     plant_of: PlantOf,
 ) -> None:
     """To the bit; friction is a factor of both."""
     friction, worn = 0.8, 0.5
-    one = meets(*all_wheels("wheel-worn", factor=worn), carpet={"friction": friction})
-    other = meets(
+    one = with_faults(*all_wheels("wheel-worn", factor=worn), carpet={"friction": friction})
+    other = with_faults(
         {"kind": "friction", "start_s": 0.0, "friction": friction * worn},
         carpet={"friction": friction},
     )
-    poses = drive(plant_of([one, other, meets()]), constant([3.0, 0.5, 2.0], 15, 3))
+    poses = drive(plant_of([one, other, with_faults()]), constant([3.0, 0.5, 2.0], 15, 3))
     np.testing.assert_array_equal(poses[:, 0], poses[:, 1])
     assert poses[-1, 0, 0] < 0.9 * poses[-1, 2, 0]
 
 
-@ON_WHEELS
+@WHEELED_PLANTS
 def test_wheels_without_half_of_their_rollers_pull_half_as_much(plant_of: PlantOf) -> None:
     """While all slide; their rims turn many times meanwhile."""
     slick: dict[str, Any] = {
@@ -117,7 +117,10 @@ def test_wheels_without_half_of_their_rollers_pull_half_as_much(plant_of: PlantO
         "firmware": {"turn_rate_gain": 0.0},
     }
     plant = plant_of(
-        [meets(*all_wheels("wheel-missing-rollers", rollers=ROLLERS // 2), **slick), meets(**slick)]
+        [
+            with_faults(*all_wheels("wheel-missing-rollers", rollers=ROLLERS // 2), **slick),
+            with_faults(**slick),
+        ]
     )
     drive(plant, constant([5.0, 0.0, 0.0], 30, 2))
     half, whole = plant.twist()[:, 0]

@@ -8,28 +8,28 @@ import pytest
 from benches.plant import (
     COM_HEIGHT_M,
     CONTACTS,
-    FAST,
     FRAME_S,
     GRAVITY,
     ICE,
     MASS_KG,
+    MAX_DRIFT,
     RADIUS_M,
     ROLLING_KG,
-    SETTLE,
+    SETTLE_FRAMES,
     STIFF,
-    STILL,
     TANGENTS,
+    TWO_ROLLERS,
     constant,
     drive,
-    held_heading,
-    meets,
+    estimated_heading,
+    noiseless,
     planar,
-    quiet,
     ramp,
     rows,
-    standing,
+    stand_still,
     two_rollers,
     wheel_loads,
+    with_faults,
 )
 from benches.plant import mujoco as plant_of
 from benches.steps import Tape
@@ -49,11 +49,11 @@ def test_a_push_gives_momentum_and_ends() -> None:
         for b in bearings
     ]
     plant = plant_of(
-        [meets(each, **ICE) for each in pushes] + [quiet(**ICE)],
+        [with_faults(each, **ICE) for each in pushes] + [noiseless(**ICE)],
         [[0, 0, h] for h in (0, 0, 0.7, 0)],
     )
-    standing(plant)
-    standing(plant, frames)
+    stand_still(plant)
+    stand_still(plant, frames)
     mass = MASS_KG + ROLLING_KG.mean()  # the same in all directions within 0.2 %
     direction = np.radians(bearings)
     towards = np.column_stack([np.cos(direction), np.sin(direction)])
@@ -62,10 +62,10 @@ def test_a_push_gives_momentum_and_ends() -> None:
     # to as much.
     np.testing.assert_allclose(gained, towards, atol=0.03)
     after = np.linalg.norm(plant.twist()[:3, :2], axis=1)
-    standing(plant, 3)
+    stand_still(plant, 3)
     # Ice, 0.1 m/s^2, and rollers brake it.
     assert (np.abs(np.linalg.norm(plant.twist()[:3, :2], axis=1) - after) < 0.02).all()
-    assert np.abs(plant.pose()[3]).max() < STILL
+    assert np.abs(plant.pose()[3]).max() < MAX_DRIFT
 
 
 # --- slopes ---
@@ -75,13 +75,13 @@ def test_on_ice_a_slope_accelerates_by_g_sin() -> None:
     """Between two slopes, so that Coulomb's friction, which is the same but for 1 % of it, falls out."""
     frames, angles = 9, np.radians([4.0, 8.0])
     chosen = [
-        meets({"kind": "tilt", "angle_deg": np.degrees(a), "direction_deg": d}, **ICE)
+        with_faults({"kind": "tilt", "angle_deg": np.degrees(a), "direction_deg": d}, **ICE)
         for d in (0, 90)
         for a in angles
     ]
     plant = plant_of(chosen)
-    standing(plant)
-    standing(plant, frames)
+    stand_still(plant)
+    stand_still(plant, frames)
     speed = np.array([plant.twist()[:2, 0], plant.twist()[2:, 1]])
     gained = np.diff(speed, axis=1)[:, 0] / (frames * FRAME_S)
     # Rims and rollers turn along. 2 %: rollers that come down take on the speed of the carpet.
@@ -94,8 +94,10 @@ def test_a_robot_that_stands_on_a_slope_weighs_on_its_wheels_as_statics_says() -
     """Loads add up to m g cos; their moment is that of g sin at the height of the centre of mass, downhill."""
     angle, bearings = np.radians(5.0), np.radians([0.0, 90.0, 180.0])
     tilts = [{"kind": "tilt", "angle_deg": 5.0, "direction_deg": np.degrees(b)} for b in bearings]
-    plant = plant_of([meets(each, **FAST) for each in tilts] + [quiet(**FAST)])
-    standing(plant, SETTLE + 40)
+    plant = plant_of(
+        [with_faults(each, **TWO_ROLLERS) for each in tilts] + [noiseless(**TWO_ROLLERS)]
+    )
+    stand_still(plant, SETTLE_FRAMES + 40)
     load = wheel_loads(plant)
     np.testing.assert_allclose(load.sum(1)[:3], MASS_KG * GRAVITY * np.cos(angle), rtol=2e-3)
     moment = load @ CONTACTS / GRAVITY
@@ -112,12 +114,12 @@ def test_robots_of_a_world_stand_on_one_carpet() -> None:
     """What leans for one leans for the other; other worlds' do not."""
     tilt = {"kind": "tilt", "angle_deg": 5.0, "direction_deg": 90.0}
     start = [[0, 0, 0], [1, 0, 0]] * 2
-    plant = plant_of([meets(tilt, **ICE)] * 2 + [quiet(**ICE)] * 2, start, places=2)
-    moved = standing(plant, 30)[-1] - start
+    plant = plant_of([with_faults(tilt, **ICE)] * 2 + [noiseless(**ICE)] * 2, start, per_world=2)
+    moved = stand_still(plant, 30)[-1] - start
     assert (moved[:2, 1] > 0.01).all()
-    assert np.abs(moved[2:]).max() < STILL
+    assert np.abs(moved[2:]).max() < MAX_DRIFT
     with pytest.raises(OmniError, match=r"all robots of a world stand on one carpet"):
-        meets({**tilt, "robots": [1]})
+        with_faults({**tilt, "robots": [1]})
 
 
 # --- friction ---
@@ -137,7 +139,9 @@ def test_a_wheel_that_slides_pulls_by_the_friction_of_the_moment() -> None:
         "firmware": STIFF,
     }
     tape = Tape(
-        plant_of([meets(fault, carpet={"friction": usual, "rolling_resistance": 0.0}, **free)])
+        plant_of(
+            [with_faults(fault, carpet={"friction": usual, "rolling_resistance": 0.0}, **free)]
+        )
     )
     tape.drive(constant([3.6, 0.0, 0.0], 18, 1))
     # From some steps after a change on, when the load has swung.
@@ -164,11 +168,11 @@ def test_a_patch_that_comes_is_one_that_was_there_and_covers_it_until_it_goes() 
         "friction": 0.3,
     }
     own = [
-        meets(comes, carpet={"friction": 0.8}),
-        quiet(carpet=there),
-        meets({**comes, "x_m": 9.0, "radius_m": 1.0}, carpet=there),
-        meets({**comes, "duration_s": 10 * FRAME_S}, carpet={"friction": 0.8}),
-        quiet(carpet={"friction": 0.8}),
+        with_faults(comes, carpet={"friction": 0.8}),
+        noiseless(carpet=there),
+        with_faults({**comes, "x_m": 9.0, "radius_m": 1.0}, carpet=there),
+        with_faults({**comes, "duration_s": 10 * FRAME_S}, carpet={"friction": 0.8}),
+        noiseless(carpet={"friction": 0.8}),
     ]
     plant = plant_of(own)
     poses = drive(plant, constant([2.0, 0, 0], 20, 5))
@@ -186,14 +190,14 @@ def test_a_patch_that_comes_is_one_that_was_there_and_covers_it_until_it_goes() 
 def test_a_hand_puts_a_robot_elsewhere_at_rest(make: Callable[[list[Settings]], Any]) -> None:
     """As far as it says, of whatever heading, in one frame; whoever is told to stand stays there."""
     hand = {"kind": "kidnap", "x_m": 0.7, "y_m": -0.4, "heading_deg": 150.0}
-    plant = make([meets({"kind": "vision-loss"}, hand), meets()])
-    drive(plant, ramp([[1.0, 0.5, 0.5]] * 2, 3.0, SETTLE))
+    plant = make([with_faults({"kind": "vision-loss"}, hand), with_faults()])
+    drive(plant, ramp([[1.0, 0.5, 0.5]] * 2, 3.0, SETTLE_FRAMES))
     before = plant.pose()
-    poses = standing(plant, 1)
+    poses = stand_still(plant, 1)
     moved = poses[-1] - before
     # Less what the robot would have gone on in the frame, at most: 1.1 m/s.
     np.testing.assert_allclose(moved[0], [0.7, -0.4, np.radians(150)], atol=0.02)
-    put = standing(plant, 20)[-1]
+    put = stand_still(plant, 20)[-1]
     np.testing.assert_allclose(put[0, :2], poses[-1][0, :2], atol=2e-3)
     # Vision's heading contradicts its own by so much that it takes its gyro for one that drifts,
     # and turns a little.
@@ -204,8 +208,8 @@ def test_no_sensor_of_a_robot_sees_a_hand() -> None:
     """Neither the gyro, nor an encoder, nor what holds its wheels."""
     hand = {"kind": "kidnap", "x_m": 0.3, "heading_deg": 90.0}
     for make in (two_rollers, planar):
-        plant = make([meets(hand, firmware={"heading_gain": 0.0, "gyro_bias_gain": 0.0})])
-        standing(plant, SETTLE + 5)
+        plant = make([with_faults(hand, firmware={"heading_gain": 0.0, "gyro_bias_gain": 0.0})])
+        stand_still(plant, SETTLE_FRAMES + 5)
         assert plant.pose()[0, 2] == pytest.approx(np.pi / 2, abs=1e-3)
-        assert held_heading(plant)[0] == pytest.approx(0, abs=1e-3)
+        assert estimated_heading(plant)[0] == pytest.approx(0, abs=1e-3)
         assert np.abs(plant.telemetry().wheel_angle).max() < 0.05

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from benches.plant import constant, drive, mujoco, quiet
+from benches.plant import constant, drive, mujoco, noiseless
 
-SETTINGS = quiet(
+SETTINGS = noiseless(
     wheels={"model": "two-rollers"},
     carpet={"rolling_resistance": 0.05},
     drivetrain={"roller_friction": 0.05},

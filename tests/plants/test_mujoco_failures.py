@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 from benches.plant import mujoco as plant_of
-from benches.plant import quiet, rows, with_settings
+from benches.plant import noiseless, rows, with_settings
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
@@ -48,7 +48,7 @@ def run(
 @pytest.mark.parametrize("wheels", ["rollers", "two-rollers"])
 def test_a_robot_that_topples_leaves_the_others_bits_alone(wheels: str) -> None:
     ordinary, gripping = (
-        quiet(wheels={"model": wheels}, **sections) for sections in (ORDINARY, GRIPPING)
+        noiseless(wheels={"model": wheels}, **sections) for sections in (ORDINARY, GRIPPING)
     )
     together, failed = run(plant_of([ordinary, gripping, ordinary], seeds=[1, 2, 3]), (1,))
     alone, none = run(plant_of([ordinary] * 2, seeds=[1, 3]), ())
@@ -64,7 +64,7 @@ def test_a_robot_that_topples_leaves_the_others_bits_alone(wheels: str) -> None:
 
 def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_off() -> None:
     start = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    plant = plant_of([quiet(**ORDINARY), quiet(**GRIPPING)], start, [1, 2], places=2)
+    plant = plant_of([noiseless(**ORDINARY), noiseless(**GRIPPING)], start, [1, 2], per_world=2)
     poses, failed = run(plant, (1,), FRAMES + 20)  # until it lies still
     assert {row: cause for row, (_, cause) in failed.items()} == {1: "toppled over"}
     frame = failed[1][0]
@@ -86,7 +86,7 @@ def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_o
     # The other drives as it does alone, to the solver's tolerance (see test_meeting), which is one
     # for the world: the forces on a robot that falls make it coarse. With a tolerance of 1e-10 in
     # place of 1e-8, the two differ by 1e-9.
-    alone, _ = run(plant_of([quiet(**ORDINARY)], seeds=[1]), (), FRAMES + 20)
+    alone, _ = run(plant_of([noiseless(**ORDINARY)], seeds=[1]), (), FRAMES + 20)
     np.testing.assert_allclose(poses[:, 0], alone[:, 0], rtol=0, atol=3e-4)
 
 
@@ -95,8 +95,8 @@ def test_an_unstable_robot_is_named_with_mujocos_warning_and_leaves_the_others_b
     x: float,
 ) -> None:
     start = np.array([[0.3, 0, 0], [x, 0, 0], [0, 0, 1]])
-    together, failed = run(plant_of([quiet(**ORDINARY)] * 3, start, [1, 2, 3]), (), 12)
-    alone, _ = run(plant_of([quiet(**ORDINARY)] * 2, start[[0, 2]], [1, 3]), (), 12)
+    together, failed = run(plant_of([noiseless(**ORDINARY)] * 3, start, [1, 2, 3]), (), 12)
+    alone, _ = run(plant_of([noiseless(**ORDINARY)] * 2, start[[0, 2]], [1, 3]), (), 12)
     np.testing.assert_array_equal(together[:, [0, 2]], alone)
     cause = "became unstable (MuJoCo: mjWARN_BADQPOS)"
     assert failed == {1: (0, cause)}
@@ -105,7 +105,7 @@ def test_an_unstable_robot_is_named_with_mujocos_warning_and_leaves_the_others_b
 def test_an_unstable_world_stops_all_its_robots_and_no_other_world() -> None:
     start = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]] * 2
     plant, calm = (
-        plant_of([quiet(**ORDINARY)] * 4, start, [1, 1, 2, 2], places=2) for _ in range(2)
+        plant_of([noiseless(**ORDINARY)] * 4, start, [1, 1, 2, 2], per_world=2) for _ in range(2)
     )
     plant._batch.bind("qvel")[0, 80] = math.nan
     poses, failed = run(plant, (), 12)

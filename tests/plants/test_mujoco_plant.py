@@ -13,7 +13,7 @@ from benches.plant import (
     SIGMAS,
     constant,
     drive,
-    quiet,
+    noiseless,
     with_settings,
 )
 from benches.plant import mujoco as plant_of
@@ -27,7 +27,7 @@ STARTS = np.array(
 
 def test_robots_start_where_they_are_told_with_any_heading() -> None:
     n = len(STARTS)
-    plant = plant_of([quiet()] * n, STARTS)
+    plant = plant_of([noiseless()] * n, STARTS)
     np.testing.assert_array_equal(plant.pose(), STARTS)  # whole turns of the heading included
     drive(plant, constant([0.0, 0.0, 0.0], 1, n))
     # Settling into the carpet, not a jump: a tenth of vision's noise.
@@ -36,7 +36,7 @@ def test_robots_start_where_they_are_told_with_any_heading() -> None:
 
 def test_motion_does_not_depend_on_place_or_heading() -> None:
     settle, frames, n = 10, 20, len(STARTS)
-    plant = plant_of([quiet()] * n, STARTS)
+    plant = plant_of([noiseless()] * n, STARTS)
     # Rollers that just touch the carpet: which of them carry the very first step is a matter of
     # rounding. At rest that is forgotten.
     start = drive(plant, np.zeros((settle, n, 3)))[-1]
@@ -54,7 +54,7 @@ def test_motion_does_not_depend_on_place_or_heading() -> None:
 def test_heading_counts_full_turns() -> None:
     spin_up, start, turn_rate = 20, 3.0, 10.0
     plant, commands = (
-        plant_of([quiet()] * 2, [[0, 0, start]] * 2),
+        plant_of([noiseless()] * 2, [[0, 0, start]] * 2),
         [[0, 0, turn_rate], [0, 0, -turn_rate]],
     )
     heading = drive(plant, constant(commands, spin_up, 2))[..., 2]
@@ -78,7 +78,7 @@ def test_nothing_drives_faster_than_the_carpets_friction_allows() -> None:
     free = {"roller_friction": 0.0}
     plant = plant_of(
         [
-            quiet(carpet={"friction": mu, "rolling_resistance": 0.0}, drivetrain=free)
+            noiseless(carpet={"friction": mu, "rolling_resistance": 0.0}, drivetrain=free)
             for mu in friction
         ]
     )
@@ -96,7 +96,9 @@ def test_disturbing_force_pushes_a_sliding_robot_by_newtons_law() -> None:
     frames, n, force = 40, 20, 50.0
     # Of the wheels nothing is asked here, so that the faster ones do.
     carpet = {"friction": 0.01, "rolling_resistance": 0.0}
-    settings = quiet(carpet=carpet, disturbance={"force_n": force}, wheels={"model": "two-rollers"})
+    settings = noiseless(
+        carpet=carpet, disturbance={"force_n": force}, wheels={"model": "two-rollers"}
+    )
     plant = plant_of([settings] * n, seeds=range(n))
     position = drive(plant, constant([0.0, 0.0, 0.0], frames, n))[..., :2]
     # A force constant within each frame gives x(k+1) - 2 x(k) + x(k-1) = T^2 (a(k) + a(k-1)) / 2.

@@ -17,13 +17,13 @@ from benches.plant import (
     TANGENTS,
     constant,
     drive,
-    inertias,
+    mass_matrices,
+    noiseless,
     planar,
-    quiet,
     ramp,
-    throw,
+    remove_roller_losses,
+    set_twist,
     wheel_loads,
-    without_losses,
 )
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
@@ -51,7 +51,7 @@ def statics(acceleration: ArrayLike) -> NDArray:
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_body_lags_behind_its_wheels_by_t_times_its_acceleration(axis: int) -> None:
     """u - v = T |v| a with T = (B' N B)^-1 M / C, N by statics; see tests/mjcf/test_creep.py."""
-    plant, twist = planar([quiet(**FREE)]), np.eye(3)[axis] * 1.5
+    plant, twist = planar([noiseless(**FREE)]), np.eye(3)[axis] * 1.5
     commands = ramp([twist], 2.0, 55)
     drive(plant, commands[:25])
     moved, turned = [plant.pose()[0]], [plant.telemetry().wheel_angle[0]]
@@ -72,7 +72,7 @@ def test_a_body_lags_behind_its_wheels_by_t_times_its_acceleration(axis: int) ->
 def test_sliding_wheels_pull_by_friction_times_load() -> None:
     friction = 0.3
     plant, speeds = (
-        planar([quiet(**FREE | {"carpet": {"rolling_resistance": 0.0, "friction": friction}})]),
+        planar([noiseless(**FREE | {"carpet": {"rolling_resistance": 0.0, "friction": friction}})]),
         [],
     )
     for command in constant([3.6, 0.0, 0.0], 15, 1):
@@ -89,7 +89,7 @@ def test_a_robot_on_a_slope_weighs_on_its_wheels_as_statics_says() -> None:
     """Loads add up to m g cos; their moment is that of g sin at the height of the centre of mass, downhill."""
     faults = [{"kind": "motor-blocked", "start_s": 0.0, "wheel": wheel} for wheel in (1, 2, 3, 4)]
     tilt = {"kind": "tilt", "start_s": 0.0, "angle_deg": 5.0, "direction_deg": 30.0}
-    plant = planar([quiet(fault=[tilt, *faults])])
+    plant = planar([noiseless(fault=[tilt, *faults])])
     drive(plant, constant([0, 0, 0], 60, 1))
     (still,) = wheel_loads(plant)
     angle, downhill = math.radians(5), np.array([math.cos(math.pi / 6), 0.5])
@@ -99,8 +99,8 @@ def test_a_robot_on_a_slope_weighs_on_its_wheels_as_statics_says() -> None:
 
 
 def test_a_rolling_robot_that_nothing_drives_slows_and_a_still_one_stays() -> None:
-    plant = planar([quiet(), quiet()])
-    throw(plant, [1.0, 0.5, 0.0])
+    plant = planar([noiseless(), noiseless()])
+    set_twist(plant, [1.0, 0.5, 0.0])
     plant.set_motor_currents(np.zeros((2, 4)))
     speeds = []
     for _ in range(60):
@@ -113,10 +113,10 @@ def test_a_rolling_robot_that_nothing_drives_slows_and_a_still_one_stays() -> No
 
 def test_a_turning_robot_rolls_on_as_lagrange_says() -> None:
     """Wheels do not feel that the robot turns: along its axes (M + W) u' = -m w x u, with W of hubs and rims."""
-    plant = planar([quiet(**FREE)])
-    without_losses(plant)
-    throw(plant, start := [1.0, 0.5, 4.0])
-    body, hubs = inertias(plant)
+    plant = planar([noiseless(**FREE)])
+    remove_roller_losses(plant)
+    set_twist(plant, start := [1.0, 0.5, 4.0])
+    body, hubs = mass_matrices(plant)
 
     def rates(t: float, u: NDArray) -> NDArray:
         turned = np.linalg.solve(body + hubs, MASS_KG * u[2] * np.array([u[1], -u[0], 0.0]))
@@ -139,7 +139,7 @@ def test_a_turning_robot_rolls_on_as_lagrange_says() -> None:
 def test_a_robot_that_would_topple_stops_and_leaves_the_others_alone() -> None:
     push = {"kind": "push", "start_s": 0.0, "duration_s": 0.2, "force_n": 60.0}
     load = {"kind": "payload", "start_s": 0.0, "mass_kg": 2.0, "height_m": 0.3}
-    plant = planar([quiet(fault=[push, load]), quiet()])
+    plant = planar([noiseless(fault=[push, load]), noiseless()])
     causes: dict[int, str] = {}
     for _ in range(10):
         causes |= plant.advance(
@@ -148,7 +148,7 @@ def test_a_robot_that_would_topple_stops_and_leaves_the_others_alone() -> None:
     assert list(causes) == [0]
     assert "topple" in causes[0]
     assert not plant.twist()[0].any()
-    beside = planar([quiet()])
+    beside = planar([noiseless()])
     for _ in range(10):
         beside.advance(ReceivedCommand.without_delay(np.array([[0.5, 0, 0]]), beside.pose()[:, 2]))
     np.testing.assert_array_equal(plant.pose()[1], beside.pose()[0])

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, SIGMAS, constant, drive, quiet, rows, with_settings
+from benches.plant import FRAME_S, SIGMAS, constant, drive, noiseless, rows, with_settings
 from benches.plant import mujoco as plant_of
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
@@ -94,7 +94,7 @@ def test_poses_and_twists_handed_out_do_not_change_afterwards(
 def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
     """Integrated, the twist of a robot that turns and curves is the way that it went, on whatever heading."""
     frames, start = 60, np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 2.5]])
-    plant = plant_of([quiet()] * 2, start)
+    plant = plant_of([noiseless()] * 2, start)
     np.testing.assert_array_equal(plant.twist(), np.zeros((2, 3)))
     way = np.zeros((2, 3))
     for frame in range(frames):

@@ -9,7 +9,7 @@ from benches.plant import (
     SIGMAS,
     constant,
     drive,
-    quiet,
+    noiseless,
     ramp,
     rows,
     wheel_loads,
@@ -56,7 +56,9 @@ def test_a_seed_draws_the_same_whatever_else_is_drawn() -> None:
     together, alone = flat(drawn(range(5), **ALL)), flat(drawn([3], **ALL))
     np.testing.assert_array_equal(together[3:4], alone)
     assert not (together[0] == together[1]).any()
-    pair = flat(RobotVariation.draw(rows([with_settings(randomization=ALL)] * 2, [3, 3], places=2)))
+    pair = flat(
+        RobotVariation.draw(rows([with_settings(randomization=ALL)] * 2, [3, 3], per_world=2))
+    )
     np.testing.assert_array_equal(pair[0], alone[0])
     assert not (pair[0] == pair[1]).any()
     wider = drawn([3], **{**ALL, "wheel_friction_std": 0.2})
@@ -126,7 +128,7 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
         "wheels": {"model": model},
     }
     plant = plant_of(
-        [quiet(randomization={"max_wear_m": wear}, **free) for wear in (0.0, 0.0, 1e-3, 1e-3)],
+        [noiseless(randomization={"max_wear_m": wear}, **free) for wear in (0.0, 0.0, 1e-3, 1e-3)],
         seeds=[0, 0, 1, 2],
     )
     commands = ramp([[0.5, 0, 0], [0, 0.5, 0]] * 2, 1.0, 40)
@@ -150,7 +152,7 @@ def test_worn_wheels_roll_at_their_own_radius_and_stand_as_new_ones(model: str) 
         radius[2:] - radius[:2], -plant.variation.wear[2:], atol=5e-4 * 0.0285
     )
     standing = plant_of(
-        [quiet(randomization={"max_wear_m": wear}, **free) for wear in (0.0, 1e-3)],
+        [noiseless(randomization={"max_wear_m": wear}, **free) for wear in (0.0, 1e-3)],
         [[0, 0, 0]] * 2,
         [0, 1],
     )
@@ -166,7 +168,7 @@ def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
     base = {"firmware": {"kp": 0.4, "turn_rate_gain": 0.0}, "drivetrain": NO_DRAG["drivetrain"]}
     carpet = {"friction": mu, "rolling_resistance": 0.0}
     chosen = [
-        quiet(carpet=carpet, randomization={"wheel_friction_std": each}, **base)
+        noiseless(carpet=carpet, randomization={"wheel_friction_std": each}, **base)
         for each in (0.0, *[share] * 4)
     ]
     plant = plant_of(chosen, seeds=range(5))
@@ -195,7 +197,7 @@ def test_a_wheel_that_slides_pulls_by_its_own_friction() -> None:
 def test_mass_and_centre_are_carried_by_the_wheels() -> None:
     """The loads' sum is the weight, their middle the centre of mass, which the wheels dilute."""
     plant = plant_of(
-        [quiet(randomization={"mass_std": 0.1, "com_offset_std_m": 0.005})] * 4, seeds=range(4)
+        [noiseless(randomization={"mass_std": 0.1, "com_offset_std_m": 0.005})] * 4, seeds=range(4)
     )
     drive(plant, constant([0, 0, 0], 60, 4))
     load, body = wheel_loads(plant), Settings().body
@@ -221,7 +223,7 @@ def test_mass_and_centre_are_carried_by_the_wheels() -> None:
 def test_a_robot_on_a_patch_slides_as_on_carpet_of_its_friction_and_brakes_at_its_edge() -> None:
     edge = 0.15  # of a patch so large that it is straight
     chosen = [
-        quiet(carpet=carpet, firmware={"kp": 0.4})
+        noiseless(carpet=carpet, firmware={"kp": 0.4})
         for carpet in (
             {"friction": 0.2},
             {"friction": 0.8, "patches": [[0, 0, 5.0, 0.2]]},

@@ -1,4 +1,4 @@
-"""Firmware: kinematics, the loops' law, heading, time-out, slow loops, derating, restart."""
+"""Firmware: kinematics, wheel loops, heading, timeout, slow loops, derating, restart."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ def settings(**firmware: Any) -> Settings:
     return Settings(firmware=PURE | firmware)
 
 
-def wanted(x: float, y: float, turn: float = 0.0) -> NDArray:
+def desired_speeds(x: float, y: float, turn: float = 0.0) -> NDArray:
     """Wheel speeds of equation 3, rad/s."""
     return (TANGENTS @ [x, y] + Settings().wheels.arm_m * turn) / RADIUS_M
 
@@ -27,91 +27,93 @@ def duties(speeds: NDArray, gain: float) -> NDArray:
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, -2.5])
-def test_wheels_at_rest_get_the_gains_share_of_what_equation_3_asks(heading: float) -> None:
-    """Velocities of the world are turned by the heading, those of the robot are not."""
+def test_duties_of_wheels_at_rest_are_the_gain_times_the_speeds_of_equation_3(
+    heading: float,
+) -> None:
+    """Velocities in the world frame are rotated by the heading, those in the body frame are not."""
     firmware = Firmware([settings()], heading)
-    firmware.hear(x=0.4, y=-0.2, turn=1.5)
+    firmware.accept(x=0.4, y=-0.2, turn=1.5)
     c, s = np.cos(heading), np.sin(heading)
-    expected = duties(wanted(c * 0.4 - s * 0.2, -s * 0.4 - c * 0.2, 1.5), 0.1)
+    expected = duties(desired_speeds(c * 0.4 - s * 0.2, -s * 0.4 - c * 0.2, 1.5), 0.1)
     np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], expected)
-    firmware.hear(x=0.4, y=-0.2, in_body_frame=np.array([True]))
-    np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], duties(wanted(0.4, -0.2), 0.1))
-    firmware.hear(wheel_speeds=np.full((4, 1), 7.0))
+    firmware.accept(x=0.4, y=-0.2, in_body_frame=np.array([True]))
+    np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], duties(desired_speeds(0.4, -0.2), 0.1))
+    firmware.accept(wheel_speeds=np.full((4, 1), 7.0))
     np.testing.assert_allclose(firmware.run(0.0, 0.0)[:, 0], duties(np.full(4, 7.0), 0.1))
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, -2.5])
-def test_a_robot_that_is_put_down_drives_by_its_new_heading_at_once(heading: float) -> None:
-    """As one that was switched on there, not only from the next frame on."""
-    moved, there = Firmware([settings()], 2.0), Firmware([settings()], heading)
-    moved.hear()
-    moved.run(0.0, 0.0)
-    moved.put_down(heading)
-    for firmware in (moved, there):
-        firmware.hear(x=0.4, y=-0.2)
-    np.testing.assert_allclose(moved.run(0.0, 0.0), there.run(0.0, 0.0), atol=1e-12)
+def test_a_new_heading_applies_at_once(heading: float) -> None:
+    """As in a robot that was switched on with it, and not only from the next frame on."""
+    corrected, reference = Firmware([settings()], 2.0), Firmware([settings()], heading)
+    corrected.accept()
+    corrected.run(0.0, 0.0)
+    corrected.set_heading(heading)
+    for firmware in (corrected, reference):
+        firmware.accept(x=0.4, y=-0.2)
+    np.testing.assert_allclose(corrected.run(0.0, 0.0), reference.run(0.0, 0.0), atol=1e-12)
 
 
-def test_a_pid_loop_sums_integrates_and_differentiates_and_does_not_wind_up() -> None:
+def test_the_wheel_loop_is_a_pid_with_anti_windup() -> None:
     period = 1 / 960
     firmware = Firmware([settings(ki=4.0, kd=2e-4)])
-    firmware.hear(x=0.3)
-    errors, speeds = wanted(0.3, 0.0), []
+    firmware.accept(x=0.3)
+    errors, speeds = desired_speeds(0.3, 0.0), []
     for cycle in range(1, 6):
         slope = 2e-4 * errors / period if cycle == 1 else 0.0
         volts = 0.1 * errors + 4.0 * errors * cycle * period + slope
         speeds.append(firmware.run(0.0, 0.0)[:, 0])
         np.testing.assert_allclose(speeds[-1], duties(volts, 1.0))
     saturated = Firmware([settings(ki=50.0)])
-    saturated.hear(x=500.0)
+    saturated.accept(x=500.0)
     for _ in range(100):
         saturated.run(0.0, 0.0)
-    saturated.hear(x=0.0)
+    saturated.accept(x=0.0)
     assert np.abs(saturated.run(0.0, 0.0)).max() == 0, (
-        "nothing was integrated while the voltage was at its limit"
+        "the integral is frozen while the voltage is at its limit"
     )
 
 
-def test_encoders_count_whole_steps() -> None:
+def test_encoders_round_down_to_counts() -> None:
     counts = Settings().sensors.encoder_counts * Settings().motor.gear_ratio / (2 * np.pi)
     firmware = Firmware([settings()])
     firmware.run(0.0, 0.0)
     assert np.abs(firmware.run(0.0, 0.9 / counts)).max() == 0
-    turned = firmware.run(0.0, 3.5 / counts)
-    np.testing.assert_allclose(turned[:, 0], duties(np.full(4, -3 / counts * 960), 0.1))
+    duty = firmware.run(0.0, 3.5 / counts)
+    np.testing.assert_allclose(duty[:, 0], duties(np.full(4, -3 / counts * 960), 0.1))
 
 
-def test_slow_loops_run_in_every_kth_cycle_and_hold_in_between() -> None:
+def test_slow_loops_run_in_every_kth_cycle_and_hold_duties_in_between() -> None:
     firmware = Firmware([settings(rate_hz=240), settings()])
-    firmware.hear(x=0.3)
-    held = []
+    firmware.accept(x=0.3)
+    duties_by_cycle = []
     for cycle in range(12):
         if cycle == 5:
-            firmware.hear(x=0.6)
-        held.append(firmware.run(0.0, 0.0))
-    slow, fast = np.array(held)[:, 0].T
+            firmware.accept(x=0.6)
+        duties_by_cycle.append(firmware.run(0.0, 0.0))
+    slow, fast = np.array(duties_by_cycle)[:, 0].T
     assert (slow == np.where(np.arange(12) < 8, slow[0], 2 * slow[0])).all()
     assert (fast == np.where(np.arange(12) < 5, fast[0], 2 * fast[0])).all()
 
 
-def test_a_robot_that_hears_nothing_new_stands_until_it_does() -> None:
+def test_a_robot_without_new_commands_halts_until_it_gets_one() -> None:
     firmware = Firmware([settings(timeout_s=0.1)])
-    firmware.hear(x=0.3)
+    firmware.accept(x=0.3)
     moves = [np.abs(firmware.run(0.0, 0.0)).max() > 0 for _ in range(120)]
     assert moves == [True] * 96 + [False] * 24
-    firmware.hear(x=0.3, is_new=np.array([False]))
+    firmware.accept(x=0.3, is_new=np.array([False]))
     assert not firmware.run(0.0, 0.0).any()
-    firmware.hear(x=0.3)
+    firmware.accept(x=0.3)
     assert firmware.run(0.0, 0.0).any()
 
 
-def test_the_heading_is_the_gyros_integral_put_right_by_vision_as_it_was_when_sent() -> None:
-    """A late heading is compared with what was held then; constant bias is learned."""
+def test_the_heading_is_the_integral_of_the_gyro_corrected_by_delayed_vision() -> None:
+    """A heading of vision is compared with the estimate when it was sent; bias is estimated."""
     rate, bias, age = 1.0, 0.05, 7
     firmware, true = Firmware([settings()], 0.0), [0.0]
     for frame in range(1200):
-        late = max(frame - age, 0)
-        firmware.begin(true[late], frame - late)
+        sent_frame = max(frame - age, 0)
+        firmware.begin_frame(true[sent_frame], frame - sent_frame)
         for _ in range(CYCLES):
             firmware.run(rate + bias, 0.0)
         true.append(true[-1] + rate * FRAME_S)
@@ -122,16 +124,16 @@ def test_the_heading_is_the_gyros_integral_put_right_by_vision_as_it_was_when_se
     assert blind.heading[0] == pytest.approx(1.05)
 
 
-def test_the_turn_rate_loop_adds_its_gains_share_of_the_missing_rate() -> None:
+def test_the_turn_rate_loop_adds_its_gain_times_the_rate_error() -> None:
     firmware = Firmware([settings(turn_rate_gain=2.0)])
-    firmware.hear(turn=3.0)
-    expected = duties(wanted(0, 0, 3.0 + 2.0 * (3.0 - 1.0)), 0.1)
+    firmware.accept(turn=3.0)
+    expected = duties(desired_speeds(0, 0, 3.0 + 2.0 * (3.0 - 1.0)), 0.1)
     np.testing.assert_allclose(firmware.run(1.0, 0.0)[:, 0], expected)
 
 
-@pytest.mark.parametrize(("winding", "share"), [(100.0, np.inf), (120.0, 0.5), (130.0, 0.0)])
-def test_derating_leaves_less_current_the_closer_the_winding_is_to_its_limit(
-    winding: float, share: float
+@pytest.mark.parametrize(("winding", "fraction"), [(100.0, np.inf), (120.0, 0.5), (130.0, 0.0)])
+def test_derating_reduces_the_current_near_the_temperature_limit(
+    winding: float, fraction: float
 ) -> None:
     """Twice the nominal current 10 K below the limit of 125 degrees, none at it."""
     chosen = Settings(
@@ -139,24 +141,24 @@ def test_derating_leaves_less_current_the_closer_the_winding_is_to_its_limit(
     )
     firmware = Firmware([chosen])
     firmware.winding = np.full((4, 1), winding)
-    firmware.begin()
-    firmware.hear(x=2.0)
+    firmware.begin_frame()
+    firmware.accept(x=2.0)
     volts = firmware.run(0.0, 0.0)[:, 0] * chosen.firmware.nominal_voltage_v
-    most = share * 2 * chosen.motor.nominal_current_a * chosen.motor.resistance_ohm
-    np.testing.assert_allclose(np.abs(volts), min(most, chosen.firmware.nominal_voltage_v))
+    max_volts = fraction * 2 * chosen.motor.nominal_current_a * chosen.motor.resistance_ohm
+    np.testing.assert_allclose(np.abs(volts), min(max_volts, chosen.firmware.nominal_voltage_v))
 
 
-def test_a_processor_that_starts_again_stands_until_it_is_told_a_heading() -> None:
-    firmware = Firmware([settings()], 0.5, restarts=True)
-    firmware.hear(x=0.3)
-    for off, seen, moves in (
+def test_a_restarted_processor_halts_until_vision_sends_a_heading() -> None:
+    firmware = Firmware([settings()], 0.5, has_faults=True)
+    firmware.accept(x=0.3)
+    for off, vision_heading, moves in (
         (False, np.nan, True),
         (True, 1.0, False),
         (False, np.nan, False),
         (False, 2.0, False),
     ):
-        firmware.begin(seen, off=off)
+        firmware.begin_frame(vision_heading, off=off)
         assert firmware.run(0.0, 0.0).any() == moves
     assert firmware.heading[0] == pytest.approx(2.0)
-    firmware.hear(x=0.3)
+    firmware.accept(x=0.3)
     assert firmware.run(0.0, 0.0).any()

@@ -1,4 +1,4 @@
-"""A test bench for what a robot carries: its motors, battery, firmware and wheels, without a body."""
+"""Helpers to test firmware, motors, battery and carpet of a robot without a body."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,9 +14,9 @@ from omni_mj.robot import battery, carpet, firmware, firmware_state, motors, onb
 from omni_mj.robot.backends import JaxBackend
 from omni_mj.simulation.simulation import Simulation
 
-RPM = 30 / np.pi  # turns per minute in a rad/s
-# maxon's catalogue, EC 45 flat 50 W 24 V, as settings of `motor`; behind 60:18, with a quarter of
-# its friction dry.
+RPM = 30 / np.pi  # revolutions per minute per rad/s
+# maxon's catalogue, EC 45 flat 50 W 24 V, as settings of `motor`, with a gear of 60:18 and a
+# quarter of its friction dry
 SHEET = {
     "nominal_voltage_v": 24.0,
     "no_load_rpm": 6250.0,
@@ -31,38 +31,28 @@ SHEET = {
     "dry_friction_fraction": 0.25,
 }
 FRAME_S, CYCLES = 1 / 60, 16
-Carried = tuple[onboard.OnboardParameters, onboard.OnboardState]
 
 
-def carried(settings: list[Settings], heading: float = 0.0, restarts: bool = False) -> Carried:
-    """What robots carry, switched on at a heading."""
-    n, wheels = len(settings), settings[0].wheels.kinematics
-    magnet_factor = np.ones((len(wheels.azimuths), n))
-    return onboard.make_onboard(settings, wheels, np.full(n, heading), magnet_factor, 30, restarts)
-
-
-def command(
-    x: float = 0.0, y: float = 0.0, turn: float = 0.0, n: int = 1, **more: Any
+def make_command(
+    x: float = 0.0, y: float = 0.0, turn: float = 0.0, n: int = 1, **fields: Any
 ) -> firmware_state.FirmwareCommand:
-    """One command for all robots."""
-    values = [np.full(n, each) for each in (x, y, turn)]
-    return firmware_state.FirmwareCommand(*values, np.ones(n, bool))._replace(**more)
+    """Return one command for n robots, with other fields of `FirmwareCommand` by name."""
+    values = [np.full(n, value) for value in (x, y, turn)]
+    return firmware_state.FirmwareCommand(*values, np.ones(n, bool))._replace(**fields)
 
 
 class Firmware:
-    """Firmware of n robots, fed with a gyro and encoders; its duties are recorded."""
+    """Firmware of n robots, with the gyro and encoders as inputs."""
 
     def __init__(
-        self, settings: list[Settings], heading: float = 0.0, restarts: bool = False
+        self, settings: list[Settings], heading: float = 0.0, has_faults: bool = False
     ) -> None:
-        (self.p, state) = carried(settings, heading, restarts)
-        self._p, self._s, self.n, self.cycle, self.frame = (
-            self.p.firmware,
-            state.firmware,
-            len(settings),
-            0,
-            0,
-        )
+        self.n, self.cycle, self.frame = len(settings), 0, 0
+        wheels = settings[0].wheels.kinematics
+        magnet_factor = np.ones((len(wheels.azimuths), self.n))
+        headings = np.full(self.n, heading)
+        p, state = onboard.make_onboard(settings, wheels, headings, magnet_factor, 30, has_faults)
+        self._p, self._s = p.firmware, state.firmware
         self.winding = state.motors.winding
 
     @property
@@ -70,25 +60,28 @@ class Firmware:
         """Estimated headings, (n,) rad."""
         return np.array(self._s.heading)
 
-    def hear(self, **values: Any) -> None:
-        """Accept a command."""
-        self._s = firmware.accept_command(self._p, self._s, self.cycle, command(n=self.n, **values))
+    def accept(self, **values: Any) -> None:
+        """Accept a command; arguments as for `make_command`."""
+        command = make_command(n=self.n, **values)
+        self._s = firmware.accept_command(self._p, self._s, self.cycle, command)
 
-    def put_down(self, heading: float) -> None:
-        """Tell all robots the heading at which somebody has put them down."""
+    def set_heading(self, heading: float) -> None:
+        """Set the headings of all robots."""
         self._s = firmware.set_heading(self._s, np.ones(self.n, bool), np.full(self.n, heading))
 
-    def begin(self, seen: ArrayLike = np.nan, age: int = 0, off: bool | None = None) -> None:
-        """Begin a frame in which vision's heading arrives, and processors may be off."""
-        deaf = np.zeros(self.n, bool)
+    def begin_frame(
+        self, vision_heading: ArrayLike = np.nan, age: int = 0, off: bool | None = None
+    ) -> None:
+        """Begin a frame with a heading of vision, and with processors on or off."""
+        ignores_commands = np.zeros(self.n, bool)
         if off is not None:
             angle = np.zeros_like(self._s.duty)
             self._s = firmware.switch_processors(
-                self._p, self._s, self.cycle, deaf, np.full(self.n, off), angle
+                self._p, self._s, self.cycle, ignores_commands, np.full(self.n, off), angle
             )
-        ages = np.full(self.n, age)
+        headings, ages = np.full(self.n, vision_heading), np.full(self.n, age)
         self._s = firmware.correct_heading(
-            self._p, self._s, self.frame, np.full(self.n, seen), ages, deaf
+            self._p, self._s, self.frame, headings, ages, ignores_commands
         )
         self._s = firmware.derate_motors(self._p, self._s, self.winding)
         self.frame += 1
@@ -106,7 +99,7 @@ class Firmware:
 def drive_motor(
     settings: Settings, voltage: float, speed: ArrayLike, winding: float = 25.0
 ) -> tuple[NDArray, NDArray]:
-    """Voltages and currents of one motor at speeds of its wheel."""
+    """Return voltages and currents of one motor at speeds of its wheel."""
     speeds = np.atleast_1d(np.asarray(speed, float))[None]
     p = motors.make_motor_parameters([settings] * speeds.size, np.ones_like(speeds))
     state = motors.make_motor_state(p, np.full_like(speeds, winding), np.full_like(speeds, 25.0))
@@ -115,18 +108,20 @@ def drive_motor(
 
 
 def heat_motor(settings: Settings, currents: NDArray, speeds: NDArray) -> tuple[NDArray, NDArray]:
-    """Temperatures of winding and housing after each frame of a constant current, A, and speed, rad/s."""
-    p = motors.make_motor_parameters([settings], np.ones((1, 1)))
-    one = np.ones((1, 1))
-    state = motors.make_motor_state(
-        p, settings.motor.winding_c * one, settings.motor.housing_c * one
-    )
-    result = []
+    """Return temperatures of winding and housing after each frame.
+
+    Currents, A, and speeds, rad/s, are constant in a frame.
+    """
+    ones = np.ones((1, 1))
+    p = motors.make_motor_parameters([settings], ones)
+    sheet = settings.motor
+    state = motors.make_motor_state(p, sheet.winding_c * ones, sheet.housing_c * ones)
+    temperatures = []
     for current, speed in zip(currents, speeds, strict=True):
         cycles = np.ones((CYCLES, 1, 1))
         state = motors.update_temperatures(p, state, current * cycles, speed * cycles)
-        result.append([state.winding[0, 0], state.housing[0, 0]])
-    winding, housing = np.array(result).T
+        temperatures.append([state.winding[0, 0], state.housing[0, 0]])
+    winding, housing = np.array(temperatures).T
     return winding, housing
 
 
@@ -137,43 +132,41 @@ class Battery:
         self._p, self.state = battery.make_battery([settings])
 
     def load(self, voltage: ArrayLike, current: ArrayLike) -> float:
-        """Load it with motors' voltages and currents (W,); return the current drawn, A."""
-        volts, amperes = (np.asarray(each, float)[:, None] for each in (voltage, current))
+        """Apply motor voltages and currents, (W,); return the battery's current, A."""
+        volts, amperes = (np.asarray(values, float)[:, None] for values in (voltage, current))
         source = battery.make_source(self._p, self.state, np.ones(1))
-        self.state, drawn = battery.apply_motor_load(self.state, source, volts, amperes)
-        return float(drawn[0])
+        self.state, current = battery.apply_motor_load(self.state, source, volts, amperes)
+        return float(current[0])
 
     def discharge(self, current: float, frames: int) -> None:
-        """Draw a current, A."""
+        """Discharge with a current, A."""
         for _ in range(frames):
             self.state = battery.discharge_battery(self._p, self.state, np.array([current]))
 
 
-def drag(
-    settings: list[Settings], velocity: ArrayLike, heading: float = 0.0, **more: Any
+def compute_drag(
+    settings: list[Settings], velocity: ArrayLike, heading: float = 0.0, **options: Any
 ) -> carpet.Drag:
-    """Drag of robots at the origin that go at a velocity (2,) in the world, with 1 N on each wheel.
+    """Return the drag of robots that translate.
 
     Args:
         settings: One per robot.
-        velocity: m/s.
+        velocity: World frame, (2,) m/s.
         heading: rad.
-        more: Fields of `CarpetParameters` to replace; `place`, `load` and `angle`.
+        options: `position`, (2,) m. Default: the origin. `load`, N per wheel. Default: 1. `angle`,
+            rad. Default: 0. Fields of `CarpetParameters` to replace.
     """
     n, wheels = len(settings), settings[0].wheels.kinematics
     shape = len(wheels.azimuths), n
-    place = np.asarray(more.pop("place", np.zeros(2)), float)
-    load = np.broadcast_to(more.pop("load", 1.0), shape).copy()
-    angle = np.broadcast_to(more.pop("angle", 0.0), shape).copy()
-    p = carpet.make_carpet_parameters(settings, wheels, np.ones(shape), np.zeros(shape))._replace(
-        **more
-    )
+    position = np.asarray(options.pop("position", np.zeros(2)), float)
+    load = np.broadcast_to(options.pop("load", 1.0), shape).copy()
+    angle = np.broadcast_to(options.pop("angle", 0.0), shape).copy()
+    p = carpet.make_carpet_parameters(settings, wheels, np.ones(shape), np.zeros(shape))
     x, y = np.asarray(velocity, float)
     c, s = np.cos(heading), np.sin(heading)
-    values = place[0], place[1], c, s, c * x + s * y, c * y - s * x, 0.0
-    return carpet.compute_drag(
-        p, carpet.ChassisMotion(*(np.full(n, value) for value in values)), load, angle
-    )
+    values = *position, c, s, c * x + s * y, c * y - s * x, 0.0
+    motion = carpet.ChassisMotion(*(np.full(n, value) for value in values))
+    return carpet.compute_drag(p._replace(**options), motion, load, angle)
 
 
 def uses_jax(simulation: Simulation) -> bool:
@@ -182,49 +175,44 @@ def uses_jax(simulation: Simulation) -> bool:
 
 
 class Motor:
-    """A motor by the rows of its sheet; commutation, dry and viscous friction are at its shaft.
+    """A motor by the rows of its data sheet.
 
-    Resistance and back-EMF of the nominal row leave a voltage for commutation; the no-load row's
-    torque is friction.
+    Commutation is the voltage of the nominal row less that of resistance and back-EMF. The torque
+    of the no-load row is friction.
     """
 
     def __init__(self, rows: Mapping[str, float]) -> None:
-        self.constant, self.resistance, self.gear_ratio = (
-            rows["torque_constant_nm_a"],
-            rows["resistance_ohm"],
-            rows["gear_ratio"],
-        )
+        self.constant, self.resistance = rows["torque_constant_nm_a"], rows["resistance_ohm"]
+        self.gear_ratio = rows["gear_ratio"]
         self.back_emf = self.constant * self.gear_ratio  # V s/rad of the wheel
         speed, current = rows["nominal_rpm"] / RPM, rows["nominal_current_a"]
-        left = rows["nominal_voltage_v"] - self.resistance * current - self.constant * speed
-        self._commutation = left / (current * speed)
-        lost = self.constant * rows["no_load_current_a"]
-        self._dry, self._viscous = (
-            np.array([rows["dry_friction_fraction"], 1 - rows["dry_friction_fraction"]]) * lost
-        )
-        self._viscous /= rows["no_load_rpm"] / RPM
+        drop = rows["nominal_voltage_v"] - self.resistance * current - self.constant * speed
+        self._commutation = drop / (current * speed)
+        torque, dry = self.constant * rows["no_load_current_a"], rows["dry_friction_fraction"]
+        self._dry = dry * torque
+        self._viscous = (1 - dry) * torque / (rows["no_load_rpm"] / RPM)
 
     def friction(self, wheel_speed: Any) -> Any:
-        """Torque of the motor's own friction at the wheel, N m."""
+        """Return the torque of the motor's friction at the wheel, N m."""
         return self.gear_ratio * (self._dry + self._viscous * self.gear_ratio * np.abs(wheel_speed))
 
-    def series(self, wheel_speed: Any) -> Any:
-        """Resistance with commutation's part, ohm."""
+    def series_resistance(self, wheel_speed: Any) -> Any:
+        """Return the resistance with that of commutation, ohm."""
         return self.resistance + self._commutation * self.gear_ratio * np.abs(wheel_speed)
 
-    def outer_loss(self, current: Any, wheel_speed: Any) -> Any:
-        """Heat of a housing, W: commutation's X |w| i^2, and the power of dry and viscous friction."""
-        drop = self.series(wheel_speed) - self.resistance
+    def housing_heat(self, current: Any, wheel_speed: Any) -> Any:
+        """Return the heat into the housing, W: X |w| I^2, and the power of friction."""
+        drop = self.series_resistance(wheel_speed) - self.resistance
         return drop * np.square(current) + self.friction(wheel_speed) * np.abs(wheel_speed)
 
 
-def sheet(**changes: float) -> MotorSettings:
-    """The motor of 24 V, with other values of some fields."""
+def motor_settings(**changes: float) -> MotorSettings:
+    """Return settings of the motor `SHEET`, with some fields replaced."""
     return MotorSettings(**SHEET | changes)
 
 
 MAXON = Motor(SHEET)
-ROBOTS = {
+ROBOT_MOTORS = {
     name: Motor(robot_files.read_robot_sections(name)["motor"]) for name in find_builtin_robots()
 }
-OWN = ROBOTS[robot_files.DEFAULT_ROBOT]
+DEFAULT_MOTOR = ROBOT_MOTORS[robot_files.DEFAULT_ROBOT]
