@@ -128,7 +128,7 @@ def test_faults_are_told_in_table_summary_report_and_recording(
         == 0
     )
     printed = capsys.readouterr().out
-    assert "largest error, cm" in printed
+    assert "largest error" in printed
     assert "radio-delay (delay_frames = 9), from 0.4 s on" in printed
     told = [event["text"] for event in strict(out / "summary.json")["scenarios"]["met"]["events"]]
     assert [each.split()[:2] for each in told if "vision" in each or "delay" in each] == [
