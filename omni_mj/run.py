@@ -4,4 +4,4 @@ from omni_mj.cli import console
 from omni_mj.cli.run import command
 
 if __name__ == "__main__":
-    console.program(command)
+    console.run_program(command)

@@ -1,4 +1,4 @@
-"""`omni-mj compare`: every controller on every scenario over many seeds, in one table."""
+"""`omni-mj compare`: run all controllers on all scenarios over many seeds."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +11,11 @@ from omni_mj.cli import console, options, output_folders
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome, Result
 
-OUTPUTS = ("summary.json", "compare.md", "compare.png", "compare.svg")
-KEPT = (
+OUTPUTS = (
+    "summary.json",
+    "compare.md",
+    "compare.png",
+    "compare.svg",
     "scenarios",
     "trajectories",
     "scenario.toml",
@@ -23,30 +26,44 @@ KEPT = (
 
 @click.command("compare")
 @click.option(
-    "--scenario", "names", metavar="NAME|FILE.toml", multiple=True,
-    help="May be repeated. [all that come with the program, but for hot-motors, fault-all and identify]",
-)  # fmt: skip
+    "--scenario",
+    "names",
+    metavar="NAME|FILE.toml",
+    multiple=True,
+    help="Scenario to run; may be repeated. Default: all built-in ones except hot-motors, "
+    "fault-all and identify.",
+)
 @options.CONTROLLER
 @options.PLANT
 @options.ROBOT
 @options.MODEL
 @click.option(
-    "--seeds", type=int, metavar="N", default=10, help="How many seeds, from the first on. [10]"
+    "--seeds",
+    type=int,
+    metavar="N",
+    default=10,
+    help="Number of seeds, counted up from the first. Default: 10.",
 )
 @click.option(
-    "--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]"
+    "--seed",
+    type=int,
+    metavar="N",
+    default=0,
+    help="First seed of the random numbers. Default: 0.",
 )
 @options.SUBJECT
 @options.SETTINGS
 @click.option(
-    "--trajectories", is_flag=True, help="Keep all frames: DIR/trajectories/<scenario>.parquet."
+    "--trajectories",
+    is_flag=True,
+    help="Save all frames as DIR/trajectories/<scenario>.parquet.",
 )
-@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/compare-<UTC time>]")
+@options.out_option("compare")
 @options.OVERWRITE
 @options.QUIET
-@options.choice
+@options.collect_scenario_options
 def command(
-    choice: options.Choice,
+    scenario_options: options.ScenarioOptions,
     names: tuple[str, ...],
     subject: str | None,
     trajectories: bool,
@@ -54,59 +71,71 @@ def command(
     overwrite: bool,
     quiet: bool,
 ) -> None:
-    """Compare controllers on many scenarios: errors, effort, time to settle, and whether differences are by chance.
+    """Compare controllers on many scenarios and seeds.
 
-    Without --controller all that are installed are compared.
+    Prints and saves position errors and settling times, and tests with --subject whether
+    differences are significant. Without --controller, all installed controllers are compared.
     """
     from omni_control.controllers import list_available_controllers
-    from omni_mj.files import write_text
     from omni_mj.studies import compare
     from omni_mj.studies.compare import compare_figure, compare_table
 
-    plant = choice.plant or "mujoco"
-    choice = replace(
-        choice, controllers=choice.controllers or list_available_controllers(), plant=plant
-    )
-    names = names or compare.default_scenarios(plant)
-    chosen = [choice.load(name) for name in names]
-    compare.check_scenarios(chosen, subject)
-    folder = output_folders.prepare(out, "compare", (*OUTPUTS, *KEPT), overwrite)
-
-    def save(result: "Result") -> None:
-        result.repeat_command = console.command_line()
-        result.save_summary(folder)
-        write_text(folder / "compare.md", compare_table.to_markdown(result.summary()))
-
+    plant = scenario_options.plant or "mujoco"
+    controllers = scenario_options.controllers or list_available_controllers()
+    scenario_options = replace(scenario_options, controllers=controllers, plant=plant)
+    scenarios = [
+        scenario_options.load_scenario(name) for name in names or compare.default_scenarios(plant)
+    ]
+    compare.check_scenarios(scenarios, subject)
+    folder = output_folders.prepare_folder(out, "compare", OUTPUTS, overwrite)
+    line = console.command_line()
     with (
-        console.writing(folder),
+        console.report_write_errors(folder),
         console.Interrupts() as interrupts,
-        console.progress(quiet) as begin,
+        console.show_progress(quiet) as start_progress,
     ):
-        output_folders.begin_record(folder, "compare", console.command_line(), chosen, trajectories)
+        output_folders.write_initial_files(folder, "compare", line, scenarios, trajectories)
 
-        def after(result: "Result", outcome: "Outcome") -> None:
-            save(result)
+        def after_scenario(result: "Result", outcome: "Outcome") -> None:
+            _save_tables(result, folder)
             result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
 
-        seeds = chosen[0].seed_list
         result = compare.compare(
-            chosen, choice.controllers, seeds, subject,
-            start_progress=lambda *what: console.checked(interrupts.check, begin(*what)), after_scenario=after,
-        )  # fmt: skip
-    with console.writing(folder):
-        save(result)
+            scenarios,
+            controllers,
+            scenarios[0].seed_list,
+            subject,
+            start_progress=lambda title, n_frames: console.make_frame_callback(
+                interrupts.check, start_progress(title, n_frames)
+            ),
+            after_scenario=after_scenario,
+        )
+    with console.report_write_errors(folder):
+        _save_tables(result, folder)
         summary = result.summary()
         compare_figure.save_comparison_figure(summary, folder / "compare")
     if not quiet:
+        console.print_summary_sentence(summary)
         compare_table.print_comparison(summary)
-        print(f"{console.results(folder, (*OUTPUTS, *KEPT))} after {result.wall_s:.0f} s")
-    status = [outcome.entry["status"] for outcome in result.outcomes]
-    interrupts.end(
-        result.stopped, f"{status.count('done')} of {len(chosen)} scenarios are in {folder}"
+        print(f"{console.describe_outputs(folder, OUTPUTS)} after {result.wall_s:.0f} s")
+    entries = {outcome.scenario.name: outcome.entry for outcome in result.outcomes}
+    n_done = [entry["status"] for entry in entries.values()].count("done")
+    interrupts.exit_if_stopped(
+        result.stopped, f"{n_done} of {len(scenarios)} scenarios are in {folder}"
     )
     errors = [
-        f"{o.scenario.name}: {o.entry['reason']}"
-        for o in result.outcomes
-        if o.entry["status"] == "failed"
+        f"{name}: {entry['reason']}"
+        for name, entry in entries.items()
+        if entry["status"] == "failed"
     ]
-    console.fail_rows(result.outcomes, errors)
+    console.exit_if_failed(result.outcomes, errors)
+
+
+def _save_tables(result: "Result", folder: Path) -> None:
+    """Write summary.json and compare.md."""
+    from omni_mj.files import write_text
+    from omni_mj.studies.compare import compare_table
+
+    result.repeat_command = console.command_line()
+    result.save_summary(folder)
+    write_text(folder / "compare.md", compare_table.to_markdown(result.summary()))

@@ -1,10 +1,11 @@
-"""What a user sees on the terminal: errors in a line each, progress."""
+"""Terminal output of the commands: errors of one line each, progress bars, signals, exit codes."""
 
 import io
 import os
 import shlex
 import signal
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,90 +18,93 @@ from omni_control.errors import OmniError, to_printable
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome, Result
 
-BAD_INPUT, FAILED = 2, 1
-ENDED = {  # what a signal did, in words
+BAD_INPUT, FAILED = 2, 1  # exit codes
+SIGNAL_REASONS = {  # signal -> why the command stopped
     signal.SIGINT: "interrupted",
     signal.SIGTERM: "terminated",
-    signal.SIGHUP: "left by its terminal",
+    signal.SIGHUP: "stopped by its closed terminal",
 }
-EVENTS_SHOWN = 5
-MESSAGE = 4000  # characters of a line, at most
+MAX_EVENTS = 5
+MAX_MESSAGE_LENGTH = 4000
 
 
-def program(command: click.Command) -> NoReturn:
-    """Run a click command by what was typed, as a program of its own, and exit; see `invoke`."""
-    words = sys.argv[1:]
-    sys.stdout, sys.stderr = (
-        stream or io.StringIO() for stream in (sys.stdout, sys.stderr)
-    )  # closed ones
-    if "film" not in words:  # nothing else draws by MuJoCo, which looks for libraries of windows
+def run_program(command: click.Command) -> NoReturn:
+    """Run a click command with the arguments of this process, and exit. See `run_command`."""
+    arguments = sys.argv[1:]
+    # Closed streams are None. Output to them is discarded.
+    sys.stdout, sys.stderr = (stream or io.StringIO() for stream in (sys.stdout, sys.stderr))
+    if "film" not in arguments:  # only film renders with MuJoCo, which would load window libraries
         os.environ.setdefault("MUJOCO_GL", "disable")
-    invoke(command, words)
+    run_command(command, arguments)
 
 
-def invoke(command: click.Command, words: list[str]) -> NoReturn:
+def run_command(command: click.Command, arguments: list[str]) -> NoReturn:
     """Run a click command and exit.
 
-    The code is 0 on success, 2 for bad input, 1 for a failure; each error is a line on stderr.
+    The exit code is 0 on success, 2 for wrong input and 1 for a failure. Errors are printed as one
+    line each on stderr.
     """
     name = "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
-    line = f"{name} {shlex.join(words)}"
+    line = f"{name} {shlex.join(arguments)}"
     try:
         line.encode()
-        code = command.main(args=words, prog_name=name, standalone_mode=False, obj=line)
+        code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=line)
         print(end="", flush=True)
     except click.exceptions.Abort:
-        fail("interrupted", 130)
+        exit_with_error("interrupted", 130)
     except OmniError as error:
-        fail(str(error), BAD_INPUT)
+        exit_with_error(str(error), BAD_INPUT)
     except click.ClickException as error:
         context = getattr(error, "ctx", None)
         message = " ".join(error.format_message().split())
         hint = "" if context is None else f"; see {context.command_path} --help"
-        fail(message.rstrip(".") + hint, BAD_INPUT)
-    except BrokenPipeError:  # the reader of the output has gone, as `head` does
+        exit_with_error(message.rstrip(".") + hint, BAD_INPUT)
+    except BrokenPipeError:  # the reader of the output ended, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(FAILED)
     except OSError as error:
-        fail(f"{error.filename or 'standard output'}: {error.strerror or error}", FAILED)
+        file = error.filename or "standard output"
+        exit_with_error(f"{file}: {error.strerror or error}", FAILED)
     except UnicodeError:
-        fail("names of files and all other words must be UTF-8", BAD_INPUT)
+        exit_with_error("file names and all other arguments must be UTF-8", BAD_INPUT)
     except (MemoryError, ImportError) as error:
-        fail(f"too little memory, or a library cannot be loaded: {error}", FAILED)
+        exit_with_error(f"too little memory, or a library cannot be loaded: {error}", FAILED)
     sys.exit(code if isinstance(code, int) else 0)
 
 
 def command_line() -> str | None:
-    """The command that goes on, as it was given; None outside of any."""
+    """Return the command line of the running command, or None outside of a command."""
     context = click.get_current_context(silent=True)
     return None if context is None else context.obj
 
 
-def fail(message: str, code: int) -> NoReturn:
-    """Print each line of a message as an error on stderr and exit with `code`."""
+def exit_with_error(message: str, code: int) -> NoReturn:
+    """Print each line of a message as an error on stderr, and exit with `code`."""
     for line in message.split("\n"):
-        click.echo(f"error: {to_printable(line, MESSAGE)}", err=True)
+        click.echo(f"error: {to_printable(line, MAX_MESSAGE_LENGTH)}", err=True)
     sys.exit(code)
 
 
-def fail_rows(outcomes: Sequence["Outcome"], errors: Iterable[str] = ()) -> None:
-    """End the program if anything failed, with a line for each; rows of which the same is to be said share one.
+def exit_if_failed(outcomes: Sequence["Outcome"], errors: Iterable[str] = ()) -> None:
+    """Exit with an error if a row failed or there are other errors. Equal lines are printed once.
 
     Args:
-        outcomes: of scenarios, in some of which rows were stopped.
-        errors: what else went wrong.
+        outcomes: Outcomes of all scenarios.
+        errors: Other errors, a line each.
     """
     several = len(outcomes) > 1
-    lines = [
-        f"{o.scenario.name}: " * several + str(failure) for o in outcomes for failure in o.failures
+    failures = [
+        f"{outcome.scenario.name}: " * several + str(failure)
+        for outcome in outcomes
+        for failure in outcome.failures
     ]
-    lines = [" ".join(line.split()) for line in (*lines, *errors)]
+    lines = [" ".join(line.split()) for line in (*failures, *errors)]
     if lines:
-        fail("\n".join(dict.fromkeys(lines)), FAILED)
+        exit_with_error("\n".join(dict.fromkeys(lines)), FAILED)
 
 
 def quiet_mujoco() -> None:
-    """Keep MuJoCo, if it is used at all, from printing warnings; those that matter are a row's failure."""
+    """Turn off MuJoCo's warnings, if it is loaded. Relevant ones are reported as failures of rows."""
     if "mujoco" in sys.modules:
         import mujoco
 
@@ -109,8 +113,15 @@ def quiet_mujoco() -> None:
         log.set()
 
 
-def checked(check: Callable[[], None], show: Callable[[int], None]) -> Callable[[int], None]:
-    """What to call with each frame's number: it checks whether to stop, and shows how far it is."""
+def make_frame_callback(
+    check: Callable[[], None], show: Callable[[int], None]
+) -> Callable[[int], None]:
+    """Return a function to call after each frame, with its number.
+
+    Args:
+        check: Raises an exception if the run is to stop.
+        show: Shows the progress, given the frame's number.
+    """
 
     def after_frame(frame: int) -> None:
         check()
@@ -121,24 +132,34 @@ def checked(check: Callable[[], None], show: Callable[[int], None]) -> Callable[
     return after_frame
 
 
-def tell(result: "Result", folder: Path, outputs: Iterable[str]) -> None:
-    """Print a study's table, and which of its outputs are in the folder."""
+def print_summary_sentence(summary: Mapping[str, Any]) -> None:
+    """Print which controller was best, by how much, and why."""
+    from omni_mj.results.result_tables import TERMINAL_WIDTH
+    from omni_mj.results.summary_sentence import summary_sentence
+
+    if sentence := summary_sentence(summary):
+        print(textwrap.fill(sentence, TERMINAL_WIDTH), end="\n\n")
+
+
+def print_result(result: "Result", folder: Path, outputs: Iterable[str]) -> None:
+    """Print the table of a study, and the outputs that are in its folder."""
     print(result.table())
-    print(f"{results(folder, outputs)} after {result.wall_s:.0f} s")
+    print(f"{describe_outputs(folder, outputs)} after {result.wall_s:.0f} s")
 
 
-def results(folder: Path, outputs: Iterable[str]) -> str:
-    """Where results are, and which of the outputs."""
-    return f"results in {folder}/ ({', '.join(output for output in outputs if (folder / output).exists())})"
+def describe_outputs(folder: Path, outputs: Iterable[str]) -> str:
+    """Return which of the outputs are in a folder, as a line for the terminal."""
+    names = ", ".join(output for output in outputs if (folder / output).exists())
+    return f"results in {folder}/ ({names})"
 
 
 @contextmanager
-def progress(quiet: bool) -> Iterator[Callable[[str, int], Callable[[int], None]]]:
+def show_progress(quiet: bool) -> Iterator[Callable[[str, int], Callable[[int], None]]]:
     """Show progress bars on stderr.
 
     Yields:
-        A function that begins a bar, given its title and the number of frames; it returns a
-        function that is called with each frame's number.
+        A function that starts a bar, given its title and the number of frames. It returns a
+            function to call with each frame's number.
     """
     from rich.console import Console
     from rich.progress import Progress
@@ -146,77 +167,83 @@ def progress(quiet: bool) -> Iterator[Callable[[str, int], Callable[[int], None]
     is_hidden = quiet or not sys.stderr.isatty()
     with Progress(console=Console(stderr=True), transient=True, disable=is_hidden) as display:
 
-        def begin(title: str, total: int) -> Callable[[int], None]:
-            for before in display.task_ids:
-                display.remove_task(before)
+        def start_progress(title: str, total: int) -> Callable[[int], None]:
+            for finished_task in display.task_ids:
+                display.remove_task(finished_task)
             task = display.add_task(title, total=total)
             return lambda frame: display.update(task, completed=frame + 1)
 
-        yield begin
+        yield start_progress
 
 
 @contextmanager
-def writing(folder: Path) -> Iterator[None]:
-    """Within it, Ctrl-C and files that cannot be written to `folder` end the program with one line that says so."""
-    left = "what could be written until then is"
+def report_write_errors(folder: Path) -> Iterator[None]:
+    """Exit with one line if the block is interrupted, or cannot write to a folder."""
     try:
         yield
     except KeyboardInterrupt:
-        fail(f"{ENDED[signal.SIGINT]}; {left} in {folder}", 128 + signal.SIGINT)
+        reason = SIGNAL_REASONS[signal.SIGINT]
+        exit_with_error(f"{reason}; the results so far are in {folder}", 128 + signal.SIGINT)
     except OSError as error:
-        fail(f"cannot write to {folder}: {error.strerror or error}; {left} there", FAILED)
+        reason = error.strerror or str(error)
+        exit_with_error(f"cannot write to {folder}: {reason}; the results so far are there", FAILED)
 
 
 def print_events(entry: Mapping[str, Any]) -> None:
-    """Print the first events of a summary's entry, but for faults, which have a table, and rows that failed."""
+    """Print the first events of a scenario, except faults and failures, which are shown elsewhere.
+
+    Args:
+        entry: Entry of the scenario in a summary.
+    """
     events = [event for event in entry["events"] if event["kind"] not in ("stopped", "fault")]
-    for event in events[:EVENTS_SHOWN]:
-        print(
-            f"note: {event['time_s']:.2f} s, {event['controller']}, seed {event['seed']}: {event['text']}"
-        )
-    if (more := len(events) - EVENTS_SHOWN) > 0:
-        print(f"note: {more} more events are in summary.json")
+    for event in events[:MAX_EVENTS]:
+        source = f"{event['controller']}, seed {event['seed']}"
+        print(f"note: {event['time_s']:.2f} s, {source}: {event['text']}")
+    if (n_more := len(events) - MAX_EVENTS) > 0:
+        print(f"note: {n_more} more events are in summary.json")
 
 
 class Interrupts:
-    """Signals as a request that is granted at the next good moment, so that no file is cut off.
+    """Signals that stop a command between two frames, so that no file is cut off.
 
-    While entered, it remembers the first signal of `ENDED`, unless it is ignored as in a background
-    job. A second one ends the program at once, but for that of a terminal that closes: shell and
-    system may each send it.
+    While it is entered, it stores the first signal of `SIGNAL_REASONS` that arrives. Signals that
+    are ignored, as in a background job, stay ignored. A second signal ends the program at once,
+    except SIGHUP, which both the shell and the system may send when a terminal closes.
     """
 
     def __init__(self) -> None:
         self._received: int = 0
-        self._before: dict[int, Any] = {}
+        self._old_handlers: dict[int, Any] = {}
 
     def check(self) -> None:
-        """Raise `StoppedError` if a signal has come."""
+        """Raise `StoppedError` if a signal has arrived."""
         from omni_mj.studies.study_runner import StoppedError
 
         if self._received:
-            raise StoppedError(ENDED[signal.Signals(self._received)])
+            raise StoppedError(SIGNAL_REASONS[signal.Signals(self._received)])
 
-    def end(self, stopped: str | None, left: str) -> None:
-        """End the program with the code of a signal, if one stopped what it did.
+    def exit_if_stopped(self, reason: str | None, message: str) -> None:
+        """Exit with the code of the signal if it stopped the run.
 
         Args:
-            stopped: The reason that a result gives, or None.
-            left: What is said of what there is.
+            reason: Why the result says that the run stopped, or None.
+            message: What is printed after the reason.
         """
-        if stopped:
-            fail(f"{stopped}; {left}", 128 + self._received)
+        if reason:
+            exit_with_error(f"{reason}; {message}", 128 + self._received)
 
     def __enter__(self) -> "Interrupts":
-        used = [number for number in ENDED if signal.getsignal(number) != signal.SIG_IGN]
-        self._before = {number: signal.signal(number, self._remember) for number in used}
+        numbers = [
+            number for number in SIGNAL_REASONS if signal.getsignal(number) != signal.SIG_IGN
+        ]
+        self._old_handlers = {number: signal.signal(number, self._store) for number in numbers}
         return self
 
     def __exit__(self, *error: object) -> None:
-        for number, handler in self._before.items():
+        for number, handler in self._old_handlers.items():
             signal.signal(number, handler)
 
-    def _remember(self, number: int, frame: object) -> None:
+    def _store(self, number: int, frame: object) -> None:
         self._received = number
         self.__exit__()
         if number == signal.SIGHUP:

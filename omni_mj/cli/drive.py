@@ -9,130 +9,171 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from omni_control.errors import OmniError
-from omni_mj.cli import console, options, output_folders
-from omni_mj.cli import run as run_command
+from omni_mj.cli import console, options, output_folders, run
 
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
     from omni_mj.live.frame_clock import FrameClock
     from omni_mj.live.session import ConnectionOptions
 
-CONTROLLER = "adaptive-comp-flc"
-ALPHAS = "assumed_alpha_forward", "assumed_alpha_sideways"  # zero: not known
-DURATION = click.FloatRange(min=0, max=1e5, min_open=True)
-OUTPUTS = (*run_command.OUTPUTS, "link.json")
+DEFAULT_CONTROLLER = "adaptive-comp-flc"
+# Settings of alpha in the section control. Zero means unknown.
+ALPHA_FIELDS = "assumed_alpha_forward", "assumed_alpha_sideways"
+OUTPUTS = (*run.OUTPUTS, "link.json")
 
 
-@click.command("drive", context_settings={"show_default": True})
+@click.command("drive")
 @options.SCENARIO
-@click.option("--controller", metavar="NAME|FILE.py:Class", default=CONTROLLER)
+@click.option(
+    "--controller",
+    metavar="NAME|FILE.py:Class",
+    default=DEFAULT_CONTROLLER,
+    help=f"Controller to run. Default: {DEFAULT_CONTROLLER}.",
+)
 @options.ROBOT
-@click.option("--team", "colour", type=click.Choice(["blue", "yellow"]), default="blue")
+@click.option(
+    "--team",
+    "colour",
+    type=click.Choice(["blue", "yellow"]),
+    default="blue",
+    help="Color of the robots. Default: blue.",
+)
 @click.option(
     "--id",
     "ids",
     type=click.IntRange(0, 255),
     multiple=True,
-    help="A robot's number; may be repeated. [lowest seen]",
-)
-@click.option("--vision", metavar="ADDRESS[:PORT]", default="224.5.23.2:10020")
-@click.option(
-    "--commands", metavar="HOST[:PORT]", help="[127.0.0.1:10301 for blue, 10302 for yellow]"
+    metavar="ID",
+    help="Number of a robot to drive; may be repeated. Default: the lowest that is detected.",
 )
 @click.option(
-    "--interface", metavar="ADDRESS", default="127.0.0.1", help="Own address on their net."
+    "--vision",
+    metavar="ADDRESS[:PORT]",
+    default="224.5.23.2:10020",
+    help="Multicast address of SSL-Vision. Default: 224.5.23.2:10020.",
 )
 @click.option(
-    "--rate",
+    "--commands",
+    metavar="HOST[:PORT]",
+    help="Where commands are sent. Default: 127.0.0.1:10301 for blue, :10302 for yellow.",
+)
+@click.option(
+    "--interface",
+    metavar="ADDRESS",
+    default="127.0.0.1",
+    help="Address of this computer in the robots' network. Default: 127.0.0.1.",
+)
+@click.option(
+    "--clock",
     "pace",
     type=click.Choice(["auto", "60", "vision"]),
     default="auto",
-    help="What gives ticks.",
+    help="What starts a control frame: this computer's clock at 60 Hz, or the images of a camera. "
+    "Default: auto, a camera if it sends 60 Hz.",
 )
 @click.option(
-    "--radio", metavar="FILE.py:Class", help="A radio of your own. [ssl-simulation-protocol]"
+    "--radio",
+    metavar="FILE.py:Class",
+    help="Radio of your own. Default: the ssl-simulation-protocol.",
 )
 @click.option(
     "--wait",
     "wait_s",
     type=click.FloatRange(0, 1e5),
     default=10.0,
-    help="How long vision is waited for, s.",
+    metavar="S",
+    help="Longest time to wait for vision, s. Default: 10.",
 )
 @click.option(
-    "--duration", "duration_s", type=DURATION, help="End after so many seconds. [the whole route]"
+    "--duration",
+    "duration_s",
+    type=click.FloatRange(min=0, max=1e5, min_open=True),
+    metavar="S",
+    help="Time after which the drive ends, s. Default: the end of the reference.",
 )
 @click.option(
-    "--pulse/--no-pulse", default=True, help="Measure dead time first: robots turn to and fro."
+    "--pulse/--no-pulse",
+    default=True,
+    help="Measure the dead time first, by turning the robots to and fro. Default: --pulse.",
 )
-@click.option("--dry-run", is_flag=True, help="Only listen: rates, cameras, robots, noise.")
+@click.option(
+    "--dry-run",
+    is_flag=True,
+    help="Listen only, and print the cameras, their rates and noise, and the robots.",
+)
 @options.SETTINGS
-@click.option(
-    "--out", type=options.FOLDER, metavar="DIR", help="[runs/drive-<scenario>-<UTC time>]"
-)
+@options.out_option("drive-<scenario>")
 @options.OVERWRITE
 @options.RECORD
 @options.VIEW
 @options.CONNECT
 @options.FIGURES
 @options.QUIET
-@options.outputs
+@options.collect_output_options
 def command(
     name: str | None,
     controller: str,
     robot: str | None,
     overrides: tuple[str, ...],
-    outputs: options.Outputs,
+    output_options: options.OutputOptions,
     quiet: bool,
     **values: Any,
 ) -> None:
     """Drive robots that SSL-Vision detects, and measure their latency and alpha."""
-    from omni_mj.config import scenario
-    from omni_mj.config.robot_files import DEFAULT_ROBOT
-    from omni_mj.config.toml_files import find_builtin_scenarios
     from omni_mj.live import session
     from omni_mj.studies.study_runner import StoppedError
 
     out, overwrite, dry_run = map(values.pop, ("out", "overwrite", "dry_run"))
     connection = session.ConnectionOptions(overrides=overrides, **values)
     if dry_run:
-        with _connected(
-            connection, "vision had not been listened to for long enough to say anything"
-        ) as (frame_clock, _):
+        with _connect(connection, "no measurements yet") as (frame_clock, _):
             with suppress(StoppedError):
                 frame_clock.listen_for(connection.duration_s or float("inf"))
             print("\n".join(frame_clock.vision.describe()))
         return
-    if name is None:
-        raise OmniError(
-            f"--scenario is missing; choose from {', '.join(find_builtin_scenarios())}, or a .toml file"
-        )
-    head = {"controllers": (controller,), "plant": "live", "seeds": 1} | (
-        {"robot": robot} if robot else {}
-    )
-    chosen = scenario.load_with_overrides(name, overrides, head)
-    if robot is None and chosen.robot == DEFAULT_ROBOT:  # nobody said which robot is out there
-        unknown = {
-            alpha: 0.0 for alpha in ALPHAS if not connection.is_overridden(f"control.{alpha}")
-        }
-        chosen = chosen.replace(settings=chosen.settings.replace(control=unknown))
-    session.check_drivable(chosen, connection)
-    viewers = run_command.viewers(outputs.view, outputs.connect)
-    folder = output_folders.prepare(out, f"drive-{chosen.name}", OUTPUTS, overwrite)
+    scenario = _load_scenario(run.require_scenario(name), controller, robot, connection)
+    session.check_drivable(scenario, connection)
+    targets: list[Path | str] = [*run.open_viewers(output_options)]
+    folder = output_folders.prepare_folder(out, f"drive-{scenario.name}", OUTPUTS, overwrite)
+    if output_options.record:
+        targets.append(folder / "recording.rrd")
     try:
-        with console.writing(folder):
-            _drive(chosen, connection, folder, outputs, viewers, quiet)
+        with console.report_write_errors(folder):
+            _drive(scenario, connection, folder, targets, output_options, quiet)
     finally:
-        if not any(folder.iterdir()):  # nobody was there to be driven
+        if not any(folder.iterdir()):  # no robot was found
             folder.rmdir()
 
 
+def _load_scenario(
+    name: str, controller: str, robot: str | None, connection: "ConnectionOptions"
+) -> "Scenario":
+    """Return the scenario to drive. Alpha counts as unknown if the user does not name the robot."""
+    from omni_mj.config import scenario
+    from omni_mj.config.robot_files import DEFAULT_ROBOT
+
+    head: dict[str, Any] = {"controllers": (controller,), "plant": "live", "seeds": 1}
+    if robot:
+        head["robot"] = robot
+    loaded = scenario.load_with_overrides(name, connection.overrides, head)
+    if robot is not None or loaded.robot != DEFAULT_ROBOT:
+        return loaded
+    unknown = {
+        field: 0.0 for field in ALPHA_FIELDS if not connection.is_overridden(f"control.{field}")
+    }
+    return loaded.replace(settings=loaded.settings.replace(control=unknown))
+
+
 @contextmanager
-def _connected(
-    connection: "ConnectionOptions", failure: str
+def _connect(
+    connection: "ConnectionOptions", stop_message: str
 ) -> Iterator[tuple["FrameClock", console.Interrupts]]:
-    """Listen to vision until the end of the block. A signal that ends it prints `failure`."""
+    """Listen to vision until the end of the block.
+
+    Args:
+        connection: Addresses and times.
+        stop_message: Printed if a signal stops the block.
+    """
     from omni_mj.live import session
     from omni_mj.live.sockets import MessageCounter
     from omni_mj.studies.study_runner import StoppedError
@@ -143,17 +184,18 @@ def _connected(
             with session.open_vision(connection, messages, interrupts.check) as frame_clock:
                 yield frame_clock, interrupts
         except StoppedError as stopped:
-            interrupts.end(stopped.reason, failure)
+            interrupts.exit_if_stopped(stopped.reason, stop_message)
 
 
 def _drive(
     scenario: "Scenario",
     connection: "ConnectionOptions",
     folder: Path,
-    outputs: options.Outputs,
-    viewers: list[str],
+    targets: list[Path | str],
+    output_options: options.OutputOptions,
     quiet: bool,
 ) -> None:
+    """Drive the robots, save the results and print them with the measured latency."""
     from omni_mj.files import write_text
     from omni_mj.live import latency_fit, session
 
@@ -161,20 +203,17 @@ def _drive(
         if not quiet:
             print(text, flush=True)
 
-    with _connected(connection, "the robots had not begun") as (frame_clock, interrupts):
+    with _connect(connection, "the robots had not started") as (frame_clock, interrupts):
         show("\n".join(frame_clock.vision.describe()))
         with session.prepare_drive(scenario, connection, frame_clock) as live:
-            clock = (
-                "this computer" if frame_clock.leader is None else f"camera {frame_clock.leader}"
-            )
-            show(f"robots {', '.join(map(str, live.ids))} at 60 frames a second of {clock}")
+            leader = frame_clock.leader
+            clock = "this computer's clock" if leader is None else f"camera {leader}"
+            show(f"robots {', '.join(map(str, live.ids))}; frames at 60 Hz from {clock}")
             gc.collect()
-            gc.freeze()  # a collection through everything imported would hold up robots
-            result = run_command.recorded(
-                live, folder, outputs.record, viewers, interrupts, quiet, "drive"
-            )
+            gc.freeze()  # collecting everything imported would delay the robots
+            result = run.run_and_save(live, folder, targets, interrupts, quiet, "drive")
     summary = latency_fit.summarize(live)
     write_text(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
-    run_command.shown(result, folder, outputs.draw, quiet)
+    run.show_result(result, folder, output_options, quiet)
     show("\n".join([*latency_fit.describe(summary), *frame_clock.vision.describe()]))
-    run_command.ended(result, folder, interrupts)
+    run.exit_unless_complete(result, folder, interrupts)

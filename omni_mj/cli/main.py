@@ -1,4 +1,4 @@
-"""The console script `omni-mj`: its commands, each imported when it is called; `run` may be left out."""
+"""The console script `omni-mj`: a group of commands, each imported when it is called."""
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
@@ -8,77 +8,76 @@ import click
 
 from omni_mj.cli import console
 
-SECTIONS = {  # heading -> command -> what it is for, at most what fits a line of 80
-    "Drive": {
-        "run": "drive a scenario with one or several controllers",
-        "compare": "who wins where: controllers on many scenarios, over seeds",
-        "sweep": "how often it fails, and where: settings and seeds",
-        "limit": "what is possible in a scenario, found by learning it",
-        "loop": "step responses of controllers, gain and phase margins",
-        "alpha": "how a robot follows commands: gain, lag and their causes",
-        "slip": "how robots slip, beside measured ones",
+SECTIONS = {  # heading -> command -> purpose; a line must fit 80 columns
+    "Simulate": {
+        "run": "run a scenario with one or several controllers",
+        "compare": "compare controllers on many scenarios and seeds",
+        "sweep": "vary settings and seeds; failure rates and errors",
+        "limit": "smallest possible error in a scenario, by learning",
+        "loop": "step responses, gain and phase margins of controllers",
+        "alpha": "response of a robot to commands: gain, lag, causes",
+        "slip": "wheel slip of robots, compared with measurements",
     },
     "Your robots and software": {
-        "identify": "the numbers of your robot, from its logs",
-        "serve": "a simulator of the league, for any team's software",
-        "drive": "other simulators' robots, or real ones",
-        "new": "a starter file: a scenario, controller or robot of yours",
+        "identify": "parameters of your robot, from its logs",
+        "serve": "simulate robots for any team's software",
+        "drive": "drive real robots, or those of another simulator",
+        "new": "starter file: a scenario, controller or robot",
     },
-    "What came of it": {
-        "report": "one page about a run, or several",
-        "film": "a run as a film: GIF or WebP",
-        "picture": "what the viewer shows of a recording",
-        "verify": "whether a run gives the same again, here",
+    "Results": {
+        "report": "HTML report about a run, or several",
+        "film": "film of a run: GIF or WebP",
+        "screenshot": "image of the viewer that shows a recording",
+        "verify": "repeat a run and compare bit for bit",
     },
-    "What there is": {
-        "list": "scenarios, controllers, plants, robots, settings",
+    "Reference": {
+        "list": "scenarios, controllers, plants, robots, settings, faults",
         "show": "a scenario, a robot or a controller in full",
-        "schema": "the JSON Schema of scenario files, for editors",
+        "schema": "JSON Schema of scenario files, for editors",
     },
 }
-COMMANDS = {name: what for commands in SECTIONS.values() for name, what in commands.items()}
+COMMANDS = {name: text for commands in SECTIONS.values() for name, text in commands.items()}
+MODULES = {  # module -> commands in it; every other command has a module of its name
+    "catalog_commands": ("list", "show", "schema", "new"),
+    "result_commands": ("report", "verify"),
+    "study_commands": ("alpha", "identify", "limit", "loop", "slip"),
+}
 EPILOG = """
 \b
-Examples, of which docs/reference/commands.md has more:
+Examples; docs/reference/commands.md has more:
 omni-mj run --scenario rect
     the paper's experiment, with figures, report and recording
 omni-mj run --scenario rect --controller comp-flc --controller mpc --view
-    two others, watched
+    two other controllers, shown live
 omni-mj run --scenario league --robot ubc-thunderbots --set carpet.friction=0.6
-    another robot and carpet
+    another robot on another carpet
 omni-mj compare --scenario rect --scenario league --seeds 3
-    all controllers, in a table
+    all controllers in one table
 omni-mj new controller mine
     write mine.py, a controller to change
 omni-mj run --scenario rect --controller comp-flc --controller mine.py:Mine
-    drive it beside another
+    run it next to another
 omni-mj list settings friction
-    what can be set, of which that word says something
+    all settings about friction
 
-omni-mj COMMAND --help tells what a command takes. docs/tutorials/tour.md is a tour of a quarter of an hour,
-docs/how-to/use-from-python.md tells how to do all this from Python.
+"omni-mj COMMAND --help" explains a command. Options alone mean "omni-mj run".
+docs/tutorials/tour.md is a tour of 15 minutes, docs/how-to/use-from-python.md
+shows how to do all this from Python.
 """
 
 
-SHARED = {
-    "show": "list",
-    "schema": "list",
-    "alpha": "study_commands",
-    "identify": "study_commands",
-    "limit": "study_commands",
-    "loop": "study_commands",
-    "slip": "study_commands",
-}  # commands that are in another's file
-
-
-class _Files(Mapping[str, click.Command]):
-    """The commands by name; looking one up imports its file, while names alone import nothing."""
+class _LazyCommands(Mapping[str, click.Command]):
+    """Commands by name. Looking one up imports its module; listing the names imports nothing."""
 
     def __getitem__(self, name: str) -> click.Command:
         if name not in COMMANDS:
             raise KeyError(name)
-        module = import_module(f"omni_mj.cli.{SHARED.get(name, name)}")
-        command: click.Command = getattr(module, name if name in SHARED else "command")
+        for module_name, names in MODULES.items():
+            if name in names:
+                module = import_module(f"omni_mj.cli.{module_name}")
+                shared: click.Command = getattr(module, f"{name}_command")
+                return shared
+        command: click.Command = import_module(f"omni_mj.cli.{name}").command
         return command
 
     def __iter__(self) -> Iterator[str]:
@@ -88,39 +87,42 @@ class _Files(Mapping[str, click.Command]):
         return len(COMMANDS)
 
 
-class _Commands(click.Group):
-    """A group in whose help commands have sections; options alone mean `run`: omni-mj --scenario rect."""
+class _CommandGroup(click.Group):
+    """A click group with headings in its help. Options without a command mean `run`."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Put `run` in front of options, ask for help if there is nothing; see `click.Group`."""
+        """Add `run` before options, and --help if there are no arguments; see `click.Group`."""
         args = args or ["--help"]
         if args[0].startswith("-") and args[0] not in (*ctx.help_option_names, "--version"):
             args = ["run", *args]
         return super().parse_args(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands by sections, without importing any; see `click.Group`."""
+        """Write the commands under their headings, without importing them; see `click.Group`."""
         widest = max(map(len, COMMANDS))
         for heading, commands in SECTIONS.items():
             with formatter.section(heading):
-                formatter.write_dl([(name.ljust(widest), what) for name, what in commands.items()])
+                formatter.write_dl([(name.ljust(widest), text) for name, text in commands.items()])
 
 
 @click.group(
-    cls=_Commands,
-    commands=_Files(),
+    cls=_CommandGroup,
+    commands=_LazyCommands(),
     epilog=EPILOG,
     options_metavar="",
     subcommand_metavar="COMMAND [OPTIONS]",
 )
 @click.version_option(None, "--version", package_name="omni-mj", message="omni-mj %(version)s")
 def cli() -> None:
-    """Motion control of RoboCup Small Size League robots on real physics: dead time, slip, motors that heat."""
+    """Simulate the motion control of RoboCup Small Size League robots.
+
+    Dead time, wheel slip, motor heat and battery are simulated physically.
+    """
 
 
 def main() -> NoReturn:
-    """Entry point of the console script."""
-    console.program(cli)
+    """Run the console script."""
+    console.run_program(cli)
 
 
 if __name__ == "__main__":

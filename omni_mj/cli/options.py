@@ -12,47 +12,95 @@ import click
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
 
+FOLDER = click.Path(path_type=Path)
 
-SCENARIO = click.option("--scenario", "name", metavar="NAME|FILE.toml", help="What to drive.")
+SCENARIO = click.option(
+    "--scenario",
+    "name",
+    metavar="NAME|FILE.toml",
+    help="Scenario to run: a name that omni-mj list scenarios prints, or a file.",
+)
 CONTROLLER = click.option(
-    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True,
-    help="What drives it; may be repeated. [the scenario's]",
-)  # fmt: skip
-PLANT = click.option("--plant", metavar="NAME|FILE.py:Class", help="What is driven. [mujoco]")
-SETTINGS = click.option(
-    "--set", "overrides", metavar="SECTION.FIELD=VALUE", multiple=True,
-    help="A setting, such as radio.delay_frames=9; may be repeated. See omni-mj list settings.",
-)  # fmt: skip
+    "--controller",
+    "controllers",
+    metavar="NAME|FILE.py:Class",
+    multiple=True,
+    help="Controller to run; may be repeated. Default: those of the scenario.",
+)
+PLANT = click.option(
+    "--plant",
+    metavar="NAME|FILE.py:Class",
+    help="Simulated plant: mujoco, planar, kinematic or your own. Default: that of the scenario.",
+)
+ROBOT = click.option(
+    "--robot",
+    metavar="NAME|FILE.toml",
+    help="Robot to simulate. Default: that of the scenario, usually tigers-v2016.",
+)
 MODEL = click.option(
-    "--model", metavar="FILE.xml",
-    help="Your robot's MJCF; the robot's file says the rest. [ours]",
-)  # fmt: skip
-ROBOT = click.option("--robot", metavar="NAME|FILE.toml", help="Which robot it is. [tigers-v2016]")
-RECORD = click.option(
-    "--record/--no-record", default=True, help="Write recording.rrd for the rerun viewer."
+    "--model",
+    metavar="FILE.xml",
+    help="MJCF model of your robot, in place of the built-in model.",
 )
-VIEW = click.option("--view", is_flag=True, help="Watch the run in a rerun viewer of its own.")
-CONNECT = click.option(
-    "--connect", metavar="URL", help="Watch the run in a rerun viewer that is running."
+SETTINGS = click.option(
+    "--set",
+    "overrides",
+    metavar="SECTION.FIELD=VALUE",
+    multiple=True,
+    help="Setting to change, such as radio.delay_frames=9; may be repeated. "
+    "omni-mj list settings prints all.",
 )
-FIGURES = click.option("--figures/--no-figures", "draw", default=True, help="Draw the figures.")
-SVG = click.option("--svg", is_flag=True, help="Draw the figures as SVG too.")
-SUBJECT = click.option("--subject", metavar="NAME", help="A controller whose verdict is asked for.")
+SEED = click.option(
+    "--seed",
+    type=int,
+    metavar="N",
+    help="First seed of the random numbers. Default: that of the scenario, usually 0.",
+)
+SEEDS = click.option(
+    "--seeds",
+    type=int,
+    metavar="N",
+    help="Number of seeds, counted up from the first. Default: that of the scenario, usually 1.",
+)
+SUBJECT = click.option(
+    "--subject", metavar="NAME", help="Controller to test against all others. Default: none."
+)
 ALLOW_CODE = click.option(
     "--allow-code",
     is_flag=True,
-    help="Run controllers and plants of your own that the scenario's file names.",
+    help="Allow the scenario's file to name Python files, which are then run.",
 )
+RECORD = click.option(
+    "--record/--no-record",
+    default=True,
+    help="Write recording.rrd for the rerun viewer. Default: --record.",
+)
+VIEW = click.option("--view", is_flag=True, help="Open a rerun viewer that shows the run live.")
+CONNECT = click.option(
+    "--connect", metavar="URL", help="Show the run live in a rerun viewer that is already open."
+)
+FIGURES = click.option(
+    "--figures/--no-figures",
+    "draw",
+    default=True,
+    help="Draw the figures. Default: --figures.",
+)
+SVG = click.option("--svg", is_flag=True, help="Save the figures as SVG too.")
 OVERWRITE = click.option(
     "--overwrite", is_flag=True, help="Replace the files of an earlier run in --out."
 )
-QUIET = click.option("--quiet", is_flag=True, help="Print nothing but errors.")
-FOLDER = click.Path(path_type=Path)
+QUIET = click.option("--quiet", is_flag=True, help="Print errors only.")
+
+
+def out_option(folder_name: str) -> Callable[[Any], Any]:
+    """Return the option --out of a command whose results go to runs/<folder_name> by default."""
+    text = f"Folder of the results. Default: runs/{folder_name}-<UTC time>."
+    return click.option("--out", type=FOLDER, metavar="DIR", help=text)
 
 
 @dataclass(frozen=True)
-class Choice:
-    """What a command line says of the scenario that it names; what it does not say is the scenario's."""
+class ScenarioOptions:
+    """Options that change a scenario. None and empty tuples leave it as it is."""
 
     controllers: tuple[str, ...] = ()
     plant: str | None = None
@@ -64,37 +112,35 @@ class Choice:
     allow_code: bool = False
 
     @property
-    def settings(self) -> tuple[str, ...]:
-        """What --set and --model say, as --set would."""
-        model = (
-            ()
-            if self.model is None
-            else (f"model.file={json.dumps(self.model, ensure_ascii=False)}",)
-        )
-        return (*self.overrides, *model)
+    def all_overrides(self) -> tuple[str, ...]:
+        """The values of --set, and that of --model as one more."""
+        if self.model is None:
+            return self.overrides
+        return (*self.overrides, f"model.file={json.dumps(self.model, ensure_ascii=False)}")
 
-    def load(self, name: str, *usual: str) -> "Scenario":
-        """The scenario of that name with what was chosen.
+    def load_scenario(self, name: str, *default_overrides: str) -> "Scenario":
+        """Return a scenario with these options.
 
         Args:
-            name: of a built-in scenario, or its file.
-            usual: settings of the command, before those of the user.
+            name: Name of a built-in scenario, or a file.
+            *default_overrides: Settings of the command. Those of the user take precedence.
 
         Raises:
-            OmniError: see `omni_mj.config.scenario.load_with_overrides`.
+            OmniError: See `omni_mj.config.scenario.load_with_overrides`.
         """
         from omni_mj.config import scenario
 
-        head = {key: getattr(self, key) for key in ("plant", "robot", "seed", "seeds")}
-        given = {key: value for key, value in head.items() if value is not None}
+        names = ("plant", "robot", "seed", "seeds")
+        head = {key: getattr(self, key) for key in names if getattr(self, key) is not None}
         if self.controllers:
-            given["controllers"] = self.controllers
-        return scenario.load_with_overrides(name, (*usual, *self.settings), given, self.allow_code)
+            head["controllers"] = self.controllers
+        overrides = (*default_overrides, *self.all_overrides)
+        return scenario.load_with_overrides(name, overrides, head, self.allow_code)
 
 
 @dataclass(frozen=True)
-class Outputs:
-    """What a run shows and leaves besides its numbers."""
+class OutputOptions:
+    """Options for what a run shows and saves in addition to its numbers."""
 
     record: bool = True
     view: bool = False
@@ -103,21 +149,27 @@ class Outputs:
     svg: bool = False
 
 
-def _packed(kind: type, name: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return a decorator that hands a command those of its options that are fields of a dataclass as one argument."""
+def collect_options(
+    options_class: type, argument: str
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator that passes options to a command as one dataclass.
+
+    Args:
+        options_class: Dataclass whose fields are names of options.
+        argument: Name of the command's argument that gets the instance.
+    """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
-        def with_packed(**given: Any) -> None:
-            own = {
-                field.name: given.pop(field.name) for field in fields(kind) if field.name in given
-            }
-            command(**given, **{name: kind(**own)})
+        def with_collected_options(**values: Any) -> None:
+            names = [field.name for field in fields(options_class) if field.name in values]
+            collected = options_class(**{name: values.pop(name) for name in names})
+            command(**values, **{argument: collected})
 
-        return with_packed
+        return with_collected_options
 
     return decorate
 
 
-choice = _packed(Choice, "choice")
-outputs = _packed(Outputs, "outputs")
+collect_scenario_options = collect_options(ScenarioOptions, "scenario_options")
+collect_output_options = collect_options(OutputOptions, "output_options")

@@ -1,4 +1,4 @@
-"""Folders for results: made when needed, and never overwritten unasked."""
+"""Output folders of commands: created when needed, and overwritten only on request."""
 
 import shutil
 from collections.abc import Iterable, Sequence
@@ -13,20 +13,20 @@ from omni_mj.files import read_json
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
 
-PROVENANCE = ("provenance.json", "sources")  # names given by `omni_mj.results.provenance`
+PROVENANCE = ("provenance.json", "sources")  # written by `omni_mj.results.provenance`
 
 
-def prepare(out: Path | None, name: str, outputs: Iterable[str], overwrite: bool) -> Path:
-    """Return a folder for results, made if need be.
+def prepare_folder(out: Path | None, name: str, outputs: Iterable[str], overwrite: bool) -> Path:
+    """Return a folder for results, and create it if needed.
 
     Args:
-        out: The folder, or None for a new one below runs/.
-        name: Name of what is run, for a new folder's name.
-        outputs: Files and folders of an earlier run, removed when overwriting; all else stays.
+        out: The folder, or None for a new one in runs/.
+        name: Name of the run, with which a new folder's name begins.
+        outputs: Files and folders of an earlier run that are removed if `overwrite` is set.
         overwrite: Whether the folder of an earlier run may be used again.
 
     Raises:
-        OmniError: The folder is not empty, no run left it, or it cannot be made.
+        OmniError: The folder is not empty, was not created by a run, or cannot be created.
     """
     base = f"{name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
     names = (f"{base}-{number}" if number else base for number in count())
@@ -35,47 +35,26 @@ def prepare(out: Path | None, name: str, outputs: Iterable[str], overwrite: bool
         if out and out.exists() and next(out.iterdir(), None):
             if not overwrite:
                 raise OmniError(
-                    f"--out {out} is not empty; give another folder, or --overwrite to replace the run in it"
+                    f"--out {out} is not empty; name another folder, or replace the run in it with "
+                    "--overwrite"
                 )
-            _clear(out, outputs)
+            _remove_outputs(out, outputs)
         folder.mkdir(parents=True, exist_ok=out is not None)
     except OSError as error:
         raise OmniError(
-            f"cannot use the folder {folder}: {error.strerror}; give another with --out"
+            f"cannot use the folder {folder}: {error.strerror}; name another with --out"
         ) from None
     return folder
 
 
-def _clear(out: Path, outputs: Iterable[str]) -> None:
-    """Remove what a run left in its folder.
-
-    Raises:
-        OmniError: No run left the folder.
-    """
-    try:
-        is_run = "study" in read_json(out / PROVENANCE[0])
-    except OmniError:
-        is_run = False
-    if not is_run:
-        raise OmniError(
-            f"--out {out} was not left by a run: it has no {PROVENANCE[0]} of one; --overwrite "
-            "replaces runs, and nothing else; give another folder"
-        )
-    for path in (out / output for output in outputs):
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
-
-
-def begin_record(
+def write_initial_files(
     folder: Path,
     study: str,
     command: str | None,
     scenarios: "Sequence[Scenario]",
     frames: bool = True,
 ) -> None:
-    """Write what is about to be run, and a summary of nothing done, which a killed run leaves.
+    """Write the provenance and a summary without results, which remain if the run is killed.
 
     Args and errors: see `omni_mj.results.provenance.save_provenance`.
     """
@@ -85,3 +64,25 @@ def begin_record(
     provenance.save_provenance(folder, study, command, scenarios, frames)
     outcomes = [Outcome.not_run(scenario) for scenario in scenarios]
     Result(outcomes, scenarios[0].labels, seeds=scenarios[0].seed_list).save_summary(folder)
+
+
+def _remove_outputs(out: Path, outputs: Iterable[str]) -> None:
+    """Remove the outputs of an earlier run from its folder.
+
+    Raises:
+        OmniError: The folder was not created by a run.
+    """
+    try:
+        is_run = "study" in read_json(out / PROVENANCE[0])
+    except OmniError:
+        is_run = False
+    if not is_run:
+        raise OmniError(
+            f"--out {out} was not created by a run: its {PROVENANCE[0]} is missing or invalid; "
+            "--overwrite replaces runs only; name another folder"
+        )
+    for path in (out / output for output in outputs):
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)

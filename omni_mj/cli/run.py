@@ -1,7 +1,6 @@
-"""`omni-mj run`, or `python -m omni_mj.run`: run a scenario, show its result, leave its files."""
+"""`omni-mj run`, or `python -m omni_mj.run`: run a scenario, print the result, save its files."""
 
 import shlex
-import textwrap
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -16,15 +15,15 @@ if TYPE_CHECKING:
     from omni_mj.results.result import Result
     from omni_mj.simulation.simulation import Simulation
 
-RESULTS = (
+OUTPUTS = (
     "summary.json",
     "trajectory.parquet",
     "recording.rrd",
     "scenario.toml",
     "figures",
     "report.html",
+    *output_folders.PROVENANCE,
 )
-OUTPUTS = (*RESULTS, *output_folders.PROVENANCE)
 
 
 @click.command("run")
@@ -33,12 +32,10 @@ OUTPUTS = (*RESULTS, *output_folders.PROVENANCE)
 @options.PLANT
 @options.ROBOT
 @options.MODEL
-@click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
-@click.option(
-    "--seeds", type=int, metavar="N", help="How many seeds, counting up from the first. [1]"
-)
+@options.SEED
+@options.SEEDS
 @options.SETTINGS
-@click.option("--out", type=options.FOLDER, metavar="DIR", help="[runs/<scenario>-<UTC time>]")
+@options.out_option("<scenario>")
 @options.ALLOW_CODE
 @options.OVERWRITE
 @options.RECORD
@@ -47,54 +44,64 @@ OUTPUTS = (*RESULTS, *output_folders.PROVENANCE)
 @options.FIGURES
 @options.SVG
 @options.QUIET
-@options.choice
-@options.outputs
+@options.collect_scenario_options
+@options.collect_output_options
 def command(
-    choice: options.Choice,
-    outputs: options.Outputs,
+    scenario_options: options.ScenarioOptions,
+    output_options: options.OutputOptions,
     name: str | None,
     out: Path | None,
     overwrite: bool,
     quiet: bool,
 ) -> None:
-    """Run a scenario with one or several controllers and compare them."""
-    from omni_mj.config.toml_files import find_builtin_scenarios
+    """Run a scenario with one or several controllers, and compare them."""
     from omni_mj.studies import run_scenario
+
+    scenario = scenario_options.load_scenario(require_scenario(name))
+    simulation = run_scenario.prepare_simulation(scenario)
+    targets: list[Path | str] = [*open_viewers(output_options)]
+    folder = output_folders.prepare_folder(out, scenario.name, OUTPUTS, overwrite)
+    if output_options.record:
+        targets.append(folder / "recording.rrd")
+    with console.report_write_errors(folder):
+        with console.Interrupts() as interrupts:  # signals stop the run between two frames
+            result = run_and_save(simulation, folder, targets, interrupts, quiet)
+        show_result(result, folder, output_options, quiet)
+        exit_unless_complete(result, folder, interrupts)
+
+
+def require_scenario(name: str | None) -> str:
+    """Return the value of --scenario.
+
+    Raises:
+        OmniError: The option is missing.
+    """
+    from omni_mj.config.toml_files import find_builtin_scenarios
 
     if name is None:
         raise OmniError(
             f"--scenario is missing; choose from {', '.join(find_builtin_scenarios())}, or a .toml file"
         )
-    chosen = choice.load(name)
-    simulation = run_scenario.prepare_simulation(chosen)
-    shown_by = viewers(outputs.view, outputs.connect)
-    folder = output_folders.prepare(out, chosen.name, OUTPUTS, overwrite)
-    with console.writing(folder):
-        with console.Interrupts() as interrupts:  # Ctrl-C and SIGTERM end it between two frames
-            result = recorded(simulation, folder, outputs.record, shown_by, interrupts, quiet)
-        shown(result, folder, outputs.draw, quiet, outputs.svg)
-        ended(result, folder, interrupts)
+    return name
 
 
-def recorded(
+def run_and_save(
     simulation: "Simulation",
     folder: Path,
-    record: bool,
-    shown_by: Sequence[str],
+    targets: Sequence[Path | str],
     interrupts: console.Interrupts,
     quiet: bool,
     study: str = "run",
 ) -> "Result":
-    """Run a simulation and save what came of it.
+    """Run a simulation, save its results and return them.
 
     Args:
-        simulation: at its start.
-        folder: for the files.
-        record: whether to write a recording.
-        shown_by: addresses of viewers.
-        interrupts: asked after each frame.
-        quiet: whether to show nothing while it runs.
-        study: the command's name.
+        simulation: Simulation at its start.
+        folder: Folder of the results.
+        targets: Files and viewers' URLs to which the run is recorded for rerun.
+        interrupts: Signals, checked after each frame.
+        quiet: Whether the progress bar is hidden.
+        study: Name of the command.
     """
     from omni_mj.files import write_text
     from omni_mj.studies import run_scenario
@@ -102,17 +109,16 @@ def recorded(
 
     console.quiet_mujoco()
     scenario = simulation.scenario
-    output_folders.begin_record(folder, study, console.command_line(), [scenario])
+    output_folders.write_initial_files(folder, study, console.command_line(), [scenario])
     write_text(folder / "scenario.toml", scenario.to_toml())
-    targets: list[Path | str] = [*shown_by, *[folder / "recording.rrd"] * record]
     with ExitStack() as stack:
         recordings: list[Any] = []
         if targets:
             from omni_mj.viz.recording import Recording
 
             recordings = [stack.enter_context(Recording(target, simulation)) for target in targets]
-        begin = stack.enter_context(console.progress(quiet))
-        show = begin(scenario.name, count_frames(simulation))
+        start_progress = stack.enter_context(console.show_progress(quiet))
+        show = start_progress(scenario.name, count_frames(simulation))
 
         def after_frame(frame: int) -> None:
             interrupts.check()
@@ -133,48 +139,52 @@ def recorded(
     return result
 
 
-def shown(result: "Result", folder: Path, draw: bool, quiet: bool, svg: bool = False) -> None:
-    """Draw the figures, if they are wanted, write the report, print the tables and what is there."""
+def show_result(
+    result: "Result", folder: Path, output_options: options.OutputOptions, quiet: bool
+) -> None:
+    """Draw the figures, write the report, and print the tables and the files."""
     try:
-        if draw:
+        if output_options.draw:
             from omni_mj.viz import figures
 
-            figures.save_run_figures(result.outcomes[0], folder / "figures", svg)
+            figures.save_run_figures(result.outcomes[0], folder / "figures", output_options.svg)
         from omni_mj.viz import report
 
         report.write_report([folder], folder / "report.html")
     finally:
-        if not quiet:  # last, since the reader may go
+        if not quiet:  # at the end, because printing fails if the reader of the output has ended
             _print_tables(result)
             _print_files(result, folder)
 
 
-def ended(result: "Result", folder: Path, interrupts: console.Interrupts) -> None:
-    """End the program as it shall end if a run was stopped, or a row failed."""
-    interrupts.end(result.stopped, f"what was recorded until then is in {folder}")
-    console.fail_rows(result.outcomes)
+def exit_unless_complete(result: "Result", folder: Path, interrupts: console.Interrupts) -> None:
+    """Exit with an error if the run was stopped or a row failed."""
+    interrupts.exit_if_stopped(result.stopped, f"the frames so far are in {folder}")
+    console.exit_if_failed(result.outcomes)
 
 
-def viewers(view: bool, connect: str | None) -> list[str]:
-    """The addresses of the viewers in which the run is watched."""
-    if not view and connect is None:
+def open_viewers(output_options: options.OutputOptions) -> list[str]:
+    """Return the URLs of the viewers that show the run live. Open one for --view."""
+    if not output_options.view and output_options.connect is None:
         return []
     from omni_mj.viz.recording import viewer
 
-    return ([] if connect is None else [viewer.validate_url(connect)]) + (
-        [viewer.open_viewer()] if view else []
-    )
+    urls = []
+    if output_options.connect is not None:
+        urls.append(viewer.validate_url(output_options.connect))
+    if output_options.view:
+        urls.append(viewer.open_viewer())
+    return urls
 
 
 def _print_tables(result: "Result") -> None:
     """Print the result in one sentence, then the tables and the events of a run."""
     from omni_mj.results import result_tables
-    from omni_mj.results.summary_sentence import summary_sentence
 
     summary = result.summary()
     if not result.outcomes[0].entry["results"]:
         return
-    print(textwrap.fill(summary_sentence(summary), result_tables.TERMINAL_WIDTH), end="\n\n")
+    console.print_summary_sentence(summary)
     tables = (
         result_tables.results_table(summary),
         result_tables.saturation_table(summary),
@@ -187,19 +197,15 @@ def _print_tables(result: "Result") -> None:
 
 
 def _print_files(result: "Result", folder: Path) -> None:
-    """Print what is in the folder."""
+    """Print how long the run took, and its files."""
     (outcome,) = result.outcomes
-    by = " by JAX" if outcome.scenario.settings.physics.backend == "jax" else ""
-    print(
-        f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s{by}; results in {folder}/"
-    )
-    for what, name in (
-        ("numbers", "summary.json"),
-        ("figures", "figures"),
-        ("report", "report.html"),
-    ):
+    backend = " by JAX" if outcome.scenario.settings.physics.backend == "jax" else ""
+    duration = f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s{backend}"
+    print(f"{duration}; results in {folder}/")
+    files = {"numbers": "summary.json", "figures": "figures", "report": "report.html"}
+    for title, name in files.items():
         if (folder / name).exists():
-            print(f"  {what:10} {folder / name}")
+            print(f"  {title:10} {folder / name}")
     print(f"  repeat     {result.repeat_command}")
     if (folder / "recording.rrd").exists():
         print(f"  recording  rerun {folder / 'recording.rrd'}")

@@ -15,114 +15,169 @@ if TYPE_CHECKING:
     from omni_mj.live.serve.server import Server
 
 OUTPUTS = ("trajectory.parquet", "recording.rrd", "scenario.toml", *output_folders.PROVENANCE)
-
 PORT = click.IntRange(0, 65_535)
-DURATION = click.FloatRange(min=0, min_open=True)
 
 
-@click.command("serve", context_settings={"show_default": True})
+@click.command("serve")
 @click.option(
-    "--scenario", "name", metavar="NAME|FILE.toml",
-    help="Carpet, cameras, radio, faults and so on.",
-)  # fmt: skip
+    "--scenario",
+    "name",
+    metavar="NAME|FILE.toml",
+    help="Scenario with the settings of carpet, cameras, radio and faults. Default: no dead time, "
+    "and robots that stop 0.1 s after the last command.",
+)
 @options.ROBOT
 @options.SETTINGS
-@click.option("--seed", type=int, metavar="S", help="Of the random numbers. [0]")
-@click.option("--blue", metavar="N|IDS", default="1", help="Robots: how many, or their numbers.")
-@click.option("--yellow", metavar="N|IDS", default="0", help="Same.")
+@options.SEED
+@click.option(
+    "--blue",
+    metavar="N|IDS",
+    default="1",
+    help="Number of blue robots, or their numbers, such as 0,3,7. Default: 1.",
+)
+@click.option(
+    "--yellow",
+    metavar="N|IDS",
+    default="0",
+    help="Number of yellow robots, or their numbers. Default: 0.",
+)
 @click.option(
     "--speed",
     type=click.FloatRange(0, 1000),
     default=1.0,
-    help="Times as fast as real time; 0: paused.",
+    metavar="X",
+    help="Simulated time over real time; 0 pauses. Default: 1.",
 )
 @click.option(
     "--lockstep",
     is_flag=True,
-    help="Time goes by commands: an image of a camera for each packet to a team.",
-)
-@click.option("--control-port", type=PORT, default=10300, help="Of the simulator; 0: any.")
-@click.option("--blue-port", type=PORT, default=10301, help="Of the blue robots.")
-@click.option("--yellow-port", type=PORT, default=10302, help="Of the yellow robots.")
-@click.option(
-    "--vision", metavar="HOST:PORT", default="224.5.23.2:10020", help="Detections go there."
-)
-@click.option("--interface", metavar="ADDRESS", default="127.0.0.1", help="By which they go.")
-@click.option(
-    "--for", "until_s", type=DURATION, default=math.inf, help="End after so much simulated time, s."
+    help="Advance by one camera image per command packet, in place of real time.",
 )
 @click.option(
-    "--out", type=options.FOLDER, metavar="DIR", help="Record there. [nothing is recorded]"
+    "--control-port",
+    type=PORT,
+    default=10300,
+    metavar="PORT",
+    help="Port of the simulation control; 0 for any. Default: 10300.",
+)
+@click.option(
+    "--blue-port",
+    type=PORT,
+    default=10301,
+    metavar="PORT",
+    help="Port for commands to the blue robots. Default: 10301.",
+)
+@click.option(
+    "--yellow-port",
+    type=PORT,
+    default=10302,
+    metavar="PORT",
+    help="Port for commands to the yellow robots. Default: 10302.",
+)
+@click.option(
+    "--vision",
+    metavar="HOST:PORT",
+    default="224.5.23.2:10020",
+    help="Where detections are sent. Default: 224.5.23.2:10020.",
+)
+@click.option(
+    "--interface",
+    metavar="ADDRESS",
+    default="127.0.0.1",
+    help="Address of this computer in the network. Default: 127.0.0.1.",
+)
+@click.option(
+    "--duration",
+    "duration_s",
+    type=click.FloatRange(min=0, min_open=True),
+    default=math.inf,
+    metavar="S",
+    help="Simulated time after which it ends, s. Default: it does not end.",
+)
+@click.option(
+    "--out",
+    type=options.FOLDER,
+    metavar="DIR",
+    help="Folder of the recorded trajectory. Default: nothing is recorded.",
 )
 @options.OVERWRITE
 @options.RECORD
 @options.VIEW
 @options.CONNECT
 @options.QUIET
+@options.collect_output_options
 def command(
     name: str | None,
     overrides: tuple[str, ...],
     out: Path | None,
     overwrite: bool,
+    output_options: options.OutputOptions,
     quiet: bool,
-    until_s: float,
     **values: Any,
 ) -> None:
-    """Simulate robots for software that speaks the league's protocols."""
+    """Simulate robots for software that uses the league's protocols."""
     from omni_mj.files import write_text
     from omni_mj.live.serve import initial_setup
     from omni_mj.live.serve.served_world import ServedWorld
     from omni_mj.live.serve.server import Server
     from omni_mj.live.sockets import MessageCounter, parse_address
     from omni_mj.live.wire import VISION_PORT
-    from omni_mj.results import provenance as provenance
+    from omni_mj.results import provenance
     from omni_mj.studies.study_runner import StoppedError
 
-    target = parse_address(values["vision"], VISION_PORT, values["interface"])
+    vision = parse_address(values["vision"], VISION_PORT, values["interface"])
     head = {option: values[option] for option in ("robot", "seed") if values[option] is not None}
     scenario = initial_setup.load_served_scenario(name, overrides, head)
     poses = initial_setup.starting_poses(
         *(initial_setup.parse_robot_ids(values[team], f"--{team}") for team in ("blue", "yellow"))
     )
-    targets: list[str | Path] = [*run.viewers(values["view"], values["connect"])]
-    folder = None if out is None else output_folders.prepare(out, scenario.name, OUTPUTS, overwrite)
+    targets: list[str | Path] = [*run.open_viewers(output_options)]
+    folder = None
+    if out is not None:
+        folder = output_folders.prepare_folder(out, scenario.name, OUTPUTS, overwrite)
     console.quiet_mujoco()
-    world = ServedWorld(
-        scenario, poses, MessageCounter(lambda text: None if quiet else click.echo(text, err=True))
-    )
+    messages = MessageCounter(lambda text: None if quiet else click.echo(text, err=True))
+    world = ServedWorld(scenario, poses, messages)
     ports = [values[f"{port}_port"] for port in ("control", "blue", "yellow")]
-    server = Server(world, ports, target, values["interface"], values["speed"], values["lockstep"])
+    server = Server(world, ports, vision, values["interface"], values["speed"], values["lockstep"])
     with ExitStack() as stack:
         stack.callback(server.close)
         interrupts = stack.enter_context(console.Interrupts())
         if folder is not None:
-            stack.enter_context(console.writing(folder))
-            # First of all, since by it --overwrite knows the folder for ours.
+            stack.enter_context(console.report_write_errors(folder))
+            # First of all, because --overwrite recognizes our folders by this file.
             provenance.save_provenance(folder, "serve", console.command_line(), [scenario])
             write_text(folder / "scenario.toml", scenario.to_toml())
-            if values["record"]:
+            if output_options.record:
                 targets.append(folder / "recording.rrd")
-        _record(stack, server, folder, targets)
+        _start_recording(stack, server, folder, targets)
         if not quiet:
-            click.echo(_introduction(server))
+            click.echo(_describe_server(server))
         gc.collect()
-        gc.freeze()  # a collection through everything imported would hold up several frames
+        gc.freeze()  # collecting everything imported would delay several frames
         reason = None
         try:
-            server.run(interrupts.check, until_s)
+            server.run(interrupts.check, values["duration_s"])
         except StoppedError as error:
             reason = error.reason
     if not quiet:
         counts = [f"  {count:8d}  {kind}" for kind, count in sorted(server.messages.items())]
         click.echo("\n".join([f"{world.time_s:.1f} s simulated", *counts]))
-    left = "" if folder is None else f"; what was recorded until then is in {folder}"
-    interrupts.end(reason, f"{world.time_s:.1f} s were simulated{left}")
+    remark = "" if folder is None else f"; the frames so far are in {folder}"
+    interrupts.exit_if_stopped(reason, f"{world.time_s:.1f} s were simulated{remark}")
 
 
-def _record(
+def _start_recording(
     stack: ExitStack, server: "Server", folder: Path | None, targets: Sequence[str | Path]
 ) -> None:
-    """Record the served world in `folder` and in `targets` of rerun until the end of `stack`."""
+    """Record the served world until the end of `stack`.
+
+    Args:
+        stack: Closes the recordings.
+        server: Server whose world is recorded.
+        folder: Folder of trajectory.parquet, or None.
+        targets: Files and viewers' URLs for rerun.
+    """
     from omni_mj.live.serve.recorder import Recorder
 
     if folder is None and not targets:
@@ -138,21 +193,21 @@ def _record(
     stack.callback(recorder.close)
 
 
-def _introduction(server: "Server") -> str:
-    """Return who is served where, in a line each."""
+def _describe_server(server: "Server") -> str:
+    """Return the robots, ports, cameras and dead time of a server, a line each."""
     from omni_mj.live.serve.simulation_requests import robot_label
 
     world, (control, blue, yellow) = server.world, server.ports
     row = world.rows[0]
-    settings, timeout_s = row.settings, row.settings.firmware.timeout_s
-    pace = (
-        "in lockstep with commands"
-        if server.lockstep
-        else f"{server.speed:g} times as fast as real time"
+    vision, radio, timeout_s = (
+        row.settings.vision,
+        row.settings.radio,
+        row.settings.firmware.timeout_s,
     )
-    stop = f"robots stop {timeout_s:g} s after" if timeout_s else "robots never forget"
+    pace = "in lockstep with commands" if server.lockstep else f"at {server.speed:g} x real time"
+    stop = f"robots stop {timeout_s:g} s after" if timeout_s else "robots never stop after"
     return f"""serving {", ".join(map(robot_label, world.names))}: {row.robot}
   ports      simulator {control}, blue {blue}, yellow {yellow}; vision to {server.vision}
-  cameras    {settings.vision.cameras} of {settings.vision.rate_hz:g} Hz, {pace}
-  dead time  {settings.radio.delay_frames} frames of 1/60 s (radio.delay_frames); {stop} \
-the last command (firmware.timeout_s)"""
+  cameras    {vision.cameras} of {vision.rate_hz:g} Hz, {pace}
+  dead time  {radio.delay_frames} frames of 1/60 s (radio.delay_frames); {stop} the last command
+             (firmware.timeout_s)"""

@@ -1,7 +1,7 @@
-"""`omni-mj alpha`, `identify`, `limit`, `loop`, `slip`: studies of a robot, of what is possible, of controllers."""
+"""`omni-mj alpha`, `identify`, `limit`, `loop`, `slip`: studies of robots and controllers."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,34 +13,43 @@ from omni_mj.config.scenario import Scenario
 if TYPE_CHECKING:
     from omni_mj.studies.study_runner import StartProgress
 
-WRITTEN = ("summary.json", "scenario.toml", "scenarios", "trajectory.parquet")
+OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "trajectory.parquet")
+FAST_WHEELS = "wheels.model=two-rollers"  # default of studies that drive many robots
 
 
-def output(study: str) -> Callable[[Any], Any]:
-    """Return a decorator that adds the options of a study's results: out, overwrite and quiet."""
-    out = click.option(
-        "--out", type=options.FOLDER, metavar="DIR", help=f"[runs/{study}-<UTC time>]"
-    )
-    return lambda command: out(options.OVERWRITE(options.QUIET(command)))
+@dataclass(frozen=True)
+class StudyOutput:
+    """Options for the results of a study."""
+
+    out: Path | None
+    overwrite: bool
+    quiet: bool
+
+
+def study_output_options(study: str) -> Callable[[Any], Any]:
+    """Return a decorator that adds --out, --overwrite and --quiet to a study's command."""
+    collect = options.collect_options(StudyOutput, "output")
+    out = options.out_option(study)
+    return lambda command: out(options.OVERWRITE(options.QUIET(collect(command))))
 
 
 @click.command("alpha")
 @options.ROBOT
 @options.MODEL
 @options.SETTINGS
-@output("alpha")
-@options.choice
-def alpha(choice: options.Choice, **output: Any) -> None:
-    """Measure how a robot follows its commands: gain and lag apart, and what takes how much of them."""
+@study_output_options("alpha")
+@options.collect_scenario_options
+def alpha_command(scenario_options: options.ScenarioOptions, output: StudyOutput) -> None:
+    """Measure gain and lag of a robot's response to commands, and what causes them."""
     from omni_mj.studies.alpha import alpha_figure, measure_alpha
 
-    chosen = choice.load("rect")
-    _run(
+    scenario = scenario_options.load_scenario("rect")
+    _run_study(
         "alpha",
-        [chosen],
-        lambda begin: measure_alpha(chosen, start_progress=begin),
+        [scenario],
+        lambda start_progress: measure_alpha(scenario, start_progress=start_progress),
         alpha_figure.save_alpha_figure,
-        **output,
+        output,
     )
 
 
@@ -48,18 +57,14 @@ def alpha(choice: options.Choice, **output: Any) -> None:
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=options.FOLDER)
 @options.ROBOT
 @options.MODEL
-@output("identify")
-def identify(
-    logs: tuple[Path, ...],
-    robot: str | None,
-    model: str | None,
-    out: Path | None,
-    overwrite: bool,
-    quiet: bool,
+@study_output_options("identify")
+def identify_command(
+    logs: tuple[Path, ...], robot: str | None, model: str | None, output: StudyOutput
 ) -> None:
-    """Identify a robot from logs: CSV or Parquet with named columns (docs/how-to/identify-a-robot.md).
+    """Identify a robot's parameters from logs of its driving.
 
-    --robot is that from which it starts. The scenario identify has moves to drive for logs.
+    Logs are CSV or Parquet files with named columns, see docs/how-to/identify-a-robot.md. --robot
+    and --model give the initial values. The scenario identify contains moves that suit the logs.
     """
     from omni_mj.config.robot_files import DEFAULT_ROBOT
     from omni_mj.results import provenance
@@ -67,15 +72,15 @@ def identify(
 
     result = identify(logs, robot or DEFAULT_ROBOT, model)
     outputs = ("identify.json", "robot.toml", *output_folders.PROVENANCE)
-    folder = output_folders.prepare(out, "identify", outputs, overwrite)
-    with console.writing(folder):
+    folder = output_folders.prepare_folder(output.out, "identify", outputs, output.overwrite)
+    with console.report_write_errors(folder):
         result.save(folder)
         provenance.save_provenance(
             folder, "identify", console.command_line(), [result.start], frames=False
         )
-    if not quiet:
+    if not output.quiet:
         print(result.table())
-        print(console.results(folder, outputs))
+        print(console.describe_outputs(folder, outputs))
 
 
 @click.command("limit")
@@ -85,139 +90,164 @@ def identify(
 @options.MODEL
 @options.SETTINGS
 @click.option(
-    "--seeds", type=int, metavar="N", default=20, help="How many seeds show what noise costs. [20]"
+    "--seeds",
+    type=int,
+    metavar="N",
+    default=20,
+    help="Number of seeds with noise. Default: 20.",
 )
-@click.option(
-    "--seed", type=int, metavar="S", default=0, help="First seed of the random numbers. [0]"
-)
+@options.SEED
 @click.option(
     "--iterations",
     type=int,
     metavar="N",
     default=16,
-    help="Attempts to learn from, at the most. [16]",
+    help="Largest number of learning iterations. Default: 16.",
 )
 @options.ALLOW_CODE
-@output("limit")
-@options.choice
-def limit(choice: options.Choice, name: str, iterations: int, **output: Any) -> None:
-    """Find out what is possible: without noise, by learning the way; with noise, by feedback along it."""
+@study_output_options("limit")
+@options.collect_scenario_options
+def limit_command(
+    scenario_options: options.ScenarioOptions, name: str, iterations: int, output: StudyOutput
+) -> None:
+    """Find the smallest error that is possible in a scenario.
+
+    Without noise, commands are learned by repetition (iterative learning control). With noise, a
+    linear quadratic regulator follows the learned run.
+    """
     from omni_mj.studies import limit as study
     from omni_mj.studies.compare.compare_figure import save_comparison_figure
 
-    chosen = choice.load(name)
-    study.check_limit(chosen, iterations)
+    scenario = replace(scenario_options, seed=scenario_options.seed or 0).load_scenario(name)
+    study.check_limit(scenario, iterations)
 
     def draw(result: study.LimitResult, stem: Path) -> None:
         save_comparison_figure(result.summary(), stem)
 
-    _run(
+    _run_study(
         "limit",
-        [chosen],
-        lambda begin: study.find_limit(chosen, chosen.seed_list, iterations, start_progress=begin),
+        [scenario],
+        lambda start_progress: study.find_limit(
+            scenario, scenario.seed_list, iterations, start_progress=start_progress
+        ),
         draw,
-        **output,
+        output,
     )
 
 
 @click.command("loop")
 @click.option(
-    "--controller", "controllers", metavar="NAME|FILE.py:Class", multiple=True,
-    help="May be repeated. [all that come with the program, but for the oracle]",
-)  # fmt: skip
+    "--controller",
+    "controllers",
+    metavar="NAME|FILE.py:Class",
+    multiple=True,
+    help="Controller to measure; may be repeated. Default: all built-in ones except the oracle.",
+)
 @click.option(
-    "--scenario", "name", metavar="NAME|FILE.toml", default="rect",
-    help="Whose settings count. [rect]",
-)  # fmt: skip
+    "--scenario",
+    "name",
+    metavar="NAME|FILE.toml",
+    default="rect",
+    help="Scenario whose settings apply. Default: rect.",
+)
 @options.PLANT
 @options.ROBOT
 @options.MODEL
-@click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
-@click.option("--seeds", type=int, metavar="N", help="How many seeds, over which is averaged. [1]")
+@options.SEED
+@options.SEEDS
 @options.SETTINGS
 @options.ALLOW_CODE
-@output("loop")
-@options.choice
-def loop(choice: options.Choice, name: str, **output: Any) -> None:
-    """Measure how control loops answer a step, and their gain, phase and delay margins."""
+@study_output_options("loop")
+@options.collect_scenario_options
+def loop_command(scenario_options: options.ScenarioOptions, name: str, output: StudyOutput) -> None:
+    """Measure step responses and the gain, phase and delay margins of control loops."""
     from omni_mj.studies.loop import loop_figure, measure_loop
     from omni_mj.studies.study_runner import list_competitors
 
-    controllers = choice.controllers or list_competitors()
-    chosen = replace(choice, controllers=controllers).load(name, "wheels.model=two-rollers")
-    _run(
+    controllers = scenario_options.controllers or list_competitors()
+    scenario = replace(scenario_options, controllers=controllers).load_scenario(name, FAST_WHEELS)
+    _run_study(
         "loop",
-        [chosen],
-        lambda begin: measure_loop(chosen, chosen.controllers, start_progress=begin),
+        [scenario],
+        lambda start_progress: measure_loop(
+            scenario, scenario.controllers, start_progress=start_progress
+        ),
         loop_figure.save_loop_figure,
-        **output,
+        output,
     )
 
 
 @click.command("slip")
 @click.option(
-    "--robot", "robots", metavar="NAME|FILE.toml", multiple=True,
-    help="May be repeated. [those that were measured]",
-)  # fmt: skip
+    "--robot",
+    "robots",
+    metavar="NAME|FILE.toml",
+    multiple=True,
+    help="Robot to measure; may be repeated. Default: those with published measurements.",
+)
 @options.MODEL
 @options.SETTINGS
-@output("slip")
-@options.choice
-def slip(choice: options.Choice, robots: Sequence[str], **output: Any) -> None:
-    """Identify gain, slip and drag of robots as TIGERs Mannheim do."""
+@study_output_options("slip")
+@options.collect_scenario_options
+def slip_command(
+    scenario_options: options.ScenarioOptions, robots: Sequence[str], output: StudyOutput
+) -> None:
+    """Identify gain, slip and drag of robots by the method of TIGERs Mannheim."""
     from omni_mj.config.robot_files import DEFAULT_ROBOT
     from omni_mj.studies.slip import PUBLISHED, measure_slip, prepare_slip_scenario, slip_figure
 
-    chosen = [
-        prepare_slip_scenario(replace(choice, robot=robot).load("rect", "wheels.model=two-rollers"))
-        for robot in robots or ([DEFAULT_ROBOT] if choice.model else PUBLISHED)
+    scenarios = [
+        prepare_slip_scenario(
+            replace(scenario_options, robot=robot).load_scenario("rect", FAST_WHEELS)
+        )
+        for robot in robots or ([DEFAULT_ROBOT] if scenario_options.model else PUBLISHED)
     ]
-    _run(
+    _run_study(
         "slip",
-        chosen,
-        lambda begin: measure_slip(chosen, start_progress=begin),
+        scenarios,
+        lambda start_progress: measure_slip(scenarios, start_progress=start_progress),
         slip_figure.save_slip_figure,
-        **output,
+        output,
     )
 
 
-def _run(
+def _run_study(
     name: str,
-    chosen: Sequence[Scenario],
+    scenarios: Sequence[Scenario],
     measure: "Callable[[StartProgress], Any]",
     draw: Callable[[Any, Path], None],
-    out: Path | None,
-    overwrite: bool,
-    quiet: bool,
+    output: StudyOutput,
 ) -> None:
-    """Measure scenarios, save the result, and end the program if the study was stopped or rows failed.
+    """Run a study, save and print its result, and exit with an error if it is not complete.
 
     Args:
-        name: Of the command.
-        chosen: Scenarios of the study.
-        measure: Return the result. Its argument takes a title and the number of frames, and returns
-            what is to be called after each frame.
-        draw: Save the figure of a result as a file without its suffix.
-        out: Folder of the results.
-        overwrite: Whether files there may be replaced.
-        quiet: Whether nothing is printed.
+        name: Name of the command.
+        scenarios: Scenarios of the study.
+        measure: Returns the result. Its argument takes a title and the number of frames, and
+            returns a function to call after each frame.
+        draw: Saves the figure of a result, given the path without its suffix.
+        output: Options for the results.
     """
-    outputs = (*WRITTEN, f"{name}.png", f"{name}.svg", *output_folders.PROVENANCE)
-    folder = output_folders.prepare(out, name, outputs, overwrite)
+    outputs = (*OUTPUTS, f"{name}.png", f"{name}.svg", *output_folders.PROVENANCE)
+    folder = output_folders.prepare_folder(output.out, name, outputs, output.overwrite)
     command = console.command_line()
     with (
-        console.writing(folder),
+        console.report_write_errors(folder),
         console.Interrupts() as interrupts,
-        console.progress(quiet) as begin,
+        console.show_progress(output.quiet) as start_progress,
     ):
-        output_folders.begin_record(folder, name, command, chosen, frames=name == "limit")
-        result = measure(lambda *what: console.checked(interrupts.check, begin(*what)))
+        output_folders.write_initial_files(folder, name, command, scenarios, frames=name == "limit")
+        result = measure(
+            lambda title, n_frames: console.make_frame_callback(
+                interrupts.check, start_progress(title, n_frames)
+            )
+        )
         result.repeat_command = command
-    with console.writing(folder):
+    with console.report_write_errors(folder):
         result.save_files(folder)
         if result.table():
             draw(result, folder / name)
-    if not quiet:
-        console.tell(result, folder, outputs)
-    interrupts.end(result.stopped, f"what there is is in {folder}")
-    console.fail_rows(result.outcomes)
+    if not output.quiet:
+        console.print_result(result, folder, outputs)
+    interrupts.exit_if_stopped(result.stopped, f"the results so far are in {folder}")
+    console.exit_if_failed(result.outcomes)

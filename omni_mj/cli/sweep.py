@@ -1,4 +1,4 @@
-"""`omni-mj sweep`: how often does it fail, and where; one scenario under many settings and seeds."""
+"""`omni-mj sweep`: run a scenario under many settings and seeds, and report failure rates."""
 
 from contextlib import nullcontext
 from itertools import count
@@ -29,56 +29,57 @@ OUTPUTS = (
 @options.SCENARIO
 @click.option(
     "--vary",
-    "varied",
+    "axes",
     multiple=True,
     metavar="SECTION.FIELD=VALUES",
-    help="LOW:HIGH:N, or A,B,C; repeatable.",
+    help="Setting and its values: LOW:HIGH:N, for integers LOW:HIGH:STEP, or A,B,C; may be "
+    "repeated.",
 )
 @options.CONTROLLER
 @options.PLANT
 @options.ROBOT
 @options.MODEL
-@click.option("--seed", type=int, metavar="S", help="First seed of the random numbers. [0]")
-@click.option(
-    "--seeds", type=int, metavar="N", help="How many seeds at each point. [the scenario's]"
-)
+@options.SEED
+@options.SEEDS
 @options.SETTINGS
 @click.option(
     "--batch-size",
     type=int,
     default=128,
     metavar="N",
-    help="Robots simulated at once; memory grows with them. [128]",
+    help="Robots simulated together; more need more memory. Default: 128.",
 )
 @click.option(
-    "--jobs", type=int, default=1, metavar="N", help="Processes of this machine that run it. [1]"
+    "--jobs", type=int, default=1, metavar="N", help="Processes on this machine. Default: 1."
 )
 @click.option(
-    "--cluster", metavar="tcp://HOST:PORT", help="Scheduler of a Dask cluster whose workers run it."
+    "--cluster",
+    metavar="tcp://HOST:PORT",
+    help="Scheduler of a Dask cluster that runs the sweep. Default: this machine.",
 )
 @click.option(
     "--out",
     type=options.FOLDER,
     metavar="DIR",
-    help="Where it goes, and goes on. [runs/sweep-<UTC time>]",
+    help="Folder of the results, or of a sweep to resume. Default: runs/sweep-<UTC time>.",
 )
 @options.QUIET
-@options.choice
+@options.collect_scenario_options
 def command(
-    choice: options.Choice,
+    scenario_options: options.ScenarioOptions,
     name: str | None,
-    varied: tuple[str, ...],
+    axes: tuple[str, ...],
     batch_size: int,
     out: Path | None,
     quiet: bool,
     jobs: int,
     cluster: str | None,
 ) -> None:
-    """Run a scenario under all combinations of settings: failure rates and errors with confidence, as table and map.
+    """Run a scenario under all combinations of settings.
 
-    Of whole numbers, LOW:HIGH:STEP. A sweep that was stopped or killed goes on if the same is typed
-    again, with its folder as --out, and computes nothing twice. Numbers that are drawn (--set
-    carpet.friction='{uniform = [0.4, 0.9]}') are drawn for each seed.
+    Prints failure rates and errors with confidence intervals, and draws them. To resume a sweep
+    that was stopped or killed, repeat its command with its folder as --out. Settings can be random:
+    --set carpet.friction='{uniform = [0.4, 0.9]}' draws a value for each seed.
     """
     from omni_mj.studies.sweep import workers
     from omni_mj.studies.sweep.sweep_plan import SweepPlan, check_axes, parse_axis
@@ -87,40 +88,52 @@ def command(
         raise OmniError(
             "--scenario is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8"
         )
-    plan = SweepPlan(choice.load(name), check_axes(map(parse_axis, varied)), batch_size)
-    plan.check(jobs)  # before there is a folder
+    scenario = scenario_options.load_scenario(name)
+    plan = SweepPlan(scenario, check_axes(map(parse_axis, axes)), batch_size)
+    plan.check(jobs)  # before the folder is created
     if cluster and jobs > 1:
-        raise OmniError("give --jobs, which are processes of this machine, or a --cluster")
+        raise OmniError("--jobs are processes on this machine; it cannot be used with --cluster")
     if out is None or not (out / OUTPUTS[0]).exists():
-        out = output_folders.prepare(out, "sweep", OUTPUTS, overwrite=False)
+        out = output_folders.prepare_folder(out, "sweep", OUTPUTS, overwrite=False)
     with workers.cluster(cluster) if cluster else nullcontext() as executor:
-        _run(plan, out, quiet, jobs=jobs, executor=executor)
+        _run_sweep(plan, out, quiet, jobs=jobs, executor=executor)
 
 
-def _run(plan: "SweepPlan", folder: Path, quiet: bool, **how: Any) -> None:
+def _run_sweep(plan: "SweepPlan", folder: Path, quiet: bool, **run_options: Any) -> None:
+    """Run the remaining shards of a sweep, save its tables and figure, and print them.
+
+    Args:
+        plan: Points of the sweep.
+        folder: Folder of the results.
+        quiet: Whether nothing is printed.
+        **run_options: Further arguments of `run_sweep`.
+    """
     from omni_mj.studies.sweep import sweep_figure, sweep_study, sweep_table
 
-    with console.writing(folder):
-        with console.Interrupts() as interrupts, console.progress(quiet) as begin:
+    with console.report_write_errors(folder):
+        with console.Interrupts() as interrupts, console.show_progress(quiet) as start_progress:
             console.quiet_mujoco()
-            show, shards = (
-                begin("sweep", plan.frames * len(sweep_study.remaining_shards(plan, folder))),
-                count(),
-            )
+            n_shards = len(sweep_study.remaining_shards(plan, folder))
+            show = start_progress("sweep", plan.frames * n_shards)
+            shard_numbers = count()
 
             def before_shard(_: "Shard") -> "AfterFrame":
-                done = next(shards) * plan.frames
-                return console.checked(interrupts.check, lambda frame: show(done + frame))
+                first_frame = next(shard_numbers) * plan.frames
+                return console.make_frame_callback(
+                    interrupts.check, lambda frame: show(first_frame + frame)
+                )
 
             result = sweep_study.run_sweep(
-                plan, folder, before_shard=before_shard, check=interrupts.check, **how
+                plan, folder, before_shard=before_shard, check=interrupts.check, **run_options
             )
-        done = f"{result.n_done} of {len(plan.shards)} shards are"
+        progress = f"{result.n_done} of {len(plan.shards)} shards"
         if result.n_done:
             sweep_table.save_sweep_table(result, folder / "sweep.md")
             sweep_figure.save_sweep_figure(result, folder / "sweep.png")
             if not quiet:
                 print(sweep_table.format_sweep_tables(result))
-                print(f"repeat the worst: {result.summary['worst'][0]['repeat_command']}")
-                print(f"{done} done; {console.results(folder, OUTPUTS)}")
-    interrupts.end(result.stopped, f"{done} in {folder}; the same with --out {folder} goes on")
+                print(f"repeat the worst run: {result.summary['worst'][0]['repeat_command']}")
+                print(f"{progress} done; {console.describe_outputs(folder, OUTPUTS)}")
+    interrupts.exit_if_stopped(
+        result.stopped, f"{progress} are in {folder}; to resume, repeat with --out {folder}"
+    )

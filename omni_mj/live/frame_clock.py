@@ -69,8 +69,8 @@ class FrameClock:
         # The rate is 0 (unknown) if a simulator waits for commands.
         if pace == "vision" and rate_hz and not is_60_hz:
             raise OmniError(
-                f"vision sends {rate_hz:.1f} frames per second, --rate vision needs"
-                f" {FRAME_RATE_HZ}. Use --rate 60 to follow the clock of this computer"
+                f"vision sends {rate_hz:.1f} frames per second, --clock vision needs"
+                f" {FRAME_RATE_HZ}. Use --clock 60 to follow the clock of this computer"
             )
         self.leader = leader if pace == "vision" or (pace == "auto" and is_60_hz) else None
 

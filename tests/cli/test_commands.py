@@ -95,7 +95,7 @@ def test_help_names_every_command_and_its_examples_parse(
         (["list", "robot", "tiger2016"], "did you mean 'tigers-v2016'?"),
         (["list", "scenarois", "rect"], "did you mean 'scenarios'?"),
         (["new", "robt", "mine"], "'robt' is not one of"),
-        (["new", "robot", "2nd"], "unlike '2nd'"),
+        (["new", "robot", "2nd"], "got '2nd'"),
         (["new", "scenario", "no/where"], "cannot write no"),
     ],
 )
@@ -192,7 +192,7 @@ def test_starters_run(
     assert invoke("new", "robot", "mine") == 0
     assert om.load_robot("mine.toml").settings == om.load_robot("tigers-v2016").settings
     assert invoke("new", "robot", "mine") == 2
-    assert "there is a file mine.toml" in capsys.readouterr().err
+    assert "mine.toml exists" in capsys.readouterr().err
     assert invoke("new", "robot", "mine", "--overwrite") == 0
 
 

@@ -21,7 +21,7 @@ TAKE_PATHS = {  # what is called with a path, and a name's ending
     "a sweep": (("sweep", *RUN[1:5], "--vary", "radio.delay_frames=1,2", "--out"), ""),
     "a log": (("identify", "--out", "out"), ".csv"),
     "a new file": (("new", "scenario"), ".toml"),
-    "a recording": (("picture",), ".rrd"),
+    "a recording": (("screenshot",), ".rrd"),
 }
 
 
@@ -42,7 +42,7 @@ def test_where_nothing_can_be_nothing_is(
     """Names that are too long, links in a circle, files and devices in place of folders, bytes that are no text."""
     before = set(folder.rglob("*"))
     given, ending = words
-    more = ("picture.png",) if given[0] in ("film", "picture") else ()
+    more = ("picture.png",) if given[0] in ("film", "screenshot") else ()
     for path in (NEVER, "a/" * 3000 + "a", "loop/a", "file/a", "/dev/null/a", "\udcff"):
         assert invoke(*given, path + ending, *more) in (1, 2), path
         lines = capsys.readouterr().err.splitlines()

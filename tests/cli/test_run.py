@@ -191,7 +191,7 @@ ENDLESS = (
 
 
 def keeps_what_it_recorded(out: Path, stderr: str) -> None:
-    assert "what was recorded until then" in stderr.splitlines()[-1]
+    assert "the frames so far are in" in stderr.splitlines()[-1]
     assert "Traceback" not in stderr
     summary = strict(out / "summary.json")
     entry = summary["scenarios"]["rect"]
@@ -276,7 +276,7 @@ def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("error", "code", "says"),
     [
-        (KeyboardInterrupt(), 130, "interrupted; what could"),
+        (KeyboardInterrupt(), 130, "interrupted; "),
         (OSError(28, "no space"), 1, "cannot write to"),
     ],
 )
@@ -324,7 +324,7 @@ def test_a_folder_that_no_run_left_is_never_overwritten(
     if mark is not None:
         (tmp_path / "provenance.json").write_text(mark)
     before = contents(tmp_path)
-    for more, says in ((), "--overwrite"), (("--overwrite",), "was not left by a run"):
+    for more, says in ((), "--overwrite"), (("--overwrite",), "was not created by a run"):
         assert invoke(*KINEMATIC, *BARE, "--out", tmp_path, *more) == 2
         err = capsys.readouterr().err
         assert says in err

@@ -299,7 +299,7 @@ def test_a_comparison_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         capsys.readouterr().out == f"repeats: {rows} rows, {frames} frames identical bit for bit\n"
     )
     shutil.rmtree(out / "trajectories")
-    edited(out / "provenance.json", lambda record: record.update(frames_kept=False))
+    edited(out / "provenance.json", lambda record: record.update(frames_saved=False))
     assert invoke("verify", out) == 0
     assert capsys.readouterr().out == f"repeats: {rows} rows, the summary's numbers identical\n"
     edited(

@@ -80,7 +80,7 @@ def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
-    assert "interrupted; what was recorded until then is in drive" in err
+    assert "interrupted; the frames so far are in drive" in err
     assert pq.read_table(tmp_path / "drive" / "trajectory.parquet").num_rows >= 60
 
 

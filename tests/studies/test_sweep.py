@@ -222,7 +222,7 @@ def test_a_cluster_that_does_not_answer_is_said_in_a_line(
 ) -> None:
     for cluster, said in (
         (("nonsense",), "no Dask scheduler answers at nonsense"),
-        (("tcp://127.0.0.1:9", "--jobs", "2"), "processes of this machine, or a --cluster"),
+        (("tcp://127.0.0.1:9", "--jobs", "2"), "cannot be used with --cluster"),
     ):
         assert invoke(*words(tmp_path / "none"), "--cluster", *cluster) == 2
         assert said in capsys.readouterr().err

@@ -20,7 +20,7 @@ from omni_mj.cli.main import cli
 def invoke(*args: object, command: click.Command = cli) -> int:
     """The exit code of a command in this process, which is quicker than one of its own."""
     with pytest.raises(SystemExit) as end:
-        console.invoke(command, list(map(str, args)))
+        console.run_command(command, list(map(str, args)))
     assert isinstance(end.value.code, int)
     return end.value.code
 

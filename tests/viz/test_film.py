@@ -58,7 +58,7 @@ def test_robots_are_where_the_trajectory_says(folder: Path, tmp_path: Path) -> N
     """A pinhole that looks straight down from where the route and a margin fill its 45 degrees, at a point 5 cm above
     the carpet; the cover's top is 14.5 cm high."""
     out = tmp_path / "plan.webp"
-    times = "--from", 0.5, "--to", 2.5, "--rate", 1
+    times = "--from", 0.5, "--to", 2.5, "--fps", 1
     film(folder, out, "--controller", "flc", "--view", "plan", *times, "--size", f"{SIDE}x{SIDE}")
     rows = pq.read_table(
         folder / "trajectory.parquet", filters=[("controller", "=", "flc")]
@@ -104,7 +104,7 @@ def test_a_robot_that_failed_stays_where_it_is_and_others_go_on(tmp_path: Path) 
 def test_a_gif_holds_the_pictures_in_their_order(folder: Path, tmp_path: Path) -> None:
     """The first, the middle and the last of 5 a second differ; the reference moves on in all of them."""
     out = tmp_path / "film.gif"
-    film(folder, out, "--rate", 5, "--to", 1, "--size", "160x80")
+    film(folder, out, "--fps", 5, "--to", 1, "--size", "160x80")
     assert list(tmp_path.iterdir()) == [out]  # nothing that was begun is left
     with Image.open(out) as whole:
         pictures = [np.asarray(picture.convert("RGB")) for picture in ImageSequence.Iterator(whole)]
@@ -119,7 +119,7 @@ def test_bad_input_is_one_message(
 ) -> None:
     for arguments, words in (
         ([tmp_path], "holds no run"),
-        ([folder, tmp_path / "film.avi"], "a film's name ends in .gif, .webp"),
+        ([folder, tmp_path / "film.avi"], "the name of a film must end in .gif, .webp"),
         ([folder, "--controller", "p"], "has no controller 'p'; it has flc, comp-flc"),
         ([folder, "--from", 1000], "must be before the film's end"),
         ([folder, "--size", "1x1"], "--size must be like"),

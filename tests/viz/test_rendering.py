@@ -52,7 +52,7 @@ def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path)
     images = []
     for time_s, *tab in ((0.0,), (3.0, "--tab", "saturation")):
         out = tmp_path / f"{time_s}.png"
-        assert invoke("picture", recording, out, "--time", time_s, *tab) == 0
+        assert invoke("screenshot", recording, out, "--time", time_s, *tab) == 0
         images.append(255 * imread(out)[..., :3])
     start, later = images
     assert start.shape == (900, 1600, 3)
@@ -65,5 +65,5 @@ def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path)
 def test_an_unknown_tab_is_named(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert invoke("picture", recording, tmp_path / "x.png", "--tab", "wheel") == 2
+    assert invoke("screenshot", recording, tmp_path / "x.png", "--tab", "wheel") == 2
     assert "no tab 'wheel'; there are alpha, comp-flc, events" in capsys.readouterr().err
