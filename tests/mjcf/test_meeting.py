@@ -28,7 +28,7 @@ def test_robots_that_do_not_meet_have_the_paths_they_have_alone(wheels: str) -> 
         [[0, 0, 0], [1, 0.5, 2.0]],
         ramp([[1.0, 0.2, 2.0], [0.3, -0.8, -3.0]], 3.0, 60),
     )
-    one, two = (drive(plant_of(chosen, start, places=places), commands) for places in (1, 2))
+    one, two = (drive(plant_of(chosen, start, per_world=n), commands) for n in (1, 2))
     np.testing.assert_allclose(two[:6], one[:6], rtol=0, atol=1e-12)
     np.testing.assert_allclose(two, one, rtol=0, atol=5e-5)
 
