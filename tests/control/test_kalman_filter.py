@@ -1,0 +1,102 @@
+"""Kalman filter of vision: textbook form, exact tracking, full turns, and independent rows."""
+
+import numpy as np
+import pytest
+from benches.control import Array, vision_filter
+from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, simulate_drift
+from hypothesis import given
+from hypothesis import strategies as st
+
+seeds = st.integers(0, 2**32 - 1)
+NAMES = ("pose", "twist", "drift", "sigma", "normalized_innovation")
+
+
+def run_filter(measured: Array, displacement: Array, start: Array) -> dict[str, Array]:
+    """Return the attributes of the filter in each frame, (frames, n, 3) each."""
+    kalman = vision_filter.KalmanFilter(start, T, NOISE)
+    record: dict[str, list[Array]] = {name: [] for name in NAMES}
+    for m, q in zip(measured, displacement, strict=True):
+        kalman.update(m, q)
+        for name, values in record.items():
+            values.append(getattr(kalman, name).copy())
+    return {name: np.array(values) for name, values in record.items()}
+
+
+def run_textbook_filter(
+    measured: Array, displacement: Array, start: float, noise: float, drift_noise: float
+) -> dict[str, Array]:
+    """Return the same of one axis by matrices: predict, then correct in Joseph's form."""
+    f, h = np.array([[1, T], [0, np.exp(-T / DRIFT_TIME_S)]]), np.array([[1.0, 0.0]])
+    x, p = np.array([start, 0.0]), np.diag([noise**2, 0.0])
+    record = []
+    for z, q in zip(measured, displacement, strict=True):
+        x = f @ x + [q, 0]
+        p = f @ p @ f.T + np.diag([(GAIN_ERROR * q) ** 2, drift_noise**2 * T])
+        normalized = np.nan
+        if not np.isnan(z):
+            s = (h @ p @ h.T + noise**2).item()
+            k = p @ h.T / s
+            normalized = (z - x[0]) / np.sqrt(s)
+            x = x + k[:, 0] * (z - x[0])
+            joseph = np.eye(2) - k @ h
+            p = joseph @ p @ joseph.T + k @ k.T * noise**2
+        record.append((x[0], q / T + x[1], x[1], np.sqrt(p[0, 0]), normalized))
+    return dict(zip(NAMES, np.array(record).T, strict=True))
+
+
+@given(seeds, st.floats(0, 0.9))
+def test_it_is_the_textbooks_kalman_filter(seed: int, missed: float) -> None:
+    """All attributes agree to 1e-9, gaps included, if the process noise is not scaled."""
+    _, measured, displacement = simulate_drift(seed, 120, 2, missed=missed)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(vision_filter, "SCALE_BOUNDS", (1.0, 1.0))
+        record = run_filter(measured, displacement, np.zeros((2, 3)))
+    for axis in range(3):
+        z, q = measured[:, 1, axis], displacement[:, 1, axis]
+        expected = run_textbook_filter(z, q, 0.0, NOISE[axis], DRIFT[axis])
+        for name, values in expected.items():
+            np.testing.assert_allclose(
+                record[name][:, 1, axis], values, rtol=1e-9, atol=1e-9, err_msg=name
+            )
+
+
+@given(seeds, st.floats(0, 0.9))
+def test_a_perfect_robot_measured_perfectly_is_tracked_exactly(seed: int, missed: float) -> None:
+    """A robot that follows its commands has true poses and no drift, measured or not."""
+    rng = np.random.default_rng(seed)
+    start, displacement = rng.uniform(-2, 2, (3, 3)), rng.uniform(-0.05, 0.05, (100, 3, 3))
+    true = start + np.cumsum(displacement, axis=0)
+    measured = np.where(rng.random((100, 3, 1)) < missed, np.nan, true)
+    measured[..., 2] = np.angle(np.exp(1j * measured[..., 2]))
+    record = run_filter(measured, displacement, start)
+    # Poses of size 3 and angles of size 7 round at 9e-16, a hundred times. The drift is divided by
+    # the length of a frame.
+    np.testing.assert_allclose(record["pose"], true, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(record["twist"], displacement / T, rtol=0, atol=1e-11)
+
+
+@given(st.floats(-np.pi, np.pi), st.floats(-20, 20))
+def test_headings_are_followed_over_full_turns(heading: float, rate: float) -> None:
+    """Angles in (-pi, pi] give the same headings as angles that count full turns."""
+    unwrapped = np.zeros((200, 1, 3))
+    unwrapped[:, 0, 2] = heading + rate * T * np.arange(200)
+    wrapped = unwrapped.copy()
+    wrapped[..., 2] = np.angle(np.exp(1j * unwrapped[..., 2]))
+    # The command is 0.9 of the rate, as for a robot with alpha = 1.1. The rest is drift.
+    displacement = np.broadcast_to([0, 0, 0.9 * rate * T], unwrapped.shape)
+    expected = run_filter(unwrapped, displacement, unwrapped[0])["pose"]
+    pose = run_filter(wrapped, displacement, unwrapped[0])["pose"]
+    # Angles of up to 70 rad round at 1e-14, and so do the full turns that are subtracted.
+    np.testing.assert_allclose(pose, expected, rtol=0, atol=1e-12)
+    # The drift, up to 2 rad/s, decays by 3 % per frame, which causes a small lag.
+    np.testing.assert_allclose(pose[-1, 0, 2], unwrapped[-1, 0, 2], rtol=0, atol=0.03)
+
+
+def test_a_row_of_a_batch_equals_the_row_alone() -> None:
+    """To the last bit, whether the other robots are seen or not."""
+    _, measured, displacement = simulate_drift(3, 80, 9, missed=0.2)
+    batch = run_filter(measured, displacement, np.zeros((9, 3)))
+    for i in range(9):
+        single = run_filter(measured[:, i : i + 1], displacement[:, i : i + 1], np.zeros((1, 3)))
+        for name, values in single.items():
+            np.testing.assert_array_equal(values[:, 0], batch[name][:, i])

@@ -1,0 +1,228 @@
+"""Motion model and extended Kalman filter of a robot, wheel compliance, and slew-rate limits."""
+
+import math
+
+import numpy as np
+import pytest
+from benches.control import (
+    CENTER_HEIGHT_M,
+    CREEP,
+    DISTURBANCE,
+    INVERSE_GAIN,
+    LAG,
+    LATENCY,
+    Array,
+    MotionModel,
+    RobotEkf,
+    WheelCompliance,
+    anticipate,
+)
+from closed_loop import NOISE, WHEELS, CreepingPlant, T
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from omni_control import CommandHistory, Kinematics, Observation, TeamModel
+
+MODEL = TeamModel(
+    T, 6, lag_s=0.0267, creep_s2_m=0.06, drag_m_s=0.0375, alpha=(0.92, 0.87), geometry=WHEELS
+)
+FRICTIONLESS = TeamModel(
+    T, 6, lag_s=0.0267, creep_s2_m=0.06, drag_m_s=0.0, alpha=(0.92, 0.87), geometry=WHEELS
+)
+# Without geometry, driving does not turn the robot.
+UNCOUPLED = TeamModel(T, 6, lag_s=0.04, creep_s2_m=0.06, drag_m_s=0.0, alpha=(0.9, 0.8))
+number = st.floats(-1, 1)
+
+
+def make_filter(n: int = 1) -> RobotEkf:
+    return RobotEkf(MODEL, n, tuple(NOISE))
+
+
+def make_observation(pose: Array, measured: Array, sent: CommandHistory) -> Observation:
+    return Observation(pose, np.zeros_like(pose), measured, sent.select(slice(None)), T, 6)
+
+
+# --- motion model ---
+
+
+@given(st.tuples(*[number] * 5))
+def test_a_step_solves_the_equation_of_motion(drawn: tuple[float, ...]) -> None:
+    """(tau + g^2 T |v|) v' = u - g v in the body's axes; each short step uses its initial |v|."""
+    model, steps = MotionModel(UNCOUPLED), 64
+    state = model.prior.copy()[None]
+    state[0, 3:5], command = drawn[:2], np.array([[*drawn[2:4], 0.0]])
+    gain, ratio = model.prior[INVERSE_GAIN], np.array([1.0, 5 / 3])
+
+    def derivative(_: float, z: Array) -> Array:
+        creep = gain[:2] ** 2 * model.prior[CREEP] * ratio * np.hypot(*z[2:])
+        time_constant = model.prior[LAG] * ratio + creep
+        return np.concatenate([z[2:], (command[0, :2] - gain[:2] * z[2:]) / time_constant])
+
+    true = solve_ivp(derivative, (0, T), [0, 0, *state[0, 3:5]], rtol=1e-10, atol=1e-12).y[:, -1]
+    for _ in range(steps):
+        state = model.step(state, command, T / steps)
+    np.testing.assert_allclose(state[0, 3:5], true[2:], rtol=0, atol=4e-3)
+    np.testing.assert_allclose(state[0, :2], true[:2], rtol=0, atol=4e-5)
+
+
+@given(st.tuples(*[number] * 7))
+def test_the_inverse_leads_from_one_velocity_to_another(drawn: tuple[float, ...]) -> None:
+    """Exact but for slow friction, and for loads that follow the real command."""
+    model = MotionModel(FRICTIONLESS)
+    velocity = np.array([[2 * drawn[0], 2 * drawn[1], 0.0]])
+    next_velocity = velocity + 0.05 * np.array([[drawn[2], drawn[3], 0.0]])
+    heading = np.array([3 * drawn[4]])
+    command = model.invert(model.prior[None], velocity, next_velocity, heading)
+    state = model.prior.copy()[None]
+    state[0, 2], state[0, 3:6] = heading[0], velocity[0]
+    reached = model.step(state, command, T)[0, 3:6]
+    np.testing.assert_allclose(reached[:2], next_velocity[0, :2], rtol=0, atol=1e-9)
+    assert abs(reached[2]) < 0.02
+
+
+# --- filter ---
+
+
+def identify(robots: CreepingPlant, frames: int, rest_frames: int = 0) -> RobotEkf:
+    """Return the filter after robots wove about, each on its own path, and then rested."""
+    n, rng = len(robots.pose), np.random.default_rng(0)
+    ekf = make_filter(n)
+    sent = CommandHistory(n, ekf.memory_frames)
+    phase, rate = rng.uniform(0, 2 * np.pi, (2, 1, n, 3))
+    angle = phase + 0.4 * rate * T * np.arange(frames)[:, None, None]
+    commands = np.array([1.0, 1.0, 2.0]) * np.sin(angle)
+    commands *= np.minimum(np.arange(frames) / 30, 1)[:, None, None]
+    commands[frames - rest_frames :] = 0
+    for command in commands:
+        measured = robots.pose + NOISE * rng.standard_normal(robots.pose.shape)
+        measured[:, 2] = np.angle(np.exp(1j * measured[:, 2]))
+        ekf.update(make_observation(robots.pose, measured, sent))
+        sent.append(command)
+        robots.advance(command)
+    return ekf
+
+
+def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
+    """Errors of robots unlike the model are within 2.5 of the filter's standard deviations (rms)."""
+    alpha = 0.98, 0.92, 0.95
+    robots = CreepingPlant(np.zeros((20, 3)), delay=7, creep=0.075, lag=0.025, alpha=alpha)
+    ekf = identify(robots, 480)
+    sigma = np.sqrt(np.diagonal(ekf.covariance, axis1=1, axis2=2))
+    true = np.array([1 / 0.98, 1 / 0.92, 1 / 0.95, 7.0, 0.075])
+    columns = [11, 12, 13, LATENCY, CREEP]
+    error = ekf.state[:, columns] - true
+    normalized = error / sigma[:, columns]
+    assert (np.sqrt((normalized**2).mean(0)) < 2.5).all()
+    assert (np.abs(error).mean(0) < [0.03, 0.04, 0.03, 0.8, 0.02]).all()
+
+
+def test_unobservable_parameters_are_forgotten() -> None:
+    """At rest they return to the model with a time constant of 12 s."""
+    errors = []
+    for rest_frames in (10, 730):
+        robots = CreepingPlant(np.zeros((1, 3)), alpha=(1.05, 1.0, 1.0))
+        ekf = identify(robots, 240 + rest_frames, rest_frames)
+        errors.append(abs(ekf.state[0, 11] - 1 / 0.92))
+    assert errors[1] == pytest.approx(errors[0] * math.exp(-1), rel=0.15)
+
+
+@pytest.mark.parametrize("distance", [0.05, 0.3, 1.0])
+def test_a_robot_that_is_carried_has_not_driven_there(distance: float) -> None:
+    """It is where it is seen. Its disturbance and parameters stay."""
+    robots = CreepingPlant(np.zeros((1, 3)))
+    ekf = identify(robots, 200)
+    state = ekf.state.copy()
+    measured = robots.pose + np.array([distance, 0, 0])
+    measured[:, 2] = np.angle(np.exp(1j * measured[:, 2]))
+    ekf.update(make_observation(robots.pose, measured, CommandHistory(1, ekf.memory_frames)))
+    np.testing.assert_allclose(ekf.state[0, :2], measured[0, :2], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(ekf.state[0, 9:], state[0, 9:], rtol=0.01, atol=0.01)
+    assert np.abs(ekf.state[0, DISTURBANCE] - state[0, DISTURBANCE]).max() < 0.02
+
+
+def test_a_row_of_a_batch_equals_the_row_alone() -> None:
+    def estimate(rows: list[int]) -> Array:
+        rng, ekf = np.random.default_rng(0), make_filter(len(rows))
+        sent = CommandHistory(len(rows), ekf.memory_frames)
+        measured = rng.normal(0, 0.01, (40, 3, 3))
+        measured[rng.random((40, 3)) < 0.1] = np.nan
+        for pose in measured[:, rows]:
+            ekf.update(make_observation(np.zeros((len(rows), 3)), pose, sent))
+            sent.append(20 * np.nan_to_num(pose))
+        return ekf.state
+
+    batch = estimate([0, 1, 2])
+    for row in range(3):
+        np.testing.assert_array_equal(estimate([row])[0], batch[row])
+
+
+# --- wheel compliance ---
+
+
+@given(st.tuples(*[number] * 7), st.floats(0.005, 0.05), st.floats(0.0, 0.1))
+def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
+    drawn: tuple[float, ...], lag: float, creep: float
+) -> None:
+    """Each wheel yields by (tau + T |V| / n) f; statics of four feet gives the loads n."""
+    velocity, turn_rate = 2 * complex(*drawn[:2]), 5 * drawn[2]
+    acceleration, deficit = 2 * complex(*drawn[3:5]), complex(*drawn[5:])
+    feet = 0.083 * np.exp(1j * WHEELS.azimuths)
+    shift = -4 * CENTER_HEIGHT_M / 9.81 * acceleration
+    balance = np.array([np.ones(4), feet.real, feet.imag])
+    loads = np.linalg.lstsq(balance, [4, shift.real, shift.imag], rcond=None)[0]
+
+    def moment(turn_deficit: float) -> float:
+        total = 0.0
+        for azimuth, load in zip(WHEELS.azimuths, loads, strict=True):
+            rim = complex(-math.sin(azimuth), math.cos(azimuth))
+            rim_speed = abs(velocity + turn_rate * 0.083 * rim)
+            compliance = lag + creep * rim_speed / max(load, 0.1)
+            total += ((rim.conjugate() * deficit).real + 0.083 * turn_deficit) / compliance
+        return total
+
+    vectors = (
+        np.array([[z.real, z.imag, turn]])
+        for z, turn in ((velocity, turn_rate), (acceleration, 0.0), (deficit, 0.0))
+    )
+    result = WheelCompliance(WHEELS, 1.0).compute_turn_rate(
+        *vectors, np.array([lag]), np.array([creep])
+    )
+    assert result[0] == pytest.approx(-brentq(moment, -100, 100, xtol=1e-12), abs=1e-9)
+
+
+def test_wheels_at_right_angles_cause_no_turning_at_a_steady_speed() -> None:
+    square = Kinematics(np.radians([45.0, 135.0, 225.0, 315.0]), 0.083, 0.0285)
+    velocity, deficit = np.array([[0.7, 0.4, 0]]), np.array([[0.4, 1, 0]])
+    turn_rate = WheelCompliance(square, 1.0).compute_turn_rate(
+        velocity, np.zeros((1, 3)), deficit, np.array([0.02]), np.array([0.05])
+    )
+    assert turn_rate[0] == pytest.approx(0, abs=1e-12)
+
+
+# --- slew-rate limits ---
+
+STEP = 0.1  # m/s a frame
+points = st.tuples(st.floats(-3, 3), st.floats(-3, 3))
+paths = st.lists(points, min_size=1, max_size=12).map(np.array)
+
+
+@given(paths)
+def test_reachable_commands_are_not_changed(path: Array) -> None:
+    steps = np.diff(path, axis=0, prepend=0.0)
+    within = np.cumsum(steps * (0.99 * STEP / max(np.hypot(*steps.T).max(), STEP)), axis=0)
+    np.testing.assert_array_equal(anticipate(within[:, None], STEP)[0], within[0])
+
+
+@given(st.lists(st.floats(-3, 3), min_size=1, max_size=12), st.floats(0, 7))
+def test_no_command_on_a_line_has_a_smaller_deviation(line: list[float], angle: float) -> None:
+    path, direction = np.array(line), np.array([math.cos(angle), math.sin(angle)])
+    command = anticipate(path[:, None, None] * direction, STEP)[0]
+    assert abs(command @ [-direction[1], direction[0]]) < 1e-12
+
+    def compute_deviation(candidate: float) -> float:
+        return float((np.abs(path - candidate) - STEP * np.arange(len(path))).max())
+
+    best = min(compute_deviation(candidate) for candidate in np.linspace(-3, 3, 601))
+    assert compute_deviation(command @ direction) <= best + 1e-9
