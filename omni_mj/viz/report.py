@@ -15,7 +15,12 @@ import jinja2
 
 from omni_control.errors import OmniError
 from omni_mj.files import write_text
-from omni_mj.results.result_tables import describe_plant, recovery_table, results_table
+from omni_mj.results.result_tables import (
+    describe_plant,
+    format_number,
+    recovery_table,
+    results_table,
+)
 from omni_mj.results.summary import read_summary
 from omni_mj.results.summary_sentence import summary_sentence
 from omni_mj.studies.compare.compare_figure import save_comparison_figure
@@ -32,6 +37,7 @@ ENVIRONMENT = jinja2.Environment(  # compiles a template once
     trim_blocks=True,
     lstrip_blocks=True,
 )
+ENVIRONMENT.filters["number"] = format_number
 # Exceptions that a summary with missing or changed content causes.
 SUMMARY_ERRORS = (
     jinja2.UndefinedError,
@@ -75,11 +81,9 @@ def _render_page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> s
         "summary": summary,
         "sources": summaries,
         "sentence": summary_sentence(summary),
-        "scenarios": report_tables.scenario_table(summary),
         "results": results_table(summary, effort=True),
         "recovery": recovery_table(summary),
         "verdicts": verdict_table(summary),
-        "failures": report_tables.failure_table(summary),
         "settings": report_tables.settings_table(entries),
     }
     if len(entries) == 1:
@@ -102,7 +106,6 @@ def _describe_single_run(folder: Path, entries: Mapping[str, Summary]) -> dict[s
     return {
         "title": f"{name}, {describe_plant(entry)}",
         "figures": _encode_images(folder / "figures"),
-        "events": report_tables.event_table(entry),
         "errors": report_tables.error_table(entry) if has_results else None,
         "motors": report_tables.motor_table(entry) if has_results else None,
         "scenario": file.read_text("utf-8", errors="replace") if has_file else "",

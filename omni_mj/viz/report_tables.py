@@ -1,4 +1,4 @@
-"""Tables of a report that the terminal does not show: errors, motors, events, failures, settings."""
+"""Tables that only the report shows: all error statistics, motors and settings."""
 
 import json
 from collections.abc import Mapping
@@ -22,17 +22,7 @@ PEAKS = {"peak_voltage_v": "peak, V", "peak_current_a": "peak, A"}
 ALPHA = ("alpha x", "alpha y")
 TEMPERATURE = "peak_winding_temperature_c"
 MIN_HEATING_K = 10.0  # rise of a winding's temperature from which the table shows it
-MAX_EVENTS = 200
 Summary = Mapping[str, Any]
-
-
-def scenario_table(summary: Summary) -> Table:
-    """Return robot, plant, number of seeds and description of each scenario."""
-    rows = [
-        [name, entry["robot"], entry["plant"], str(len(entry["seeds"])), entry["description"]]
-        for name, entry in summary["scenarios"].items()
-    ]
-    return Table("", ["scenario", "robot", "plant", "seeds", "description"], rows, 5)
 
 
 def error_table(entry: Summary) -> Table:
@@ -75,33 +65,6 @@ def motor_table(entry: Summary) -> Table:
         " reports 0.7 to 1)"
     )
     return drop_equal_columns(Table(title, headings, rows, 1), keep=ALPHA)
-
-
-def failure_table(summary: Summary) -> Table:
-    """Return scenario, controller, seed, slot, time and cause of each failed row."""
-    rows = [
-        [
-            name,
-            failure["controller"],
-            str(failure["seed"]),
-            str(failure["slot"]),
-            format_number(failure["time_s"]),
-            failure["cause"],
-        ]
-        for name, entry in summary["scenarios"].items()
-        for failure in entry["failures"]
-    ]
-    title = "Robots that failed were stopped. Their errors count as infinite"
-    return Table(title, ["scenario", "controller", "seed", "slot", "time, s", "cause"], rows, 6)
-
-
-def event_table(entry: Summary) -> Table:
-    """Return time, controller, seed and text of a scenario's first events."""
-    rows = []
-    for event in entry["events"][:MAX_EVENTS]:
-        time = format_number(event["time_s"])
-        rows.append([time, event["controller"], str(event["seed"]), event["text"]])
-    return Table("Events", ["time, s", "controller", "seed", "event"], rows, 4)
 
 
 def settings_table(entries: Mapping[str, Summary]) -> Table:

@@ -1,6 +1,6 @@
 """Colors, line styles and markers shared by figures, recordings and films.
 
-A built-in controller has the same style everywhere. Users' controllers take the styles that are left.
+A built-in controller has the same style everywhere. Users' controllers take the remaining styles.
 The first six colors are Okabe and Ito's palette, the others follow Paul Tol's; all can be
 distinguished by people with color vision deficiency and stand out on white and on black. In
 grayscale, line style and marker identify the controller.

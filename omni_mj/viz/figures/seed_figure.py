@@ -14,7 +14,7 @@ from omni_mj.viz.figures import plotting
 
 Summary = dict[str, Any]
 LINE_IN = 0.3  # height of a controller's line
-# Largest ratio of an axis's limits. Smaller errors, such as those of rounding, are left of the axis.
+# Largest ratio of an axis's limits. Smaller errors, such as those of rounding, are not visible.
 MAX_RANGE = 1e4
 SETTLING_TIME = "settling time\nin s"
 # Label of a panel -> factor from SI units to the label's, and statistics of a controller's result

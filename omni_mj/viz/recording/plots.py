@@ -96,7 +96,7 @@ def _tracking_plots() -> list[Plot]:
 
 
 def _velocity_plot(path: str, title: str, axis: int) -> Plot:
-    """Return the plot of velocities sent, received by the robot and achieved, in the world frame."""
+    """Return the plot of one velocity: sent, received by the robot and achieved."""
 
     def values(robot: RecordedRobot) -> Array:
         pose = robot["pose"][:, axis]
