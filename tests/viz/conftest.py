@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from benches.recording import Driven, Recorded, driven_by
+from benches.recording import RecordedRun, RecordingFile, record_run
 from commands import invoke
 
 TURNING = "reference.waypoints=[[0, 0], [0.5, 0], [0.5, 0.3, 0.4], [0, 0.3], [0, 0]]"
@@ -49,13 +49,13 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
+def driven(tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
     """A small rectangle with a turn in it, on real wheels."""
     path = tmp_path_factory.mktemp("run") / "recording.rrd"
     fast = "wheels.model=two-rollers", "physics.backend=numpy"
-    return driven_by(path, ["flc", "comp-flc"], TURNING, *fast, plant="mujoco")
+    return record_run(path, ["flc", "comp-flc"], TURNING, *fast, plant="mujoco")
 
 
 @pytest.fixture(scope="session")
-def recorded(driven: Driven) -> Recorded:
+def recorded(driven: RecordedRun) -> RecordingFile:
     return driven.recorded

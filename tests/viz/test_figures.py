@@ -1,4 +1,4 @@
-"""Figures show what was recorded, tell controllers apart, and are the same every time."""
+"""Figures show recorded values, and controllers can be distinguished."""
 
 import numpy as np
 import pytest
@@ -8,49 +8,49 @@ from benches.figures import (
     NAMES,
     SPEED,
     TURN,
-    compared,
-    curves,
-    drawn,
-    look,
-    outcome,
+    draw_comparison,
+    draw_figures,
+    line_styles,
+    line_values,
+    make_outcome,
 )
 from hypothesis import given
 from hypothesis import strategies as st
 
 from omni_control.controllers import CONTROLLERS
 
-OTHERS = ("mine", "yours")
+USER_CONTROLLERS = ("mine", "yours")
 
 
 def test_only_figures_with_data_are_drawn() -> None:
-    figures = drawn(outcome(["c0"], n_seeds=2, alpha_hat=1.0))
+    figures = draw_figures(make_outcome(["c0"], n_seeds=2, alpha_hat=1.0))
     assert set(figures) == set(NAMES) - {"alpha", "seeds"}
 
 
 @pytest.mark.parametrize("frames", [1, 16])
 def test_a_run_that_ended_at_once_can_be_drawn(frames: int) -> None:
-    for figure in drawn(outcome(frames=frames)).values():
+    for figure in draw_figures(make_outcome(frames=frames)).values():
         figure.draw_without_rendering()
 
 
 def test_curves_are_the_recorded_values() -> None:
-    """The i-th controller's error is i cm and i TURN rad by construction, its command the velocity over alpha."""
-    figures = drawn(outcome(), "error", "command")
+    """Controller i has errors of i cm and i TURN rad; its command is the velocity / alpha."""
+    figures = draw_figures(make_outcome(), "error", "command")
     for i in range(2):
         for axes, expected in zip(figures["error"].axes, (i, i, i * np.rad2deg(TURN)), strict=True):
-            np.testing.assert_allclose(curves(axes, f"c{i}")[0], expected, atol=1e-9)
+            np.testing.assert_allclose(line_values(axes, f"c{i}")[0], expected, atol=1e-9)
         for axes, frame in zip(figures["command"].axes, (0, -1), strict=False):
-            np.testing.assert_allclose(curves(axes, f"c{i}")[0][frame], SPEED / ALPHA)
+            np.testing.assert_allclose(line_values(axes, f"c{i}")[0][frame], SPEED / ALPHA)
 
 
-def test_alpha_is_what_robots_achieved_and_estimates_have_a_band_of_two_deviations() -> None:
-    """Robots that achieve 0.8 of their command have alpha 0.8 where they are driven: on one side in x, not in y."""
-    estimate = np.stack([np.full(3, 0.9), np.ones(3)])  # the second controller estimates nothing
-    run = outcome(
-        ["says", "silent"], 1, own={"alpha_sigma": np.full((2, 3), 0.05)}, alpha_hat=estimate
+def test_alpha_is_the_achieved_fraction_and_estimates_have_a_two_sigma_band() -> None:
+    """Robots that achieve 0.8 of their command have alpha 0.8 while they drive along that axis."""
+    estimate = np.stack([np.full(3, 0.9), np.ones(3)])  # 1: no estimate
+    run = make_outcome(
+        ["estimator", "other"], 1, own={"alpha_sigma": np.full((2, 3), 0.05)}, alpha_hat=estimate
     )
-    axes = drawn(run, "alpha")["alpha"].axes
-    assert [panel.get_title(loc="left") for panel in axes] == ["says, x", "says, y"]
+    axes = draw_figures(run, "alpha")["alpha"].axes
+    assert [panel.get_title(loc="left") for panel in axes] == ["estimator, x", "estimator, y"]
     for panel, driven in zip(
         axes, (slice(40, FRAMES // 2), slice(FRAMES // 2 + 40, FRAMES)), strict=True
     ):
@@ -69,18 +69,18 @@ def test_alpha_is_what_robots_achieved_and_estimates_have_a_band_of_two_deviatio
 
 
 @pytest.mark.parametrize("controllers", [3, 5])
-def test_a_row_that_failed_is_drawn_up_to_there_and_leaves_room_for_the_others(
+def test_a_failed_row_ends_early_and_does_not_set_the_limits(
     controllers: int,
 ) -> None:
-    """The last is stopped after 90 frames, 1 m off; the others are off by up to 3 cm."""
+    """The last one fails after 90 frames, 1 m from its reference; the others are within 3 cm."""
     names = [f"c{i}" for i in range(controllers)]
-    run = outcome(names, 1, ends={controllers - 1: 90})
+    run = make_outcome(names, 1, ends={controllers - 1: 90})
     assert run.log
     run.log.channel("pose")[80:90, -1, 0] += 1.0
-    figures = drawn(run, "path", "command", "error")
+    figures = draw_figures(run, "path", "command", "error")
     for name in ("command", "error"):
-        shown = [curve for axes in figures[name].axes for curve in curves(axes, names[-1])]
-        assert {np.flatnonzero(~np.isnan(curve))[-1] for curve in shown} == {89}
+        lines = [line for axes in figures[name].axes for line in line_values(axes, names[-1])]
+        assert {np.flatnonzero(~np.isnan(line))[-1] for line in lines} == {89}
     assert figures["error"].axes[0].get_ylim()[1] < 10
     assert f"{names[-1]} failed" in [
         text.get_text() for text in figures["path"].legends[0].get_texts()
@@ -88,30 +88,29 @@ def test_a_row_that_failed_is_drawn_up_to_there_and_leaves_room_for_the_others(
 
 
 @pytest.mark.parametrize("controllers", [2, 5])
-def test_a_path_is_enlarged_where_each_controller_strays_farthest(controllers: int) -> None:
-    """All keep 1 mm aside of 2 m straight ahead, but for 5 cm half-way: squares of 13 cm around that show it, in cm."""
-    along = np.linspace(0, 2, FRAMES)
-    aside = 0.001 + 0.05 * np.exp(-((along - 1) ** 2) / (2 * 0.02**2))
+def test_a_close_up_shows_the_largest_deviation_of_each_controller(controllers: int) -> None:
+    """The path deviates by 1 mm, and by 5 cm half-way, which close-ups 13 cm wide show in cm."""
+    x = np.linspace(0, 2, FRAMES)
+    y = 0.001 + 0.05 * np.exp(-((x - 1) ** 2) / (2 * 0.02**2))
     ref = np.zeros((FRAMES, controllers, 3))
-    ref[..., 0] = along[:, None]
-    pose = ref + np.stack([0 * aside, aside, 0 * aside], axis=-1)[:, None]
-    figure = drawn(outcome([f"c{i}" for i in range(controllers)], 1, ref=ref, pose=pose), "path")[
-        "path"
-    ]
-    _, *squares = figure.axes
-    assert len(squares) == controllers
-    for axes in squares:
+    ref[..., 0] = x[:, None]
+    pose = ref.copy()
+    pose[..., 1] = y[:, None]
+    outcome = make_outcome([f"c{i}" for i in range(controllers)], 1, ref=ref, pose=pose)
+    _, *close_ups = draw_figures(outcome, "path")["path"].axes
+    assert len(close_ups) == controllers
+    for axes in close_ups:
         assert np.ptp(axes.get_xlim()) == pytest.approx(2.5 * 5.1, rel=0.03)
         path = next(line for line in axes.get_lines() if str(line.get_label()).startswith("c"))
         assert np.max(path.get_ydata()) == pytest.approx(0, abs=0.1)
         assert float(axes.get_xlabel().split()[0]) == pytest.approx(5.1, rel=0.03)
 
 
-@given(st.lists(st.sampled_from([*CONTROLLERS, *OTHERS]), unique=True, min_size=1))
-def test_controllers_are_told_apart_without_colour_and_keep_their_look(
+@given(st.lists(st.sampled_from([*CONTROLLERS, *USER_CONTROLLERS]), unique=True, min_size=1))
+def test_line_styles_are_distinct_without_color_and_fixed_for_built_in_controllers(
     controllers: list[str],
 ) -> None:
-    lines = look(controllers)
+    lines = line_styles(controllers)
     assert (
         len({line["marker"] for line in lines})
         == len({line["color"] for line in lines})
@@ -119,7 +118,7 @@ def test_controllers_are_told_apart_without_colour_and_keep_their_look(
     )
     assert len({str(line["linestyle"]) + line["marker"] for line in lines}) == len(lines)
     assert all(
-        look([name]) == [line]
+        line_styles([name]) == [line]
         for name, line in zip(controllers, lines, strict=True)
         if name in CONTROLLERS
     )
@@ -127,9 +126,9 @@ def test_controllers_are_told_apart_without_colour_and_keep_their_look(
 
 def test_a_heat_map_holds_the_maximum_error_of_all_seeds() -> None:
     """In cm; "failed" where a seed has no value, and no line for a scenario without results."""
-    run = outcome(ends={5: 100}).entry
-    entries = {"s1": outcome().entry, "s2": run, "s3": run | {"results": {}}}
-    figure = compared({name: e for name, e in entries.items() if e["results"]}, ["c1"])
+    run = make_outcome(ends={5: 100}).entry
+    entries = {"s1": make_outcome().entry, "s2": run, "s3": run | {"results": {}}}
+    figure = draw_comparison({name: e for name, e in entries.items() if e["results"]}, ["c1"])
     axes = figure.axes[0]
     cells = [text.get_text() for text in axes.texts]
     assert cells == ["0.14", "1.56", "0.14", "failed"]
@@ -137,7 +136,7 @@ def test_a_heat_map_holds_the_maximum_error_of_all_seeds() -> None:
 
 
 def test_a_figure_over_seeds_has_a_dot_at_each_mean() -> None:
-    """In cm; without a dot where a seed has no value."""
-    figure = drawn(outcome(ends={5: 100}), "seeds")["seeds"]
+    """In cm; no dot if a seed has no value."""
+    figure = draw_figures(make_outcome(ends={5: 100}), "seeds")["seeds"]
     dots = {bar.get_label(): bar.lines[0].get_xdata()[0] for bar in figure.axes[0].containers}
     np.testing.assert_allclose([dots["c0"], dots["c1"]], [np.sqrt(2) * 0.1, np.nan])

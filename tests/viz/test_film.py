@@ -1,4 +1,4 @@
-"""Films: as many pictures as asked for, of robots where the trajectory says they were; files are whole or not there."""
+"""Films show robots at the poses of the trajectory, with the requested number of pictures."""
 
 import subprocess
 import sys
@@ -21,13 +21,13 @@ def film(*arguments: object) -> None:
     command = [sys.executable, "-m", "omni_mj.cli.main", "film", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if "MuJoCo cannot draw here" in done.stderr:
-        pytest.skip("nothing to draw with: no EGL (libegl1, libgl1-mesa-dri)")
+        pytest.skip("there is no EGL (libegl1, libgl1-mesa-dri)")
     assert done.returncode == 0, done.stderr
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A robot drives 0.8 m ahead and 0.4 m to the left; another controller's does so too."""
+    """A run of two controllers along 0.8 m forward and 0.4 m to the left."""
     folder = tmp_path_factory.mktemp("film") / "run"
     options = (
         "--plant",
@@ -41,22 +41,24 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def hat(picture: Image.Image) -> np.ndarray:
-    """Centre of what is about as orange as the robot's cover, brightly lit or not, pixels from the left and the top."""
+def cover_center(picture: Image.Image) -> np.ndarray:
+    """Return the center of the pixels in the cover's hue, pixels from the left and the top."""
     colours = np.asarray(picture.convert("RGB"), float)[
         SIDE // 10 : -SIDE // 10
-    ]  # without what is written
+    ]  # without the text
     hue = colours / np.maximum(colours.max(2, keepdims=True), 60)
     orange = (hue[..., 0] == 1) & (hue[..., 2] < 0.6) & (np.abs(hue[..., 1] - 0.6) < 0.3)
-    for axis in (0, 1):  # the trail is orange too, but thin
+    for axis in (0, 1):  # the path is orange too, but thin
         orange &= np.roll(orange, 4, axis) & np.roll(orange, -4, axis)
     rows, columns = np.nonzero(orange)
     return np.array([columns.mean(), rows.mean() + SIDE // 10])
 
 
 def test_robots_are_where_the_trajectory_says(folder: Path, tmp_path: Path) -> None:
-    """A pinhole that looks straight down from where the route and a margin fill its 45 degrees, at a point 5 cm above
-    the carpet; the cover's top is 14.5 cm high."""
+    """A pinhole camera looks straight down; the route and a margin fill its view of 45 degrees.
+
+    Its target is 5 cm above the carpet; the cover's top is 14.5 cm high.
+    """
     out = tmp_path / "plan.webp"
     times = "--from", 0.5, "--to", 2.5, "--fps", 1
     film(folder, out, "--controller", "flc", "--view", "plan", *times, "--size", f"{SIDE}x{SIDE}")
@@ -71,16 +73,15 @@ def test_robots_are_where_the_trajectory_says(folder: Path, tmp_path: Path) -> N
             pictures.seek(number)
             frame = 30 + 60 * number
             away = np.array([rows["x_m"][frame] - 0.4, rows["y_m"][frame] - 0.2])
-            # The dots of the league's pattern lie ahead and aside, and perspective shows a side of
-            # the cover.
+            # The dots of the league's pattern are not symmetric, and the cover has a visible side.
             np.testing.assert_allclose(
-                hat(pictures), SIDE / 2 + scale * away * [1, -1], atol=0.02 * scale
+                cover_center(pictures), SIDE / 2 + scale * away * [1, -1], atol=0.02 * scale
             )
             assert pictures.info["duration"] == 1000  # ms
 
 
 class Breaks(om.Controller):
-    """Stands; of the robot that it drives first it says nothing that can be sent from frame 30 on."""
+    """Commands zero, and NaN for its first robot from frame 30 on."""
 
     def command(self, frame: int, observation: om.Observation) -> np.ndarray:
         command = np.zeros((len(observation.pose), 3))
@@ -88,7 +89,7 @@ class Breaks(om.Controller):
         return command
 
 
-def test_a_robot_that_failed_stays_where_it_is_and_others_go_on(tmp_path: Path) -> None:
+def test_a_failed_robot_keeps_its_pose_and_others_continue(tmp_path: Path) -> None:
     places = {"start_poses": [[0, 0, 0], [0.2, 1, 0]]}
     route = {"waypoints": [[0, 0], [0.4, 0.2]]}
     om.run(
@@ -101,11 +102,11 @@ def test_a_robot_that_failed_stays_where_it_is_and_others_go_on(tmp_path: Path) 
     assert (track.references[30:, 0] == track.references[29, 0]).all()
 
 
-def test_a_gif_holds_the_pictures_in_their_order(folder: Path, tmp_path: Path) -> None:
-    """The first, the middle and the last of 5 a second differ; the reference moves on in all of them."""
+def test_a_gif_contains_the_pictures_in_order(folder: Path, tmp_path: Path) -> None:
+    """The reference moves, so pictures at different times differ."""
     out = tmp_path / "film.gif"
     film(folder, out, "--fps", 5, "--to", 1, "--size", "160x80")
-    assert list(tmp_path.iterdir()) == [out]  # nothing that was begun is left
+    assert list(tmp_path.iterdir()) == [out]  # no temporary file is left
     with Image.open(out) as whole:
         pictures = [np.asarray(picture.convert("RGB")) for picture in ImageSequence.Iterator(whole)]
         assert whole.info["duration"] == 200  # ms

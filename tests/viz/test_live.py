@@ -1,4 +1,4 @@
-"""A run can be watched while it goes on; a viewer that is not there, or goes away, costs nothing but a line."""
+"""A viewer shows a run in progress; a missing viewer causes one warning and no failure."""
 
 import signal
 import socket
@@ -8,7 +8,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from benches.recording import Listener, Recorded, record, rrd, simulated
+from benches.recording import (
+    Listener,
+    RecordingFile,
+    create_simulation,
+    run_and_record,
+    run_rrd_command,
+)
 
 from omni_control.errors import OmniError
 from omni_mj.cli.run import command
@@ -19,8 +25,8 @@ SHORT = "reference.waypoints=[[0, 0], [0.5, 0.2]]"
 
 @pytest.fixture
 def listener(tmp_path: Path) -> Iterator[Listener]:
-    """`rerun --save`, which listens as a viewer does and needs no graphics."""
-    started = Listener("--save", tmp_path / "heard.rrd")
+    """A `rerun --save` process, which listens like a viewer and needs no graphics."""
+    started = Listener("--save", tmp_path / "received.rrd")
     yield started
     started.end()
 
@@ -28,23 +34,23 @@ def listener(tmp_path: Path) -> Iterator[Listener]:
 def run(
     url: str, path: Path, *overrides: str, after_frame: Callable[[int], None] | None = None
 ) -> None:
-    """Run on the kinematic plant, watched by the viewer at `url` and recorded into `path`, as the command does."""
-    record(simulated(["flc", "comp-flc"], *overrides), path, url, after_frame)
+    """Run on the kinematic plant, shown by the viewer at `url` and recorded in `path`."""
+    run_and_record(create_simulation(["flc", "comp-flc"], *overrides), path, url, after_frame)
 
 
-def nobody() -> str:
-    """The address of a viewer that is not there."""
+def unused_url() -> str:
+    """Return an address at which no viewer listens."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         return f"rerun+http://127.0.0.1:{free.getsockname()[1]}/proxy"
 
 
-def test_a_viewer_is_sent_what_is_recorded(
+def test_a_viewer_receives_the_same_data_as_the_file(
     listener: Listener, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run(listener.url, tmp_path / "recording.rrd", SHORT)
     assert capsys.readouterr().err == ""
-    written, path = Recorded(tmp_path / "recording.rrd"), tmp_path / "heard.rrd"
+    written, path = RecordingFile(tmp_path / "recording.rrd"), tmp_path / "received.rrd"
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline and (
         not path.exists() or path.stat().st_size < written.path.stat().st_size
@@ -53,28 +59,28 @@ def test_a_viewer_is_sent_what_is_recorded(
     time.sleep(0.5)
     listener.end(signal.SIGKILL)
     with pytest.warns(match="no footer"):
-        heard = Recorded(path)
-    assert heard.entities() == written.entities()
+        received = RecordingFile(path)
+    assert received.entities() == written.entities()
     for entity in written.entities():  # series begin with the block of their first number
-        frames = sorted(heard.frames(entity))
+        frames = sorted(received.frames(entity))
         assert (
             entity.endswith("/shape") or frames == sorted(written.frames(entity))[-len(frames) :]
         ), entity
 
 
-def test_a_viewer_that_is_not_there_is_one_line(
+def test_a_missing_viewer_causes_one_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    url = nobody()
+    url = unused_url()
     run(url, tmp_path / "recording.rrd", SHORT)
     assert capsys.readouterr().err == f"warning: no viewer at {url}; the run goes on without it\n"
-    assert rrd("verify", tmp_path / "recording.rrd").returncode == 0
+    assert run_rrd_command("verify", tmp_path / "recording.rrd").returncode == 0
 
 
-def test_a_viewer_that_goes_away_is_one_line(
+def test_a_viewer_that_is_closed_causes_one_warning(
     listener: Listener, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It goes away in frame 200; the file has all 774 of the rectangle."""
+    """The viewer is closed in frame 200; the file has all 774 frames of the rectangle."""
     run(
         listener.url,
         tmp_path / "recording.rrd",
@@ -84,29 +90,29 @@ def test_a_viewer_that_goes_away_is_one_line(
         capsys.readouterr().err
         == f"warning: no viewer at {listener.url}; the run goes on without it\n"
     )
-    assert rrd("verify", tmp_path / "recording.rrd").returncode == 0
-    assert max(Recorded(tmp_path / "recording.rrd").frames("/world/flc/robot")) == 773
+    assert run_rrd_command("verify", tmp_path / "recording.rrd").returncode == 0
+    assert max(RecordingFile(tmp_path / "recording.rrd").frames("/world/flc/robot")) == 773
 
 
 @pytest.mark.skipif(
-    sys.platform != "linux", reason="only Linux says by its environment whether there is a display"
+    sys.platform != "linux", reason="only on Linux does the environment name the display"
 )
 @pytest.mark.parametrize(
-    ("display", "said"), [(None, "--view needs a display"), (":987", "viewer does not start: ")]
+    ("display", "message"), [(None, "--view needs a display"), (":987", "viewer does not start: ")]
 )
 def test_a_window_needs_a_display(
-    display: str | None, said: str, monkeypatch: pytest.MonkeyPatch
+    display: str | None, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     if display:
         monkeypatch.setenv("DISPLAY", display)
-    with pytest.raises(OmniError, match=said) as error:
+    with pytest.raises(OmniError, match=message) as error:
         viewer.open_viewer()
     assert "\n" not in str(error.value)
 
 
-def test_bad_input_is_said_before_the_run(tmp_path: Path) -> None:
+def test_a_bad_address_is_reported_before_the_run(tmp_path: Path) -> None:
     arguments = ["--scenario", "rect", "--connect", "", "--out", str(tmp_path / "run")]
     with pytest.raises(OmniError, match="--connect needs"):
         command.main(arguments, standalone_mode=False)

@@ -1,11 +1,18 @@
-"""A recording holds what the table of the run holds, and the robots as they are."""
+"""A recording contains the values of the trajectory table and the geometry of the robots."""
 
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from benches.recording import Driven, Recorded, driven_by, poses, rows, rrd
+from benches.recording import (
+    RecordedRun,
+    RecordingFile,
+    record_run,
+    recorded_poses,
+    rows,
+    run_rrd_command,
+)
 
 CONTROLLERS = ("flc", "comp-flc")
 COLOURS = {"flc": 0xD55E00FF, "comp-flc": 0x0072B2FF}
@@ -18,19 +25,19 @@ MODEL = Path(__file__).parents[2] / "models" / "ssl_robot.xml"
     ("entity", "prefix"), [("robot", ""), ("vision", "vision_"), ("predicted", "predicted_")]
 )
 def test_poses_are_those_of_the_table(
-    driven: Driven, controller: str, entity: str, prefix: str
+    driven: RecordedRun, controller: str, entity: str, prefix: str
 ) -> None:
     recorded, table = driven.recorded, rows(driven.table, controller)
     expected = np.column_stack([table[f"{prefix}{name}"] for name in ("x_m", "y_m", "heading_rad")])
     known = np.flatnonzero(~np.isnan(expected[:, 0]))
     assert sorted(recorded.frames(f"/world/{controller}/{entity}")) == known.tolist()
-    # Transforms are float32: 6e-8 of a metre or radian or so.
+    # Transforms are float32, with an error of about 6e-8 m or rad.
     np.testing.assert_allclose(
-        poses(recorded, f"/world/{controller}/{entity}"), expected[known], atol=1e-6
+        recorded_poses(recorded, f"/world/{controller}/{entity}"), expected[known], atol=1e-6
     )
 
 
-def test_flags_are_position_errors_enlarged_ten_times(driven: Driven) -> None:
+def test_flags_are_position_errors_enlarged_ten_times(driven: RecordedRun) -> None:
     table, entity = rows(driven.table, "flc"), "/world/flc/error"
     position, reference = (
         np.column_stack([table[f"{prefix}{axis}_m"] for axis in "xy"]) for prefix in ("", "ref_")
@@ -43,8 +50,8 @@ def test_flags_are_position_errors_enlarged_ten_times(driven: Driven) -> None:
     assert labels == [[f"flc  {cm:.1f} cm"] for cm in distance_cm]
 
 
-def test_wheels_turn_by_the_angles_of_the_table(driven: Driven) -> None:
-    """Axles point to the robot's centre, so that positive speeds drive it counter-clockwise."""
+def test_wheels_turn_by_the_angles_of_the_table(driven: RecordedRun) -> None:
+    """Axles point to the robot's center, so positive speeds turn the robot counter-clockwise."""
     table = rows(driven.table, "comp-flc")
     for i, azimuth in enumerate(np.deg2rad([60, 135, 225, 300]), start=1):
         turns = driven.recorded.column(f"/world/comp-flc/robot/wheel_{i}", "Transform3D:quaternion")
@@ -54,7 +61,7 @@ def test_wheels_turn_by_the_angles_of_the_table(driven: Driven) -> None:
         np.testing.assert_allclose([turn[0] for turn in turns], expected, atol=1e-6)
 
 
-def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> None:
+def test_the_robot_has_the_geometry_of_the_compiled_model(recorded: RecordingFile) -> None:
     model = mujoco.MjModel.from_xml_path(str(MODEL))
     for i in range(1, 5):
         sizes = recorded.static(f"/world/flc/robot/wheel_{i}/ellipsoids", "Ellipsoids3D:half_sizes")
@@ -72,10 +79,10 @@ def test_the_robot_is_the_compiled_models_own_geometry(recorded: Recorded) -> No
         assert len(shown) == (chassis & (model.geom_type == kind)).sum()
 
 
-def test_it_passes_reruns_verification_is_small_and_logs_what_stays_once(
-    recorded: Recorded,
+def test_a_recording_is_valid_and_small_and_logs_static_data_once(
+    recorded: RecordingFile,
 ) -> None:
-    done = rrd("verify", recorded.path)
+    done = run_rrd_command("verify", recorded.path)
     assert done.returncode == 0, done.stderr
     assert recorded.path.stat().st_size < 4e6
     for entity in recorded.entities(static=True) - {"/__properties"}:
@@ -84,49 +91,49 @@ def test_it_passes_reruns_verification_is_small_and_logs_what_stays_once(
 
 def test_equal_runs_are_recorded_equally_and_different_ones_are_not(tmp_path: Path) -> None:
     a, b, c = (
-        driven_by(tmp_path / f"{i}.rrd", ["flc"], SHORT, seed=i // 2).recorded for i in range(3)
+        record_run(tmp_path / f"{i}.rrd", ["flc"], SHORT, seed=i // 2).recorded for i in range(3)
     )
     for entity in (entity for entity in a.entities() if entity.startswith("/plots/")):
         np.testing.assert_array_equal(a.values(entity), b.values(entity), entity)
     for entity in ("/world/flc/robot", "/world/flc/vision"):
-        assert np.array_equal(poses(a, entity), poses(b, entity))
-        assert not np.array_equal(poses(a, entity), poses(c, entity))
+        assert np.array_equal(recorded_poses(a, entity), recorded_poses(b, entity))
+        assert not np.array_equal(recorded_poses(a, entity), recorded_poses(c, entity))
 
 
-def test_the_first_seed_is_recorded_and_no_wheels_where_there_are_none(tmp_path: Path) -> None:
-    driven = driven_by(tmp_path / "recording.rrd", ["flc"], SHORT, seed=3, seeds=2)
+def test_the_first_seed_is_recorded_without_wheels_if_the_plant_has_none(tmp_path: Path) -> None:
+    driven = record_run(tmp_path / "recording.rrd", ["flc"], SHORT, seed=3, seeds=2)
     plots = {entity.split("/")[2] for entity in driven.recorded.entities() if "/plots/" in entity}
     assert plots == {"error", "velocity", "alpha", "saturation"}
-    shown = poses(driven.recorded, "/world/flc/robot")
+    shown = recorded_poses(driven.recorded, "/world/flc/robot")
     for seed, equal in ((3, True), (4, False)):
         assert np.allclose(shown[:, 0], rows(driven.table, "flc", seed)["x_m"], atol=1e-6) == equal
 
 
 def test_all_robots_of_a_controllers_first_world_are_drawn(tmp_path: Path) -> None:
-    """Each where it is, along its own reference, in a colour of its own."""
-    places = "world.start_poses=[[0, 0, 0], [0.2, 1.0, 1.5707963267948966]]"
-    driven = driven_by(tmp_path / "recording.rrd", ["flc"], SHORT, places, seeds=2)
+    """Each robot has its own pose, reference and color."""
+    start_poses = "world.start_poses=[[0, 0, 0], [0.2, 1.0, 1.5707963267948966]]"
+    driven = record_run(tmp_path / "recording.rrd", ["flc"], SHORT, start_poses, seeds=2)
     recorded = driven.recorded
     starts = recorded.static("/world/reference", "LineStrips3D:strips")
     assert [strip[0][:2] for strip in starts] == [[0, 0], pytest.approx([0.2, 1.0])]
-    for place in (0, 1):
-        table = rows(driven.table, "flc", 0, place)
+    for slot in (0, 1):
+        table = rows(driven.table, "flc", 0, slot)
         expected = np.column_stack([table[name] for name in ("x_m", "y_m", "heading_rad")])
         np.testing.assert_allclose(
-            poses(recorded, f"/world/flc/{place}/robot"), expected, atol=1e-6
+            recorded_poses(recorded, f"/world/flc/{slot}/robot"), expected, atol=1e-6
         )
-        assert f"/plots/error/x/flc/{place}" in recorded.entities()
+        assert f"/plots/error/x/flc/{slot}" in recorded.entities()
         expected = np.column_stack([table["ref_x_m"], table["ref_y_m"]])
-        targets = np.array(recorded.column(f"/world/flc/{place}/target", "Points3D:positions"))
+        targets = np.array(recorded.column(f"/world/flc/{slot}/target", "Points3D:positions"))
         np.testing.assert_allclose(targets[:, 0, :2], expected, atol=1e-6)
-    colours = [
-        recorded.static(f"/world/flc/{place}/path", "LineStrips3D:colors") for place in (0, 1)
-    ]
+    colours = [recorded.static(f"/world/flc/{slot}/path", "LineStrips3D:colors") for slot in (0, 1)]
     assert colours[0] != colours[1]
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_series_have_names_in_their_controllers_colour(recorded: Recorded, controller: str) -> None:
+def test_series_have_names_in_their_controllers_colour(
+    recorded: RecordingFile, controller: str
+) -> None:
     series = {
         e for e in recorded.entities() if e.startswith("/plots/") and controller in e.split("/")
     }
@@ -142,8 +149,8 @@ def test_series_have_names_in_their_controllers_colour(recorded: Recorded, contr
             assert recorded.static(entity, "SeriesLines:colors")[-1] == COLOURS[controller]
 
 
-def ratio(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Displacement achieved over commanded in the 15 frames before, if more than 0.1 m/s was for 24 frames."""
+def measured_alpha(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Return achieved / commanded displacement of 15 frames, if above 0.1 m/s for 24 frames."""
     result = np.full(len(position), np.nan)
     for k in range(24, len(position)):
         mean = velocity[k - 15 : k].mean()
@@ -175,32 +182,36 @@ def expected_series(t: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
             np.max([t[f"current_limited_fraction_{i}"] for i in wheels], axis=0)
         ],
     }
-    for axis, place, speed, scale in (
+    for axis, column, speed, scale in (
         ("x", "x_m", "vx_m_s", 100),
         ("y", "y_m", "vy_m_s", 100),
         ("heading", "heading_rad", "w_rad_s", 180 / np.pi),
     ):
-        series[f"error/{axis}"] = [scale * (t[place] - t[f"ref_{place}"])]
-        achieved = 60 * np.diff(t[place], prepend=t[place][0])
+        series[f"error/{axis}"] = [scale * (t[column] - t[f"ref_{column}"])]
+        achieved = 60 * np.diff(t[column], prepend=t[column][0])
         name = f"velocity/{'turn' if axis == 'heading' else axis}"
         series[name] = [t[f"command_{speed}"], t[f"applied_{speed}"], achieved]
         if axis != "heading":
             estimate = np.where(t[f"alpha_hat_{axis}"] == 1, np.nan, t[f"alpha_hat_{axis}"])
             no_sigma = np.full((2, len(estimate)), np.nan)
-            series[f"alpha/{axis}"] = [ratio(t[place], t[f"applied_{speed}"]), *no_sigma, estimate]
+            series[f"alpha/{axis}"] = [
+                measured_alpha(t[column], t[f"applied_{speed}"]),
+                *no_sigma,
+                estimate,
+            ]
     return {name: np.column_stack(lines) for name, lines in series.items()}
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_every_time_series_follows_from_the_table(driven: Driven, controller: str) -> None:
-    """Those without any number are not there."""
+def test_every_time_series_follows_from_the_table(driven: RecordedRun, controller: str) -> None:
+    """Series without any number are left out."""
     recorded, expected = driven.recorded, expected_series(rows(driven.table, controller))
     known = {
         f"/plots/{name}/{controller}": v for name, v in expected.items() if not np.isnan(v).all()
     }
     measured = {
         f"/plots/saturation/{name}/{controller}" for name in ("sliding", "command")
-    }  # as tests of measures derive them
+    }  # tested with the metrics
     assert {
         e for e in recorded.entities() if e.startswith("/plots/") and controller in e.split("/")
     } == {
@@ -208,8 +219,7 @@ def test_every_time_series_follows_from_the_table(driven: Driven, controller: st
         *measured,
     }
     for entity, values in known.items():
-        # Scalars are float64; sums in another order differ by rounding, near 1e-12 of what is
-        # summed.
+        # Scalars are float64. Sums in another order differ by about 1e-12 of the summands.
         begin = recorded.frames(entity)[0]
         assert np.isnan(values[:begin]).all()
         np.testing.assert_allclose(

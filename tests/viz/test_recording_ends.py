@@ -1,4 +1,4 @@
-"""A recording is whole up to where a run, a robot or a block of it ends, whatever ends it."""
+"""A recording is complete up to the end of a run, a robot or a block, for any reason of the end."""
 
 import os
 import signal
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benches.recording import Driven, Recorded, driven_by, rows
+from benches.recording import RecordedRun, RecordingFile, record_run, rows
 from numpy.typing import NDArray
 
 from omni_control.controllers.base import Controller, Observation
@@ -18,7 +18,7 @@ SHORT = "reference.waypoints=[[0, 0], [0.3, 0.2]]"
 
 
 class Own(Controller):
-    """Records what it does to the error, from frame 50 on how often it was asked; and says that it believes in 0.9."""
+    """Proportional controller with own channels, one of them from frame 50 on, and alpha 0.9."""
 
     def command(self, frame: int, observation: Observation) -> NDArray:
         shape = (len(observation.pose), 3)
@@ -27,12 +27,12 @@ class Own(Controller):
         pull = 3.0 * (target - observation.pose)
         self.channels["pull"] = pull[:, :2]
         if frame >= 50:
-            self.channels["asked"] = np.full(len(pull), float(frame))
+            self.channels["frame_number"] = np.full(len(pull), float(frame))
         return speed + pull
 
 
 class Breaks(Own):
-    """Fails in frame 70."""
+    """Own, but its command is NaN from frame 70 on."""
 
     def command(self, frame: int, observation: Observation) -> NDArray:
         return (
@@ -43,31 +43,31 @@ class Breaks(Own):
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory: pytest.TempPathFactory) -> Driven:
-    """Controllers with channels of their own, of which one fails."""
-    return driven_by(tmp_path_factory.mktemp("own") / "recording.rrd", ["flc", Own, Breaks], SHORT)
+def own(tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
+    """A run of controllers that record own channels; one controller fails."""
+    return record_run(tmp_path_factory.mktemp("own") / "recording.rrd", ["flc", Own, Breaks], SHORT)
 
 
-def test_channels_of_a_controllers_own_are_recorded(own: Driven) -> None:
+def test_channels_of_controllers_are_recorded(own: RecordedRun) -> None:
     recorded, table = own.recorded, rows(own.table, "Own")
     channels = {entity for entity in recorded.entities() if entity.startswith("/plots/channels/")}
     expected = {
         f"/plots/channels/{c}/{name}"
-        for c in ("pull", "asked", "alpha_sigma")
+        for c in ("pull", "frame_number", "alpha_sigma")
         for name in ("Own", "Breaks")
     }
     assert channels == expected
     pull = np.column_stack([table["channel_pull_1"], table["channel_pull_2"]])
     np.testing.assert_array_equal(recorded.values("/plots/channels/pull/Own"), pull)
     np.testing.assert_array_equal(
-        recorded.values("/plots/channels/asked/Own")[:, 0], table["channel_asked"]
+        recorded.values("/plots/channels/frame_number/Own")[:, 0], table["channel_frame_number"]
     )
     band = recorded.values("/plots/alpha/x/Own")[:, 1:]
     np.testing.assert_allclose(band, np.broadcast_to([0.8, 1.0, 0.9], (len(pull), 3)))
-    assert all({"channels", "pull", "asked"} <= names for names in recorded.layouts())
+    assert all({"channels", "pull", "frame_number"} <= names for names in recorded.layouts())
 
 
-def test_a_robot_that_failed_is_recorded_up_to_there_and_says_why(own: Driven) -> None:
+def test_a_failed_robot_is_recorded_up_to_its_failure_with_the_cause(own: RecordedRun) -> None:
     assert sorted(own.recorded.frames("/world/Breaks/robot")) == list(range(70))
     assert len(own.recorded.frames("/world/Own/robot")) > 100
     texts = [row[0] for row in own.recorded.column("/events/Breaks", "TextLog:text")]
@@ -75,8 +75,8 @@ def test_a_robot_that_failed_is_recorded_up_to_there_and_says_why(own: Driven) -
     assert len(texts) == len(set(texts))
 
 
-def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
-    """Killed while it writes, of every entity the same whole blocks of 300 frames are there, but for the last one."""
+def test_a_killed_run_leaves_complete_blocks(tmp_path: Path) -> None:
+    """Of a killed run, all entities have complete blocks of 300 frames, and as many but one."""
     options = [
         "--scenario",
         "rect",
@@ -96,7 +96,7 @@ def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     with pytest.warns(match="no footer"):
-        recorded = Recorded(path)
+        recorded = RecordingFile(path)
     series = [e for e in recorded.entities() if "/plots/" in e or e.endswith("/robot")]
     assert len(series) > 20
     ends = []
@@ -108,24 +108,24 @@ def test_a_killed_run_leaves_its_blocks(tmp_path: Path) -> None:
     assert max(ends) - min(ends) <= 300
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="pipes have the size that they have")
-def test_a_file_that_takes_nothing_more_costs_the_recording_and_holds_up_nobody(
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux can set the size of a pipe")
+def test_a_blocked_file_ends_the_recording_but_not_the_run(
     tmp_path: Path,
 ) -> None:
-    """A pipe of 1 MiB that nobody reads: rerun waits for what it writes there as for a writer that has died."""
+    """The file is a pipe of 1 MiB without a reader, at which rerun's writer stops."""
     program = f"""
 import fcntl, os
 from pathlib import Path
 from typing import Any
-from benches.recording import record, set_flush_timeout, simulated
+from benches.recording import create_simulation, run_and_record, set_flush_timeout
 set_flush_timeout(1.0)
 path = Path({str(tmp_path / "pipe")!r})
 os.mkfifo(path)
 held = os.open(path, os.O_RDWR)
 fcntl.fcntl(held, fcntl.F_SETPIPE_SZ, 2**20)
-simulation = simulated(["flc", "comp-flc"])
+simulation = create_simulation(["flc", "comp-flc"])
 try:
-    record(simulation, path)
+    run_and_record(simulation, path)
 except OSError as error:
     print(error.strerror)
 print(simulation.done)

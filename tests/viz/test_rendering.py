@@ -1,4 +1,4 @@
-"""Pictures of a recording show what the viewer draws: the field, the robots where they are, and the plots."""
+"""Pictures of a recording show the field, the robots and the plots."""
 
 import sys
 from pathlib import Path
@@ -15,17 +15,17 @@ DRIVERS = [
 ]
 pytestmark = pytest.mark.skipif(
     sys.platform == "linux" and not DRIVERS,
-    reason="nothing to draw with: no Vulkan driver (mesa-vulkan-drivers)",
+    reason="there is no Vulkan driver (mesa-vulkan-drivers)",
 )
 CARPET, ORANGE, BLUE = (33, 66, 45), (0xD5, 0x5E, 0x00), (0x00, 0x72, 0xB2)
-# Parts of a window of 1600x900 without their title bars: rows, columns.
+# Rows and columns of the views in a window of 1600x900, without title bars.
 FIELD, CLOSE_UP = np.s_[70:400, 0:790], np.s_[440:690, 0:795]
 PLOTS = np.s_[70:860, 810:1590]
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording of robots that drive 1 m ahead, then 0.8 m to the left."""
+    """A recording of robots that drive 1 m forward, then 0.8 m to the left."""
     folder = tmp_path_factory.mktemp("rendering") / "run"
     options = (
         "--set",
@@ -41,14 +41,14 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "recording.rrd"
 
 
-def count(image: NDArray, colour: tuple[int, int, int]) -> int:
-    """Return the number of pixels that have the direction of a colour, lit or shaded."""
+def count_pixels(image: NDArray, colour: tuple[int, int, int]) -> int:
+    """Return the number of pixels with the hue of a color, lit or shaded."""
     size = np.maximum(np.linalg.norm(image, axis=-1), 60)
     return int(((image @ np.array(colour) / size / np.linalg.norm(colour)) > 0.985).sum())
 
 
 def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path) -> None:
-    """Robots move on the field, and leave paths there; the first tab is shown, or the one that is named."""
+    """Robots move on the field and leave paths; the picture shows the named tab."""
     images = []
     for time_s, *tab in ((0.0,), (3.0, "--tab", "saturation")):
         out = tmp_path / f"{time_s}.png"
@@ -56,13 +56,15 @@ def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path)
         images.append(255 * imread(out)[..., :3])
     start, later = images
     assert start.shape == (900, 1600, 3)
-    assert count(start[FIELD], CARPET) > 100_000
-    assert count(start[CLOSE_UP], BLUE) > 5_000
+    assert count_pixels(start[FIELD], CARPET) > 100_000
+    assert count_pixels(start[CLOSE_UP], BLUE) > 5_000
     assert (np.abs(later[FIELD] - start[FIELD]).max(-1) > 60).sum() > 2_000
-    assert all(count(image[PLOTS], colour) > 300 for image in images for colour in (ORANGE, BLUE))
+    assert all(
+        count_pixels(image[PLOTS], colour) > 300 for image in images for colour in (ORANGE, BLUE)
+    )
 
 
-def test_an_unknown_tab_is_named(
+def test_an_unknown_tab_is_reported(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert invoke("screenshot", recording, tmp_path / "x.png", "--tab", "wheel") == 2

@@ -1,4 +1,4 @@
-"""The report says what the summaries say, holds all it shows, and cannot be broken by what a user wrote."""
+"""A report shows the summaries' numbers, needs no other file, and escapes users' text."""
 
 import json
 import re
@@ -17,18 +17,19 @@ from matplotlib.image import imread
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
-FLAGS = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
-FLAGS += (
-    " --disable-component-update --disable-sync --hide-scrollbars --allow-file-access-from-files"
-)
-# Looks into the report from outside, since the report itself runs no scripts.
+FLAGS = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run"
+FLAGS += " --disable-background-networking --disable-component-update --disable-sync"
+FLAGS += " --hide-scrollbars --allow-file-access-from-files"
+# The report runs no scripts, so a page around it inspects it.
 WRAPPER = """<body><iframe src="report.html" width="{width}" height="900"></iframe><script>
 onload = () => {{
   const page = document.querySelector("iframe").contentDocument, root = page.documentElement;
-  document.body.dataset.seen = JSON.stringify({{
-    images: [...page.images].map(i => [i.complete, i.naturalWidth, i.getBoundingClientRect().right]),
+  document.body.dataset.page = JSON.stringify({{
+    images: [...page.images].map(
+      i => [i.complete, i.naturalWidth, i.getBoundingClientRect().right]),
     overflow: root.scrollWidth - root.clientWidth,
-    inside: page.defaultView.performance.getEntriesByType("resource").map(r => r.name.slice(0, 10)),
+    resources: page.defaultView.performance.getEntriesByType("resource").map(
+      r => r.name.slice(0, 10)),
   }});
 }}</script>"""
 EVIL = "<script>alert('x')</script> & \"quoted\" {{ 7 * 7 }}"
@@ -73,8 +74,8 @@ def entry_of(folder: Path) -> dict[str, Any]:
     return entry
 
 
-def changed(folder: Path, to: Path, name: str = "rect", **entry: Any) -> Path:
-    """Return a copy of a run's folder whose summary says something else of the scenario, here called `name`."""
+def change_summary(folder: Path, to: Path, name: str = "rect", **entry: Any) -> Path:
+    """Copy a run's folder and change the scenario's name and entry in its summary."""
     to.mkdir()
     summary = summary_of(folder) | {"scenarios": {name: entry_of(folder) | entry}}
     (to / "summary.json").write_text(json.dumps(summary))
@@ -92,17 +93,17 @@ def out(tmp_path: Path) -> Path:
     return tmp_path / "report.html"
 
 
-def test_numbers_are_the_summarys(runs: list[Path], out: Path) -> None:
+def test_the_numbers_are_those_of_the_summary(runs: list[Path], out: Path) -> None:
     """Medians of the seeds with their range, rounded, in cm and degrees for errors."""
     report = page(runs[0], out=out)
     for result in entry_of(runs[0])["results"].values():
         for part, factor in (("error_m", 100), ("error_rad", 180 / np.pi)):
             for axis in result[part].values():
                 for spread in (axis[statistic] for statistic in ("max", "p99", "mean", "rms")):
-                    median, least, greatest = (
+                    median, smallest, largest = (
                         f"{factor * spread[key]:.2f}" for key in ("median", "min", "max")
                     )
-                    assert f"{median} ({least} to {greatest})" in report.cells
+                    assert f"{median} ({smallest} to {largest})" in report.cells
         assert all(
             "/".join(f"{v:.2f}" for v in axis.values()) in report.cells
             for axis in result["alpha"].values()
@@ -110,18 +111,19 @@ def test_numbers_are_the_summarys(runs: list[Path], out: Path) -> None:
         assert f"{result['effort_m_s2']['median']:.2f}" in report.cells
 
 
-def test_the_papers_errors_follow_ours(runs: list[Path], tmp_path: Path, out: Path) -> None:
+def test_the_papers_errors_follow_the_results(runs: list[Path], tmp_path: Path, out: Path) -> None:
     paper = {"flc": {"x": {"max": 0.04, "mean": 0.01}, "y": {"max": 0.08, "mean": 0.02}}}
-    report = page(changed(runs[0], tmp_path / "printed", paper=paper, paper_table=3), out=out)
+    report = page(
+        change_summary(runs[0], tmp_path / "printed", paper=paper, paper_table=3), out=out
+    )
     assert {"paper's flc", "4.00/1.00", "8.00/2.00"} <= set(report.cells)
     assert (
-        "paper's flc" not in page(changed(runs[0], tmp_path / "without", paper=None), out=out).text
+        "paper's flc"
+        not in page(change_summary(runs[0], tmp_path / "without", paper=None), out=out).text
     )
 
 
-def test_figures_of_a_run_are_the_same_every_time_and_nothing_is_cut_off(
-    runs: list[Path], tmp_path: Path
-) -> None:
+def test_figures_are_reproducible_and_not_cut_off(runs: list[Path], tmp_path: Path) -> None:
     """PNG and SVG of all figures for which the kinematic plant has data; their edges are white."""
     assert (
         invoke(
@@ -146,7 +148,7 @@ def test_figures_of_a_run_are_the_same_every_time_and_nothing_is_cut_off(
         assert not any(edge.any() for edge in (ink[0], ink[-1], ink[:, 0], ink[:, -1])), path
 
 
-def test_it_is_complete_in_itself_with_all_figures(
+def test_a_report_contains_all_figures_and_needs_no_other_file(
     runs: list[Path], comparison: Path, out: Path
 ) -> None:
     figures = len({path.stem for path in (runs[0] / "figures").iterdir()})
@@ -175,10 +177,10 @@ def test_a_comparison_has_verdicts(comparison: Path, out: Path) -> None:
         )
 
 
-def test_what_a_user_wrote_is_text(runs: list[Path], tmp_path: Path, out: Path) -> None:
+def test_users_text_is_escaped(runs: list[Path], tmp_path: Path, out: Path) -> None:
     results = {EVIL: entry_of(runs[0])["results"]["flc"]}
     failed = [{"controller": EVIL, "seed": 0, "slot": 0, "time_s": 1.0, "cause": EVIL}]
-    folder = changed(
+    folder = change_summary(
         runs[0], tmp_path / "evil", EVIL, description=EVIL, results=results, failures=failed
     )
     (folder / "summary.json").write_text(json.dumps(summary_of(folder) | {"controllers": [EVIL]}))
@@ -188,7 +190,7 @@ def test_what_a_user_wrote_is_text(runs: list[Path], tmp_path: Path, out: Path) 
     assert report.text.count(EVIL) > 3
 
 
-def test_failed_rows_and_what_is_not_known_are_shown(
+def test_failed_rows_and_missing_numbers_are_shown(
     runs: list[Path], tmp_path: Path, out: Path
 ) -> None:
     results = entry_of(runs[0])["results"]
@@ -197,7 +199,7 @@ def test_failed_rows_and_what_is_not_known_are_shown(
         for spread in spreads.values():
             spread |= {"mean": None, "ci95_half_width": None, "max": None}
     failed = [{"controller": "flc", "seed": 2, "slot": 0, "time_s": 1.25, "cause": "toppled over"}]
-    folder = changed(runs[0], tmp_path / "failed", results=results, failures=failed)
+    folder = change_summary(runs[0], tmp_path / "failed", results=results, failures=failed)
     for folders in ([folder], [folder, runs[1]]):
         report = page(*folders, out=out)
         assert "toppled over" in report.text
@@ -207,19 +209,19 @@ def test_failed_rows_and_what_is_not_known_are_shown(
         assert "nan" not in report.text.lower().split()
 
 
-def test_an_incomplete_run_is_shown_as_such(runs: list[Path], tmp_path: Path, out: Path) -> None:
-    some = changed(runs[0], tmp_path / "some", status="stopped", reason="interrupted")
-    none = changed(
+def test_an_incomplete_run_is_marked(runs: list[Path], tmp_path: Path, out: Path) -> None:
+    some = change_summary(runs[0], tmp_path / "some", status="stopped", reason="interrupted")
+    none = change_summary(
         runs[0], tmp_path / "none", status="failed", reason="no such robot", results={}, frames=0
     )
-    waiting = changed(runs[0], tmp_path / "waiting", status="not run", results={})
+    waiting = change_summary(runs[0], tmp_path / "waiting", status="not run", results={})
     for folders in ([none], [some], [waiting], [some, none, waiting]):
         text = page(*folders, out=out).text
         assert text.count("is incomplete.") == len(folders)
         assert ("no such robot" in text) == (none in folders)
 
 
-def test_settings_off_their_default_stand_out(runs: list[Path], out: Path) -> None:
+def test_settings_that_differ_from_their_default_are_shown(runs: list[Path], out: Path) -> None:
     html = page(runs[0], out=out).html
     changed_settings = html[
         html.index("Settings that differ") : html.index("How to repeat it</h2>")
@@ -236,7 +238,7 @@ def test_settings_off_their_default_stand_out(runs: list[Path], out: Path) -> No
         ('{"format": 2}', "not a run's summary of format 5"),
     ],
 )
-def test_a_folder_that_holds_no_run_is_refused_in_one_line(
+def test_a_folder_without_a_run_is_rejected_in_one_line(
     tmp_path: Path, out: Path, text: str | None, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     if text is not None:
@@ -248,11 +250,11 @@ def test_a_folder_that_holds_no_run_is_refused_in_one_line(
     assert not out.exists()
 
 
-def test_a_summary_that_lacks_something_is_refused(
+def test_an_incomplete_summary_is_rejected(
     runs: list[Path], tmp_path: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    lacking = changed(runs[0], tmp_path / "lacking", settings=3)
-    empty = changed(runs[0], tmp_path / "empty", results={"flc": {}})
+    lacking = change_summary(runs[0], tmp_path / "lacking", settings=3)
+    empty = change_summary(runs[0], tmp_path / "empty", results={"flc": {}})
     for folder in (lacking, empty):
         assert invoke("report", folder, "--out", out) == 2
         assert "not of this version" in capsys.readouterr().err
@@ -265,7 +267,7 @@ def chromium(profile: Path, *args: str) -> str:
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH")
 @pytest.mark.parametrize("width", [390, 1400])
-def test_all_figures_load_and_nothing_is_wider_than_the_window(
+def test_all_figures_load_and_fit_into_the_window(
     runs: list[Path], tmp_path: Path, width: int
 ) -> None:
     """In a real browser, in wide and narrow windows."""
@@ -275,10 +277,13 @@ def test_all_figures_load_and_nothing_is_wider_than_the_window(
     dom = chromium(
         tmp_path / "profile", "--dump-dom", "--virtual-time-budget=20000", wrapper.as_uri()
     )
-    found = re.search(r'data-seen="(.*?)"', dom)
-    assert found, "the report did not load"
-    seen: dict[str, Any] = json.loads(found[1].replace("&quot;", '"'))
-    assert len(seen["images"]) == len(list((runs[0] / "figures").glob("*.svg")))
-    assert all(complete and wide > 0 and right <= width for complete, wide, right in seen["images"])
-    assert seen["overflow"] <= 0
-    assert set(seen["inside"]) <= {"data:image"}
+    match = re.search(r'data-page="(.*?)"', dom)
+    assert match, "the report did not load"
+    state: dict[str, Any] = json.loads(match[1].replace("&quot;", '"'))
+    assert len(state["images"]) == len(list((runs[0] / "figures").glob("*.svg")))
+    assert all(
+        complete and image_width > 0 and right <= width
+        for complete, image_width, right in state["images"]
+    )
+    assert state["overflow"] <= 0
+    assert set(state["resources"]) <= {"data:image"}

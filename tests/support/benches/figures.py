@@ -1,4 +1,4 @@
-"""A bench for figures: outcomes and summaries made by hand, and the figures that the program draws of them."""
+"""Figures for tests: outcomes made by hand, and the figures drawn from them."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,11 +18,11 @@ from omni_mj.studies.compare import compare_figure
 from omni_mj.viz import figures, style
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
-NAMES = "path", "command", "error", "alpha", "seeds"  # of figures of a run that lacks no data
-TURN = 0.02  # rad, by which each controller is turned per cm of error
+NAMES = "path", "command", "error", "alpha", "seeds"  # of the figures of a run with all data
+TURN = 0.02  # heading error per cm of position error, rad
 
 
-def outcome(
+def make_outcome(
     controllers: Sequence[str] = ("c0", "c1"),
     n_seeds: int = 3,
     frames: int = FRAMES,
@@ -30,10 +30,10 @@ def outcome(
     own: dict[str, NDArray] | None = None,
     **channels: Any,
 ) -> Outcome:
-    """Return an outcome of robots that drive along x, then along y, and achieve `ALPHA` of their command.
+    """Return an outcome of robots that drive along x, then y, and achieve `ALPHA` of the command.
 
-    The i-th controller is off by i cm, its j-th seed by 0.1 j cm more. Rows in `ends` fail after so
-    many frames; `channels` replace those of the log.
+    Controller i has an offset of i cm, its seed j of 0.1 j cm more. `ends` maps a row to the
+    frame in which it fails; `channels` replace those of the log.
     """
     table = rows(controllers, range(n_seeds))
     count = len(controllers)
@@ -45,7 +45,8 @@ def outcome(
     command[..., :2] = velocity[:, None] / ALPHA
     warm = (25 + 0.1 * np.arange(frames))[:, None, None]
     values = {
-        "ref": ref, "pose": ref + np.stack([off, off, 100 * TURN * off], axis=-1), "command": command,
+        "ref": ref, "pose": ref + np.stack([off, off, 100 * TURN * off], axis=-1),
+        "command": command,
         "applied": command, "alpha_hat": 0.9, "winding": warm, "housing": warm,
     }  # fmt: skip
     lengths = [(ends or {}).get(row, frames) for row in range(len(table))]
@@ -57,17 +58,17 @@ def outcome(
     return Outcome(chosen, entry, table, failures, measured, log)
 
 
-def drawn(result: Outcome, *names: str) -> dict[str, Figure]:
+def draw_figures(outcome: Outcome, *names: str) -> dict[str, Figure]:
     """Return figures of an outcome by name, all if none is named."""
-    shown = {}
+    results = {}
     with rc_context(fname=style.STYLE_SHEET):
-        drawings = figures.choose_figures(result)
-        for name in names or drawings:
-            drawings[name](shown.setdefault(name, Figure()))
-    return shown
+        functions = figures.choose_figures(outcome)
+        for name in names or functions:
+            functions[name](results.setdefault(name, Figure()))
+    return results
 
 
-def compared(entries: dict[str, Any], privileged: Sequence[str] = ()) -> Figure:
+def draw_comparison(entries: dict[str, Any], privileged: Sequence[str] = ()) -> Figure:
     """Return the heat map of entries of a summary."""
     with rc_context(fname=style.STYLE_SHEET):
         figure = Figure()
@@ -76,7 +77,7 @@ def compared(entries: dict[str, Any], privileged: Sequence[str] = ()) -> Figure:
     return figure
 
 
-def curves(axes: Axes, label: str) -> list[NDArray]:
+def line_values(axes: Axes, label: str) -> list[NDArray]:
     """Return the y-values of the lines with a label."""
     return [
         np.asarray(line.get_ydata(), float)
@@ -85,6 +86,6 @@ def curves(axes: Axes, label: str) -> list[NDArray]:
     ]
 
 
-def look(controllers: Sequence[str]) -> list[dict[str, Any]]:
+def line_styles(controllers: Sequence[str]) -> list[dict[str, Any]]:
     """Return the line properties of the controllers of a run."""
     return [style.line_style(slot) for slot in style.style_indices(controllers).values()]

@@ -1,4 +1,4 @@
-"""A bench for recordings: runs that are recorded, .rrd files read back, and the table of the same run."""
+"""Recordings for tests: recorded runs, and .rrd files read back."""
 
 import os
 import signal
@@ -31,7 +31,7 @@ set_flush_timeout = partial(
 RERUN = Path(sys.executable).with_name("rerun")
 
 
-class Recorded:
+class RecordingFile:
     """The chunks of an .rrd file."""
 
     def __init__(self, path: Path) -> None:
@@ -53,7 +53,7 @@ class Recorded:
         return [f for batch in self.batches(entity) for f in batch["frame"].to_pylist()]
 
     def column(self, entity: str, name: str) -> list[Any]:
-        """A component's lists of instances, in the order of the frames."""
+        """Return a component's lists of instances, in the order of the frames."""
         rows = [row for batch in self.batches(entity) for row in batch[name].to_pylist()]
         return [rows[i] for i in np.argsort(self.frames(entity), kind="stable")]
 
@@ -62,28 +62,28 @@ class Recorded:
         return batch[name].to_pylist()[0]
 
     def layouts(self) -> list[set[str]]:
-        """What views and containers are called, in each layout that was sent."""
+        """Return the names of views and containers in each layout that was sent."""
         return [self._names(store) for store in self.reader.blueprints()]
 
     def _names(self, store: Any) -> set[str]:
-        found = set()
+        names = set()
         for chunk in self.reader.stream(store=store).to_chunks():
             batch = chunk.to_record_batch()
             for kind in ("View", "Container"):
-                name = f"{kind}Blueprint:display_name"
-                if name in batch.schema.names:
-                    found |= {row[0] for row in batch[name].to_pylist() if row}
-        return found
+                column = f"{kind}Blueprint:display_name"
+                if column in batch.schema.names:
+                    names |= {row[0] for row in batch[column].to_pylist() if row}
+        return names
 
     def values(self, entity: str) -> NDArray:
-        """A time series (frames, lines); not a number where there are no values."""
+        """Return a time series (frames, lines); NaN where there are no values."""
         rows = self.column(entity, "Scalars:scalars")
         width = max(map(len, rows))
         return np.array([row if row else [np.nan] * width for row in rows])
 
 
 class Listener:
-    """A process of rerun that listens at `url`: a viewer, or what `options` make of it."""
+    """A rerun process that listens at `url`."""
 
     def __init__(self, *options: str | Path, file: Path | None = None) -> None:
         with socket.socket() as free:
@@ -113,24 +113,24 @@ class Listener:
         self.process.wait()
 
 
-def rows(table: pa.Table, controller: str, seed: int = 0, place: int = 0) -> dict[str, NDArray]:
-    """The columns of a run's table for one robot."""
-    chosen = (
+def rows(table: pa.Table, controller: str, seed: int = 0, slot: int = 0) -> dict[str, NDArray]:
+    """Return the columns of a run's table for one robot."""
+    is_wanted = (
         (pc.field("controller") == controller)
         & (pc.field("seed") == seed)
-        & (pc.field("slot") == place)
+        & (pc.field("slot") == slot)
     )
-    robot = table.filter(chosen).sort_by("frame").drop_columns("controller")
+    robot = table.filter(is_wanted).sort_by("frame").drop_columns("controller")
     return {name: robot[name].to_numpy() for name in robot.column_names}
 
 
-def record(
+def run_and_record(
     simulation: Simulation,
     path: Path,
     url: str = "",
     after_frame: Callable[[int], None] | None = None,
 ) -> None:
-    """Run a simulation to its end, recorded into a file and shown by a viewer, if there is one, as the command does."""
+    """Run a simulation to its end, recorded in a file and perhaps shown by a viewer."""
     with ExitStack() as stack:
         recordings = [stack.enter_context(Recording(path, simulation))]
         recordings += [stack.enter_context(Recording(url, simulation))] if url else []
@@ -146,7 +146,7 @@ def record(
             recording.write()
 
 
-def rrd(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+def run_rrd_command(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """`rerun rrd ...`"""
     return subprocess.run(
         [RERUN, "rrd", *arguments], capture_output=True, text=True, check=False, timeout=60
@@ -154,34 +154,34 @@ def rrd(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 @dataclass(frozen=True)
-class Driven:
-    """A run: its log as a table, and its recording read back."""
+class RecordedRun:
+    """The log of a run as a table, and its recording."""
 
     table: pa.Table
-    recorded: Recorded
+    recorded: RecordingFile
 
 
-def driven_by(
+def record_run(
     path: Path, controllers: list[str | type[Controller]], *overrides: str, **head: object
-) -> Driven:
-    simulation = simulated(controllers, *overrides, **head)
-    record(simulation, path)
-    return Driven(simulation.log.table(), Recorded(path))
+) -> RecordedRun:
+    simulation = create_simulation(controllers, *overrides, **head)
+    run_and_record(simulation, path)
+    return RecordedRun(simulation.log.table(), RecordingFile(path))
 
 
-def simulated(
+def create_simulation(
     controllers: list[str | type[Controller]], *overrides: str, **head: object
 ) -> Simulation:
-    """Return a simulation of `rect` at its start, on the kinematic plant if nothing else is said."""
+    """Return a simulation of `rect` at its start. Default: on the kinematic plant."""
     return Simulation(
         scenario.load_with_overrides("rect", list(overrides), {"plant": "kinematic", **head}),
         controllers,
     )
 
 
-def poses(recorded: Recorded, entity: str) -> NDArray:
-    """Transforms as [x, y, heading] (frames, 3)."""
-    at = np.array([row[0] for row in recorded.column(entity, "Transform3D:translation")])
+def recorded_poses(recorded: RecordingFile, entity: str) -> NDArray:
+    """Return transforms as poses, (frames, 3) m, m, rad."""
+    position = np.array([row[0] for row in recorded.column(entity, "Transform3D:translation")])
     quaternion = np.array([row[0] for row in recorded.column(entity, "Transform3D:quaternion")])
     assert not quaternion[:, :2].any()  # about z
-    return np.column_stack([at[:, :2], 2 * np.arctan2(quaternion[:, 2], quaternion[:, 3])])
+    return np.column_stack([position[:, :2], 2 * np.arctan2(quaternion[:, 2], quaternion[:, 3])])
