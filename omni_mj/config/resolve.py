@@ -105,7 +105,7 @@ def read_model(model: ModelSettings) -> "CustomRobotSpec":
     """
     from omni_mj.mjcf import custom_robot
 
-    return custom_robot.read(model.file)
+    return custom_robot.read_custom_robot(model.file)
 
 
 def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

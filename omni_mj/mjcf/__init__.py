@@ -1,1 +1,1 @@
-"""Robots in MJCF: where their parts are, what they weigh, and what a user's own file says of them."""
+"""MuJoCo models: robots from their settings or a user's MJCF, and the world that contains them."""

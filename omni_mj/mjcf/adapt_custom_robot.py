@@ -1,4 +1,4 @@
-"""Changes a user's model so that it fits into a world; see `own` for what and why."""
+"""Changes of a user's MJCF that fit its robot into a world; `custom_robot` lists them."""
 
 import mujoco
 import numpy as np
@@ -8,13 +8,17 @@ from omni_control.kinematics import Array
 from omni_mj.mjcf.robot_geometry import WheelGeometry
 from omni_mj.mjcf.robot_indices import HINGE, RobotIndices, find_slip_hinges
 
-# Friction of hinges, as in models/ssl_robot.xml.
-STIFF = {"solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0], "solref_friction": [0.005, 1.0]}
-PLACED = ("bodies", "geoms", "sites", "cameras", "lights")  # kinds of what a body carries
+# Solver parameters of the friction of hinges, same as in models/ssl_robot.xml.
+HINGE_FRICTION = {
+    "solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0],
+    "solref_friction": [0.005, 1.0],
+}
+# Attributes of a body that list its children with a position.
+_CHILD_LISTS = ("bodies", "geoms", "sites", "cameras", "lights")
 
 
-def name_all(spec: mujoco.MjSpec) -> None:
-    """Give names to bodies, joints and geoms that have none, and forget keyframes, which are of another world."""
+def name_elements(spec: mujoco.MjSpec) -> None:
+    """Name unnamed bodies, joints and geoms, and delete keyframes, whose world differs."""
     for key in list(spec.keys):
         spec.delete(key)
     spec.nkey = mujoco.MjSpec().nkey
@@ -23,92 +27,102 @@ def name_all(spec: mujoco.MjSpec) -> None:
             element.name = element.name or f"unnamed_{kind}_{number}"
 
 
-def isolate(spec: mujoco.MjSpec, chassis: mujoco.MjsBody) -> None:
-    """Leave the robot alone: no carpet, light or second robot, and nothing that touches by itself."""
+def remove_surroundings(spec: mujoco.MjSpec, chassis: mujoco.MjsBody) -> None:
+    """Delete everything outside the robot, contact pairs, and contact sensors."""
     world = spec.worldbody
-    others: list[object] = [body for body in world.bodies if body.name != chassis.name]
-    others += [*world.geoms, *world.lights, *world.cameras, *world.sites, *spec.pairs]
-    for element in others:
+    elements: list[object] = [body for body in world.bodies if body.name != chassis.name]
+    elements += [*world.geoms, *world.lights, *world.cameras, *world.sites, *spec.pairs]
+    for element in elements:
         spec.delete(element)
-    for sensor in [
-        sensor for sensor in spec.sensors if sensor.type == mujoco.mjtSensor.mjSENS_CONTACT
-    ]:
-        spec.delete(sensor)  # of what is not there any more
+    contact = mujoco.mjtSensor.mjSENS_CONTACT
+    for sensor in [sensor for sensor in spec.sensors if sensor.type == contact]:
+        spec.delete(sensor)
 
 
-def stand(chassis: mujoco.MjsBody) -> None:
-    """Put the chassis at the world's origin, its axes along the world's."""
+def place_at_origin(chassis: mujoco.MjsBody) -> None:
+    """Put the chassis at the world's origin, with its axes along the world's."""
     chassis.set_frame(chassis.parent.add_frame())
     chassis.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     chassis.pos, chassis.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
 
 
-def touching(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices) -> tuple[str, ...]:
-    """Names of the rollers' geoms that touch: of each those that collide, or all if none does; none does from here."""
-    collides = {geom.name for geom in spec.geoms if geom.contype or geom.conaffinity}
-    touching: list[str] = []
+def disable_contacts(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices
+) -> tuple[str, ...]:
+    """Switch off the contacts of all geoms; return the rollers' geoms that touch the carpet.
+
+    Of each roller these are the geoms that could collide in the file, or all if none could.
+
+    Raises:
+        OmniError: A roller has no geom.
+    """
+    colliding = {geom.name for geom in spec.geoms if geom.contype or geom.conaffinity}
+    contact_geoms: list[str] = []
     for roller in robot.rollers.ravel():
         geoms = [model.geom(i).name for i in np.flatnonzero(model.geom_bodyid == roller)]
         if not geoms:
             raise OmniError(
                 f"the roller {model.body(roller).name!r} has no geom that could touch the carpet"
             )
-        touching += [name for name in geoms if name in collides] or geoms
+        contact_geoms += [name for name in geoms if name in colliding] or geoms
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
-    return tuple(touching)
+    return tuple(contact_geoms)
 
 
-def drive(
+def prepare_hinges(
     spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices, wheels: WheelGeometry
 ) -> None:
-    """Make hinges of wheels turn the way that the program reckons with, and rims slip on them."""
+    """Orient the hinges of wheels, add missing slip hinges, and set the friction of hinges.
+
+    Afterwards the axes of all wheel and slip hinges point to the robot's center.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    for joint, rim, phase, outward in zip(
-        robot.joints, robot.rims, robot.phases, wheels.outward, strict=True
+    for joint, rim, phase, is_outward in zip(
+        robot.joints, robot.rims, robot.phases, wheels.is_outward, strict=True
     ):
         hub = spec.joint(model.joint(joint).name)
-        body = spec.body(model.body(rim).name)
-        slips = find_slip_hinges(model, int(joint), int(rim))
-        if slips:
-            slip = spec.joint(model.joint(slips[0]).name)
+        slip_hinges = find_slip_hinges(model, int(joint), int(rim))
+        has_hub_direction, initial_slip = True, 0.0
+        if slip_hinges:
+            slip = spec.joint(model.joint(slip_hinges[0]).name)
+            has_hub_direction = data.xaxis[joint] @ data.xaxis[slip_hinges[0]] > 0
+            initial_slip = model.qpos0[model.jnt_qposadr[slip_hinges[0]]]
         else:
+            body = spec.body(model.body(rim).name)
             slip = body.add_joint(name=f"slip_of_{hub.name}", type=HINGE, armature=0.0)
-            slip.pos, slip.axis = seen_from(model, int(rim), int(joint))
-        if outward:
+            slip.pos, slip.axis = _get_hinge_in_body_frame(model, int(rim), int(joint))
+        if is_outward:
             hub.axis = -np.array(hub.axis)
-        # Axes of hub and rim, as in the file
-        same = data.xaxis[joint] @ data.xaxis[slips[0]] > 0 if slips else True
-        if outward == same:
+        if is_outward == has_hub_direction:
             slip.axis = -np.array(slip.axis)
-        before = model.qpos0[model.jnt_qposadr[slips[0]]] if slips else 0.0
-        first = (phase - before) if outward else (before - phase)
-        slip.ref = np.degrees(first) if spec.compiler.degree else first
-        for name, value in STIFF.items():
+        reference = (phase - initial_slip) if is_outward else (initial_slip - phase)
+        slip.ref = np.degrees(reference) if spec.compiler.degree else reference
+        for name, value in HINGE_FRICTION.items():
             setattr(hub, name, value)
             setattr(slip, name, value)
         slip.damping = np.zeros_like(slip.damping)
-    for address in robot.roller_dofs.ravel():  # what their bearings lose is the robot's file's
+    for address in robot.roller_dofs.ravel():  # the plant sets the friction of their bearings
         spec.joint(model.joint(model.dof_jntid[address]).name).frictionloss = 0.0
 
 
-def seen_from(model: mujoco.MjModel, rim: int, joint: int) -> tuple[Array, Array]:
-    """Anchor and axis of a hinge in the frame of a body below it, (3,) each."""
+def _get_hinge_in_body_frame(model: mujoco.MjModel, body: int, joint: int) -> tuple[Array, Array]:
+    """Return anchor and axis, (3,) each, of a hinge in the frame of a body that it carries."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    axes = data.xmat[rim].reshape(3, 3)
-    return axes.T @ (data.xanchor[joint] - data.xpos[rim]), axes.T @ data.xaxis[joint]
+    axes = data.xmat[body].reshape(3, 3)
+    return axes.T @ (data.xanchor[joint] - data.xpos[body]), axes.T @ data.xaxis[joint]
 
 
-def lower(chassis: mujoco.MjsBody, by: float) -> None:
-    """Shift all that is on the chassis up by this, so that its frame is on the carpet, m."""
-    if abs(by) < 1e-9:
+def raise_parts(chassis: mujoco.MjsBody, height: float) -> None:
+    """Raise all parts in the frame of the chassis by a height, m."""
+    if abs(height) < 1e-9:
         return
-    shift = np.array([0.0, 0.0, by])
+    shift = np.array([0.0, 0.0, height])
     frames = list(chassis.frames)
-    inside = [element for kind in PLACED for element in getattr(chassis, kind)]
-    for element in [*frames, *inside]:
+    children = [child for attribute in _CHILD_LISTS for child in getattr(chassis, attribute)]
+    for element in [*frames, *children]:
         if element.frame is None:
             element.pos = np.array(element.pos) + shift
     if chassis.explicitinertial:

@@ -1,18 +1,22 @@
-"""What rollers and carpet do to each other, as MuJoCo's contacts.
+"""Parameters of MuJoCo's contacts between rollers and carpet.
 
-A contact that slides under MuJoCo's elliptic cone is pushed out of the carpet: the constraint's reference acceleration
-of the tangential directions acts on the normal one too, which then seeks a lift of friction x b_t v / k (b_t, k:
-tangential damping and normal stiffness per mass), 72 mm at 1.5 m/s with a spring of 50 Hz, half damped, and friction
-that acts within 3.5 ms. So these contacts never slide: their friction is out of reach, and what rubber does between
-sticking and sliding happens on a hinge between hub and rim (`omni_mj.robot.carpet`). Normal to the carpet a contact is
-a spring and a damper, with a mass that keeps it soft enough for the solver,
+These contacts never slide. Under MuJoCo's elliptic cone, a sliding contact is pushed out of the
+carpet: the reference acceleration of the tangential directions also acts on the normal one, which
+then approaches a lift of friction x b_t v / k (b_t, k: tangential damping and normal stiffness per
+mass). With a spring of 50 Hz, half damped, and friction that acts within 3.5 ms, the lift is 72 mm
+at 1.5 m/s. Therefore the friction coefficient of the contacts is very high, and the creep and
+sliding of the rubber happen on a hinge between hub and rim (`omni_mj.robot.carpet`).
 
-    f = -K r - c r' - m r'',    K = 1e5 N/m,  m = 1 kg,  c = 2 zeta sqrt(K (M + m)),  zeta = 0.2,
+Normal to the carpet a contact is a spring and a damper, with a mass that keeps it soft enough for
+the solver,
 
-M being a quarter of the robot: assumptions, since nobody measured a carpet; the robot sinks in by 0.06 mm. MuJoCo's
-constraint is r'' + R f = -b r' - k r with R = (1 - d)/d A, where A is the inverse of the mass that the two bodies show
-the contact, so that R = 1/m, k = K/m, b = c/m, d = A/(A + 1/m). Friction is a damper alone, with the time constant
-1.7 ms, in which a roller that comes down takes on the speed of the carpet.
+    f = -K r - c r' - m r'',    K = 1e5 N/m,  m = 1 kg,  c = 2 zeta sqrt(K (M + m)),  zeta = 0.2
+
+with M a quarter of the robot's mass. K and zeta are assumptions, because nobody has measured a
+carpet. The robot sinks in by 0.06 mm. MuJoCo's constraint is r'' + R f = -b r' - k r with
+R = (1 - d)/d A, where A is the inverse of the effective mass of the two bodies at the contact. It
+follows that R = 1/m, k = K/m, b = c/m, d = A/(A + 1/m). Friction is a pure damper with a time
+constant of 1.7 ms, in which a roller that comes down reaches the speed of the carpet.
 """
 
 import math
@@ -25,25 +29,27 @@ STIFFNESS_N_M = 1e5
 ADDED_MASS_KG = 1.0
 DAMPING_RATIO = 0.2
 FRICTION_RATE_HZ = 604.8  # 1/s
-FRICTION_STIFFER = 45.0  # than the carpet normal to it: MuJoCo's impratio
-NEVER_SLIDES = 5.0
-STIFFEST = 0.9999  # the highest impedance d that MuJoCo has
+FRICTION_STIFFNESS_RATIO = (
+    45.0  # stiffness relative to that normal to the carpet: MuJoCo's impratio
+)
+UNREACHABLE_FRICTION = 5.0
+MAX_IMPEDANCE = 0.9999  # MuJoCo's limit of d
 
 
 def compute_carpet_damping(wheel_load_kg: float) -> float:
-    """Damping of the carpet under a roller, N s/m, for the mass on a wheel."""
+    """Return the damping of the carpet under a roller, N s/m, for the mass on a wheel."""
     return 2 * DAMPING_RATIO * math.sqrt(STIFFNESS_N_M * (wheel_load_kg + ADDED_MASS_KG))
 
 
 def make_roller_contact(
     robot: mujoco.MjModel, rollers: np.ndarray, wheel_load_kg: float
 ) -> dict[str, Any]:
-    """Parameters of a pair of carpet and roller, named as MuJoCo names them, of wheels with a slip hinge.
+    """Return the parameters of a contact pair of carpet and roller, with MuJoCo's names.
 
     Args:
-        robot: compiled, alone.
-        rollers: its bodies.
-        wheel_load_kg: mass on a wheel.
+        robot: Compiled model of the robot alone.
+        rollers: Bodies of its rollers.
+        wheel_load_kg: Mass on a wheel.
     """
     inverse_mass = float(robot.body_invweight0[rollers, 0].max())
     d = inverse_mass / (inverse_mass + 1 / ADDED_MASS_KG)
@@ -53,5 +59,5 @@ def make_roller_contact(
         "solref": [-k * d, -b * d],  # MuJoCo divides by d
         "solreffriction": [-1.0, -FRICTION_RATE_HZ * d],
         "solimp": [d, d, 1.0, 0.5, 2.0],
-        "friction": [NEVER_SLIDES, NEVER_SLIDES, 0.005, 0.0001, 0.0001],
+        "friction": [UNREACHABLE_FRICTION, UNREACHABLE_FRICTION, 0.005, 0.0001, 0.0001],
     }

@@ -1,13 +1,14 @@
-"""A user's own robot in MJCF: read, checked for what the program needs, and made ready for a world.
+"""A user's robot in MJCF: read, checked, and adapted to a world.
 
-What is changed of the file, beside what every plant writes (motors' constants, friction of hinges):
+Changes of the file, in addition to those of each plant (motor constants, friction of hinges):
 
-- the robot stands upright with the origin of its chassis on the carpet, under where its axles meet;
-- hinges of wheels turn the robot counter-clockwise about its middle where they are positive;
-- rims get the hinge on which rubber creeps, where the file has none; without a rim it is on the
-  wheel;
-- nothing touches anything but rollers the carpet, and hulls each other; what else is in its world
-  is left out.
+- The robot stands upright. The origin of its chassis is on the carpet, below the intersection of
+  its axles.
+- A positive speed of a wheel's hinge turns the robot counter-clockwise about its center.
+- Each rim gets the hinge on which rubber creeps, if the file has none. Without a rim it is on the
+  wheel.
+- Only rollers touch the carpet, and only hulls each other. Everything else in the file's world is
+  removed.
 """
 
 import os
@@ -30,13 +31,13 @@ from omni_mj.mjcf.robot_indices import RobotIndices, find_chassis_names, find_ro
 
 @dataclass(frozen=True, eq=False)
 class RobotSpec:
-    """One robot, alone, to be attached to a world.
+    """The specification of one robot, to be attached to a world.
 
     Attributes:
-        file: name of the file that it was made of.
-        spec: to be copied, not changed.
-        contact_geoms: names of the rollers' geoms that touch the carpet.
-        hull_geoms: names of the geoms with which robots meet.
+        file: Name of its source file.
+        spec: Specification of the robot alone; copy it before changes.
+        contact_geoms: Names of the rollers' geoms that touch the carpet.
+        hull_geoms: Names of the geoms with which robots collide.
     """
 
     file: str
@@ -47,86 +48,97 @@ class RobotSpec:
 
 @dataclass(frozen=True, eq=False)
 class CustomRobotSpec(RobotSpec):
-    """A user's own robot.
+    """The specification of a user's robot.
 
     Attributes:
-        implied_settings: what it says of settings, by section and field.
-        has_uniform_rollers: whether all rollers are alike, in one row and of one geom each.
+        implied_settings: Settings that the file determines, by section and field.
+        has_uniform_rollers: Whether all rollers are equal, in one row, with one geom each.
     """
 
     implied_settings: dict[str, dict[str, Any]]
     has_uniform_rollers: bool
 
 
-def read(file: str | Path) -> CustomRobotSpec:
+def read_custom_robot(file: str | Path) -> CustomRobotSpec:
     """Read a robot's MJCF.
 
     Args:
-        file: its path.
+        file: Path of the MJCF.
 
     Raises:
-        OmniError: there is no such file, it is no MJCF, or it lacks what the program needs; a line
-            for each.
+        OmniError: The file does not exist, is not valid MJCF, or lacks a necessary part. One line
+            per error.
     """
     path = Path(file)
     if not os.path.isfile(path):
         raise OmniError(
-            f"there is no model {to_printable(str(path))}; give the path of a robot's MJCF: robot.xml"
+            f"there is no model {to_printable(str(path))}; give the path of a robot's MJCF: "
+            "robot.xml"
         )
-    changed = tuple(part.stat().st_mtime_ns for part in list_model_files(path) if part.is_file())
+    change_times = tuple(
+        file.stat().st_mtime_ns for file in list_model_files(path) if file.is_file()
+    )
     try:
-        return _read(path.resolve(), path.name, changed)
-    except (
-        ValueError,
-        OmniError,
-    ) as error:  # MuJoCo's errors are the former, and take several lines
-        lines = (
-            str(error).splitlines()
-            if isinstance(error, OmniError)
-            else [" ".join(str(error).split())]
-        )
-        raise OmniError("\n".join(f"{path.name}: {line}" for line in lines)) from None
+        return _read(path.resolve(), path.name, change_times)
+    except OmniError as error:
+        lines = str(error).splitlines()
+    except ValueError as error:  # from MuJoCo, may have several lines
+        lines = [" ".join(str(error).split())]
+    raise OmniError("\n".join(f"{path.name}: {line}" for line in lines))
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, file: str, changed: tuple[int, ...]) -> CustomRobotSpec:
+def _read(path: Path, file: str, change_times: tuple[int, ...]) -> CustomRobotSpec:
+    """Read a robot's MJCF; files are read again after they have changed."""
     spec = mujoco.MjSpec.from_file(str(path))
     if spec.compiler.settotalmass > 0:
         raise OmniError(
-            "<compiler settotalmass> scales what is compiled alone, not in a world; write masses"
+            "<compiler settotalmass> has no effect in a world; write masses into the model"
         )
-    spec.compiler.discardvisual = spec.compiler.fusestatic = False  # all that is named stays
-    adapt_custom_robot.name_all(spec)
-    model = spec.compile()
-    name, *others = find_chassis_names(model)
-    if others:
-        raise OmniError(f"it has {1 + len(others)} robots, {', '.join([name, *others])}; leave one")
+    spec.compiler.discardvisual = spec.compiler.fusestatic = False  # keep all named elements
+    adapt_custom_robot.name_elements(spec)
+    name, *more_names = find_chassis_names(spec.compile())
+    if more_names:
+        names = ", ".join([name, *more_names])
+        raise OmniError(f"it has {1 + len(more_names)} robots, {names}; leave one")
     chassis = spec.body(name)
-    adapt_custom_robot.isolate(spec, chassis)
-    adapt_custom_robot.stand(chassis)
+    adapt_custom_robot.remove_surroundings(spec, chassis)
+    adapt_custom_robot.place_at_origin(chassis)
     model = spec.compile()
     (robot,) = find_robots(model)
-    touching = adapt_custom_robot.touching(spec, model, robot)
-    wheels = measure_wheels(model, robot, np.array([model.geom(name).id for name in touching], int))
-    raise_errors(_unfit(model, robot))
-    adapt_custom_robot.drive(spec, model, robot, wheels)
-    adapt_custom_robot.lower(chassis, wheels.radius - wheels.height)
+    contact_geoms = adapt_custom_robot.disable_contacts(spec, model, robot)
+    geom_ids = np.array([model.geom(geom).id for geom in contact_geoms], int)
+    wheels = measure_wheels(model, robot, geom_ids)
+    raise_errors(_find_drive_errors(model, robot))
+    adapt_custom_robot.prepare_hinges(spec, model, robot, wheels)
+    adapt_custom_robot.raise_parts(chassis, wheels.radius - wheels.axle_height)
     model = spec.compile()
     (robot,) = find_robots(model)
     return CustomRobotSpec(
-        file, spec, touching, hull(spec), _numbers(model, robot, wheels), _uniform(model, robot)
+        file,
+        spec,
+        contact_geoms,
+        list_hull_geoms(spec),
+        _compute_implied_settings(model, robot, wheels),
+        _has_uniform_rollers(model, robot),
     )
 
 
-def _numbers(
+def list_hull_geoms(spec: mujoco.MjSpec) -> tuple[str, ...]:
+    """Return the names of the geoms of the class `hull`."""
+    return tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
+
+
+def _compute_implied_settings(
     model: mujoco.MjModel, robot: RobotIndices, wheels: WheelGeometry
 ) -> dict[str, dict[str, Any]]:
-    """What a model says of settings, by section and field."""
+    """Return the settings that a model determines, by section and field."""
     motor, hub = int(robot.motors[0]), int(robot.wheel_dofs[0])
     mass, (x, _, z), inertia = compute_composite_inertia(
         model, np.flatnonzero(model.body_rootid == robot.chassis)
     )
-    gear = float(model.actuator_gear[motor, 0])
+    gear_ratio = float(model.actuator_gear[motor, 0])
+    rotor_inertia = model.actuator_armature[motor] + model.dof_armature[hub] / gear_ratio**2
     body = {
         "mass_kg": mass,
         "com_x_m": x,
@@ -134,67 +146,64 @@ def _numbers(
         "yaw_inertia_kg_m2": inertia[2, 2],
         "tilt_inertia_kg_m2": (inertia[0, 0] + inertia[1, 1]) / 2,
     }
-    rotor = {
-        "gear_ratio": gear,
-        "rotor_inertia_kg_m2": model.actuator_armature[motor] + model.dof_armature[hub] / gear**2,
+    return {
+        "body": _round_values(body),
+        "wheels": {
+            "azimuths_deg": wheels.azimuths_deg,
+            "arm_m": wheels.arm,
+            "radius_m": wheels.radius,
+            "rollers": robot.rollers.shape[1],
+            "roller_radius_m": wheels.roller_radius,
+        },
+        "motor": _round_values({"gear_ratio": gear_ratio, "rotor_inertia_kg_m2": rotor_inertia}),
     }
-    rounded = {
-        section: {
-            name: float(f"{value:.10g}") for name, value in values.items()
-        }  # more is rounding of the compiler's
-        for section, values in (("body", body), ("motor", rotor))
-    }
-    geometry = {
-        "azimuths_deg": wheels.azimuths,
-        "arm_m": wheels.arm,
-        "radius_m": wheels.radius,
-        "rollers": robot.rollers.shape[1],
-        "roller_radius_m": wheels.roller_radius,
-    }
-    return {"body": rounded["body"], "wheels": geometry, "motor": rounded["motor"]}
 
 
-def _uniform(model: mujoco.MjModel, robot: RobotIndices) -> bool:
-    """Whether two rollers of a wheel could stand for all."""
+def _round_values(values: dict[str, Any]) -> dict[str, float]:
+    """Return values without the rounding errors of MuJoCo's compiler."""
+    return {name: float(f"{value:.10g}") for name, value in values.items()}
+
+
+def _has_uniform_rollers(model: mujoco.MjModel, robot: RobotIndices) -> bool:
+    """Return whether two rollers of a wheel can represent all of them."""
     rollers = robot.rollers
     mass, inertia = model.body_mass[rollers], np.sort(model.body_inertia[rollers], axis=-1)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    along = np.einsum("wri,wi->wr", data.xpos[rollers], data.xaxis[robot.joints])
-    alike = np.ptp(mass) < 1e-6 and np.ptp(inertia, axis=(0, 1)).max() < 1e-9
-    return bool(
-        alike and np.ptp(along, axis=1).max() < 1e-4 and (model.body_geomnum[rollers] == 1).all()
-    )
+    axial_positions = np.einsum("wri,wi->wr", data.xpos[rollers], data.xaxis[robot.joints])
+    has_equal_mass = np.ptp(mass) < 1e-6 and np.ptp(inertia, axis=(0, 1)).max() < 1e-9
+    is_one_row = np.ptp(axial_positions, axis=1).max() < 1e-4
+    return bool(has_equal_mass and is_one_row and (model.body_geomnum[rollers] == 1).all())
 
 
-def hull(spec: mujoco.MjSpec) -> tuple[str, ...]:
-    """Names of the geoms of the class `hull`."""
-    return tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
-
-
-def _unfit(model: mujoco.MjModel, robot: RobotIndices) -> Iterator[str]:
-    """Yield what a wheel or its motor cannot be here, in lines."""
+def _find_drive_errors(model: mujoco.MjModel, robot: RobotIndices) -> Iterator[str]:
+    """Yield a line for each property of a wheel or its motor that is not supported."""
     gears, armatures = model.actuator_gear[robot.motors, 0], model.actuator_armature[robot.motors]
     for motor, joint, gear, armature in zip(
         robot.motors, robot.joints, gears, armatures, strict=True
     ):
         name = model.actuator(motor).name
         if gear <= 0:
-            yield f"the gear of the <dcmotor> {name!r} must be above 0, not {gear:g}; turn the hinge's axis"
+            yield (
+                f"the gear of the <dcmotor> {name!r} must be above 0, not {gear:g}; turn the "
+                "hinge's axis"
+            )
         if armature + model.dof_armature[model.jnt_dofadr[joint]] <= 0:
             yield f"the <dcmotor> {name!r} has no rotor: give its inertia in kg m^2, armature="
-        more = (
+        unsupported = (
             model.actuator_gainprm[motor, 2:],
             model.actuator_biasprm[motor],
             model.actuator_dynprm[motor],
         )
-        if any(values.any() for values in more):
+        if any(values.any() for values in unsupported):
             yield (
-                f"the <dcmotor> {name!r} must be driven by a voltage, with motorconst, resistance, gear and armature "
-                "alone; heat, friction and limits are in the robot's file"
+                f"the <dcmotor> {name!r} must be driven by a voltage, with motorconst, resistance, "
+                "gear and armature alone; heat, friction and limits belong in the robot's file"
             )
         if model.jnt_limited[joint] or model.jnt_stiffness[joint].any():
-            yield f"the hinge {model.joint(joint).name!r} has a range or a spring; a wheel turns freely"
-    for what, values in (("gears", gears), ("rotors' inertias", armatures)):
+            joint_name = model.joint(joint).name
+            yield f"the hinge {joint_name!r} has a range or a spring; a wheel must turn freely"
+    for quantity, values in (("gears", gears), ("rotors' inertias", armatures)):
         if np.ptp(values) > 1e-6 * np.abs(values).max():
-            yield f"motors must be alike, but their {what} are {', '.join(f'{value:g}' for value in values)}"
+            listed = ", ".join(f"{value:g}" for value in values)
+            yield f"motors must be equal, but their {quantity} are {listed}"

@@ -1,54 +1,71 @@
-"""The files that a model in MJCF is made of."""
+"""The files of which a model in MJCF consists: its own, included ones, meshes, textures."""
 
 import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from pathlib import Path
 
-_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
+_FILE_ATTRIBUTES = (
+    "file",
+    "fileright",
+    "fileleft",
+    "fileup",
+    "filedown",
+    "filefront",
+    "fileback",
+)
 
 
 def list_model_files(path: Path) -> list[Path]:
-    """A model's file and all that it names: what it includes, and files of meshes, textures and heights.
+    """Return a model's file and all files that it names, existing or not.
 
-    Files that do not exist are among them; of what is no XML, only itself.
+    A file that is not valid XML names no others.
     """
-    return list(
-        dict.fromkeys([path, *(path.parent / name for name in _named(path, path.parent, {}))])
-    )
+    names = _find_file_names(path, path.parent, {})
+    return list(dict.fromkeys([path, *(path.parent / name for name in names)]))
 
 
 def read_model_files(path: Path) -> dict[str, bytes]:
-    """What a model is made of, its own file first: where each file is, beside or below that of the others -> its bytes.
+    """Return the contents of a model's files by relative path, its own file first.
+
+    The paths are relative to the lowest folder that contains all files.
 
     Raises:
-        OSError: one cannot be read.
-        ValueError: one is named by an absolute path, so that a copy of it would not be found.
+        OSError: A file cannot be read.
+        ValueError: A file is named by an absolute path. A copy of it would not be found.
     """
-    for name in _named(path, path.parent, {}):
+    for name in _find_file_names(path, path.parent, {}):
         if Path(name).is_absolute():
             raise ValueError(f"it names {name} by an absolute path; name it relative to the model")
-    parts = [Path(os.path.abspath(part)) for part in list_model_files(path)]
-    top = Path(os.path.commonpath([part.parent for part in parts]))
-    return {part.relative_to(top).as_posix(): part.read_bytes() for part in parts}
+    files = [Path(os.path.abspath(file)) for file in list_model_files(path)]
+    common_folder = Path(os.path.commonpath([file.parent for file in files]))
+    return {file.relative_to(common_folder).as_posix(): file.read_bytes() for file in files}
 
 
-def _named(path: Path, folder: Path, folders: dict[str, str]) -> Iterator[str]:
-    """Names of files, relative to the folder of the main one, as MuJoCo has it."""
+def _find_file_names(path: Path, main_folder: Path, asset_folders: dict[str, str]) -> Iterator[str]:
+    """Yield the file names in a model, relative to the folder of the main file, as in MuJoCo.
+
+    Args:
+        path: File to read, the main one or an included one.
+        main_folder: Folder of the main file.
+        asset_folders: Folders of meshes and textures by kind; changed by <compiler> elements.
+    """
     try:
         root = ElementTree.parse(path).getroot()
     except (OSError, ElementTree.ParseError):
         return
     for compiler in root.iter("compiler"):
-        both = compiler.get("assetdir")
         for kind in ("mesh", "texture"):
-            if there := compiler.get(f"{kind}dir", both):
-                folders[kind] = there
+            if folder := compiler.get(f"{kind}dir", compiler.get("assetdir")):
+                asset_folders[kind] = folder
     for include in root.iter("include"):
         if name := include.get("file"):
             yield name
-            yield from _named(folder / name, folder, folders)
+            yield from _find_file_names(main_folder / name, main_folder, asset_folders)
     for kind in ("mesh", "texture", "hfield", "skin"):
-        below = Path(folders.get("texture" if kind == "texture" else "mesh", ""))
+        folder_kind = "texture" if kind == "texture" else "mesh"
+        asset_folder = Path(asset_folders.get(folder_kind, ""))
         for element in root.iter(kind):
-            yield from ((below / name).as_posix() for key in _FILES if (name := element.get(key)))
+            for attribute in _FILE_ATTRIBUTES:
+                if name := element.get(attribute):
+                    yield (asset_folder / name).as_posix()

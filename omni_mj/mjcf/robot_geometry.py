@@ -1,7 +1,8 @@
-"""Numbers of a compiled robot: what it weighs, where its wheels are, how far its rollers reach."""
+"""Geometry and inertia of a compiled robot: wheels, reach of geoms, composite inertia."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -10,145 +11,179 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.mjcf.robot_indices import Ids, RobotIndices
 
-ALIKE_M = 5e-4  # by which wheels may differ that count as alike
-STRAIGHT = 0.01  # rad by which axles may miss the robot's middle, or the horizontal
-DIGITS = 10  # that are kept: others are rounding of the compiler's
+LENGTH_TOLERANCE_M = 5e-4  # of the geometry of equal wheels
+ANGLE_TOLERANCE_RAD = 0.01  # of axles that point at the robot's center, horizontally
+DIGITS = 10  # further digits are rounding errors of the compiler
 _GEOM = mujoco.mjtGeom
 
 
 @dataclass(frozen=True)
 class WheelGeometry:
-    """Of one robot's wheels, upright with its frame in the world's.
+    """Geometry of a robot's wheels, with the robot's frame at the world's origin.
 
     Args:
-        azimuths: (wheels,) deg, to where each touches, 0 to 360.
-        outward: whether a hinge's axis points away from the robot, (wheels,).
-        arm: to where they touch, m.
-        radius: over the rollers, m.
-        roller_radius: m.
-        height: of the axles in the chassis' frame, m.
+        azimuths_deg: Directions to the contact points, (wheels,), 0 to 360 deg.
+        is_outward: Whether the axis of each hinge points away from the robot, (wheels,).
+        arm: Distance from the center to the contact points, m.
+        radius: Radius of the wheels over the rollers, m.
+        roller_radius: Radius of the rollers, m.
+        axle_height: Height of the axles above the origin of the chassis, m.
     """
 
-    azimuths: tuple[float, ...]
-    outward: tuple[bool, ...]
+    azimuths_deg: tuple[float, ...]
+    is_outward: tuple[bool, ...]
     arm: float
     radius: float
     roller_radius: float
-    height: float
+    axle_height: float
 
 
-def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, touching: Ids) -> WheelGeometry:
-    """Measure a robot's wheels.
+class _WheelLengths(NamedTuple):
+    """Lengths that must be the same for all wheels of a robot, m."""
+
+    arm: float
+    radius: float
+    roller_radius: float
+    axle_height: float
+
+
+def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, contact_geoms: Ids) -> WheelGeometry:
+    """Return the geometry of a robot's wheels.
 
     Args:
-        model: compiled.
-        robot: its parts.
-        touching: geoms of rollers that touch the carpet.
+        model: Compiled model.
+        robot: Indices of the robot.
+        contact_geoms: Geoms of rollers that touch the carpet.
 
     Raises:
-        OmniError: wheels that are not alike, upright, or on one circle about the robot's middle.
+        OmniError: The wheels are not equal, upright, or on one circle about the robot's center.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    azimuths, outward, reaches = list[float](), list[bool](), list[tuple[float, ...]]()
+    azimuths, is_outward, lengths = list[float](), list[bool](), list[_WheelLengths]()
     for joint, rollers in zip(robot.joints, robot.rollers, strict=True):
         anchor, axis = data.xanchor[joint], data.xaxis[joint]
-        out = np.array([*anchor[:2], 0.0])
-        outward.append(bool(axis @ out > 0))
-        axle = axis if outward[-1] else -axis
-        if np.linalg.norm(out) < ALIKE_M or np.linalg.norm(
-            np.cross(axle, out)
-        ) > STRAIGHT * np.linalg.norm(out):
+        radial = np.array([*anchor[:2], 0.0])
+        is_outward.append(bool(axis @ radial > 0))
+        axle = axis if is_outward[-1] else -axis
+        distance = np.linalg.norm(radial)
+        misalignment = np.linalg.norm(np.cross(axle, radial))
+        if distance < LENGTH_TOLERANCE_M or misalignment > ANGLE_TOLERANCE_RAD * distance:
             raise OmniError(
-                f"the axle of the wheel {model.joint(joint).name!r} at ({anchor[0]:.4g}, {anchor[1]:.4g}) m does not "
-                f"lead level to the middle of the robot, the origin of the body {model.body(robot.chassis).name!r}"
+                f"the axle of the wheel {model.joint(joint).name!r} at ({anchor[0]:.4g}, "
+                f"{anchor[1]:.4g}) m must point horizontally at the center of the robot, the "
+                f"origin of the body {model.body(robot.chassis).name!r}"
             )
-        azimuths.append(
-            float(np.round(np.degrees(np.arctan2(axle[1], axle[0])) % 360, DIGITS)) % 360
+        azimuth = np.degrees(np.arctan2(axle[1], axle[0])) % 360
+        azimuths.append(float(np.round(azimuth, DIGITS)) % 360)
+        arm, radius, roller_radius = np.mean(
+            [
+                _measure_roller(model, data, int(roller), contact_geoms, anchor, axle)
+                for roller in rollers
+            ],
+            axis=0,
         )
-        means = np.mean(
-            [_reach(model, data, int(roller), touching, anchor, axle) for roller in rollers], axis=0
-        )
-        reaches.append((*means, anchor[2]))
-    for values, kind in zip(
-        np.transpose(reaches), ("arms", "radii", "radii of rollers", "heights"), strict=True
-    ):
-        if np.ptp(values) > ALIKE_M:
-            listed = ", ".join(f"{1e3 * value:.2f}" for value in values)
-            raise OmniError(f"wheels must be alike, but their {kind} are {listed} mm")
-    arm, radius, roller, height = (
-        float(np.round(value, DIGITS)) for value in np.mean(reaches, axis=0)
-    )
-    return WheelGeometry(tuple(azimuths), tuple(outward), arm, radius, roller, height)
+        lengths.append(_WheelLengths(arm, radius, roller_radius, anchor[2]))
+    _check_equal_wheels(lengths)
+    rounded = (float(np.round(value, DIGITS)) for value in np.mean(lengths, axis=0))
+    return WheelGeometry(tuple(azimuths), tuple(is_outward), *rounded)
 
 
-def _reach(
+def _check_equal_wheels(lengths: list[_WheelLengths]) -> None:
+    """Raise an OmniError if a length differs from wheel to wheel."""
+    names = "arms", "radii", "radii of rollers", "heights"
+    for values, name in zip(np.transpose(lengths), names, strict=True):
+        if np.ptp(values) > LENGTH_TOLERANCE_M:
+            values_mm = ", ".join(f"{1e3 * value:.2f}" for value in values)
+            raise OmniError(f"wheels must be equal, but their {name} are {values_mm} mm")
+
+
+def _measure_roller(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     roller: int,
-    touching: Ids,
+    contact_geoms: Ids,
     anchor: Array,
     axle: Array,
 ) -> tuple[float, float, float]:
-    """How far out a roller touches, the wheel's radius there, and its own, m."""
+    """Return arm and radius of the wheel at a roller, and the radius of the roller, m.
+
+    Args:
+        model: Compiled model.
+        data: Its kinematic state.
+        roller: Body of the roller.
+        contact_geoms: Geoms of rollers that touch the carpet.
+        anchor: Center of the wheel, (3,) m.
+        axle: Outward unit vector along the axle, (3,).
+    """
     hinge = data.xanchor[model.body_jntadr[roller]] - anchor
     spoke = hinge - (hinge @ axle) * axle
     length = float(np.linalg.norm(spoke))
-    geoms = touching[model.geom_bodyid[touching] == roller]
+    geoms = contact_geoms[model.geom_bodyid[contact_geoms] == roller]
     radius = (
         max(compute_support_distance(model, data, int(geom), spoke / length) for geom in geoms)
         - anchor @ spoke / length
     )
-    return float((anchor + (hinge @ axle) * axle)[:2] @ axle[:2]), radius, radius - length
+    arm = (anchor + (hinge @ axle) * axle)[:2] @ axle[:2]
+    return float(arm), radius, radius - length
 
 
 def compute_support_distance(
     model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: Array
 ) -> float:
-    """How far a geom reaches along a unit vector (3,), from the world's origin, m."""
-    along = direction @ data.geom_xmat[geom].reshape(3, 3)
+    """Return the largest extent of a geom along a unit vector (3,) from the world's origin, m.
+
+    Raises:
+        OmniError: The type of the geom is not supported.
+    """
+    local_direction = direction @ data.geom_xmat[geom].reshape(3, 3)
     a, b, c = model.geom_size[geom]
     kind = _GEOM(model.geom_type[geom])
     if kind == _GEOM.mjGEOM_MESH:
         mesh = model.geom_dataid[geom]
-        first = model.mesh_vertadr[mesh]
-        reach = (model.mesh_vert[first : first + model.mesh_vertnum[mesh]] @ along).max()
+        start = model.mesh_vertadr[mesh]
+        vertices = model.mesh_vert[start : start + model.mesh_vertnum[mesh]]
+        extent = (vertices @ local_direction).max()
     elif kind == _GEOM.mjGEOM_ELLIPSOID:
-        reach = np.linalg.norm(along * [a, b, c])
+        extent = np.linalg.norm(local_direction * [a, b, c])
     elif kind == _GEOM.mjGEOM_CYLINDER:
-        reach = a * np.hypot(along[0], along[1]) + b * abs(along[2])
+        extent = a * np.hypot(local_direction[0], local_direction[1]) + b * abs(local_direction[2])
     elif kind in (_GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_SPHERE):
-        reach = a + b * abs(along[2])  # b is 0 of a sphere
+        extent = a + b * abs(local_direction[2])  # b is 0 for a sphere
     elif kind == _GEOM.mjGEOM_BOX:
-        reach = np.abs(along) @ [a, b, c]
+        extent = np.abs(local_direction) @ [a, b, c]
     else:
         raise OmniError(f"rollers and hulls cannot be geoms of type {kind.name[7:].lower()}")
-    return float(direction @ data.geom_xpos[geom] + reach)
+    return float(direction @ data.geom_xpos[geom] + extent)
 
 
-def set_inertial(body: mujoco.MjsBody, mass: float, centre: Array, inertia: Array) -> None:
-    """Give a body its mass, centre of mass (3,) and inertia (3, 3) about it, in its own frame."""
+def set_inertial(body: mujoco.MjsBody, mass: float, center: Array, inertia: Array) -> None:
+    """Set a body's mass, center of mass (3,) and inertia (3, 3) about it, in its own frame."""
     body.explicitinertial = True
-    body.mass, body.ipos, body.iquat = mass, centre, [1.0, 0.0, 0.0, 0.0]
-    body.inertia = np.zeros(3)  # the compiler takes either this or the full matrix
+    body.mass, body.ipos, body.iquat = mass, center, [1.0, 0.0, 0.0, 0.0]
+    body.inertia = np.zeros(3)  # the compiler accepts either this or the full matrix
     body.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
 def compute_composite_inertia(
     model: mujoco.MjModel, bodies: Iterable[int]
 ) -> tuple[float, Array, Array]:
-    """Mass, centre of mass (3,) and inertia (3, 3) about it of some bodies as modelled, in the world's frame."""
-    data, chosen = mujoco.MjData(model), list(bodies)
+    """Return mass, center of mass (3,) and inertia (3, 3) about it of bodies, world frame.
+
+    The bodies are in the model's initial configuration.
+    """
+    data, indices = mujoco.MjData(model), list(bodies)
     mujoco.mj_kinematics(model, data)
-    mass, at = model.body_mass[chosen], data.xipos[chosen]
-    centre = mass @ at / mass.sum()
+    mass, positions = model.body_mass[indices], data.xipos[indices]
+    center = mass @ positions / mass.sum()
     inertia = np.zeros((3, 3))
-    for number, m, r in zip(chosen, mass, at - centre, strict=True):
-        axes = data.ximat[number].reshape(3, 3)
-        inertia += axes @ np.diag(model.body_inertia[number]) @ axes.T + m * point_mass_inertia(r)
-    return float(mass.sum()), centre, inertia
+    for body, m, r in zip(indices, mass, positions - center, strict=True):
+        axes = data.ximat[body].reshape(3, 3)
+        principal = np.diag(model.body_inertia[body])
+        inertia += axes @ principal @ axes.T + m * point_mass_inertia(r)
+    return float(mass.sum()), center, inertia
 
 
 def point_mass_inertia(r: Array) -> Array:
-    """Inertia of a unit mass at r about the origin, m^2."""
+    """Return the inertia (3, 3) about the origin of a unit mass at r (3,), m^2."""
     return np.asarray(r @ r * np.eye(3) - np.outer(r, r))

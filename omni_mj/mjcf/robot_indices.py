@@ -1,12 +1,14 @@
-"""Where a robot's parts are in a compiled model, found by what they do.
+"""Indices of a robot's parts in a compiled model, found by their function.
 
-A wheel is a hinge driven by a <dcmotor> and has rollers, and wheels are numbered in the order of these motors. Rollers
-are bodies with a hinge across the axle, all on one body, the rim: the wheel's body or one on it, with or without a
-hinge along the axle on which it slips. The encoder is the <jointpos> sensor on the wheel's hinge. The body with the
-<freejoint> that carries the wheels is the chassis, and the <gyro> is the one on a site of it.
+A wheel is a hinge that is driven by a <dcmotor> and has rollers. Wheels are numbered in the order
+of these motors. Rollers are bodies with a hinge across the axle. They are all on one body, the rim:
+the body of the wheel, or one on it, with or without a slip hinge along the axle. The encoder is the
+<jointpos> sensor of the wheel's hinge. The chassis is the body with the <freejoint> that carries
+the wheels, and the gyro is a <gyro> sensor on a site of the chassis.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -17,39 +19,40 @@ from omni_control.kinematics import Array
 from omni_mj.config.validation import raise_errors
 
 Ids = NDArray[np.int_]
-# Rollers of a wheel that is computed with those at the bottom alone (`wheels.model = two-rollers`)
+# Rollers of a wheel that is reduced to those at the bottom (`wheels.model = two-rollers`).
 RETAINED_ROLLERS = 2
-MIN_COUNT = 3  # wheels, or rollers of one
+MIN_COUNT = 3  # of wheels, and of rollers of a wheel
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
-_WRITE = (
-    'write <dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'
+_DCMOTOR_EXAMPLE = (
+    '<dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'
 )
-_ALONG = 0.5  # cosine of the angle to the axle, above which a hinge turns as the wheel does
+_MAX_ROLLER_ALIGNMENT = 0.5  # cosine of the angle between the hinges of a roller and its wheel
+_MAX_SPACING_ERROR_RAD = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class RobotIndices:
-    """Numbers of one robot's parts in a compiled model, and addresses of what belongs to them.
+    """Indices of one robot's parts in a compiled model, and addresses of their state.
 
     Args:
-        chassis: body with the free joint.
-        qpos: all its positions (range), the free joint's seven first.
-        dofs: all its degrees of freedom (range), the free joint's six first.
-        joints: hinges of the wheels, (wheels,).
-        wheel_qpos: addresses of their angles, (wheels,).
-        wheel_dofs: addresses of their speeds, (wheels,).
-        wheels: bodies, (wheels,).
-        rims: bodies, (wheels,).
-        slip_qpos, slip_dofs: addresses of the angles and speeds of the rims on the hubs, (wheels,),
-            or none (0,).
-        rollers: bodies, (wheels, rollers), the one at the bottom at the wheel angle 0 first, then
-            in the order in which they come there as the wheel turns on.
-        roller_dofs: addresses of their speeds, (wheels, rollers).
-        motors: actuators, (wheels,).
-        encoders: addresses in sensordata, (wheels,).
-        gyro: address in sensordata of the turn rate about the robot's z axis.
-        phases: how far each wheel must turn for its first roller to be at the bottom, less its
-            slip, (wheels,) rad.
+        chassis: Body with the free joint.
+        qpos: Addresses of all positions (range), the free joint's seven first.
+        dofs: Addresses of all degrees of freedom (range), the free joint's six first.
+        joints: Hinges of the wheels, (wheels,).
+        wheel_qpos: Addresses of their angles, (wheels,).
+        wheel_dofs: Addresses of their speeds, (wheels,).
+        wheels: Bodies of the wheels, (wheels,).
+        rims: Bodies of the rims, (wheels,).
+        slip_qpos, slip_dofs: Addresses of the angles and speeds of the rims relative to the hubs,
+            (wheels,), or (0,) without slip hinges.
+        rollers: Bodies of the rollers, (wheels, rollers). The first one is at the bottom at the
+            wheel angle 0; the others follow in the order in which they reach the bottom.
+        roller_dofs: Addresses of their speeds, (wheels, rollers).
+        motors: Actuators, (wheels,).
+        encoders: Addresses in sensordata, (wheels,).
+        gyro: Address in sensordata of the turn rate about the robot's z axis.
+        phases: Angle of each wheel, minus its slip, at which its first roller is at the bottom,
+            (wheels,) rad.
     """
 
     chassis: int
@@ -70,61 +73,81 @@ class RobotIndices:
     phases: Array
 
 
+class _WheelRollers(NamedTuple):
+    """The rollers of a wheel, in the order in which they reach the bottom.
+
+    Attributes:
+        rim: Body that carries them.
+        bodies: Bodies of the rollers, (rollers,).
+        phase: Wheel angle at which the first one is at the bottom, rad.
+    """
+
+    rim: int
+    bodies: Ids
+    phase: float
+
+
 def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
-    """Find the robots of a model, which stand upright in it, in the order of their bodies.
+    """Return the indices of all robots of a model, in the order of their bodies.
+
+    The robots must stand upright in the initial state.
 
     Raises:
-        OmniError: parts are missing; a line for each, with how to give it.
+        OmniError: Parts are missing. One line per part, with the element that is needed.
     """
     data, errors = mujoco.MjData(model), list[str]()
     mujoco.mj_kinematics(model, data)
-    motors = _wheel_motors(model, data)
-    roots = model.body_rootid[model.jnt_bodyid[model.actuator_trnid[motors, 0]]]
+    motors = _find_wheel_motors(model, data)
+    chassis_of_motor = model.body_rootid[model.jnt_bodyid[model.actuator_trnid[motors, 0]]]
     robots = [
-        _find_robot(model, data, int(root), motors[roots == root], errors)
-        for root in np.unique(roots)
+        _find_robot(model, data, int(chassis), motors[chassis_of_motor == chassis], errors)
+        for chassis in np.unique(chassis_of_motor)
     ]
     raise_errors(dict.fromkeys(errors))
     return tuple(robot for robot in robots if robot)
 
 
 def find_chassis_names(model: mujoco.MjModel) -> list[str]:
-    """Names of the bodies that carry wheels, however they stand.
+    """Return the names of the bodies that carry wheels, in any orientation.
 
     Raises:
-        OmniError: there are none.
+        OmniError: There are none.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    joints = model.actuator_trnid[_wheel_motors(model, data), 0]
-    return [
-        model.body(root).name for root in np.unique(model.body_rootid[model.jnt_bodyid[joints]])
-    ]
+    joints = model.actuator_trnid[_find_wheel_motors(model, data), 0]
+    chassis = np.unique(model.body_rootid[model.jnt_bodyid[joints]])
+    return [model.body(body).name for body in chassis]
 
 
 def find_slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
-    """The hinge on which a rim slips, or none.
+    """Return the hinge on which a rim slips, in a list, or an empty list.
 
     Args:
-        model: compiled.
-        wheel: the wheel's hinge.
-        rim: a body, the wheel's own or one on it.
+        model: Compiled model.
+        wheel: Hinge of the wheel.
+        rim: Body of the rim: the wheel's own or one on it.
     """
-    first, count = model.body_jntadr[rim], model.body_jntnum[rim]
-    return [joint for joint in range(first, first + count) if joint != wheel]
+    start, count = model.body_jntadr[rim], model.body_jntnum[rim]
+    return [joint for joint in range(start, start + count) if joint != wheel]
 
 
-def _wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> Ids:
-    """Numbers of the <dcmotor>s that drive wheels; hinges that have rollers but no such motor are errors."""
+def _find_wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> Ids:
+    """Return the <dcmotor>s that drive wheels.
+
+    Raises:
+        OmniError: There are none, or a hinge with rollers has none.
+    """
     is_dc = model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR
     motors = np.flatnonzero(is_dc & (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT))
     motors = np.array(
         [m for m in motors if _find_rollers(model, data, model.actuator_trnid[m, 0]).size], int
     )
     if not motors.size:
+        hint = "" if is_dc.all() else f"; other actuators do not count: write {_DCMOTOR_EXAMPLE}"
         raise OmniError(
-            "no wheels; a wheel is a hinge that a <dcmotor> drives, with rollers, bodies on it with a hinge each, "
-            "across the axle" + ("" if is_dc.all() else f"; other actuators drive none: {_WRITE}")
+            "no wheels; a wheel is a hinge that a <dcmotor> drives, with rollers: bodies on it "
+            f"with a hinge each, across the axle{hint}"
         )
     wheels = model.jnt_bodyid[model.actuator_trnid[motors, 0]]
     errors = []
@@ -133,80 +156,90 @@ def _wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> Ids:
         is_known = body in wheels or model.body_parentid[body] in wheels
         if not is_known and _find_rollers(model, data, joint).size >= MIN_COUNT:
             errors.append(
-                f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: {_WRITE}"
+                f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: "
+                f"write {_DCMOTOR_EXAMPLE}"
             )
     raise_errors(errors)
     return motors
 
 
 def _find_rollers(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Ids:
-    """Bodies on a hinge's body, or on one on that, that have a hinge each, across its axis."""
+    """Return the bodies with one hinge across that of a wheel, on the wheel's body or one on it."""
     wheel, parent, axes = model.jnt_bodyid[joint], model.body_parentid, data.xaxis
-    hinged = (model.body_jntnum == 1) & (model.jnt_type[model.body_jntadr] == HINGE)
-    across = np.abs(axes[model.body_jntadr] @ axes[joint]) < _ALONG
-    return np.flatnonzero(hinged & across & ((parent == wheel) | (parent[parent] == wheel)))
+    is_hinged = (model.body_jntnum == 1) & (model.jnt_type[model.body_jntadr] == HINGE)
+    is_across = np.abs(axes[model.body_jntadr] @ axes[joint]) < _MAX_ROLLER_ALIGNMENT
+    is_on_wheel = (parent == wheel) | (parent[parent] == wheel)
+    return np.flatnonzero(is_hinged & is_across & is_on_wheel)
 
 
 def _find_robot(
     model: mujoco.MjModel, data: mujoco.MjData, chassis: int, motors: Ids, errors: list[str]
 ) -> RobotIndices | None:
-    """Find the parts of a robot; None if some are missing, with a line of errors for each."""
-    before, free = len(errors), int(model.body_jntadr[chassis])
+    """Return the indices of a robot; None if parts are missing, with a line of errors for each."""
+    n_errors = len(errors)
     joints = model.actuator_trnid[motors, 0]
-    if model.body_jntnum[chassis] != 1 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
-        errors.append(
-            f"the body {model.body(chassis).name!r}, which carries the wheels, has no <freejoint>"
-        )
-    if len(joints) < MIN_COUNT:
-        errors.append(f"{len(joints)} wheels; it takes {MIN_COUNT} to move in every direction")
-    if len(set(joints.tolist())) < len(joints):
-        errors.append("two <dcmotor>s drive one hinge; one must")
-    parts = [_order_rollers(model, data, int(joint), errors) for joint in joints]
+    _check_chassis_and_joints(model, chassis, joints, errors)
+    wheels = [_order_rollers(model, data, int(joint), errors) for joint in joints]
     gyro = _find_gyro(model, data, chassis, errors)
     encoders = [_find_encoder(model, int(joint), errors) for joint in joints]
-    counts = [len(rollers) for _, rollers, _ in parts]
-    rims = np.array([rim for rim, _, _ in parts])
-    slips = [
-        joint
+    counts = [len(wheel.bodies) for wheel in wheels]
+    rims = np.array([wheel.rim for wheel in wheels])
+    slip_hinges = [
+        slip_hinge
         for joint, rim in zip(joints, rims, strict=True)
-        for joint in find_slip_hinges(model, joint, rim)
+        for slip_hinge in find_slip_hinges(model, joint, rim)
     ]
     if len(set(counts)) > 1:
         errors.append(f"wheels with different numbers of rollers: {counts}")
-    if 0 < len(slips) < len(joints):
-        errors.append("some rims have a hinge to slip on, and some have none")
-    if len(errors) > before:
+    if 0 < len(slip_hinges) < len(joints):
+        errors.append("some rims have a slip hinge, and some have none")
+    if len(errors) > n_errors:
         return None
-    rollers = np.array([ids for _, ids, _ in parts])
-    own = np.flatnonzero(
-        model.body_rootid[model.jnt_bodyid] == chassis
-    )  # joints, one after the other
-    first, last = own[0], own[-1]
+    rollers = np.array([wheel.bodies for wheel in wheels])
+    # The joints of a robot are consecutive.
+    robot_joints = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == chassis)
+    start, stop = robot_joints[0], robot_joints[-1] + 1
     qpos, dofs = [*model.jnt_qposadr, model.nq], [*model.jnt_dofadr, model.nv]
     return RobotIndices(
         chassis=chassis,
-        qpos=range(int(qpos[first]), int(qpos[last + 1])),
-        dofs=range(int(dofs[first]), int(dofs[last + 1])),
+        qpos=range(int(qpos[start]), int(qpos[stop])),
+        dofs=range(int(dofs[start]), int(dofs[stop])),
         joints=joints,
         wheel_qpos=model.jnt_qposadr[joints],
         wheel_dofs=model.jnt_dofadr[joints],
         wheels=model.jnt_bodyid[joints],
         rims=rims,
-        slip_qpos=model.jnt_qposadr[np.array(slips, int)],
-        slip_dofs=model.jnt_dofadr[np.array(slips, int)],
+        slip_qpos=model.jnt_qposadr[np.array(slip_hinges, int)],
+        slip_dofs=model.jnt_dofadr[np.array(slip_hinges, int)],
         rollers=rollers,
         roller_dofs=model.body_dofadr[rollers],
         motors=motors,
         encoders=np.array(encoders),
         gyro=gyro,
-        phases=np.array([phase for _, _, phase in parts]),
+        phases=np.array([wheel.phase for wheel in wheels]),
     )
+
+
+def _check_chassis_and_joints(
+    model: mujoco.MjModel, chassis: int, joints: Ids, errors: list[str]
+) -> None:
+    """Append errors of the free joint, and of the number and the motors of the wheels."""
+    free_joint = int(model.body_jntadr[chassis])
+    is_free = model.jnt_type[free_joint] == mujoco.mjtJoint.mjJNT_FREE
+    if model.body_jntnum[chassis] != 1 or not is_free:
+        errors.append(
+            f"the body {model.body(chassis).name!r}, which carries the wheels, has no <freejoint>"
+        )
+    if len(joints) < MIN_COUNT:
+        errors.append(f"{len(joints)} wheels; at least {MIN_COUNT} are needed")
+    if len(set(joints.tolist())) < len(joints):
+        errors.append("two <dcmotor>s drive one hinge; leave one")
 
 
 def _order_rollers(
     model: mujoco.MjModel, data: mujoco.MjData, joint: int, errors: list[str]
-) -> tuple[int, Ids, float]:
-    """A wheel's rim, its rollers in the order in which they come to the bottom, and how far off the first is, rad."""
+) -> _WheelRollers:
+    """Return the rollers of the wheel on a hinge, in the order in which they reach the bottom."""
     wheel, bodies = int(model.jnt_bodyid[joint]), _find_rollers(model, data, joint)
     name, axle = model.body(wheel).name, data.xaxis[joint]
     rims = np.unique(model.body_parentid[bodies])
@@ -214,39 +247,40 @@ def _order_rollers(
         errors.append(
             f"the rollers of the wheel {name!r} must be on one body, the wheel's or a rim on it"
         )
+    rim = int(rims[0])
+    # Wheel angle at which each roller is at the bottom.
     spokes, down = data.xpos[bodies] - data.xanchor[joint], np.array([0.0, 0.0, -1.0])
-    ahead = np.arctan2(
-        np.cross(spokes, down) @ axle, spokes @ down
-    )  # how far the wheel must turn for each
-    slips = find_slip_hinges(model, joint, int(rims[0]))
-    ahead = ahead + (model.qpos0[model.jnt_qposadr[slips[0]]] if slips else 0.0)
+    angles = np.arctan2(np.cross(spokes, down) @ axle, spokes @ down)
+    slip_hinges = find_slip_hinges(model, joint, rim)
+    angles = angles + (model.qpos0[model.jnt_qposadr[slip_hinges[0]]] if slip_hinges else 0.0)
     count = len(bodies)
-    if count == RETAINED_ROLLERS:  # of a wheel whose other rollers are lumped
-        return int(rims[0]), bodies[np.argsort(np.abs(ahead))], 0.0
+    if count == RETAINED_ROLLERS:
+        return _WheelRollers(rim, bodies[np.argsort(np.abs(angles))], 0.0)
     pitch = 2 * np.pi / count
-    phase = float(np.angle(np.exp(1j * ahead * count).mean())) / count
-    order = np.rint((ahead - phase) / pitch).astype(int)
-    off = np.abs(ahead - phase - order * pitch).max()
-    order %= count
-    if off > 1e-3 or len(set(order)) < count:
+    # Circular mean of the angles modulo the pitch.
+    phase = float(np.angle(np.exp(1j * angles * count).mean())) / count
+    positions = np.rint((angles - phase) / pitch).astype(int)
+    spacing_error = np.abs(angles - phase - positions * pitch).max()
+    positions %= count
+    if spacing_error > _MAX_SPACING_ERROR_RAD or len(set(positions)) < count:
         errors.append(f"the {count} rollers of the wheel {name!r} must be evenly spaced")
-    return int(rims[0]), bodies[np.argsort(order)], phase
+    return _WheelRollers(rim, bodies[np.argsort(positions)], phase)
 
 
 def _find_encoder(model: mujoco.MjModel, joint: int, errors: list[str]) -> int:
-    sensors = (model.sensor_type == mujoco.mjtSensor.mjSENS_JOINTPOS) & (
-        model.sensor_objid == joint
-    )
-    if not sensors.any():
+    """Return the address in sensordata of the encoder of a wheel's hinge, or -1 and an error."""
+    is_position = model.sensor_type == mujoco.mjtSensor.mjSENS_JOINTPOS
+    is_encoder = is_position & (model.sensor_objid == joint)
+    if not is_encoder.any():
         errors.append(
             f"no encoder on {model.joint(joint).name!r}; it is a <jointpos> sensor of that joint"
         )
         return -1
-    return int(model.sensor_adr[np.argmax(sensors)])
+    return int(model.sensor_adr[np.argmax(is_encoder)])
 
 
 def _find_gyro(model: mujoco.MjModel, data: mujoco.MjData, chassis: int, errors: list[str]) -> int:
-    """Address of the turn rate that the first gyro of the chassis shows."""
+    """Return the address in sensordata of the turn rate of a gyro, or -1 and an error."""
     gyros = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_GYRO)
     sites = model.sensor_objid[gyros]
     on_chassis = np.flatnonzero(model.site_bodyid[sites] == chassis)
@@ -256,5 +290,5 @@ def _find_gyro(model: mujoco.MjModel, data: mujoco.MjData, chassis: int, errors:
         )
         return -1
     if data.site_xmat[sites[on_chassis[0]]].reshape(3, 3)[2, 2] < 1 - 1e-6:
-        errors.append("the z axis of the gyro's site must point up, as the robot's does")
+        errors.append("the z axis of the gyro's site must point up, like the robot's")
     return int(model.sensor_adr[gyros[on_chassis[0]]]) + 2

@@ -1,14 +1,15 @@
-"""Builds the world that robots drive in: the field, n robots attached to it by prefix, and the contacts between them.
+"""Builder of the world of the robots: the field, n robots with name prefixes, and their contacts.
 
-What touches what is made here. Rollers touch the geom `carpet` of the field by explicit pairs (see `contact`). Hulls
-(the robot's geoms of the class `hull`) are off as modelled; with more than one robot in a world, or where it is asked
-for, they are switched on, and meet each other and every geom of the field that collides: walls, and the carpet under a
-robot that has fallen.
+Contacts are set here. Rollers touch the field's geom `carpet` by explicit pairs (see
+`contact_parameters`). Hulls (the robot's geoms of the class `hull`) are disabled in the robot's
+model. If a world has several robots, or on request, they are enabled. They then collide with each
+other and with every colliding geom of the field: walls, and the carpet under a fallen robot.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -24,24 +25,24 @@ from omni_mj.mjcf.robot_indices import Ids, RobotIndices
 from omni_mj.mjcf.robot_spec import RobotShape, build_robot_spec
 
 SETTLING_S = 0.25
+HULL_DIRECTIONS = 73
 
-# What the field says, and nobody else.
-_SCENES = ("option", "visual", "stat", "memory", "nstack", "nconmax", "njmax")
+# Attributes that the field sets for the whole world.
+_WORLD_ATTRIBUTES = ("option", "visual", "stat", "memory", "nstack", "nconmax", "njmax")
 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A compiled world and where its robots are in it, to be read only: it is shared by all who ask for the same.
+    """A compiled world and the indices of its robots; read-only, because it is shared.
 
     Args:
-        model: robots named `robot_1/...` and so on by their places, all at the origin.
-        robots: n of one shape, in the order of their places.
-        rest_qpos: positions (nq,) with every robot at rest at the origin, its weight on its rollers.
-        kinematics: of each robot's wheels.
-        load_addresses: addresses in sensordata of the forces on each robot's wheels in the direction of z,
-            (n, wheels).
-        hull_radius: radius of the circle about a robot's middle that its hull stays in, m; 0 without a
-            hull.
+        model: Compiled model. Robots are named `robot_1/...` and so on by slot, all at the origin.
+        robots: Indices of n equal robots, by slot.
+        rest_qpos: Positions (nq,) with every robot at rest at the origin, on its rollers.
+        kinematics: Kinematics of each robot.
+        load_addresses: Addresses in sensordata of the vertical forces on the wheels, (n, wheels).
+        hull_radius: Radius of the circle about a robot's center that contains its hull, m; 0
+            without a hull.
     """
 
     model: mujoco.MjModel
@@ -52,27 +53,29 @@ class World:
     hull_radius: float
 
 
-def get_name_prefix(place: int) -> str:
-    """Before the names of all that belongs to the robot at a place."""
-    return f"robot_{place + 1}/"
+def get_name_prefix(slot: int) -> str:
+    """Return the prefix of the names of all elements of the robot in a slot."""
+    return f"robot_{slot + 1}/"
 
 
 def build_world(
     settings: Settings | None = None, robots_per_world: int = 1, with_hulls: bool | None = None
 ) -> World:
-    """A field with robots of one shape on it, built once.
+    """Return a field with equal robots on it; repeated calls return the same object.
 
     Args:
-        settings: of the robots; what their `RobotShape` says counts. [the default robot's]
-        robots_per_world: number of robots.
-        with_hulls: whether robots meet each other and walls. [if they are several]
+        settings: Settings of the robots. Only their `RobotShape` and the number of substeps
+            matter. Default: those of the default robot.
+        robots_per_world: Number of robots.
+        with_hulls: Whether robots collide with each other and with walls. Default: if there are
+            several.
 
     Raises:
-        OmniError: numbers of which no robot can be made, or a robot's file that lacks a part.
+        OmniError: The numbers of the robot are impossible, or a robot's file lacks a part.
     """
     settings = settings or Settings()
     shape = RobotShape.from_settings(settings)
-    return _world(
+    return _build_world(
         build_robot_spec(shape),
         shape,
         robots_per_world,
@@ -82,88 +85,109 @@ def build_world(
 
 
 @lru_cache(maxsize=16)
-def _world(part: RobotSpec, shape: RobotShape, places: int, substeps: int, hulls: bool) -> World:
+def _build_world(
+    robot_spec: RobotSpec, shape: RobotShape, n_robots: int, substeps: int, with_hulls: bool
+) -> World:
     field = mujoco.MjSpec.from_file(str(find_models_folder() / "field.xml"))
-    spec, rollers = part.spec.copy(), part.contact_geoms
-    alone = spec.compile()
-    (robot,) = robot_indices.find_robots(alone)
-    pair = contact_parameters.make_roller_contact(
-        alone, robot.rollers.ravel(), shape.body.mass_kg / len(robot.wheels)
+    spec, contact_geoms = robot_spec.spec.copy(), robot_spec.contact_geoms
+    robot_model = spec.compile()
+    (single_robot,) = robot_indices.find_robots(robot_model)
+    contact = contact_parameters.make_roller_contact(
+        robot_model, single_robot.rollers.ravel(), shape.body.mass_kg / len(single_robot.wheels)
     )
     if shape.wheels.model == "two-rollers":
-        two_roller_wheels.reduce(spec, alone, robot)
-        left = {geom.name for geom in spec.geoms}
-        rollers = tuple(name for name in rollers if name in left)
-    for name in _SCENES:
+        two_roller_wheels.reduce_rollers(spec, robot_model, single_robot)
+        remaining = {geom.name for geom in spec.geoms}
+        contact_geoms = tuple(name for name in contact_geoms if name in remaining)
+    for name in _WORLD_ATTRIBUTES:
         setattr(spec, name, getattr(field, name))
-    if hulls and not part.hull_geoms:
-        raise OmniError(
-            f"{part.file}: no hull; robots that share a world meet with their geoms of the class 'hull'"
-        )
-    for name in part.hull_geoms if hulls else ():
-        spec.geom(name).contype = spec.geom(name).conaffinity = 1
-    for place in range(places):
-        field.attach(spec.copy(), frame=field.worldbody.add_frame(), prefix=get_name_prefix(place))
-        for roller in rollers:
-            field.add_pair(
-                geomname1="carpet", geomname2=get_name_prefix(place) + roller, condim=3, **pair
-            )
-        for rim in robot.rims:
-            _add_load_sensor(field, get_name_prefix(place) + alone.body(rim).name)
-    if places == 1:  # what touches is one island, of which to make a list costs 7 % of a step
+    if with_hulls:
+        _enable_hulls(spec, robot_spec)
+    rims = [robot_model.body(rim).name for rim in single_robot.rims]
+    for slot in range(n_robots):
+        _attach_robot(field, spec, get_name_prefix(slot), contact_geoms, rims, contact)
+    if n_robots == 1:  # with one robot there is one island; listing it costs 7 % of a step
         field.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
-    field.option.impratio = contact_parameters.FRICTION_STIFFER
+    field.option.impratio = contact_parameters.FRICTION_STIFFNESS_RATIO
     field.option.timestep = field.option.timestep / substeps
     try:
         model = field.compile()
     except ValueError as error:
-        raise OmniError(f"{part.file}: {' '.join(str(error).split())}") from error
+        raise OmniError(f"{robot_spec.file}: {' '.join(str(error).split())}") from error
     robots = tuple(robot_indices.find_robots(model))
-    for each in robots:  # backward Euler: a slip speed decays within a step
-        model.dof_solref[each.slip_dofs] = -1.0, -contact_parameters.STIFFEST / model.opt.timestep
-        model.dof_solimp[each.slip_dofs, :2] = contact_parameters.STIFFEST
-    if places == 1:
-        standing = _standing(model)
+    max_impedance = contact_parameters.MAX_IMPEDANCE
+    for robot in robots:  # backward Euler: a slip speed decays within a step
+        model.dof_solref[robot.slip_dofs] = -1.0, -max_impedance / model.opt.timestep
+        model.dof_solimp[robot.slip_dofs, :2] = max_impedance
+    if n_robots == 1:
+        rest_qpos = _settle(model)
     else:
-        one = _world(part, shape, 1, substeps, False)
-        standing = model.qpos0.copy()
-        for each in robots:
-            standing[each.qpos] = one.rest_qpos[one.robots[0].qpos]
-    kinematics = shape.wheels.kinematics
+        single_world = _build_world(robot_spec, shape, 1, substeps, False)
+        rest_qpos = model.qpos0.copy()
+        for robot in robots:
+            rest_qpos[robot.qpos] = single_world.rest_qpos[single_world.robots[0].qpos]
     return World(
-        model, robots, standing, kinematics, _loads(model, robots), _reach(alone, part.hull_geoms)
+        model,
+        robots,
+        rest_qpos,
+        shape.wheels.kinematics,
+        _find_load_addresses(model, robots),
+        _compute_hull_radius(robot_model, robot_spec.hull_geoms),
     )
 
 
-def _reach(model: mujoco.MjModel, hull: Sequence[str]) -> float:
-    """Radius of the circle about a robot's middle that its hull stays in while it stands upright, m."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    around = [
-        np.array([np.cos(angle), np.sin(angle), 0.0]) for angle in np.linspace(0, 2 * np.pi, 73)
-    ]
-    return max(
-        (
-            compute_support_distance(model, data, model.geom(name).id, way)
-            for name in hull
-            for way in around
-        ),
-        default=0.0,
-    )
+def _enable_hulls(spec: mujoco.MjSpec, robot_spec: RobotSpec) -> None:
+    """Let the hull of a robot collide.
+
+    Raises:
+        OmniError: The robot has no hull.
+    """
+    if not robot_spec.hull_geoms:
+        raise OmniError(
+            f"{robot_spec.file}: no hull; robots in one world collide with geoms of the class "
+            "'hull'"
+        )
+    for name in robot_spec.hull_geoms:
+        spec.geom(name).contype = spec.geom(name).conaffinity = 1
+
+
+def _attach_robot(
+    field: mujoco.MjSpec,
+    spec: mujoco.MjSpec,
+    prefix: str,
+    contact_geoms: Sequence[str],
+    rims: Sequence[str],
+    contact: dict[str, Any],
+) -> None:
+    """Add a robot to the field, with its contacts and load sensors.
+
+    Args:
+        field: Specification of the world; changed in place.
+        spec: Specification of the robot.
+        prefix: Prefix of the robot's names.
+        contact_geoms: Names of the rollers' geoms that touch the carpet.
+        rims: Names of the rims' bodies.
+        contact: Parameters of the contact pairs.
+    """
+    field.attach(spec.copy(), frame=field.worldbody.add_frame(), prefix=prefix)
+    for geom in contact_geoms:
+        field.add_pair(geomname1="carpet", geomname2=prefix + geom, condim=3, **contact)
+    for rim in rims:
+        _add_load_sensor(field, prefix + rim)
 
 
 def _add_load_sensor(field: mujoco.MjSpec, rim: str) -> None:
-    """Have the force between carpet and whatever is on a rim sensed, in the world's axes."""
+    """Add a sensor of the force between the carpet and the parts on a rim, world axes."""
     sensor = field.add_sensor(name=f"load/{rim}")
     sensor.type = mujoco.mjtSensor.mjSENS_CONTACT
     sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_GEOM, "carpet"
     sensor.reftype, sensor.refname = mujoco.mjtObj.mjOBJ_XBODY, rim
-    # Data: force alone; of all contacts their sum; one of it.
+    # Output: force only; reduction: sum over all contacts; one result.
     sensor.intprm[:3] = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1
 
 
-def _loads(model: mujoco.MjModel, robots: tuple[RobotIndices, ...]) -> Ids:
-    """Addresses of the loads of each robot's wheels, (robots, wheels)."""
+def _find_load_addresses(model: mujoco.MjModel, robots: tuple[RobotIndices, ...]) -> Ids:
+    """Return the addresses of the vertical loads of each robot's wheels, (robots, wheels)."""
     return np.array(
         [
             [model.sensor(f"load/{model.body(rim).name}").adr[0] + 2 for rim in robot.rims]
@@ -172,11 +196,27 @@ def _loads(model: mujoco.MjModel, robots: tuple[RobotIndices, ...]) -> Ids:
     )
 
 
-def _standing(model: mujoco.MjModel) -> Array:
-    """Positions (nq,) of one robot at rest at the origin.
+def _compute_hull_radius(model: mujoco.MjModel, hull_geoms: Sequence[str]) -> float:
+    """Return the radius of the circle about a robot's center that contains its hull, m."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    directions = [
+        np.array([np.cos(angle), np.sin(angle), 0.0])
+        for angle in np.linspace(0, 2 * np.pi, HULL_DIRECTIONS)
+    ]
+    distances = (
+        compute_support_distance(model, data, model.geom(name).id, direction)
+        for name in hull_geoms
+        for direction in directions
+    )
+    return max(distances, default=0.0)
 
-    As modelled, the rollers touch the carpet at distance zero, where rounding decides which of them
-    carry load first.
+
+def _settle(model: mujoco.MjModel) -> Array:
+    """Return the positions (nq,) of one robot at rest at the origin.
+
+    As modelled, the rollers touch the carpet at distance zero, where rounding determines which of
+    them carry load first.
     """
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=round(SETTLING_S / model.opt.timestep))

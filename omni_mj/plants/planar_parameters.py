@@ -21,7 +21,11 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.settings import Settings, gather
-from omni_mj.mjcf.contact_parameters import ADDED_MASS_KG, FRICTION_RATE_HZ, FRICTION_STIFFER
+from omni_mj.mjcf.contact_parameters import (
+    ADDED_MASS_KG,
+    FRICTION_RATE_HZ,
+    FRICTION_STIFFNESS_RATIO,
+)
 from omni_mj.mjcf.robot_geometry import compute_composite_inertia
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.domain_randomization import RobotVariation
@@ -33,7 +37,7 @@ from omni_mj.robot.motors import Motor
 from omni_mj.robot.planar_state import BodyParameters
 
 # Damping of a roller's contact along the carpet
-CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFER * FRICTION_RATE_HZ
+CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFNESS_RATIO * FRICTION_RATE_HZ
 # Rate at which rollers take on the carpet's speed, in steps of a cycle, as contacts of the plant
 # mujoco act
 SPIN_RATE_HZ = -np.log(1 - CYCLE_S * FRICTION_RATE_HZ) / CYCLE_S
