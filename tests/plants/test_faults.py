@@ -1,4 +1,4 @@
-"""Faults concern nobody but their row, and leave nothing behind."""
+"""Faults act on their row only, and leave nothing behind."""
 
 from collections.abc import Callable
 from typing import Any
@@ -63,58 +63,59 @@ EVERYTHING: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize(
-    ("model", "happening"),
+    ("model", "faults_by_row"),
     [
         ("rollers", [[], EVERYTHING]),
-        ("two-rollers", [[], EVERYTHING, *([each] for each in EVERYTHING)]),
+        ("two-rollers", [[], EVERYTHING, *([fault] for fault in EVERYTHING)]),
     ],
 )
-def test_what_happens_to_a_row_concerns_no_other(
-    model: str, happening: list[list[dict[str, Any]]]
+def test_faults_of_a_row_do_not_change_other_rows(
+    model: str, faults_by_row: list[list[dict[str, Any]]]
 ) -> None:
-    """To the last bit: all together, and those with nothing and with everything alone, the others by themselves."""
-    own = [with_settings(wheels={"model": model}, fault=each) for each in happening]
-    commands = ramp([[1.5, 0.3, 2.0]] * len(own), 3.0, 16)
-    together = drive(plant_of(own), commands)
-    for part in filter(len, ([0], [1], range(2, len(own)))):
-        apart = drive(plant_of([own[i] for i in part]), commands[:, : len(part)])
-        np.testing.assert_array_equal(apart, together[:, list(part)])
-    for i, each in enumerate(own[1:], 1):
-        assert (together[-1, i] != together[-1, 0]).all(), each.fault
+    """Bit for bit: all rows in a batch, and rows without faults, with all, and the others apart."""
+    settings = [with_settings(wheels={"model": model}, fault=faults) for faults in faults_by_row]
+    commands = ramp([[1.5, 0.3, 2.0]] * len(settings), 3.0, 16)
+    together = drive(plant_of(settings), commands)
+    for subset in filter(len, ([0], [1], range(2, len(settings)))):
+        separate = drive(plant_of([settings[i] for i in subset]), commands[:, : len(subset)])
+        np.testing.assert_array_equal(separate, together[:, list(subset)])
+    for i, row_settings in enumerate(settings[1:], 1):
+        assert (together[-1, i] != together[-1, 0]).all(), row_settings.fault
 
 
-def test_what_happens_to_a_row_concerns_no_other_on_the_planar_plant_either() -> None:
-    own = [with_settings(fault=each) for each in ([], EVERYTHING, *([each] for each in EVERYTHING))]
-    commands = ramp([[1.5, 0.3, 2.0]] * len(own), 3.0, 16)
-    together = drive(planar(own), commands)
-    for part in ([0], [1], range(2, len(own))):
-        apart = drive(planar([own[i] for i in part]), commands[:, : len(part)])
-        np.testing.assert_array_equal(apart, together[:, list(part)])
-    for i, each in enumerate(own[1:], 1):
-        assert (together[-1, i] != together[-1, 0]).all(), each.fault
+def test_faults_of_a_row_do_not_change_other_rows_of_the_planar_plant() -> None:
+    faults_by_row = [], EVERYTHING, *([fault] for fault in EVERYTHING)
+    settings = [with_settings(fault=faults) for faults in faults_by_row]
+    commands = ramp([[1.5, 0.3, 2.0]] * len(settings), 3.0, 16)
+    together = drive(planar(settings), commands)
+    for subset in ([0], [1], range(2, len(settings))):
+        separate = drive(planar([settings[i] for i in subset]), commands[:, : len(subset)])
+        np.testing.assert_array_equal(separate, together[:, list(subset)])
+    for i, row_settings in enumerate(settings[1:], 1):
+        assert (together[-1, i] != together[-1, 0]).all(), row_settings.fault
 
 
 def test_a_fault_that_has_ended_leaves_nothing_behind() -> None:
-    """Every field of the model, friction, motors and forces are those of a robot that met nothing."""
+    """All fields of the model, friction and motors are those of a robot without faults."""
     plant = plant_of(
         [
             with_settings(fault=EVERYTHING),
             with_settings(randomization={"mass_std": 0.1, "com_offset_std_m": 0.005}),
         ]
     )
-    before = changeable_values(plant)
+    initial = changeable_values(plant)
     stand_still(plant, 7)
     during = changeable_values(plant)
-    # Of the other robot, which is no two's like, nothing ever changes.
-    assert all((now[0] != then[0]).any() for now, then in zip(during, before, strict=True))
-    assert all((now[1] == then[1]).all() for now, then in zip(during, before, strict=True))
+    # Values of the other robot, which differ from those of this one, never change.
+    assert all((now[0] != then[0]).any() for now, then in zip(during, initial, strict=True))
+    assert all((now[1] == then[1]).all() for now, then in zip(during, initial, strict=True))
     stand_still(plant, 9)
-    for now, then in zip(changeable_values(plant), before, strict=True):
+    for now, then in zip(changeable_values(plant), initial, strict=True):
         np.testing.assert_array_equal(now, then)
 
 
-def test_a_robot_that_failed_is_pushed_no_more() -> None:
-    """In a world that another robot, which is, keeps going."""
+def test_no_push_force_acts_on_a_failed_robot() -> None:
+    """In a world that continues because of another robot, on which the force acts."""
     plant = plant_of(
         [with_faults({"kind": "push", "start_s": 0.0, "force_n": 9.0}, **ICE)] * 2,
         [[0, 0, 0], [1, 0, 0]],
@@ -125,14 +126,14 @@ def test_a_robot_that_failed_is_pushed_no_more() -> None:
     assert plant.pose()[0, 0] < MAX_DRIFT < 0.03 < plant.pose()[1, 0] - 1
 
 
-def test_rows_at_several_places_meet_their_own() -> None:
-    """A payload and a push of the second robot of the second world are its alone."""
+def test_faults_act_on_their_slot_only() -> None:
+    """A payload and a push of the second robot in the second world."""
     start = [[0, 0, 0], [1, 0, 0]] * 2
-    push, load = {"kind": "push", "force_n": 9.0}, {"kind": "payload", "mass_kg": 1.0}
-    plant = plant_of([*[noiseless(**ICE)] * 3, with_faults(push, load, **ICE)], start, per_world=2)
-    moved = stand_still(plant, SETTLE_FRAMES + 10)[-1] - start
-    assert (np.abs(moved[:3]) < MAX_DRIFT).all()
-    assert moved[3, 0] > 0.03
+    force, load = {"kind": "push", "force_n": 9.0}, {"kind": "payload", "mass_kg": 1.0}
+    plant = plant_of([*[noiseless(**ICE)] * 3, with_faults(force, load, **ICE)], start, per_world=2)
+    displacement = stand_still(plant, SETTLE_FRAMES + 10)[-1] - start
+    assert (np.abs(displacement[:3]) < MAX_DRIFT).all()
+    assert displacement[3, 0] > 0.03
     mass = plant._batch.expand("body_mass")
     chassis = [robot.chassis for robot in plant._world.robots]
     np.testing.assert_allclose(mass[1, chassis[1]] - mass[:, chassis].ravel()[:3], 1.0)

@@ -1,4 +1,4 @@
-"""What a load does to a robot: mass, centre of mass, inertia, and what wheels bear."""
+"""Payloads: mass, center of mass, inertia, and normal forces of the wheels."""
 
 import mujoco
 import numpy as np
@@ -26,34 +26,34 @@ from numpy.typing import NDArray
 from omni_mj.plants.mujoco import MujocoPlant
 
 
-def chassis_of(plant: MujocoPlant, row: int) -> tuple[float, NDArray, NDArray]:
-    """Mass, centre of mass, and inertia about it in its own axes, as the batch has them."""
+def get_chassis(plant: MujocoPlant, row: int) -> tuple[float, NDArray, NDArray]:
+    """Return mass, center of mass, and inertia about it in body axes, from the batch."""
     body = plant._world.robots[0].chassis
-    mass, centre, moments, turned = (
+    mass, center, moments, quaternion = (
         plant._batch.expand(name)[row, body]
         for name in ("body_mass", "body_ipos", "body_inertia", "body_iquat")
     )
     axes = np.zeros(9)
-    mujoco.mju_quat2Mat(axes, turned)
+    mujoco.mju_quat2Mat(axes, quaternion)
     axes = axes.reshape(3, 3)
-    return float(mass), centre.copy(), axes @ np.diag(moments) @ axes.T
+    return float(mass), center.copy(), axes @ np.diag(moments) @ axes.T
 
 
 def inertia_about(origin: NDArray, body: tuple[float, NDArray, NDArray]) -> NDArray:
-    mass, centre, inertia = body
-    r = centre - origin
+    mass, center, inertia = body
+    r = center - origin
     return inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 
 @hypothesis_settings(max_examples=6)
 @given(st.lists(st.tuples(st.floats(0, 20), st.floats(0.001, 0.5)), min_size=1, max_size=3))
-def test_a_load_is_a_point_mass_on_the_chassis(loads: list[tuple[float, float]]) -> None:
-    """Mass, first and second moments about the origin are sums over the bodies: they are independent of its axes."""
+def test_a_payload_is_a_point_mass_on_the_chassis(loads: list[tuple[float, float]]) -> None:
+    """Mass, first and second moments about the origin, in any axes, are sums over the bodies."""
     payloads = [{"kind": "payload", "start_s": 0.0, "mass_kg": m, "height_m": h} for m, h in loads]
     plant = plant_of([with_faults(*payloads), noiseless()])
-    empty = chassis_of(plant, 0)
+    empty = get_chassis(plant, 0)
     stand_still(plant, 1)
-    loaded, beside = chassis_of(plant, 0), chassis_of(plant, 1)
+    loaded, other_robot = get_chassis(plant, 0), get_chassis(plant, 1)
     points = [(m, np.array([*empty[1][:2], h])) for m, h in loads]
     assert loaded[0] == pytest.approx(empty[0] + sum(m for m, _ in points))
     np.testing.assert_allclose(
@@ -66,46 +66,49 @@ def test_a_load_is_a_point_mass_on_the_chassis(loads: list[tuple[float, float]])
     np.testing.assert_allclose(
         inertia_about(zero, loaded), expected, rtol=0, atol=1e-12 * np.abs(expected).max()
     )
-    np.testing.assert_array_equal(beside[2], empty[2])
+    np.testing.assert_array_equal(other_robot[2], empty[2])
     subtree = plant._batch.expand("body_subtreemass")[0, plant._world.robots[0].chassis]
     assert subtree == pytest.approx(MASS_KG + sum(m for m, _ in points))
 
 
-def test_wheels_bear_a_load_and_its_inertia() -> None:
-    """Weight on the wheels, their middle below the common centre of mass on a slope, and what a push does on ice."""
+def test_wheels_carry_the_weight_and_inertia_of_a_payload() -> None:
+    """Sum of the normal forces, their center below the center of mass, and a push on ice."""
     mass, height = 1.2, 0.12
-    load, more = (
+    high_load, load = (
         {"kind": "payload", "mass_kg": mass, "height_m": height},
         {"kind": "payload", "mass_kg": mass},
     )
     tilt = {"kind": "tilt", "angle_deg": 5.0}
-    own = [with_faults(*each, **TWO_ROLLERS) for each in ((load,), (more,), (load, tilt), (tilt,))]
-    plant = plant_of([*own, noiseless(**TWO_ROLLERS)])
+    faults_by_row = (high_load,), (load,), (high_load, tilt), (tilt,)
+    settings = [with_faults(*faults, **TWO_ROLLERS) for faults in faults_by_row]
+    plant = plant_of([*settings, noiseless(**TWO_ROLLERS)])
     stand_still(plant, SETTLE_FRAMES + 60)
-    bears = wheel_loads(plant)
-    np.testing.assert_allclose(bears[:2].sum(1), (MASS_KG + mass) * GRAVITY, rtol=2e-3)
-    ahead = bears @ CONTACTS[:, 0] / GRAVITY
+    forces = wheel_loads(plant)
+    np.testing.assert_allclose(forces[:2].sum(1), (MASS_KG + mass) * GRAVITY, rtol=2e-3)
+    center_x = forces @ CONTACTS[:, 0] / GRAVITY
     chassis = plant._world.model.body_ipos[plant._world.robots[0].chassis]
-    # Over the chassis' centre of mass: what it adds, and how far a slope shifts it. Springs still
-    # swing: by 2 % of what the slope shifts, and by 0.03 mm of the centre.
-    assert ahead[0] - ahead[4] == pytest.approx(mass * chassis[0], abs=1e-4)
+    # The payload is above the chassis' center of mass. Springs still oscillate: by 2 % of the shift
+    # by the slope, and by 0.03 mm of the center.
+    assert center_x[0] - center_x[4] == pytest.approx(mass * chassis[0], abs=1e-4)
     angle = np.radians(5.0)
-    shift = (ahead[2] - np.cos(angle) * ahead[0]) - (ahead[3] - np.cos(angle) * ahead[4])
+    shift = (center_x[2] - np.cos(angle) * center_x[0]) - (
+        center_x[3] - np.cos(angle) * center_x[4]
+    )
     assert shift == pytest.approx(mass * height * np.sin(angle), rel=0.02)
 
-    push = {
+    force = {
         "kind": "push",
         "start_s": 2 * SETTLE_FRAMES * FRAME_S,
         "force_n": 12.0,
         "direction_deg": 90.0,
     }
-    plant = plant_of([with_faults(more, push, **ICE), with_faults(push, **ICE)])
+    plant = plant_of([with_faults(load, force, **ICE), with_faults(force, **ICE)])
     stand_still(plant, 2 * SETTLE_FRAMES + 8)
     heavy, light = plant.twist()[:, 1]
     ratio = (MASS_KG + ROLLING_KG[1]) / (MASS_KG + mass + ROLLING_KG[1])
-    # Friction of ice is 2.5 % of this push, and as much more as the mass; 1 %: rollers that come
-    # down.
-    held = 0.01 * GRAVITY / 12.0
+    # Friction of ice is 2.5 % of this push, and in proportion to mass. Rollers that come down take
+    # 1 %.
+    drag = 0.01 * GRAVITY / 12.0
     assert heavy / light == pytest.approx(
-        ratio * (1 - (MASS_KG + mass) * held) / (1 - MASS_KG * held), rel=0.01
+        ratio * (1 - (MASS_KG + mass) * drag) / (1 - MASS_KG * drag), rel=0.01
     )

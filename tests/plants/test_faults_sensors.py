@@ -1,4 +1,4 @@
-"""What encoders and gyros that are wrong do to robots on both plants, by the laws of their loops."""
+"""Faults of encoders and gyros on both plants, by the laws of the control loops."""
 
 from collections.abc import Callable
 from typing import Any
@@ -25,78 +25,78 @@ from omni_mj.config.settings import Settings
 
 PlantOf = Callable[[list[Settings]], Any]
 SIGMAS = 5
-BLIND = {"heading_gain": 0.0, "gyro_bias_gain": 0.0, "turn_rate_gain": 0.0}
+NO_VISION = {"heading_gain": 0.0, "gyro_bias_gain": 0.0, "turn_rate_gain": 0.0}
 
 
 @WHEELED_PLANTS
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_encoders_that_count_otherwise_have_the_robot_drive_otherwise(
-    plant_of: PlantOf, factor: float
-) -> None:
-    """Loops that integrate bring what they see to what is asked: wheels turn at w / factor."""
+def test_wheels_turn_by_the_inverse_of_the_encoder_scale(plant_of: PlantOf, factor: float) -> None:
+    """Loops with an integral bring the measured speed to the desired one: w / factor."""
     scales = [
         {"kind": "encoder-scale", "wheel": w, "factor": factor, "start_s": 0.0}
         for w in (1, 2, 3, 4)
     ]
     plant, twist = plant_of([with_faults(*scales, firmware=STIFF)]), np.array([0.5, 0.3, 0.0])
     drive(plant, ramp([twist], 1.5, 60))
-    turned = plant.telemetry().wheel_angle
+    start_angle = plant.telemetry().wheel_angle
     drive(plant, constant(twist, 30, 1))
-    turned = (plant.telemetry().wheel_angle - turned)[0]
-    wanted = TANGENTS @ twist[:2] / RADIUS_M * 30 * FRAME_S
-    np.testing.assert_allclose(
-        turned * factor, wanted, atol=0.02 * wanted.max()
-    )  # the robot turns a little
+    angle = (plant.telemetry().wheel_angle - start_angle)[0]
+    desired = TANGENTS @ twist[:2] / RADIUS_M * 30 * FRAME_S
+    # The robot turns a little.
+    np.testing.assert_allclose(angle * factor, desired, atol=0.02 * desired.max())
 
 
 @WHEELED_PLANTS
-def test_a_loose_encoder_stands_still_in_as_many_frames_as_said(plant_of: PlantOf) -> None:
-    """A binomial share; the wheels beside it count in all."""
-    share, frames = 0.4, 150
-    fault = {"kind": "encoder-dropout", "wheel": 4, "probability": share, "start_s": 0.0}
+def test_an_encoder_drops_out_in_frames_with_the_set_probability(plant_of: PlantOf) -> None:
+    """The number of frames is binomial; other wheels never drop out."""
+    probability, frames = 0.4, 150
+    fault = {"kind": "encoder-dropout", "wheel": 4, "probability": probability, "start_s": 0.0}
     plant = plant_of([with_faults(fault)])
     drive(plant, ramp([[0.8, 0.0, 0.0]], 3.0, SETTLE_FRAMES))
-    stands = []
+    dropouts = []
     for _ in range(frames):
         counts, angles = encoder_angles(plant), plant.telemetry().wheel_angle
         drive(plant, constant([0.8, 0.0, 0.0], 1, 1))
-        turned = (plant.telemetry().wheel_angle - angles)[0]
-        stands.append(
-            (np.abs((encoder_angles(plant) - counts)[0]) < 0.5 * np.abs(turned))
-            & (np.abs(turned) > 0.05)
+        turns = (plant.telemetry().wheel_angle - angles)[0]
+        dropouts.append(
+            (np.abs((encoder_angles(plant) - counts)[0]) < 0.5 * np.abs(turns))
+            & (np.abs(turns) > 0.05)
         )
-    part = np.mean(stands, axis=0)
-    assert part[3] == pytest.approx(share, abs=SIGMAS * np.sqrt(share * (1 - share) / frames))
-    assert not part[:3].any()
+    fraction = np.mean(dropouts, axis=0)
+    sigma = np.sqrt(probability * (1 - probability) / frames)
+    assert fraction[3] == pytest.approx(probability, abs=SIGMAS * sigma)
+    assert not fraction[:3].any()
 
 
 @WHEELED_PLANTS
-def test_a_gyro_of_another_scale_turns_what_a_robot_holds_for_its_heading(
+def test_the_scale_of_a_gyro_scales_the_turn_of_the_estimated_heading(
     plant_of: PlantOf,
 ) -> None:
-    """By its factor times the true turn; one that shows nothing leaves it as it was."""
-    own = [
+    """By its factor times the true turn; with a factor of zero the estimate stays."""
+    scales = [
         {"kind": "gyro-scale", "factor": 0.7},
         {"kind": "gyro-scale", "factor": 1.5},
         {"kind": "gyro-scale", "factor": 0.0},
     ]
     plant = plant_of(
         [
-            *(with_faults({**each, "start_s": 0.0}, firmware=BLIND) for each in own),
-            with_faults(firmware=BLIND),
+            *(with_faults({**scale, "start_s": 0.0}, firmware=NO_VISION) for scale in scales),
+            with_faults(firmware=NO_VISION),
         ]
     )
     drive(plant, ramp([[0.0, 0.0, 2.0]] * 4, 4.0, 30))
-    turned, held = plant.pose()[:, 2], estimated_heading(plant)
-    assert (turned > 0.4).all()
-    late = 2 * 2.0 / 960  # rad: by which a gyro is, a cycle or two, at this rate
-    np.testing.assert_allclose(held, np.array([0.7, 1.5, 0.0, 1.0]) * turned, atol=1.5 * late)
-    assert held[2] == 0
+    heading, estimate = plant.pose()[:, 2], estimated_heading(plant)
+    assert (heading > 0.4).all()
+    lag = 2 * 2.0 / 960  # rad: a gyro is a cycle or two late, at this rate
+    np.testing.assert_allclose(estimate, np.array([0.7, 1.5, 0.0, 1.0]) * heading, atol=1.5 * lag)
+    assert estimate[2] == 0
 
 
 @WHEELED_PLANTS
-def test_a_dead_gyro_shows_no_bias_either(plant_of: PlantOf) -> None:
+def test_a_gyro_with_a_factor_of_zero_has_no_bias(plant_of: PlantOf) -> None:
     faults = [{"kind": "gyro-bias", "bias_rad_s": 0.5}, {"kind": "gyro-scale", "factor": 0.0}]
-    plant = plant_of([with_faults(*faults, firmware=BLIND), with_faults(faults[0], firmware=BLIND)])
+    plant = plant_of(
+        [with_faults(*faults, firmware=NO_VISION), with_faults(faults[0], firmware=NO_VISION)]
+    )
     stand_still(plant, SETTLE_FRAMES + 12)
     np.testing.assert_allclose(estimated_heading(plant), [0.0, 0.1], atol=1e-3)
