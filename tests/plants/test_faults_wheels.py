@@ -1,4 +1,4 @@
-"""What motors that are dead or stuck, and wheels that have lost rubber or rollers, do to robots on both plants."""
+"""Faults of wheels on both plants: dead and blocked motors, wear, missing rollers."""
 
 from collections.abc import Callable
 from typing import Any
@@ -20,7 +20,7 @@ from benches.plant import (
 from omni_mj.config.settings import Settings
 
 PlantOf = Callable[[list[Settings]], Any]
-AHEAD = np.array([1.0, 0.0, 0.0])
+FORWARD = np.array([1.0, 0.0, 0.0])
 
 
 def all_wheels(kind: str, **values: Any) -> list[dict[str, Any]]:
@@ -28,8 +28,8 @@ def all_wheels(kind: str, **values: Any) -> list[dict[str, Any]]:
 
 
 @WHEELED_PLANTS
-def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> None:
-    """At its terminals there is its back-EMF; its wheel turns as the robot goes. After that it pulls again."""
+def test_a_dead_motor_has_no_current_and_its_wheel_rolls(plant_of: PlantOf) -> None:
+    """Its voltage is the back-EMF; its wheel rolls with the robot. Afterwards it drives again."""
     smooth: dict[str, Any] = {
         "motor": {"no_load_current_a": 0.0},
         "drivetrain": {"gear_friction_nm": 0.0},
@@ -40,30 +40,29 @@ def test_a_dead_motor_has_no_current_and_is_dragged_along(plant_of: PlantOf) -> 
             with_faults(**smooth),
         ]
     )
-    drive(plant, ramp([AHEAD] * 2, 2.0, 32))
-    told, motor = plant.telemetry(), Settings().motor
-    assert abs(told.current_mean[0, 1]) < 1e-9
-    assert abs(told.current_mean[1, 1]) > 1e-3
-    back_emf = motor.torque_constant_nm_a * motor.gear_ratio * told.wheel_speed[0, 1]
-    assert told.voltage[0, 1] == pytest.approx(
-        back_emf, rel=0.02
-    )  # of a cycle before, and magnets that warm up
+    drive(plant, ramp([FORWARD] * 2, 2.0, 32))
+    telemetry, motor = plant.telemetry(), Settings().motor
+    assert abs(telemetry.current_mean[0, 1]) < 1e-9
+    assert abs(telemetry.current_mean[1, 1]) > 1e-3
+    back_emf = motor.torque_constant_nm_a * motor.gear_ratio * telemetry.wheel_speed[0, 1]
+    # The voltage is one cycle older than the speed, and magnets warm up.
+    assert telemetry.voltage[0, 1] == pytest.approx(back_emf, rel=0.02)
     x, y, turn = plant.twist()[0]
     heading = plant.pose()[0, 2]
     body = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]]) @ (
         x,
         y,
     )
-    rolls = (TANGENTS[1] @ body + Settings().wheels.arm_m * turn) / RADIUS_M
-    # Nothing brakes it but what its own inertia and its rollers take: 3 % of its speed.
-    assert told.wheel_speed[0, 1] == pytest.approx(rolls, rel=0.03)
-    drive(plant, constant(AHEAD, 3, 2))
+    rolling = (TANGENTS[1] @ body + Settings().wheels.arm_m * turn) / RADIUS_M
+    # Only its inertia and its rollers brake it, by 3 % of its speed.
+    assert telemetry.wheel_speed[0, 1] == pytest.approx(rolling, rel=0.03)
+    drive(plant, constant(FORWARD, 3, 2))
     assert abs(plant.telemetry().current_mean[0, 1]) > 0.01
 
 
 @WHEELED_PLANTS
 def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -> None:
-    """I = V / R; it slides as fast as the carpet passes. After that it turns as before."""
+    """I = V / R; it slides at the speed of the carpet. Afterwards it turns again."""
     plant = plant_of(
         [
             with_faults(
@@ -72,45 +71,51 @@ def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -
             with_faults(),
         ]
     )
-    drive(plant, ramp([AHEAD] * 2, 2.0, 20))
-    told, motor = plant.telemetry(), Settings().motor
-    assert abs(told.wheel_speed[0, 2]) < 0.02
+    drive(plant, ramp([FORWARD] * 2, 2.0, 20))
+    telemetry, motor = plant.telemetry(), Settings().motor
+    assert abs(telemetry.wheel_speed[0, 2]) < 0.02
     resistance = motor.resistance_ohm * (
-        1 + motor.winding_resistance_per_k * (told.winding[0, 2] - 25)
+        1 + motor.winding_resistance_per_k * (telemetry.winding[0, 2] - 25)
     )
-    np.testing.assert_allclose(told.current[0, 2], told.voltage[0, 2] / resistance, rtol=2e-3)
-    assert np.abs(told.current[0, 2]) > 1
+    np.testing.assert_allclose(
+        telemetry.current[0, 2], telemetry.voltage[0, 2] / resistance, rtol=2e-3
+    )
+    assert np.abs(telemetry.current[0, 2]) > 1
     x, y, turn = plant.twist()[0]
     heading = plant.pose()[0, 2]
     body = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]]) @ (
         x,
         y,
     )
-    passes = abs(TANGENTS[2] @ body + Settings().wheels.arm_m * turn)
-    assert told.slip[0, 2] == pytest.approx(passes, rel=0.03, abs=0.01)
-    drive(plant, constant(AHEAD, 40, 2))
+    rim_speed = abs(TANGENTS[2] @ body + Settings().wheels.arm_m * turn)
+    assert telemetry.slip[0, 2] == pytest.approx(rim_speed, rel=0.03, abs=0.01)
+    drive(plant, constant(FORWARD, 40, 2))
     assert abs(plant.telemetry().wheel_speed[0, 2]) > 0.5 * abs(plant.telemetry().wheel_speed[1, 2])
 
 
 @WHEELED_PLANTS
-def test_wheels_that_are_worn_alike_are_a_carpet_of_as_much_less_friction(
+def test_equal_wear_of_all_wheels_acts_like_less_friction_of_the_carpet(
     plant_of: PlantOf,
 ) -> None:
-    """To the bit; friction is a factor of both."""
+    """Bit for bit, because friction is the product of both."""
     friction, worn = 0.8, 0.5
-    one = with_faults(*all_wheels("wheel-worn", factor=worn), carpet={"friction": friction})
-    other = with_faults(
+    worn_wheels = with_faults(*all_wheels("wheel-worn", factor=worn), carpet={"friction": friction})
+    slippery_carpet = with_faults(
         {"kind": "friction", "start_s": 0.0, "friction": friction * worn},
         carpet={"friction": friction},
     )
-    poses = drive(plant_of([one, other, with_faults()]), constant([3.0, 0.5, 2.0], 15, 3))
+    poses = drive(
+        plant_of([worn_wheels, slippery_carpet, with_faults()]), constant([3.0, 0.5, 2.0], 15, 3)
+    )
     np.testing.assert_array_equal(poses[:, 0], poses[:, 1])
     assert poses[-1, 0, 0] < 0.9 * poses[-1, 2, 0]
 
 
 @WHEELED_PLANTS
-def test_wheels_without_half_of_their_rollers_pull_half_as_much(plant_of: PlantOf) -> None:
-    """While all slide; their rims turn many times meanwhile."""
+def test_sliding_wheels_with_half_of_their_rollers_have_half_the_traction(
+    plant_of: PlantOf,
+) -> None:
+    """While all wheels slide, and rims turn many times."""
     slick: dict[str, Any] = {
         "carpet": {"friction": 0.2, "rolling_resistance": 0.0},
         "drivetrain": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0},
@@ -123,6 +128,6 @@ def test_wheels_without_half_of_their_rollers_pull_half_as_much(plant_of: PlantO
         ]
     )
     drive(plant, constant([5.0, 0.0, 0.0], 30, 2))
-    half, whole = plant.twist()[:, 0]
-    # 5 %: the first turns, of wheels that speed up, and rollers that are spun up.
-    assert half / whole == pytest.approx(0.5, abs=0.05)
+    half, full = plant.twist()[:, 0]
+    # 5 %: wheels and rollers spin up.
+    assert half / full == pytest.approx(0.5, abs=0.05)

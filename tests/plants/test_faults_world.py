@@ -1,4 +1,4 @@
-"""What pushes, slopes, other carpets and hands do to robots, by laws of mechanics."""
+"""Faults of the world, by laws of mechanics: pushes, slopes, friction, displacement."""
 
 from collections.abc import Callable
 from typing import Any
@@ -41,30 +41,29 @@ from omni_mj.plants.kinematic import KinematicPlant
 # --- pushes ---
 
 
-def test_a_push_gives_momentum_and_ends() -> None:
-    """M v = F t less what ice holds, whatever heading and direction; then the speed stays."""
+def test_a_push_adds_momentum() -> None:
+    """M v = F t less friction, for any heading and direction; afterwards the speed stays."""
     force, frames, bearings = 20.0, 6, (0.0, 90.0, -125.0)
     pushes = [
         {"kind": "push", "duration_s": frames * FRAME_S, "force_n": force, "direction_deg": b}
         for b in bearings
     ]
     plant = plant_of(
-        [with_faults(each, **ICE) for each in pushes] + [noiseless(**ICE)],
+        [with_faults(fault, **ICE) for fault in pushes] + [noiseless(**ICE)],
         [[0, 0, h] for h in (0, 0, 0.7, 0)],
     )
     stand_still(plant)
     stand_still(plant, frames)
     mass = MASS_KG + ROLLING_KG.mean()  # the same in all directions within 0.2 %
     direction = np.radians(bearings)
-    towards = np.column_stack([np.cos(direction), np.sin(direction)])
-    gained = plant.twist()[:3, :2] / (force * frames * FRAME_S / mass)
-    # Ice takes up to 1.3 % of the force; rollers that come down take on the speed of the carpet, up
-    # to as much.
-    np.testing.assert_allclose(gained, towards, atol=0.03)
-    after = np.linalg.norm(plant.twist()[:3, :2], axis=1)
+    unit_vectors = np.column_stack([np.cos(direction), np.sin(direction)])
+    velocity = plant.twist()[:3, :2] / (force * frames * FRAME_S / mass)
+    # Friction of ice takes up to 1.3 % of the force, and rollers that come down about as much.
+    np.testing.assert_allclose(velocity, unit_vectors, atol=0.03)
+    speed = np.linalg.norm(plant.twist()[:3, :2], axis=1)
     stand_still(plant, 3)
-    # Ice, 0.1 m/s^2, and rollers brake it.
-    assert (np.abs(np.linalg.norm(plant.twist()[:3, :2], axis=1) - after) < 0.02).all()
+    # Friction of ice, 0.1 m/s^2, and rollers brake it.
+    assert (np.abs(np.linalg.norm(plant.twist()[:3, :2], axis=1) - speed) < 0.02).all()
     assert np.abs(plant.pose()[3]).max() < MAX_DRIFT
 
 
@@ -72,7 +71,7 @@ def test_a_push_gives_momentum_and_ends() -> None:
 
 
 def test_on_ice_a_slope_accelerates_by_g_sin() -> None:
-    """Between two slopes, so that Coulomb's friction, which is the same but for 1 % of it, falls out."""
+    """The difference between two slopes, from which Coulomb's friction cancels within 1 %."""
     frames, angles = 9, np.radians([4.0, 8.0])
     chosen = [
         with_faults({"kind": "tilt", "angle_deg": np.degrees(a), "direction_deg": d}, **ICE)
@@ -83,41 +82,43 @@ def test_on_ice_a_slope_accelerates_by_g_sin() -> None:
     stand_still(plant)
     stand_still(plant, frames)
     speed = np.array([plant.twist()[:2, 0], plant.twist()[2:, 1]])
-    gained = np.diff(speed, axis=1)[:, 0] / (frames * FRAME_S)
+    acceleration = np.diff(speed, axis=1)[:, 0] / (frames * FRAME_S)
     # Rims and rollers turn along. 2 %: rollers that come down take on the speed of the carpet.
     np.testing.assert_allclose(
-        gained, GRAVITY * np.diff(np.sin(angles)) * MASS_KG / (MASS_KG + ROLLING_KG), rtol=0.02
+        acceleration,
+        GRAVITY * np.diff(np.sin(angles)) * MASS_KG / (MASS_KG + ROLLING_KG),
+        rtol=0.02,
     )
 
 
-def test_a_robot_that_stands_on_a_slope_weighs_on_its_wheels_as_statics_says() -> None:
-    """Loads add up to m g cos; their moment is that of g sin at the height of the centre of mass, downhill."""
+def test_normal_forces_on_a_slope_are_those_of_statics() -> None:
+    """Their sum is m g cos, their moment that of m g sin at the center of mass, downhill."""
     angle, bearings = np.radians(5.0), np.radians([0.0, 90.0, 180.0])
     tilts = [{"kind": "tilt", "angle_deg": 5.0, "direction_deg": np.degrees(b)} for b in bearings]
     plant = plant_of(
-        [with_faults(each, **TWO_ROLLERS) for each in tilts] + [noiseless(**TWO_ROLLERS)]
+        [with_faults(tilt, **TWO_ROLLERS) for tilt in tilts] + [noiseless(**TWO_ROLLERS)]
     )
     stand_still(plant, SETTLE_FRAMES + 40)
     load = wheel_loads(plant)
     np.testing.assert_allclose(load.sum(1)[:3], MASS_KG * GRAVITY * np.cos(angle), rtol=2e-3)
     moment = load @ CONTACTS / GRAVITY
     downhill = np.column_stack([np.cos(bearings), np.sin(bearings)])
-    # 1 %: springs that still swing by as much of what the tilt shifts.
+    # Springs still oscillate by 1 % of the shift.
     shift = MASS_KG * COM_HEIGHT_M * np.sin(angle)
     np.testing.assert_allclose(
         moment[:3] - np.cos(angle) * moment[3], shift * downhill, atol=0.01 * shift
     )
-    assert np.abs(plant.pose()[:, :2]).max() < 1e-3, "gears and wheel loops hold it"
+    assert np.abs(plant.pose()[:, :2]).max() < 1e-3, "gear friction and wheel loops hold the robot"
 
 
-def test_robots_of_a_world_stand_on_one_carpet() -> None:
-    """What leans for one leans for the other; other worlds' do not."""
+def test_a_tilt_acts_on_all_robots_of_a_world() -> None:
+    """Other worlds are not tilted."""
     tilt = {"kind": "tilt", "angle_deg": 5.0, "direction_deg": 90.0}
     start = [[0, 0, 0], [1, 0, 0]] * 2
     plant = plant_of([with_faults(tilt, **ICE)] * 2 + [noiseless(**ICE)] * 2, start, per_world=2)
-    moved = stand_still(plant, 30)[-1] - start
-    assert (moved[:2, 1] > 0.01).all()
-    assert np.abs(moved[2:]).max() < MAX_DRIFT
+    displacement = stand_still(plant, 30)[-1] - start
+    assert (displacement[:2, 1] > 0.01).all()
+    assert np.abs(displacement[2:]).max() < MAX_DRIFT
     with pytest.raises(OmniError, match=r"all robots of a world stand on one carpet"):
         with_faults({**tilt, "robots": [1]})
 
@@ -125,14 +126,14 @@ def test_robots_of_a_world_stand_on_one_carpet() -> None:
 # --- friction ---
 
 
-def test_a_wheel_that_slides_pulls_by_the_friction_of_the_moment() -> None:
-    """Momentum over what the wheels bear, along the rims, before, while and after."""
-    usual, other, first, frames = 0.25, 0.5, 4, 7
+def test_traction_of_sliding_wheels_follows_the_friction_of_the_moment() -> None:
+    """Momentum over normal forces along the rims, before, during and after the fault."""
+    nominal, changed, start_frame, frames = 0.25, 0.5, 4, 7
     fault = {
         "kind": "friction",
-        "start_s": first * FRAME_S,
+        "start_s": start_frame * FRAME_S,
         "duration_s": frames * FRAME_S,
-        "friction": other,
+        "friction": changed,
     }
     free: dict[str, Any] = {
         "drivetrain": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0},
@@ -140,26 +141,25 @@ def test_a_wheel_that_slides_pulls_by_the_friction_of_the_moment() -> None:
     }
     tape = Tape(
         plant_of(
-            [with_faults(fault, carpet={"friction": usual, "rolling_resistance": 0.0}, **free)]
+            [with_faults(fault, carpet={"friction": nominal, "rolling_resistance": 0.0}, **free)]
         )
     )
     tape.drive(constant([3.6, 0.0, 0.0], 18, 1))
-    # From some steps after a change on, when the load has swung.
-    for start, stop, friction in ((20, 60, usual), (80, 170, other), (190, 280, usual)):
+    # Some steps after a change, when the normal forces have settled
+    for start, stop, friction in ((20, 60, nominal), (80, 170, changed), (190, 280, nominal)):
         slips, load = tape.steps["slips"][start:stop], tape.steps["load"][start:stop]
         assert (np.abs(slips) * RADIUS_M > 0.1).all(), "every wheel slides"
         velocity = tape.steps["velocity"][:, 0, 0]
-        gained = (MASS_KG + ROLLING_KG[0]) * (velocity[stop - 1] - velocity[start - 1])
-        pull = ((-np.sign(slips) * load) @ TANGENTS[:, 0]).sum() / 960
-        assert gained / pull == pytest.approx(friction, rel=0.03), (
-            start
-        )  # 2 % as in test_sliding.py, and short
+        momentum = (MASS_KG + ROLLING_KG[0]) * (velocity[stop - 1] - velocity[start - 1])
+        impulse = ((-np.sign(slips) * load) @ TANGENTS[:, 0]).sum() / 960
+        # 2 % as in test_sliding.py, and few steps
+        assert momentum / impulse == pytest.approx(friction, rel=0.03), start
 
 
-def test_a_patch_that_comes_is_one_that_was_there_and_covers_it_until_it_goes() -> None:
-    """To the bit; where the robot is not on it, it is none."""
-    there = {"friction": 0.8, "patches": [[0, 0, 5.0, 0.3]]}
-    comes = {
+def test_a_patch_of_a_fault_acts_like_one_of_the_scenario_while_it_lasts() -> None:
+    """Bit for bit. It covers other patches, and does not act on robots next to it."""
+    patched = {"friction": 0.8, "patches": [[0, 0, 5.0, 0.3]]}
+    fault = {
         "kind": "friction-patch",
         "start_s": 0.0,
         "x_m": 0.0,
@@ -167,48 +167,48 @@ def test_a_patch_that_comes_is_one_that_was_there_and_covers_it_until_it_goes() 
         "radius_m": 5.0,
         "friction": 0.3,
     }
-    own = [
-        with_faults(comes, carpet={"friction": 0.8}),
-        noiseless(carpet=there),
-        with_faults({**comes, "x_m": 9.0, "radius_m": 1.0}, carpet=there),
-        with_faults({**comes, "duration_s": 10 * FRAME_S}, carpet={"friction": 0.8}),
+    settings = [
+        with_faults(fault, carpet={"friction": 0.8}),
+        noiseless(carpet=patched),
+        with_faults({**fault, "x_m": 9.0, "radius_m": 1.0}, carpet=patched),
+        with_faults({**fault, "duration_s": 10 * FRAME_S}, carpet={"friction": 0.8}),
         noiseless(carpet={"friction": 0.8}),
     ]
-    plant = plant_of(own)
+    plant = plant_of(settings)
     poses = drive(plant, constant([2.0, 0, 0], 20, 5))
     np.testing.assert_array_equal(poses[:, 0], poses[:, 1])
     np.testing.assert_array_equal(poses[:, 2], poses[:, 1])
     np.testing.assert_array_equal(poses[:11, 3], poses[:11, 1])
 
 
-# --- hands ---
+# --- displacement ---
 
 
 @pytest.mark.parametrize(
-    "make", [two_rollers, planar, lambda own: KinematicPlant(rows(own), np.zeros((len(own), 3)))]
+    "make", [two_rollers, planar, lambda s: KinematicPlant(rows(s), np.zeros((len(s), 3)))]
 )
-def test_a_hand_puts_a_robot_elsewhere_at_rest(make: Callable[[list[Settings]], Any]) -> None:
-    """As far as it says, of whatever heading, in one frame; whoever is told to stand stays there."""
-    hand = {"kind": "kidnap", "x_m": 0.7, "y_m": -0.4, "heading_deg": 150.0}
-    plant = make([with_faults({"kind": "vision-loss"}, hand), with_faults()])
+def test_a_kidnapped_robot_is_displaced_and_at_rest(make: Callable[[list[Settings]], Any]) -> None:
+    """By the set distance, for any heading, in one frame; with zero commands it stays there."""
+    kidnap = {"kind": "kidnap", "x_m": 0.7, "y_m": -0.4, "heading_deg": 150.0}
+    plant = make([with_faults({"kind": "vision-loss"}, kidnap), with_faults()])
     drive(plant, ramp([[1.0, 0.5, 0.5]] * 2, 3.0, SETTLE_FRAMES))
-    before = plant.pose()
+    start = plant.pose()
     poses = stand_still(plant, 1)
-    moved = poses[-1] - before
-    # Less what the robot would have gone on in the frame, at most: 1.1 m/s.
-    np.testing.assert_allclose(moved[0], [0.7, -0.4, np.radians(150)], atol=0.02)
-    put = stand_still(plant, 20)[-1]
-    np.testing.assert_allclose(put[0, :2], poses[-1][0, :2], atol=2e-3)
-    # Vision's heading contradicts its own by so much that it takes its gyro for one that drifts,
-    # and turns a little.
-    assert put[0, 2] == pytest.approx(poses[-1][0, 2], abs=0.02)
+    displacement = poses[-1] - start
+    # Less the motion of the robot in the frame, at most 1.1 m/s
+    np.testing.assert_allclose(displacement[0], [0.7, -0.4, np.radians(150)], atol=0.02)
+    final = stand_still(plant, 20)[-1]
+    np.testing.assert_allclose(final[0, :2], poses[-1][0, :2], atol=2e-3)
+    # Vision's heading differs so much from the robot's estimate that this estimates a bias of its
+    # gyro, and turns a little.
+    assert final[0, 2] == pytest.approx(poses[-1][0, 2], abs=0.02)
 
 
-def test_no_sensor_of_a_robot_sees_a_hand() -> None:
-    """Neither the gyro, nor an encoder, nor what holds its wheels."""
-    hand = {"kind": "kidnap", "x_m": 0.3, "heading_deg": 90.0}
+def test_no_sensor_of_a_robot_measures_a_kidnap() -> None:
+    """Neither the gyro nor an encoder."""
+    kidnap = {"kind": "kidnap", "x_m": 0.3, "heading_deg": 90.0}
     for make in (two_rollers, planar):
-        plant = make([with_faults(hand, firmware={"heading_gain": 0.0, "gyro_bias_gain": 0.0})])
+        plant = make([with_faults(kidnap, firmware={"heading_gain": 0.0, "gyro_bias_gain": 0.0})])
         stand_still(plant, SETTLE_FRAMES + 5)
         assert plant.pose()[0, 2] == pytest.approx(np.pi / 2, abs=1e-3)
         assert estimated_heading(plant)[0] == pytest.approx(0, abs=1e-3)

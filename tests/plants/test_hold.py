@@ -1,4 +1,4 @@
-"""Drivers hold currents where they are told to: none, for a roll-out, or what an open loop wants."""
+"""Current setpoints of the drivers: zero for a roll-out, or any current."""
 
 import numpy as np
 import pytest
@@ -12,29 +12,29 @@ SETTINGS = noiseless(
 FORWARD = (1.0, 0.0, 0.0)
 
 
-def test_a_robot_let_go_carries_no_current_and_rolls_on_while_the_other_brakes() -> None:
-    """And obeys again when it is taken again."""
+def test_a_robot_without_currents_rolls_out_while_the_other_brakes() -> None:
+    """Afterwards it applies commands again."""
     plant = mujoco([SETTINGS] * 2)
     drive(plant, constant(FORWARD, 40, 2))
     plant.set_motor_currents(np.array([[0.0] * 4, [np.nan] * 4]))
     drive(plant, constant((0, 0, 0), 3, 2))
     assert plant.telemetry().current_peak[1] > 1
     drive(plant, constant((0, 0, 0), 15, 2))
-    let_go, braked = plant.twist()[:, 0]
+    rolling, braked = plant.twist()[:, 0]
     assert plant.telemetry().current_peak[0] < 1e-12  # rounding of duty times voltage
-    assert let_go > 0.3
+    assert rolling > 0.3
     assert abs(braked) < 0.05
     plant.set_motor_currents(None)
     drive(plant, constant((0, 0, 0), 18, 2))
     assert abs(plant.twist()[0, 0]) < 0.05
 
 
-def test_currents_are_held_as_far_as_the_battery_goes() -> None:
-    """One ampere is there to be had; for a hundred all of the voltage is not enough."""
+def test_currents_are_held_as_far_as_the_battery_can_drive_them() -> None:
+    """The battery can drive 1 A, but not 100 A."""
     plant = mujoco([SETTINGS] * 2)
-    pulls = np.array([-1.0, -1.0, 1.0, 1.0])
-    plant.set_motor_currents(np.array([1.0 * pulls, 100.0 * pulls]))
+    directions = np.array([-1.0, -1.0, 1.0, 1.0])
+    plant.set_motor_currents(np.array([1.0 * directions, 100.0 * directions]))
     drive(plant, constant(FORWARD, 6, 2))
-    np.testing.assert_allclose(plant.telemetry().current_mean[0], pulls, rtol=1e-12)
+    np.testing.assert_allclose(plant.telemetry().current_mean[0], directions, rtol=1e-12)
     assert plant.telemetry().duty_peak[1] == pytest.approx(1)
     assert plant.telemetry().current_peak[1] < 100

@@ -1,4 +1,4 @@
-"""Rows that fail: named with their cause, stopped, and without a trace in the others."""
+"""Failed rows are reported with the cause and stopped, and do not change others."""
 
 import math
 from pathlib import Path
@@ -14,68 +14,66 @@ from omni_control.errors import OmniError
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mujoco import MujocoPlant
 
-# Wheels that grip like this carry the centre of mass over them when they brake; on the league's
-# carpet they slide. And no driver holds their motors back: with 9 A a robot comes to lean on the
-# edge of its hull, at 31 degrees.
+# With this friction a braking robot tips over its wheels; on the league's carpet they slide. The
+# current is not limited: with 9 A a robot only leans on the edge of its hull, at 31 degrees.
 GRIPPING = {"carpet": {"friction": 5.0}, "firmware": {"current_limit_a": 1000.0}}
 ORDINARY = {"disturbance": {"force_n": 2.0}}
 FRAMES, BRAKES = 70, 45
 
 
 @pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def temporary_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo logs its warnings to a file in the working directory
 
 
 def run(
     plant: MujocoPlant, fast: tuple[int, ...], frames: int = FRAMES
 ) -> tuple[NDArray, dict[int, tuple[int, str]]]:
-    """Poses (frames, n, 3) of robots that speed up and brake, `fast` ones hard; rows that failed, when and why."""
+    """Return poses (frames, n, 3) and failures of robots that speed up and brake, some hard."""
     n, poses, failed = len(plant.pose()), [], {}
-    top = np.where(np.isin(np.arange(n), fast), 3.0, 0.6)
+    max_speed = np.where(np.isin(np.arange(n), fast), 3.0, 0.6)
     for frame in range(frames):
-        speed = np.minimum(top, frame * 0.08) if frame < BRAKES else -top
+        speed = np.minimum(max_speed, frame * 0.08) if frame < BRAKES else -max_speed
         command = np.stack([speed, 0 * speed, 0 * speed], axis=1)
         for row, cause in plant.advance(
             ReceivedCommand.without_delay(command, plant.pose()[:, 2])
         ).items():
-            assert row not in failed, "said once"
+            assert row not in failed, "reported once"
             failed[row] = frame, cause
         poses.append(plant.pose())
     return np.array(poses), failed
 
 
 @pytest.mark.parametrize("wheels", ["rollers", "two-rollers"])
-def test_a_robot_that_topples_leaves_the_others_bits_alone(wheels: str) -> None:
+def test_a_toppling_robot_does_not_change_a_bit_of_others(wheels: str) -> None:
     ordinary, gripping = (
         noiseless(wheels={"model": wheels}, **sections) for sections in (ORDINARY, GRIPPING)
     )
-    together, failed = run(plant_of([ordinary, gripping, ordinary], seeds=[1, 2, 3]), (1,))
-    alone, none = run(plant_of([ordinary] * 2, seeds=[1, 3]), ())
-    assert none == {}
-    np.testing.assert_array_equal(together[:, [0, 2]], alone)
+    batch, failed = run(plant_of([ordinary, gripping, ordinary], seeds=[1, 2, 3]), (1,))
+    separate, failures = run(plant_of([ordinary] * 2, seeds=[1, 3]), ())
+    assert failures == {}
+    np.testing.assert_array_equal(batch[:, [0, 2]], separate)
     ((row, (frame, cause)),) = failed.items()
     assert (row, cause) == (1, "toppled over")
     assert BRAKES < frame < FRAMES - 5
     np.testing.assert_array_equal(
-        together[frame + 1 :, 1], together[[frame + 1] * (FRAMES - frame - 1), 1]
+        batch[frame + 1 :, 1], batch[[frame + 1] * (FRAMES - frame - 1), 1]
     )
 
 
-def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_off() -> None:
+def test_a_toppled_robot_stays_in_its_world_with_its_motors_off() -> None:
     start = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     plant = plant_of([noiseless(**ORDINARY), noiseless(**GRIPPING)], start, [1, 2], per_world=2)
-    poses, failed = run(plant, (1,), FRAMES + 20)  # until it lies still
+    poses, failed = run(plant, (1,), FRAMES + 20)  # until it is at rest
     assert {row: cause for row, (_, cause) in failed.items()} == {1: "toppled over"}
     frame = failed[1][0]
     telemetry = plant.telemetry()
     assert (telemetry.voltage[1] == 0).all()
     assert (np.abs(telemetry.voltage[0]) > 0).any()
-    # From 1.4 m/s or less it slides on: v^2 / (2 g 0.3) with the hull's friction of 0.3 is 0.33 m,
+    # From at most 1.4 m/s it slides v^2 / (2 g 0.3) = 0.33 m with the hull's friction of 0.3, and
     # rollers slide too.
     assert np.abs(poses[-1, 1, :2] - poses[frame, 1, :2]).max() < 0.4
-    # It lies on the carpet, on its hull, not in it: no contact of the world is deeper than a hard
-    # one.
+    # It lies on its hull, and no contact is deeper than a hard one.
     model, data = plant._batch.get_model(0), plant._batch.get_data(0)
     mujoco.mj_forward(model, data)
     assert {model.geom(g).name for contact in data.contact for g in contact.geom} >= {
@@ -83,21 +81,21 @@ def test_a_robot_that_topples_among_others_stays_where_it_fell_with_its_motors_o
         "robot_2/hull",
     }
     assert min(contact.dist for contact in data.contact) > -5e-3
-    # The other drives as it does alone, to the solver's tolerance (see test_meeting), which is one
-    # for the world: the forces on a robot that falls make it coarse. With a tolerance of 1e-10 in
+    # The other drives as it does alone, up to the solver's tolerance (see test_meeting) for the
+    # whole world: large forces on a falling robot make it coarse. With a tolerance of 1e-10 in
     # place of 1e-8, the two differ by 1e-9.
-    alone, _ = run(plant_of([noiseless(**ORDINARY)], seeds=[1]), (), FRAMES + 20)
-    np.testing.assert_allclose(poses[:, 0], alone[:, 0], rtol=0, atol=3e-4)
+    separate, _ = run(plant_of([noiseless(**ORDINARY)], seeds=[1]), (), FRAMES + 20)
+    np.testing.assert_allclose(poses[:, 0], separate[:, 0], rtol=0, atol=3e-4)
 
 
 @pytest.mark.parametrize("x", [math.nan, 1e11], ids=["not a number", "too far"])
-def test_an_unstable_robot_is_named_with_mujocos_warning_and_leaves_the_others_bits_alone(
+def test_an_unstable_robot_is_reported_and_does_not_change_a_bit_of_others(
     x: float,
 ) -> None:
     start = np.array([[0.3, 0, 0], [x, 0, 0], [0, 0, 1]])
-    together, failed = run(plant_of([noiseless(**ORDINARY)] * 3, start, [1, 2, 3]), (), 12)
-    alone, _ = run(plant_of([noiseless(**ORDINARY)] * 2, start[[0, 2]], [1, 3]), (), 12)
-    np.testing.assert_array_equal(together[:, [0, 2]], alone)
+    batch, failed = run(plant_of([noiseless(**ORDINARY)] * 3, start, [1, 2, 3]), (), 12)
+    separate, _ = run(plant_of([noiseless(**ORDINARY)] * 2, start[[0, 2]], [1, 3]), (), 12)
+    np.testing.assert_array_equal(batch[:, [0, 2]], separate)
     cause = "became unstable (MuJoCo: mjWARN_BADQPOS)"
     assert failed == {1: (0, cause)}
 
@@ -112,11 +110,11 @@ def test_an_unstable_world_stops_all_its_robots_and_no_other_world() -> None:
     cause = "became unstable (MuJoCo: mjWARN_BADQVEL)"
     assert failed == {0: (0, cause), 1: (0, cause)}
     np.testing.assert_array_equal(poses[:, 2:], run(calm, (), 12)[0][:, 2:])
-    # Put back where they started, they stay.
+    # They are put back to their start poses, and stay.
     np.testing.assert_allclose(poses[1:, :2], np.tile(start[:2], (11, 1, 1)), atol=1e-3)
 
 
-def test_rows_that_one_batch_cannot_hold_are_refused() -> None:
+def test_rows_that_cannot_share_a_batch_are_refused() -> None:
     finer = rows([with_settings(), with_settings(physics={"substeps": 2})])
     heavier = rows([with_settings(), with_settings(body={"mass_kg": 3.0}, wheels={"arm_m": 0.09})])
     geared = rows([with_settings(), with_settings(motor={"gear_ratio": 4.0})])

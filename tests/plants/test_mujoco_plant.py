@@ -1,4 +1,4 @@
-"""The physical robot as a point mass on carpet with a battery, and as a row of a batch."""
+"""The plant mujoco: laws of a point mass on carpet, and independence of rows in a batch."""
 
 import math
 
@@ -25,30 +25,32 @@ STARTS = np.array(
 )
 
 
-def test_robots_start_where_they_are_told_with_any_heading() -> None:
+def test_robots_start_at_their_start_poses_with_any_heading() -> None:
     n = len(STARTS)
     plant = plant_of([noiseless()] * n, STARTS)
     np.testing.assert_array_equal(plant.pose(), STARTS)  # whole turns of the heading included
     drive(plant, constant([0.0, 0.0, 0.0], 1, n))
-    # Settling into the carpet, not a jump: a tenth of vision's noise.
+    # They settle into the carpet, by a tenth of vision's noise.
     np.testing.assert_allclose(plant.pose(), STARTS, atol=1.3e-4)
 
 
-def test_motion_does_not_depend_on_place_or_heading() -> None:
+def test_motion_does_not_depend_on_position_or_heading() -> None:
     settle, frames, n = 10, 20, len(STARTS)
     plant = plant_of([noiseless()] * n, STARTS)
-    # Rollers that just touch the carpet: which of them carry the very first step is a matter of
-    # rounding. At rest that is forgotten.
+    # At the start rollers just touch the carpet, and rounding decides which of them carry the first
+    # step. At rest this has no effect any more.
     start = drive(plant, np.zeros((settle, n, 3)))[-1]
     c, s = np.cos(start[:, 2]), np.sin(start[:, 2])
-    forward, left, turn = 0.6, 0.3, 2.0
-    command = np.stack([c * forward - s * left, s * forward + c * left, np.full(n, turn)], axis=1)
-    x, y, turned = (drive(plant, constant(command, frames, n))[-1] - start).T
-    moved = np.stack([c * x + s * y, c * y - s * x, turned], axis=1)
+    forward, sideways, turn = 0.6, 0.3, 2.0
+    command = np.stack(
+        [c * forward - s * sideways, s * forward + c * sideways, np.full(n, turn)], axis=1
+    )
+    x, y, heading = (drive(plant, constant(command, frames, n))[-1] - start).T
+    displacement = np.stack([c * x + s * y, c * y - s * x, heading], axis=1)
     # The carpet is the same everywhere and in every direction. 0.05 mm and 0.05 mrad of 180 mm and
-    # 0.5 rad: what is left of the settling and of the contact solver's tolerance.
-    np.testing.assert_allclose(moved, np.tile(moved[0], (n, 1)), rtol=0, atol=5e-5)
-    assert np.hypot(*moved[0, :2]) > 0.1
+    # 0.5 rad: the rest of the settling, and the tolerance of the contact solver.
+    np.testing.assert_allclose(displacement, np.tile(displacement[0], (n, 1)), rtol=0, atol=5e-5)
+    assert np.hypot(*displacement[0, :2]) > 0.1
 
 
 def test_heading_counts_full_turns() -> None:
@@ -58,23 +60,23 @@ def test_heading_counts_full_turns() -> None:
         [[0, 0, turn_rate], [0, 0, -turn_rate]],
     )
     heading = drive(plant, constant(commands, spin_up, 2))[..., 2]
-    begun = plant.telemetry().wheel_angle.mean(1)
+    start_angle = plant.telemetry().wheel_angle.mean(1)
     heading = np.append(heading, drive(plant, constant(commands, 85, 2))[1:, :, 2], axis=0)
-    # Continuous across the seam at pi: between frames at most what the command allows.
+    # The heading is continuous at pi: between frames it changes at most by the command.
     assert np.abs(np.diff(heading, axis=0)).max() < 1.1 * turn_rate * FRAME_S
-    # Wheels count their own turns: l heading = r angle, once they no longer slide, less what they
-    # creep: the pile's drag is the share p of the load, which creeps by p / C of the travel. 0.5 %
-    # for the effective radius and the rollers' viscous bearings.
+    # l heading = r angle once wheels no longer slide, less creep: the pile's drag is p N, for which
+    # wheels creep by p / C of the travel. 0.5 % for the rolling radius and the rollers' viscous
+    # bearings.
     creep = Settings().carpet.rolling_resistance / Settings().drivetrain.creep_stiffness
-    rolled = (plant.telemetry().wheel_angle.mean(1) - begun) * RADIUS_M / ARM_M / (1 + creep)
+    rolled = (plant.telemetry().wheel_angle.mean(1) - start_angle) * RADIUS_M / ARM_M / (1 + creep)
     np.testing.assert_allclose(heading[-1] - heading[spin_up], rolled, rtol=5e-3)
     assert np.abs(heading[-1] - start).min() > 4 * math.pi
 
 
-def test_nothing_drives_faster_than_the_carpets_friction_allows() -> None:
+def test_acceleration_is_limited_by_friction() -> None:
     frames, directions = 30, np.array([[1.0, 0, 0], [0, 1.0, 0], [-0.7, 0.7, 0]])
     friction = np.repeat([0.02, 0.05, 0.1], 3)
-    # Nothing but that friction: pile and bearings of the robot would take more than it gives.
+    # Without drag of pile and bearings, which would exceed this friction
     free = {"roller_friction": 0.0}
     plant = plant_of(
         [
@@ -85,16 +87,16 @@ def test_nothing_drives_faster_than_the_carpets_friction_allows() -> None:
     distance = np.linalg.norm(
         drive(plant, constant(np.tile(directions, (3, 1)), frames, 9))[-1, :, :2], axis=1
     )
-    bound = 0.5 * friction * GRAVITY * (frames * FRAME_S) ** 2
-    assert (distance <= bound).all()
-    # The wheels' share of it is at least that of driving to the left, 0.586 (see test_wheels), less
-    # what two of the wheels lose once they have caught up.
-    assert (distance >= 0.5 * bound).all()
+    limit = 0.5 * friction * GRAVITY * (frames * FRAME_S) ** 2
+    assert (distance <= limit).all()
+    # Wheels use at least the fraction of it of sideways motion, 0.586 (see test_wheels), less the
+    # traction of two wheels once they no longer slide.
+    assert (distance >= 0.5 * limit).all()
 
 
 def test_disturbing_force_pushes_a_sliding_robot_by_newtons_law() -> None:
     frames, n, force = 40, 20, 50.0
-    # Of the wheels nothing is asked here, so that the faster ones do.
+    # The faster wheels suffice, because they get no commands here.
     carpet = {"friction": 0.01, "rolling_resistance": 0.0}
     settings = noiseless(
         carpet=carpet, disturbance={"force_n": force}, wheels={"model": "two-rollers"}
@@ -114,7 +116,7 @@ def test_disturbing_force_pushes_a_sliding_robot_by_newtons_law() -> None:
 
 
 def test_neither_threads_nor_the_batch_change_a_bit() -> None:
-    """Robots that slip, saturate and are pushed, each otherwise, on any number of threads and alone."""
+    """Robots that slip, saturate and are pushed, on any number of threads and alone."""
     settings, seeds, start = (
         with_settings(disturbance={"force_n": 10.0}),
         [3, 1, 4, 1, 5],
@@ -126,5 +128,5 @@ def test_neither_threads_nor_the_batch_change_a_bit() -> None:
         parallel = drive(plant_of([settings] * 5, start, seeds, threads=threads), commands)
         np.testing.assert_array_equal(parallel, serial)
     for row in range(5):
-        alone = drive(plant_of([settings], start[[row]], [seeds[row]]), commands[:, [row]])
-        np.testing.assert_array_equal(alone, serial[:, [row]])
+        single = drive(plant_of([settings], start[[row]], [seeds[row]]), commands[:, [row]])
+        np.testing.assert_array_equal(single, serial[:, [row]])
