@@ -35,8 +35,8 @@ from omni_mj.studies.identify import (
     identify_logs,
     robot_file_writer,
 )
-from omni_mj.studies.identify.identification import RADIUS_SHARE, ROLLS
-from omni_mj.studies.identify.robot_logs import read
+from omni_mj.studies.identify.identification import RADIUS_ERROR, ROLLING_RADIUS
+from omni_mj.studies.identify.robot_logs import read_logs
 from omni_mj.studies.study_runner import run_simulation
 
 ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam-twente")
@@ -57,7 +57,7 @@ OMNI3 = {  # mass, inertias, height and rollers are guesses
 }
 LENGTHS = 4  # of the moves of scenario identify
 COLUMNS = {  # number -> unit in the table
-    "radius_m": 2e3, "gain_forward": 102, "gain_sideways": 102, "arm_m": 1e3, "clock_s": 1e3,
+    "radius_m": 2e3, "gain_forward": 102, "gain_sideways": 102, "arm_m": 1e3, "clock_offset_s": 1e3,
     "creep_stiffness": 1,
 }  # fmt: skip
 
@@ -66,7 +66,7 @@ def write_robot(path: Path, robot: str, changes: Mapping[tuple[str, str], object
     """Write a robot's file with other numbers and return its path."""
     values = {place: f"{value} # a guess" for place, value in changes.items()}
     path.write_text(
-        robot_file_writer.write_changes(
+        robot_file_writer.apply_changes(
             robot_files.find_robot_file(robot).read_text("utf-8"), values, ["a guess"]
         ),
         "utf-8",
@@ -118,7 +118,7 @@ def write_start_file(settings: Settings, robot: str, number: int, folder: Path) 
         ("drivetrain", "roller_friction"): settings.drivetrain.roller_friction * rollers,
         ("carpet", "rolling_resistance"): settings.carpet.rolling_resistance * pile,
         ("body", "mass_kg"): settings.body.mass_kg * rng.uniform(0.93, 1.1),
-        ("wheels", "radius_m"): settings.wheels.radius_m * (1 + RADIUS_SHARE * rng.normal()),
+        ("wheels", "radius_m"): settings.wheels.radius_m * (1 + RADIUS_ERROR * rng.normal()),
         ("radio", "delay_frames"): 3,
     }
     return write_robot(folder / f"start-{number}.toml", robot, changes)
@@ -134,13 +134,15 @@ def true_numbers(settings: Settings) -> dict[str, float]:
         "wheels.creep_stiffness": settings.drivetrain.creep_stiffness,
         "wheels.rolling_resistance": settings.carpet.rolling_resistance,
         "wheels.roller_friction": settings.drivetrain.roller_friction,
-        "wheels.radius_m": ROLLS * settings.wheels.radius_m,
+        "wheels.radius_m": ROLLING_RADIUS * settings.wheels.radius_m,
         "wheels.arm_m": settings.wheels.arm_m,
         "commands.latency_s": settings.radio.delay_frames * PERIOD_S - half_step,
     }
-    numbers |= dict.fromkeys(("wheels.clock_s", "wheels.slope_x_rad", "wheels.slope_y_rad"), 0.0)
+    numbers |= dict.fromkeys(
+        ("wheels.clock_offset_s", "wheels.slope_x_rad", "wheels.slope_y_rad"), 0.0
+    )
     for i, axis in enumerate(("forward", "sideways")):
-        numbers[f"wheels.gain_{axis}"] = ROLLS * float(law.gain[i])
+        numbers[f"wheels.gain_{axis}"] = ROLLING_RADIUS * float(law.gain[i])
         numbers[f"wheels.creep_{axis}_s2_m"] = float(law.time[i])
         numbers[f"wheels.drag_{axis}_m_s2"] = float(law.drag[i]) / settings.body.mass_kg
     return numbers
@@ -161,7 +163,7 @@ def identify_drawn(
         ]
         simulation = Simulation(base, rows=rows)
         run_scenario.build_result(simulation, run_simulation(simulation)).save(drives)
-    logs = read(drives / "trajectory.parquet")
+    logs = read_logs(drives / "trajectory.parquet")
     return [
         (
             identify_logs(
@@ -192,7 +194,7 @@ def coverage(logs: int, folder: Path) -> Table:
         ]
         if estimates:
             value, error, low, high, truth = np.array(
-                [[e.value, e.error, e.low, e.high, t] for e, t in estimates]
+                [[e.value, e.standard_error, e.low, e.high, t] for e, t in estimates]
             ).T
             unit = np.where(truth == 0, 1.0, np.abs(truth))
             deviation, ratio = (value - truth) / unit, (value - truth) / error
@@ -231,7 +233,7 @@ def measured(runs: Path, folder: Path) -> Table:
             format_estimate(told(result).get(f"wheels.{name}"), unit)
             for name, unit in COLUMNS.items()
         ]
-        lasting = result.fits["wheels"].residuals["positions"].lasting
+        lasting = result.fits["wheels"].residuals["positions"].persistent
         rows.append([path.stem, *cells, f"{1e3 * lasting:.2g}"])
     headings = ["run", "wheel, mm", "K fwd", "K side", "arm, mm", "later, ms", "creep", "lasts, mm"]
     return Table("omni3, by wheels and true poses; K times 102 mm", headings, rows, 1)
@@ -244,7 +246,9 @@ def told(result: IdentificationResult) -> dict[str, Estimate]:
 
 def format_estimate(estimate: Estimate | None, unit: float) -> str:
     """Return value and standard error as text."""
-    return f"{unit * estimate.value:.4g} +- {unit * estimate.error:.2g}" if estimate else DASH
+    return (
+        f"{unit * estimate.value:.4g} +- {unit * estimate.standard_error:.2g}" if estimate else DASH
+    )
 
 
 def main() -> None:

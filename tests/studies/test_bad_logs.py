@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from benches.studies import read
+from benches.studies import read_logs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_logs import COMMAND, CREEP_STIFFNESS, LATENCY_S, POSE, Columns, make_log
@@ -50,7 +50,7 @@ def test_csv_in_any_dialect_holds_the_same_numbers(
     lines += [separator.join([*row, "on"]) for row in rows] + [""] * blank
     file = tmp_path_factory.mktemp("csv") / "log.csv"
     file.write_bytes(end.join([*lines, ""]).encode("utf-8-sig" if mark else "utf-8"))
-    (log,) = read(file)
+    (log,) = read_logs(file)
     np.testing.assert_array_equal(
         log.pose[:, :2], np.stack([whole()["x_m"], whole()["y_m"]], 1)[:40]
     )
@@ -66,13 +66,13 @@ def test_ten_lines_a_second_tell_the_same(tmp_path: Path) -> None:
     )
     for name, value in (("latency_s", LATENCY_S), ("creep_stiffness", CREEP_STIFFNESS)):
         estimate = found[f"commands.{name}"]
-        assert estimate.value == pytest.approx(value, abs=5 * estimate.error)
+        assert estimate.value == pytest.approx(value, abs=5 * estimate.standard_error)
 
 
 def test_lines_there_twice_and_poses_held_are_no_new_poses(tmp_path: Path) -> None:
     """A recorder at 240 Hz holds what a camera sees at 60: the same poses at the same times come out."""
-    (plain,) = read(write_parquet(tmp_path / "log.parquet", whole()))
-    (twice,) = read(
+    (plain,) = read_logs(write_parquet(tmp_path / "log.parquet", whole()))
+    (twice,) = read_logs(
         write_parquet(
             tmp_path / "log.parquet",
             {name: np.repeat(values, 2) for name, values in whole().items()},
@@ -81,7 +81,7 @@ def test_lines_there_twice_and_poses_held_are_no_new_poses(tmp_path: Path) -> No
     np.testing.assert_array_equal(twice.pose, plain.pose)
     held = {name: np.repeat(values, 4) for name, values in whole().items()}
     held["time_s"] = np.arange(len(held["x_m"])) / 240
-    (log,) = read(write_parquet(tmp_path / "log.parquet", held))
+    (log,) = read_logs(write_parquet(tmp_path / "log.parquet", held))
     np.testing.assert_array_equal(np.isfinite(log.pose).all(1), np.arange(len(log.time)) % 4 == 0)
 
 

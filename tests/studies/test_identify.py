@@ -42,12 +42,12 @@ def test_a_robot_comes_out_of_its_log(other: bool, tmp_path: Path) -> None:
     for name, value in (
         ("wheels.creep_stiffness", stiffness),
         ("wheels.arm_m", SETTINGS.wheels.arm_m),
-        ("wheels.clock_s", 0.0),
+        ("wheels.clock_offset_s", 0.0),
         ("wheels.slope_x_rad", slope * np.cos(np.radians(20))),
         ("wheels.slope_y_rad", slope * np.sin(np.radians(20))),
         ("commands.latency_s", late),
     ):
-        assert abs(found[name].value - value) < 4 * found[name].error, name
+        assert abs(found[name].value - value) < 4 * found[name].standard_error, name
     assert found["wheels.creep_stiffness"].value == pytest.approx(stiffness, rel=0.1)
     assert found["commands.latency_s"].value == pytest.approx(late, abs=0.3 / 60)
     lag = om.load_robot("tigers-v2016").facts["lag_forward_s"]
@@ -65,7 +65,7 @@ def test_what_the_law_lacks_is_a_misfit(tmp_path: Path) -> None:
     found = identified(
         log | {"x_m": log["x_m"] + 0.012 * np.sin(2 * np.pi * 1.1 * log["time_s"])}, tmp_path
     )
-    assert any("lacks something" in line for line in found.misfits)
+    assert any("lacks a property" in line for line in found.misfits)
 
 
 def test_slow_data_do_not_tell_creep(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_wheels_tell_radius_arm_and_clock(tmp_path: Path) -> None:
         ("radius_m", 0.96 * SETTINGS.wheels.radius_m, {"rel": 0.005}),
         ("arm_m", 0.98 * SETTINGS.wheels.arm_m, {"rel": 0.01}),
         ("gain_forward", 0.96, {"rel": 0.005}),
-        ("clock_s", 0.07, {"abs": 0.01}),
+        ("clock_offset_s", 0.07, {"abs": 0.01}),
     ):
         assert found[f"wheels.{name}"].value == pytest.approx(value, **within), name
     assert not found["wheels.creep_stiffness"].is_identified

@@ -1,4 +1,4 @@
-"""Numbers of the robot with their intervals, or the reason why the data cannot tell them."""
+"""Parameters of the robot with intervals, or the reason why the data do not identify them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,91 +12,81 @@ from omni_control.traction import GRAVITY
 from omni_mj.config import nominal_model
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.studies.identify.parameter_fit import RANGES, Fit
-from omni_mj.studies.identify.slip_dynamics import LATE, Body
+from omni_mj.studies.identify.slip_dynamics import LATENCY, RobotDynamics
 
-FAST_M_S, PULLING_M_S2, MOVING_M_S, LONG_ENOUGH_S = (
-    1.0,
-    1.0,
-    0.5,
-    0.2,
-)  # what creep needs, and for how long
-DRIVES_M_S, TURNS_RAD_S = (
-    0.1,
-    0.3,
-)  # root mean square along an axis, below which its gain is not told
-LAWLESS = {
-    True: 10.0,
-    False: 2.0,
-}  # by wheels, by commands: residuals over noise, from which nothing is told
+# Excitation that identifies creep: speed, acceleration at what speed, and duration of each
+FAST_M_S, ACCELERATION_M_S2, MOVING_M_S, MIN_DURATION_S = 1.0, 1.0, 0.5, 0.2
+# Root mean square of motion along an axis that identifies its gain
+MIN_RMS_M_S, MIN_RMS_RAD_S = 0.1, 0.3
+# Residuals over noise beyond which nothing is identified
+MAX_NOISE_RATIO_BY_WHEELS, MAX_NOISE_RATIO_BY_COMMANDS = 10.0, 2.0
 AXES = ("forward", "sideways")
 
 
-class Kind(NamedTuple):
-    """What is told of a number.
+class ParameterInfo(NamedTuple):
+    """Properties of a derived parameter.
 
     Attributes:
-        title: What it is.
-        unit: Of it.
-        needs: What the motion must have: forward, sideways, turning, creep; see `find_lacks`.
-        limit: Half width of the 95 % interval above which it is not told.
-        law: Standard error of the law itself: `tests/bench_identify.py`.
-        relative: Whether these two are shares of the value.
+        title: Meaning.
+        unit: Unit, empty for a ratio.
+        excitation: Excitations that it needs: forward, sideways, turning, creep; see
+            `find_missing_excitation`.
+        limit: Half width of the 95 % interval beyond which it is not identified.
+        model_error: Standard error of the model itself, by `tests/bench_identify.py`.
+        relative: Whether `limit` and `model_error` are relative to the value.
     """
 
     title: str
     unit: str
-    needs: str
+    excitation: str
     limit: float
-    law: float
+    model_error: float
     relative: bool = False
 
 
-KINDS = {
-    LATE: Kind("latency of the loop", "s", "", 0.5 * PERIOD_S, 8e-4),
-    "clock_s": Kind("poses later than wheels by", "s", "", 0.5 * PERIOD_S, 4.5e-4),
-    "creep_stiffness": Kind("creep stiffness C", "", "creep", 0.25, 0.014, relative=True),
-    "rolling_resistance": Kind("drag of the pile, over load", "", "creep", 0.02, 7e-3),
-    "roller_friction": Kind("friction of rollers, over load", "", "creep", 0.03, 8e-3),
-    "radius_m": Kind("effective wheel radius", "m", "", 0.01, 1.1e-3, relative=True),
-    "arm_m": Kind("effective arm", "m", "turning", 0.02, 3e-3, relative=True),
-    "lag_forward_s": Kind("lag tau forward", "s", "forward", 0.02, 1e-3),
-    "friction_forward_m_s": Kind("dry friction c forward", "m/s", "forward", 0.03, 0.0),
-    "gain_turning": Kind("gain K turning", "", "turning", 0.05, 2e-3),
-    "compass_rad": Kind("angle of the robot's axes", "rad", "", 0.05, 0.0),
+PARAMETERS = {
+    LATENCY: ParameterInfo("latency of the loop", "s", "", 0.5 * PERIOD_S, 8e-4),
+    "clock_offset_s": ParameterInfo("poses later than wheels by", "s", "", 0.5 * PERIOD_S, 4.5e-4),
+    "creep_stiffness": ParameterInfo("creep stiffness C", "", "creep", 0.25, 0.014, relative=True),
+    "rolling_resistance": ParameterInfo("rolling resistance p", "", "creep", 0.02, 7e-3),
+    "roller_friction": ParameterInfo("roller friction b", "", "creep", 0.03, 8e-3),
+    "radius_m": ParameterInfo("effective wheel radius", "m", "", 0.01, 1.1e-3, relative=True),
+    "arm_m": ParameterInfo("effective arm", "m", "turning", 0.02, 3e-3, relative=True),
+    "lag_forward_s": ParameterInfo("lag tau forward", "s", "forward", 0.02, 1e-3),
+    "friction_forward_m_s": ParameterInfo("dry friction c forward", "m/s", "forward", 0.03, 0.0),
+    "gain_turning": ParameterInfo("gain K turning", "", "turning", 0.05, 2e-3),
+    "heading_offset_rad": ParameterInfo("angle of the robot's axes", "rad", "", 0.05, 0.0),
 }
 for _axis in AXES:
-    KINDS |= {
-        f"gain_{_axis}": Kind(f"gain K {_axis}", "", _axis, 0.05, 2e-3),
-        f"creep_{_axis}_s2_m": Kind(f"creep T {_axis}", "s^2/m", f"{_axis} creep", 0.03, 1e-3),
-        f"drag_{_axis}_m_s2": Kind(
-            f"drag through the contacts {_axis}",
-            "m/s^2",
-            f"{_axis} creep",
-            0.25,
-            0.025,
-            relative=True,
+    PARAMETERS |= {
+        f"gain_{_axis}": ParameterInfo(f"gain K {_axis}", "", _axis, 0.05, 2e-3),
+        f"creep_{_axis}_s2_m": ParameterInfo(
+            f"slip time T {_axis}", "s^2/m", f"{_axis} creep", 0.03, 1e-3
+        ),
+        f"drag_{_axis}_m_s2": ParameterInfo(
+            f"drag / mass {_axis}", "m/s^2", f"{_axis} creep", 0.25, 0.025, relative=True
         ),
     }
 for _axis in "xy":
-    KINDS[f"slope_{_axis}_rad"] = Kind(
+    PARAMETERS[f"slope_{_axis}_rad"] = ParameterInfo(
         f"slope of the carpet down along {_axis}", "rad", "creep", 0.01, 4e-4
     )
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number of the robot.
+    """Estimate of a parameter of the robot.
 
     Attributes:
-        name: Of the number.
-        title: What it is.
-        unit: Of it.
-        source: commands or wheels.
-        value: Of it.
-        error: Standard error.
-        low: End of the 95 % interval.
-        high: Its other end.
-        why_not: Why the data cannot tell it, or None.
+        name: Name of the parameter.
+        title: Its meaning.
+        unit: Its unit.
+        source: "commands" or "wheels".
+        value: Estimated value.
+        standard_error: Its standard error.
+        low: Lower end of the 95 % interval.
+        high: Upper end.
+        why_not: Reason why the data do not identify it, or None.
     """
 
     name: str
@@ -104,98 +94,114 @@ class Estimate:
     unit: str
     source: str
     value: float
-    error: float
+    standard_error: float
     low: float
     high: float
     why_not: str | None
 
     @property
     def is_identified(self) -> bool:
-        """Whether the data tell it."""
+        """Whether the data identify it."""
         return self.why_not is None
 
     def report(self) -> dict[str, Any]:
-        """Return it as JSON has it, without numbers where the data cannot tell."""
+        """Return plain values for JSON, without numbers if it is not identified."""
         head = {"title": self.title, "unit": self.unit, "source": self.source, "value": self.value}
         if not self.is_identified:
             return head | {"value": None, "not_identifiable": self.why_not}
-        return head | {"standard_error": self.error, "interval_95": [self.low, self.high]}
+        return head | {
+            "standard_error": self.standard_error,
+            "interval_95": [self.low, self.high],
+        }
 
 
-def find_lacks(twists: Sequence[Array], period: float) -> dict[str, str]:
-    """Return needs of numbers that a motion lacks, each with the reason.
+def find_missing_excitation(twists: Sequence[Array], period: float) -> dict[str, str]:
+    """Return the excitations that a motion lacks, each with the reason.
 
     Args:
-        twists: Of each log, body frame, (F, 3).
-        period: Of the lines, s.
+        twists: Twists of each log, body frame, (F, 3).
+        period: Period of the lines, s.
+
+    Returns:
+        Reasons by excitation: "motion", "creep", "forward", "sideways" and "turning".
     """
     window = max(1, round(0.1 / period))
     rms = np.sqrt((np.concatenate(twists) ** 2).mean(0))
-    pull = np.concatenate(
+    acceleration = np.concatenate(
         [np.hypot(*(t[window:] - t[:-window]).T[:2]) / (window * period) for t in twists]
     )
     speed = np.concatenate([np.hypot(*t[window:].T[:2]) for t in twists])
-    lacks = {}
-    if np.hypot(*rms[:2]) < DRIVES_M_S / 2 and rms[2] < TURNS_RAD_S / 2:
-        lacks["motion"] = "the robot stands"
-    hard = (pull >= PULLING_M_S2) & (speed >= MOVING_M_S)
-    if period * min(hard.sum(), (speed >= FAST_M_S).sum()) < LONG_ENOUGH_S:
-        have = f"these data hold {np.quantile(speed, 0.99):.2f} m/s and {np.quantile(pull, 0.99):.2f} m/s^2"
-        lacks["creep"] = f"it needs {FAST_M_S:g} m/s and {PULLING_M_S2:g} m/s^2; {have}"
+    missing = {}
+    if np.hypot(*rms[:2]) < MIN_RMS_M_S / 2 and rms[2] < MIN_RMS_RAD_S / 2:
+        missing["motion"] = "the robot does not move"
+    is_accelerating = (acceleration >= ACCELERATION_M_S2) & (speed >= MOVING_M_S)
+    n_samples = min(is_accelerating.sum(), (speed >= FAST_M_S).sum())
+    if period * n_samples < MIN_DURATION_S:
+        present = [f"{np.quantile(values, 0.99):.2f}" for values in (speed, acceleration)]
+        missing["creep"] = (
+            f"it needs {FAST_M_S:g} m/s and {ACCELERATION_M_S2:g} m/s^2; "
+            f"these data hold {present[0]} m/s and {present[1]} m/s^2"
+        )
     for i, axis in enumerate(AXES):
-        if rms[i] < DRIVES_M_S:
-            lacks[axis] = f"the robot moves {axis} at {rms[i]:.2f} m/s (rms) only"
-    if rms[2] < TURNS_RAD_S:
-        lacks["turning"] = f"the robot turns at {rms[2]:.2f} rad/s (rms) only"
-    return lacks
+        if rms[i] < MIN_RMS_M_S:
+            missing[axis] = f"the robot moves {axis} at {rms[i]:.2f} m/s (rms) only"
+    if rms[2] < MIN_RMS_RAD_S:
+        missing["turning"] = f"the robot turns at {rms[2]:.2f} rad/s (rms) only"
+    return missing
 
 
-def estimates(fitted: Fit, settings: Settings, lacks: Mapping[str, str]) -> Iterator[Estimate]:
-    """Yield all numbers that depend on what was fitted, with errors by the delta method.
+def estimate_parameters(
+    fit: Fit, settings: Settings, missing: Mapping[str, str]
+) -> Iterator[Estimate]:
+    """Yield all parameters that depend on the fitted ones, with errors by the delta method.
 
     Args:
-        fitted: The fit.
-        settings: Of the start robot.
-        lacks: What the motion lacks; see `find_lacks`.
+        fit: The fit.
+        settings: Settings of the start robot.
+        missing: Missing excitations; see `find_missing_excitation`.
     """
-    by_wheels, free = fitted.stretches.are_wheels, fitted.free
+    by_wheels, free = fit.segments.are_wheels, fit.free
 
     def evaluate(x: Array) -> dict[str, float]:
-        parameters = fitted.parameters | dict(zip(free, x.tolist(), strict=True))
-        return numbers(fitted.body, settings, parameters, by_wheels)
+        parameters = fit.parameters | dict(zip(free, x.tolist(), strict=True))
+        return derive_parameters(fit.dynamics, settings, parameters, by_wheels)
 
-    fit = np.array([fitted.parameters[name] for name in free])
-    steps = [1e-3 * RANGES[name][0] for name in free]
-    gradient = approx_fprime(fit, lambda x: np.array(list(evaluate(x).values())), steps)
-    errors = np.sqrt(np.einsum("ki,ij,kj->k", gradient, fitted.covariance, gradient))
-    for (name, value), error in zip(evaluate(fit).items(), errors, strict=True):
-        kind, of_creep = KINDS[name], "creep" in name
-        if not (name == "creep_stiffness" and by_wheels) and (
-            error == 0 or (of_creep and "creep" not in free)
-        ):
-            continue  # not fitted
-        size = abs(value) if kind.relative else 1.0
-        error = float(np.hypot(error, kind.law * size))
-        half, limit = fitted.quantile * error, kind.limit * size
-        why = next((lacks[need] for need in kind.needs.split() if need in lacks), _lawless(fitted))
-        if not why and (name in fitted.at_bound or (of_creep and "creep" in fitted.at_bound)):
-            why = f"the fit stopped at a bound, {value:.3g} {kind.unit}".rstrip()
-        if not why and not half <= limit:
-            why = (
-                f"its 95 % interval is +-{half:.2g} {kind.unit}".rstrip()
-                + f", wider than +-{limit:.2g}"
-            )
+    x = np.array([fit.parameters[name] for name in free])
+    steps = [1e-3 * RANGES[name].scale for name in free]
+    gradient = approx_fprime(x, lambda x: np.array(list(evaluate(x).values())), steps)
+    errors = np.sqrt(np.einsum("ki,ij,kj->k", gradient, fit.covariance, gradient))
+    for (name, value), error in zip(evaluate(x).items(), errors, strict=True):
+        is_creep_fitted = "creep" not in name or "creep_compliance" in free
+        is_fitted = error != 0 and is_creep_fitted
+        if not is_fitted and not (name == "creep_stiffness" and by_wheels):
+            continue
+        info = PARAMETERS[name]
+        size = abs(value) if info.relative else 1.0
+        total_error = float(np.hypot(error, info.model_error * size))
+        half = fit.quantile * total_error
+        reason = _why_not_identified(fit, name, value, half, missing)
         source = "wheels" if by_wheels else "commands"
-        yield Estimate(
-            name, kind.title, kind.unit, source, value, error, value - half, value + half, why
-        )
+        low, high = value - half, value + half
+        yield Estimate(name, info.title, info.unit, source, value, total_error, low, high, reason)
 
 
-def numbers(
-    body: Body, settings: Settings, p: Mapping[str, float], by_wheels: bool
+def derive_parameters(
+    dynamics: RobotDynamics, settings: Settings, p: Mapping[str, float], by_wheels: bool
 ) -> dict[str, float]:
-    """Return the numbers of a robot that follows the law with these parameters; see `omni_mj.config.nominal_model`."""
-    give, scale, stiffness = p["give_s"], p["scale"], 1 / max(p["creep"], 1e-9)
+    """Return the parameters of a robot whose dynamics have the parameters p.
+
+    `omni_mj.config.nominal_model` has the equations.
+
+    Args:
+        dynamics: The robot.
+        settings: Settings of the start robot.
+        p: Parameters by name; see `RobotDynamics.nominal_parameters`.
+        by_wheels: Whether wheel speeds were the input, otherwise commands.
+
+    Returns:
+        Values by the names of `PARAMETERS`.
+    """
+    scale, stiffness = p["scale"], 1 / max(p["creep_compliance"], 1e-9)
     arm = settings.wheels.arm_m * p["arm"]
     changes = {
         "drivetrain": {"creep_stiffness": stiffness, "roller_friction": p["roller_friction"]},
@@ -205,40 +211,74 @@ def numbers(
     sections = {
         name: getattr(settings, name).model_copy(update=fields) for name, fields in changes.items()
     }
-    law = nominal_model.compute_creep_law(settings.model_copy(update=sections))
-    (forward, sideways, turning), drag = map(float, law.gain), law.drag / settings.body.mass_kg
-    result = {"clock_s" if by_wheels else LATE: p[LATE], "creep_stiffness": stiffness}
-    result |= {name: p[name] for name in ("rolling_resistance", "roller_friction", "compass_rad")}
+    slip = nominal_model.compute_creep_law(settings.model_copy(update=sections))
+    (forward, sideways, turning), drag = map(float, slip.gain), slip.drag / settings.body.mass_kg
+    derived = {"clock_offset_s" if by_wheels else LATENCY: p[LATENCY], "creep_stiffness": stiffness}
+    for name in ("rolling_resistance", "roller_friction", "heading_offset_rad"):
+        derived[name] = p[name]
     if by_wheels:
         gain_turning = scale / p["arm"] * turning
-        result |= {"radius_m": body.radius * scale, "arm_m": arm}
+        derived |= {"radius_m": dynamics.wheel_radius * scale, "arm_m": arm}
     else:
-        gain_turning = (
-            scale * (1 + p["turn_rate_gain"]) / (1 / turning + scale * p["turn_rate_gain"])
-        )
-        cosines = np.abs(body.along[:, 0])
+        gyro_gain = p["turn_rate_gain"]
+        gain_turning = scale * (1 + gyro_gain) / (1 / turning + scale * gyro_gain)
+        cosines = np.abs(dynamics.rim_directions[:, 0])
         squares = (cosines**2).sum()
-        result["lag_forward_s"] = float(give * (1 / squares + body.hub))
-        result["friction_forward_m_s"] = float(
-            (p["friction_m_s"] * cosines.sum() + give * drag[0]) / squares
+        compliance = p["compliance_s"]
+        derived["lag_forward_s"] = float(compliance * (1 / squares + dynamics.rotor_inertia))
+        derived["friction_forward_m_s"] = float(
+            (p["dry_friction_m_s"] * cosines.sum() + compliance * drag[0]) / squares
         )
-    result |= {
+    derived |= {
         "gain_forward": scale * forward,
         "gain_sideways": scale * sideways,
         "gain_turning": gain_turning,
     }
     for i, axis in enumerate(AXES):
-        result |= {
-            f"creep_{axis}_s2_m": scale * float(law.time[i]),
-            f"drag_{axis}_m_s2": float(drag[i]),
-        }
-    return result | {f"slope_{axis}_rad": p[f"lean_{axis}_m_s2"] / GRAVITY for axis in "xy"}
+        derived[f"creep_{axis}_s2_m"] = scale * float(slip.time[i])
+        derived[f"drag_{axis}_m_s2"] = float(drag[i])
+    for axis in "xy":
+        derived[f"slope_{axis}_rad"] = p[f"slope_{axis}_m_s2"] / GRAVITY
+    return derived
 
 
-def _lawless(fitted: Fit) -> str | None:
-    """Say that the law does not describe the motion at all, if so."""
-    most = LAWLESS[fitted.stretches.are_wheels]
-    for what, r in fitted.residuals.items():
-        if fitted.misfit and r.rms > most * r.noise:
-            return f"the law does not describe this motion: residuals of {what} are {r.rms / r.noise:.1f} times the noise"
+def _why_not_identified(
+    fit: Fit, name: str, value: float, half: float, missing: Mapping[str, str]
+) -> str | None:
+    """Return the reason why a parameter is not identified, or None.
+
+    Args:
+        fit: The fit.
+        name: Name of the parameter.
+        value: Its value.
+        half: Half width of its 95 % interval.
+        missing: Missing excitations.
+    """
+    info = PARAMETERS[name]
+    for excitation in info.excitation.split():
+        if excitation in missing:
+            return missing[excitation]
+    if reason := _model_failure(fit):
+        return reason
+    is_creep_at_bound = "creep" in name and "creep_compliance" in fit.at_bound
+    if name in fit.at_bound or is_creep_at_bound:
+        return f"the fit stopped at a bound, {value:.3g} {info.unit}".rstrip()
+    limit = info.limit * (abs(value) if info.relative else 1.0)
+    if not half <= limit:
+        width = f"its 95 % interval is +-{half:.2g} {info.unit}".rstrip()
+        return f"{width}, wider than +-{limit:.2g}"
+    return None
+
+
+def _model_failure(fit: Fit) -> str | None:
+    """Return the reason if the model does not describe the motion at all, else None."""
+    by_wheels = fit.segments.are_wheels
+    limit = MAX_NOISE_RATIO_BY_WHEELS if by_wheels else MAX_NOISE_RATIO_BY_COMMANDS
+    for quantity, residuals in fit.residuals.items():
+        if fit.misfit and residuals.rms > limit * residuals.noise:
+            ratio = residuals.rms / residuals.noise
+            return (
+                "the model does not describe this motion: residuals of "
+                f"{quantity} are {ratio:.1f} times the noise"
+            )
     return None

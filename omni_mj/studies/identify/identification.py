@@ -1,8 +1,8 @@
-"""Identification of a user's robot from its logs: numbers, what they predict, and what the data cannot tell.
+"""Identify a robot from its logs: parameters, residuals, and what the data do not identify.
 
-`logs` reads tables, `checks` refuses what cannot be of this robot,
-`stretches` cuts logs, `law` predicts the motion and `fit` fits it, `findings` says what the data
-tell, `robot_file` writes it.
+`robot_logs` reads files and `log_checks` rejects logs that cannot be this robot's. `log_segments`
+cuts them, `slip_dynamics` predicts the motion, `parameter_fit` fits it, `derived_parameters`
+computes estimates, and `robot_file_writer` writes them into a robot's file.
 """
 
 import json
@@ -13,27 +13,34 @@ from typing import Any
 
 import numpy as np
 
-from omni_control.kinematics import world_to_body
+from omni_control.kinematics import Array, Kinematics, world_to_body
 from omni_mj.config import robot_files
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.files import write_text
 from omni_mj.results.result_tables import DASH, Table, format_table
 from omni_mj.studies.identify import log_checks, robot_file_writer
-from omni_mj.studies.identify.derived_parameters import Estimate, estimates, find_lacks
-from omni_mj.studies.identify.log_segments import cut
-from omni_mj.studies.identify.parameter_fit import Fit, fit_usual
-from omni_mj.studies.identify.robot_logs import RobotLog, read
-from omni_mj.studies.identify.slip_dynamics import LATE, Body
+from omni_mj.studies.identify.derived_parameters import (
+    Estimate,
+    estimate_parameters,
+    find_missing_excitation,
+)
+from omni_mj.studies.identify.log_segments import LogSegments, cut_segments
+from omni_mj.studies.identify.parameter_fit import Fit, fit_inliers
+from omni_mj.studies.identify.robot_logs import RobotLog, read_logs
+from omni_mj.studies.identify.slip_dynamics import LATENCY, Parameters, RobotDynamics
 
-OTHER_RADIUS, SURE = (
-    0.025,
-    3.0,
-)  # and standard errors, from which the radius is not that of the robot's file
-ROLLS, RADIUS_SHARE = (
-    0.9988,
-    0.002,
-)  # rolling radius over the file's (rubber is pressed), and how well it is known
-CONTACTS = ("creep", "rolling_resistance", "roller_friction", "lean_x_m_s2", "lean_y_m_s2")
+# A radius that differs from the file's by more than both is taken from the data
+MAX_RADIUS_DEVIATION, MAX_RADIUS_SIGMAS = 0.025, 3.0
+# Rolling radius over the file's (rubber is compressed), and its standard error
+ROLLING_RADIUS, RADIUS_ERROR = 0.9988, 0.002
+CONTACT_PARAMETERS = (
+    "creep_compliance",
+    "rolling_resistance",
+    "roller_friction",
+    "slope_x_m_s2",
+    "slope_y_m_s2",
+)
+MIN_LATENCY_S = 0.01  # at the start of a fit to commands
 
 
 @dataclass
@@ -41,11 +48,12 @@ class IdentificationResult:
     """Result of an identification.
 
     Attributes:
-        start: Scenario with the robot from which it starts.
-        logs: Names of those that were read.
-        estimates: Numbers, told or not, by name, such as `wheels.creep_stiffness`.
-        fits: To wheels and to commands.
-        notes: A line each.
+        start: Scenario with the start robot.
+        logs: Names of the logs.
+        estimates: All estimates, identified or not, by source and name, such as
+            "wheels.creep_stiffness".
+        fits: Fits to "wheels" and "commands".
+        notes: Notes, one line each.
     """
 
     start: Scenario
@@ -55,76 +63,71 @@ class IdentificationResult:
     notes: list[str] = field(default_factory=list)
 
     def __getitem__(self, name: str) -> Estimate:
-        """Return the estimate of a name, such as `wheels.creep_stiffness` or `commands.latency_s`."""
+        """Return an estimate by name, such as "commands.latency_s"."""
         return self.estimates[name]
 
     @property
     def misfits(self) -> list[str]:
-        """What the law does not predict as it should, a line each."""
+        """Residuals that show that the model lacks a property of the robot, one line each."""
         return [
-            f"motion by {source}: {1e3 * r.lasting:.2f} (mm or mrad) of the residuals of {what} last, of robots that "
-            f"the law describes {1e3 * r.allowed:g} at the most: it lacks something of this one"
-            for source, fitted in self.fits.items()
-            for what, r in fitted.residuals.items()
-            if r.misfit
+            f"motion by {source}: persistent residuals of {quantity} are "
+            f"{1e3 * residuals.persistent:.2f} (mm or mrad), at most {1e3 * residuals.allowed:g} "
+            "for robots that the model describes: it lacks a property of this one"
+            for source, fit in self.fits.items()
+            for quantity, residuals in fit.residuals.items()
+            if residuals.misfit
         ]
 
     def table(self) -> str:
-        """Return all of it as lines of text."""
-        rows, missing = [], []
-        for e in self.estimates.values():
-            cells = (
-                [f"{e.value:.4g}", f"{e.error:.4g}", f"{e.low:.4g} to {e.high:.4g}"]
-                if e.is_identified
-                else [DASH] * 3
-            )
-            rows.append([e.title, e.source, e.unit, *cells])
-            if not e.is_identified:
-                missing.append(
-                    f"not identifiable from these data: {e.title} ({e.source}): {e.why_not}"
-                )
+        """Return estimates, residuals and notes as lines of text."""
+        rows = [_estimate_row(estimate) for estimate in self.estimates.values()]
         headings = ["", "from", "unit", "value", "std. error", "95 % interval"]
         title = f"{self.start.robot}, identified from {', '.join(self.logs)}"
-        residuals = [
-            f"motion by {source}: residuals of {what} {1e3 * r.rms:.2f} {unit}, "
-            f"of which noise {1e3 * r.noise:.2f} {unit}"
-            for source, fitted in self.fits.items()
-            for (what, r), unit in zip(fitted.residuals.items(), ("mm", "mrad"), strict=True)
+        lines = [format_table(Table(title, headings, rows, 3))]
+        for source, fit in self.fits.items():
+            for (quantity, residuals), unit in zip(
+                fit.residuals.items(), ("mm", "mrad"), strict=True
+            ):
+                rms, noise = 1e3 * residuals.rms, 1e3 * residuals.noise
+                lines.append(
+                    f"motion by {source}: residuals of {quantity} {rms:.2f} {unit}, "
+                    f"of which noise {noise:.2f} {unit}"
+                )
+        lines += [f"misfit: {line}" for line in self.misfits]
+        lines += [
+            f"not identifiable from these data: {e.title} ({e.source}): {e.why_not}"
+            for e in self.estimates.values()
+            if not e.is_identified
         ]
-        misfits, notes = (
-            (f"misfit: {line}" for line in self.misfits),
-            (f"note: {note}" for note in self.notes),
-        )
-        return "\n".join(
-            [format_table(Table(title, headings, rows, 3)), *residuals, *misfits, *missing, *notes]
-        )
+        return "\n".join(lines + [f"note: {note}" for note in self.notes])
 
     def report(self) -> dict[str, Any]:
-        """Return all of it for JSON."""
+        """Return the content of identify.json."""
+        fits = {
+            source: {"segments": len(fit.segments)}
+            | {quantity: vars(residuals) for quantity, residuals in fit.residuals.items()}
+            for source, fit in self.fits.items()
+        }
         return {
-            "format": 5,
+            "format": 6,
             "robot": self.start.robot,
             "logs": self.logs,
             "notes": self.notes,
             "misfits": self.misfits,
             "estimates": {name: estimate.report() for name, estimate in self.estimates.items()},
-            "fits": {
-                source: {"stretches": len(fitted.stretches)}
-                | {what: vars(r) for what, r in fitted.residuals.items()}
-                for source, fitted in self.fits.items()
-            },
+            "fits": fits,
         }
 
     def save(self, folder: Path) -> None:
-        """Write identify.json and robot.toml, which names a model of the user's where it is."""
-        made = robot_file_writer.changes(self.estimates)
+        """Write identify.json and robot.toml, which refers to a custom model by its path."""
+        changes = robot_file_writer.list_changes(self.estimates)
         if model := self.start.settings.model.file:
-            made["model", "file"] = json.dumps(Path(model).resolve().as_posix())
+            changes["model", "file"] = json.dumps(Path(model).resolve().as_posix())
         start = robot_files.find_robot_file(self.start.robot).read_text("utf-8")
-        write_text(folder / "robot.toml", robot_file_writer.write_changes(start, made, self.logs))
-        write_text(
-            folder / "identify.json", json.dumps(self.report(), indent=2, allow_nan=False) + "\n"
-        )
+        robot_file = robot_file_writer.apply_changes(start, changes, self.logs)
+        report = json.dumps(self.report(), indent=2, allow_nan=False) + "\n"
+        write_text(folder / "robot.toml", robot_file)
+        write_text(folder / "identify.json", report)
 
 
 def identify(
@@ -135,105 +138,143 @@ def identify(
     """Identify a robot from its logs.
 
     Args:
-        logs: CSV or Parquet files, or one; see docs/identify.md.
-        robot: Name or file of the robot to start from: its wheels' geometry, and what is believed
-            of it.
-        model: Its MJCF, which decides geometry and masses. [the robot's file's]
+        logs: CSV or Parquet files, or one of them; see docs/how-to/identify-a-robot.md.
+        robot: Name or file of the start robot, with the geometry of the wheels and initial
+            parameters.
+        model: MJCF of the robot, which sets geometry and masses. Default: the robot file's.
 
     Raises:
-        OmniError: A log cannot be what it says, or holds too little.
+        OmniError: A log is not what it claims to be, or is too short.
     """
     paths = [logs] if isinstance(logs, Path | str) else logs
     start = load_scenario("rect", robot=robot, model=model or {})
-    return identify_logs([log for path in paths for log in read(path)], start)
+    return identify_logs([log for path in paths for log in read_logs(path)], start)
 
 
 def identify_logs(logs: Sequence[RobotLog], start: Scenario) -> IdentificationResult:
-    """Identify a robot from logs that were read, and the scenario with the start robot."""
+    """Identify a robot from logs, beginning with the robot of a scenario."""
     result = IdentificationResult(start, [log.name for log in logs])
     for source in ("wheels", "commands"):
-        if driven := [log for log in logs if source in log.inputs]:
-            _add_fit(result, source, driven)
+        if logs_with_source := [log for log in logs if source in log.inputs]:
+            _add_fit(result, source, logs_with_source)
     return result
 
 
 def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]) -> None:
-    """Fit the law to one kind of inputs and add what that tells.
-
-    If wheels told creep and drag, these are not fitted to commands again.
+    """Fit the model to one source of inputs and add the estimates to the result.
 
     Raises:
-        OmniError: Wheels or axes are not those of this robot, or there is too little.
+        OmniError: Wheels or axes are not those of this robot, or the logs are too short.
     """
     settings, by_wheels = result.start.settings, source == "wheels"
-    body, geometry, inputs, twists, delays = (
-        Body.of(settings),
-        settings.wheels.kinematics,
-        [],
-        [],
-        [],
-    )
-    for log in logs:
-        inputs.append(log.inputs[source])
-        twist = log_checks.wheel_twists(log, geometry) if by_wheels else inputs[-1]
-        delays.append(log_checks.starting_delay(log, twist, source, geometry))
-        if not by_wheels and not log.in_body:
-            known = np.isfinite(log.pose[:, 2])
-            twist = world_to_body(twist, np.interp(log.time, log.time[known], log.pose[known, 2]))
-        twists.append(twist)
-    stretches = cut(logs, inputs, by_wheels)
-    lacks = find_lacks(twists, stretches.period)
-    if "motion" in lacks:
-        result.notes.append(f"{source}: the robot stands; nothing is told of its motion")
-        return
-    start = body.parameters(settings, by_wheels) | {LATE: float(np.median(delays))}
-    if by_wheels:
-        free = [LATE, "scale", "arm", "compass_rad"]
-    else:
-        free = [LATE, "scale", "give_s", "friction_m_s", "compass_rad"] + ["turn_rate_gain"] * (
-            "turning" not in lacks
-        )
-        start[LATE] = max(start[LATE] - 2 * start["give_s"] / len(body.along), 0.01)
-    rolled = result.fits.get("wheels")
-    if rolled and "creep" in rolled.free:
-        start |= {name: rolled.parameters[name] for name in CONTACTS}
-        start["arm"] = rolled.parameters["arm"] / rolled.parameters["scale"]
-    elif "creep" not in lacks:
-        free += CONTACTS
-    else:
-        start |= dict.fromkeys(CONTACTS, 0.0)
-    fitted = fit_usual(body, stretches, start, free)
-    if odd := len(stretches) - len(fitted.stretches):
+    dynamics = RobotDynamics.from_settings(settings)
+    twists, delays = _check_logs(logs, source, settings.wheels.kinematics)
+    segments = cut_segments(logs, [log.inputs[source] for log in logs], by_wheels)
+    missing = find_missing_excitation(twists, segments.period)
+    if "motion" in missing:
         result.notes.append(
-            f"{source}: {odd} of {len(stretches)} stretches with far larger residuals are left out; "
-            "wheels that slide, a push, or a camera's mistake"
+            f"{source}: the robot does not move; nothing is identified from its motion"
         )
-    if by_wheels and "creep" in free:
-        fitted = _believe_radius(fitted, result.notes)
-    result.fits[source] = fitted
-    result.estimates |= {f"{source}.{e.name}": e for e in estimates(fitted, settings, lacks)}
+        return
+    start = dynamics.nominal_parameters(settings, by_wheels)
+    start[LATENCY] = float(np.median(delays))
+    if not by_wheels:
+        lag = 2 * start["compliance_s"] / len(dynamics.rim_directions)
+        start[LATENCY] = max(start[LATENCY] - lag, MIN_LATENCY_S)
+    free = [LATENCY, "scale", *(["arm"] if by_wheels else ["compliance_s", "dry_friction_m_s"])]
+    free.append("heading_offset_rad")
+    if not by_wheels and "turning" not in missing:
+        free.append("turn_rate_gain")
+    free += _prepare_contacts(result.fits.get("wheels"), start, "creep" in missing)
+    fit = fit_inliers(dynamics, segments, start, free)
+    _note_outliers(result, source, segments, fit)
+    if by_wheels and "creep_compliance" in free:
+        fit = _apply_radius_prior(fit, result.notes)
+    result.fits[source] = fit
+    for estimate in estimate_parameters(fit, settings, missing):
+        result.estimates[f"{source}.{estimate.name}"] = estimate
 
 
-def _believe_radius(fitted: Fit, notes: list[str]) -> Fit:
-    """Condition a fit on the radius of the robot's file, unless the data contradict it.
+def _check_logs(
+    logs: Sequence[RobotLog], source: str, geometry: Kinematics
+) -> tuple[list[Array], list[float]]:
+    """Return the twists of each log, body frame, (F, 3), and the delays of the inputs, s.
 
-    Drag that is pulled through creep takes a share of the speed, as a smaller radius does; data
-    know their sum well.
+    Raises:
+        OmniError: A log is not of this robot.
     """
-    at = fitted.free.index("scale")
-    parameters, scale, variance = (
-        fitted.parameters,
-        fitted.parameters["scale"],
-        fitted.covariance[at, at],
-    )
-    if abs(scale - 1) > max(SURE * variance**0.5, OTHER_RADIUS):
-        off = f"{100 * (scale - 1):+.1f} +- {100 * variance**0.5:.1f} %"
-        notes.append(f"wheels: their radius is not that of the robot's file: {off}")
-        return fitted
-    gain = fitted.covariance[at] / (variance + RADIUS_SHARE**2)
-    parameters = parameters | {
-        name: float(parameters[name] + g * (ROLLS - scale))
-        for name, g in zip(fitted.free, gain, strict=True)
+    twists, delays = [], []
+    by_wheels = source == "wheels"
+    for log in logs:
+        twist = log_checks.twists_by_wheels(log, geometry) if by_wheels else log.inputs[source]
+        delays.append(log_checks.check_and_estimate_delay(log, twist, source, geometry))
+        if not by_wheels and not log.in_body:
+            is_known = np.isfinite(log.pose[:, 2])
+            heading = np.interp(log.time, log.time[is_known], log.pose[is_known, 2])
+            twist = world_to_body(twist, heading)
+        twists.append(twist)
+    return twists, delays
+
+
+def _prepare_contacts(
+    wheel_fit: Fit | None, start: Parameters, lacks_creep: bool
+) -> tuple[str, ...]:
+    """Set the start of the contact parameters and return those that are fitted.
+
+    If a fit to wheels identified creep and drag, they are not fitted to commands again.
+
+    Args:
+        wheel_fit: Fit to wheels, if there is one already.
+        start: Parameters; the contact parameters are changed in place.
+        lacks_creep: Whether the motion does not excite creep.
+    """
+    if wheel_fit and "creep_compliance" in wheel_fit.free:
+        fitted = wheel_fit.parameters
+        start |= {name: fitted[name] for name in CONTACT_PARAMETERS}
+        start["arm"] = fitted["arm"] / fitted["scale"]
+        return ()
+    if not lacks_creep:
+        return CONTACT_PARAMETERS
+    start |= dict.fromkeys(CONTACT_PARAMETERS, 0.0)
+    return ()
+
+
+def _note_outliers(
+    result: IdentificationResult, source: str, segments: LogSegments, fit: Fit
+) -> None:
+    """Add a note if segments were left out of the fit."""
+    if n_outliers := len(segments) - len(fit.segments):
+        result.notes.append(
+            f"{source}: {n_outliers} of {len(segments)} segments with far larger residuals are "
+            "left out: sliding wheels, a push, or a false detection"
+        )
+
+
+def _apply_radius_prior(fit: Fit, notes: list[str]) -> Fit:
+    """Condition a fit on the wheel radius of the robot's file, unless the data contradict it.
+
+    Drag lowers the speed through creep, as a smaller radius does. Data determine only the sum of
+    both well.
+    """
+    i = fit.free.index("scale")
+    scale, variance = fit.parameters["scale"], fit.covariance[i, i]
+    if abs(scale - 1) > max(MAX_RADIUS_SIGMAS * variance**0.5, MAX_RADIUS_DEVIATION):
+        deviation = f"{100 * (scale - 1):+.1f} +- {100 * variance**0.5:.1f} %"
+        notes.append(f"wheels: their radius is not that of the robot's file: {deviation}")
+        return fit
+    gain = fit.covariance[i] / (variance + RADIUS_ERROR**2)
+    parameters = fit.parameters | {
+        name: float(fit.parameters[name] + g * (ROLLING_RADIUS - scale))
+        for name, g in zip(fit.free, gain, strict=True)
     }
-    covariance = fitted.covariance - np.outer(gain, fitted.covariance[at])
-    return replace(fitted, covariance=covariance, parameters=parameters)
+    covariance = fit.covariance - np.outer(gain, fit.covariance[i])
+    return replace(fit, covariance=covariance, parameters=parameters)
+
+
+def _estimate_row(estimate: Estimate) -> list[str]:
+    """Return the cells of an estimate in the table."""
+    head = [estimate.title, estimate.source, estimate.unit]
+    if not estimate.is_identified:
+        return [*head, DASH, DASH, DASH]
+    interval = f"{estimate.low:.4g} to {estimate.high:.4g}"
+    return [*head, f"{estimate.value:.4g}", f"{estimate.standard_error:.4g}", interval]

@@ -1,8 +1,9 @@
-"""Check whether units, axes and wheels of a log are as stated, and estimate the delay.
+"""Check units, axes, signs and wheel order of a log, and estimate the delay of its inputs.
 
-Displacements over 0.1 s are compared with integrals of the inputs. The share of the motion that
-inputs explain is the squared correlation of planar displacements as complex numbers, which does
-not depend on the angle between axes; its phase is that angle.
+Displacements over 0.1 s are compared with integrals of the inputs. The explained part of the motion
+is the squared correlation between them. For translation, displacements in the plane are correlated
+as complex numbers. This correlation does not depend on the angle between the axes, and its phase is
+that angle.
 """
 
 from typing import NamedTuple
@@ -13,91 +14,123 @@ from scipy.optimize import linear_sum_assignment
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
-from omni_mj.studies.identify.robot_logs import LEAST_LINES, RobotLog, integrate
+from omni_mj.studies.identify.robot_logs import MIN_LINES, RobotLog, integrate_inputs
 
-SHORTEST_S, LONGEST_S = 5e-4, 0.5  # between lines
-WINDOW_S, LATEST_S, DELAY_STEP_S, MOST_WINDOWS = 0.1, 0.5, 1 / 120, 2000
-MOVES_M_S, TURNS_RAD_S = 0.05, 0.2  # root mean square below which axes are not checked
-SIZES = {
-    "wheels": (0.5, 2.0),
-    "commands": (0.25, 2.5),
-}  # of motion over inputs; beyond, units are wrong
-FOLLOWS, BETTER = (
-    0.3,
-    0.1,
-)  # share that inputs must explain; by how much a mistake must explain more
-TURNED_RAD, DOUBT = 0.5, 0.2  # between axes; share by which axes that are turned so explain less
-CORRELATED, SURE, AHEAD = (
-    0.6,
-    0.8,
-    0.1,
-)  # of wheels; in another order; by how much that must be better
-MOVING = 0.3  # expected speed of a wheel over the fastest's, below which it is not missed
+MIN_PERIOD_S, MAX_PERIOD_S = 5e-4, 0.5  # from line to line
+WINDOW_S = 0.1  # duration of a displacement
+MAX_WINDOWS = 2000
+MAX_DELAY_S, DELAY_STEP_S = 0.5, 1 / 120
+MIN_RMS_M_S, MIN_RMS_RAD_S = 0.05, 0.2  # of motion whose axes are checked
+# Valid ratio of motion to inputs; outside, units are wrong
+VALID_RATIOS = {"wheels": (0.5, 2.0), "commands": (0.25, 2.5)}
+MIN_EXPLAINED = 0.3  # part of the motion that inputs must explain
+MISTAKE_ADVANTAGE, MISTAKE_EXPLAINED = 0.1, 0.6  # a mistake must explain as much more, and as much
+MAX_ANGLE_RAD = 0.5  # between the axes of inputs and motion
+ANGLE_PENALTY = 0.2  # of the score if the angle is larger
+# Correlation of a wheel's expected and measured speed
+MIN_CORRELATION = 0.6  # below, the wheel does not turn as any other
+HIGH_CORRELATION = 0.8  # with another wheel, if it is in the wrong order
+ORDER_ADVANTAGE = 0.1  # by which that must be better
+MIN_SPEED_RATIO = 0.3  # expected speed over the fastest wheel's, to detect a missing wheel
 
 
 class Match(NamedTuple):
-    """How inputs explain a motion at their best delay.
+    """Agreement between inputs and motion at their best delay.
 
     Attributes:
-        share: Mean share of translation and rotation, as far as there is any; else NaN.
-        late: The delay, s.
-        angle: From inputs to motion, rad; NaN without translation.
-        ratios: Motion over inputs of translation and rotation, root mean squares; NaN without any.
+        explained: Mean explained part of translation and rotation; of one if the other is absent.
+            NaN if both are.
+        delay: The delay, s.
+        angle: Angle from inputs to motion, rad; NaN without translation.
+        ratios: Motion over inputs of translation and rotation, by root mean squares; NaN if absent.
     """
 
-    share: float
-    late: float
+    explained: float
+    delay: float
     angle: float
     ratios: tuple[float, float]
 
     @property
     def score(self) -> float:
-        """The share, less if axes are turned."""
-        return self.share - DOUBT * (abs(self.angle) > TURNED_RAD)
+        """The explained part, minus a penalty if axes are rotated."""
+        return self.explained - ANGLE_PENALTY * (abs(self.angle) > MAX_ANGLE_RAD)
 
 
-def wheel_twists(log: RobotLog, geometry: Kinematics) -> Array:
-    """Return the body twists (F, 3) that wheels say, by the geometry of the start robot."""
-    if (have := log.inputs["wheels"].shape[1]) != (needed := len(geometry.azimuths)):
+def twists_by_wheels(log: RobotLog, geometry: Kinematics) -> Array:
+    """Return body twists (F, 3) from wheel speeds, with the wheels of the start robot.
+
+    Raises:
+        OmniError: The log has another number of wheels.
+    """
+    n_logged, n_wheels = log.inputs["wheels"].shape[1], len(geometry.azimuths)
+    if n_logged != n_wheels:
         raise OmniError(
-            f"{log.name}: {have} wheels, but the robot's file has {needed}; name one of {have} by --robot"
+            f"{log.name}: {n_logged} wheels, but the robot's file has {n_wheels}; "
+            f"name one with {n_logged} by --robot"
         )
     return geometry.body_twist(log.inputs["wheels"])
 
 
-def starting_delay(log: RobotLog, inputs: Array, source: str, geometry: Kinematics) -> float:
-    """Return the delay at which inputs explain the motion best, s.
+def check_and_estimate_delay(
+    log: RobotLog, inputs: Array, source: str, geometry: Kinematics
+) -> float:
+    """Check a log and return the delay at which its inputs explain the motion best, s.
 
     Args:
-        log: Of the motion.
+        log: The log.
         inputs: Twists (F, 3) that act until the next line.
-        source: wheels or commands.
-        geometry: Of the start robot's wheels.
+        source: "wheels" or "commands".
+        geometry: Wheels of the start robot.
 
     Raises:
-        OmniError: Units, axes, signs or wheels are others than stated, or inputs do not explain the
+        OmniError: Units, axes, signs or wheels are not as stated, or the inputs do not explain the
             motion.
     """
-    seen = int(np.isfinite(log.pose).all(1).sum())
+    n_poses = int(np.isfinite(log.pose).all(1).sum())
     period = float(np.median(np.diff(log.time)))
-    if seen < LEAST_LINES:
-        raise OmniError(f"{log.name}: {seen} lines with a pose are too few; at least {LEAST_LINES}")
-    if not SHORTEST_S <= period <= LONGEST_S:
+    if n_poses < MIN_LINES:
+        raise OmniError(
+            f"{log.name}: {n_poses} lines with a pose are too few; at least {MIN_LINES}"
+        )
+    if not MIN_PERIOD_S <= period <= MAX_PERIOD_S:
         raise OmniError(f"{log.name}: {period:g} s from line to line; time_s must be in s")
     by_wheels = source == "wheels"
-    in_body = by_wheels or log.in_body
-    match = _explain(log.time, log.pose, inputs, in_body, by_wheels)
-    if np.isnan(match.share):
-        return match.late
+    match = _match_motion(log.time, log.pose, inputs, by_wheels or log.in_body, by_wheels)
+    if np.isnan(match.explained):
+        return match.delay
     if by_wheels:
-        _check_wheels(log, geometry, match.late)
+        _check_wheels(log, geometry, match.delay)
+    _check_units(log, match, source)
+    _check_axes(log, inputs, match, source)
+    if match.explained < MIN_EXPLAINED:
+        raise OmniError(
+            f"{log.name}: the {source} explain {match.explained:.0%} of the motion at any delay "
+            f"up to {MAX_DELAY_S:g} s; are they this robot's?"
+        )
+    if abs(match.angle) > MAX_ANGLE_RAD:
+        raise OmniError(
+            f"{log.name}: motion is turned by {np.degrees(match.angle):.0f} degrees from the "
+            f"{source}; x is forward, y to the left, heading counter-clockwise"
+        )
+    return match.delay
+
+
+def _check_units(log: RobotLog, match: Match, source: str) -> None:
+    """Raise OmniError if the ratio of motion to inputs shows wrong units."""
+    low, high = VALID_RATIOS[source]
     for verb, ratio in zip(("moves", "turns"), match.ratios, strict=True):
-        if not np.isnan(ratio) and not SIZES[source][0] < ratio < SIZES[source][1]:
-            gear = ", and wheels behind the gear" * by_wheels
+        if not np.isnan(ratio) and not low < ratio < high:
+            gear = ", and wheels behind the gear" * (source == "wheels")
             raise OmniError(
                 f"{log.name}: the robot {verb} {ratio:.2g} times as fast as the {source} say; "
                 f"are all in m, rad and s{gear}?"
             )
+
+
+def _check_axes(log: RobotLog, inputs: Array, match: Match, source: str) -> None:
+    """Raise OmniError if the inputs explain the motion better with other axes or signs."""
+    by_wheels = source == "wheels"
+    in_body = by_wheels or log.in_body
     mirrored, clockwise = "x or y is mirrored, or they are swapped", "headings turn clockwise"
     mistakes = {
         mirrored: ([1, -1, 1], in_body),
@@ -105,85 +138,85 @@ def starting_delay(log: RobotLog, inputs: Array, source: str, geometry: Kinemati
         f"{mirrored} and {clockwise}": ([1, -1, -1], in_body),
     }
     if not by_wheels:
-        mistakes[f"they are along the {'field' if in_body else 'robot'}'s axes"] = (
-            [1, 1, 1],
-            not in_body,
-        )
+        axes = "field" if in_body else "robot"
+        mistakes[f"they are along the {axes}'s axes"] = ([1, 1, 1], not in_body)
     best, mistake = max(
-        (_explain(log.time, log.pose * signs, inputs, frame, by_wheels).score, mistake)
+        (_match_motion(log.time, log.pose * signs, inputs, frame, by_wheels).score, mistake)
         for mistake, (signs, frame) in mistakes.items()
     )
-    if best > max(match.score + BETTER, CORRELATED):
+    if best > max(match.score + MISTAKE_ADVANTAGE, MISTAKE_EXPLAINED):
         raise OmniError(f"{log.name}: the {source} explain the motion better if {mistake}")
-    if match.share < FOLLOWS:
-        raise OmniError(
-            f"{log.name}: the {source} explain {match.share:.0%} of the motion at any delay up to {LATEST_S:g} s; "
-            "are they this robot's?"
-        )
-    if abs(match.angle) > TURNED_RAD:
-        raise OmniError(
-            f"{log.name}: motion is turned by {np.degrees(match.angle):.0f} degrees from the {source}; "
-            "x is forward, y to the left, heading counter-clockwise"
-        )
-    return match.late
 
 
-def _explain(time: Array, pose: Array, inputs: Array, in_body: bool, by_wheels: bool) -> Match:
-    """Return how inputs explain poses; by wheels, poses may be late."""
-    at, motion = _displacements(time, pose, in_body)
-    total = integrate(time, inputs)
-    delays = np.arange(-LATEST_S / 2 if by_wheels else 0.0, LATEST_S, DELAY_STEP_S)
-    moved = np.stack([motion @ [1, 1j, 0], motion[:, 2]])
-    from_at = at - delays[:, None]
-    given = total(from_at + WINDOW_S) - total(from_at)
-    given = np.stack([given @ [1, 1j, 0], given[..., 2]], axis=1)
-    products, powers = np.sum(moved * given.conj(), 2), np.sum(abs(given) ** 2, 2)
-    power = np.sum(abs(moved) ** 2, 1)
-    moves = powers.mean(0) > len(at) * (WINDOW_S * np.array([MOVES_M_S, TURNS_RAD_S])) ** 2
-    if not moves.any():
+def _match_motion(time: Array, pose: Array, inputs: Array, in_body: bool, by_wheels: bool) -> Match:
+    """Return how well inputs explain poses, at the best delay.
+
+    Args:
+        time: (F,) s.
+        pose: (F, 3).
+        inputs: Twists, (F, 3).
+        in_body: Whether the twists are in the body frame.
+        by_wheels: Whether poses may be later than the inputs, as they are for wheels.
+    """
+    start, motion = _displacements(time, pose, in_body)
+    integral = integrate_inputs(time, inputs)
+    delays = np.arange(-MAX_DELAY_S / 2 if by_wheels else 0.0, MAX_DELAY_S, DELAY_STEP_S)
+    delayed_start = start - delays[:, None]
+    expected = integral(delayed_start + WINDOW_S) - integral(delayed_start)
+    # Translation as x + i y, and rotation
+    motion = np.stack([motion @ [1, 1j, 0], motion[:, 2]])
+    expected = np.stack([expected @ [1, 1j, 0], expected[..., 2]], axis=1)
+    products = np.sum(motion * expected.conj(), 2)
+    expected_power = np.sum(abs(expected) ** 2, 2)
+    power = np.sum(abs(motion) ** 2, 1)
+    min_rms = WINDOW_S * np.array([MIN_RMS_M_S, MIN_RMS_RAD_S])
+    is_present = expected_power.mean(0) > len(start) * min_rms**2
+    if not is_present.any():
         return Match(np.nan, 0.0, np.nan, (np.nan, np.nan))
-    shares = abs(products) ** 2 / (powers * power + 1e-12)
-    shares[:, 1] *= np.sign(products[:, 1].real)
-    best = int(abs(shares[:, moves]).mean(1).argmax())
-    ratios = np.where(moves, np.sqrt(power / (powers[best] + 1e-12)), np.nan)
-    angle = float(np.angle(products[best, 0])) if moves[0] else np.nan
+    explained = abs(products) ** 2 / (expected_power * power + 1e-12)
+    explained[:, 1] *= np.sign(products[:, 1].real)
+    best = int(abs(explained[:, is_present]).mean(1).argmax())
+    ratios = np.where(is_present, np.sqrt(power / (expected_power[best] + 1e-12)), np.nan)
     return Match(
-        float(shares[best, moves].mean()),
-        float(delays[best]),
-        angle,
-        (float(ratios[0]), float(ratios[1])),
+        explained=float(explained[best, is_present].mean()),
+        delay=float(delays[best]),
+        angle=float(np.angle(products[best, 0])) if is_present[0] else np.nan,
+        ratios=(float(ratios[0]), float(ratios[1])),
     )
 
 
 def _displacements(time: Array, pose: Array, in_body: bool) -> tuple[Array, Array]:
-    """Return times and displacements from there on over `WINDOW_S`, (n,) and (n, 3)."""
-    seen = np.isfinite(pose).all(1)
-    at = np.arange(time[seen][0], time[seen][-1] - WINDOW_S, WINDOW_S / 2)
-    at = at[:: 1 + len(at) // MOST_WINDOWS]
-    path = make_interp_spline(time[seen], pose[seen], k=1)
-    return at, world_to_body(
-        path(at + WINDOW_S) - path(at), path(at + WINDOW_S / 2)[:, 2] * in_body
-    )
+    """Return start times (n,) and displacements over `WINDOW_S` (n, 3), body or world frame."""
+    is_visible = np.isfinite(pose).all(1)
+    first_s, last_s = time[is_visible][0], time[is_visible][-1]
+    start = np.arange(first_s, last_s - WINDOW_S, WINDOW_S / 2)
+    start = start[:: 1 + len(start) // MAX_WINDOWS]
+    path = make_interp_spline(time[is_visible], pose[is_visible], k=1)
+    heading = path(start + WINDOW_S / 2)[:, 2] * in_body
+    return start, world_to_body(path(start + WINDOW_S) - path(start), heading)
 
 
-def _check_wheels(log: RobotLog, geometry: Kinematics, late: float) -> None:
-    """Raise an error if wheels turn the other way, are in another order, or do not turn."""
-    at, motion = _displacements(log.time, log.pose, True)
+def _check_wheels(log: RobotLog, geometry: Kinematics, delay: float) -> None:
+    """Raise OmniError if wheels have wrong signs or order, or do not turn."""
+    start, motion = _displacements(log.time, log.pose, True)
     expected = geometry.wheel_speeds(motion)
-    total = integrate(log.time, log.inputs["wheels"])
-    measured = total(at + WINDOW_S - late) - total(at - late)
-    count = len(geometry.azimuths)
-    with np.errstate(invalid="ignore"):  # of a wheel that stands
-        likeness = np.nan_to_num(np.corrcoef(expected.T, measured.T)[:count, count:])
-    place = linear_sum_assignment(-abs(likeness))[1]
-    best = likeness[np.arange(count), place]
-    power = expected.std(0)
-    stands = (abs(best) < CORRELATED) & (power > MOVING * power.max())
-    elsewhere = (abs(best) > SURE) & (abs(best) - likeness.diagonal() > AHEAD)
-    if (stands | elsewhere).any() and (abs(best) > SURE).sum() >= count - 1:
-        turn = ", ".join(f"{column:g}" for column in np.sign(best) * (place + 1) * ~stands)
-        names = ", ".join(str(i + 1) for i in range(count))
+    integral = integrate_inputs(log.time, log.inputs["wheels"])
+    measured = integral(start + WINDOW_S - delay) - integral(start - delay)
+    n = len(geometry.azimuths)
+    with np.errstate(invalid="ignore"):  # a wheel that does not turn
+        correlation = np.nan_to_num(np.corrcoef(expected.T, measured.T)[:n, n:])
+    order = linear_sum_assignment(-abs(correlation))[1]
+    best = correlation[np.arange(n), order]
+    deviation = expected.std(0)
+    is_still = (abs(best) < MIN_CORRELATION) & (deviation > MIN_SPEED_RATIO * deviation.max())
+    advantage = abs(best) - correlation.diagonal()
+    is_misplaced = (abs(best) > HIGH_CORRELATION) & (advantage > ORDER_ADVANTAGE)
+    n_sure = (abs(best) > HIGH_CORRELATION).sum()
+    if (is_still | is_misplaced).any() and n_sure >= n - 1:
+        columns = np.sign(best) * (order + 1) * ~is_still
+        logged = ", ".join(f"{column:g}" for column in columns)
+        names = ", ".join(str(i + 1) for i in range(n))
         raise OmniError(
-            f"{log.name}: wheels {names} of the robot's file turn as {turn} of the log (-: the other way; "
-            "0: as none); order, signs or axes are others than the file's"
+            f"{log.name}: wheels {names} of the robot's file turn as {logged} of the log "
+            "(-: opposite sign; 0: none); order, signs or axes differ from the file's"
         )

@@ -1,16 +1,17 @@
-"""Least squares of the law over stretches whose first pose and twist are free.
+"""Least-squares fit of the slip dynamics to segments with free initial states.
 
-Poses that are predicted through each stretch are compared with measured ones; headings count in
-metres, by the ratio of the noises. The first pose and twist of each stretch are eliminated by
-projection (variable projection with Kaufman's Jacobian: Kaufman 1975, BIT 15, 49), so that scipy's
-`least_squares` sees the law's parameters only. Residuals of a law last for more than one sample,
-so standard errors are those of sums over whole stretches (Liang and Zeger 1986, Biometrika 73, 13),
-or of white noise where those are larger; intervals are Student's. If the law lacks something of
-the robot, standard errors grow by the ratio of lasting residuals to what is allowed.
+Poses predicted through each segment are compared with measured ones. Headings are weighted by the
+ratio of the noises. The initial pose and twist of each segment are eliminated by variable
+projection with Kaufman's Jacobian (Kaufman 1975, BIT 15, 49), so that scipy's `least_squares`
+solves for the parameters only. Residuals of a model error persist for more than one sample. So
+standard errors are those of sums over whole segments (Liang and Zeger 1986, Biometrika 73, 13), or
+those of white noise where these are larger. Intervals are Student's. If the model lacks a property
+of the robot, standard errors grow by the ratio of persistent residuals to their allowed size.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -18,53 +19,72 @@ from scipy.special import stdtrit
 from scipy.stats import norm
 
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.log_segments import LEAST, Stretches
-from omni_mj.studies.identify.slip_dynamics import LATE, Body, Parameters, simulate
+from omni_mj.studies.identify.log_segments import MIN_SEGMENTS, LogSegments
+from omni_mj.studies.identify.slip_dynamics import (
+    LATENCY,
+    Parameters,
+    RobotDynamics,
+    simulate_segments,
+)
 
-# Name -> size of a change that matters, step of finite differences, lowest and highest value.
+
+class ParameterRange(NamedTuple):
+    """Numerical properties of a parameter.
+
+    Attributes:
+        scale: Size of a relevant change.
+        step: Step of finite differences.
+        low: Lowest value.
+        high: Highest value.
+    """
+
+    scale: float
+    step: float
+    low: float
+    high: float
+
+
 RANGES = {
-    "creep": (0.2, 1e-2, 0.0, 20.0),
-    "rolling_resistance": (0.02, 1e-3, -0.2, 1.0),
-    "roller_friction": (0.02, 1e-3, -0.2, 1.0),
-    "scale": (0.05, 1e-3, 0.4, 2.5),
-    "arm": (0.05, 1e-3, 0.4, 2.5),
-    "compass_rad": (0.05, 1e-3, -1.0, 1.0),
-    "give_s": (0.02, 2e-4, 1e-4, 1.0),
-    "friction_m_s": (0.05, 1e-3, -0.2, 0.4),
-    "turn_rate_gain": (0.3, 1e-2, -0.5, 10.0),
-    "lean_x_m_s2": (0.1, 1e-2, -2.0, 2.0),
-    "lean_y_m_s2": (0.1, 1e-2, -2.0, 2.0),
-    LATE: (0.01, 1e-4, -0.5, 0.6),
+    "creep_compliance": ParameterRange(0.2, 1e-2, 0.0, 20.0),
+    "rolling_resistance": ParameterRange(0.02, 1e-3, -0.2, 1.0),
+    "roller_friction": ParameterRange(0.02, 1e-3, -0.2, 1.0),
+    "scale": ParameterRange(0.05, 1e-3, 0.4, 2.5),
+    "arm": ParameterRange(0.05, 1e-3, 0.4, 2.5),
+    "heading_offset_rad": ParameterRange(0.05, 1e-3, -1.0, 1.0),
+    "compliance_s": ParameterRange(0.02, 2e-4, 1e-4, 1.0),
+    "dry_friction_m_s": ParameterRange(0.05, 1e-3, -0.2, 0.4),
+    "turn_rate_gain": ParameterRange(0.3, 1e-2, -0.5, 10.0),
+    "slope_x_m_s2": ParameterRange(0.1, 1e-2, -2.0, 2.0),
+    "slope_y_m_s2": ParameterRange(0.1, 1e-2, -2.0, 2.0),
+    LATENCY: ParameterRange(0.01, 1e-4, -0.5, 0.6),
 }
-NUDGES = 0.02 * np.eye(4)  # of first heading and twist, rad, m/s and rad/s
-NEGLIGIBLE = 1e-3  # of a column of first states, over the largest, below which it is not solved for
-LAGS, ALARM = 5, 0.01  # samples over which residuals last; chance of a false alarm
-ALLOWED = {
-    True: (0.3e-3, 2.5e-3),
-    False: (0.6e-3, 4e-3),
-}  # by wheels, by commands: what lasts of 95 % of our logs
-ODD, MOST_ODD = (
-    3.0,
-    0.25,
-)  # residuals over their median, and share, of stretches that may be left out
+INITIAL_STEPS = 0.02 * np.eye(4)  # finite differences of heading and twist: rad, m/s and rad/s
+# Singular values of the initial states, relative to the largest, that are treated as zero
+RANK_TOLERANCE = 1e-3
+MAX_LAG = 5  # samples over which persistent residuals are measured
+FALSE_ALARM_RATE = 0.01  # of a misfit
+# Persistent residuals of positions in m and headings in rad that 95 % of simulated logs stay below
+ALLOWED_BY_WHEELS, ALLOWED_BY_COMMANDS = (0.3e-3, 2.5e-3), (0.6e-3, 4e-3)
+# Segments with this many times the median residual are outliers, if they are few enough
+OUTLIER_RATIO, MAX_OUTLIER_FRACTION = 3.0, 0.25
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of positions in m, or headings in rad.
+    """Residuals of positions in m, or of headings in rad.
 
     Attributes:
         rms: Root mean square.
-        noise: The part that changes from sample to sample.
-        lasting: Root of the mean covariance of samples up to `LAGS` apart, which noise does not
-            have.
-        allowed: The part that lasts where the law describes the robot.
-        misfit: Whether more lasts, sure to `ALARM`.
+        noise: Part that changes from sample to sample.
+        persistent: Root of the mean covariance of samples up to `MAX_LAG` apart; noise has none.
+        allowed: Persistent part of robots that the model describes.
+        misfit: Whether the persistent part is larger, with a false alarm rate of
+            `FALSE_ALARM_RATE`.
     """
 
     rms: float
     noise: float
-    lasting: float
+    persistent: float
     allowed: float
     misfit: bool
 
@@ -74,15 +94,15 @@ class Fit:
     """Result of a fit.
 
     Attributes:
-        free: Names of the n parameters that are fitted.
-        covariance: Of these, (n, n); huge for what the data do not show.
-        parameters: All of the law's, by name; see `Body.parameters`.
-        quantile: Student's, for 95 % intervals.
+        free: Names of the n fitted parameters.
+        covariance: Their covariance, (n, n); huge for parameters that the data do not show.
+        parameters: All parameters by name; see `RobotDynamics.nominal_parameters`.
+        quantile: Student's quantile of 95 % intervals.
         at_bound: Names of parameters that stopped at a bound.
-        residuals: Of "positions" in m and "headings" in rad.
-        usual: Stretches whose residuals are not far larger than the others', (S,).
-        body: Fitted with.
-        stretches: Fitted to.
+        residuals: Residuals of "positions" in m and "headings" in rad.
+        is_inlier: Segments whose residuals are not far larger than the others', (S,).
+        dynamics: The robot.
+        segments: The segments.
     """
 
     free: Sequence[str]
@@ -91,38 +111,42 @@ class Fit:
     quantile: float
     at_bound: frozenset[str]
     residuals: dict[str, Residuals]
-    usual: np.ndarray
-    body: Body
-    stretches: Stretches
+    is_inlier: np.ndarray
+    dynamics: RobotDynamics
+    segments: LogSegments
 
     @property
     def misfit(self) -> bool:
-        """Whether the law lacks something of this robot."""
-        return any(r.misfit for r in self.residuals.values())
+        """Whether the model lacks a property of this robot."""
+        return any(residuals.misfit for residuals in self.residuals.values())
 
 
-class Problem:
-    """Residuals and their Jacobian, without what the first pose and twist of each stretch explain.
+class ProjectedProblem:
+    """Residuals and Jacobian after projection onto the complement of the initial states.
 
     Args:
-        body: The robot.
-        stretches: S of them.
-        start: Parameters of the law by name.
-        free: Names of those that are fitted.
+        dynamics: The robot.
+        segments: S segments.
+        start: Initial parameters by name.
+        free: Names of the n parameters that are fitted.
 
     Attributes:
-        jacobian: By free parameters at the last point, (S, m, 3, n).
-        metres: Of a residual per unit of x, y and heading, (3,).
+        jacobian: Derivatives by free parameters at the last point, (S, m, 3, n).
+        weights: Residual in m per unit of x, y and heading, (3,).
     """
 
     def __init__(
-        self, body: Body, stretches: Stretches, start: Parameters, free: Sequence[str]
+        self,
+        dynamics: RobotDynamics,
+        segments: LogSegments,
+        start: Parameters,
+        free: Sequence[str],
     ) -> None:
-        self.body, self.stretches, self.start, self.free = body, stretches, start, free
+        self.dynamics, self.segments, self.start, self.free = dynamics, segments, start, free
         self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in free]).T
-        noise = np.median(np.abs(_changes(stretches.pose)), axis=(0, 1))
-        self.metres = np.array([1.0, 1.0, noise[:2].mean() / max(noise[2], 1e-6)])
-        self.first = stretches.estimate_first()
+        noise = np.median(np.abs(_white_differences(segments.pose)), axis=(0, 1))
+        self.weights = np.array([1.0, 1.0, noise[:2].mean() / max(noise[2], 1e-6)])
+        self.initial_states = segments.estimate_initial_states()
         self.jacobian = np.empty(0)
 
     def parameters(self, x: Array) -> Parameters:
@@ -130,34 +154,35 @@ class Problem:
         return self.start | dict(zip(self.free, x.tolist(), strict=True))
 
     def residual(self, x: Array) -> Array:
-        """Return residuals (S, m, 3) in metres for free parameters."""
-        n, (count, m) = (
-            5 + len(self.free),
-            self.stretches.time.shape,
-        )  # sets: nominal, four first states, parameters
-        sets = {name: np.full((n, 1), value) for name, value in self.parameters(x).items()}
-        for i, name in enumerate(self.free):
-            sets[name][5 + i] += self.steps[i]
-        first = np.tile(self.first[:, None], (1, n, 1, 1))
-        first[:, 1:5, 0, 2] += NUDGES[:, 0]
-        first[:, 1:5, 1] += NUDGES[:, 1:]
-        poses = simulate(self.body, self.stretches, sets, first)
-        flat = (poses * self.metres).reshape(count, n, 3 * m)
-        slopes = (flat[:, 1:] - flat[:, :1]) / np.concatenate([NUDGES.diagonal(), self.steps])[
-            :, None
-        ]
-        places = np.tile(np.eye(3)[:2], m)[None].repeat(count, 0)
-        states = np.concatenate([places, slopes[:, :4]], 1)
-        wrong = flat[:, :1] - (self.stretches.pose * self.metres).reshape(count, 1, 3 * m)
-        columns = np.concatenate([wrong, slopes[:, 4:]], 1)
-        columns -= columns @ np.linalg.pinv(states, rcond=NEGLIGIBLE) @ states
+        """Return weighted residuals (S, m, 3) for free parameters, and update the Jacobian."""
+        count, m = self.segments.time.shape
+        predicted = self._perturbed_predictions(x)
+        steps = np.concatenate([INITIAL_STEPS.diagonal(), self.steps])[:, None]
+        derivatives = (predicted[:, 1:] - predicted[:, :1]) / steps
+        position_derivatives = np.tile(np.eye(3)[:2], m)[None].repeat(count, 0)
+        states = np.concatenate([position_derivatives, derivatives[:, :4]], 1)
+        measured = (self.segments.pose * self.weights).reshape(count, 1, 3 * m)
+        columns = np.concatenate([predicted[:, :1] - measured, derivatives[:, 4:]], 1)
+        columns -= columns @ np.linalg.pinv(states, rcond=RANK_TOLERANCE) @ states
         columns = columns.reshape(count, -1, m, 3)
         self.jacobian = np.moveaxis(columns[:, 1:], 1, -1)
         residual: Array = columns[:, 0]
         return residual
 
+    def _perturbed_predictions(self, x: Array) -> Array:
+        """Return weighted poses (S, 5 + n, 3 m): nominal, four initial states, n parameters."""
+        n, (count, m) = 5 + len(self.free), self.segments.time.shape
+        sets = {name: np.full((n, 1), value) for name, value in self.parameters(x).items()}
+        for i, name in enumerate(self.free):
+            sets[name][5 + i] += self.steps[i]
+        initial = np.tile(self.initial_states[:, None], (1, n, 1, 1))
+        initial[:, 1:5, 0, 2] += INITIAL_STEPS[:, 0]
+        initial[:, 1:5, 1] += INITIAL_STEPS[:, 1:]
+        poses = simulate_segments(self.dynamics, self.segments, sets, initial)
+        return (poses * self.weights).reshape(count, n, 3 * m)
+
     def solve(self, x: Array) -> Array:
-        """Return what minimizes the squares."""
+        """Return the free parameters with the least squares, from a start x."""
         solution: Array = least_squares(
             lambda x: self.residual(x).ravel(),
             np.clip(x, self.low + 1e-3 * self.scale, self.high - 1e-3 * self.scale),
@@ -172,76 +197,90 @@ class Problem:
         return solution
 
 
-def fit(body: Body, stretches: Stretches, start: Parameters, free: Sequence[str]) -> Fit:
-    """Fit the law to stretches.
+def fit_parameters(
+    dynamics: RobotDynamics, segments: LogSegments, start: Parameters, free: Sequence[str]
+) -> Fit:
+    """Fit the slip dynamics to segments.
 
     Args:
-        body: The robot.
-        stretches: At least two.
-        start: Parameters by name.
-        free: Names of those that are fitted.
+        dynamics: The robot.
+        segments: At least two segments.
+        start: Initial parameters by name.
+        free: Names of the parameters that are fitted.
     """
-    problem = Problem(body, stretches, start, free)
+    problem = ProjectedProblem(dynamics, segments, start, free)
     x = problem.solve(np.array([start[name] for name in free]))
     residual = problem.residual(x)
-    allowed = ALLOWED[stretches.are_wheels]
+    allowed = ALLOWED_BY_WHEELS if segments.are_wheels else ALLOWED_BY_COMMANDS
     residuals = {
-        "positions": measure(residual[..., :2], allowed[0]),
-        "headings": measure(residual[..., 2:] / problem.metres[2], allowed[1]),
+        "positions": measure_residuals(residual[..., :2], allowed[0]),
+        "headings": measure_residuals(residual[..., 2:] / problem.weights[2], allowed[1]),
     }
-    lacking = max([1.0, *(r.lasting / r.allowed for r in residuals.values() if r.misfit)])
-    bound = (x < problem.low + 2e-3 * problem.scale) | (x > problem.high - 2e-3 * problem.scale)
+    excess = max([1.0, *(r.persistent / r.allowed for r in residuals.values() if r.misfit)])
+    is_low = x < problem.low + 2e-3 * problem.scale
+    is_high = x > problem.high - 2e-3 * problem.scale
     rms = np.sqrt((residual**2).mean((1, 2)))
     return Fit(
         free=free,
-        covariance=lacking**2 * covariance(problem.jacobian, residual),
+        covariance=excess**2 * robust_covariance(problem.jacobian, residual),
         parameters=problem.parameters(x),
-        quantile=float(stdtrit(len(stretches) - 1, 0.975)),
-        at_bound=frozenset(np.array(free)[bound].tolist()),
+        quantile=float(stdtrit(len(segments) - 1, 0.975)),
+        at_bound=frozenset(np.array(free)[is_low | is_high].tolist()),
         residuals=residuals,
-        usual=rms <= ODD * np.median(rms),
-        body=body,
-        stretches=stretches,
+        is_inlier=rms <= OUTLIER_RATIO * np.median(rms),
+        dynamics=dynamics,
+        segments=segments,
     )
 
 
-def fit_usual(body: Body, stretches: Stretches, start: Parameters, free: Sequence[str]) -> Fit:
-    """Fit the law, and again without stretches of far larger residuals if there are a few; see `fit`."""
-    result = fit(body, stretches, start, free)
-    usual = result.usual
-    if usual.all() or usual.mean() < 1 - MOST_ODD or usual.sum() < LEAST:
-        return result
-    return fit(body, stretches.select(usual), result.parameters, free)
+def fit_inliers(
+    dynamics: RobotDynamics, segments: LogSegments, start: Parameters, free: Sequence[str]
+) -> Fit:
+    """Fit the slip dynamics, and again without outliers if there are a few.
+
+    The arguments are those of `fit_parameters`.
+    """
+    fit = fit_parameters(dynamics, segments, start, free)
+    is_inlier = fit.is_inlier
+    has_few_outliers = is_inlier.mean() >= 1 - MAX_OUTLIER_FRACTION
+    if is_inlier.all() or not has_few_outliers or is_inlier.sum() < MIN_SEGMENTS:
+        return fit
+    return fit_parameters(dynamics, segments.select(is_inlier), fit.parameters, free)
 
 
-def measure(values: Array, allowed: float) -> Residuals:
-    """Measure residuals (S, m, k), of which `allowed` may last."""
-    products = [values[:, lag:] * values[:, :-lag] for lag in range(1, LAGS + 1)]
-    power, lasting = (
-        float((values**2).mean()),
-        float(np.mean([product.mean() for product in products])),
-    )
-    error = (power - max(lasting, 0.0)) / sum(product.size for product in products) ** 0.5
-    misfit = bool(lasting > allowed**2 + norm.isf(ALARM) * error)
-    noise = float((_changes(values) ** 2).mean()) ** 0.5
-    return Residuals(power**0.5, noise, max(lasting, 0.0) ** 0.5, allowed, misfit)
+def measure_residuals(values: Array, allowed: float) -> Residuals:
+    """Return the statistics of residuals (S, m, k), with the allowed persistent part."""
+    products = [values[:, lag:] * values[:, :-lag] for lag in range(1, MAX_LAG + 1)]
+    power = float((values**2).mean())
+    covariance = float(np.mean([product.mean() for product in products]))
+    n_products = sum(product.size for product in products)
+    error = (power - max(covariance, 0.0)) / n_products**0.5
+    misfit = bool(covariance > allowed**2 + norm.isf(FALSE_ALARM_RATE) * error)
+    noise = float((_white_differences(values) ** 2).mean()) ** 0.5
+    return Residuals(power**0.5, noise, max(covariance, 0.0) ** 0.5, allowed, misfit)
 
 
-def covariance(jacobian: Array, residual: Array) -> Array:
-    """Return the covariance (n, n) of parameters by Jacobian (S, m, 3, n) and residuals (S, m, 3); see the module."""
+def robust_covariance(jacobian: Array, residual: Array) -> Array:
+    """Return the covariance (n, n) of parameters, robust to correlation within segments.
+
+    Args:
+        jacobian: (S, m, 3, n).
+        residual: (S, m, 3).
+    """
     n = jacobian.shape[-1]
     length = np.maximum(np.sqrt((jacobian**2).sum((0, 1, 2))), 1e-9)
     unit = jacobian / length
     flat = unit.reshape(-1, n)
-    bread = np.linalg.inv(flat.T @ flat + 1e-12 * np.eye(n))
+    inverse = np.linalg.inv(flat.T @ flat + 1e-12 * np.eye(n))
     freedom = residual.size / max(residual.size - 6 * len(residual) - n, 1)
-    scores = bread @ np.einsum("smkn,smk->ns", unit, residual)
+    scores = inverse @ np.einsum("smkn,smk->ns", unit, residual)
     robust = scores @ scores.T * freedom
-    white = np.diag(bread) * (residual**2).mean() * freedom
-    larger = np.sqrt(np.maximum(white / np.maximum(np.diag(robust), 1e-300), 1.0)) / length
-    return robust * np.outer(larger, larger)
+    white = np.diag(inverse) * (residual**2).mean() * freedom
+    ratio = white / np.maximum(np.diag(robust), 1e-300)
+    inflation = np.sqrt(np.maximum(ratio, 1.0)) / length
+    return robust * np.outer(inflation, inflation)
 
 
-def _changes(values: Array) -> Array:
-    """Return second differences of (S, m, k) over those of white noise of variance 1."""
+def _white_differences(values: Array) -> Array:
+    """Return second differences of (S, m, k), scaled so that white noise keeps its variance."""
     return np.diff(values, 2, axis=1) / 6**0.5

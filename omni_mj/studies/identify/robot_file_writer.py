@@ -1,4 +1,4 @@
-"""The start robot's file with identified numbers in place of its own, each with its standard error in a comment."""
+"""Write a robot's file with identified values, each with its standard error in a comment."""
 
 import re
 import tomllib
@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.studies.identify.derived_parameters import Estimate
 
-Changes = dict[tuple[str, str], str]  # section and field -> value as TOML has it, and a comment
-# Estimate -> section and field of settings; commands tell what the team's computer believes.
+Changes = dict[tuple[str, str], str]  # section and field -> value as TOML, with a comment
+# Estimate -> section and field of settings. Estimates by commands belong to the team's model.
 FIELDS = {
     "wheels.radius_m": ("wheels", "radius_m"),
     "wheels.arm_m": ("wheels", "arm_m"),
@@ -24,63 +24,74 @@ FIELDS = {
     "commands.gain_sideways": ("control", "assumed_alpha_sideways"),
 }
 DRAG = ("wheels.rolling_resistance", "wheels.roller_friction")
-LEAST = {
-    "radius_m": 0.01,
-    "arm_m": 0.02,
-    "creep_stiffness": 0.1,
-}  # that settings allow; of all else 0
+# Least values that settings allow; 0 for all others
+MINIMA = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}
 
 
-def changes(estimates: Mapping[str, Estimate]) -> Changes:
-    """Return which of all estimates, by name, change the file: as far as the data tell them and settings allow them."""
-    told = {
-        name
-        for name, e in estimates.items()
-        if e.is_identified and e.value >= LEAST.get(e.name, 0.0)
-    }
-    if not told >= set(DRAG):  # a log tells the sum of pile and rollers better than each
-        told -= set(DRAG)
-    made = {}
-    for name, place in FIELDS.items():
-        if name in told:
-            e = estimates[name]
-            value, size, unit = f"{float(f'{e.value:.5g}')}", 1.0, e.unit
-            if name == "commands.latency_s":
-                value, size, unit = str(round(e.value / PERIOD_S)), PERIOD_S, "frames"
-            shown = f"{e.value / size:.4g} +- {e.error / size:.2g} {unit}".rstrip()
-            made[place] = f"{value} # identified from {e.source}: {shown} (standard error)"
-    return made
+def list_changes(estimates: Mapping[str, Estimate]) -> Changes:
+    """Return the changes of a robot's file that identified estimates make.
 
-
-def write_changes(start: str, made: Mapping[tuple[str, str], str], logs: Sequence[str]) -> str:
-    """Return the text of a robot's file with changes; all else, comments included, stays.
+    Estimates that settings do not allow are left out.
 
     Args:
-        start: The start robot's file.
-        made: By section and field.
-        logs: Named in the first line.
+        estimates: Estimates by source and name, such as "wheels.arm_m".
     """
-    present, section = tomllib.loads(start), ""
-    lines = [
-        f"# omni-mj identify: numbers marked as identified are from {' '.join(', '.join(logs).split())}"
-    ]
+    usable = {
+        name
+        for name, estimate in estimates.items()
+        if estimate.is_identified and estimate.value >= MINIMA.get(estimate.name, 0.0)
+    }
+    # A log determines the sum of both drags better than each of them.
+    if not usable >= set(DRAG):
+        usable -= set(DRAG)
+    return {
+        field: _format_change(name, estimates[name])
+        for name, field in FIELDS.items()
+        if name in usable
+    }
+
+
+def _format_change(name: str, estimate: Estimate) -> str:
+    """Return the value as TOML, with estimate and standard error in a comment."""
+    value, size, unit = f"{float(f'{estimate.value:.5g}')}", 1.0, estimate.unit
+    if name == "commands.latency_s":
+        value, size, unit = str(round(estimate.value / PERIOD_S)), PERIOD_S, "frames"
+    numbers = f"{estimate.value / size:.4g} +- {estimate.standard_error / size:.2g}"
+    number_text = f"{numbers} {unit}".rstrip()
+    return f"{value} # identified from {estimate.source}: {number_text} (standard error)"
+
+
+def apply_changes(start: str, changes: Mapping[tuple[str, str], str], logs: Sequence[str]) -> str:
+    """Return the text of a robot's file with changes; the rest, with its comments, is unchanged.
+
+    Args:
+        start: Text of the start robot's file.
+        changes: Values as TOML, by section and field.
+        logs: Names of the logs, for the first line.
+    """
+    tables, section = tomllib.loads(start), ""
+    names = " ".join(", ".join(logs).split())
+    lines = [f"# omni-mj identify: numbers marked as identified are from {names}"]
     for line in start.splitlines():
         key = re.match(r"\s*([\w-]+)\s*=", line)
-        if key and (change := made.get((section, key[1]))):
-            line = f"{key[1]} = {change}; was {line.split('#')[0].split('=')[1].strip()}"
+        if key and (change := changes.get((section, key[1]))):
+            old_value = line.split("#")[0].split("=")[1].strip()
+            line = f"{key[1]} = {change}; was {old_value}"
         if not line.startswith("#:schema"):
             lines.append(line)
-        if head := re.match(r"\s*\[\s*([\w.-]+)\s*\]", line):
-            section = head[1]
-            lines += [
-                f"{k} = {v}"
-                for (of, k), v in made.items()
-                if of == section and k not in present[section]
-            ]
-    for name in sorted({of for of, _ in made} - set(present)):
-        lines += [
-            "",
-            f"[{name}]",
-            *(f"{key} = {value}" for (of, key), value in made.items() if of == name),
-        ]
+        if header := re.match(r"\s*\[\s*([\w.-]+)\s*\]", line):
+            section = header[1]
+            new_fields = _section_lines(changes, section)
+            lines += [new for field, new in new_fields.items() if field not in tables[section]]
+    for name in sorted({section for section, _ in changes} - set(tables)):
+        lines += ["", f"[{name}]", *_section_lines(changes, name).values()]
     return "\n".join([*lines, ""])
+
+
+def _section_lines(changes: Mapping[tuple[str, str], str], name: str) -> dict[str, str]:
+    """Return the lines of a section's changes by field."""
+    return {
+        field: f"{field} = {value}"
+        for (section, field), value in changes.items()
+        if section == name
+    }

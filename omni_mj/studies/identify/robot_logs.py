@@ -1,7 +1,8 @@
-"""Read logs of robots: CSV and Parquet; docs/how-to/identify-a-robot.md names the columns.
+"""Read logs of robots from CSV and Parquet files.
 
-From trajectory.parquet of omni-mj, `vision_*` where valid, `command_*` and `wheel_angle_*` are
-taken. Each controller, seed and place is a log of its own.
+docs/how-to/identify-a-robot.md names the columns. From a trajectory.parquet of omni-mj, `vision_*`
+where valid, `command_*` and `wheel_angle_*` are read. Each controller, seed and slot is a log of
+its own.
 """
 
 import os
@@ -23,28 +24,31 @@ if TYPE_CHECKING:
 
     Columns = dict[str, pa.ChunkedArray]
 
-POSE = ("x_m", "y_m", "heading_rad")
-VISION = ("vision_x_m", "vision_y_m", "vision_heading_rad")
-OURS = ("command_vx_m_s", "command_vy_m_s", "command_w_rad_s")
-WORLD = ("vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s")
-BODY = ("vx_cmd_body_m_s", "vy_cmd_body_m_s", "w_cmd_rad_s")
-WHEELS = ("wheel_{}_rad", "wheel_angle_{}_rad", "wheel_{}_rad_s")
-INPUTS = f"commands ({', '.join(WORLD)}; or {', '.join(BODY)}) or wheels (wheel_1_rad or wheel_1_rad_s, ...)"
-LEAST_LINES = 30
-GAP = 3.5  # periods without a line, from which a log is cut in two
+POSE_COLUMNS = ("x_m", "y_m", "heading_rad")
+VISION_COLUMNS = ("vision_x_m", "vision_y_m", "vision_heading_rad")
+TRAJECTORY_COMMANDS = ("command_vx_m_s", "command_vy_m_s", "command_w_rad_s")  # world frame
+WORLD_COMMANDS = ("vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s")
+BODY_COMMANDS = ("vx_cmd_body_m_s", "vy_cmd_body_m_s", "w_cmd_rad_s")
+WHEEL_PATTERNS = ("wheel_{}_rad", "wheel_angle_{}_rad", "wheel_{}_rad_s")
+INPUTS_TEXT = (
+    f"commands ({', '.join(WORLD_COMMANDS)}; or {', '.join(BODY_COMMANDS)}) or wheels "
+    "(wheel_1_rad or wheel_1_rad_s, ...)"
+)
+MIN_LINES = 30
+MAX_GAP_PERIODS = 3.5  # a longer gap splits a log
 
 
 @dataclass(frozen=True)
 class RobotLog:
-    """F lines of one robot.
+    """Log of one robot with F lines.
 
     Attributes:
-        name: File, and the row in it.
+        name: File name, and controller, seed and slot if the file has several robots.
         time: Increasing, (F,) s.
-        pose: Measured, world frame, heading continuous, (F, 3). NaN where the robot was not seen.
-        inputs: By source: "wheels", mean speeds from each line to the next, (F, W) rad/s;
-            "commands", twists that act until the next line, (F, 3).
-        in_body: Whether commands are along the body's axes.
+        pose: Measured pose, world frame, heading continuous, (F, 3). NaN without a detection.
+        inputs: By source. "wheels": mean wheel speeds from each line to the next, (F, W) rad/s.
+            "commands": twists that act until the next line, (F, 3).
+        in_body: Whether commands are in the body frame.
     """
 
     name: str
@@ -54,108 +58,119 @@ class RobotLog:
     in_body: bool
 
 
-def read(file: Path | str) -> list[RobotLog]:
+def read_logs(file: Path | str) -> list[RobotLog]:
     """Return the logs in a CSV or Parquet file.
 
     Raises:
         OmniError: The file cannot be read, columns are missing, or time does not increase.
     """
     path = Path(file)
-    columns = _table(path)
-    angles, wheels = _wheel_names(columns)
-    command = next((names for names in (OURS, WORLD, BODY) if columns.keys() >= set(names)), ())
-    for name in ("time_s", *POSE):
+    columns = _read_columns(path)
+    is_angle, wheels = _wheel_columns(columns)
+    command_sets = (TRAJECTORY_COMMANDS, WORLD_COMMANDS, BODY_COMMANDS)
+    command = next((names for names in command_sets if columns.keys() >= set(names)), ())
+    for name in ("time_s", *POSE_COLUMNS):
         if name not in columns:
-            raise OmniError(
-                f"{path.name}: column {name} is missing; {suggest_names(name, columns)}"
-            )
+            choices = suggest_names(name, columns)
+            raise OmniError(f"{path.name}: column {name} is missing; {choices}")
     if not command and not wheels:
-        raise OmniError(f"{path.name}: neither commands nor wheels; give {INPUTS}")
-    pose = _numbers(path, columns, VISION if columns.keys() >= set(VISION) else POSE)
+        raise OmniError(f"{path.name}: neither commands nor wheels; give {INPUTS_TEXT}")
+    has_vision = columns.keys() >= set(VISION_COLUMNS)
+    pose = _to_numbers(path, columns, VISION_COLUMNS if has_vision else POSE_COLUMNS)
     if "vision_valid" in columns:
         pose[~columns["vision_valid"].to_numpy().astype(bool)] = np.nan
-    time = _numbers(path, columns, ["time_s"])[:, 0]
-    named = {"wheels": wheels, "commands": command}
-    inputs = {source: _numbers(path, columns, names) for source, names in named.items() if names}
-    keys = [columns[key].to_pylist() for key in ("controller", "seed", "slot") if key in columns]
-    rows = np.array(
-        [" ".join(map(str, row)) for row in zip(*keys, strict=True)] or [""] * len(time), str
-    )
+    time = _to_numbers(path, columns, ["time_s"])[:, 0]
+    sources = {"wheels": wheels, "commands": command}
+    inputs = {
+        source: _to_numbers(path, columns, names) for source, names in sources.items() if names
+    }
+    robots = _robot_names(columns, len(time))
     logs = []
-    for row in dict.fromkeys(rows.tolist()) or [""]:
-        lines = np.flatnonzero(rows == row)
-        own = {source: values[lines] for source, values in inputs.items()}
+    for robot in dict.fromkeys(robots.tolist()) or [""]:
+        lines = np.flatnonzero(robots == robot)
+        robot_inputs = {source: values[lines] for source, values in inputs.items()}
         if wheels:
-            own["wheels"] = _mean_speeds(time[lines], own["wheels"], angles)
-        name = f"{path.name} ({row})" if row else path.name
-        logs.append(_clean(RobotLog(name, time[lines], pose[lines], own, command == BODY)))
+            robot_inputs["wheels"] = _mean_speeds(time[lines], robot_inputs["wheels"], is_angle)
+        name = f"{path.name} ({robot})" if robot else path.name
+        in_body = command == BODY_COMMANDS
+        logs.append(_clean(RobotLog(name, time[lines], pose[lines], robot_inputs, in_body)))
     return logs
 
 
-def integrate(time: Array, inputs: Array) -> BSpline:
-    """Return the integral over time of inputs (F, K), each of which acts until the next line."""
+def integrate_inputs(time: Array, inputs: Array) -> BSpline:
+    """Return the integral over time of inputs (F, K) that each act until the next line."""
     ends = np.append(time, time[-1] + 1)
     total = np.cumsum(np.diff(ends)[:, None] * inputs, axis=0)
     return make_interp_spline(ends, np.concatenate([np.zeros_like(total[:1]), total]), k=1)
 
 
+def _robot_names(columns: "Columns", lines: int) -> np.ndarray:
+    """Return controller, seed and slot of each line as text; empty without such columns."""
+    keys = [columns[key].to_pylist() for key in ("controller", "seed", "slot") if key in columns]
+    names = [" ".join(map(str, values)) for values in zip(*keys, strict=True)]
+    return np.array(names or [""] * lines, str)
+
+
 def _clean(log: RobotLog) -> RobotLog:
-    """Return a log without repeated lines and poses, with continuous headings.
+    """Return a log with continuous headings, without repeated lines and poses.
 
     Raises:
-        OmniError: There are too few lines, times are wrong, or commands are missing.
+        OmniError: There are too few lines, times are not valid, or commands are missing.
     """
-    if not np.isfinite(log.time).all():
-        raise OmniError(
-            f"{log.name}: time_s is missing in line {np.argmin(np.isfinite(log.time)) + 1}"
-        )
-    if (back := np.diff(log.time) < 0).any():
-        raise OmniError(
-            f"{log.name}: time_s does not increase from line {back.argmax() + 1} to {back.argmax() + 2}"
-        )
-    new = np.diff(log.time, prepend=-np.inf) > 0
-    if new.sum() < LEAST_LINES:
-        raise OmniError(f"{log.name}: {new.sum()} times are too few; at least {LEAST_LINES}")
-    time, pose = log.time[new], log.pose[new]
-    held = np.append(False, (np.diff(pose, axis=0) == 0).all(1))
-    pose[held] = np.nan
-    known = np.isfinite(pose[:, 2])
-    pose[known, 2] = np.unwrap(pose[known, 2])
-    inputs = {source: values[new] for source, values in log.inputs.items()}
+    is_finite = np.isfinite(log.time)
+    if not is_finite.all():
+        raise OmniError(f"{log.name}: time_s is missing in line {np.argmin(is_finite) + 1}")
+    decreases = np.diff(log.time) < 0
+    if decreases.any():
+        line = decreases.argmax() + 1
+        raise OmniError(f"{log.name}: time_s does not increase from line {line} to {line + 1}")
+    is_new = np.diff(log.time, prepend=-np.inf) > 0
+    if is_new.sum() < MIN_LINES:
+        raise OmniError(f"{log.name}: {is_new.sum()} times are too few; at least {MIN_LINES}")
+    time, pose = log.time[is_new], log.pose[is_new]
+    is_repeated = np.append(False, (np.diff(pose, axis=0) == 0).all(1))
+    pose[is_repeated] = np.nan
+    has_heading = np.isfinite(pose[:, 2])
+    pose[has_heading, 2] = np.unwrap(pose[has_heading, 2])
+    inputs = {source: values[is_new] for source, values in log.inputs.items()}
     for source, values in inputs.items():
-        if not np.isfinite(values).all():
-            raise OmniError(
-                f"{log.name}: {source} are missing in line {np.argmin(np.isfinite(values).all(1)) + 1}"
-            )
+        is_complete = np.isfinite(values).all(1)
+        if not is_complete.all():
+            line = np.argmin(is_complete) + 1
+            raise OmniError(f"{log.name}: {source} are missing in line {line}")
     return replace(log, time=time, pose=pose, inputs=inputs)
 
 
-def _wheel_names(columns: "Columns") -> tuple[bool, list[str]]:
-    """Return whether columns of wheels are angles, and their names."""
-    for pattern in WHEELS:
+def _wheel_columns(columns: "Columns") -> tuple[bool, list[str]]:
+    """Return whether the wheels' columns are angles, and the names of these columns."""
+    for pattern in WHEEL_PATTERNS:
         if names := list(takewhile(columns.__contains__, map(pattern.format, count(1)))):
             return pattern.endswith("_rad"), names
     return False, []
 
 
-def _mean_speeds(time: Array, values: Array, angles: bool) -> Array:
-    """Return mean speeds from each line to the next; the last line repeats the one before."""
-    with np.errstate(
-        divide="ignore", invalid="ignore"
-    ):  # lines of the same time are left out later
-        means = (
-            np.diff(values, axis=0) / np.diff(time)[:, None]
-            if angles
-            else (values[1:] + values[:-1]) / 2
-        )
+def _mean_speeds(time: Array, values: Array, is_angle: bool) -> Array:
+    """Return mean speeds from each line to the next; the last line repeats the previous one.
+
+    Args:
+        time: (F,) s.
+        values: Wheel angles in rad, or speeds in rad/s, (F, W).
+        is_angle: Whether they are angles.
+    """
+    if is_angle:
+        # Lines with equal times are removed later.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            means = np.diff(values, axis=0) / np.diff(time)[:, None]
+    else:
+        means = (values[1:] + values[:-1]) / 2
     return np.concatenate([means, means[-1:]])
 
 
-def _table(path: Path) -> "Columns":
+def _read_columns(path: Path) -> "Columns":
     """Return the columns of a CSV or Parquet file by their names in lower case.
 
     Raises:
-        OmniError: There is no such file, or it is no table.
+        OmniError: The file does not exist, or is not a table.
     """
     import pyarrow as pa
 
@@ -173,25 +188,31 @@ def _table(path: Path) -> "Columns":
 
 
 def _read_csv(path: Path) -> "pa.Table":
-    """Read a CSV file separated by commas, semicolons or tabs; the latter two may have decimal commas."""
+    """Read a CSV file separated by commas, semicolons or tabs.
+
+    With semicolons or tabs the decimal separator may be a comma.
+    """
     import pyarrow as pa
     import pyarrow.csv
 
     with path.open(encoding="utf-8", errors="replace") as text:
         header, row = text.readline(), text.readline()
     separator = max(",;\t", key=header.count)
+    decimal_point = "," if separator != "," and "," in row else "."
     with pa.OSFile(os.fsencode(path)) as file:  # as in `omni_mj.parquet`
         return pyarrow.csv.read_csv(
             file,
             parse_options=pa.csv.ParseOptions(delimiter=separator),
-            convert_options=pa.csv.ConvertOptions(
-                decimal_point="," if separator != "," and "," in row else "."
-            ),
+            convert_options=pa.csv.ConvertOptions(decimal_point=decimal_point),
         )
 
 
-def _numbers(path: Path, columns: "Columns", names: Sequence[str]) -> Array:
-    """Return columns of numbers, (F, names)."""
+def _to_numbers(path: Path, columns: "Columns", names: Sequence[str]) -> Array:
+    """Return columns as numbers, (F, names).
+
+    Raises:
+        OmniError: A column holds something else.
+    """
     import pyarrow as pa
 
     values = [np.zeros((len(columns["time_s"]), 0))]
@@ -199,7 +220,6 @@ def _numbers(path: Path, columns: "Columns", names: Sequence[str]) -> Array:
         try:
             values.append(columns[name].cast("float64").to_numpy()[:, None])
         except pa.ArrowException as error:
-            raise OmniError(
-                f"{path.name}: column {name} must hold numbers: {to_printable(str(error), 200)}"
-            ) from None
+            reason = to_printable(str(error), 200)
+            raise OmniError(f"{path.name}: column {name} must hold numbers: {reason}") from None
     return np.concatenate(values, axis=1)

@@ -1,21 +1,24 @@
-r"""Law of motion of a robot on creeping wheels, solved for many stretches and sets of parameters at once.
+r"""Motion of a robot on creeping wheels, for many segments and parameter sets at once.
 
-Wheel i has the rim direction d_i = (cosines, arm), the load N_i, and travels at |v_i| over the carpet. Its rim speed
-r_i and the ground speed d_i nu differ by what its traction f_i costs:
+Wheel i has the rim direction d_i = (cosines, arm) and the normal force N_i, and travels at |v_i|
+over the carpet. Its rim speed r_i differs from the ground speed d_i nu in proportion to its
+traction f_i:
 
     r_i - d_i nu = (z + |v_i| / (C N_i)) f_i,        |f_i| <= sqrt(mu^2 - b^2) N_i
-    M nu' = sum f_i d_i - drag + lean,               nu: body twist
+    M nu' = sum f_i d_i - drag + slope,              nu: body twist
 
-C is the creep stiffness. The drag is that of `omni_mj.robot.carpet`: the pile p N_i against the travel of a wheel,
-roller bearings b N_i along its axle, and three terms that grow with speed (see `Body`). Loads shift with the
-acceleration, because the centre of mass is above the floor. If encoders are the input, r_i is the measured rim speed
-times a scale, and z is 0. If commands are the input, r_i is the commanded rim speed and 1/z the stiffness of the wheel
-loops, so that along an axis
+C is the creep stiffness. The drag is that of `omni_mj.robot.carpet`: rolling resistance p N_i
+against the travel of a wheel, roller bearings b N_i along its axle, and three terms that grow with
+speed (see `RobotDynamics`). Normal forces change with the acceleration, because the center of mass
+is above the floor. If encoders are the input, r_i is the measured rim speed times a scale, and z is
+0. If commands are the input, r_i is the commanded rim speed and 1/z the stiffness of the wheel
+loops. Then along an axis
 
-    (tau + T0 |v|) (v' + drag / m) = K u - v,        T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.
+    (tau + T0 |v|) (v' + drag / m) = K u - v,
+    T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.
 
-Turn rates pass a loop on the gyro, (1 + k) u - k w. All forces are divided by the mass. A sloping carpet pulls with a
-constant acceleration in the world frame ("lean").
+Turn rates pass a loop with the gyro, (1 + k) u - k w. All forces are divided by the mass. A slope
+of the carpet is a constant acceleration in the world frame.
 """
 
 from collections.abc import Mapping
@@ -30,222 +33,307 @@ from omni_mj.config import nominal_model
 from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
 from omni_mj.robot.carpet import AT_REST_M_S
 from omni_mj.robot.motors import Motor
-from omni_mj.studies.identify.log_segments import Stretches
+from omni_mj.studies.identify.log_segments import LogSegments
 
 Parameters = dict[str, float]
-LATE = "latency_s"  # the parameter by which inputs act late
-ROLLER_KG = 0.0015  # models/ssl_robot.xml; mass that turns with the rims, 1 to 2 % of the robot's
-RUBBED_M_S = 0.05  # wheel speed above which the dry friction of wheel and motor is complete
-# Two rollers touch around each handover; rollers spin up before they carry; rubber is pressed.
+LATENCY = "latency_s"  # name of the parameter: delay of the inputs
+ROLLER_KG = 0.0015  # models/ssl_robot.xml; rollers turn with the rims, 1 to 2 % of the robot's mass
+DRY_FRICTION_M_S = 0.05  # wheel speed above which the dry friction of wheel and motor is complete
+# Two rollers touch at each handover; rollers spin up before they carry; rubber is compressed.
 # Measured on the plant without dry drag: three robots, 0.6 to 1.9 m/s, three directions, within
 # 0.04 N.
-BOTH_TOUCH, SPUN_EARLY, PRESSED_S_M = 1.5, 1.1, 0.004
-STIFFEST_S = 1e-4  # least compliance z m of a wheel
-MOST_DELAY = 0.15  # of the give of a wheel loop, so that the mass stays positive
+HANDOVER_FACTOR, SPIN_UP_FACTOR, COMPRESSION_S_M = 1.5, 1.1, 0.004
+MIN_COMPLIANCE_S = 1e-4  # least compliance z m of a wheel
+MAX_LOOP_DELAY = 0.15  # relative to the compliance of a wheel loop; the mass stays positive
+MIN_LOAD = 0.02 * GRAVITY  # least normal force of a wheel over the robot's mass
 STEP_S = 0.01  # longest integration step
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
-    """Known properties of a robot with W wheels; masses and forces are divided by the robot's mass.
+class RobotDynamics:
+    """Known properties of a robot with W wheels. Masses and forces are divided by its mass.
 
     Attributes:
-        along: Directions of rims, (W, 3).
-        axles: Directions of axles, (W, 3).
-        radius: Of the wheels, m.
-        centre: Of mass, ahead of the middle of the wheels, m.
-        mass: Matrix (3, 3) of a twist.
-        loads: At rest, (W,) m/s^2.
-        shift: Load per acceleration, (2, W).
-        viscous: Drag of a wheel's rollers over its speed along the axle, 1/s.
-        spun: Drag of rollers that spin up, over the same and the rim speed, 1/m.
-        commutation: By which share a motor's resistance grows with its rim speed, s/m.
-        hub: Inertia of a motor, as a mass at the rim.
-        wait: Mean time that a command waits for the next run of the wheel loops, s.
-        loop_delay: Of the wheel speed that the loops see, times their share of the stiffness, s.
-        gyro_delay: Of the turn rate that the loop on the gyro sees, s.
+        rim_directions: Directions of rims, (W, 3).
+        axle_directions: Directions of axles, (W, 3).
+        wheel_radius: Radius of the wheels, m.
+        com_x: Center of mass in front of the center of the wheels, m.
+        mass_matrix: Matrix (3, 3) for the derivative of a twist.
+        loads: Normal forces at rest, (W,) m/s^2.
+        load_transfer: Normal force per acceleration, (2, W).
+        roller_viscosity: Drag of a wheel's rollers over its speed along the axle, 1/s.
+        spin_up_drag: Drag of rollers that spin up, over that speed and the rim speed, 1/m.
+        commutation: Relative increase of a motor's resistance per rim speed, s/m.
+        rotor_inertia: Inertia of a motor, as a mass at the rim.
+        command_wait: Mean time until the wheel loops use a new command, s.
+        loop_delay: Delay of the wheel speed in the wheel loops, times their fraction of the
+            stiffness, s.
+        gyro_delay: Delay of the turn rate in the gyro loop, s.
     """
 
-    along: Array
-    axles: Array
-    radius: float
-    centre: float
-    mass: Array
+    rim_directions: Array
+    axle_directions: Array
+    wheel_radius: float
+    com_x: float
+    mass_matrix: Array
     loads: Array
-    shift: Array
-    viscous: float
-    spun: float
+    load_transfer: Array
+    roller_viscosity: float
+    spin_up_drag: float
     commutation: float
-    hub: float
-    wait: float
+    rotor_inertia: float
+    command_wait: float
     loop_delay: float
     gyro_delay: float
 
     @classmethod
-    def of(cls, settings: Settings) -> Self:
-        """Return the body that the settings describe."""
+    def from_settings(cls, settings: Settings) -> Self:
+        """Return the dynamics that the settings of a robot describe."""
         body, wheels, motor = settings.body, settings.wheels, Motor.from_settings(settings.motor)
-        along, radius, centre, kg = (
-            wheels.kinematics.matrix,
-            wheels.radius_m,
-            body.com_x_m,
-            body.mass_kg,
-        )
-        count, roller = wheels.rollers, wheels.roller_radius_m
-        # Mass of a wheel's rollers as seen at its rim
-        rims = count * ROLLER_KG * (1 - roller / radius) ** 2
-        mass = np.array(
-            [[1, 0, 0], [0, 1, centre], [0, centre, body.yaw_inertia_kg_m2 / kg + centre**2]]
-        )
-        turning = roller - radius * (
-            1 - np.cos(np.pi / count)
-        )  # radius at which a roller is spun up
-        cycles, frame = (
-            round(CYCLE_RATE_HZ / settings.firmware.rate_hz),
-            CYCLE_RATE_HZ // FRAME_RATE_HZ,
-        )
-        gain = settings.firmware.kp + motor.wheel_back_emf_constant
+        rim_directions, radius = wheels.kinematics.matrix, wheels.radius_m
+        x, kg = body.com_x_m, body.mass_kg
+        n_rollers, roller_radius = wheels.rollers, wheels.roller_radius_m
+        # Mass of a wheel's rollers at its rim
+        rim_mass = n_rollers * ROLLER_KG * (1 - roller_radius / radius) ** 2
+        body_mass = np.array([[1, 0, 0], [0, 1, x], [0, x, body.yaw_inertia_kg_m2 / kg + x**2]])
+        # Radius at which a roller is spun up
+        spin_up_radius = roller_radius - radius * (1 - np.cos(np.pi / n_rollers))
+        cycles = round(CYCLE_RATE_HZ / settings.firmware.rate_hz)
+        frame_cycles = CYCLE_RATE_HZ // FRAME_RATE_HZ
+        loop_gain = settings.firmware.kp + motor.wheel_back_emf_constant
+        load_distribution = compute_load_distribution(wheels.kinematics, body.com_height_m)
+        damping = settings.drivetrain.roller_damping_nm_s
         return cls(
-            along=along,
-            axles=wheels.kinematics.axles,
-            radius=radius,
-            centre=centre,
-            mass=mass + rims / kg * along.T @ along,
+            rim_directions=rim_directions,
+            axle_directions=wheels.kinematics.axles,
+            wheel_radius=radius,
+            com_x=x,
+            mass_matrix=body_mass + rim_mass / kg * rim_directions.T @ rim_directions,
             loads=nominal_model.compute_normal_forces(settings) / kg,
-            shift=compute_load_distribution(wheels.kinematics, body.com_height_m)[1][:, :2].T,
-            viscous=BOTH_TOUCH * settings.drivetrain.roller_damping_nm_s / roller**2 / kg,
-            spun=SPUN_EARLY
-            * count
+            load_transfer=load_distribution[1][:, :2].T,
+            roller_viscosity=HANDOVER_FACTOR * damping / roller_radius**2 / kg,
+            spin_up_drag=SPIN_UP_FACTOR
+            * n_rollers
             / (2 * np.pi * radius)
             * 0.4
             * ROLLER_KG
-            * (roller / turning) ** 2
+            * (roller_radius / spin_up_radius) ** 2
             / kg,
             commutation=motor.commutation * motor.gear_ratio / (motor.resistance * radius),
-            hub=motor.rotor_inertia * motor.gear_ratio**2 / (radius**2 * kg),
-            wait=float(np.mean(-frame * np.arange(cycles) % cycles)) / CYCLE_RATE_HZ,
-            loop_delay=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / gain,
+            rotor_inertia=motor.rotor_inertia * motor.gear_ratio**2 / (radius**2 * kg),
+            command_wait=float(np.mean(-frame_cycles * np.arange(cycles) % cycles)) / CYCLE_RATE_HZ,
+            loop_delay=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / loop_gain,
             gyro_delay=(cycles / 2 + 1) / CYCLE_RATE_HZ,
         )
 
-    def parameters(self, settings: Settings, by_wheels: bool) -> Parameters:
-        """Return the parameters that the settings say, for wheel speeds or for commands as the input."""
-        known = {
-            LATE: 0.0,
+    def nominal_parameters(self, settings: Settings, by_wheels: bool) -> Parameters:
+        """Return the parameters of the settings.
+
+        Args:
+            settings: Settings of the robot.
+            by_wheels: Whether wheel speeds are the input, otherwise commands.
+
+        Returns:
+            latency_s: Delay of the inputs.
+            scale, arm: Effective over nominal rim speed, and arm.
+            heading_offset_rad: Angle from the measured heading to the robot's axes.
+            creep_compliance: 1 / C.
+            rolling_resistance, roller_friction: p and b.
+            slope_x_m_s2, slope_y_m_s2: Acceleration by the slope of the carpet, world frame.
+            friction: Friction coefficient mu.
+            compliance_s: Compliance z m of the wheel loops; 0 for wheel speeds.
+            dry_friction_m_s: Speed that dry friction costs a wheel loop.
+            turn_rate_gain: Gain k of the gyro loop.
+        """
+        nominal = {
+            LATENCY: 0.0,
             "scale": 1.0,
             "arm": 1.0,
-            "compass_rad": 0.0,
-            "creep": 1 / settings.drivetrain.creep_stiffness,
+            "heading_offset_rad": 0.0,
+            "creep_compliance": 1 / settings.drivetrain.creep_stiffness,
             "rolling_resistance": settings.carpet.rolling_resistance,
             "roller_friction": settings.drivetrain.roller_friction,
-            "lean_x_m_s2": 0.0,
-            "lean_y_m_s2": 0.0,
-            "grip": settings.carpet.friction,
+            "slope_x_m_s2": 0.0,
+            "slope_y_m_s2": 0.0,
+            "friction": settings.carpet.friction,
         }
         if by_wheels:
-            return known | {"give_s": 0.0, "friction_m_s": 0.0, "turn_rate_gain": 0.0}
+            return nominal | {"compliance_s": 0.0, "dry_friction_m_s": 0.0, "turn_rate_gain": 0.0}
         motor, firmware = Motor.from_settings(settings.motor), settings.firmware
         constant, gain = motor.wheel_back_emf_constant, firmware.kp + motor.wheel_back_emf_constant
         softness = nominal_model.compute_rim_compliance(settings)
-        return known | {
+        return nominal | {
             "scale": 1 - (1 - firmware.feed_forward) * constant / gain,
-            "give_s": settings.body.mass_kg * softness,
-            "friction_m_s": settings.hub_friction_nm / self.radius * softness,
+            "compliance_s": settings.body.mass_kg * softness,
+            "dry_friction_m_s": settings.hub_friction_nm / self.wheel_radius * softness,
             "turn_rate_gain": firmware.turn_rate_gain,
         }
 
 
-def simulate(body: Body, stretches: Stretches, p: Mapping[str, Array], first: Array) -> Array:
-    """Solve the law for S stretches and P sets of parameters.
+def simulate_segments(
+    dynamics: RobotDynamics, segments: LogSegments, p: Mapping[str, Array], initial: Array
+) -> Array:
+    """Simulate S segments with P parameter sets.
 
-    Each step takes the mean input over it and the coefficients of its middle, and is solved by the
-    (0, 2) Pade approximant of the exponential: second order, and stable for any stiffness.
+    Each step uses its mean input and the coefficients at its middle. It is solved by the (0, 2)
+    Pade approximant of the exponential: second order, and stable for any stiffness.
 
     Args:
-        body: The robot.
-        stretches: Inputs and times.
-        p: Parameters by name, (P, 1); see `Body.parameters`.
-        first: Pose, twist and acceleration at the first sample, world frame, (S, P, 3, 3).
+        dynamics: The robot.
+        segments: Inputs and times.
+        p: Parameters by name, (P, 1); see `RobotDynamics.nominal_parameters`.
+        initial: Pose, twist and acceleration at the first sample, world frame, (S, P, 3, 3).
 
     Returns:
         Poses at all samples, world frame, (S, P, m, 3).
     """
-    late, compass = p[LATE][:, 0], p["compass_rad"][:, 0]
-    lean = np.concatenate([p["lean_x_m_s2"], p["lean_y_m_s2"], np.zeros_like(p["grip"])], -1)
-    # (P, W, 3)
-    along = body.along * np.concatenate([np.ones((len(late), 2)), p["arm"]], 1)[:, None]
-    cap = np.sqrt(np.maximum(p["grip"] ** 2 - p["roller_friction"] ** 2, 1e-4))
-    by_wheels = stretches.are_wheels
-    mass = body.mass
-    parts = max(1, int(np.ceil(stretches.period / STEP_S)))
-    inputs, duration = stretches.mean_inputs(late + (0 if by_wheels else body.wait), parts)
-    pose, velocity = first[..., 0, :], first[..., 1, :]
-    pull = world_to_body(first[..., 2, :], pose[..., 2] + compass)
-    unit = np.eye(3)
+    delay, heading_offset = p[LATENCY][:, 0], p["heading_offset_rad"][:, 0]
+    slope = np.concatenate([p["slope_x_m_s2"], p["slope_y_m_s2"], np.zeros_like(p["friction"])], -1)
+    model = _SlipModel(dynamics, segments, p)
+    substeps = max(1, int(np.ceil(segments.period / STEP_S)))
+    wait = 0 if segments.are_wheels else dynamics.command_wait
+    inputs, duration = segments.mean_inputs(delay + wait, substeps)
+    pose, velocity = initial[..., 0, :], initial[..., 1, :]
+    acceleration = world_to_body(initial[..., 2, :], pose[..., 2] + heading_offset)
     poses = [pose]
     for k in range(duration.shape[1]):
         h = duration[:, k, None, None]
         heading = pose[..., 2] + 0.5 * h[..., 0] * (
-            velocity[..., 2] + 0.5 * h[..., 0] * pull[..., 2]
+            velocity[..., 2] + 0.5 * h[..., 0] * acceleration[..., 2]
         )
-        axes = heading + compass
-        before = world_to_body(velocity, axes)
-        middle = before + 0.5 * h * pull
-        rolling, across = _apply(along, middle), middle @ body.axles.T
-        speed = np.hypot(rolling, across)
-        down = world_to_body(lean, axes)
-        down[..., 2] = body.centre * down[..., 1]
-        load = np.maximum(body.loads + (pull - down)[..., :2] @ body.shift, 0.02 * GRAVITY)
-        compliance = p["creep"] * speed / load
-        if by_wheels:
-            rim = p["scale"] * body.radius * inputs[:, :, k]
+        body_heading = heading + heading_offset
+        start = world_to_body(velocity, body_heading)
+        slope_force = world_to_body(slope, body_heading)
+        slope_force[..., 2] = dynamics.com_x * slope_force[..., 1]
+        middle = start + 0.5 * h * acceleration
+        mass, resistance, force = model.linearize(
+            inputs[:, :, k], heading, middle, acceleration, slope_force
+        )
+        end, displacement = _integrate_step(mass, resistance, force, start, h)
+        acceleration = (end - start) / h
+        pose = pose + body_to_world(displacement, body_heading)
+        velocity = body_to_world(end, body_heading)
+        if (k + 1) % substeps == 0:
+            poses.append(pose)
+    return np.stack(poses, 2)
+
+
+class _SlipModel:
+    """Equation of motion M nu' = force - resistance nu of P parameter sets.
+
+    Args:
+        dynamics: The robot.
+        segments: S segments.
+        p: Parameters by name, (P, 1).
+    """
+
+    def __init__(
+        self, dynamics: RobotDynamics, segments: LogSegments, p: Mapping[str, Array]
+    ) -> None:
+        self._dynamics, self._p = dynamics, p
+        self._by_wheels = segments.are_wheels
+        self._in_body = segments.in_body[:, None, None]
+        arm_scale = np.concatenate([np.ones((len(p["arm"]), 2)), p["arm"]], 1)[:, None]
+        self._rim_directions = dynamics.rim_directions * arm_scale  # (P, W, 3)
+        self._friction = np.sqrt(np.maximum(p["friction"] ** 2 - p["roller_friction"] ** 2, 1e-4))
+
+    def linearize(
+        self, inputs: Array, heading: Array, twist: Array, acceleration: Array, slope_force: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return mass (..., 3, 3), resistance (..., 3, 3) and force (S, P, 3) at a twist.
+
+        Args:
+            inputs: Wheel speeds or commands, (S, P, K).
+            heading: Measured heading, (S, P).
+            twist: Body twist, (S, P, 3).
+            acceleration: Body acceleration, which shifts the normal forces, (S, P, 3).
+            slope_force: Force of the slope, body frame, (S, P, 3).
+        """
+        dynamics, p, rims = self._dynamics, self._p, self._rim_directions
+        rim_travel, axle_travel = _apply(rims, twist), twist @ dynamics.axle_directions.T
+        speed = np.hypot(rim_travel, axle_travel)
+        shift = (acceleration - slope_force)[..., :2] @ dynamics.load_transfer
+        load = np.maximum(dynamics.loads + shift, MIN_LOAD)
+        compliance = p["creep_compliance"] * speed / load
+        if self._by_wheels:
+            rim_speed = p["scale"] * dynamics.wheel_radius * inputs
         else:
-            command = inputs[:, :, k]
-            command = np.where(
-                stretches.in_body[:, None, None], command, world_to_body(command, heading)
-            )
-            command[..., 2] += p["turn_rate_gain"][:, 0] * (command[..., 2] - middle[..., 2])
-            rim = _apply(along, command)
-            soft = p["give_s"] * (1 + body.commutation * np.abs(rim))
-            rim = p["scale"] * rim - p["friction_m_s"] * rim / np.maximum(np.abs(rim), RUBBED_M_S)
-            compliance = compliance + soft
-        stiffness = 1 / np.maximum(compliance, STIFFEST_S)
-        stiffness = np.minimum(stiffness, cap * load / np.maximum(np.abs(rim - rolling), 1e-9))
-        pile = p["rolling_resistance"] * load / np.maximum(speed, AT_REST_M_S)
-        bearing = p["roller_friction"] * load / np.maximum(np.abs(across), AT_REST_M_S)
-        axle_drag = pile + bearing + body.viscous + body.spun * np.abs(rolling)
-        resisting = _weigh(stiffness + PRESSED_S_M * load + pile, along) + _weigh(
-            axle_drag, body.axles
+            rim_speed, loop_compliance = self._wheel_loops(inputs, heading, twist)
+            compliance = compliance + loop_compliance
+        stiffness = 1 / np.maximum(compliance, MIN_COMPLIANCE_S)
+        slip_speed = np.maximum(np.abs(rim_speed - rim_travel), 1e-9)
+        stiffness = np.minimum(stiffness, self._friction * load / slip_speed)
+        rolling = p["rolling_resistance"] * load / np.maximum(speed, AT_REST_M_S)
+        bearing = p["roller_friction"] * load / np.maximum(np.abs(axle_travel), AT_REST_M_S)
+        axle_drag = (
+            rolling
+            + bearing
+            + dynamics.roller_viscosity
+            + dynamics.spin_up_drag * np.abs(rim_travel)
         )
-        pushing = _apply(along.mT, stiffness * rim) + down
-        if (
-            not by_wheels
-        ):  # the loop on the gyro; motors, which turn with the rims, and loops that see late
+        rim_resistance = stiffness + COMPRESSION_S_M * load + rolling
+        resistance = _weighted_squares(rim_resistance, rims) + _weighted_squares(
+            axle_drag, dynamics.axle_directions
+        )
+        force = _apply(rims.mT, stiffness * rim_speed) + slope_force
+        mass = dynamics.mass_matrix
+        if not self._by_wheels:
             gyro = (
                 p["turn_rate_gain"]
                 * p["scale"]
                 * p["arm"]
-                * body.along[0, 2]
-                * _apply(along.mT, stiffness)
+                * dynamics.rim_directions[0, 2]
+                * _apply(rims.mT, stiffness)
             )
-            resisting[..., 2] += gyro
-            pushing += gyro * middle[..., 2:]
-            inertia = stiffness * (body.hub * soft - np.minimum(body.loop_delay, MOST_DELAY * soft))
-            mass = body.mass + _weigh(inertia, along)
-            mass[..., 2] -= body.gyro_delay * gyro
-        x = h[..., None] * np.linalg.solve(mass, resisting)
-        gain = h * np.linalg.solve(mass, pushing[..., None])[..., 0]
-        upper = unit + 0.5 * x
-        reach = _apply(upper, gain)
-        travel = h * _apply(upper, before) + 0.5 * h * (2 * reach - gain)
-        after, moved = np.moveaxis(
-            np.linalg.solve(unit + x @ upper, np.stack([before + reach, travel], -1)), -1, 0
-        )
-        pull = (after - before) / h
-        pose, velocity = pose + body_to_world(moved, axes), body_to_world(after, axes)
-        if (k + 1) % parts == 0:
-            poses.append(pose)
-    return np.stack(poses, 2)
+            resistance[..., 2] += gyro
+            force += gyro * twist[..., 2:]
+            mass = self._effective_mass(stiffness, loop_compliance, gyro)
+        return mass, resistance, force
+
+    def _wheel_loops(self, inputs: Array, heading: Array, twist: Array) -> tuple[Array, Array]:
+        """Return commanded rim speeds and the compliance of the wheel loops, (S, P, W)."""
+        p = self._p
+        command = np.where(self._in_body, inputs, world_to_body(inputs, heading))
+        command[..., 2] += p["turn_rate_gain"][:, 0] * (command[..., 2] - twist[..., 2])
+        rim = _apply(self._rim_directions, command)
+        compliance = p["compliance_s"] * (1 + self._dynamics.commutation * np.abs(rim))
+        friction = p["dry_friction_m_s"] * rim / np.maximum(np.abs(rim), DRY_FRICTION_M_S)
+        return p["scale"] * rim - friction, compliance
+
+    def _effective_mass(self, stiffness: Array, loop_compliance: Array, gyro: Array) -> Array:
+        """Return the mass with rotors that turn with the rims, and with delays of the loops."""
+        dynamics = self._dynamics
+        delay = np.minimum(dynamics.loop_delay, MAX_LOOP_DELAY * loop_compliance)
+        inertia = stiffness * (dynamics.rotor_inertia * loop_compliance - delay)
+        mass: Array = dynamics.mass_matrix + _weighted_squares(inertia, self._rim_directions)
+        mass[..., 2] -= dynamics.gyro_delay * gyro
+        return mass
+
+
+def _integrate_step(
+    mass: Array, resistance: Array, force: Array, start: Array, h: Array
+) -> tuple[Array, Array]:
+    """Integrate mass nu' = force - resistance nu over steps of duration h.
+
+    Args:
+        mass: (..., 3, 3).
+        resistance: (..., 3, 3).
+        force: (..., 3).
+        start: Twist at the start, (..., 3).
+        h: Durations, (S, 1, 1) s.
+
+    Returns:
+        Twist at the end, and displacement, body frame, (..., 3).
+    """
+    unit = np.eye(3)
+    x = h[..., None] * np.linalg.solve(mass, resistance)
+    impulse = h * np.linalg.solve(mass, force[..., None])[..., 0]
+    upper = unit + 0.5 * x
+    change = _apply(upper, impulse)
+    travel = h * _apply(upper, start) + 0.5 * h * (2 * change - impulse)
+    solution = np.linalg.solve(unit + x @ upper, np.stack([start + change, travel], -1))
+    end, displacement = np.moveaxis(solution, -1, 0)
+    return end, displacement
 
 
 def _apply(matrix: Array, vectors: Array) -> Array:
@@ -254,6 +342,6 @@ def _apply(matrix: Array, vectors: Array) -> Array:
     return product
 
 
-def _weigh(weights: Array, directions: Array) -> Array:
-    """Return the sums of weights (..., W) times the outer squares of directions (..., W, 3)."""
+def _weighted_squares(weights: Array, directions: Array) -> Array:
+    """Return sums of weights (..., W) times outer squares of directions (..., W, 3)."""
     return (directions.mT * weights[..., None, :]) @ directions

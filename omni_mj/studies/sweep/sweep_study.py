@@ -16,8 +16,7 @@ import numpy as np
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj import parquet
-from omni_mj.config.rows import Row
-from omni_mj.config.rows import build_rows as rows_of
+from omni_mj.config.rows import Row, build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.files import write_text
 from omni_mj.results.metrics import row_metrics
@@ -68,14 +67,14 @@ class SweepResult:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Content of summary.json."""
-        build_rows = self.rows()
+        table = self.rows()
         return {
             "complete": self.complete,
             "n_shards": len(self.plan.shards),
             "n_done": self.n_done,
-            "points": summarize_points(build_rows, list(self.plan.axes)),
-            "correlations": rank_correlations(build_rows),
-            "worst": worst_runs(build_rows, self.plan, self.folder),
+            "points": summarize_points(table, list(self.plan.axes)),
+            "correlations": rank_correlations(table),
+            "worst": worst_runs(table, self.plan, self.folder),
         }
 
 
@@ -145,11 +144,11 @@ def run_sweep(
         with nullcontext(executor) if executor or jobs == 1 else process_pool(jobs) as workers:
             if workers is None:
                 for shard in missing:
-                    build_rows = run_shard(plan, shard, before_shard(shard))
-                    parquet.write_tables([build_rows], _shard_file(folder, shard))
+                    table = run_shard(plan, shard, before_shard(shard))
+                    parquet.write_tables([table], _shard_file(folder, shard))
             else:
-                for shard, build_rows in run_shards(workers, run_shard, plan, missing, check):
-                    parquet.write_tables([build_rows], _shard_file(folder, shard))
+                for shard, table in run_shards(workers, run_shard, plan, missing, check):
+                    parquet.write_tables([table], _shard_file(folder, shard))
                     before_shard(shard)(plan.frames - 1)
     except StoppedError as error:
         stopped = error.reason
@@ -177,7 +176,7 @@ def create_simulation(plan: SweepPlan, shard: Shard) -> Simulation:
     rows = list[Row]()
     for point, seed in shard.runs:
         scenario = scenarios[point]
-        for row in rows_of(scenario.labels, [seed], scenario.settings_for_seed, scenario.robot):
+        for row in build_rows(scenario.labels, [seed], scenario.settings_for_seed, scenario.robot):
             world = rows[-1].world + (row.slot == 0) if rows else 0
             rows.append(Row(world, row.slot, row.controller, row.seed, row.settings, row.robot))
     return Simulation(scenarios[shard.runs[0][0]], rows=rows)
@@ -264,11 +263,11 @@ def _merge_shards(plan: SweepPlan, folder: Path) -> "pa.Table":
     tables = [parquet.read_table(path) for path in paths if path.exists()]
     if not tables:
         raise OmniError(f"nothing of the sweep in {folder} has been run yet")
-    build_rows = pa.concat_tables(tables, promote_options="permissive")
+    table = pa.concat_tables(tables, promote_options="permissive")
     labels = plan.scenario.labels
-    order = pa.array([labels.index(label) for label in build_rows["controller"].to_pylist()])
+    order = pa.array([labels.index(label) for label in table["controller"].to_pylist()])
     keys = [(name, "ascending") for name in ("point", "order", "seed", "slot")]
-    return build_rows.append_column("order", order).sort_by(keys).drop_columns("order")
+    return table.append_column("order", order).sort_by(keys).drop_columns("order")
 
 
 def _shard_file(folder: Path, shard: Shard) -> Path:

@@ -14,7 +14,7 @@ from omni_mj.results.ramp_response import RESPONSE_FIELDS
 from omni_mj.results.result import Outcome
 from omni_mj.studies.alpha import AlphaResult, AlphaStudy
 from omni_mj.studies.alpha import operating_conditions as conditions
-from omni_mj.studies.identify.robot_logs import read
+from omni_mj.studies.identify.robot_logs import read_logs
 from omni_mj.studies.limit.command_optimizer import optimize_commands
 from omni_mj.studies.limit.deviation_model import DeviationModel
 from omni_mj.studies.limit.iterative_learning import Runs, learn_run
