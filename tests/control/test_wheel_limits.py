@@ -1,4 +1,4 @@
-"""Laws of what wheels can do at once, against forces found wheel by wheel."""
+"""Combined limits of wheels, against forces that are found wheel by wheel."""
 
 import math
 from dataclasses import replace
@@ -14,60 +14,57 @@ from omni_control import OmniError, WheelLimits
 
 
 @given(wheels, vectors, vectors)
-def test_no_forces_give_more(
-    robot: WheelLimits, asked: tuple[float, ...], travel: tuple[float, ...]
+def test_the_largest_feasible_acceleration_needs_all_friction(
+    robot: WheelLimits, acceleration: tuple[float, ...], twist: tuple[float, ...]
 ) -> None:
-    """At so many times the acceleration as forces of single wheels can give at best, the whole friction is needed."""
-    times = solve_max_scale(robot, np.array(asked), np.array(travel))
-    share = robot.compute_friction_utilization(times * np.array([asked]), np.array([travel]))
-    assert share[0] == pytest.approx(1, rel=1e-6)  # of the solver
+    scale = solve_max_scale(robot, np.array(acceleration), np.array(twist))
+    utilization = robot.compute_friction_utilization(
+        scale * np.array([acceleration]), np.array([twist])
+    )
+    assert utilization[0] == pytest.approx(1, rel=1e-6)  # of the solver
 
 
-def test_pushing_needs_what_traction_says_and_turning_all_wheels_alike() -> None:
-    """Without drag: 1 at the traction ahead; and a moment of mu g m arm, of wheels that all slide one way."""
+def test_the_limits_of_driving_forward_and_of_turning_have_closed_forms() -> None:
+    """Without drag, and with a moment of mu m g arm where all wheels slide in one direction."""
     robot = replace(TIGERS, carpet_drag=0.0, roller_friction=0.0)
-    still = np.zeros((1, 3))
-    ahead = compute_max_acceleration(robot.kinematics, 0.45, 0.0, 0.045)
-    assert robot.compute_friction_utilization(np.array([[ahead, 0, 0]]), still)[0] == pytest.approx(
-        1
-    )
-    spun = 0.45 * G * 0.083 / 0.0695**2
-    assert robot.compute_friction_utilization(np.array([[0, 0, spun]]), still)[0] == pytest.approx(
-        1
-    )
+    forward = compute_max_acceleration(robot.kinematics, 0.45, 0.0, 0.045)
+    turning = 0.45 * G * 0.083 / 0.0695**2
+    for acceleration in ([forward, 0, 0], [0, 0, turning]):
+        utilization = robot.compute_friction_utilization(np.array([acceleration]), np.zeros((1, 3)))
+        assert utilization[0] == pytest.approx(1)
 
 
 @given(wheels, st.floats(0.3, 6), st.floats(0.3, 6), st.floats(1, 100))
-def test_what_is_spared_for_all_at_once_is_enough_for_each(
-    robot: WheelLimits, ahead: float, aside: float, turning: float
+def test_the_acceleration_margin_holds_in_all_directions(
+    robot: WheelLimits, forward: float, sideways: float, turning: float
 ) -> None:
-    """Of any acceleration on the ellipse with turning either way, at any travel, whatever it drags."""
-    spare = robot.compute_acceleration_margin(ahead, aside, turning)
+    """For all accelerations on the ellipse, turning to either side, and all directions of drag."""
+    margin = robot.compute_acceleration_margin(forward, sideways, turning)
     angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    x, y = forward * np.cos(angles), sideways * np.sin(angles)
     for sign in (1, -1):
-        asked = spare * np.stack(
-            [ahead * np.cos(angles), aside * np.sin(angles), np.full(48, sign * turning)], axis=1
-        )
-        for way in (
-            np.stack([np.cos(angles + lag), np.sin(angles + lag), 10 * np.cos(lag + 0 * angles)], 1)
-            for lag in range(6)
-        ):
-            assert robot.compute_friction_utilization(asked, way).max() <= 1 + 1e-9
+        acceleration = margin * np.stack([x, y, np.full(48, sign * turning)], axis=1)
+        for phase in range(6):
+            turn_rate = 10 * np.cos(phase + 0 * angles)
+            twist = np.stack([np.cos(angles + phase), np.sin(angles + phase), turn_rate], 1)
+            assert robot.compute_friction_utilization(acceleration, twist).max() <= 1 + 1e-9
 
 
-def test_numbers_that_cannot_be_are_refused() -> None:
-    for name, bad in (
+@pytest.mark.parametrize(
+    ("name", "bad"),
+    [
         ("friction", 0.0),
         ("gyration_radius", -1.0),
         ("max_rim_speed", math.nan),
         ("carpet_drag", -0.1),
-    ):
-        with pytest.raises(OmniError, match=f"the {name.replace('_', ' ')} of wheels must"):
-            replace(TIGERS, **{name: bad})
+    ],
+)
+def test_numbers_out_of_range_are_refused(name: str, bad: float) -> None:
+    with pytest.raises(OmniError, match=f"the {name.replace('_', ' ')} of wheels must"):
+        replace(TIGERS, **{name: bad})
 
 
-def test_wheels_that_cannot_pull_what_drags_them_are_refused() -> None:
-    with pytest.raises(
-        OmniError, match=r"friction 0.2 the wheels cannot overcome drag, which is 1\.\d+ times"
-    ):
+def test_wheels_that_cannot_overcome_drag_are_refused() -> None:
+    message = r"friction 0.2 the wheels cannot overcome drag, which is 1\.\d+ times"
+    with pytest.raises(OmniError, match=message):
         replace(TIGERS, friction=0.2)

@@ -18,8 +18,8 @@ turn that far, is a pattern read backwards. The gate turns it by 180 degrees.
 **Frozen images.** A repeated measurement is accepted as a robot at standstill, unless the apparent
 speed before was above `STANDSTILL_SPEED_M_S`, by motion or by noise. Then only a robot that stops
 dead, measured without any noise, could repeat a measurement bit for bit. The repeated measurement
-is then rejected until it has come `MAX_REPEATS` times, 5 s at 60 Hz. The first different
-measurement is compared with the frozen one at that one's age.
+is then rejected until it has come `MAX_REPEATS` times, 5 s at 60 Hz. The next different measurement
+may be as far away as the robot can have driven since the frozen one was captured.
 
 **Recovery.** Robots are carried away, and an accepted measurement may have been the wrong one. A
 position far away is accepted when it has come `MAX_REJECTIONS` times in a row. If a fraction q of
