@@ -123,7 +123,7 @@ def test_bad_input_is_one_message(
         ([folder, tmp_path / "film.avi"], "the name of a film must end in .gif, .webp"),
         ([folder, "--controller", "p"], "has no controller 'p'; it has flc, comp-flc"),
         ([folder, "--from", 1000], "must be before the film's end"),
-        ([folder, "--size", "1x1"], "--size must be like"),
+        ([folder, "--size", "1x1"], "--size must be WIDTHxHEIGHT"),
     ):
         assert invoke("film", *arguments) == 2
         assert words in capsys.readouterr().err
