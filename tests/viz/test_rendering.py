@@ -68,4 +68,4 @@ def test_an_unknown_tab_is_reported(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert invoke("screenshot", recording, tmp_path / "x.png", "--tab", "wheel") == 2
-    assert "no tab 'wheel'; there are alpha, comp-flc, events" in capsys.readouterr().err
+    assert "no tab 'wheel'; choose from alpha, comp-flc, events" in capsys.readouterr().err
