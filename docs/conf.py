@@ -245,17 +245,12 @@ def _named(rows: Iterable[Sequence[str]]) -> list[list[str]]:
 
 
 def _settings_table(rows: Iterable[Sequence[str]], without_default: str) -> str:
-    """Return settings as a table with the default and its unit in one column."""
+    """Return settings as a table; `without_default` stands for a missing default."""
     cells = [
-        [
-            f"`{name.rpartition('.')[2].strip()}`",
-            f"{default or without_default} {unit}".strip(),
-            allowed,
-            meaning,
-        ]
+        [f"`{name.rpartition('.')[2].strip()}`", default or without_default, unit, allowed, meaning]
         for name, default, unit, allowed, meaning in rows
     ]
-    return _table(["name", "default", "allowed", "meaning"], cells) if cells else ""
+    return _table(["name", "default", "unit", "allowed", "meaning"], cells) if cells else ""
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
