@@ -45,13 +45,13 @@ def save_alpha_figure(result: "AlphaResult", stem: Path) -> None:
     height = 0.4 + CAUSES_IN + CONDITIONS_IN * n_lines
     title = f"Why robots do not reach the commanded speed at once: {PROFILE_TEXT}"
     with plotting.figure_file(stem, title, figsize=(11, height)) as figure:
-        causes, *lines = figure.subfigures(
+        cause_figure, *lines = figure.subfigures(
             1 + n_lines, 1, height_ratios=[CAUSES_IN] + [CONDITIONS_IN] * n_lines, squeeze=False
         )[:, 0]
-        causes.suptitle(
+        cause_figure.suptitle(
             f"Contribution of each cause: {WORN_TEXT} (Shapley values)", x=0.01, ha="left"
         )
-        for axes, name in zip(causes.subplots(1, len(QUANTITIES)), QUANTITIES, strict=True):
+        for axes, name in zip(cause_figure.subplots(1, len(QUANTITIES)), QUANTITIES, strict=True):
             _draw_causes(study, name, axes)
         for i, line in enumerate(lines):
             _draw_conditions(study, names[COLUMNS * i : COLUMNS * (i + 1)], line)

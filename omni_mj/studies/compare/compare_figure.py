@@ -89,14 +89,14 @@ def _maximum_errors(entries: dict[str, Summary], controllers: list[str]) -> Arra
 
 def _write_errors(axes: Axes, errors: Array, ratios: Array, is_privileged: np.ndarray) -> None:
     """Write each error in cm into its cell, the least of a scenario in bold."""
-    least = np.where(is_privileged | np.isnan(errors), np.inf, errors).min(axis=1)
+    lowest_errors = np.where(is_privileged | np.isnan(errors), np.inf, errors).min(axis=1)
     for (i, j), error in np.ndenumerate(errors):
         if np.isfinite(error):
             label = f"{100 * error:.2f}" if error < 0.1 else f"{100 * error:.1f}"
         else:
             label = DASH if np.isnan(error) else "failed"
         is_dark = abs(np.log(ratios[i, j])) > np.log(DARK_RATIO)
-        is_best = error == least[i] < np.inf and not is_privileged[j]
+        is_best = error == lowest_errors[i] < np.inf and not is_privileged[j]
         axes.text(
             j,
             i,
@@ -110,9 +110,9 @@ def _write_errors(axes: Axes, errors: Array, ratios: Array, is_privileged: np.nd
 
 def _title(entries: dict[str, Summary]) -> str:
     """Return the title: what the numbers are, where, and over how many seeds."""
-    places = {describe_plant(entry) for entry in entries.values()}
-    place = f", {places.pop()}" if len(places) == 1 else ""
+    plants = {describe_plant(entry) for entry in entries.values()}
+    plant = f", {plants.pop()}" if len(plants) == 1 else ""
     counts = sorted({len(entry["seeds"]) for entry in entries.values()})
     seeds = " to ".join(map(str, counts))
     over = "one seed" if seeds == "1" else f"mean of {seeds} seeds"
-    return f"Maximum position error in cm{place}, {over}. Bold: least error of the scenario"
+    return f"Maximum position error in cm{plant}, {over}. Bold: least error of the scenario"

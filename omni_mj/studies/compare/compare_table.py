@@ -68,11 +68,11 @@ def _error_matrix(summary: Summary, statistic: str) -> str:
     """
     rows = []
     for scenario, entry in summary["scenarios"].items():
-        cells = {}
+        errors = {}
         for name, result in entry["results"].items():
             failed = f" ({result['n_failed']} failed)" if result["n_failed"] else ""
-            cells[name] = format_mean(result["error_m"]["position"][statistic], 100) + failed
-        rows.append([scenario, *(cells.get(name, DASH) for name in summary["controllers"])])
+            errors[name] = format_mean(result["error_m"]["position"][statistic], 100) + failed
+        rows.append([scenario, *(errors.get(name, DASH) for name in summary["controllers"])])
     labels = [controller_label(summary, name) for name in summary["controllers"]]
     return format_markdown(["", *labels], rows)
 
@@ -91,15 +91,8 @@ def verdict_table(summary: Summary) -> Table:
         for statistic, errors in (entry["verdict"] or {"errors": {}})["errors"].items():
             changes = [_format_change(errors["against"].get(name)) for name in baselines]
             beaten = f"{len(errors['beats'])} of {len(errors['against'])}"
-            rows.append(
-                [
-                    scenario,
-                    STATISTIC_LABELS[statistic],
-                    *changes,
-                    beaten,
-                    errors["best_competitor"] or DASH,
-                ]
-            )
+            best = errors["best_competitor"] or DASH
+            rows.append([scenario, STATISTIC_LABELS[statistic], *changes, beaten, best])
     headings = ["scenario", "error", *(f"vs {name}" for name in baselines)]
     headings += ["beats", "best of the others"]
     return Table(f"Verdicts on {subject}", headings, rows, 2)
@@ -109,8 +102,8 @@ def _verdict_caption(summary: Summary) -> str:
     """Return the sentence that explains the numbers of the verdict table."""
     return (
         f"Position error of {summary['subject']} relative to each other controller's, change in "
-        f"%; {WITHIN_CHANCE} within chance: paired by seed, p above {100 * SIGNIFICANCE_LEVEL:g} % after "
-        "Holm's correction for all verdicts. Privileged controllers are not compared."
+        f"%; {WITHIN_CHANCE} within chance: paired by seed, p above {100 * SIGNIFICANCE_LEVEL:g} % "
+        "after Holm's correction for all verdicts. Privileged controllers are not compared."
     )
 
 

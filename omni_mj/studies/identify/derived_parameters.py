@@ -131,34 +131,34 @@ def find_missing_excitation(twists: Sequence[Array], period: float) -> dict[str,
         [np.hypot(*(t[window:] - t[:-window]).T[:2]) / (window * period) for t in twists]
     )
     speed = np.concatenate([np.hypot(*t[window:].T[:2]) for t in twists])
-    missing = {}
+    reasons = {}
     if np.hypot(*rms[:2]) < MIN_RMS_M_S / 2 and rms[2] < MIN_RMS_RAD_S / 2:
-        missing["motion"] = "the robot does not move"
+        reasons["motion"] = "the robot does not move"
     is_accelerating = (acceleration >= ACCELERATION_M_S2) & (speed >= MOVING_M_S)
     n_samples = min(is_accelerating.sum(), (speed >= FAST_M_S).sum())
     if period * n_samples < MIN_DURATION_S:
         present = [f"{np.quantile(values, 0.99):.2f}" for values in (speed, acceleration)]
-        missing["creep"] = (
+        reasons["creep"] = (
             f"it needs {FAST_M_S:g} m/s and {ACCELERATION_M_S2:g} m/s^2; "
             f"these data hold {present[0]} m/s and {present[1]} m/s^2"
         )
     for i, axis in enumerate(AXES):
         if rms[i] < MIN_RMS_M_S:
-            missing[axis] = f"the robot moves {axis} at {rms[i]:.2f} m/s (rms) only"
+            reasons[axis] = f"the robot moves {axis} at {rms[i]:.2f} m/s (rms) only"
     if rms[2] < MIN_RMS_RAD_S:
-        missing["turning"] = f"the robot turns at {rms[2]:.2f} rad/s (rms) only"
-    return missing
+        reasons["turning"] = f"the robot turns at {rms[2]:.2f} rad/s (rms) only"
+    return reasons
 
 
 def estimate_parameters(
-    fit: Fit, settings: Settings, missing: Mapping[str, str]
+    fit: Fit, settings: Settings, missing_excitation: Mapping[str, str]
 ) -> Iterator[Estimate]:
     """Yield all parameters that depend on the fitted ones, with errors by the delta method.
 
     Args:
         fit: The fit.
         settings: Settings of the start robot.
-        missing: Missing excitations; see `find_missing_excitation`.
+        missing_excitation: Missing excitations; see `find_missing_excitation`.
     """
     by_wheels, free = fit.segments.are_wheels, fit.free
 
@@ -179,7 +179,7 @@ def estimate_parameters(
         size = abs(value) if info.relative else 1.0
         total_error = float(np.hypot(error, info.model_error * size))
         half = fit.quantile * total_error
-        reason = _why_not_identified(fit, name, value, half, missing)
+        reason = _why_not_identified(fit, name, value, half, missing_excitation)
         source = "wheels" if by_wheels else "commands"
         low, high = value - half, value + half
         yield Estimate(name, info.title, info.unit, source, value, total_error, low, high, reason)
@@ -243,7 +243,7 @@ def derive_parameters(
 
 
 def _why_not_identified(
-    fit: Fit, name: str, value: float, half: float, missing: Mapping[str, str]
+    fit: Fit, name: str, value: float, half: float, missing_excitation: Mapping[str, str]
 ) -> str | None:
     """Return the reason why a parameter is not identified, or None.
 
@@ -252,12 +252,12 @@ def _why_not_identified(
         name: Name of the parameter.
         value: Its value.
         half: Half width of its 95 % interval.
-        missing: Missing excitations.
+        missing_excitation: Missing excitations.
     """
     info = PARAMETERS[name]
     for excitation in info.excitation.split():
-        if excitation in missing:
-            return missing[excitation]
+        if excitation in missing_excitation:
+            return missing_excitation[excitation]
     if reason := _model_failure(fit):
         return reason
     is_creep_at_bound = "creep" in name and "creep_compliance" in fit.at_bound

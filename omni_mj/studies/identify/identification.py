@@ -170,8 +170,8 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
     dynamics = RobotDynamics.from_settings(settings)
     twists, delays = _check_logs(logs, source, settings.wheels.kinematics)
     segments = cut_segments(logs, [log.inputs[source] for log in logs], by_wheels)
-    missing = find_missing_excitation(twists, segments.period)
-    if "motion" in missing:
+    missing_excitation = find_missing_excitation(twists, segments.period)
+    if "motion" in missing_excitation:
         result.notes.append(
             f"{source}: the robot does not move; nothing is identified from its motion"
         )
@@ -183,15 +183,15 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
         start[LATENCY] = max(start[LATENCY] - lag, MIN_LATENCY_S)
     free = [LATENCY, "scale", *(["arm"] if by_wheels else ["compliance_s", "dry_friction_m_s"])]
     free.append("heading_offset_rad")
-    if not by_wheels and "turning" not in missing:
+    if not by_wheels and "turning" not in missing_excitation:
         free.append("turn_rate_gain")
-    free += _prepare_contacts(result.fits.get("wheels"), start, "creep" in missing)
+    free += _prepare_contacts(result.fits.get("wheels"), start, "creep" in missing_excitation)
     fit = fit_inliers(dynamics, segments, start, free)
     _note_outliers(result, source, segments, fit)
     if by_wheels and "creep_compliance" in free:
-        fit = _apply_radius_prior(fit, result.notes)
+        fit = _apply_radius_prior(result, fit)
     result.fits[source] = fit
-    for estimate in estimate_parameters(fit, settings, missing):
+    for estimate in estimate_parameters(fit, settings, missing_excitation):
         result.estimates[f"{source}.{estimate.name}"] = estimate
 
 
@@ -250,7 +250,7 @@ def _note_outliers(
         )
 
 
-def _apply_radius_prior(fit: Fit, notes: list[str]) -> Fit:
+def _apply_radius_prior(result: IdentificationResult, fit: Fit) -> Fit:
     """Condition a fit on the wheel radius of the robot's file, unless the data contradict it.
 
     Drag lowers the speed through creep, as a smaller radius does. Data determine only the sum of
@@ -260,7 +260,7 @@ def _apply_radius_prior(fit: Fit, notes: list[str]) -> Fit:
     scale, variance = fit.parameters["scale"], fit.covariance[i, i]
     if abs(scale - 1) > max(MAX_RADIUS_SIGMAS * variance**0.5, MAX_RADIUS_DEVIATION):
         deviation = f"{100 * (scale - 1):+.1f} +- {100 * variance**0.5:.1f} %"
-        notes.append(f"wheels: their radius is not that of the robot's file: {deviation}")
+        result.notes.append(f"wheels: their radius is not that of the robot's file: {deviation}")
         return fit
     gain = fit.covariance[i] / (variance + RADIUS_ERROR**2)
     parameters = fit.parameters | {

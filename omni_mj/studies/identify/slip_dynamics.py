@@ -330,8 +330,8 @@ def _integrate_step(
     impulse = h * np.linalg.solve(mass, force[..., None])[..., 0]
     upper = unit + 0.5 * x
     change = _apply(upper, impulse)
-    travel = h * _apply(upper, start) + 0.5 * h * (2 * change - impulse)
-    solution = np.linalg.solve(unit + x @ upper, np.stack([start + change, travel], -1))
+    rhs_displacement = h * _apply(upper, start) + 0.5 * h * (2 * change - impulse)
+    solution = np.linalg.solve(unit + x @ upper, np.stack([start + change, rhs_displacement], -1))
     end, displacement = np.moveaxis(solution, -1, 0)
     return end, displacement
 

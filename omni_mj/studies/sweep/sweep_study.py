@@ -139,15 +139,15 @@ def run_sweep(
     folder, stopped = Path(out), None
     plan.check(jobs)
     _prepare_folder(plan, folder)
-    missing = remaining_shards(plan, folder)
+    remaining = remaining_shards(plan, folder)
     try:
         with nullcontext(executor) if executor or jobs == 1 else process_pool(jobs) as workers:
             if workers is None:
-                for shard in missing:
+                for shard in remaining:
                     table = run_shard(plan, shard, before_shard(shard))
                     parquet.write_tables([table], _shard_file(folder, shard))
             else:
-                for shard, table in run_shards(workers, run_shard, plan, missing, check):
+                for shard, table in run_shards(workers, run_shard, plan, remaining, check):
                     parquet.write_tables([table], _shard_file(folder, shard))
                     before_shard(shard)(plan.frames - 1)
     except StoppedError as error:
@@ -207,7 +207,7 @@ def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_fr
     points = np.repeat([point for point, _ in shard.runs], rows_per_run).astype(np.int32)
     failures = {failure.row: failure for failure in simulation.failures}
     failed_at_s = [failures[i].time_s if i in failures else np.nan for i in range(len(rows))]
-    causes = [failures[i].cause if i in failures else None for i in range(len(rows))]
+    failure_causes = [failures[i].cause if i in failures else None for i in range(len(rows))]
     columns: dict[str, object] = {"point": points}
     columns |= {name: [plan.points[point][name] for point in points] for name in plan.axes}
     columns |= {
@@ -215,7 +215,7 @@ def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_fr
         "seed": np.array([row.seed for row in rows], np.int64),
         "slot": np.array([row.slot for row in rows], np.int32),
         "failed_at_s": failed_at_s,
-        "cause": pa.array(causes, pa.string()),
+        "cause": pa.array(failure_causes, pa.string()),
     }
     for name in sorted(set(plan.scenario.distributions) - set(plan.points[0])):
         columns[name] = [attrgetter(name)(row.settings) for row in rows]
