@@ -1,4 +1,4 @@
-"""The plants: equation 7 in closed form, and what both plants promise."""
+"""The plants: equation 7 in closed form, and properties of both plants."""
 
 import math
 
@@ -55,7 +55,7 @@ def test_alpha_is_uniform_between_its_bounds_and_new_in_every_frame_and_axis() -
     assert np.abs(np.corrcoef(alpha.T)[np.triu_indices(3, 1)]).max() < SIGMAS / math.sqrt(frames)
 
 
-def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
+def test_the_disturbance_is_uniform_with_the_set_amplitude() -> None:
     frames, amplitude = 5000, 0.1
     settings = with_settings(disturbance={"velocity_m_s": amplitude})
     poses = drive(
@@ -79,46 +79,45 @@ def test_disturbance_is_uniform_with_the_amplitude_asked_for() -> None:
 
 
 @pytest.mark.parametrize("kind", [KinematicPlant, MujocoPlant])
-def test_poses_and_twists_handed_out_do_not_change_afterwards(
+def test_returned_poses_and_twists_do_not_change_afterwards(
     kind: type[KinematicPlant] | type[MujocoPlant],
 ) -> None:
     plant = kind(rows([Settings()]), np.zeros((1, 3)))
     pose, twist = plant.pose(), plant.twist()
     plant.advance(ReceivedCommand.without_delay(np.ones((1, 3)), np.zeros(1)))
     plant.advance(ReceivedCommand.without_delay(np.ones((1, 3)), np.zeros(1)))
-    for before, after in ((pose, plant.pose()), (twist, plant.twist())):
-        assert (before == 0).all()
-        assert (after != 0).all()
+    for old, new in ((pose, plant.pose()), (twist, plant.twist())):
+        assert (old == 0).all()
+        assert (new != 0).all()
 
 
 def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
-    """Integrated, the twist of a robot that turns and curves is the way that it went, on whatever heading."""
+    """The integral of the twist of a turning robot is its displacement, for any start heading."""
     frames, start = 60, np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 2.5]])
     plant = plant_of([noiseless()] * 2, start)
     np.testing.assert_array_equal(plant.twist(), np.zeros((2, 3)))
-    way = np.zeros((2, 3))
+    integral = np.zeros((2, 3))
     for frame in range(frames):
-        before = plant.twist()
+        old_twist = plant.twist()
         plant.advance(
             ReceivedCommand.without_delay(
                 np.tile([0.5 + 0.3 * math.sin(frame / 10), 0.5, 3.0], (2, 1))
             )
         )
-        way += (before + plant.twist()) / 2 * FRAME_S
-    moved = plant.pose() - start
-    # The trapezoidal rule over frames: 1 % of the way for what rollers and encoder counts shake
-    # within a frame.
-    assert (np.abs(way - moved) < 0.01 * np.abs(moved)).all()
-    assert (np.abs(moved) > 0.3).all()
+        integral += (old_twist + plant.twist()) / 2 * FRAME_S
+    displacement = plant.pose() - start
+    # Trapezoidal rule over frames: rollers and encoder counts vibrate within a frame by 1 %.
+    assert (np.abs(integral - displacement) < 0.01 * np.abs(displacement)).all()
+    assert (np.abs(displacement) > 0.3).all()
 
 
-def test_telemetry_handed_out_does_not_change_afterwards() -> None:
+def test_returned_telemetry_does_not_change_afterwards() -> None:
     plant = plant_of([Settings()])
     plant.advance(ReceivedCommand.without_delay(0.1 * np.ones((1, 3)), np.zeros(1)))
     telemetry = plant.telemetry()
-    before = telemetry.columns.copy()
+    columns = telemetry.columns.copy()
     plant.advance(ReceivedCommand.without_delay(-np.ones((1, 3)), np.zeros(1)))
-    later = plant.telemetry()
-    np.testing.assert_array_equal(telemetry.columns, before)
+    new_telemetry = plant.telemetry()
+    np.testing.assert_array_equal(telemetry.columns, columns)
     for name in TELEMETRY_NAMES:
-        assert (getattr(telemetry, name) != getattr(later, name)).any(), name
+        assert (getattr(telemetry, name) != getattr(new_telemetry, name)).any(), name
