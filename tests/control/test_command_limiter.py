@@ -1,4 +1,4 @@
-"""Limits of commands: speed and change per frame hold for any input, and nothing else is changed."""
+"""Limits of commands: speed and change per frame hold for any input, and nothing else changes."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Laws of timed references along curves: on the curve, within the limits, from rest to rest, as fast as can be."""
+"""Timed references along curves: on the curve, within the limits, and as fast as these allow."""
 
 import math
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from scipy.integrate import quad, solve_ivp
 
 from omni_control import MotionLimits
 
-FREE = 1e6  # a limit that never counts
+UNLIMITED = 1e6
 shapes = st.sampled_from(list(CURVES))
 sizes = st.tuples(st.floats(0.5, 6), st.floats(0.5, 6))
 
@@ -22,22 +22,22 @@ sizes = st.tuples(st.floats(0.5, 6), st.floats(0.5, 6))
 def drive(
     shape: str, size: tuple[float, float], limit: MotionLimits, laps: int = 1, tangent: bool = False
 ) -> Array:
-    """Poses (frames, 3)."""
+    """Return the poses (frames, 3) of a reference along a curve."""
     return CurveReference(CURVES[shape](*size), limit, T, laps, tangent).poses
 
 
-# --- where ---
+# --- path ---
 
 
 @given(shapes, sizes, limits, st.integers(1, 3))
 def test_every_pose_is_on_the_curve(
     shape: str, size: tuple[float, float], limit: MotionLimits, laps: int
 ) -> None:
-    """The curve's equation without its parameter holds: an ellipse, and the quartic of Gerono's lemniscate."""
+    """The implicit equations hold: of an ellipse, and the quartic of Gerono's lemniscate."""
     poses = drive(shape, size, limit, laps)
     x, y = 2 * poses[:, 0] / size[0], 2 * poses[:, 1] / size[1]
     equation = {"circle": x**2 + y**2 - 1, "figure-eight": y**2 - 4 * x**2 * (1 - x**2)}
-    # Up to three laps' parameter is rounded at 4e-15, and so are the terms.
+    # The parameter of up to three laps rounds at 4e-15, and so do the terms.
     np.testing.assert_allclose(equation[shape], 0, rtol=0, atol=1e-13)
 
 
@@ -45,7 +45,7 @@ def test_every_pose_is_on_the_curve(
 def test_the_heading_follows_the_path(
     shape: str, size: tuple[float, float], limit: MotionLimits, laps: int
 ) -> None:
-    """Square to the gradient of the curve's equation, and ahead; a circle turns once a lap, an eight not at all."""
+    """It is normal to the gradient of the curve's equation. A lap of a circle turns once."""
     poses = drive(shape, size, limit, laps, tangent=True)
     facing = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     x, y = 2 * poses[:, 0] / size[0], 2 * poses[:, 1] / size[1]
@@ -62,20 +62,20 @@ def test_the_heading_follows_the_path(
     assert (drive(shape, size, limit, laps)[:, 2] == 0).all()
 
 
-# --- how fast ---
+# --- timing ---
 
 
 @settings(max_examples=12)
 @given(curves, limits | smooth_limits, st.integers(1, 2), st.booleans())
-def test_a_drive_keeps_its_limits(
+def test_a_reference_keeps_its_limits(
     curve: Curve, limit: MotionLimits, laps: int, tangent: bool
 ) -> None:
-    """Along and across the path, with the ellipse and without, facing ahead or along it, whatever limit counts."""
+    """With the ellipse and without, facing forward or along the path, whatever limit is active."""
     assert_keeps(CurveReference(curve, limit, T, laps, tangent).poses, limit)
 
 
 def assert_takes(poses: Array, seconds: float, tolerance: float) -> None:
-    """As long as the fastest possible, rounded up to whole frames, where what cells leave may cost another."""
+    """Assert the fastest possible time, rounded up to whole frames, and one more for the cells."""
     frames = len(poses) - 1
     assert seconds * (1 - tolerance) <= frames * T <= seconds * (1 + tolerance) + 2 * T
 
@@ -84,34 +84,29 @@ def assert_takes(poses: Array, seconds: float, tolerance: float) -> None:
 def test_a_circle_takes_the_closed_form_time(
     radius: float, speed: float, acceleration: float, laps: int
 ) -> None:
-    """Speeding up on a circle, v^2 = a r sin(2 s / r), until that is at its top or v at its limit; then uniform."""
+    """On a circle v^2 = a r sin(2 s / r) up to its limit or that of v, then v is constant."""
     end = math.asin(min(1, speed**2 / (acceleration * radius)))
-    ramp = (
-        math.sqrt(radius / acceleration)
-        / 2
-        * quad(lambda angle: math.sin(angle) ** -0.5, 0, end)[0]
-    )
+    integral = quad(lambda angle: math.sin(angle) ** -0.5, 0, end)[0]
+    ramp = math.sqrt(radius / acceleration) / 2 * integral
     rest = 2 * math.pi * radius * laps - 2 * radius * end / 2
     top = min(speed, math.sqrt(acceleration * radius))
-    # Both ramps are made of whole cells of 1/1000 lap: if one ends within its first, that takes up
-    # to twice its time.
+    # Ramps consist of whole cells of 1/1000 lap. A ramp that ends in its first cell takes up to
+    # twice its time.
     poses = drive("circle", (2 * radius, 2 * radius), MotionLimits(speed, acceleration), laps)
     assert_takes(poses, 2 * ramp + rest / top, 2e-3)
 
 
-def geometry(
-    shape: str, size: tuple[float, float]
-) -> Callable[[Array], tuple[Array, Array, Array]]:
-    """Metres per parameter, signed curvature (1/m) and bearing (rad) of the curves, written out from x and y."""
+def make_geometry(shape: str, size: tuple[float, float]) -> Callable[[Array], tuple[Array, Array]]:
+    """Return the function from parameters to meters per parameter and signed curvature (1/m)."""
     a, b = size[0] / 2, size[1] / 2
     m, shift = {"circle": (1, -np.pi / 2), "figure-eight": (2, 0.0)}[shape]
 
-    def at(u: Array) -> tuple[Array, Array, Array]:
+    def measure(u: Array) -> tuple[Array, Array]:
         x1, y1 = a * np.cos(u), m * b * np.cos(m * u + shift)
         x2, y2 = -a * np.sin(u), -m * m * b * np.sin(m * u + shift)
-        return np.hypot(x1, y1), (x1 * y2 - y1 * x2) / np.hypot(x1, y1) ** 3, np.arctan2(y1, x1)
+        return np.hypot(x1, y1), (x1 * y2 - y1 * x2) / np.hypot(x1, y1) ** 3
 
-    return at
+    return measure
 
 
 @pytest.mark.parametrize(
@@ -124,13 +119,16 @@ def geometry(
     ],
 )
 def test_a_curve_takes_the_time_of_the_phase_plane(shape: str, size: tuple[float, float]) -> None:
-    """The lowest of the curves z' = +-2 sqrt(a^2 - k^2 z^2) from both ends and every peak of the curvature k."""
+    """The fastest is the lowest solution of z' = +-2 sqrt(a^2 - k^2 z^2), with curvature k.
+
+    Solutions start from both ends and from every peak of the curvature.
+    """
     acceleration = 3.0
-    at = geometry(shape, size)
+    measure = make_geometry(shape, size)
 
     def steepest(u: float, z: Array) -> Array:
-        metres, k, _ = at(np.array(u))
-        return 2 * metres * np.sqrt(np.maximum(acceleration**2 - (k * z) ** 2, 0))
+        meters, k = measure(np.array(u))
+        return 2 * meters * np.sqrt(np.maximum(acceleration**2 - (k * z) ** 2, 0))
 
     def solve(start: float, end: float, z: float) -> Callable[[Array], Array]:
         sign = np.sign(end - start)
@@ -145,26 +143,25 @@ def test_a_curve_takes_the_time_of_the_phase_plane(shape: str, size: tuple[float
         return lambda u: solution.sol(u)[0]
 
     grid = np.linspace(0, 2 * np.pi, 20001)
-    bend = np.abs(at(grid)[1])
+    curvature = np.abs(measure(grid)[1])
     peaks = [
-        *grid[1:-1][(bend[1:-1] >= bend[:-2]) & (bend[1:-1] > bend[2:])],
-        *([0.0] if bend[0] > bend[1] else []),
+        *([0.0] if curvature[0] > curvature[1] else []),
+        *grid[1:-1][(curvature[1:-1] >= curvature[:-2]) & (curvature[1:-1] > curvature[2:])],
     ]
     forwards, backwards = [(0.0, solve(0, 2 * np.pi, 0.0))], [(2 * np.pi, solve(2 * np.pi, 0, 0.0))]
     for peak in peaks:
-        top = acceleration / float(np.abs(at(np.array(peak))[1]))
+        top = acceleration / float(np.abs(measure(np.array(peak))[1]))
         if peak > 0:
             forwards.append((peak, solve(peak, 2 * np.pi, top)))
             backwards.append((peak, solve(peak, 0, top)))
 
     def slowness(u: float) -> float:
-        bounds = [f(u) for start, f in forwards if u >= start] + [
-            f(u) for start, f in backwards if u <= start
-        ]
-        return float(at(np.array(u))[0] / math.sqrt(min(bounds)))
+        z = [solution(u) for start, solution in forwards if u >= start]
+        z += [solution(u) for start, solution in backwards if u <= start]
+        return float(measure(np.array(u))[0] / math.sqrt(min(z)))
 
     corners = np.linspace(0, 2 * np.pi, 33)
-    # Steps and sums ten times as fine change it by 1e-6 of it.
+    # Ten times finer steps and sums change the result by a fraction of 1e-6.
     fastest = sum(quad(slowness, u, v, epsrel=1e-4)[0] for u, v in pairwise(corners))
-    poses = drive(shape, size, MotionLimits(FREE, acceleration))
+    poses = drive(shape, size, MotionLimits(UNLIMITED, acceleration))
     assert_takes(poses, fastest, 1e-3)

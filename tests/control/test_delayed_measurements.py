@@ -16,7 +16,8 @@ def estimate(measured: Array, displacement: Array, start: Array, age: Array) -> 
     The ages are (frames, n).
     """
     model = TeamModel(T, 0, lag_s=0.0, position_noise_m=NOISE[0], heading_noise_rad=NOISE[2])
-    team, poses, twists = Team(Controller(model, None, len(start)), start), [], []  # type: ignore[arg-type]
+    controller = Controller(model, None, len(start))  # type: ignore[arg-type]
+    team, poses, twists = Team(controller, start), [], []
     for k, (pose, frame_age) in enumerate(zip(measured, age, strict=True)):
         observation = team.observe(pose, measurement_age=frame_age)
         poses.append(observation.pose)

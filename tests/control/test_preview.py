@@ -1,4 +1,4 @@
-"""Previews: the answers that a reference will give to robots that follow it, without side effects."""
+"""Previews: what a reference will answer robots that follow it, without side effects."""
 
 import numpy as np
 from benches.control import Array

@@ -105,7 +105,7 @@ def identify(robots: CreepingPlant, frames: int, rest_frames: int = 0) -> RobotE
 
 
 def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
-    """Errors of robots unlike the model are within 2.5 of the filter's standard deviations (rms)."""
+    """Errors are within 2.5 of the filter's standard deviations (rms) for a wrong model."""
     alpha = 0.98, 0.92, 0.95
     robots = CreepingPlant(np.zeros((20, 3)), delay=7, creep=0.075, lag=0.025, alpha=alpha)
     ekf = identify(robots, 480)

@@ -1,4 +1,4 @@
-"""Laws of references that stay within what wheels can do at once, and are as fast as that allows."""
+"""References within the combined limits of wheels: limits kept, and as fast as these allow."""
 
 import math
 from dataclasses import replace
@@ -22,47 +22,36 @@ from scipy.optimize import linprog
 
 from omni_control import CURVES, CurveReference, MotionLimits, TimedReference, WheelLimits
 
-# --- references within it ---
+# --- limits are kept ---
 
 
-def differences(poses: Array) -> tuple[Array, Array, Array]:
-    """Rims' speeds (frames, wheels) per rim, and body accelerations and mean travel (frames, 3), of sampled poses."""
+def rotate(vectors: Array, angle: Array) -> Array:
+    """Return vectors (n, 3) whose translation is rotated by angles (n,)."""
+    z = (vectors[:, 0] + 1j * vectors[:, 1]) * np.exp(1j * angle)
+    return np.stack([z.real, z.imag, vectors[:, 2]], axis=1)
+
+
+def assert_keeps_wheel_limits(robot: WheelLimits, poses: Array) -> None:
+    """Assert it for differences of poses (frames, 3) with rest at both ends."""
     velocity = np.pad(np.diff(poses, axis=0) / T, ((1, 1), (0, 0)))
-    turned = np.exp(-1j * poses[:, 2])
-
-    def body(rows: Array, by: Array) -> Array:
-        z = (rows[:, 0] + 1j * rows[:, 1]) * by
-        return np.stack([z.real, z.imag, rows[:, 2]], axis=1)
-
-    halfway = np.exp(-0.5j * (poses[1:, 2] + poses[:-1, 2]))
-    rolling = body(velocity[1:-1], halfway)
-    return (
-        rolling,
-        body(np.diff(velocity, axis=0) / T, turned),
-        body((velocity[1:] + velocity[:-1]) / 2, turned),
-    )
-
-
-def assert_within(robot: WheelLimits, poses: Array) -> None:
-    rolling, asked, travel = differences(poses)
-    # A snap of a nm at a way-point is 4e-6 m/s^2, of 3 at least that friction gives.
-    assert robot.compute_friction_utilization(asked, travel).max() <= 1 + 1e-5
-    rims = rolling @ [
-        -np.sin(robot.kinematics.azimuths),
-        np.cos(robot.kinematics.azimuths),
-        [robot.kinematics.arm] * 4,
-    ]
-    assert np.abs(rims).max(initial=0) <= robot.max_rim_speed * (1 + 1e-6)
+    heading = poses[:, 2]
+    acceleration = rotate(np.diff(velocity, axis=0) / T, -heading)
+    twist = rotate((velocity[1:] + velocity[:-1]) / 2, -heading)
+    # A snap of a nm at a way-point is 4e-6 m/s^2, of at least 3 that friction gives.
+    assert robot.compute_friction_utilization(acceleration, twist).max() <= 1 + 1e-5
+    azimuths, arm = robot.kinematics.azimuths, robot.kinematics.arm
+    rims = [-np.sin(azimuths), np.cos(azimuths), [arm] * 4]
+    rim_speed = np.abs(rotate(velocity[1:-1], -(heading[1:] + heading[:-1]) / 2) @ rims)
+    assert rim_speed.max(initial=0) <= robot.max_rim_speed * (1 + 1e-6)
 
 
 @settings(max_examples=12)
 @given(paths, limits | smooth_limits, wheels, st.integers(0, 2))
-def test_a_way_stays_within_what_wheels_can(
+def test_a_path_keeps_wheel_limits_and_all_others(
     path: list[tuple[float, ...]], limit: MotionLimits, robot: WheelLimits, dwell: int
 ) -> None:
-    """And within all other limits, of which none is given up for it."""
     reference = TimedReference(path, replace(limit, wheels=robot), T, dwell)
-    assert_within(robot, reference.poses)
+    assert_keeps_wheel_limits(robot, reference.poses)
     assert limit.compute_time_scale(reference.poses, T) <= 1 + 1e-5
 
 
@@ -70,77 +59,79 @@ def test_a_way_stays_within_what_wheels_can(
 @given(
     st.sampled_from(list(CURVES)), st.floats(0.7, 1), limits | smooth_limits, wheels, st.booleans()
 )
-def test_a_curve_stays_within_what_wheels_can(
+def test_a_curve_keeps_wheel_limits_and_all_others(
     shape: str, length: float, limit: MotionLimits, robot: WheelLimits, tangent: bool
 ) -> None:
-    reference = CurveReference(
-        CURVES[shape](length, 1.0), replace(limit, wheels=robot), T, 1, tangent
-    )
-    assert_within(robot, reference.poses)
+    curve = CURVES[shape](length, 1.0)
+    reference = CurveReference(curve, replace(limit, wheels=robot), T, 1, tangent)
+    assert_keeps_wheel_limits(robot, reference.poses)
     assert limit.compute_time_scale(reference.poses, T) <= 1 + 1e-8
 
 
-# --- as fast as that allows ---
+# --- as fast as the limits allow ---
 
 
-def most_along(
-    robot: WheelLimits, gain: Array, offset: Array, travel: Array, top: Array, worth: Array
-) -> Array:
-    """What x (n,), from 0 to `top`, is worth most, if body accelerations of each cell come from forces of its wheels.
+def solve_max_sum(robot: WheelLimits, per_z: Array, twist: Array, max_z: Array) -> Array:
+    """Return z (n,) with the largest sum, from 0 to `max_z`, that forces of the wheels allow.
 
-    These are [ax, ay, b] = gain (cells, 3, n) times x, plus offset (cells, 3).
+    Args:
+        robot: Limits of the wheels.
+        per_z: Body accelerations [ax, ay, b] in each cell per z, (cells, 3, n).
+        twist: Body twists in each cell, (cells, 3).
+        max_z: Upper bounds (n,).
     """
-    cells, scale = len(gain), np.array([1, 1, robot.gyration_radius**2])
-    (standing, shifting), spoke = compute_loads(robot), np.exp(1j * robot.kinematics.azimuths)
+    (cells, _, n), scale = per_z.shape, np.array([1, 1, robot.gyration_radius**2])
+    (static_load, transfer), axle = compute_loads(robot), np.exp(1j * robot.kinematics.azimuths)
     grip = math.sqrt(robot.friction**2 - robot.roller_friction**2)
-    gives = np.array([(1j * spoke).real, (1j * spoke).imag, np.full(4, robot.kinematics.arm)])
-    drags = np.array(
-        [compute_drag(robot, way) if np.abs(way).max() > 1e-9 else np.zeros(3) for way in travel]
+    rims = np.array([(1j * axle).real, (1j * axle).imag, np.full(4, robot.kinematics.arm)])
+    drag = [compute_drag(robot, v) if np.abs(v).max() > 1e-9 else np.zeros(3) for v in twist]
+    gained = -grip * np.einsum("wx,cxn->cwn", transfer, per_z[:, :2]).reshape(4 * cells, n)
+    forces = np.kron(np.eye(cells), rims)
+    result = linprog(
+        np.concatenate([np.zeros(4 * cells), -np.ones(n)]),
+        np.block([[sign * np.eye(4 * cells), gained] for sign in (1, -1)]),
+        np.tile(grip * static_load, 2 * cells),
+        np.hstack([forces, -(per_z * scale[:, None]).reshape(3 * cells, n)]),
+        -np.ravel(drag),
+        bounds=[(None, None)] * (4 * cells) + [(0, bound) for bound in max_z],
     )
-    n = gain.shape[-1]
-    shifts = -grip * np.einsum("wx,cxn->cwn", shifting, gain[:, :2]).reshape(4 * cells, n)
-    borne = np.tile(grip * (standing + offset[:, :2] @ shifting.T).ravel(), 2)
-    found = linprog(
-        np.concatenate([np.zeros(4 * cells), -worth]),
-        np.block([[sign * np.eye(4 * cells), shifts] for sign in (1, -1)]),
-        borne,
-        np.hstack([np.kron(np.eye(cells), gives), -(gain * scale[:, None]).reshape(3 * cells, n)]),
-        (offset * scale - drags).ravel(),
-        bounds=[(None, None)] * (4 * cells) + [(0, each) for each in top],
-    )
-    return found.x[4 * cells :] if found.success else np.zeros(n)
+    return result.x[4 * cells :] if result.success else np.zeros(n)
 
 
-@pytest.mark.parametrize(("tangent", "slower"), [(True, 0.006), (False, 0.015)])
-def test_a_curve_takes_the_time_of_a_linear_program(tangent: bool, slower: float) -> None:
-    """In z = v^2 forces and accelerations are linear; the most z everywhere is the least time. Cells of 1/150 lap."""
-    eight, cells = CURVES["figure-eight"](2.0, 1.0), 150
-    u = np.linspace(0, 2 * np.pi, cells + 1)
+@pytest.mark.parametrize(("tangent", "tolerance"), [(True, 0.006), (False, 0.015)])
+def test_a_curve_takes_the_time_of_a_linear_program(tangent: bool, tolerance: float) -> None:
+    """Forces and accelerations are linear in z = v^2; the highest z everywhere is the fastest.
+
+    The program has cells of 1/150 lap.
+    """
+    eight, n = CURVES["figure-eight"](2.0, 1.0), 150
+    u = np.linspace(0, 2 * np.pi, n + 1)
     middle = (u[1:] + u[:-1]) / 2
 
-    def derivative(at: Array, order: int) -> Array:
+    def differentiate(at: Array, order: int) -> Array:
         return eight(at, order) @ [1, 1j]
 
-    def curvature(at: Array) -> Array:
-        first = derivative(at, 1)
-        return (first.conj() * derivative(at, 2)).imag / np.abs(first) ** 3
+    def compute_curvature(at: Array) -> Array:
+        velocity = differentiate(at, 1)
+        return (velocity.conj() * differentiate(at, 2)).imag / np.abs(velocity) ** 3
 
-    first = derivative(middle, 1)
-    step, bend, growth = np.abs(first) * u[1], curvature(middle), np.diff(curvature(u))
-    ahead = np.ones(cells) + 0j if tangent else first / np.abs(first)
-    mean = (np.eye(cells, cells + 1) + np.eye(cells, cells + 1, 1)) / 2
-    along = np.diff(np.eye(cells + 1), axis=0) / (2 * step[:, None])  # z'/2
-    across = bend[:, None] * mean
-    turn = (bend[:, None] * along + (growth / step)[:, None] * mean) * tangent
-    x, y = ahead.real[:, None], ahead.imag[:, None]
-    gain = np.stack([x * along - y * across, y * along + x * across, turn], axis=1)
-    travel = np.stack([ahead.real, ahead.imag, bend * tangent], axis=1)
-    top = np.full(cells + 1, 9.0)
-    top[[0, -1]] = 0
-    z = most_along(TIGERS, gain, np.zeros((cells, 3)), travel, top, np.ones(cells + 1))
+    velocity = differentiate(middle, 1)
+    step, curvature = np.abs(velocity) * u[1], compute_curvature(middle)[:, None]
+    curvature_slope = (np.diff(compute_curvature(u)) / step)[:, None]
+    direction = np.ones(n) + 0j if tangent else velocity / np.abs(velocity)
+    x, y = direction.real[:, None], direction.imag[:, None]
+    mean = (np.eye(n, n + 1) + np.eye(n, n + 1, 1)) / 2
+    forward = np.diff(np.eye(n + 1), axis=0) / (2 * step[:, None])  # z'/2
+    lateral = curvature * mean
+    turning = (curvature * forward + curvature_slope * mean) * tangent
+    per_z = np.stack([x * forward - y * lateral, y * forward + x * lateral, turning], axis=1)
+    twist = np.hstack([x, y, curvature * tangent])
+    max_z = np.full(n + 1, 9.0)
+    max_z[[0, -1]] = 0
+    z = solve_max_sum(TIGERS, per_z, twist, max_z)
     fastest = (2 * step / (np.sqrt(z[1:]) + np.sqrt(z[:-1]))).sum() / T
     limit = MotionLimits(3.0, 8.0, 20.0, 200.0, wheels=TIGERS)
     frames = CurveReference(eight, limit, T, 1, tangent).frames - 1
-    # What rollers' bearings drag jumps where a path crosses an axle, and is taken as the worse one
-    # nearby.
-    assert fastest * (1 - 0.003) <= frames <= fastest * (1 + slower) + 2
+    # The friction of the rollers' bearings changes sign where a path crosses an axle. The reference
+    # takes the higher drag of neighboring cells.
+    assert fastest * (1 - 0.003) <= frames <= fastest * (1 + tolerance) + 2
