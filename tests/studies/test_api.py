@@ -26,7 +26,7 @@ sim = om.Simulation(rect, ["comp-flc"]); sim.reset(seed=0); sim.observe(); sim.s
 """
 
 
-def test_the_lines_run_as_printed(
+def test_documented_example_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """And are a user's own law: of Mine the command wanted is kept to, the controllers share the seeds' noise."""
@@ -47,7 +47,7 @@ def test_the_lines_run_as_printed(
     np.testing.assert_allclose(seen[:half], seen[half:], atol=1e-12)
 
 
-def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
+def test_public_names_are_not_replaced_by_modules() -> None:
     """Whatever submodule is imported; and what is not there is said as of any module."""
     assert len(dir(om)) <= 17
     for module in (
@@ -81,7 +81,7 @@ def test_names_at_the_top_are_few_and_stay_what_they_are() -> None:
     assert done.stdout.split() == ["run", "omni_mj.studies.run_scenario"]
 
 
-def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
+def test_subject_gets_a_verdict_and_a_raising_controller_fails_alone() -> None:
     """Its row is kept with time and cause; the other's numbers are those it has alone."""
 
     class Late(om.Controller):
@@ -107,20 +107,20 @@ def test_a_subject_is_judged_and_a_controller_that_raises_fails_alone() -> None:
     assert "Late (failed 2 of 2)" in both.table()
 
 
-def test_a_number_of_seeds_counts_from_zero() -> None:
+def test_a_number_of_seeds_starts_at_zero() -> None:
     short = om.load_scenario(
         "rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]}, seed=5
     )
     assert om.run(short, ["flc"], 2).seeds == [0, 1]
 
 
-def test_seeds_that_no_scenario_could_repeat_are_refused() -> None:
+def test_seeds_that_are_not_consecutive_are_rejected() -> None:
     for seeds in ([3, 7], [], [2, 1]):
         with pytest.raises(om.OmniError, match="count up one by one"):
             om.run("rect", ["comp-flc"], seeds=seeds)
 
 
-def test_one_controller_may_be_named_alone_and_a_subject_must_be_run() -> None:
+def test_one_controller_needs_no_list_and_a_subject_must_be_run() -> None:
     short = om.load_scenario(
         "rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]]}
     )

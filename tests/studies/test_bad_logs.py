@@ -34,7 +34,7 @@ def write_parquet(path: Path, columns: Any) -> Path:
     separator=st.sampled_from(",;\t"), comma=st.booleans(), mark=st.booleans(), quote=st.sampled_from(["", '"']),
     end=st.sampled_from(["\n", "\r\n"]), upper=st.booleans(), hashed=st.booleans(), blank=st.integers(0, 2),
 )  # fmt: skip
-def test_csv_in_any_dialect_holds_the_same_numbers(
+def test_csv_dialects_give_the_same_numbers(
     tmp_path_factory: pytest.TempPathFactory, separator: str, comma: bool, mark: bool, quote: str, end: str,
     upper: bool, hashed: bool, blank: int,
 ) -> None:  # fmt: skip
@@ -59,7 +59,7 @@ def test_csv_in_any_dialect_holds_the_same_numbers(
     )
 
 
-def test_ten_lines_a_second_tell_the_same(tmp_path: Path) -> None:
+def test_ten_lines_per_second_suffice(tmp_path: Path) -> None:
     """The robot's latency and creep stiffness, within five standard errors."""
     found = om.identify(
         [write_parquet(tmp_path / "log.parquet", make_log(9.3, 10, speed=1.6, wheels=False))]
@@ -69,7 +69,7 @@ def test_ten_lines_a_second_tell_the_same(tmp_path: Path) -> None:
         assert estimate.value == pytest.approx(value, abs=5 * estimate.standard_error)
 
 
-def test_lines_there_twice_and_poses_held_are_no_new_poses(tmp_path: Path) -> None:
+def test_repeated_lines_and_poses_are_ignored(tmp_path: Path) -> None:
     """A recorder at 240 Hz holds what a camera sees at 60: the same poses at the same times come out."""
     (plain,) = read_logs(write_parquet(tmp_path / "log.parquet", whole()))
     (twice,) = read_logs(
@@ -85,7 +85,7 @@ def test_lines_there_twice_and_poses_held_are_no_new_poses(tmp_path: Path) -> No
     np.testing.assert_array_equal(np.isfinite(log.pose).all(1), np.arange(len(log.time)) % 4 == 0)
 
 
-def test_a_path_alone_is_one_log(tmp_path: Path) -> None:
+def test_a_single_path_is_one_log(tmp_path: Path) -> None:
     """And not the logs of its letters."""
     for path in (tmp_path / "missing.csv", str(tmp_path / "missing.csv")):
         with pytest.raises(om.OmniError, match=r"there is no log .*missing"):
@@ -100,7 +100,7 @@ def put(line: int, value: float) -> Callable[[Any], Any]:
     return lambda values: np.where(np.arange(len(values)) == line, value, values)
 
 
-def test_what_cannot_be_what_it_says_is_one_line(tmp_path: Path) -> None:
+def test_invalid_columns_give_one_line(tmp_path: Path) -> None:
     cases: list[tuple[Columns, str]] = [
         (
             spoilt("x_m", lambda x: [*map(str, x[:-1]), "lost"]),
@@ -128,7 +128,7 @@ def test_what_cannot_be_what_it_says_is_one_line(tmp_path: Path) -> None:
         assert str(error.value).count("\n") == 0
 
 
-def test_what_is_no_table_is_one_line(tmp_path: Path) -> None:
+def test_files_that_are_no_tables_give_one_line(tmp_path: Path) -> None:
     head, row = ",".join(HEAD), "0,0,0,0,0,0,0"
     for content, says in (
         ("", "Empty CSV"),
@@ -151,7 +151,7 @@ def test_what_is_no_table_is_one_line(tmp_path: Path) -> None:
         st.binary(max_size=200), st.text(alphabet="time_sx_m,;\t\n0.1-e# \"'", max_size=200)
     )
 )
-def test_no_content_is_a_traceback(
+def test_random_content_gives_no_traceback(
     data: bytes | str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """Nothing that is drawn at random is a log, and all of it is refused in a line."""

@@ -40,7 +40,7 @@ def same(ours: Any, theirs: Any) -> None:
         )
 
 
-def test_every_outcome_is_that_of_the_run_of_its_scenario(
+def test_outcomes_equal_those_of_separate_runs(
     result: om.Result, scenarios: list[om.Scenario], tmp_path: Path
 ) -> None:
     """In the summary, the frames and the files, which are named after their scenarios."""
@@ -77,7 +77,7 @@ def test_every_outcome_is_that_of_the_run_of_its_scenario(
     assert om.load_scenario(tmp_path / "scenarios" / "bend.toml").seed_list == list(SEEDS)
 
 
-def test_what_is_stopped_keeps_what_was_done(scenarios: list[om.Scenario]) -> None:
+def test_stopped_comparison_keeps_finished_scenarios(scenarios: list[om.Scenario]) -> None:
     """In the second scenario: it counts as not run, since half of it would not compare."""
     done: list[Outcome] = []
 
@@ -106,7 +106,7 @@ def test_what_is_stopped_keeps_what_was_done(scenarios: list[om.Scenario]) -> No
     )
 
 
-def test_what_cannot_stand_in_one_table_is_refused(scenarios: list[om.Scenario]) -> None:
+def test_scenarios_that_cannot_be_compared_are_rejected(scenarios: list[om.Scenario]) -> None:
     for given, words in (
         ({"scenarios": scenarios[:1] * 2}, "two scenarios are called 'there'"),
         (

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 READ = "import sys; from pathlib import Path; from omni_mj import parquet; parquet.read_table(Path(sys.argv[1]))"
 
 
-def test_a_program_that_ends_after_reading_is_not_aborted(tmp_path: Path) -> None:
+def test_program_that_exits_after_reading_is_not_aborted(tmp_path: Path) -> None:
     """By threads of Arrow's that hold Python's file: one in six was, of eight side by side on two cores."""
     file = tmp_path / "wide.parquet"
     pq.write_table(pa.table({f"c{i}": [float(i)] * 8000 for i in range(60)}), file)

@@ -34,7 +34,7 @@ def identified(columns: Columns, folder: Path) -> IdentificationResult:
 
 
 @pytest.mark.parametrize("other", [False, True], ids=["default", "other"])
-def test_a_robot_comes_out_of_its_log(other: bool, tmp_path: Path) -> None:
+def test_parameters_are_identified_from_a_log(other: bool, tmp_path: Path) -> None:
     """Within four standard errors, from a start that has other numbers; creep within 10 %, latency 0.3 frame."""
     found = identified(make_log(**OTHER if other else {}), tmp_path)
     late, stiffness, slope = (5 / 60, 3.0, 0.0314) if other else (LATENCY_S, CREEP_STIFFNESS, 0.0)
@@ -54,12 +54,12 @@ def test_a_robot_comes_out_of_its_log(other: bool, tmp_path: Path) -> None:
     assert found["commands.lag_forward_s"].value == pytest.approx(lag, abs=0.005)
 
 
-def test_commands_alone_tell_creep_too(tmp_path: Path) -> None:
+def test_commands_alone_identify_creep(tmp_path: Path) -> None:
     found = identified(make_log(wheels=False, **OTHER), tmp_path)
     assert found["commands.creep_stiffness"].value == pytest.approx(3.0, rel=0.1)
 
 
-def test_what_the_law_lacks_is_a_misfit(tmp_path: Path) -> None:
+def test_unmodeled_motion_is_a_misfit(tmp_path: Path) -> None:
     """The robot swings by 12 mm at 1.1 Hz, by accelerations of 0.6 m/s^2."""
     log = make_log(commands=False)
     found = identified(
@@ -68,7 +68,7 @@ def test_what_the_law_lacks_is_a_misfit(tmp_path: Path) -> None:
     assert any("lacks a property" in line for line in found.misfits)
 
 
-def test_slow_data_do_not_tell_creep(tmp_path: Path) -> None:
+def test_slow_motion_does_not_identify_creep(tmp_path: Path) -> None:
     """As of a robot in a laboratory: 0.4 m/s and 0.8 m/s^2. Creep is not told, and it says why."""
     found = identified(make_log(speed=0.4, acceleration=0.8, commands=False), tmp_path)
     creep = found["wheels.creep_stiffness"]
@@ -77,7 +77,7 @@ def test_slow_data_do_not_tell_creep(tmp_path: Path) -> None:
     assert found["wheels.radius_m"].value == pytest.approx(SETTINGS.wheels.radius_m, rel=0.15)
 
 
-def test_motion_along_one_axis_tells_nothing_of_the_other(tmp_path: Path) -> None:
+def test_motion_along_one_axis_does_not_identify_the_other(tmp_path: Path) -> None:
     time = np.arange(360) / 60
     speed, pose = (
         0.6 * np.sin(3 * time),
@@ -109,7 +109,7 @@ def slow(seconds: float = 40.0) -> Columns:
     return dict(zip(("time_s", *POSE, *WHEELS), [t, *poses, *angles], strict=True))
 
 
-def test_wheels_tell_radius_arm_and_clock(tmp_path: Path) -> None:
+def test_wheels_identify_radius_arm_and_clock_offset(tmp_path: Path) -> None:
     """Within half a percent, and 10 ms."""
     found = identified(slow(), tmp_path)
     for name, value, within in (
@@ -177,7 +177,7 @@ BAD: dict[str, tuple[Callable[[Columns], Columns], str]] = {
 @pytest.mark.parametrize(
     ("cases", "kind"), [*(("wheels", k) for k in WRONG), *(("commands", k) for k in BAD)]
 )
-def test_logs_that_are_not_as_stated_are_a_line(cases: str, kind: str, tmp_path: Path) -> None:
+def test_wrong_units_axes_and_wheels_give_one_line(cases: str, kind: str, tmp_path: Path) -> None:
     spoil, says = WRONG[kind] if cases == "wheels" else BAD[kind]
     with pytest.raises(om.OmniError, match=says) as error:
         identified(

@@ -33,13 +33,13 @@ def lagging(commands: Array, lag_s: float) -> Array:
     return np.array(positions)
 
 
-def test_a_robot_that_lags_is_known_in_closed_form() -> None:
+def test_first_order_lag_has_a_closed_form() -> None:
     commands = np.random.default_rng(0).standard_normal(15)
     found = bench.departures(bench.PRIOR(15, DELAY, LAG_S), np.outer(commands, [1, 0, 2]))
     np.testing.assert_allclose(found, np.outer(lagging(commands, LAG_S), [1, 0, 2]), atol=1e-8)
 
 
-def test_the_model_is_found_in_how_runs_differ() -> None:
+def test_model_is_fitted_to_differences_between_runs() -> None:
     """Of a robot that lags less ahead than aside and turns on its path."""
     frames = 80
     heading = np.linspace(0, 2, frames)
@@ -60,7 +60,7 @@ def test_the_model_is_found_in_how_runs_differ() -> None:
     np.testing.assert_allclose(found.command, true.command, atol=0.01)
 
 
-def test_within_limits_the_plan_is_the_best_there_is() -> None:
+def test_optimized_commands_equal_those_of_scipy() -> None:
     """Against scipy's solver of the same problem along one axis, in which the limit of acceleration binds."""
     frames, delay = 40, 3
     model, limits = bench.PRIOR(frames, delay, LAG_S), MotionLimits(5.0, 4.7, 26.0, 50.8)
@@ -87,7 +87,7 @@ def test_within_limits_the_plan_is_the_best_there_is() -> None:
 
 
 @pytest.mark.parametrize("weight", [0.01, 0.1])
-def test_far_from_the_end_gains_are_those_of_the_riccati_equation(weight: float) -> None:
+def test_gains_far_from_the_end_solve_the_riccati_equation(weight: float) -> None:
     """For one axis of a robot that is the same in every frame, by scipy."""
     model = bench.PRIOR(300, DELAY, LAG_S)
     keep, push = model.velocity[0, 0, 0], model.command[:, 0, 0, 0]
@@ -100,7 +100,7 @@ def test_far_from_the_end_gains_are_those_of_the_riccati_equation(weight: float)
         np.testing.assert_allclose(found[axis, axis::3], gain, rtol=1e-6)
 
 
-def test_poses_are_predicted_as_well_as_can_be() -> None:
+def test_prediction_error_is_that_of_the_optimal_filter() -> None:
     """Of robots on which only white noise of the speed acts, per frame q in position, seen with noise r.
 
     The filter of such a random walk settles at a variance P = M r / (M + r) with M = q/2 +
@@ -126,7 +126,7 @@ def test_poses_are_predicted_as_well_as_can_be() -> None:
     assert off.var() == pytest.approx(before * r / (before + r) + DELAY * q, rel=0.12)
 
 
-def test_a_robot_without_lag_is_inverted_exactly() -> None:
+def test_robot_without_lag_is_inverted_exactly() -> None:
     """With alpha the same for ever, x(k+1) = x(k) + T alpha u(k-D) wants u(k) = (r(k+D+1) - r(k+D)) / (T alpha)."""
     alpha, delay = 0.8, 6
     steady = {"alpha_low": alpha, "alpha_high": alpha}
@@ -146,7 +146,7 @@ def least(result: om.Result, name: str) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("plant", ["kinematic", "planar"])
-def test_no_controller_gets_below_it(plant: str) -> None:
+def test_no_controller_has_less_error_than_the_limit(plant: str) -> None:
     """With the same seeds, but for those that are told the truth; and it is the same every time."""
     sections: dict[str, Any] = {"kinematic": SLOW} if plant == "kinematic" else {}
     scenario = om.load_scenario("rect", plant=plant, reference=ROUTE, **sections)
@@ -170,7 +170,7 @@ def test_no_controller_gets_below_it(plant: str) -> None:
         assert om.find_limit(scenario, SEEDS, iterations=6).table() == found.table()
 
 
-def test_one_that_is_stopped_says_so_and_has_what_it_learned() -> None:
+def test_stopped_limit_study_is_incomplete() -> None:
     begun = []
 
     def begin(title: str, frames: int) -> Any:

@@ -92,7 +92,7 @@ def small() -> Iterator[LoopResult]:
 @pytest.mark.filterwarnings(
     "ignore:(divide by zero|invalid value):RuntimeWarning"
 )  # of an integrator at zero
-def test_margins_are_those_of_python_control(gain: float, delay: int, predicts: bool) -> None:
+def test_margins_agree_with_python_control(gain: float, delay: int, predicts: bool) -> None:
     """Interpolated between the frequencies measured; where they end, a phase that turns later is not seen."""
     if not predicts:
         gain = min(gain, 0.9 / (T * (2 * delay + 1)))  # of pi/2, where the loop begins to oscillate
@@ -109,7 +109,7 @@ def test_margins_are_those_of_python_control(gain: float, delay: int, predicts: 
 
 
 @pytest.mark.parametrize("name", GAINS)
-def test_what_is_measured_is_the_closed_form(small: LoopResult, name: str) -> None:
+def test_measured_loops_have_the_closed_form(small: LoopResult, name: str) -> None:
     """At each frequency within what the filter of vision, whose gain is 0.99 and not 1, and the fuzzy law's bend leave.
 
     Driving as at rest; but for comp-flc, which then estimates alpha, and that is a loop of its own.
@@ -125,7 +125,7 @@ def test_what_is_measured_is_the_closed_form(small: LoopResult, name: str) -> No
         assert found.margins.sensitivity == pytest.approx(1 / distance, rel=0.03)
 
 
-def test_p_has_the_margins_of_its_rule(small: LoopResult) -> None:
+def test_p_has_the_margins_of_its_tuning_rule(small: LoopResult) -> None:
     """Half a radian less than a right angle, and pi, with the half frame that it counts for a dead time badly known."""
     found = small.loops[REST]["p"].margins
     assert found.phase_deg - np.degrees(found.crossover_rad_s * T / 2) == pytest.approx(
@@ -134,7 +134,7 @@ def test_p_has_the_margins_of_its_rule(small: LoopResult) -> None:
     assert found.gain * 6.5 / 7 == pytest.approx(np.pi, rel=0.01)
 
 
-def test_steps_are_those_of_the_closed_loop(small: LoopResult) -> None:
+def test_step_responses_are_those_of_the_closed_loop(small: LoopResult) -> None:
     """By python-control, frame by frame: nothing is limited here, and the filter has nothing to say."""
     for name in ("p", "smith"):
         _, wanted = control.step_response(control.feedback(EXACT[name]), T * np.arange(STEP_FRAMES))
@@ -145,7 +145,7 @@ def test_steps_are_those_of_the_closed_loop(small: LoopResult) -> None:
 
 @given(damping=st.floats(0.3, 0.9), rate=st.floats(3, 12))
 @settings(max_examples=10)
-def test_figures_of_a_step_are_those_of_python_control(damping: float, rate: float) -> None:
+def test_step_metrics_agree_with_python_control(damping: float, rate: float) -> None:
     """Times to a frame: it samples, and counts from another one."""
     system = control.tf([rate**2], [1, 2 * damping * rate, rate**2])
     time = T * np.arange(600)
@@ -160,7 +160,7 @@ def test_figures_of_a_step_are_those_of_python_control(damping: float, rate: flo
     assert found.steady_state_error_m == pytest.approx(0, abs=1e-5)
 
 
-def test_a_loop_bears_as_much_more_dead_time_as_its_margin_says(small: LoopResult) -> None:
+def test_delay_margin_is_the_dead_time_that_destabilizes(small: LoopResult) -> None:
     """The team is not told of it; after three seconds an error has died out, or grown."""
     frames = small.loops[REST]["p"].margins.delay_s / T
     assert frames == pytest.approx(15.5, abs=0.1)
@@ -176,7 +176,7 @@ def test_a_loop_bears_as_much_more_dead_time_as_its_margin_says(small: LoopResul
         assert (error[400:].max() < error[200:400].max()) == dies_out
 
 
-def test_summary_and_table_say_the_same(small: LoopResult) -> None:
+def test_summary_and_table_agree(small: LoopResult) -> None:
     summary = small.summary()
     assert summary["complete"]
     assert len(small.rows().to_pylist()) == len(GAINS) * 2 * 2
@@ -186,7 +186,7 @@ def test_summary_and_table_say_the_same(small: LoopResult) -> None:
     assert f"{margins_of_p['phase_deg']:.0f}" in line.split()
 
 
-def test_noise_of_vision_falls_out_and_a_controller_that_fails_spoils_nobodys_figures() -> None:
+def test_vision_noise_cancels_and_a_failing_controller_affects_no_other() -> None:
     """What p does of a step is within 0.1 mm of the closed form, where vision errs by 1.3 mm."""
 
     class Raises(om.Controller):
@@ -204,7 +204,7 @@ def test_noise_of_vision_falls_out_and_a_controller_that_fails_spoils_nobodys_fi
     assert set(told["margins"].values()) == set(told["step"].values()) == {None}
 
 
-def test_a_study_that_is_stopped_has_found_nothing_and_what_there_is_not_is_said() -> None:
+def test_stopped_loop_study_has_no_result_and_unknown_controller_is_rejected() -> None:
     stopped = measure_loop(ideal(), ["p"], start_progress=lambda title, frames: stop_at(3))
     assert (stopped.loops, stopped.stopped, stopped.table()) == ({}, "interrupted", "")
     assert stopped.summary()["loop"] is None

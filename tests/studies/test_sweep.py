@@ -52,7 +52,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bench.SweepResult:
     return swept(tmp_path_factory.mktemp("sweep") / "whole")
 
 
-def test_each_run_is_what_it_is_alone(whole: bench.SweepResult) -> None:
+def test_runs_equal_those_outside_a_sweep(whole: bench.SweepResult) -> None:
     """Bit for bit, at each point; and all are there, once."""
     table = whole.rows()
     assert table.num_rows == 2 * 2 * 2 * 3
@@ -75,7 +75,7 @@ def test_each_run_is_what_it_is_alone(whole: bench.SweepResult) -> None:
             assert own[name] == alone[name], name
 
 
-def test_robots_on_other_wheels_are_not_simulated_together(tmp_path: Path) -> None:
+def test_robots_with_different_wheels_do_not_share_a_batch(tmp_path: Path) -> None:
     """On planar all rows of a simulation have the first one's wheels."""
     alone = [
         om.run(
@@ -96,7 +96,7 @@ def test_robots_on_other_wheels_are_not_simulated_together(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("batch_size", [1, 5])
-def test_results_do_not_depend_on_how_many_run_at_once(
+def test_results_do_not_depend_on_batch_size(
     whole: bench.SweepResult, tmp_path: Path, batch_size: int
 ) -> None:
     again = swept(tmp_path / "sweep", batch_size=batch_size)
@@ -104,7 +104,7 @@ def test_results_do_not_depend_on_how_many_run_at_once(
     assert bits(again.rows()) == bits(whole.rows())
 
 
-def test_a_sweep_that_was_stopped_goes_on_and_computes_nothing_twice(
+def test_stopped_sweep_continues_without_repeating_shards(
     whole: bench.SweepResult, tmp_path: Path
 ) -> None:
     run: list[int] = []
@@ -133,7 +133,7 @@ def test_a_sweep_that_was_stopped_goes_on_and_computes_nothing_twice(
     swept(folder, batch_size=4, before_shard=lambda shard: pytest.fail("nothing is left"))
 
 
-def test_a_killed_process_loses_no_shard_that_was_done(
+def test_killed_process_loses_no_finished_shard(
     whole: bench.SweepResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Killed as soon as two shards are on the disk; another process, this one, goes on."""
@@ -187,7 +187,7 @@ def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
             process.wait()
 
 
-def test_a_cluster_of_which_a_worker_is_killed_and_processes_find_the_same(
+def test_cluster_with_a_killed_worker_and_processes_give_the_same(
     whole: bench.SweepResult, cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
 ) -> None:
     """Killed when two of twelve shards are done and others are on their way."""
@@ -217,7 +217,7 @@ def test_a_cluster_of_which_a_worker_is_killed_and_processes_find_the_same(
             swept(tmp_path / "other", executor=client.get_executor(pure=False))
 
 
-def test_a_cluster_that_does_not_answer_is_said_in_a_line(
+def test_unreachable_cluster_gives_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for cluster, said in (
@@ -228,7 +228,7 @@ def test_a_cluster_that_does_not_answer_is_said_in_a_line(
         assert said in capsys.readouterr().err
 
 
-def test_what_is_not_allowed_is_said_in_a_line(tmp_path: Path) -> None:
+def test_invalid_sweeps_are_rejected(tmp_path: Path) -> None:
     none = tmp_path / "none"
     cases: tuple[tuple[Callable[[], object], str], ...] = (
         (lambda: bench.sweep("rect", {"carpet.fricton": [1]}, NAMES, out=none), "unknown setting carpet.fricton"),
@@ -249,7 +249,7 @@ def test_what_is_not_allowed_is_said_in_a_line(tmp_path: Path) -> None:
         bench.sweep(scenario(), {"radio.delay_frames": [1]}, ["p"], out=tmp_path / "one")
 
 
-def test_axes_are_read_as_they_are_written() -> None:
+def test_axes_are_parsed() -> None:
     for text, values in (
         ("carpet.friction=0.3:1.0:8", [0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]),
         ("radio.delay_frames=0:12:4", [0, 4, 8, 12]),
@@ -265,7 +265,7 @@ def test_axes_are_read_as_they_are_written() -> None:
             bench.check_axes([bench.parse_axis(text)])
 
 
-def test_rows_that_cannot_share_a_batch_are_run_apart() -> None:
+def test_wheel_models_do_not_share_a_shard() -> None:
     """Wheels of two sorts in one sweep on the MuJoCo plant: a shard holds one sort only."""
     vary = {"wheels.model": ["rollers", "two-rollers"], "carpet.friction": [0.5, 0.8]}
     plan = bench.SweepPlan(
@@ -276,7 +276,7 @@ def test_rows_that_cannot_share_a_batch_are_run_apart() -> None:
         assert len({plan.points[point]["wheels.model"] for point, _ in shard.runs}) == 1
 
 
-def test_what_matters_and_the_worst_runs_are_said(
+def test_correlations_and_worst_runs_are_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The dead time, not a carpet that this plant lacks; and the command that repeats the worst run, to the bit."""
@@ -315,7 +315,7 @@ def test_what_matters_and_the_worst_runs_are_said(
     assert again["error_m"]["position"]["max"]["per_seed"] == [worst["position_max_m"]]
 
 
-def test_cells_have_rates_and_medians_of_their_rows_with_intervals(
+def test_points_have_failure_rates_and_medians_with_intervals(
     whole: bench.SweepResult,
 ) -> None:
     """Of three robots none of which failed: a rate of 0 % up to 56 % by Wilson's interval; too few for a median's."""
