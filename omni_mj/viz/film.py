@@ -149,8 +149,8 @@ class FilmRenderer:
         for time in times:
             picture = Image.new("RGB", self._size, "white")
             for i, track in enumerate(self._tracks):
-                left = i * self._size[0] // len(self._tracks)
-                picture.paste(self._draw_panel(track, time), (left, 0))
+                x = i * self._size[0] // len(self._tracks)
+                picture.paste(self._draw_panel(track, time), (x, 0))
             yield picture
 
     def _create_camera(self, view: str, aspect_ratio: float) -> mujoco.MjvCamera:

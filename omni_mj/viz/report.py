@@ -100,14 +100,12 @@ def _render_page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> s
 def _describe_single_run(folder: Path, entries: Mapping[str, Summary]) -> dict[str, Any]:
     """Return the parts of a page that only a single scenario has."""
     ((name, entry),) = entries.items()
-    has_results = bool(entry["results"])
     file = folder / "scenario.toml"
     has_file = file.is_file()
     return {
         "title": f"{name}, {describe_plant(entry)}",
         "figures": _encode_images(folder / "figures"),
-        "errors": report_tables.error_table(entry) if has_results else None,
-        "motors": report_tables.motor_table(entry) if has_results else None,
+        "motors": report_tables.motor_table(entry) if entry["results"] else None,
         "scenario": file.read_text("utf-8", errors="replace") if has_file else "",
     }
 

@@ -1,41 +1,18 @@
-"""Tables that only the report shows: all error statistics, motors and settings."""
+"""Tables that only the report shows: motors and settings."""
 
 import json
 from collections.abc import Mapping
-from math import degrees
 from typing import Any
 
 from omni_mj.config.settings import list_settings
 from omni_mj.results.result_tables import DASH, Table, drop_equal_columns, format_number
 from omni_mj.results.saturation import METRIC_LABELS
 
-STATISTICS = {"max": "maximum", "p99": "99th percentile", "mean": "mean", "rms": "root mean square"}
-ERRORS = {  # axis -> label, key of the summary, factor to the unit of the label
-    "x": ("in x, cm", "error_m", 100.0),
-    "y": ("in y, cm", "error_m", 100.0),
-    "position": ("position, cm", "error_m", 100.0),
-    "along_track": ("along the path, cm", "error_m", 100.0),
-    "cross_track": ("across the path, cm", "error_m", 100.0),
-    "heading": ("heading, deg", "error_rad", degrees(1)),
-}
 PEAKS = {"peak_voltage_v": "peak, V", "peak_current_a": "peak, A"}
 ALPHA = ("alpha x", "alpha y")
 TEMPERATURE = "peak_winding_temperature_c"
 MIN_HEATING_K = 10.0  # rise of a winding's temperature from which the table shows it
 Summary = Mapping[str, Any]
-
-
-def error_table(entry: Summary) -> Table:
-    """Return all error statistics of a scenario: median over the seeds, smallest and largest."""
-    rows = []
-    for axis, (label, key, factor) in ERRORS.items():
-        for controller, result in entry["results"].items():
-            spreads = [result[key][axis][statistic] for statistic in STATISTICS]
-            rows.append(
-                [label, controller, *(_format_spread(spread, factor) for spread in spreads)]
-            )
-    title = "Absolute errors; with several seeds the median (smallest to largest)"
-    return Table(title, ["error", "controller", *STATISTICS.values()], rows, 2)
 
 
 def motor_table(entry: Summary) -> Table:
@@ -102,12 +79,6 @@ def format_setting(value: Any) -> str:
 def _to_json_types(value: Any) -> Any:
     """Return a value as it is read from a file, so that values from files and code compare."""
     return json.loads(json.dumps(value))
-
-
-def _format_spread(spread: Summary, factor: float) -> str:
-    """Return the median over the seeds and, with several seeds, the range."""
-    median, low, high = (format_number(spread[name], factor) for name in ("median", "min", "max"))
-    return f"{median} ({low} to {high})" if len(spread["per_seed"]) > 1 else median
 
 
 def _flatten_settings(entry: Summary) -> dict[str, Any]:

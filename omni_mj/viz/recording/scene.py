@@ -37,17 +37,14 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[RecordedRobot]) -> N
     for robot in robots:
         entity = f"world/{robot.name}"
         log_robot(stream, f"{entity}/robot", robot.colour, robot.settings)
-        path = rr.LineStrips3D.from_fields(colors=[robot.colour], radii=_screen_points(1.4))
-        stream.log(f"{entity}/path", path, static=True)
-        target = rr.Points3D.from_fields(colors=[REFERENCE_COLOUR], radii=_screen_points(3.5))
-        stream.log(f"{entity}/target", target, static=True)
-        flag = rr.LineStrips3D.from_fields(colors=[robot.colour], radii=_screen_points(1.6))
-        stream.log(f"{entity}/error", flag, static=True)
-        label_colour = style.mix_with_white(robot.colour)
-        tip = rr.Points3D.from_fields(
-            colors=[label_colour], radii=_screen_points(4), show_labels=True
-        )
-        stream.log(f"{entity}/error/label", tip, static=True)
+        for name, archetype, colour, radius in (
+            ("path", rr.LineStrips3D, robot.colour, 1.4),
+            ("target", rr.Points3D, REFERENCE_COLOUR, 3.5),
+            ("error", rr.LineStrips3D, robot.colour, 1.6),
+            ("error/label", rr.Points3D, style.mix_with_white(robot.colour), 4.0),
+        ):
+            appearance = archetype.from_fields(colors=[colour], radii=_screen_points(radius))
+            stream.log(f"{entity}/{name}", appearance, static=True)
 
 
 def log_references(stream: rr.RecordingStream, references: Sequence[Array]) -> None:
@@ -150,7 +147,6 @@ def _send_estimates(stream: rr.RecordingStream, robot: RecordedRobot, frames: Fr
             line_radii=[_screen_points(1.2)],
             fill_mode=["majorwireframe"],
             labels=[label],
-            show_labels=[True],
         )
         stream.send_columns(f"{entity}/shape", time_columns(known[:1]), envelope)
 

@@ -39,35 +39,35 @@ def create_layout(
     for robot in robots:
         field_contents += [f"- {robot}/vision/**", f"- {robot}/predicted/**"]
     field = _scene_view(FIELD_TITLE, field_contents, _field_eye(references), robots)
-    close_ups = [
-        _scene_view(name, _close_up_contents(robot), CLOSE_UP_EYE, [robot], f"{robot}/robot")
-        for name, robot in zip(names, robots, strict=True)
-    ]
-    left = rrb.Vertical(field, rrb.Tabs(*close_ups, active_tab=active_robot), row_shares=[4, 3])
+    close_ups = []
+    for name, robot in zip(names, robots, strict=True):
+        contents = ["world/field/**", "world/reference", f"{robot}/**", f"- {robot}/error/**"]
+        view = _scene_view(name, contents, CLOSE_UP_EYE, [robot], f"{robot}/robot")
+        close_ups.append(view)
+    left_column = rrb.Vertical(
+        field, rrb.Tabs(*close_ups, active_tab=active_robot), row_shares=[4, 3]
+    )
     duration_s = PERIOD_S * max(map(len, references))
-    right: list[rrb.Container | rrb.View] = []
+    right_views: list[rrb.Container | rrb.View] = []
     for tab, plots in tabs.items():
         if plots and tab in ONE_ROBOT_TABS:
             stacks = [_stack_plots(name, plots, duration_s, 1, f"/{name}") for name in names]
-            right.append(rrb.Tabs(*stacks, name=tab, active_tab=active_robot))
+            right_views.append(rrb.Tabs(*stacks, name=tab, active_tab=active_robot))
         elif plots:
-            right.append(_stack_plots(tab, plots, duration_s, len(names)))
-    right.append(rrb.TextLogView(origin="events", name="events"))
+            right_views.append(_stack_plots(tab, plots, duration_s, len(names)))
+    right_views.append(rrb.TextLogView(origin="events", name="events"))
     time_panel = rrb.TimePanel(
         timeline=TIME, play_state="following" if is_live else "paused", state="collapsed"
     )
-    return rrb.Blueprint(rrb.Horizontal(left, rrb.Tabs(*right)), time_panel, collapse_panels=True)
+    return rrb.Blueprint(
+        rrb.Horizontal(left_column, rrb.Tabs(*right_views)), time_panel, collapse_panels=True
+    )
 
 
 def _field_eye(references: Sequence[Array]) -> Eye:
     """Return an eye that sees all references from the side."""
     (x, y), size_m = measure_scene(references)
     return [x, y - 0.52 * size_m, 0.5 * size_m], [x, y, 0.05 * size_m]
-
-
-def _close_up_contents(robot: str) -> list[str]:
-    """Return the entities of a view that follows one robot, without its enlarged error."""
-    return ["world/field/**", "world/reference", f"{robot}/**", f"- {robot}/error/**"]
 
 
 def _scene_view(
