@@ -1,6 +1,6 @@
-"""What happened in a run: rows that were stopped, faults, hot windings, a dead battery.
+"""Events of a run: failed rows, faults, overheated windings, an empty battery.
 
-An event depends on nothing that comes after its frame, so that events can be told while a run goes on.
+An event depends on no later frame, so that events can be shown while a run continues.
 """
 
 from collections.abc import Iterable, Iterator
@@ -16,12 +16,22 @@ from omni_mj.simulation.log import Log
 if TYPE_CHECKING:
     from omni_mj.simulation.simulation import Failure
 
-STOPPED, TEMPERATURE, BATTERY, FAULT = "stopped", "temperature", "battery", "fault"
+STOPPED, TEMPERATURE, BATTERY, FAULT = "stopped", "temperature", "battery", "fault"  # kinds
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened to one robot; `kind` is one of those above, `place` its number in its world."""
+    """Event of one robot.
+
+    Attributes:
+        frame: Frame of the event.
+        time_s: Time of the event, s.
+        controller: Label of the robot's controller.
+        seed: Seed of the row.
+        kind: `STOPPED`, `TEMPERATURE`, `BATTERY` or `FAULT`.
+        text: Description.
+        slot: Index of the robot in its world.
+    """
 
     frame: int
     time_s: float
@@ -35,42 +45,40 @@ class Event:
 def find_events(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
     """Return the events of all rows in order of time."""
     failures = list(failures)
-    found = [event for row in range(len(log.rows)) for event in row_events(log, row, failures)]
-    return sorted(found, key=lambda event: (event.frame, event.kind != STOPPED))
+    events = [event for row in range(len(log.rows)) for event in row_events(log, row, failures)]
+    return sorted(events, key=lambda event: (event.frame, event.kind != STOPPED))
 
 
 def row_events(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event]:
-    """Return all events of a row in order of time: while its log grows, those before stay the same."""
-    whose = log.rows[row]
-    stopped = [
-        (round(f.time_s / PERIOD_S), STOPPED, f"stopped: {f.cause}")
-        for f in failures
-        if f.row == row
+    """Return the events of a row in order of time. Further frames of the log only add events."""
+    occurrences = [
+        (round(failure.time_s / PERIOD_S), STOPPED, f"stopped: {failure.cause}")
+        for failure in failures
+        if failure.row == row
     ]
+    occurrences += _logged_occurrences(log, row)
+    occurrences.sort(key=lambda occurrence: occurrence[0])
+    source = log.rows[row]
     return [
-        Event(frame, frame * PERIOD_S, whose.controller, whose.seed, kind, text, whose.slot)
-        for frame, kind, text in sorted(
-            [*stopped, *_happened(log, row)], key=lambda event: event[0]
-        )
+        Event(frame, frame * PERIOD_S, source.controller, source.seed, kind, text, source.slot)
+        for frame, kind, text in occurrences
     ]
 
 
-def _happened(log: Log, row: int) -> Iterator[tuple[int, str, str]]:
-    """Yield frame, kind and text of what faults, motors and battery do."""
+def _logged_occurrences(log: Log, row: int) -> Iterator[tuple[int, str, str]]:
+    """Yield frame, kind and text of events of motors, battery and faults."""
     length, settings = int(log.lengths[row]), log.rows[row].settings
     battery, winding = (log.channel(name)[:length, row] for name in ("battery", "winding"))
-    with np.errstate(invalid="ignore"):  # not a number where there are no motors
-        hot = (winding > settings.motor.max_winding_c).any(-1)
-    if hot.any():
-        yield (
-            int(hot.argmax()),
-            TEMPERATURE,
-            f"a winding is above {settings.motor.max_winding_c:g} deg C",
-        )
-    if (battery == 0).any():
-        text = f"the battery sank below {settings.battery.cut_off_v:g} V and gives no more power"
-        yield int((battery == 0).argmax()), BATTERY, text
+    max_winding_c = settings.motor.max_winding_c
+    with np.errstate(invalid="ignore"):  # NaN on plants without motors
+        is_hot = (winding > max_winding_c).any(-1)
+    if is_hot.any():
+        yield int(is_hot.argmax()), TEMPERATURE, f"a winding is above {max_winding_c:g} deg C"
+    is_empty = battery == 0
+    if is_empty.any():
+        text = f"the battery is empty: its voltage fell below {settings.battery.cut_off_v:g} V"
+        yield int(is_empty.argmax()), BATTERY, text
     for fault in log.rows[row].faults:
-        for frame, does in zip(compute_frame_span(fault), ("begins", "ends"), strict=True):
+        for frame, verb in zip(compute_frame_span(fault), ("begins", "ends"), strict=True):
             if frame < length:
-                yield int(frame), FAULT, f"{does}: {fault.text}"
+                yield int(frame), FAULT, f"{verb}: {fault.text}"

@@ -1,12 +1,12 @@
-"""The paper's own results, tables 3 and 4: absolute position errors in metres."""
+"""Results of the paper, tables 3 and 4: absolute position errors in meters."""
 
 from functools import lru_cache
 
 from omni_mj.config.scenario import Scenario, load_with_overrides
 
-Table = dict[str, dict[str, dict[str, float]]]  # controller -> axis -> statistic
+PaperTable = dict[str, dict[str, dict[str, float]]]  # controller -> axis -> statistic -> m
 
-TABLES: dict[int, Table] = {
+TABLES: dict[int, PaperTable] = {
     3: {
         "flc": {"x": {"max": 0.03286, "mean": 0.0036}, "y": {"max": 0.07611, "mean": 0.0133}},
         "comp-flc": {"x": {"max": 0.02124, "mean": 0.00055}, "y": {"max": 0.03864, "mean": 0.0057}},
@@ -16,23 +16,30 @@ TABLES: dict[int, Table] = {
         "comp-flc": {"x": {"max": 0.03007, "mean": 0.0074}, "y": {"max": 0.04111, "mean": 0.0010}},
     },
 }
-SCENARIOS = {3: "rect", 4: "rect-noise"}
-# What the robot shall do and what it meets; what its firmware and the team make of it may be tried.
-DEFINING = ("reference", "world", "disturbance", "radio", "fault")
-ON_WHEELS = ("carpet", "drivetrain", "motor", "battery", "body", "wheels")
-PLANT_PARTS = {"kinematic": ("kinematic",), "mujoco": ON_WHEELS, "planar": ON_WHEELS}
+SCENARIOS = {3: "rect", 4: "rect-noise"}  # table -> scenario of its experiment
+# Sections that define the experiment: the robot's task and environment. Settings of the firmware
+# and the team may differ.
+TASK_SECTIONS = ("reference", "world", "disturbance", "radio", "fault")
+WHEEL_SECTIONS = ("carpet", "drivetrain", "motor", "battery", "body", "wheels")
+PLANT_SECTIONS = {
+    "kinematic": ("kinematic",),
+    "mujoco": WHEEL_SECTIONS,
+    "planar": WHEEL_SECTIONS,
+}
 
 
-def find_paper_table(scenario: Scenario) -> Table | None:
-    """The paper's table that reports what `scenario` runs; None where that is not the paper's experiment."""
+def find_paper_table(scenario: Scenario) -> PaperTable | None:
+    """Return the paper's table for a scenario, or None if it is not the paper's experiment."""
     if scenario.paper_table not in TABLES or scenario.plant == "live":
         return None
-    own = _experiment(scenario.paper_table, scenario.robot)
-    parts = (*DEFINING, *PLANT_PARTS.get(scenario.plant, ()))
-    same = all(getattr(scenario.settings, name) == getattr(own.settings, name) for name in parts)
-    return TABLES[scenario.paper_table] if same else None
+    experiment = _load_experiment(scenario.paper_table, scenario.robot)
+    sections = (*TASK_SECTIONS, *PLANT_SECTIONS.get(scenario.plant, ()))
+    is_same = all(
+        getattr(scenario.settings, name) == getattr(experiment.settings, name) for name in sections
+    )
+    return TABLES[scenario.paper_table] if is_same else None
 
 
 @lru_cache
-def _experiment(number: int, robot: str) -> Scenario:
+def _load_experiment(number: int, robot: str) -> Scenario:
     return load_with_overrides(SCENARIOS[number], head={"robot": robot})

@@ -6,7 +6,7 @@ import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.settings import Settings
-from omni_mj.results.metrics import ALPHA_WINDOW_FRAMES, driven_alpha
+from omni_mj.results.alpha_windows import ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.simulation.log import CHANNEL_PREFIX, Log
 from omni_mj.viz import style
 

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from omni_control.kinematics import Array
 from omni_mj.config.settings import FRAME_RATE_HZ
-from omni_mj.results.metrics import ALPHA_WINDOW_FRAMES
+from omni_mj.results.alpha_windows import ALPHA_WINDOW_FRAMES
 from omni_mj.viz import style
 from omni_mj.viz.figures import plotting
 from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot

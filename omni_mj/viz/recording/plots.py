@@ -9,7 +9,7 @@ import rerun as rr
 from omni_control.kinematics import Array, world_to_body
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.results import saturation
-from omni_mj.results.metrics import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
+from omni_mj.results.alpha_windows import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
 from omni_mj.simulation.log import CHANNEL_PREFIX, Log
 from omni_mj.viz import style
 from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot

@@ -11,7 +11,8 @@ import omni_mj as om
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings
 from omni_mj.results import events, paper_tables, saturation, statistics, summary
-from omni_mj.results.metrics import alpha_windows, row_metrics, tracking_errors
+from omni_mj.results.alpha_windows import alpha_windows
+from omni_mj.results.metrics import row_metrics, tracking_errors
 from omni_mj.results.result import Outcome
 from omni_mj.results.result_tables import recovery_table, results_table
 from omni_mj.results.statistics import judge_subject
