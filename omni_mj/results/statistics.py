@@ -1,4 +1,4 @@
-"""Statistics over seeds: spreads, confidence intervals, paired differences, and verdicts on a controller."""
+"""Statistics over seeds: means, confidence intervals, paired tests, verdicts on a controller."""
 
 from collections.abc import Collection, Mapping
 from math import inf
@@ -10,125 +10,128 @@ from omni_control.kinematics import Array
 
 CONFIDENCE = 0.95
 SIGNIFICANCE_LEVEL = 1 - CONFIDENCE
-STATISTIC_LABELS = {
-    "max": "maximum",
-    "mean": "mean",
-}  # of the error in the plane, by which verdicts are
+# Statistics of the position error that verdicts are about.
+STATISTIC_LABELS = {"max": "maximum", "mean": "mean"}
 SeedStatistics = dict[str, Any]
-Results = Mapping[str, Any]
-Entry = Mapping[str, Any]
+Results = Mapping[str, Any]  # controller -> its results in a summary
+Entry = Mapping[str, Any]  # of one scenario in a summary
 
 DEFINITIONS = {
     "verdict": (
-        "by the means over the seeds of the error in the plane, against every other controller that is not privileged; a"
-        " controller of which a seed failed has no mean, and is behind all that have one"
+        "Comparison of the subject's position error, mean over the seeds, with that of every other"
+        " controller that is not privileged. A controller with a failed seed has no mean, and is"
+        " worse than all that have one"
     ),
     "p": (
-        "each seed's noise is the same for all controllers, so that two of them are compared by their differences seed"
-        " by seed: p is that of Student's test of the mean difference, two-sided, and ci95_half_width half its"
-        f" {100 * CONFIDENCE:g} % interval, neither corrected for the number of verdicts; one seed, or one that failed,"
-        " gives none"
+        "Two-sided p-value of Student's paired t-test: each seed's noise is the same for all"
+        " controllers, so that two are compared by their differences seed by seed."
+        f" ci95_half_width_m is half the width of the {100 * CONFIDENCE:g} % interval of the mean"
+        " difference. Neither is corrected for the number of verdicts. A single seed or a failed"
+        " seed gives none"
     ),
     "p_adjusted": (
-        "p by Holm's method over the family of all verdicts that have one: all scenarios that were done, all rivals,"
-        " maximum and mean error. significant is whether it is at most"
-        f" {100 * SIGNIFICANCE_LEVEL:g} %: so likely is it at most that any difference beyond chance is by chance after all"
+        "p by Holm's method over all verdicts that have one: all completed scenarios, all"
+        " competitors, maximum and mean error. significant: whether it is at most"
+        f" {100 * SIGNIFICANCE_LEVEL:g} %, which limits the probability that any significant"
+        " difference is due to chance"
     ),
     "privileged": (
-        "a controller that is given the true state in place of vision: no competitor; what it reaches is no limit of"
-        " what is possible, which omni-mj limit finds"
+        "Controller that is given the true state in place of vision. It does not compete, and its"
+        " error is no bound for other controllers; omni-mj limit finds such a bound"
     ),
 }
 
 
 def confidence_interval(values: Array) -> tuple[Array, Array]:
-    """Mean over the last axis, and half the width of its 95 % confidence interval by Student's t.
+    """Return the mean over the last axis, and half the width of its 95 % confidence interval.
+
+    The interval follows from Student's t distribution.
 
     Args:
-        values: independent samples (..., samples), at least one.
+        values: Independent samples, shape (..., samples), at least one.
 
     Returns:
-        Two arrays (...); not a number for the half width of a single sample.
+        Two arrays of shape (...). The half width of a single sample is NaN.
     """
     n = values.shape[-1]
     mean: Array = values.mean(-1)
     if n == 1:
         return mean, np.full_like(mean, np.nan)
-    from scipy.special import stdtrit  # late: runs of one seed do without
+    from scipy.special import stdtrit  # imported here, because runs of one seed do not need it
 
     return mean, stdtrit(n - 1, (1 + CONFIDENCE) / 2) * values.std(-1, ddof=1) / np.sqrt(n)
 
 
 def seed_statistics(values: Array) -> SeedStatistics:
-    """Each seed's value, and median, least, greatest, mean and half the mean's interval (ci95_half_width).
+    """Return each seed's value, and statistics over the seeds.
 
     Args:
-        values: (seeds,); infinite for a seed that failed or never settled, which all statistics
-            count: of three such seeds two still have a median, but no mean. Not a number for a seed
-            of which nothing is known: then nothing is known of all of them.
+        values: Shape (seeds,). Infinite for a seed that failed or never settled: of three seeds
+            with one such value, there is a median but no mean. NaN for a seed without a value,
+            which leaves no statistics.
 
     Returns:
-        Numbers, or None where there is none that is finite. One seed has no interval.
+        `per_seed`, `median`, `min`, `max`, `mean`, `ci95_half_width`; None for values that are not
+            finite. A single seed has no interval.
     """
-    with np.errstate(invalid="ignore"):  # infinite less infinite
-        mean, half = confidence_interval(values)
+    with np.errstate(invalid="ignore"):  # infinity minus infinity
+        mean, half_width = confidence_interval(values)
         median = np.median(values)
     numbers = {
         "median": median,
         "min": values.min(),
         "max": values.max(),
         "mean": mean,
-        "ci95_half_width": half,
+        "ci95_half_width": half_width,
     }
-    return {"per_seed": [finite_or_none(value) for value in values]} | {
-        name: finite_or_none(value) for name, value in numbers.items()
-    }
+    per_seed = [finite_or_none(value) for value in values]
+    return {"per_seed": per_seed} | {name: finite_or_none(value) for name, value in numbers.items()}
 
 
 def finite_or_none(value: Any) -> float | None:
-    """A number as JSON has it: None for one that is not finite."""
+    """Return a number for JSON: None if it is not finite."""
     return float(value) if np.isfinite(value) else None
 
 
 def paired_difference(
     ours: SeedStatistics, theirs: SeedStatistics
 ) -> tuple[float | None, float | None, float | None]:
-    """How two controllers' errors differ seed by seed, which takes out what the seeds' noise does to both.
+    """Compare two controllers seed by seed, which removes the effect of the seeds' noise.
 
     Args:
-        ours: spread of the one over the seeds.
-        theirs: that of the other over the same seeds.
+        ours: Statistics of the first controller.
+        theirs: Statistics of the second controller over the same seeds.
 
     Returns:
-        The mean of ours less theirs, half its 95 % interval, and how probable a difference at least
-        so large is where there is none but by chance (p, two-sided, by Student's t); None for what
-        cannot be said, since a seed has no value or is the only one.
+        Mean of ours minus theirs, half the width of its 95 % confidence interval, and the p-value
+            of the paired t-test, two-sided. None for what is undefined, because a seed has no
+            value or there is only one.
     """
     if None in ours["per_seed"] or None in theirs["per_seed"]:
         return None, None, None
     difference = np.array(ours["per_seed"]) - np.array(theirs["per_seed"])
-    mean, half = (float(value) for value in confidence_interval(difference))
+    mean, half_width = (float(value) for value in confidence_interval(difference))
     if len(difference) == 1:
         return mean, None, None
-    if half == 0:  # the same in every seed
+    if half_width == 0:  # equal differences in all seeds
         return mean, 0.0, float(mean == 0)
     from scipy.stats import ttest_1samp
 
-    return mean, half, float(ttest_1samp(difference, 0.0).pvalue)
+    return mean, half_width, float(ttest_1samp(difference, 0.0).pvalue)
 
 
 def holm_adjusted(p: Array) -> Array:
-    """Holm's p, adjusted for their number: those at most 5 % are, but for 5 % of all studies, all no chance.
+    """Return p-values adjusted for the number of tests by Holm's method.
 
     S. Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of
-    Statistics 6, 1979. It needs no independence of the tests, which here share seeds and a subject.
+    Statistics 6, 1979. The tests need not be independent. Here they share seeds and a subject.
 
     Args:
-        p: of m tests, (m,).
+        p: p-values of m tests, shape (m,).
 
     Returns:
-        (m,): the least times m, the next times m - 1 and so on, none less than the one before it,
-            nor above 1.
+        Shape (m,): the smallest times m, the next times m - 1 and so on; each at least as large as
+            the previous one, and at most 1.
     """
     order = np.argsort(p, kind="stable")
     adjusted = np.empty(len(p))
@@ -137,7 +140,12 @@ def holm_adjusted(p: Array) -> Array:
 
 
 def mean_position_error(result: Mapping[str, Any], statistic: str) -> float:
-    """Return a controller's error in the plane, m, mean over the seeds; infinite if one of them failed."""
+    """Return a controller's position error, mean over the seeds, m; infinite if a seed failed.
+
+    Args:
+        result: Results of the controller in a summary.
+        statistic: Statistic over the frames, "max" or "mean".
+    """
     mean: float | None = result["error_m"]["position"][statistic]["mean"]
     return inf if mean is None else mean
 
@@ -145,61 +153,65 @@ def mean_position_error(result: Mapping[str, Any], statistic: str) -> float:
 def judge_subject(
     entries: Mapping[str, Entry], privileged: Collection[str], subject: str | None
 ) -> dict[str, dict[str, Any] | None]:
-    """How the subject fares against every other competitor, in every scenario that was run to its end.
+    """Compare the subject with every other competitor in every completed scenario.
 
     Args:
-        entries: scenario -> its entry in a summary.
-        privileged: controllers that are no competitors.
-        subject: whose verdict is asked for, any controller's.
+        entries: Scenario -> its entry in a summary.
+        privileged: Controllers that do not compete.
+        subject: Controller to judge.
 
     Returns:
-        Scenario -> verdict, None where the subject, or everybody else, was not run. Otherwise `of`,
-        the subject, and `errors`, for max and mean each: `against` (other -> ratio, paired
-        difference, its p, also adjusted for the number of all verdicts, and whether it is beyond
-        chance), `best` (the best of the others), `beats` and `loses_to` (names; as good as is not
-        beaten).
+        Scenario -> verdict, or None if the subject or all others were not run. A verdict has the
+            keys `subject` and `errors`; the latter has the keys `max` and `mean`, each with
+            `against` (competitor -> ratio, paired difference, p-values, significance),
+            `best_competitor`, `beats` and `loses_to`. Equal errors count as a loss.
     """
-    found: dict[str, dict[str, Any] | None] = dict.fromkeys(entries)
-    pairs: list[dict[str, Any]] = []
+    verdicts: dict[str, dict[str, Any] | None] = dict.fromkeys(entries)
+    tests: list[dict[str, Any]] = []
     for name, entry in entries.items():
         results = entry["results"]
-        rivals = [rival for rival in results if rival != subject and rival not in privileged]
-        if subject in results and rivals and entry["status"] == "done":
+        competitors = [other for other in results if other != subject and other not in privileged]
+        if subject in results and competitors and entry["status"] == "done":
             errors = {
-                statistic: _judge(results, str(subject), rivals, statistic)
+                statistic: _judge_statistic(results, str(subject), competitors, statistic)
                 for statistic in STATISTIC_LABELS
             }
-            found[name] = {"subject": subject, "errors": errors}
-            pairs += [
-                pair
-                for error in errors.values()
-                for pair in error["against"].values()
-                if pair["p"] is not None
+            verdicts[name] = {"subject": subject, "errors": errors}
+            comparisons = [
+                comparison for error in errors.values() for comparison in error["against"].values()
             ]
-    for pair, p in zip(pairs, holm_adjusted(np.array([pair["p"] for pair in pairs])), strict=True):
-        pair |= {"p_adjusted": float(p), "significant": bool(p <= SIGNIFICANCE_LEVEL)}
-    return found
+            tests += [comparison for comparison in comparisons if comparison["p"] is not None]
+    adjusted = holm_adjusted(np.array([test["p"] for test in tests]))
+    for test, p in zip(tests, adjusted, strict=True):
+        test |= {"p_adjusted": float(p), "significant": bool(p <= SIGNIFICANCE_LEVEL)}
+    return verdicts
 
 
-def _judge(results: Results, subject: str, rivals: list[str], statistic: str) -> dict[str, Any]:
-    """Return the verdict on the subject by one statistic, before the correction for the number of verdicts."""
-    means, against = {name: mean_position_error(results[name], statistic) for name in results}, {}
-    for rival in rivals:
+def _judge_statistic(
+    results: Results, subject: str, competitors: list[str], statistic: str
+) -> dict[str, Any]:
+    """Return the verdict on one statistic, before the p-values are adjusted."""
+    errors = {name: mean_position_error(results[name], statistic) for name in results}
+    against = {}
+    for competitor in competitors:
         ours, theirs = (
-            results[name]["error_m"]["position"][statistic] for name in (subject, rival)
+            results[name]["error_m"]["position"][statistic] for name in (subject, competitor)
         )
-        difference, half, p = paired_difference(ours, theirs)
-        ratio = finite_or_none(means[subject] / means[rival]) if 0 < means[rival] < inf else None
-        against[rival] = {
-            "ratio": ratio, "difference_m": difference, "ci95_half_width_m": half, "p": p, "p_adjusted": None,
+        difference, half_width, p = paired_difference(ours, theirs)
+        has_ratio = 0 < errors[competitor] < inf
+        against[competitor] = {
+            "ratio": finite_or_none(errors[subject] / errors[competitor]) if has_ratio else None,
+            "difference_m": difference,
+            "ci95_half_width_m": half_width,
+            "p": p,
+            "p_adjusted": None,
             "significant": None,
-        }  # fmt: skip
-    lost = [rival for rival in rivals if means[rival] <= means[subject]]
+        }
+    finished = [competitor for competitor in competitors if errors[competitor] < inf]
+    loses_to = [competitor for competitor in competitors if errors[competitor] <= errors[subject]]
     return {
         "against": against,
-        "best_competitor": min(
-            (rival for rival in rivals if means[rival] < inf), key=means.__getitem__, default=None
-        ),
-        "beats": [rival for rival in rivals if rival not in lost],
-        "loses_to": lost,
+        "best_competitor": min(finished, key=errors.__getitem__, default=None),
+        "beats": [competitor for competitor in competitors if competitor not in loses_to],
+        "loses_to": loses_to,
     }
