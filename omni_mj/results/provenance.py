@@ -1,6 +1,6 @@
-"""Write down what a run is made of: provenance.json, and copies of the user's own files in sources/.
+"""Provenance of a run: provenance.json, and copies of the user's files in sources/.
 
-No names of users, hosts or folders are in it, but for what the command line holds.
+It contains no names of users, hosts or folders, except those in the command line.
 """
 
 import hashlib
@@ -21,10 +21,10 @@ from omni_mj.files import write_text
 from omni_mj.mjcf.model_files import read_model_files
 from omni_mj.results.summary import package_versions
 
-FORMAT = 1
+FORMAT = 2  # of provenance.json
 FILE, SOURCES = "provenance.json", "sources"
-SUFFIXES = (".py", ".toml", ".xml")  # of files on which a result can depend
-GIT_S = 5.0  # that git may take, s
+SOURCE_SUFFIXES = (".py", ".toml", ".xml")  # of files that can affect the results
+GIT_TIMEOUT_S = 5.0
 _PACKAGE = Path(__file__).parents[1]
 
 
@@ -35,45 +35,45 @@ def save_provenance(
     scenarios: Sequence[Scenario],
     frames: bool = True,
 ) -> None:
-    """Write what is about to be run.
+    """Write provenance.json and the user's files of a run that is about to start.
 
     Args:
-        folder: Of the run, which exists.
+        folder: Folder of the run, which exists.
         study: Name of the command.
-        command: The command line; None for a result from Python.
-        scenarios: What is run.
-        frames: Whether trajectories are kept.
+        command: Command line, or None for a result from Python.
+        scenarios: Scenarios of the run.
+        frames: Whether trajectories are saved.
 
     Raises:
-        OmniError: A user's file has gone.
+        OmniError: A file of the user no longer exists.
     """
     files: dict[str, bytes] = {}
     content = {
         "format": FORMAT,
         "study": study,
         "command": command,
-        "began": datetime.now(UTC).isoformat(timespec="seconds"),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "frames_saved": frames,
-        "scenarios": {scenario.name: _describe(scenario, files) for scenario in scenarios},
+        "scenarios": {scenario.name: _describe_scenario(scenario, files) for scenario in scenarios},
         **describe_environment(),
     }
-    # First of all, since by this file --overwrite knows the folder of a run.
+    # First of all, because --overwrite recognizes the folder of a run by this file.
     write_text(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
-    for place, data in files.items():
-        path = folder / place
+    for name, data in files.items():
+        path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
 
 
 def describe_environment() -> dict[str, Any]:
-    """Return versions, a digest of the packages' source, the commit, the processor."""
-    cpu = Path("/proc/cpuinfo")  # Python leaves the processor's name out on Linux
-    text = cpu.read_text(encoding="utf-8", errors="replace") if cpu.exists() else ""
+    """Return package versions, a hash of the source, the git commit and the processor."""
+    cpu_file = Path("/proc/cpuinfo")  # Python does not report the processor's name on Linux
+    text = cpu_file.read_text(encoding="utf-8", errors="replace") if cpu_file.exists() else ""
     name = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
     return {
         "versions": package_versions(),
         "source": source_digest(),
-        "git": _commit(),
+        "git": _git_commit(),
         "machine": {
             "CPU": name[1] if name else platform.processor(),
             "system": f"{platform.system()} {platform.machine()}",
@@ -82,86 +82,103 @@ def describe_environment() -> dict[str, Any]:
 
 
 def sha256(data: bytes) -> str:
-    """Return the SHA-256 of data, in hexadecimal digits."""
+    """Return the SHA-256 of data as hexadecimal digits."""
     return hashlib.sha256(data).hexdigest()
 
 
 def source_digest() -> str:
-    """Return a digest of names and contents of the packages' files and of the models."""
+    """Return a hash of the names and contents of the packages' source files and the models."""
     folders = _PACKAGE, Path(omni_control.__file__).parent, robot_files.find_models_folder()
-    return sha256("".join(line for folder in folders for line in _digests(folder)).encode())
+    return sha256("".join(line for folder in folders for line in _hash_files(folder)).encode())
 
 
-def _digests(folder: Path) -> Iterator[str]:
-    for path in sorted(path for path in folder.rglob("*") if path.suffix in SUFFIXES):
+def _hash_files(folder: Path) -> Iterator[str]:
+    for path in sorted(path for path in folder.rglob("*") if path.suffix in SOURCE_SUFFIXES):
         yield f"{sha256(path.read_bytes())} {path.relative_to(folder).as_posix()}\n"
 
 
-def _commit() -> str | None:
-    """Return the commit of the checkout that this package is in, "-dirty" if files differ."""
+def _git_commit() -> str | None:
+    """Return the commit of the checkout that contains this package, or None without a checkout.
+
+    "-dirty" follows if files differ from the commit.
+    """
     root = _PACKAGE.parent
     if not (root / ".git").exists():
         return None
-    words = (
-        "git",
-        "-C",
-        str(root),
-        "describe",
-        "--always",
-        "--dirty",
-        "--abbrev=40",
-        "--exclude=*",
-    )
+    describe = ("git", "-C", str(root), "describe")
+    arguments = ("--always", "--dirty", "--abbrev=40", "--exclude=*")
     try:
-        done = subprocess.run(words, capture_output=True, text=True, timeout=GIT_S, check=True)
+        completed = subprocess.run(
+            (*describe, *arguments),
+            capture_output=True,
+            text=True,
+            timeout=GIT_TIMEOUT_S,
+            check=True,
+        )
     except (OSError, subprocess.SubprocessError):
         return None
-    return done.stdout.strip()
+    return completed.stdout.strip()
 
 
-def _describe(scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
-    """Return what a scenario is made of, and add copies of the user's own files to `files`."""
+def _describe_scenario(scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
+    """Return plant, robot, controllers and model of a scenario.
+
+    Args:
+        scenario: The scenario.
+        files: Name in the run's folder -> content. Copies of the user's files are added.
+    """
     robot, plant = robot_files.find_robot_file(scenario.robot), scenario.plant
-    (robot_copy,) = _copy(files, {robot.name: robot.read_bytes()})
+    (robot_copy,) = _add_copies(files, {robot.name: robot.read_bytes()})
     entry: dict[str, Any] = {
-        "plant": {"name": plant} if plant in plugins.PLANTS else _class(plant, files),
+        "plant": {"name": plant} if plant in plugins.PLANTS else _describe_class(plant, files),
         "robot": {"name": Path(scenario.robot).name} | robot_copy,
-        "controllers": [_controller(kind, scenario, files) for kind in scenario.controllers],
+        "controllers": [
+            _describe_controller(kind, scenario, files) for kind in scenario.controllers
+        ],
     }
     if name := scenario.settings.model.file:
         entry["model"] = {"name": Path(name).name}
         try:
-            found = read_model_files(Path(name))
+            contents = read_model_files(Path(name))
         except (OSError, ValueError) as error:
-            entry["model"]["reason"] = f"could not be copied: {error}"
+            entry["model"]["not_copied"] = f"could not be copied: {error}"
         else:
-            model, *parts = _copy(files, {f"model/{part}": data for part, data in found.items()})
-            entry["model"] |= model | {"parts": parts}
+            model_files = {f"model/{file}": data for file, data in contents.items()}
+            model, *included = _add_copies(files, model_files)
+            entry["model"] |= model | {"included": included}
     return entry
 
 
-def _controller(kind: plugins.Kind, scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
-    label, found = plugins.label_controller(kind), plugins.find_controller(kind)
-    entry = {"name": label} if kind in CONTROLLERS else _class(kind, files)
-    given = scenario.settings.controller.get(label, {})
-    return entry | {"parameters": get_parameters(found) | dict(given)}
+def _describe_controller(
+    kind: plugins.Kind, scenario: Scenario, files: dict[str, bytes]
+) -> dict[str, Any]:
+    """Return name, file and parameters of a controller, and copy its file to `files`."""
+    label, controller_class = plugins.label_controller(kind), plugins.find_controller(kind)
+    entry = {"name": label} if kind in CONTROLLERS else _describe_class(kind, files)
+    parameters = scenario.settings.controller.get(label, {})
+    return entry | {"parameters": get_parameters(controller_class) | dict(parameters)}
 
 
-def _class(kind: plugins.Kind, files: dict[str, bytes]) -> dict[str, Any]:
-    """Return the entry of a class of the user's own, and copy the file that defines it."""
+def _describe_class(kind: plugins.Kind, files: dict[str, bytes]) -> dict[str, Any]:
+    """Return name and file of a class of the user, and copy its file to `files`."""
     file, _, name = plugins.reference_controller(kind).rpartition(":")
     entry = {"name": plugins.label_controller(kind), "class": name}
     is_main = isinstance(kind, type) and kind.__module__ == "__main__"
     if is_main or "." in name or not Path(file).is_file():
-        return entry | {"reason": "is not defined at the top level of a file that can be imported"}
-    (copy,) = _copy(files, {Path(file).name: Path(file).read_bytes()})
+        reason = "is not defined at the top level of a file that can be imported"
+        return entry | {"not_copied": reason}
+    (copy,) = _add_copies(files, {Path(file).name: Path(file).read_bytes()})
     return entry | copy
 
 
-def _copy(files: dict[str, bytes], own: Mapping[str, bytes]) -> list[dict[str, str]]:
-    """Add files that belong together, and return each one's place in the run's folder and hash."""
+def _add_copies(files: dict[str, bytes], copies: Mapping[str, bytes]) -> list[dict[str, str]]:
+    """Add files that belong together to `files`.
+
+    Returns:
+        Name in the run's folder and hash of each copy.
+    """
     folder = SOURCES
-    while any(files.get(f"{folder}/{name}", data) != data for name, data in own.items()):
-        folder += "/other"  # there are other files of these names
-    files |= {f"{folder}/{name}": data for name, data in own.items()}
-    return [{"file": f"{folder}/{name}", "sha256": sha256(data)} for name, data in own.items()]
+    while any(files.get(f"{folder}/{name}", data) != data for name, data in copies.items()):
+        folder += "/other"  # other files have these names
+    files |= {f"{folder}/{name}": data for name, data in copies.items()}
+    return [{"file": f"{folder}/{name}", "sha256": sha256(data)} for name, data in copies.items()]

@@ -1,4 +1,4 @@
-"""What a study leaves: outcomes of its scenarios, as a summary, a table, Arrow tables and files."""
+"""The result of a study: outcomes of its scenarios, as summary, tables and files."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one scenario.
+    """Outcome of one scenario.
 
     Attributes:
-        scenario: as it was run.
-        entry: what the summary says of it.
-        rows: the robots that were run.
-        failures: those that were stopped before their end, and why.
-        metrics: numbers of each row, name -> (n,).
-        log: all that was recorded, where it was kept.
-        drawn_parameters: what sets the rows' robots apart, name -> (n,).
+        scenario: The scenario as it was run.
+        entry: Its entry in the summary.
+        rows: Rows that were run.
+        failures: Rows that were stopped before their end, with the causes.
+        metrics: Metrics of the rows, name -> shape (n,).
+        log: Recorded frames, or None if they were not kept.
+        drawn_parameters: Parameters drawn for each row, name -> shape (n,).
     """
 
     scenario: Scenario
@@ -47,27 +47,26 @@ class Outcome:
 
     @classmethod
     def not_run(cls, scenario: Scenario, reason: str | None = None) -> "Outcome":
-        """That of a scenario that has not been run, or that for a `reason` cannot be."""
+        """Return the outcome of a scenario that was not run, or cannot be run for a `reason`."""
         entry = summary.empty_entry(scenario)
         return cls(scenario, entry | {"status": "failed", "reason": reason} if reason else entry)
 
 
 @dataclass
 class Result:
-    """What a study leaves, or has so far.
+    """Result of a study, complete or so far.
 
     Attributes:
-        outcomes: of each scenario, in the order in which they are run.
-        controllers: labels of those that were compared.
-        privileged: those of them that are given the true state, and are no competitors.
-        seeds: of the random numbers.
-        subject: the controller of which verdicts were asked for, or None.
-        created: when the study began, ISO 8601.
-        wall_s: how long it took, s.
-        stopped: why it ended before its time, or None; the summary of one that is not complete
-            without a reason says that it goes on, or was killed.
-        repeat_command: the command line that gives the same, where there is one.
-        complete: whether all that was asked for has been done.
+        outcomes: Outcomes of the scenarios, in the order of their runs.
+        controllers: Labels of the controllers.
+        privileged: Controllers that are given the true state and do not compete.
+        seeds: Seeds of the random numbers.
+        subject: Controller that the verdicts are about, or None.
+        created: Start of the study, ISO 8601.
+        wall_s: Duration of the study, s.
+        stopped: Reason why the study ended early, or None.
+        repeat_command: Command line that repeats the study, or None.
+        complete: Whether everything was run.
     """
 
     outcomes: list[Outcome]
@@ -83,129 +82,131 @@ class Result:
 
     @property
     def failures(self) -> "list[Failure]":
-        """Every row that was stopped before its end."""
+        """All rows that were stopped before their end."""
         return [failure for outcome in self.outcomes for failure in outcome.failures]
 
     def __getitem__(self, scenario: str) -> Outcome:
-        """The outcome of a scenario, by its name."""
+        """Return the outcome of a scenario, given its name."""
         return {outcome.scenario.name: outcome for outcome in self.outcomes}[scenario]
 
     def summary(self) -> dict[str, Any]:
-        """What summary.json holds: every number, with its definition."""
-        names = (
-            "created",
-            "complete",
-            "stopped",
-            "wall_s",
-            "repeat_command",
-            "controllers",
-            "privileged",
-            "seeds",
-        )
-        head = {name: getattr(self, name) for name in (*names, "subject")}
-        head |= {name: list(head[name]) for name in ("controllers", "privileged", "seeds")}
-        head |= {"stopped": None if self.complete else self.stopped or summary.UNFINISHED}
-        head |= {"wall_s": round(self.wall_s, 3)}
-        return summary.build_summary(
-            {outcome.scenario.name: outcome.entry for outcome in self.outcomes}, head
-        )
+        """Return the content of summary.json: all numbers and their definitions."""
+        stopped = None if self.complete else self.stopped or summary.UNFINISHED
+        head = {
+            "created": self.created,
+            "complete": self.complete,
+            "stopped": stopped,
+            "wall_s": round(self.wall_s, 3),
+            "repeat_command": self.repeat_command,
+            "controllers": list(self.controllers),
+            "privileged": list(self.privileged),
+            "seeds": list(self.seeds),
+            "subject": self.subject,
+        }
+        entries = {outcome.scenario.name: outcome.entry for outcome in self.outcomes}
+        return summary.build_summary(entries, head)
 
     def table(self) -> str:
-        """The controllers' errors, effort and time to settle, as lines of text."""
+        """Return the controllers' errors and settling times as lines of text."""
         return format_table(results_table(self.summary()))
 
     def frames(self) -> "pa.Table":
-        """Everything that was recorded: one line per row and frame, after the scenario's name if there are several.
+        """Return all recorded frames, a line per row and frame.
+
+        If there are several scenarios, the first column has their names.
 
         Raises:
-            OmniError: nothing was kept of the frames.
+            OmniError: The frames were not kept.
         """
         import pyarrow as pa
 
         logs = {outcome.scenario.name: outcome.log for outcome in self.outcomes if outcome.log}
         if not logs:
-            raise OmniError("no frames were kept; compare(..., keep=True) keeps them")
-        tables = [log.table() for log in logs.values()]
+            raise OmniError("no frames were kept; compare(..., keep_frames=True) keeps them")
+        tables = {name: log.table() for name, log in logs.items()}
         if len(self.outcomes) == 1:
-            return tables[0]
-        names = [
-            pa.array([name] * each.num_rows, pa.string())
-            for name, each in zip(logs, tables, strict=True)
+            (table,) = tables.values()
+            return table
+        named_tables = [
+            table.add_column(0, "scenario", pa.array([name] * table.num_rows, pa.string()))
+            for name, table in tables.items()
         ]
-        tables = [
-            each.add_column(0, "scenario", name) for each, name in zip(tables, names, strict=True)
-        ]
-        return pa.concat_tables(tables, promote_options="default").unify_dictionaries()
+        return pa.concat_tables(named_tables, promote_options="default").unify_dictionaries()
 
     def rows(self) -> "pa.Table":
-        """One line per row: what it is, when and why it failed, the settings in which rows differ, and its numbers."""
+        """Return one line per row: its name, failure, differing settings and metrics."""
         import pyarrow as pa
 
-        lines = [line for outcome in self.outcomes for line in _lines(outcome)]
+        lines = [line for outcome in self.outcomes for line in _list_rows(outcome)]
         names = dict.fromkeys(name for line in lines for name in line)
-        settings = {name for name in names if "." in name or name == "fault"}
-        same = {
-            name for name in settings if all(line.get(name) == lines[0].get(name) for line in lines)
+        equal_settings = {
+            name
+            for name in names
+            if ("." in name or name == "fault")
+            and all(line.get(name) == lines[0].get(name) for line in lines)
         }
-        return pa.table(
-            {
-                name: pa.array([line.get(name) for line in lines])
-                for name in names
-                if name not in same
-            }
-        )
+        columns = [name for name in names if name not in equal_settings]
+        return pa.table({name: pa.array([line.get(name) for line in lines]) for name in columns})
 
     def save(self, folder: str | Path) -> None:
-        """Write summary.json, the effective scenarios and, where they were kept, the frames; each whole or not at all.
+        """Write summary.json, the scenarios, the frames if they were kept, and the provenance.
 
-        One scenario leaves scenario.toml and trajectory.parquet; several scenarios/NAME.toml and
-        trajectories/NAME.parquet. provenance.json and sources/ say what was run, for
-        `omni_mj.verify`. Folders are made; files of the same names are replaced.
+        One scenario is written to scenario.toml and trajectory.parquet; several to
+        scenarios/NAME.toml and trajectories/NAME.parquet. `omni_mj.verify` needs provenance.json
+        and sources/. Folders are created; files of the same names are replaced. Each file appears
+        complete or not at all.
         """
         from omni_mj.results import provenance
 
         self.save_files(Path(folder))
         study = type(self).__name__.removesuffix("Result").lower()
         study = study or ("compare" if len(self.outcomes) > 1 else "run")
-        kept = all(outcome.log is not None for outcome in self.outcomes)
-        provenance.save_provenance(
-            Path(folder), study, None, [outcome.scenario for outcome in self.outcomes], kept
-        )
+        has_frames = all(outcome.log is not None for outcome in self.outcomes)
+        scenarios = [outcome.scenario for outcome in self.outcomes]
+        provenance.save_provenance(Path(folder), study, None, scenarios, has_frames)
 
     def save_files(self, folder: Path) -> None:
-        """As `save`, without what says what was run; the summary last, since it says that all is there."""
+        """Write the same as `save`, without the provenance.
+
+        The summary is written last, because it says that everything is there.
+        """
         for outcome in self.outcomes:
             self.save_outcome(outcome, folder)
         self.save_summary(folder)
 
     def save_summary(self, folder: Path) -> None:
-        """Write summary.json: strict JSON, in which nothing is not a number."""
+        """Write summary.json, strict JSON without NaN."""
         folder.mkdir(parents=True, exist_ok=True)
-        write_text(
-            folder / "summary.json", json.dumps(self.summary(), indent=2, allow_nan=False) + "\n"
-        )
+        text = json.dumps(self.summary(), indent=2, allow_nan=False)
+        write_text(folder / "summary.json", text + "\n")
 
     def save_outcome(self, outcome: Outcome, folder: Path) -> None:
-        """Write a scenario as it was run and, where they were kept, its frames."""
-        name, several = outcome.scenario.name, len(self.outcomes) > 1
-        scenario = folder / "scenarios" / f"{name}.toml" if several else folder / "scenario.toml"
-        scenario.parent.mkdir(parents=True, exist_ok=True)
-        write_text(scenario, outcome.scenario.to_toml())
+        """Write a scenario as it was run, and its frames if they were kept."""
+        scenario_path, frames_path = folder / "scenario.toml", folder / "trajectory.parquet"
+        if len(self.outcomes) > 1:
+            name = outcome.scenario.name
+            scenario_path = folder / "scenarios" / f"{name}.toml"
+            frames_path = folder / "trajectories" / f"{name}.parquet"
+        scenario_path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(scenario_path, outcome.scenario.to_toml())
         if outcome.log and outcome.log.lengths.any():
-            frames = (
-                folder / "trajectories" / f"{name}.parquet"
-                if several
-                else folder / "trajectory.parquet"
-            )
-            frames.parent.mkdir(exist_ok=True)
-            outcome.log.save(frames)
+            frames_path.parent.mkdir(exist_ok=True)
+            outcome.log.save(frames_path)
 
 
-def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
-    """Yield a row's name, failure, settings and numbers, row by row."""
+def _list_rows(outcome: Outcome) -> Iterator[dict[str, Any]]:
+    """Yield name, failure, settings and metrics of each row."""
     failures = {failure.row: failure for failure in outcome.failures}
-    settings = {id(row.settings): row.settings for row in outcome.rows}  # rows share them
-    plain = {key: dict(summary.flatten(value.to_dict())) for key, value in settings.items()}
+    # Rows share settings, so that each is converted only once.
+    settings = {id(row.settings): row.settings for row in outcome.rows}
+    values = {
+        key: {
+            name: json.dumps(value) if isinstance(value, list | tuple) else value
+            for name, value in summary.flatten(row_settings.to_dict())
+        }
+        for key, row_settings in settings.items()
+    }
+    numbers = {**outcome.metrics, **outcome.drawn_parameters}
     for i, row in enumerate(outcome.rows):
         failure = failures.get(i)
         yield {
@@ -215,12 +216,6 @@ def _lines(outcome: Outcome) -> Iterator[dict[str, Any]]:
             "slot": row.slot,
             "failed_at_s": failure.time_s if failure else None,
             "cause": failure.cause if failure else None,
-            **{
-                name: json.dumps(value) if isinstance(value, list | tuple) else value
-                for name, value in plain[id(row.settings)].items()
-            },
-            **{
-                name: values[i]
-                for name, values in {**outcome.metrics, **outcome.drawn_parameters}.items()
-            },
+            **values[id(row.settings)],
+            **{name: array[i] for name, array in numbers.items()},
         }

@@ -1,4 +1,4 @@
-"""Run again what a folder holds, and compare: frames bit for bit, or else the summary's numbers."""
+"""Repetition of a saved run, and comparison of the results: frames bit for bit, or numbers."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -10,8 +10,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj import parquet
-from omni_mj.config import scenario
-from omni_mj.config.scenario import Scenario
+from omni_mj.config.scenario import Scenario, load_with_overrides
 from omni_mj.files import read_json
 from omni_mj.results import summary
 from omni_mj.results.provenance import FILE, FORMAT, describe_environment, sha256
@@ -28,25 +27,21 @@ from omni_mj.studies.study_runner import (
 if TYPE_CHECKING:
     import pyarrow as pa
 
-REPEATED = ("run", "compare")  # studies that are run again
-RESULTS = (
-    "failures",
-    "drawn_parameters",
-    "events",
-    "results",
-)  # parts of a scenario's entry that frames decide
-ENVIRONMENT = ("versions", "source", "git", "machine")  # parts of a record
+REPEATABLE_STUDIES = ("run", "compare")
+# Keys of a scenario's entry that depend on the frames.
+RESULT_KEYS = ("failures", "drawn_parameters", "events", "results")
+ENVIRONMENT_KEYS = ("versions", "source", "git", "machine")  # of provenance.json
 
 
 @dataclass
 class VerifyResult:
-    """The outcome of running it again.
+    """Result of a repetition.
 
     Attributes:
         rows: Number of rows that were run.
-        frames: Number of frames of all rows that were compared.
-        differences: What differs from the run, in lines; empty if it repeats.
-        notes: What is not as it was but decided nothing, or was left out, in lines.
+        frames: Number of frames that were compared, over all rows.
+        differences: Differences from the saved run, a line each; empty if it repeats.
+        notes: Remarks about changes without effect and scenarios that were skipped, a line each.
     """
 
     rows: int = 0
@@ -56,29 +51,30 @@ class VerifyResult:
 
     @property
     def repeats(self) -> bool:
-        """Whether all is the same."""
+        """Whether there is no difference."""
         return not self.differences
 
     def __str__(self) -> str:
-        """Return the outcome in lines."""
+        """Return the result as lines of text."""
         if not self.repeats:
             return "\n".join(["does not repeat", *self.differences, *self.notes])
-        compared = f"{self.frames} frames identical bit for bit"
-        compared = compared if self.frames else "the summary's numbers identical"
+        compared = "the summary's numbers identical"
+        if self.frames:
+            compared = f"{self.frames} frames identical bit for bit"
         head = f"repeats: {self.rows} rows, {compared}"
         return "\n".join([head, *(f"note: {note}" for note in self.notes)])
 
 
 def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> VerifyResult:
-    """Run again what a folder holds, and compare bit for bit, as `omni-mj verify` does.
+    """Repeat the run in a folder and compare the results, as `omni-mj verify` does.
 
     Args:
-        folder: Folder that a run, a comparison or `Result.save` left.
-        start_progress: Called with a title and a number of frames before a scenario is run; its result is
-            called after each frame.
+        folder: Folder that a run, a comparison or `Result.save` created.
+        start_progress: Called with a title and a number of frames before a scenario is run. It
+            returns a function that is called after each frame.
 
     Raises:
-        OmniError: It cannot be run again; a line for each reason.
+        OmniError: The run cannot be repeated; a line for each reason.
     """
     path = Path(folder)
     if not (path / FILE).exists():
@@ -89,144 +85,172 @@ def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> V
     except OmniError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
-        raise OmniError(f"{path} is not as a run leaves it; make the run again") from error
+        raise OmniError(f"{path} was changed after the run; make the run again") from error
 
 
 def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress) -> VerifyResult:
-    if record["format"] != FORMAT:
-        raise OmniError(f"{path / FILE} is of format {record['format']!r}; known is {FORMAT}")
-    if record["study"] not in REPEATED:
-        raise OmniError(
-            f"{path} is of omni-mj {record['study']}, which verify does not run again; repeat it as a "
-            f"whole: {record['command'] or 'it was called from Python'}"
-        )
+    """Repeat all scenarios of a folder and compare them.
+
+    Args:
+        path: Folder of the run.
+        record: Content of its provenance.json.
+        start_progress: See `verify`.
+    """
+    _check_record(path, record)
     scenarios = summary.read_summary(path)["scenarios"]
+    several = len(scenarios) > 1
     result = VerifyResult()
     for name, entry in scenarios.items():
         if not entry["frames"]:
             result.notes.append(f"{name} was not run: there is nothing to compare with")
             continue
-        place = "scenarios/{}.toml" if len(scenarios) > 1 else "scenario.toml"
-        chosen = _load(path, path / place.format(name), record["scenarios"][name], entry)
-        outcome = _run(chosen, entry, start_progress)
+        file = path / (f"scenarios/{name}.toml" if several else "scenario.toml")
+        scenario = _load_saved_scenario(path, file, record["scenarios"][name], entry)
+        outcome = _run_as_saved(scenario, entry, start_progress)
         result.rows += len(outcome.rows)
         if record["frames_saved"]:
-            place = "trajectories/{}.parquet" if len(scenarios) > 1 else "trajectory.parquet"
-            recorded = parquet.read_table(path / place.format(name))
-            result.frames += recorded.num_rows
+            frames = f"trajectories/{name}.parquet" if several else "trajectory.parquet"
+            saved = parquet.read_table(path / frames)
+            result.frames += saved.num_rows
             assert outcome.log is not None
-            lines = _frame_differences(recorded, outcome.log.table())
+            lines = _frame_differences(saved, outcome.log.table())
         else:
             lines = _number_differences(entry, json.loads(json.dumps(outcome.entry)))
         result.differences += [f"{name}: {line}" for line in lines]
     if not result.rows:
         raise OmniError(f"nothing was recorded in {path}: there is nothing to compare with")
-    changed = _changes(record)
+    changes = _environment_changes(record)
     if result.repeats:
-        result.notes += changed
+        result.notes += changes
     else:
-        result.differences += changed or [
-            "versions, source and processor are the run's: look for random numbers without a seed, "
+        result.differences += changes or [
+            "versions, source and processor are the same: look for random numbers without a seed, "
             "the clock, and files or modules that a controller reads"
         ]
     return result
 
 
-def _load(path: Path, file: Path, said: Mapping[str, Any], entry: Mapping[str, Any]) -> Scenario:
-    """Return a scenario as it was run, made of the copies in the folder.
+def _check_record(path: Path, record: Mapping[str, Any]) -> None:
+    """Raise `OmniError` if the study of a provenance.json cannot be repeated."""
+    if record["format"] != FORMAT:
+        raise OmniError(f"{path / FILE} has format {record['format']!r}; supported is {FORMAT}")
+    if record["study"] not in REPEATABLE_STUDIES:
+        raise OmniError(
+            f"{path} is a result of omni-mj {record['study']}, which verify does not repeat; "
+            f"repeat the study: {record['command'] or 'it was called from Python'}"
+        )
+
+
+def _load_saved_scenario(
+    path: Path, file: Path, record: Mapping[str, Any], entry: Mapping[str, Any]
+) -> Scenario:
+    """Return a scenario as it was run, with the copies of the user's files.
+
+    Args:
+        path: Folder of the run.
+        file: File of the scenario in it.
+        record: Entry of the scenario in provenance.json.
+        entry: Entry of the scenario in summary.json.
 
     Raises:
-        OmniError: A copy is missing or not what was run, or this version cannot run the scenario.
+        OmniError: A copy is missing or was changed, or this version cannot run the scenario.
     """
 
-    def copy(part: Mapping[str, Any]) -> str:
-        if "reason" in part:
-            raise OmniError(f"{part['name']} {part['reason']}")
-        place = path / part["file"]
-        if not place.is_file() or sha256(place.read_bytes()) != part["sha256"]:
-            raise OmniError(f"{place} is missing, or not what was run: its SHA-256 is another")
-        return str(place)
+    def find_copy(part: Mapping[str, Any]) -> str:
+        if "not_copied" in part:
+            raise OmniError(f"{part['name']} {part['not_copied']}")
+        copy = path / part["file"]
+        if not copy.is_file() or sha256(copy.read_bytes()) != part["sha256"]:
+            raise OmniError(f"{copy} is missing, or not what was run: its SHA-256 differs")
+        return str(copy)
 
-    def kind(part: Mapping[str, Any]) -> str:
-        is_here = "file" not in part and "reason" not in part
-        return part["name"] if is_here else f"{copy(part)}:{part['class']}"
+    def reference(part: Mapping[str, Any]) -> str:
+        is_builtin = "file" not in part and "not_copied" not in part
+        return part["name"] if is_builtin else f"{find_copy(part)}:{part['class']}"
 
     head = {
-        "controllers": [kind(part) for part in said["controllers"]],
-        "plant": kind(said["plant"]),
-        "robot": copy(said["robot"]),
+        "controllers": [reference(part) for part in record["controllers"]],
+        "plant": reference(record["plant"]),
+        "robot": find_copy(record["robot"]),
         "seed": entry["seeds"][0],
         "seeds": len(entry["seeds"]),
     }
     sections = {}
-    if model := said.get("model"):
-        sections["model"] = {"file": copy(model)}
-        for part in model["parts"]:
-            copy(part)
-    return scenario.load_with_overrides(str(file), (), head, sections=sections)
+    if model := record.get("model"):
+        sections["model"] = {"file": find_copy(model)}
+        for part in model["included"]:
+            find_copy(part)
+    return load_with_overrides(str(file), (), head, sections=sections)
 
 
-def _run(chosen: Scenario, entry: Mapping[str, Any], start_progress: StartProgress) -> Outcome:
-    """Run a scenario as far as it was run."""
-    simulation = Simulation(chosen)
-    count = entry["frames"] if entry["status"] == "stopped" else count_frames(simulation)
-    show = start_progress(chosen.name, count)
+def _run_as_saved(
+    scenario: Scenario, entry: Mapping[str, Any], start_progress: StartProgress
+) -> Outcome:
+    """Run a scenario for as many frames as the saved run."""
+    simulation = Simulation(scenario)
+    is_stopped = entry["status"] == "stopped"
+    n_frames = entry["frames"] if is_stopped else count_frames(simulation)
+    show = start_progress(scenario.name, n_frames)
 
     def after_frame(frame: int) -> None:
         show(frame)
-        if entry["status"] == "stopped" and frame + 1 == count:
+        if is_stopped and frame + 1 == n_frames:
             raise StoppedError(str(entry["reason"]))
 
     return run_simulation(simulation, after_frame)
 
 
-def _frame_differences(recorded: "pa.Table", again: "pa.Table") -> Iterator[str]:
-    """Yield how trajectories differ; a value that is not a number equals any other such."""
-    old, new = (
+def _frame_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]:
+    """Yield the differences of two trajectories, a line each. NaNs are equal."""
+    saved, repeated = (
         table.set_column(0, "controller", table["controller"].cast("string"))
-        for table in (recorded, again)
+        for table in (saved, repeated)
     )
-    n = min(old.num_rows, new.num_rows)
-    if old.num_rows != new.num_rows:
-        yield f"{old.num_rows} frames are in the run, {new.num_rows} here"
-    first: dict[str, int] = {}
-    for name in old.column_names:
-        if name not in new.column_names:
-            yield f"nothing is recorded here of {name}"
+    n_rows = min(saved.num_rows, repeated.num_rows)
+    if saved.num_rows != repeated.num_rows:
+        yield f"the run has {saved.num_rows} frames, its repetition {repeated.num_rows}"
+    first_difference: dict[str, int] = {}  # column -> row of the table
+    for name in saved.column_names:
+        if name not in repeated.column_names:
+            yield f"the repetition has no column {name}"
             continue
-        before, after = (table[name].to_numpy()[:n] for table in (old, new))
-        differs = before != after
-        if before.dtype == after.dtype == float:
-            differs = before.view(np.uint64) != after.view(np.uint64)
-            differs &= ~(np.isnan(before) & np.isnan(after))
+        old, new = (table[name].to_numpy()[:n_rows] for table in (saved, repeated))
+        differs = old != new
+        if old.dtype == new.dtype == float:
+            differs = old.view(np.uint64) != new.view(np.uint64)
+            differs &= ~(np.isnan(old) & np.isnan(new))
         if differs.any():
-            first[name] = int(differs.argmax())
-    if first:
-        name = min(first, key=first.__getitem__)
-        row, here = (table.slice(first[name], 1).to_pylist()[0] for table in (old, new))
+            first_difference[name] = int(differs.argmax())
+    if first_difference:
+        name = min(first_difference, key=first_difference.__getitem__)
+        old, new = (
+            table.slice(first_difference[name], 1).to_pylist()[0] for table in (saved, repeated)
+        )
         yield (
-            f"first in frame {row['frame']} of {row['controller']}, seed {row['seed']}, "
-            f"slot {row['slot']}: {name} is {row[name]} in the run, {here[name]} here; "
-            f"{len(first)} channels differ"
+            f"first in frame {old['frame']} of {old['controller']}, seed {old['seed']}, "
+            f"slot {old['slot']}: {name} is {old[name]} in the run, {new[name]} here; "
+            f"{len(first_difference)} channels differ"
         )
 
 
-def _number_differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> Iterator[str]:
-    """Yield how the entries of a scenario in two summaries differ."""
+def _number_differences(saved: Mapping[str, Any], repeated: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the differences of a scenario's entries in two summaries, a line each."""
     old, new = (
-        dict(summary.flatten({part: entry[part] for part in RESULTS})) for entry in (before, after)
+        dict(summary.flatten({key: entry[key] for key in RESULT_KEYS}))
+        for entry in (saved, repeated)
     )
     if differing := [name for name, value in old.items() if new.get(name, ...) != value]:
         name = differing[0]
         yield (
-            f"summary.json: {name} is {old[name]} in the run, {new.get(name)} here; {len(differing)} numbers differ"
+            f"summary.json: {name} is {old[name]} in the run, {new.get(name)} here; "
+            f"{len(differing)} numbers differ"
         )
 
 
-def _changes(record: Mapping[str, Any]) -> list[str]:
-    """Return how this environment differs from the recorded one, a line each."""
-    here, now = describe_environment(), {part: record.get(part) for part in ENVIRONMENT}
-    old, new = dict(summary.flatten(now)), dict(summary.flatten(here))
+def _environment_changes(record: Mapping[str, Any]) -> list[str]:
+    """Return the differences of this environment from the recorded one, a line each."""
+    old = dict(summary.flatten({key: record.get(key) for key in ENVIRONMENT_KEYS}))
+    new = dict(summary.flatten(describe_environment()))
     return [
         f"{name} was {old.get(name)} in the run, is {new.get(name)} here"
         for name in {**old, **new}

@@ -228,7 +228,7 @@ def test_what_cannot_be_repeated_is_one_line_that_says_why(
             lambda: (folder / "sources/mine.py").unlink(),
             "sources/mine.py is missing, or not what was run",
         ),
-        (put("provenance.json", '"format": 1', '"format": 9'), "is of format 9"),
+        (put("provenance.json", '"format": 2', '"format": 9'), "has format 9"),
         (
             put("provenance.json", '"study": "run"', '"study": "slip"'),
             "repeat it as a whole: omni-mj run",
@@ -340,13 +340,13 @@ def test_a_users_model_is_kept_with_all_its_files_or_said_to_be_missing(
     shutil.move(there / "out", elsewhere)
     shutil.rmtree(there)
     said = strict(elsewhere / "provenance.json")["scenarios"]["rect"]["model"]
-    for each in [said, *said["parts"]]:
+    for each in [said, *said["included"]]:
         assert (elsewhere / each["file"]).read_bytes() == kept.pop(Path(each["file"]).name)
     assert not kept
     capsys.readouterr()
     assert invoke("verify", elsewhere) == 0
     assert capsys.readouterr().out.startswith("repeats: 1 rows, ")
-    (elsewhere / said["parts"][0]["file"]).unlink()
+    (elsewhere / said["included"][0]["file"]).unlink()
     assert invoke("verify", elsewhere) == 2
     assert "is missing, or not what was run" in capsys.readouterr().err
     assert (

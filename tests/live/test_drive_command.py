@@ -67,7 +67,7 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
     assert json.loads((folder / "link.json").read_text())["cameras"]["0"]["frames"] > 100
     assert pq.read_table(folder / "trajectory.parquet").num_rows >= 60
     assert invoke("verify", folder) == 2
-    assert "is of omni-mj drive, which verify does not run again" in capsys.readouterr().err
+    assert "is a result of omni-mj drive, which verify does not repeat" in capsys.readouterr().err
 
 
 def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
