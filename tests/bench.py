@@ -1,4 +1,7 @@
-"""`make bench`: how much of a run's time is physics, as ratios taken within one process; also in bench.json."""
+"""Benchmark of `make bench`: the time of a run over that of its physics, also in bench.json.
+
+Ratios are measured within one process.
+"""
 
 import json
 import os
@@ -24,33 +27,35 @@ from omni_mj.plants import mujoco
 from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.simulation.simulation import Simulation
 
-ROUNDS = 3  # the fastest of these counts: other work on the machine only ever adds time
-THREAD_ROUNDS, STEPPED = 12, 1600  # of so many steps of a robot
+ROUNDS = 3  # the fastest counts, because other work on the machine only adds time
+THREAD_ROUNDS = 12
+ROBOT_STEPS = 1600  # of all robots in such a round
 
 DRIVE = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
-SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  # of many robots
-CONTROLLERS = "adaptive-comp-flc", "mpc"  # the costliest
+SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  # for many robots
+CONTROLLERS = "adaptive-comp-flc", "mpc"  # the slowest
 FRAMES = "p", "flc", "comp-flc", "adaptive-comp-flc", "lqr", "mpc"
-BACKENDS, WHAT = ("numpy", "jax"), ("plant ", "loop ")
+BACKENDS, SCOPES = ("numpy", "jax"), ("plant ", "loop ")
 CASES = (1, "rollers"), (1, "two-rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
 PLANAR = 1, 64, 1024
 OUT = Path("bench.json")
+Prepare = Callable[[], Callable[[], object]]  # sets up a task and returns it
 
 
-def fastest(works: dict[str, Callable[[], Callable[[], object]]], rounds: int) -> dict[str, float]:
-    """CPU seconds of the fastest of a few rounds of each work that these set up, one after the other in each round."""
-    times = dict.fromkeys(works, np.inf)
+def measure_fastest(tasks: dict[str, Prepare], rounds: int) -> dict[str, float]:
+    """Return CPU seconds of the fastest of some rounds of each task, in turn in each round."""
+    times = dict.fromkeys(tasks, np.inf)
     for _ in range(rounds):
-        for name, prepare in works.items():
-            work = prepare()
+        for name, prepare in tasks.items():
+            task = prepare()
             start = time.process_time()
-            work()
+            task()
             times[name] = min(times[name], time.process_time() - start)
     return times
 
 
-class Tape:
-    """A batch that remembers the voltages of every step."""
+class VoltageRecorder:
+    """A batch that records the voltages of every step."""
 
     def __init__(self, batch: Batch) -> None:
         self._batch = batch
@@ -60,15 +65,15 @@ class Tape:
         return getattr(self._batch, name)
 
     def step(self, ids: None = None) -> None:
-        """Remember, then step."""
+        """Record, then step."""
         self.voltages.append(self._batch.ctrl.copy())
         self._batch.step(ids)
 
 
 def report(robots: int, wheels: str) -> dict[str, float]:
-    """Compare the plant, and the whole loop around it, with the same motion by bare steps of the same model.
+    """Return CPU times of the plant, and of the whole loop, over those of bare steps of the model.
 
-    All on one thread, in CPU time.
+    The motion is the same, on one thread.
     """
     sets = [*(SHORT if robots >= 16 else DRIVE), f"wheels.model={wheels}"]
     chosen = {
@@ -79,34 +84,38 @@ def report(robots: int, wheels: str) -> dict[str, float]:
         )
         for backend in ("numpy",)
     }
-    taped = Simulation(chosen["numpy"])
-    assert isinstance(taped.plant, MujocoPlant)
-    tape = Tape(taped.plant._batch)
-    taped.plant._batch = tape
-    log = taped.run()
-    assert not taped.failures
+    recorded = Simulation(chosen["numpy"])
+    assert isinstance(recorded.plant, MujocoPlant)
+    recorder = VoltageRecorder(recorded.plant._batch)
+    recorded.plant._batch = recorder
+    log = recorded.run()
+    assert not recorded.failures
     commands = [ReceivedCommand.without_delay(command) for command in log.channel("applied")]
 
-    def bare() -> Callable[[], object]:
+    def prepare_bare() -> Callable[[], object]:
         step, ctrl = (
-            _alone(chosen["numpy"]) if robots == 1 else _standing(chosen["numpy"], robots, 1)
+            _make_single_robot(chosen["numpy"])
+            if robots == 1
+            else _make_batch(chosen["numpy"], robots, 1)
         )
 
-        def work() -> None:
-            for voltage in tape.voltages:
+        def task() -> None:
+            for voltage in recorder.voltages:
                 ctrl[:] = voltage
                 step()
 
-        return work
+        return task
 
-    times = fastest({"bare": bare, **_works(chosen, commands)}, ROUNDS if robots < 64 else 1)
+    times = measure_fastest(
+        {"bare": prepare_bare, **_make_tasks(chosen, commands)}, ROUNDS if robots < 64 else 1
+    )
     simulated = len(commands) * PERIOD_S * robots
-    found = {name: used / times["bare"] for name, used in times.items() if name != "bare"}
-    return {"bare simulated s per CPU-s": simulated / times["bare"], **found}
+    ratios = {name: used / times["bare"] for name, used in times.items() if name != "bare"}
+    return {"bare simulated s per CPU-s": simulated / times["bare"], **ratios}
 
 
 def report_planar(robots: int) -> dict[str, float]:
-    """Simulated seconds per CPU second of the plant `planar`, firmware included, and of the loop around it."""
+    """Return simulated seconds per CPU second of the plant `planar` and of the whole loop."""
     chosen = {
         backend: scenario.load_with_overrides(
             "rect",
@@ -119,78 +128,76 @@ def report_planar(robots: int) -> dict[str, float]:
     commands = [ReceivedCommand.without_delay(command) for command in log.channel("applied")]
 
     simulated = len(commands) * PERIOD_S * robots
-    return {
-        name: simulated / used for name, used in fastest(_works(chosen, commands), ROUNDS).items()
-    }
+    times = measure_fastest(_make_tasks(chosen, commands), ROUNDS)
+    return {name: simulated / used for name, used in times.items()}
 
 
 def report_frames(controller: str) -> dict[str, float]:
-    """CPU time of a frame of one robot through the whole loop on `planar`, ms, by each backend."""
-    works, frames = {}, 0
+    """Return CPU times of a frame of one robot on `planar` with the whole loop, ms, by backend."""
+    tasks, frames = {}, 0
     for backend in BACKENDS:
         head = {"plant": "planar", "seeds": 1, "controllers": (controller,)}
         chosen = scenario.load_with_overrides("rect", [*DRIVE, f"physics.backend={backend}"], head)
         frames = Simulation(chosen).run().length
-        works[f"{backend}, ms"] = partial(_whole, chosen)
-    return {name: 1e3 * used / frames for name, used in fastest(works, ROUNDS).items()}
+        tasks[f"{backend}, ms"] = partial(_prepare_loop, chosen)
+    return {name: 1e3 * used / frames for name, used in measure_fastest(tasks, ROUNDS).items()}
 
 
-def _works(
+def _make_tasks(
     chosen: dict[str, Scenario], commands: Sequence[ReceivedCommand]
-) -> dict[str, Callable[[], Callable[[], object]]]:
-    """What is timed, by name: the plant alone under these commands, and the loop around it, by each backend."""
-    works: dict[str, Callable[[], Callable[[], object]]] = {}
-    for backend, own in chosen.items():
-        works |= {
-            f"plant, {backend}": partial(_plant, own, commands),
-            f"loop, {backend}": partial(_whole, own),
+) -> dict[str, Prepare]:
+    """Return tasks by name, for each backend: the plant alone under commands, and the loop."""
+    tasks: dict[str, Prepare] = {}
+    for backend, scenario_i in chosen.items():
+        tasks |= {
+            f"plant, {backend}": partial(_prepare_plant, scenario_i, commands),
+            f"loop, {backend}": partial(_prepare_loop, scenario_i),
         }
-    return works
+    return tasks
 
 
-def _plant(chosen: Scenario, commands: Sequence[ReceivedCommand]) -> Callable[[], object]:
-    driven = Simulation(chosen).plant
+def _prepare_plant(chosen: Scenario, commands: Sequence[ReceivedCommand]) -> Callable[[], object]:
+    plant = Simulation(chosen).plant
 
-    def work() -> None:
+    def task() -> None:
         for received in commands:
-            driven.advance(received)
+            plant.advance(received)
 
-    return work
+    return task
 
 
-def _whole(chosen: Scenario) -> Callable[[], object]:
+def _prepare_loop(chosen: Scenario) -> Callable[[], object]:
     return Simulation(chosen).run
 
 
-def _alone(chosen: Scenario) -> tuple[Callable[[], object], np.ndarray]:
-    """What steps a robot that stands, and the voltages that it is told: a batch of one takes 7 % longer."""
-    one = world_builder.build_world(chosen.settings)
-    data = MjData(one.model)
-    data.qpos[:] = one.rest_qpos
-    return partial(mj_step, one.model, data), data.ctrl
+def _make_single_robot(chosen: Scenario) -> tuple[Callable[[], object], np.ndarray]:
+    """Return the step of a robot and its voltages, without the 7 % more time of a batch of one."""
+    world = world_builder.build_world(chosen.settings)
+    data = MjData(world.model)
+    data.qpos[:] = world.rest_qpos
+    return partial(mj_step, world.model, data), data.ctrl
 
 
-def _standing(
+def _make_batch(
     chosen: Scenario, robots: int, threads: int
 ) -> tuple[Callable[[], object], np.ndarray]:
-    """What steps a batch of standing robots, and the voltages that it is told."""
-    one = world_builder.build_world(chosen.settings)
-    batch = Batch(one.model, robots, threads)
-    batch.qpos[:] = one.rest_qpos
+    """Return the step of a batch of robots, and their voltages."""
+    world = world_builder.build_world(chosen.settings)
+    batch = Batch(world.model, robots, threads)
+    batch.qpos[:] = world.rest_qpos
     return batch.step, batch.bind("ctrl")
 
 
 def report_threads(robots: int) -> dict[str, float]:
-    """How many times faster several threads step the same robots, in wall time.
+    """Return the speed-up of two threads, in wall time.
 
-    Rounds are short and many, as somebody else's work on either core costs two threads more than
-    one.
+    Rounds are short and many, because other work on a core slows two threads more than one.
     """
     chosen, times = scenario.load_with_overrides("rect", DRIVE, {}), {}
-    steps = max(1, STEPPED // robots)
+    steps = max(1, ROBOT_STEPS // robots)
     for _ in range(THREAD_ROUNDS):
         for threads in (1, 2):
-            step, ctrl = _standing(chosen, robots, threads)
+            step, ctrl = _make_batch(chosen, robots, threads)
             ctrl[:] = 3.0
             step()  # starts the threads
             start = time.perf_counter()
@@ -200,48 +207,47 @@ def report_threads(robots: int) -> dict[str, float]:
     return {"two threads over one": times[1] / times[2]}
 
 
-class Clock:
-    """Calls a function, and adds up the CPU time that it takes, s."""
+class Timer:
+    """Calls a function, and adds up its CPU time, s."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function, self.time = function, 0.0
 
-    def __call__(self, *given: Any) -> Any:
-        """Call it."""
+    def __call__(self, *args: Any) -> Any:
+        """Call the function."""
         start = time.process_time()
-        answer = self._function(*given)
+        result = self._function(*args)
         self.time += time.process_time() - start
-        return answer
+        return result
 
 
 def report_controllers(robots: int) -> dict[str, float]:
-    """Compare controllers with the bare steps of the robots that they drive, in the same run, both in CPU time."""
-    found = {}
+    """Return CPU times of controllers over those of bare steps of their robots, in one run."""
+    ratios = {}
     for name in CONTROLLERS:
         chosen = scenario.load_with_overrides(
             "rect", DRIVE if robots == 1 else SHORT, {"seeds": robots, "controllers": (name,)}
         )
         times = []
-        for _ in range(
-            ROUNDS if robots == 1 else 1
-        ):  # many take long enough for other work to be averaged out
+        # Other work averages out over the long run of many robots.
+        for _ in range(ROUNDS if robots == 1 else 1):
             simulation = Simulation(chosen)
             (controller,) = simulation.team.controllers
             assert isinstance(simulation.plant, MujocoPlant)
-            tape = Tape(simulation.plant._batch)
-            simulation.plant._batch = tape
-            command, steps = Clock(controller.command), Clock(tape.step)
-            controller.command, tape.step = command, steps  # type: ignore[method-assign]
+            recorder = VoltageRecorder(simulation.plant._batch)
+            simulation.plant._batch = recorder
+            command, steps = Timer(controller.command), Timer(recorder.step)
+            controller.command, recorder.step = command, steps  # type: ignore[method-assign]
             simulation.run()
             assert not simulation.failures
             times.append((command.time, steps.time))
         commanding, stepping = np.min(times, axis=0)
-        found |= {name: commanding / stepping, f"{name}, ms": 1e3 * commanding / simulation.frame}
-    return found
+        ratios |= {name: commanding / stepping, f"{name}, ms": 1e3 * commanding / simulation.frame}
+    return ratios
 
 
 def machine() -> dict[str, str | int | None]:
-    """What this was measured on."""
+    """Return a description of this machine."""
     cpu = platform.processor()
     if (info := Path("/proc/cpuinfo")).exists():
         cpu = next(
@@ -268,18 +274,20 @@ def main() -> None:
     mujoco.MIN_ROBOTS_FOR_THREADS = sys.maxsize  # one thread
     results: dict[str, dict[str, float]] = {}
 
-    def show(title: str, found: dict[str, float]) -> None:
-        results[title] = found
-        print(f"{title:24s}", *(f"{value:14.3g}" for value in found.values()), flush=True)
+    def show(title: str, values: dict[str, float]) -> None:
+        results[title] = values
+        print(f"{title:24s}", *(f"{value:14.3g}" for value in values.values()), flush=True)
 
     print(
-        "CPU time over that of bare steps of the same model, and how many robot-seconds these simulate in one"
+        "CPU time over that of bare steps of the same model, and robot-seconds of these per CPU-s"
     )
-    print(f"{'robots, wheels':24s} {'bare':>14s}", *(f"{what + 'numpy':>14s}" for what in WHAT))
+    print(f"{'robots, wheels':24s} {'bare':>14s}", *(f"{scope + 'numpy':>14s}" for scope in SCOPES))
     for robots, wheels in CASES:
         show(f"{robots}, {wheels}", report(robots, wheels))
     print("\nthe plant planar, robot-seconds simulated in a CPU-second")
-    print(f"{'robots':24s}", *(f"{what + backend:>14s}" for backend in BACKENDS for what in WHAT))
+    print(
+        f"{'robots':24s}", *(f"{scope + backend:>14s}" for backend in BACKENDS for scope in SCOPES)
+    )
     for robots in PLANAR:
         show(f"{robots}, planar", report_planar(robots))
     print("\na frame of one robot on planar through the whole loop, ms of CPU time")

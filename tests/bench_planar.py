@@ -1,20 +1,20 @@
-"""How far the plant planar agrees with the full one: errors of controllers on the same scenarios, robots and noise.
+"""Agreement of the plant planar with mujoco: errors of controllers in the same scenarios.
 
-    python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...] [--controller
-    comp-flc ...]
-                                 [--seeds 20] [--finer] [--set SECTION.FIELD=VALUE ...] [--out
-                                 FILE.jsonl] [--known]
+    python tests/bench_planar.py [--scenario rect ...] [--robot tigers-v2016 ...]
+        [--controller comp-flc ...] [--seeds 20] [--finer] [--set SECTION.FIELD=VALUE ...]
+        [--out FILE.jsonl] [--known]
 
-By default all scenarios and robots, which takes an hour with JAX. Prints the table of docs/explanation/planar-plant.md. What
-is compared is the rms of a robot's distance from its reference over a run. Both plants are given the same noise, so
-that a seed's two errors are a pair: a difference is the mean of the logarithms of their ratios, as per cent, with half
-its 95 % interval. Seeds are added five by five until it is known on which side of its bar a difference is, or there are
-`--seeds`. The bar is 1 %; where wheels slide 5 %, or with `--finer` what the full plant itself moves by with four
-substeps, of the first five seeds, which follows in brackets. Differences beyond their bar are bold. Then it is said how
-many are, and which pairs of controllers are in another order on planar.
+The default is all scenarios and robots, which takes an hour with JAX. The output is the table of
+docs/explanation/planar-plant.md. The compared error is the rms distance of a robot from its
+reference over a run. Both plants have the same noise, so the two errors of a seed are a pair: a
+difference is the mean of the logarithms of their ratios, in per cent, with half its 95 % interval.
+Five seeds are added at a time, until the interval is on one side of the tolerance, or `--seeds`
+have run. The tolerance is 1 %. Where wheels slide it is 5 %, or with `--finer` the change of the
+plant mujoco with four substeps for the first five seeds, which is printed in brackets. Differences
+beyond their tolerance are bold. Their number follows, and pairs of controllers whose order differs.
 
-A run is a line of `--out`, and is not run again; `--known` prints what is there, and runs nothing. Runs on a plant that
-has changed since are to be taken out of it.
+A run is a line of `--out`, and is not repeated; `--known` prints these lines, and runs nothing.
+Delete the lines of a plant that has changed since.
 """
 
 import argparse
@@ -35,76 +35,75 @@ from omni_mj.results.statistics import confidence_interval
 from omni_mj.simulation.simulation import Simulation
 
 CONTROLLERS = "comp-flc", "adaptive-comp-flc", "lqr"
-# At a time; with three controllers fewer robots than those for which the full plant takes several
-# threads
-SEEDS = 5
-SLIDES = 0.01  # share of the frames in which a wheel slides, from which on a run is said to
-HOLDING, SLIDING = 1.0, 5.0  # per cent by which plants may differ
+# Seeds at a time. With three controllers these are too few robots for several threads of mujoco.
+SEED_BATCH = 5
+MIN_SLIDING_FRACTION = 0.01  # fraction of frames with sliding wheels, from which a run slides
+TOLERANCE, SLIDING_TOLERANCE = 1.0, 5.0  # per cent
 FULL, PLANAR, FINER = "mujoco", "planar", "mujoco, four substeps"
-Cell = tuple[str, str]  # scenario and robot
+Case = tuple[str, str]  # scenario and robot
 Run = tuple[str, str, str, str, int]  # and plant, controller, seed
 
 
 @dataclass
 class Runs:
-    """What is known of runs: distance, rms in m, infinite for a robot that failed, and the share in which it slides.
+    """Results of runs: rms distance, m, inf for failed robots, and fraction of sliding frames.
 
     Args:
-        overrides: of settings, in all of them.
-        file: where they are kept.
+        overrides: Settings of all runs.
+        file: File that stores them.
     """
 
     overrides: Sequence[str]
     file: Path | None
-    found: dict[Run, tuple[float, float]] = field(default_factory=dict)
+    results: dict[Run, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.file and self.file.exists():
             for line in self.file.read_text("utf-8").splitlines():
-                overrides, run, numbers = json.loads(line)
+                overrides, run, values = json.loads(line)
                 if overrides == self.overrides:
-                    self.found[tuple(run)] = tuple(numbers)
+                    self.results[tuple(run)] = tuple(values)
 
-    def run(self, cell: Cell, plant: str, controllers: Iterable[str], seeds: Iterable[int]) -> None:
-        """Run what is not known yet."""
-        wanted = [
+    def run(self, case: Case, plant: str, controllers: Iterable[str], seeds: Iterable[int]) -> None:
+        """Run controllers and seeds that have no result yet."""
+        new_runs = [
             (name, seed)
             for name in controllers
             for seed in seeds
-            if (*cell, plant, name, seed) not in self.found
+            if (*case, plant, name, seed) not in self.results
         ]
-        if not wanted:
+        if not new_runs:
             return
-        name, robot = cell
+        name, robot = case
         substeps = ["physics.substeps=4"] if plant == FINER else []
         head = {"plant": PLANAR if plant == PLANAR else FULL, "robot": robot}
         chosen = scenario.load_with_overrides(name, [*self.overrides, *substeps], head)
-        names, numbers = (list(dict.fromkeys(each)) for each in zip(*wanted, strict=True))
-        simulation = Simulation(chosen, names, numbers)
+        names, seeds = (list(dict.fromkeys(column)) for column in zip(*new_runs, strict=True))
+        simulation = Simulation(chosen, names, seeds)
         measured = row_metrics(simulation.run(), simulation.failures)
         for failure in simulation.failures:
             print(f"    {plant}: {failure}", flush=True)
         for row, distance, slides in zip(
             simulation.rows, measured["position_rms_m"], measured["sliding_fraction"], strict=True
         ):
-            run, values = (*cell, plant, row.controller, row.seed), (float(distance), float(slides))
-            self.found[run] = values
+            run, values = (*case, plant, row.controller, row.seed), (float(distance), float(slides))
+            self.results[run] = values
             if self.file:
                 with self.file.open("a", encoding="utf-8") as out:
                     out.write(json.dumps([self.overrides, run, values]) + "\n")
 
-    def seeds(self, cell: Cell, controller: str, *plants: str) -> list[int]:
-        """Those known of all of these plants."""
+    def seeds(self, case: Case, controller: str, *plants: str) -> list[int]:
+        """Return the seeds with results of all of these plants."""
         known = (
-            {run[4] for run in self.found if run[:4] == (*cell, plant, controller)}
+            {run[4] for run in self.results if run[:4] == (*case, plant, controller)}
             for plant in plants
         )
         return sorted(set.intersection(*known))
 
-    def values(self, cell: Cell, plant: str, controller: str, seeds: Iterable[int]) -> Array:
-        """Distances, m, and shares of sliding, (2, seeds)."""
+    def values(self, case: Case, plant: str, controller: str, seeds: Iterable[int]) -> Array:
+        """Return rms distances, m, and fractions of sliding frames, (2, seeds)."""
         return (
-            np.array([self.found[(*cell, plant, controller, seed)] for seed in seeds])
+            np.array([self.results[(*case, plant, controller, seed)] for seed in seeds])
             .reshape(-1, 2)
             .T
         )
@@ -112,138 +111,158 @@ class Runs:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Of a controller's errors with a robot in a scenario.
+    """Agreement of a controller's errors with a robot in a scenario.
 
     Attributes:
-        errors: on the full plant and on planar, m, (2, seeds).
-        slides: share of the frames in which a wheel does on the full plant, mean over seeds.
-        differs: by how many per cent planar's errors do, and half the interval of that.
-        own: by how many the full plant's do with four substeps; not a number where none are known.
-        failed: seeds with which one plant failed and the other did not.
+        errors: On mujoco and planar, m, (2, seeds).
+        sliding_fraction: Fraction of frames with sliding wheels on mujoco, mean over seeds.
+        difference: Of planar's errors, per cent, and half its interval.
+        finer_change: Of mujoco's errors with four substeps, as `difference`; NaN without results.
+        n_failed: Seeds with which only one plant failed.
     """
 
     errors: Array
-    slides: float
-    differs: tuple[float, float]
-    own: tuple[float, float]
-    failed: int
+    sliding_fraction: float
+    difference: tuple[float, float]
+    finer_change: tuple[float, float]
+    n_failed: int
 
     @classmethod
-    def of(cls, runs: Runs, cell: Cell, controller: str) -> "Agreement":
-        """By what is known."""
-        seeds = runs.seeds(cell, controller, FULL, PLANAR)
+    def from_runs(cls, runs: Runs, case: Case, controller: str) -> "Agreement":
+        """Return the agreement by the results so far."""
+        seeds = runs.seeds(case, controller, FULL, PLANAR)
         (full, slides), (planar, _) = (
-            runs.values(cell, plant, controller, seeds) for plant in (FULL, PLANAR)
+            runs.values(case, plant, controller, seeds) for plant in (FULL, PLANAR)
         )
-        both = np.isfinite(full) & np.isfinite(planar)
-        again = runs.seeds(cell, controller, FULL, FINER)
-        before, finer = (runs.values(cell, plant, controller, again)[0] for plant in (FULL, FINER))
+        is_finite = np.isfinite(full) & np.isfinite(planar)
+        finer_seeds = runs.seeds(case, controller, FULL, FINER)
+        coarse, finer = (
+            runs.values(case, plant, controller, finer_seeds)[0] for plant in (FULL, FINER)
+        )
         return cls(
-            np.stack([full, planar])[:, both],
+            np.stack([full, planar])[:, is_finite],
             float(np.nanmean(slides)),
-            ratio(planar[both], full[both]),
-            ratio(finer, before) if again else (np.nan, np.nan),
+            compare(planar[is_finite], full[is_finite]),
+            compare(finer, coarse) if finer_seeds else (np.nan, np.nan),
             int((np.isfinite(full) != np.isfinite(planar)).sum()),
         )
 
     @property
-    def sliding(self) -> bool:
-        """Whether wheels do."""
-        return self.slides >= SLIDES
+    def slides(self) -> bool:
+        """Whether wheels slide."""
+        return self.sliding_fraction >= MIN_SLIDING_FRACTION
 
     @property
-    def bar(self) -> float:
-        """Per cent within which plants shall agree."""
-        return max(SLIDING, abs(np.nan_to_num(self.own[0]))) if self.sliding else HOLDING
+    def tolerance(self) -> float:
+        """Tolerance of the difference, per cent."""
+        return (
+            max(SLIDING_TOLERANCE, abs(np.nan_to_num(self.finer_change[0])))
+            if self.slides
+            else TOLERANCE
+        )
 
     @property
-    def decided(self) -> bool:
-        """Whether all of the difference's interval is on one side of its bar."""
-        difference, half = self.differs
-        return bool(abs(abs(difference) - self.bar) > half)
+    def is_significant(self) -> bool:
+        """Whether the interval of the difference is on one side of the tolerance."""
+        mean, half = self.difference
+        return bool(abs(abs(mean) - self.tolerance) > half)
 
     def __str__(self) -> str:
-        said = f"{100 * np.median(self.errors[0]):.3f}, {_said(self.differs)} %"
-        if self.sliding and np.isfinite(self.own[0]):
-            said += f" ({_said(self.own)})"
-        if self.failed:
-            said += f", {self.failed} fail on one plant"
-        return f"**{said}**" if abs(self.differs[0]) > self.bar else said
+        text = f"{100 * np.median(self.errors[0]):.3f}, {_format(self.difference)} %"
+        if self.slides and np.isfinite(self.finer_change[0]):
+            text += f" ({_format(self.finer_change)})"
+        if self.n_failed:
+            text += f", {self.n_failed} fail on one plant"
+        return f"**{text}**" if abs(self.difference[0]) > self.tolerance else text
 
 
-def _said(difference: tuple[float, float]) -> str:
-    """Per cent, with half the interval where there is one."""
+Agreements = dict[Case, dict[str, Agreement]]  # by scenario and robot, then by controller
+
+
+def _format(difference: tuple[float, float]) -> str:
+    """Return a difference as text, with half its interval if there is one."""
     mean, half = difference
     return f"{round(mean, 1) + 0.0:+.1f}" + (f" ± {half:.1f}" if np.isfinite(half) else "")
 
 
-def ratio(one: Array, other: Array) -> tuple[float, float]:
-    """By how many per cent one is larger than the other, by the mean of logarithms, and half the interval of that."""
-    mean, half = confidence_interval(np.log(one / other))
+def compare(errors: Array, reference: Array) -> tuple[float, float]:
+    """Return the mean difference of errors by their logarithms, per cent, and half its interval."""
+    mean, half = confidence_interval(np.log(errors / reference))
     return float(100 * np.expm1(mean)), float(100 * np.expm1(half))
 
 
 def study(
-    runs: Runs, cells: Sequence[Cell], controllers: Sequence[str], most: int, finer: bool
+    runs: Runs, cases: Sequence[Case], controllers: Sequence[str], max_seeds: int, finer: bool
 ) -> None:
-    """Run both plants: all cells with the first seeds, then those again of which more must be known."""
-    for first, cell in itertools.product(range(0, most, SEEDS), cells):
-        seeds = range(first, min(first + SEEDS, most))
-        left = [
-            name for name in controllers if not first or not Agreement.of(runs, cell, name).decided
+    """Run both plants: all cases with five seeds, then those without a significant result."""
+    for seed, case in itertools.product(range(0, max_seeds, SEED_BATCH), cases):
+        seeds = range(seed, min(seed + SEED_BATCH, max_seeds))
+        open_names = [
+            name
+            for name in controllers
+            if not seed or not Agreement.from_runs(runs, case, name).is_significant
         ]
         for plant in (FULL, PLANAR):
-            runs.run(cell, plant, left, seeds)
-        if finer and not first:
-            runs.run(
-                cell,
-                FINER,
-                [name for name in left if Agreement.of(runs, cell, name).sliding],
-                seeds,
-            )
+            runs.run(case, plant, open_names, seeds)
+        if finer and not seed:
+            sliding = [n for n in open_names if Agreement.from_runs(runs, case, n).slides]
+            runs.run(case, FINER, sliding, seeds)
 
 
-def table(found: dict[Cell, dict[str, Agreement]], controllers: Sequence[str]) -> Iterator[str]:
-    """Lines of markdown."""
-    yield f"| robot | scenario | seeds | sliding | {' | '.join(f'`{name}`' for name in controllers)} |"
+def format_table(agreements: Agreements, controllers: Sequence[str]) -> Iterator[str]:
+    """Return the lines of a table in markdown."""
+    names = " | ".join(f"`{name}`" for name in controllers)
+    yield f"| robot | scenario | seeds | sliding | {names} |"
     yield "|---" * (4 + len(controllers)) + "|"
-    for (name, robot), own in found.items():
-        seeds = dict.fromkeys(str(each.errors.shape[1]) for each in own.values())
-        slides = dict.fromkeys(f"{each.slides:.2f}" for each in own.values() if each.sliding)
-        said = (str(own.get(each, "")) for each in controllers)
-        yield f"| `{robot}` | `{name}` | {', '.join(seeds)} | {', '.join(slides)} | {' | '.join(said)} |"
+    for (name, robot), by_controller in agreements.items():
+        values = by_controller.values()
+        seeds = ", ".join(dict.fromkeys(str(a.errors.shape[1]) for a in values))
+        sliding = dict.fromkeys(f"{a.sliding_fraction:.2f}" for a in values if a.slides)
+        texts = " | ".join(str(by_controller.get(controller, "")) for controller in controllers)
+        yield f"| `{robot}` | `{name}` | {seeds} | {', '.join(sliding)} | {texts} |"
 
 
-def verdicts(runs: Runs, found: dict[Cell, dict[str, Agreement]]) -> Iterator[str]:
-    """How many differences are within their bars, and which controllers are in another order."""
-    for sliding, where in (False, "nothing slides"), (True, "wheels slide"):
-        own = [each for of in found.values() for each in of.values() if each.sliding == sliding]
-        beyond = [each for each in own if abs(each.differs[0]) > each.bar]
-        within, sure = len(own) - len(beyond), sum(each.decided for each in beyond)
-        yield f"Where {where}, {within} of {len(own)} differences are within; {sure} are beyond by no chance."
-    pairs = [(cell, pair) for cell, of in found.items() for pair in itertools.combinations(of, 2)]
+def summarize(runs: Runs, agreements: Agreements) -> Iterator[str]:
+    """Return lines on differences beyond the tolerance, and on the order of controllers."""
+    for slides, condition in (False, "nothing slides"), (True, "wheels slide"):
+        by_case = (by_controller.values() for by_controller in agreements.values())
+        chosen = [a for a in itertools.chain(*by_case) if a.slides == slides]
+        beyond = [a for a in chosen if abs(a.difference[0]) > a.tolerance]
+        significant = sum(a.is_significant for a in beyond)
+        n_within = len(chosen) - len(beyond)
+        yield (
+            f"Where {condition}, {n_within} of {len(chosen)} differences are within the "
+            f"tolerance; {significant} are significantly beyond."
+        )
+    pairs = [
+        (case, pair)
+        for case, by_controller in agreements.items()
+        for pair in itertools.combinations(by_controller, 2)
+    ]
     orders = {
-        (cell, pair): [_apart(runs, cell, pair, plant) for plant in (FULL, PLANAR)]
-        for cell, pair in pairs
+        (case, pair): [_compare_controllers(runs, case, pair, plant) for plant in (FULL, PLANAR)]
+        for case, pair in pairs
     }
     swapped = {
         pair: (full, planar) for pair, (full, planar) in orders.items() if full[0] * planar[0] < 0
     }
     yield f"Of {len(pairs)} pairs of controllers {len(swapped)} are in another order."
-    for ((scene, robot), (one, other)), apart in swapped.items():
-        said = " and ".join(f"{_said(difference)} %" for difference in apart)
-        yield f"{scene}, {robot}: {one} against {other} {said}"
+    for ((name, robot), (a, b)), differences in swapped.items():
+        text = " and ".join(f"{_format(difference)} %" for difference in differences)
+        yield f"{name}, {robot}: {a} against {b} {text}"
 
 
-def _apart(runs: Runs, cell: Cell, pair: tuple[str, str], plant: str) -> tuple[float, float]:
-    """By how many per cent one controller's error is larger than another's on a plant, with what both have known."""
-    seeds = set.intersection(*(set(runs.seeds(cell, name, FULL, PLANAR)) for name in pair))
-    one, other = (runs.values(cell, plant, name, sorted(seeds))[0] for name in pair)
-    return ratio(one, other)
+def _compare_controllers(
+    runs: Runs, case: Case, pair: tuple[str, str], plant: str
+) -> tuple[float, float]:
+    """Return the difference of two controllers' errors on a plant, for their common seeds."""
+    seeds = set.intersection(*(set(runs.seeds(case, name, FULL, PLANAR)) for name in pair))
+    errors, reference = (runs.values(case, plant, name, sorted(seeds))[0] for name in pair)
+    return compare(errors, reference)
 
 
 def main() -> None:
-    """The command."""
+    """Run the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenario", nargs="+", default=list(builtin_scenarios()))
     parser.add_argument("--robot", nargs="+", default=list(builtin_robots()))
@@ -253,16 +272,16 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--out", type=Path)
     parser.add_argument("--known", action="store_true")
-    given = parser.parse_args()
-    runs = Runs(given.set, given.out)
-    cells = [(name, robot) for robot in given.robot for name in given.scenario]
-    if not given.known:
-        study(runs, cells, given.controller, given.seeds, given.finer)
-    found: dict[Cell, dict[str, Agreement]] = {}
-    for cell, name in itertools.product(cells, given.controller):
-        if runs.seeds(cell, name, FULL, PLANAR):
-            found.setdefault(cell, {})[name] = Agreement.of(runs, cell, name)
-    for line in (*table(found, given.controller), "", *verdicts(runs, found)):
+    options = parser.parse_args()
+    runs = Runs(options.set, options.out)
+    cases = [(name, robot) for robot in options.robot for name in options.scenario]
+    if not options.known:
+        study(runs, cases, options.controller, options.seeds, options.finer)
+    agreements: Agreements = {}
+    for case, name in itertools.product(cases, options.controller):
+        if runs.seeds(case, name, FULL, PLANAR):
+            agreements.setdefault(case, {})[name] = Agreement.from_runs(runs, case, name)
+    for line in (*format_table(agreements, options.controller), "", *summarize(runs, agreements)):
         print(line)
 
 
