@@ -1,4 +1,4 @@
-"""Laws of adaptive-comp-flc and its rival inverse-flc in closed loop, with robots that creep and robots told wrong."""
+"""Laws of adaptive-comp-flc and inverse-flc in closed loop, with creep and a wrong model."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_inverse_flc_learns_nothing() -> None:
 
 
 def test_zeros_told_of_lag_creep_and_friction_are_unknown_not_none() -> None:
-    """The creep is found from nothing; errors are then a third of those of one that takes zeros for granted."""
+    """The creep is identified; errors are a third of those of a controller that assumes zero."""
     known = UNKNOWN | {"alpha": None}
     record = run_team(
         team("adaptive-comp-flc", **known),
@@ -73,7 +73,7 @@ def test_zeros_told_of_lag_creep_and_friction_are_unknown_not_none() -> None:
 
 
 def test_nothing_is_learned_of_a_robot_that_does_not_respond() -> None:
-    """The radio is silent for a second on the way: no bias winds up, and the heading does not swing afterwards."""
+    """The radio is silent for a second: no bias winds up, the heading does not oscillate later."""
     silent = range(100, 160)
     record = run_team(
         team("adaptive-comp-flc"),
@@ -92,7 +92,7 @@ def test_nothing_is_learned_of_a_robot_that_does_not_respond() -> None:
 
 @pytest.mark.parametrize("name", ["comp-flc", "adaptive-comp-flc"])
 def test_a_frozen_image_does_not_reverse_the_heading(name: str) -> None:
-    """Frozen for 1.4 s while robots start from a corner, from where they turn by more than a right angle."""
+    """Vision is frozen for 1.4 s at a corner; the robots then turn by more than a right angle."""
     square = [[0.0, 0.0, 0.0], [0.6, 0.0, 1.5], [0.6, 0.6, 3.0], [0.0, 0.6, 4.5]]
     route = TimedReference(square, MotionLimits(1.5, 1.5, 6.0, 12.0), T, settle_frames=2 * SECOND)
     corner = next(
@@ -125,7 +125,7 @@ def test_a_dead_time_told_wrong_is_found_and_robots_come_to_rest() -> None:
 
 
 def test_robots_told_wrong_are_found_out_and_tracked() -> None:
-    """Latencies from 3 to 9 frames under one controller told 6, alpha from 0.6 to 1.1, drag: on the way after 2 s."""
+    """Latencies from 3 to 9 frames (nominal 6), alpha from 0.6 to 1.1, drag: on the path in 2 s."""
     n, rng = 13, np.random.default_rng(0)
     alpha, drag = rng.uniform(0.6, 1.1, (n, 1)) * np.ones(3), rng.uniform(0, 0.03, (n, 1))
     plant = CreepingPlant(np.zeros((n, 3)), np.linspace(3, 9, n), 0.01, 0.0, drag, alpha)
@@ -141,7 +141,7 @@ def test_robots_told_wrong_are_found_out_and_tracked() -> None:
 
 
 def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
-    """Iterated from the predicted pose it has no timetable; robots pass near every way-point and stop at the last."""
+    """An iterated reference: robots pass near every waypoint and stop at the last one."""
     n, path, delay = 3, np.array(PATH), 12
     reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)
     plant = CreepingPlant(

@@ -1,4 +1,4 @@
-"""A team's part alone: its own distribution, its README, and the example on a reader's own robot."""
+"""The team's part: its own distribution, its README, and the example of a real robot."""
 
 import re
 import subprocess
@@ -52,7 +52,7 @@ def test_the_controller_of_the_readme_runs() -> None:
 
 
 def test_both_distributions_say_the_same() -> None:
-    """One source, two wheels: version, Python and licence are the same, and numpy and scipy all that this one needs."""
+    """Both have the same version, Python and license; this one needs numpy and scipy only."""
     alone, whole = project(ROOT / "control"), project(ROOT)
     for key in ("version", "requires-python", "license"):
         assert alone[key] == whole[key]

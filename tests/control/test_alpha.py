@@ -12,7 +12,7 @@ alphas = st.tuples(st.floats(0.5, 1.1), st.floats(0.5, 1.1))
 
 
 def travelled(commands: Array, alpha: Array, delay: int) -> Array:
-    """Positions (frames, n, 2) in the frames of the commands (frames, n, 3): x(k+1) = x(k) + alpha T u(k - k_d)."""
+    """Return positions for commands, (frames, n, 2 or 3): x(k+1) = x(k) + alpha T u(k - k_d)."""
     frames = len(commands)
     felt = np.concatenate([np.zeros((delay + 1, *commands.shape[1:])), commands])[:frames]
     return alpha * T * np.cumsum(felt[..., :2], axis=0)
@@ -33,7 +33,7 @@ def estimate(positions: Array, commands: Array, window: int, delay: int) -> Arra
 def test_the_error_shrinks_by_the_weight_of_the_old_value(
     alpha: tuple[float, float], window: int, delay: int, seed: int
 ) -> None:
-    """Without noise, a window of commanded displacement d leaves the part c^2 / (c^2 + d^2) of the error.
+    """Without noise, a window with displacement d leaves c^2 / (c^2 + d^2) of the error.
 
     The displacement seen is alpha d, so that alpha - (alpha d^2 + c^2 old) / (d^2 + c^2) is that
     part of alpha - old; from frame to frame the parts multiply.
@@ -54,7 +54,7 @@ def test_the_error_shrinks_by_the_weight_of_the_old_value(
 def test_a_constant_factor_is_found_exactly(
     alpha: tuple[float, float], delay: int, speed: float, direction: float
 ) -> None:
-    """A robot that drives for twice the window along both axes shows its factors, whatever the dead time."""
+    """A robot that drives along both axes for two windows shows its factors at any dead time."""
     window = 15
     # At least 0.2 of the speed along each axis: a robot that does not move along one shows nothing
     # of it.
@@ -70,7 +70,7 @@ def test_a_constant_factor_is_found_exactly(
 
 @given(st.integers(0, 6), st.integers(0, 2**32 - 1))
 def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> None:
-    """A robot that was told to stand teaches nothing: not even vision errors of 5 mm move the value learned before."""
+    """Commands of zero do not change the estimate, even with vision errors of 5 mm."""
     rng = np.random.default_rng(seed)
     window, driven, stood = 15, 60, 200
     commands = np.zeros((driven + stood, 2, 3))
@@ -91,7 +91,7 @@ def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> No
 
 
 def test_at_the_confidence_displacement_old_and_new_weigh_the_same() -> None:
-    """One frame in which confidence_m was commanded and 0.8 of it seen gives the mean of 1 and 0.8."""
+    """A frame with 0.8 of the commanded equal-weight displacement yields the mean of 1 and 0.8."""
     sent, estimator = CommandHistory(1, 1), AlphaEstimator(1, 1, 0, T)
     estimator.update(np.zeros((1, 2)), sent)
     sent.append(np.array([[EQUAL_WEIGHT_M / T, -EQUAL_WEIGHT_M / T, 0]]))

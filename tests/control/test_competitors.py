@@ -1,4 +1,4 @@
-"""Laws of every competitor: stable on robots that are not as told, without a preferred side, row for row its own."""
+"""Laws of all controllers: stable with a wrong model, mirror-symmetric, rows independent."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_those_that_identify_are_stable_on_them_too(
 
 
 def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: int) -> None:
-    """Alpha from 0.5 to 1.1 and a frame more or less of dead time: robots that start off a resting reference get there.
+    """Robots reach a resting reference with alpha from 0.5 to 1.1 and a dead time wrong by a frame.
 
     Through the filter, which reckons with what was told.
     """
@@ -69,7 +69,7 @@ def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: in
 
 
 def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands() -> None:
-    """With y, headings and their noise mirrored, y and turn rates change their sign, and nothing else changes."""
+    """If y, headings and their noise are mirrored, only y and turn rates change sign."""
     for name in COMPETITORS:
         for kind in MODES:
             rng, mirror = np.random.default_rng(0), np.array([1.0, -1.0, -1.0])
@@ -108,7 +108,7 @@ def test_headings_take_the_short_way() -> None:
 
 
 def test_the_truth_is_never_worse_than_noise() -> None:
-    """The oracle against the same controller that sees through noise, each robot of a batch: mean and rms."""
+    """The oracle is better than the same controller with vision noise: mean and rms, each robot."""
     n, rng = 12, np.random.default_rng(0)
     path = TIMED.with_initial_rest(15)
     alpha = rng.uniform(0.7, 1, (n, 3))

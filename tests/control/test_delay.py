@@ -12,7 +12,7 @@ T = 1 / 60
 
 
 def sent_before(frame: int, commands: Array, length: int) -> CommandHistory:
-    """The queue as it is in `frame`, after the commands (frames, n, 3) of the frames before it were sent."""
+    """Return the history in `frame`, after the commands (frames, n, 3) before it were sent."""
     queue = CommandHistory(commands.shape[1], length)
     for command in commands[:frame]:
         queue.append(command)
@@ -20,7 +20,7 @@ def sent_before(frame: int, commands: Array, length: int) -> CommandHistory:
 
 
 def test_frame_by_frame_table_of_three_frames_dead_time() -> None:
-    """What is in flight in each frame, and how far it still goes, written out by hand for commands 1, 2, 3, ... m/s."""
+    """Commands in flight and their remaining displacement, by hand for 1, 2, 3, ... m/s."""
     table = {
         0: ([0, 0, 0], 0),
         1: ([0, 0, 1], 1),
@@ -42,7 +42,7 @@ def test_frame_by_frame_table_of_three_frames_dead_time() -> None:
 def test_the_compensated_pose_is_where_the_plant_will_be(
     delay: int, spare: int, n: int, seed: int
 ) -> None:
-    """Equation 7, x(k+1) = x(k) + alpha T u(k - k_d), reaches in k + k_d what equation 10 predicts in frame k."""
+    """Equation 7, x(k+1) = x(k) + alpha T u(k - k_d), reaches the prediction of equation 10."""
     rng = np.random.default_rng(seed)
     frames = 40
     alpha, commands = rng.uniform(0.5, 1.1, (n, 3)), rng.uniform(-3, 3, (frames, n, 3))
@@ -64,7 +64,7 @@ def test_the_compensated_pose_is_where_the_plant_will_be(
 
 @given(st.lists(st.integers(0, 96), min_size=6, max_size=6), st.integers(0, 2**32 - 1))
 def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -> None:
-    """A robot that obeys, in each eighth of a frame, what was commanded a latency of so many eighths before."""
+    """In each eighth of a frame a robot applies the command sent one latency before."""
     ticks = np.array(eighths).reshape(2, 3)
     commands = np.random.default_rng(seed).uniform(-3, 3, (15, 2, 3))
     by_eighths = np.repeat(
@@ -94,7 +94,7 @@ def test_commands_that_are_not_kept_cannot_be_asked_for() -> None:
 
 
 def test_what_was_handed_out_stays_and_can_only_be_read() -> None:
-    """Views of past frames keep their numbers however many commands follow; parts of them are those of some robots."""
+    """Views of past frames do not change with new commands; selections hold their robots' own."""
     commands = np.random.default_rng(0).normal(size=(40, 5, 3))
     queue, views, parts = CommandHistory(5, 4), [], []
     for command in commands:
@@ -117,7 +117,7 @@ def test_what_was_handed_out_stays_and_can_only_be_read() -> None:
 
 
 def test_where_dead_times_differ_each_robot_arrives_after_its_own() -> None:
-    """What is seen of robots with dead times of 0, 2 and 3 frames: commands that have acted are zero."""
+    """Robots with dead times of 0, 2 and 3 frames: commands that have acted are zero."""
     queue = sent_before(3, np.array([1.0, 2.0, 4.0])[:, None, None] * np.ones((1, 3, 3)), length=4)
     seen = Observation(
         np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), queue, 0.5, np.array([0, 2, 3])

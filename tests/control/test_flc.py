@@ -1,4 +1,4 @@
-"""Laws of the fuzzy controllers in closed loop with the plant of equation 7, whose dead time and factors are known."""
+"""Laws of the fuzzy controllers in closed loop with the plant of equation 7."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def follow(
     first_frame: int = 0,
     highest: float = np.inf,
 ) -> Run:
-    """Close the loop with equation 7; commands are clipped at `highest`, noisy poses are taken for the truth."""
+    """Close the loop with equation 7; clip commands at `highest`; feed back noisy poses."""
     return run_controller(
         controller,
         LaggedPlant(start, delay),
@@ -47,7 +47,7 @@ def position_error(run: Run, reference: TimedReference) -> Array:
 
 
 def test_without_dead_time_both_controllers_are_the_same() -> None:
-    """With k_d = 0 there is nothing to compensate: the commands are bit-identical, whatever vision sees."""
+    """With k_d = 0 there is nothing to compensate: the commands are equal bit for bit."""
     for kind in MODES:
         rng = np.random.default_rng(0)
         start, noise = rng.uniform(-0.1, 0.1, (4, 3)), rng.normal(0, 0.01, (FRAMES, 4, 3))
@@ -67,7 +67,7 @@ def test_without_dead_time_both_controllers_are_the_same() -> None:
 def test_compensation_takes_the_dead_time_out_of_the_loop(
     kind: str, start: tuple[float, ...], delay: int
 ) -> None:
-    """The law of the Smith predictor: a perfect robot with dead time does what one without it does k_d frames later.
+    """Law of the Smith predictor: dead time delays the motion of a perfect robot by k_d frames.
 
     Nothing moves it in the first k_d frames. From then on it goes, under comp-FLC, the way of a
     robot without dead time that starts at k_d under FLC.
@@ -94,7 +94,7 @@ def test_compensation_takes_the_dead_time_out_of_the_loop(
 def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
     kind: str, start: tuple[float, ...], delay: int, highest: float
 ) -> None:
-    """On a perfect plant x_p of frame k is x(k + k_d), also when limits cut what the controller asked for."""
+    """On a perfect plant x_p of frame k is x(k + k_d), also when limits clip the commands."""
     run = follow(
         make_controller("comp-flc", TeamModel(T, delay), make_reference(kind), 1),
         [start],
@@ -108,7 +108,7 @@ def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
 
 
 def fuzzy_velocity(error: float) -> float:
-    """Brute force: the centre of gravity of ZO and PS clipped at the degrees of an error below 0.05 m, others zero."""
+    """Brute force: the centroid of ZO and PS, clipped at the degrees of an error below 0.05 m."""
     z, degree = np.linspace(-0.5, 1, 30001), error / 0.05
     small, zero = np.maximum(0, 1 - 2 * np.abs(z - 0.5)), np.maximum(0, 1 - 2 * np.abs(z))
     mu = np.maximum(np.minimum(small, degree), np.minimum(zero, 1 - degree))
@@ -116,7 +116,7 @@ def fuzzy_velocity(error: float) -> float:
 
 
 def test_flc_lags_a_constant_acceleration_by_a_known_error_and_comp_flc_does_not() -> None:
-    """The feed-forward arrives k_d frames late, a k_d T too slow, which FLC's correction of a lasting error makes up.
+    """The feedforward arrives k_d frames late; FLC corrects it with a lasting error.
 
     In the steady state of x(k+1) = x(k) + T u(k - k_d) under a reference that accelerates at a, the
     error e solves v(e) = a k_d T with v the fuzzy controller.
@@ -140,7 +140,7 @@ def test_flc_lags_a_constant_acceleration_by_a_known_error_and_comp_flc_does_not
 
 
 def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
-    """k_d = 6, the paper's limits: through all accelerations and stops, far less error in maximum and mean."""
+    """k_d = 6, the paper's limits: far smaller maximum and mean errors in all accelerations."""
     reference = TimedReference([[0, 0, 0], [2, 1, 0], [0, 1, 0]], LIMITS, T)
     maximum, mean = {}, {}
     for name in FUZZY:
@@ -160,7 +160,7 @@ def test_comp_flc_beats_flc_with_the_papers_dead_time() -> None:
 
 
 def test_the_heading_returns_the_short_way_at_the_gain() -> None:
-    """Proportional hold: the heading error shrinks by 1 - g T a frame, from -3 to 3 rad over pi and not over 0."""
+    """The heading error shrinks by 1 - g T a frame, from -3 to 3 rad over pi and not over 0."""
     for name in FUZZY:
         gain = 5.0
         reference = TimedReference([[0, 0, 3.0]], LIMITS, T)

@@ -25,7 +25,7 @@ def test_the_sets_are_the_triangles_of_figure_5(value: float) -> None:
 
 
 def centre(heights: dict[str, float]) -> float:
-    """Centre of gravity of the union of clipped triangles, exact between the points where any sides cross."""
+    """Return the exact centroid of the union of clipped triangles, by pieces between crossings."""
     peaks = {label: k / 2 - 1 for k, label in enumerate(LABELS)}
     levels = {0.0, 0.5, 1.0, *heights.values()}
     z = {
@@ -70,7 +70,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
     "ignore:Passing more than 2 positional arguments"
 )  # of scikit-fuzzy 0.5 to numpy
 def test_the_controller_agrees_with_scikit_fuzzy() -> None:
-    """The same sets and 25 rules, on a grid from beyond one end of the range to beyond the other."""
+    """The same sets and 25 rules, on a grid beyond both ends of the range."""
     axis = np.linspace(-0.11, 0.11, 25)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     expected = scikit_flc.velocities(scikit_flc.controller(801, RANGE_M, SPEED), grid)
@@ -81,7 +81,7 @@ def test_the_controller_agrees_with_scikit_fuzzy() -> None:
 
 @given(errors)
 def test_mirrored_errors_give_mirrored_velocities(error: tuple[float, float]) -> None:
-    """The rules treat left and right, forth and back alike: v(-e) = -v(e), and each axis by itself."""
+    """The rules are symmetric: v(-e) = -v(e), and both axes are treated alike."""
     x, y = error
     vx, vy = FLC(error)
     # Sums in the opposite order: a few roundings of numbers of size 1, divided by an area of 0.2
@@ -92,7 +92,7 @@ def test_mirrored_errors_give_mirrored_velocities(error: tuple[float, float]) ->
 
 @given(errors)
 def test_the_correction_points_back_to_the_reference(error: tuple[float, float]) -> None:
-    """Each velocity has the sign of its own error, and is zero without one, whatever the other error is."""
+    """Each velocity has the sign of its own error and is zero without one, for any other error."""
     for e, v in zip(error, FLC(error), strict=True):
         # Below 1e-9 m the velocity may be lost in the roundings of sums of size 1.
         assert v * e > 0 if abs(e) > 1e-9 else abs(v) < 1e-6
@@ -109,7 +109,7 @@ def test_a_larger_error_is_never_corrected_more_slowly(
 
 @given(errors)
 def test_velocities_saturate_at_five_sixths_of_the_range(error: tuple[float, float]) -> None:
-    """The outermost set is a half triangle of width 1/2, whose centre of gravity lies 1/6 from its peak at the end."""
+    """The outermost set is a half triangle of width 1/2; its centroid is 1/6 from its peak."""
     # Roundings of numbers of size 1.
     assert np.abs(FLC(error)).max() <= 5 / 6 + 1e-14
 
@@ -126,7 +126,7 @@ def test_the_ranges_only_scale_the_axes(
 
 
 def test_the_papers_example() -> None:
-    """If e_x is NB and e_y is PS, then v_x is NB and v_y is PS (text below table 2): -5/6 and the peak of PS, 1/2."""
+    """If e_x is NB and e_y is PS, then v_x is NB and v_y is PS: -5/6 and 1/2 (below table 2)."""
     # Roundings of numbers of size 1.
     np.testing.assert_allclose(FLC([-RANGE_M, RANGE_M / 2]), [-5 / 6, 1 / 2], rtol=0, atol=1e-15)
 

@@ -1,4 +1,4 @@
-"""Laws of the kinematics: rigid-body motion seen at the wheels, rotation between frames, angles on the circle."""
+"""Laws of the kinematics: rigid-body motion at the wheels, rotation between frames, angles."""
 
 import math
 
@@ -26,7 +26,7 @@ robots = st.builds(
 
 
 def test_wheel_speeds_of_pure_motions_are_those_of_the_unit_circle() -> None:
-    """At 60, 135, 225, 300 deg the sines and cosines are known numbers; the rim speed is r times the wheel's."""
+    """At 60, 135, 225, 300 deg sines and cosines are known; rim speed is r times wheel speed."""
     for twist, rim in [
         ((1, 0, 0), [-math.sqrt(3) / 2, -math.sqrt(2) / 2, math.sqrt(2) / 2, math.sqrt(3) / 2]),
         ((0, 1, 0), [1 / 2, -math.sqrt(2) / 2, -math.sqrt(2) / 2, 1 / 2]),
@@ -42,7 +42,7 @@ def test_wheel_speeds_of_pure_motions_are_those_of_the_unit_circle() -> None:
 def test_a_wheel_rolls_at_the_velocity_of_its_contact_point(
     robot: Kinematics, twist: tuple[float, ...]
 ) -> None:
-    """Rigid body in the complex plane: the point p moves at v + i w p, and the wheel drives along i p / |p|."""
+    """Rigid body in the complex plane: point p moves at v + i w p, the wheel along i p / |p|."""
     spoke = np.exp(1j * robot.azimuths)
     point_velocity = complex(twist[0], twist[1]) + 1j * twist[2] * robot.arm * spoke
     rim = (point_velocity * np.conj(1j * spoke)).real
@@ -67,7 +67,7 @@ def test_slipping_wheels_give_the_least_squares_twist(
 def test_the_world_frame_is_a_rotation_of_the_body_frame(
     twist: tuple[float, ...], heading: float
 ) -> None:
-    """A planar vector turned by phi is its product with exp(i phi); the turn rate is the same in both frames."""
+    """Rotation by phi is multiplication by exp(i phi); the turn rate is the same in both frames."""
     velocity = complex(twist[0], twist[1])
     turned, back = velocity * np.exp(1j * heading), velocity * np.exp(-1j * heading)
     # Two products and a sum of numbers of size 5.
@@ -86,7 +86,7 @@ def test_the_world_frame_is_a_rotation_of_the_body_frame(
 @example(-3 * np.pi)
 @example(0.0)
 def test_wrapping_removes_whole_turns_only(angle: float) -> None:
-    """The wrapped angle and the angle differ by what the IEEE remainder calls a multiple of a turn."""
+    """Wrapped and original angles differ by a multiple of a turn, by the IEEE remainder."""
     wrapped = float(wrap_angle(angle))
     # The number of turns times 2 pi is rounded to the spacing of floats near the angle.
     slack = 2 * EPS * (abs(angle) + np.pi)

@@ -1,4 +1,4 @@
-"""Laws of the linear quadratic regulator: optimal on the model with dead time, exact in preview, free of offset."""
+"""Laws of the LQR: optimal on the model with dead time, exact preview, no steady-state error."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ LITTLE = 2.0**-10
 
 
 def augmented(delay: int, lag: float) -> tuple[Array, Array, Array, float]:
-    """A, B, Q, r of the state [position, velocity, commands in flight, oldest first], with the default weights."""
+    """Return A, B, Q, r of the state [position, velocity, commands in flight, oldest first]."""
     equation = (
         np.array([[0, 1], [0, -1 / lag]]),
         np.array([[0], [1 / lag]]),
@@ -41,7 +41,7 @@ def augmented(delay: int, lag: float) -> tuple[Array, Array, Array, float]:
 
 
 def gain_of(delay: int, lag: float) -> Array:
-    """Gain (m,) of the controller on the augmented state: its answer to a little of each part, all others being zero.
+    """Return the gain (m,) of the controller on the augmented state, by small changes of each part.
 
     A little, so that a robot can brake within the error: a millimetre, or what comes of a
     millimetre a second.
@@ -72,7 +72,7 @@ def gain_of(delay: int, lag: float) -> Array:
 
 
 def test_its_answer_is_the_optimal_gain_of_the_model_with_dead_time() -> None:
-    """Gain and cost of the whole state solve its own Riccati equation, which the controller never set up."""
+    """Gain and cost of the augmented state solve its Riccati equation."""
     for lag in [0.005, 0.02, 0.1]:
         for delay in [0, 1, 6]:
             a, b, q, r = augmented(delay, lag)
@@ -120,7 +120,7 @@ def test_with_a_lag_it_follows_a_constant_acceleration_exactly() -> None:
 
 
 def test_a_weak_robot_has_no_lasting_error_at_constant_speed() -> None:
-    """What it falls short by is a constant disturbance then, which is estimated and added to the command."""
+    """The shortfall is then a constant disturbance, which is estimated and added to the command."""
     for alpha in [0.6, 0.8, 1.1]:
         reference = TimedReference(STRAIGHT, MotionLimits(speed=1.0), T)
         controller = Lqr(make_model(6), reference, 1)

@@ -1,4 +1,4 @@
-"""Laws of the preview MPC: what it predicts, how its programs are solved, their limits, and that it is an LQR."""
+"""Laws of the preview MPC: prediction, solution of its programs, limits, and the LQR limit."""
 
 import subprocess
 import sys
@@ -16,7 +16,7 @@ from omni_control import MotionLimits, TeamModel, TimedReference
 def program(
     seed: int, n: int, frames: int, asked: float
 ) -> tuple[Array, Array, CommandConstraints]:
-    """Programs of robots whose planned commands change by about `asked`, as a share of what they may."""
+    """Return programs whose planned commands change by about `asked`, relative to the limits."""
     rng = np.random.default_rng(seed)
     root = np.tril(rng.normal(size=(n, 2 * frames, 2 * frames)))
     hessian = root @ root.swapaxes(1, 2) / frames + np.eye(2 * frames)
@@ -31,7 +31,7 @@ def program(
 
 
 def excess(limits: CommandConstraints, robot: int, w: Array) -> Array:
-    """By how much commands miss their limits: corners of octagons, and the sides between them, drawn anew."""
+    """Return the violation of the limits: sides of the octagons, computed from their corners."""
     last, planned, ways = (values[..., 0] + 1j * values[..., 1] for values in limits[:3])
     sent = planned[:, robot] + w[0::2] + 1j * w[1::2]
     change = np.diff(sent, prepend=last[robot])
@@ -50,7 +50,7 @@ def excess(limits: CommandConstraints, robot: int, w: Array) -> Array:
 @settings(max_examples=12)
 @given(seed=st.integers(0, 999))
 def test_programs_are_solved_as_by_another_solver(seed: int) -> None:
-    """By sequential quadratic programming, which starts from what is allowed: going on with the last command."""
+    """Compare with sequential quadratic programming that starts from the last command."""
     hessian, gradient, limits = program(seed, 2, 4, 1.5)
     best, _ = solve_quadratic_programs(hessian, gradient, limits)
     for i in range(2):
@@ -96,7 +96,7 @@ def test_a_program_is_its_own_whatever_others_are_solved_with_it() -> None:
 
 
 def test_there_is_a_solution_however_fast_the_last_command_was() -> None:
-    """One of somebody else's, beyond all limits: it can be gone on with, and is slowed down from."""
+    """The last command may exceed all limits: repeating it is feasible, and the robot brakes."""
     hessian, gradient, limits = program(3, 4, 12, 0.1)
     fast = limits._replace(
         last_command=limits.last_command + np.array([5.0, 0.0]),
@@ -120,7 +120,7 @@ def test_what_is_not_solved_is_not_a_number_and_stops_that_robot_only() -> None:
 
 
 def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:
-    """On a way that asks for more. What the octagon gives away of speed, it may exceed where it was exceeded before."""
+    """The reference exceeds the limits. Speed may exceed the octagon where the last command did."""
     limits = MotionLimits(1.0, 4.7, 26.0, 50.8)
     reference = TimedReference(
         [[0, 0, 0], [1.5, 0, 0], [1.5, 1.0, 0]], MotionLimits(1.2, 4.5), T
@@ -155,7 +155,8 @@ def test_without_piqp_it_says_in_a_line_how_to_get_it_and_the_others_go_on() -> 
     )
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
-        "error: controller 'mpc' needs the package piqp, which is not installed; install it with pip install 'omni-mj[mpc]'"
+        "error: controller 'mpc' needs the package piqp, which is not installed; "
+        "install it with pip install 'omni-mj[mpc]'"
     ]
     others = hidden + (
         "from omni_control.controllers import CONTROLLERS, list_available_controllers; "

@@ -1,4 +1,4 @@
-"""Controllers by name, loaded when they are asked for, and the parameters that can be set from outside."""
+"""Controllers by name, imported when used, and their parameters."""
 
 import subprocess
 import sys
@@ -80,7 +80,8 @@ def test_wrong_parameters_are_named_all_at_once() -> None:
     with pytest.raises(OmniError) as error:
         make_controller(More, TOLD, TIMED, 1, wrong)
     assert str(error.value).split("\n") == [
-        "More has no parameter 'gian'; did you mean 'gain'? choose from gain, window, bold, law, quoted, speed",
+        "More has no parameter 'gian'; did you mean 'gain'? "
+        "choose from gain, window, bold, law, quoted, speed",
         "parameter gain of More must be a number, not 'high'",
         "parameter window of More must be a whole number, not 2.5",
         "parameter bold of More must be true or false, not 1",
@@ -110,7 +111,7 @@ def test_a_controller_that_cannot_be_made_says_where() -> None:
 
 
 def test_what_is_told_is_checked_and_can_be_compared() -> None:
-    """By content, wheels included, so that robots of which the same is told can share a controller."""
+    """Equality is by content, including wheels: robots with equal models share a controller."""
     four, three = (
         Kinematics(np.radians(angles), 0.08, 0.03)
         for angles in ([60, 135, 225, 300], [0, 120, 240])
@@ -123,7 +124,7 @@ def test_what_is_told_is_checked_and_can_be_compared() -> None:
     with pytest.raises(ValueError, match="read-only"):
         four.azimuths += 1
     with pytest.raises(OmniError) as error:
-        TeamModel(0.0, -1, lag_s=np.nan, alpha=(0.9, 0.0), alpha_window_frames=1.5)  # type: ignore[arg-type]
+        TeamModel(0.0, -1, lag_s=np.nan, alpha=(0.9, 0.0), alpha_window_frames=1.5)
     assert [line.split()[0] for line in str(error.value).split("\n")] == [
         "period", "delay_frames", "lag_s", "alpha_window_frames", "alpha",
     ]  # fmt: skip

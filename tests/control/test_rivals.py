@@ -1,4 +1,4 @@
-"""Laws of proportional control and of the Smith predictor, in closed loop with robots that have dead time and lag."""
+"""Laws of proportional control and the Smith predictor, in closed loop with dead time and lag."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ delays, lags = st.integers(0, 9), st.sampled_from([0.0, 1e-4, 0.02, 2 * T, 0.1])
 def test_the_nominal_robot_is_its_differential_equation_sampled(
     delay: int, lag: float, seed: int
 ) -> None:
-    """Displacement in the last frame, and state at the end of the dead time, are those of scipy's discretisation."""
+    """Displacement and predicted state equal those of scipy's discretization."""
     commands = np.random.default_rng(seed).uniform(-3, 3, (20, 1, 3))
     robot = NominalRobot(make_model(delay, lag), 1)
     queue = CommandHistory(1, delay + 1)
@@ -52,7 +52,7 @@ def test_the_nominal_robot_is_its_differential_equation_sampled(
 
 @pytest.mark.parametrize("latency", [0.01, 0.14])
 def test_the_gain_has_the_margins_of_the_simc_rule(latency: float) -> None:
-    """Of the open loop K exp(-j w L) / (j w): 61 degrees of phase at gain 1, and a gain of 1 / pi at -180 degrees."""
+    """The open loop K exp(-j w L) / (j w) has a phase margin of 61 degrees, a gain margin of pi."""
     gain = compute_simc_gain(latency)
 
     def phase(w: float) -> float:
@@ -65,7 +65,7 @@ def test_the_gain_has_the_margins_of_the_simc_rule(latency: float) -> None:
 
 
 def test_p_returns_to_rest_along_the_poles_of_its_loop() -> None:
-    """Without a lag e(k+1) = e(k) - K T e(k - k_d): all poles within the unit circle, and well damped.
+    """Without a lag e(k+1) = e(k) - K T e(k - k_d): poles in the unit circle and well damped.
 
     A phase margin of 61 degrees is about that of a second-order loop with a damping of 0.6, which
     overshoots by 9 %.
@@ -91,7 +91,7 @@ def test_p_returns_to_rest_along_the_poles_of_its_loop() -> None:
 def test_smith_takes_the_dead_time_out_of_the_loop(
     kind: str, start: tuple[float, ...], delay: int, lag: float
 ) -> None:
-    """The law of the Smith predictor: a nominal robot does what one without dead time does, k_d frames later."""
+    """Law of the Smith predictor: dead time delays the motion of a nominal robot by k_d frames."""
 
     def follow(delay: int, frames: int, first_frame: int) -> np.ndarray:
         return run_controller(

@@ -1,4 +1,4 @@
-"""Laws of a team's computer: it is the loop written by hand, each row by itself, whatever becomes of the others."""
+"""Laws of a team's computer: it equals the loop written by hand, and rows are independent."""
 
 from collections.abc import Callable, Sequence
 
@@ -22,7 +22,7 @@ from omni_control import CommandHistory, Controller, Observation, OmniError, Tea
 
 
 def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Array:
-    """Commands (frames, n, 3): queue, filter, controllers with n robots in all, limits, each as it stands."""
+    """Return commands (frames, n, 3) of a loop of queue, filter, controllers and limits."""
     model, n, sent = controllers[0].model, noise.shape[1], np.zeros((noise.shape[1], 3))
     kalman, limits = (
         KalmanFilter(plant.pose, T, model.vision_noise),
@@ -71,7 +71,7 @@ def test_it_is_the_loop_written_by_hand() -> None:
 
 @pytest.mark.parametrize("kind", MODES)
 def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
-    """Each robot's every number, under every controller, is bit for bit its own: of one alone, and of some."""
+    """All numbers of a robot, under any controller, equal those of the robot alone, bit by bit."""
     n, model = 4, TeamModel(T, 5)
     start, noise = make_start_poses(n), make_noise(n)
     for name in CONTROLLERS:
@@ -92,7 +92,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
 
 
 def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> None:
-    """What one sees, and the whole team's view; the pose to which commands in flight lead is equation 11's sum."""
+    """Compare a controller's observation with the team's, and predicted poses with equation 11."""
     tolds, start = (
         (TeamModel(T, 3), TeamModel(T, 0, limits=TIGHT), TeamModel(T, 5)),
         make_start_poses(6),

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 def test_the_example_learns_and_drives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """On a way of a quarter of a metre; of three generations the last is off by less than half of what the first is."""
+    """On a path of 0.25 m; of three generations the last error is less than half of the first."""
     tmp_path.joinpath("short.toml").write_text(
         "[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.1\n"
     )

@@ -1,4 +1,4 @@
-"""The environments: what a policy sees, does and is rewarded for is what a controller of the loop is; many are one."""
+"""The environments: observations, actions and rewards equal those of a controller in the loop."""
 
 import subprocess
 import sys
@@ -25,7 +25,7 @@ MEMORY = 9
 
 
 def answer(seen: np.ndarray, highest: np.ndarray | float) -> np.ndarray:
-    """A policy: the reference's twist at the end of the dead time, and three times the way to it."""
+    """Return actions of a policy: the previewed twist plus three times the pose error."""
     way, twist = seen[..., 3:6], seen[..., 18:21]
     return (twist + 3.0 * way) / highest
 
@@ -63,7 +63,7 @@ def test_gymnasium_finds_nothing_wrong(plant: str) -> None:
 
 
 def test_a_policy_is_rewarded_for_the_errors_that_it_makes_as_a_controller() -> None:
-    """Of the same seed, and so with the same noise and the same numbers drawn; measured there from the run's table."""
+    """The same seed gives the same noise and drawn settings; compared with the run's table."""
     changes = {**DRAWN, "plant": "planar"}
     result = om.run(om.load_scenario("rect", **changes), [Policy], seeds=[5])
     table = result.frames().to_pydict()
@@ -82,7 +82,7 @@ def test_a_policy_is_rewarded_for_the_errors_that_it_makes_as_a_controller() -> 
 
 
 def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
-    """Without noise and with alpha = 1: full speed ahead is a ramp of the highest acceleration, and as late as told."""
+    """Without noise, alpha = 1: full speed is a delayed ramp of the highest acceleration."""
     delay, history_length, speed, most = 3, 5, 2.0, 4.7
     route = {"waypoints": [[0, 0, 1.0], [0, 0.5, 1.0]], "settle_s": 0.5}
     env = track(
@@ -125,7 +125,7 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
 def test_many_are_what_one_by_one_they_are(mode: AutoresetMode) -> None:
-    """To the bit, against Gymnasium's own vector of single ones: episodes that end apart, others begun after them."""
+    """Bit for bit Gymnasium's own vector of single environments, with episodes of other lengths."""
     n, lost = 4, 0.12
     many = tracks(n, "rect", max_error_m=lost, autoreset_mode=mode, **DRAWN)
     ones = SyncVectorEnv(
@@ -162,7 +162,7 @@ def same(found: Any, expected: Any) -> None:
 
 
 def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> None:
-    """What is left of it is charged as if the robot had stayed where it was lost: no policy gains by getting lost."""
+    """The remaining frames cost as if the robot had stayed there: getting lost never pays."""
     env = track("rect", max_error_m=0.2, plant="kinematic", reference=SHORT)
     env.reset(seed=1)
     rewards, terminated = [], False
@@ -182,7 +182,7 @@ def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> No
 
 
 def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
-    """Masses that are drawn, on the MuJoCo plant: a batch of its own each, and the same to the bit as alone."""
+    """With drawn masses on the MuJoCo plant each robot is its own batch, equal bit for bit."""
     changes = {"reference": SHORT, "body": {"mass_kg": {"uniform": [2.3, 2.6]}}}
     many, one = tracks(3, "rect", **changes), track("rect", **changes)
     seen, info = many.reset(seed=0)
@@ -237,7 +237,8 @@ def test_gymnasium_imports_what_a_name_asks_for() -> None:
     """Nobody else has to import this package; and without Gymnasium one line names the extra."""
     for code, words in (
         (
-            "import gymnasium; print(gymnasium.make_vec('omni_mj.gym:omni_mj/Track-v0', 2, plant='kinematic'))",
+            "import gymnasium; "
+            "print(gymnasium.make_vec('omni_mj.gym:omni_mj/Track-v0', 2, plant='kinematic'))",
             "TrackVectorEnv",
         ),
         (

@@ -39,7 +39,7 @@ def test_a_robot_that_stands_or_has_stopped_does_not_creep() -> None:
 
 
 def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
-    """Each spinning wheel pulls along its rim with mu times its load, which acceleration shifts between the axles."""
+    """Each spinning wheel pulls along its rim with mu times its load, which acceleration shifts."""
     frictions, expected = (0.3, 0.6, 0.9), []
     for friction in frictions:
         for axis in (0, 1):

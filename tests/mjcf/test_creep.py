@@ -1,4 +1,4 @@
-"""Creep: wheels slip as they travel and pull, by the closed form, per wheel and for the robot, whatever the step."""
+"""Creep: slip of wheels by the closed form, per wheel and per robot, at any time step."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,8 @@ def free(stiffness: float = STIFFNESS, **sections: dict[str, object]) -> Setting
     """A robot that nothing brakes but creep: no drag, no friction in gears."""
     nothing = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
     return noiseless(
-        carpet={"rolling_resistance": 0.0}, drivetrain=nothing | {"creep_stiffness": stiffness}, firmware=STIFF,
+        carpet={"rolling_resistance": 0.0},
+        drivetrain=nothing | {"creep_stiffness": stiffness}, firmware=STIFF,
         battery={"resistance_ohm": 0.0}, **sections,
     )  # fmt: skip
 
@@ -60,7 +61,7 @@ def test_each_wheel_slips_by_the_law(driven: Tape) -> None:
 
 
 def test_speeds_are_those_of_the_laws_own_differential_equation(driven: Tape) -> None:
-    """Hubs, rims and body in one equation, solved by scipy, under the torques that the plant's motors gave."""
+    """Hubs, rims and body in one equation, solved by scipy, with the torques of the motors."""
     start, end = 16 * 5, 16 * 35
     settings = free()
     inertia = HUB_INERTIA + settings.motor.rotor_inertia_kg_m2 * settings.motor.gear_ratio**2

@@ -1,4 +1,4 @@
-"""What slows a robot that rolls: carpet, rollers' bearings, gears and motors, each by as much as it should."""
+"""Drag of a rolling robot: carpet, roller bearings, gears and motors, each by its own law."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def settings(
 
 
 def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> Tape:
-    """Robots that roll at a speed, one in each of the directions for each setting, their motors without current."""
+    """Return robots that roll at a speed, one per direction and setting, without motor current."""
     directions = np.tile(DIRECTIONS, (len(chosen), 1))
     plant = mujoco([each for each in chosen for _ in DIRECTIONS])
     world, velocity = plant._world, plant._batch.bind("qvel")
@@ -47,7 +47,7 @@ def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> 
 
 
 def expected(name: str, row: int, tape: Tape) -> float:
-    """Deceleration, m/s^2, by d'Alembert: drag of each wheel's share of the weight, hubs and rotors with the mass."""
+    """Return the deceleration, m/s^2, by d'Alembert: drag of wheels, inertia of hubs and rotors."""
     chosen, motor, direction = settings(*DRAGS[name]), DRAGS[name][3], DIRECTIONS[row]
     along, aside = np.abs(TANGENTS @ direction), np.abs(OUTWARD @ direction)
     # The motor's viscous friction falls with the speed, and a fitted slope is that of the mean.

@@ -17,7 +17,7 @@ FIELDS = ("dof_frictionloss", "dof_solimp", "dof_damping", "actuator_gainprm")
 
 
 class Recorder:
-    """Stands between a plant and its batch of one, and keeps what MuJoCo is given in each step and what comes of it."""
+    """Wrapper of a batch that records inputs and results of MuJoCo in each step."""
 
     def __init__(self, batch: Batch) -> None:
         self._batch = batch
@@ -36,7 +36,7 @@ class Recorder:
 
 
 def contact_power(model: mj.MjModel, data: mj.MjData, velocity: NDArray) -> float:
-    """Power that the contacts' forces take out of a robot, W; with a way (nv,) in place of speeds, their work, J."""
+    """Return the power that contact forces take from a robot, W; or a displacement's work, J."""
     power = 0.0
     for index in range(data.ncon):
         force = np.zeros(6)
@@ -52,7 +52,7 @@ def contact_power(model: mj.MjModel, data: mj.MjData, velocity: NDArray) -> floa
 
 
 class Audit:
-    """What becomes of the motors' work, J: summed over steps, in which forces are constant and speeds change evenly."""
+    """Balance of the motors' work, J: summed over steps with constant forces and linear speeds."""
 
     def __init__(self, plant: MujocoPlant) -> None:
         self.model, self.robot = plant._batch.get_model(0), plant._world.robots[0]

@@ -18,7 +18,7 @@ WHEELS = ("rollers", "two-rollers")
 
 @pytest.mark.parametrize("wheels", WHEELS)
 def test_robots_that_do_not_meet_have_the_paths_they_have_alone(wheels: str) -> None:
-    """To rounding: the solver ends its iterations at a share of a scale that counts all degrees of freedom.
+    """Equal to rounding: the solver's tolerance depends on all degrees of freedom.
 
     A bit is enough to change an encoder's count in time, and through it the path: after a second
     and a half, 0.05 mm.
@@ -34,7 +34,7 @@ def test_robots_that_do_not_meet_have_the_paths_they_have_alone(wheels: str) -> 
 
 
 def collide(speed: float, aside: float) -> tuple[NDArray, NDArray, float]:
-    """Two robots without motors on ice, each at `speed` towards the other, by `aside` m off the head-on.
+    """Two robots without motors on ice approach at `speed`, `aside` m off the center line.
 
     Returns:
         Momenta (steps, 2, 2) in N s, kinetic energies (steps,) in J, and how deep one hull enters

@@ -1,4 +1,4 @@
-"""The MJCF: sizes, masses, wheels and sensors against the league's rules, the published robot and plain geometry."""
+"""The MJCF: sizes, masses, wheels and sensors against rules, the published robot and geometry."""
 
 import mujoco
 import numpy as np
@@ -40,7 +40,7 @@ def parts(model: mujoco.MjModel) -> list[int]:
 
 
 def support(model: mujoco.MjModel, data: mujoco.MjData, geom: int, directions: NDArray) -> NDArray:
-    """How far a geom reaches along unit vectors (k, 3), from the world's origin: its exact support function."""
+    """Return the exact support function of a geom along unit vectors (k, 3), m."""
     local = directions @ data.geom_xmat[geom].reshape(3, 3)
     a, b, c = model.geom_size[geom]
     match model.geom_type[geom]:
@@ -81,7 +81,7 @@ def test_mass_balance_and_inertia_are_those_of_the_default_robot(
 
 
 def test_the_default_robot_is_like_the_published_ones(model: mujoco.MjModel) -> None:
-    """2.3 to 2.8 kg, centre of mass 45 to 49 mm up, 0.7 m r^2 about the vertical with r = 80 to 90 mm."""
+    """2.3 to 2.8 kg, center of mass 45 to 49 mm high, yaw inertia 0.7 m r^2, r = 80 to 90 mm."""
     body = Settings().body
     assert 2.3 <= body.mass_kg <= 2.8
     assert 0.0445 < body.com_height_m < 0.0495

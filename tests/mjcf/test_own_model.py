@@ -46,7 +46,7 @@ def numbers_of(file: str) -> dict[str, dict[str, Any]]:
 
 
 def path(**sections: Any) -> NDArray:
-    """True poses (frames, 3) on a short way; wheels of two rollers, for speed, unless told otherwise."""
+    """Return true poses (frames, 3) on a short path, by default with wheels of two rollers."""
     sections["wheels"] = {"model": "two-rollers"} | sections.get("wheels", {})
     chosen = om.load_scenario("rect", controllers=["comp-flc"], reference=WAY, **sections)
     result = om.run(chosen)
@@ -56,7 +56,7 @@ def path(**sections: Any) -> NDArray:
 
 
 def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
-    """And drives its paths, but for the nine digits of the file and, saved by MuJoCo, the six of that."""
+    """The paths are equal but for the digits in the file: nine, or six if MuJoCo saved it."""
     expected = path()
     text = ROBOT.read_text()
     for old, new in (
@@ -120,7 +120,7 @@ def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
 
 
 def test_all_rollers_and_rollers_off_the_bottom_drive_as_well(write: Write) -> None:
-    """A wheel that stands turned by a third of a pitch is the same wheel, but for when it hops: 2 mm, 2 mrad."""
+    """A wheel turned by a third of a pitch is the same, except when it hops: 2 mm, 2 mrad."""
     text = written(THREE, rollers=15)
     plain = write(text)
     turned = write(re.sub(r'(<body name="drive_[abc]" pos="[^"]*")', r'\1 euler="8 0 0"', text))
@@ -131,7 +131,10 @@ def test_all_rollers_and_rollers_off_the_bottom_drive_as_well(write: Write) -> N
 
 def test_a_motor_that_drives_no_wheel_is_left_alone(write: Write) -> None:
     """A dribbler is a motor as well."""
-    dribbler = '<body name="d" pos="0.07 0 0.03"><joint name="d" axis="0 1 0"/><geom size="0.005" mass="0.01"/></body>'
+    dribbler = (
+        '<body name="d" pos="0.07 0 0.03"><joint name="d" axis="0 1 0"/>'
+        '<geom size="0.005" mass="0.01"/></body>'
+    )
     text = written(FOUR, more=dribbler, extra_motors='<dcmotor name="spin" joint="d"/>')
     assert np.abs(path(model=write(text)) - path(model=write(written(FOUR)))).max() < 2e-3
 
@@ -150,7 +153,7 @@ def test_several_share_a_world_and_meet(write: Write) -> None:
 
 
 def test_worn_rollers_must_be_barrels_about_z(write: Write) -> None:
-    """What is worn is written into the first two semi-axes; models that have others there are refused."""
+    """Worn rollers change the first two semi-axes; models with other geoms there are rejected."""
     worn: dict[str, Any] = {
         "randomization": {"max_wear_m": 1e-4},
         "reference": WAY,

@@ -20,27 +20,34 @@ LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
      [("<actuator>.*</actuator>", "")]),
     ("no wheels.*other actuators do not count: write <dcmotor joint=", 1,
      [("<dcmotor motorconst[^>]*>", ""), ("<dcmotor name", "<motor name")]),
-    ("'drive_b' has rollers, but no <dcmotor> drives it: write", 1, [('<dcmotor name="m_drive_b"[^>]*>', "")]),
+    ("'drive_b' has rollers, but no <dcmotor> drives it: write", 1,
+     [('<dcmotor name="m_drive_b"[^>]*>', "")]),
     ("'base', which carries the wheels, has no <freejoint>", 1, [("<freejoint/>", "")]),
     ("no encoder on 'drive_[abc]'; it is a <jointpos> sensor", 3, [("jointpos", "jointvel")]),
     ("no gyro; it is a <gyro> sensor on a site of the body 'base'", 1, [("<gyro [^>]*>", "")]),
-    ("z axis of the gyro's site must point up", 1, [('<site name="imu"/>', '<site name="imu" euler="90 0 0"/>')]),
+    ("z axis of the gyro's site must point up", 1,
+     [('<site name="imu"/>', '<site name="imu" euler="90 0 0"/>')]),
     ("no wheels.*across the axle$", 1, [('<joint axis="0 1 0"/>', '<joint axis="1 1 0"/>')]),
     ("2 wheels; at least 3 are needed", 1,
      [('<frame euler="0 0 60">(.*?)<replicate.*?</replicate>', r'<frame euler="0 0 60">\1')]),
     ("two <dcmotor>s drive one hinge; leave one", 1,
      [("<actuator>", '<actuator><dcmotor name="twin" joint="drive_a"/>')]),
-    ("the 14 rollers of the wheel 'drive_[abc]' must be evenly spaced", 3, [('count="15"', 'count="14"')]),
+    ("the 14 rollers of the wheel 'drive_[abc]' must be evenly spaced", 3,
+     [('count="15"', 'count="14"')]),
     ("'drive_b' at .-0.06, 0.01. m must point horizontally at the center", 1,
      [('<frame euler="0 0 180">', '<frame euler="0 0 180" pos="0.02 0.01 0">')]),
     ("wheels must be equal, but their arms are 80.00, 75.00, 80.00 mm", 1,
      [(f"{ARM}(.*){ARM}(.*){ARM}", rf"{ARM}\1{ARM.replace('8', '75')}\2{ARM}")]),
-    ("'m_drive_[abc]' has no rotor: give its inertia in kg m.2, armature=", 3, [(' armature="1.35e-5"', "")]),
-    ("the gear of the <dcmotor> 'm_drive_[abc]' must be above 0, not -3.2", 3, [('gear="3.2"', 'gear="-3.2"')]),
+    ("'m_drive_[abc]' has no rotor: give its inertia in kg m.2, armature=", 3,
+     [(' armature="1.35e-5"', "")]),
+    ("the gear of the <dcmotor> 'm_drive_[abc]' must be above 0, not -3.2", 3,
+     [('gear="3.2"', 'gear="-3.2"')]),
     ("'m_drive_[abc]' must be driven by a voltage, with motorconst", 3,
      [("<dcmotor m", '<dcmotor inductance="1e-4" m')]),
-    ("'drive_a' has a range or a spring; a wheel must turn freely", 1, [('<joint name="drive_a"', r'\g<0> stiffness="1"')]),
-    ("<compiler settotalmass> has no effect in a world", 1, [("<compiler ", '<compiler settotalmass="3" ')]),
+    ("'drive_a' has a range or a spring; a wheel must turn freely", 1,
+     [('<joint name="drive_a"', r'\g<0> stiffness="1"')]),
+    ("<compiler settotalmass> has no effect in a world", 1,
+     [("<compiler ", '<compiler settotalmass="3" ')]),
     ("XML parse error", 1, [("</mujoco>", "")]),
 ]  # fmt: skip
 
@@ -122,7 +129,7 @@ def test_the_command_line_takes_it_and_tells(
 
 
 def test_a_robots_file_may_name_it_and_leave_out_what_it_says(tmp_path: Path) -> None:
-    """Beside itself, wherever the program is called; `om.load_robot` then tells what follows from both."""
+    """The model is relative to the robot's file; `om.load_robot` shows what follows from both."""
     (tmp_path / "mine.xml").write_text(TEXT)
     ours = tomllib.loads((Path(om.__file__).parent / "robots" / "tigers-v2016.toml").read_text())
     lines = ["[model]", 'file = "mine.xml"']

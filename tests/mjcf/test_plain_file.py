@@ -1,4 +1,4 @@
-"""The models as plain MJCF: of the same numbers as the world that is built for the default robot."""
+"""The models as plain MJCF have the same numbers as the world of the default robot."""
 
 from typing import Any
 
@@ -59,7 +59,8 @@ def expected() -> list[str]:
         f'frictionloss="{written(dry)}" damping="{written(motor.wheel_viscous_friction)}"',
         f'frictionloss="{written(at_rest)}"',
         f'damping="{written(settings.drivetrain.roller_damping_nm_s)}"',
-        f'motorconst="{written(motor.torque_constant)}" resistance="{written(motor.resistance)}" gear="{written(motor.gear_ratio)}"',
+        f'motorconst="{written(motor.torque_constant)}" resistance="{written(motor.resistance)}" '
+        f'gear="{written(motor.gear_ratio)}"',
         f'armature="{written(settings.motor.rotor_inertia_kg_m2)}"',
         f'solref="{written(pair["solref"])}"',
         f'solimp="{written(pair["solimp"][:3])}"',
@@ -68,7 +69,7 @@ def expected() -> list[str]:
 
 
 def test_the_plain_file_holds_the_default_robots_numbers() -> None:
-    """omni_mj/robots says them, models/ssl_robot.xml repeats them for those who open it without omni-mj."""
+    """The values in omni_mj/robots are repeated in models/ssl_robot.xml for use without omni-mj."""
     text = " ".join((find_models_folder() / "ssl_robot.xml").read_text().split())
     missing = [line for line in expected() if line not in text]
     assert not missing, "models/ssl_robot.xml must be changed to hold these:\n" + "\n".join(missing)

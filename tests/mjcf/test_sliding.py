@@ -1,4 +1,4 @@
-"""Wheels that slide: Coulomb's law, the friction circle, and robots that stay on the carpet, by Newton's laws."""
+"""Sliding wheels: Coulomb's law, the friction circle, and Newton's laws of robots on the carpet."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def free(friction: float, bearing: float = 0.0) -> Settings:
 
 
 def impulses(tape: Tape, first: int, last: int) -> tuple[NDArray, NDArray]:
-    """Momentum gained between two steps, rims included, and what sliding rims' pull would give per friction, N s."""
+    """Return the momentum gained between two steps, and what sliding rims would give, N s."""
     load, slips, heading = (
         values[first:last] for values in (tape.steps["load"], tape.steps["slips"], tape.heading())
     )
@@ -70,7 +70,7 @@ def test_traction_over_load_is_the_friction() -> None:
 
 
 def test_the_bearings_share_is_taken_from_the_friction_circle() -> None:
-    """Pull of rollers on their bearings, b N along the axle, leaves sqrt(mu^2 - b^2) N for the rim."""
+    """A pull of b N on roller bearings along the axle leaves sqrt(mu^2 - b^2) N for the rim."""
     friction, bearings = 0.5, np.array([0.2, 0.35])
     tape = Tape(mujoco([free(friction, b) for b in bearings])).drive(constant(3.6 * FORWARD, 14, 2))
     gained, pull = impulses(
@@ -118,7 +118,7 @@ def test_a_reversal_at_full_speed_does_not_topple_a_robot(model: str) -> None:
 
 
 def stands(height: float, friction: float) -> bool:
-    """Whether a robot without drag, its centre of mass at this height, stays up when it is reversed from 3 m/s."""
+    """Return whether a robot with this center of mass stays upright when reversed from 3 m/s."""
     settings = free(friction).replace(body={"com_height_m": height, "tilt_inertia_kg_m2": 0.0085})
     # In a sixth of a second, for what it stands on overshoots when traction turns at once.
     share = np.append(
@@ -133,7 +133,7 @@ def stands(height: float, friction: float) -> bool:
 
 @pytest.mark.parametrize("friction", [0.8, 1.0])
 def test_a_robot_topples_where_statics_says(friction: float) -> None:
-    """About its front wheels, when they alone carry and brake it: a h > g x, with a = mu g times their part forward."""
+    """It tips over its front wheels if a h > g x, with a = mu g times their forward fraction."""
     height = CONTACTS[0, 0] / (friction * abs(TANGENTS[0, 0]))
     # 5 % for what is left of the overshoot, and 3 % for the time that falling takes.
     assert stands(0.95 * height, friction)

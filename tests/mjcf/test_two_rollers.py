@@ -1,4 +1,4 @@
-"""The faster wheel is the same physics: what it weighs, what it bears, how it drives and slips, where it leads."""
+"""The faster wheel is the same physics: mass, load, driving, slip, and path."""
 
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ EXACT = {"encoder_counts": 1_000_000}
 
 
 def inertia(world: world_builder.World, turned: float) -> Array:
-    """Mass matrix without the rollers' own degrees of freedom, with all wheels turned by an angle."""
+    """Return the mass matrix without the rollers' dofs, with all wheels turned by an angle."""
     model, robot = world.model, world.robots[0]
     data = mujoco.MjData(model)
     data.qpos[robot.wheel_qpos] = turned
@@ -48,7 +48,7 @@ def test_robots_with_either_wheel_weigh_and_turn_the_same(turned: float) -> None
 
 @pytest.fixture(scope="module")
 def tapes() -> list[Tape]:
-    """Ramps of 1 and 3 m/s^2 in x, y and diagonally, a turn, and driving while turning; on both wheels."""
+    """Ramps of 1 and 3 m/s^2 in x, y and diagonally, turning, and both; on both wheels."""
     twists = np.array(
         [
             [1.0, 0, 0],
@@ -71,7 +71,7 @@ def rms(values: NDArray) -> NDArray:
 
 @pytest.mark.parametrize("turn", [0.0, 1.5], ids=["rect", "rect-spin"])
 def test_a_rectangle_is_driven_alike(turn: float) -> None:
-    """Held on its way by true poses: paths within 0.3 mm rms of each other, slips within a tenth."""
+    """Feedback of true poses: paths differ by less than 0.3 mm rms, slips by less than a tenth."""
     corners = np.array(
         [[0, 0, 0], [0.4, 0, turn], [0.4, 0.3, 2 * turn], [0, 0.3, 3 * turn], [0, 0, 4 * turn]]
     )
@@ -112,7 +112,7 @@ def test_sliding_robots_go_the_same_way(friction: float) -> None:
 
 
 def test_the_encoder_knows_nothing_of_the_hand_over() -> None:
-    """The hub's angle is the integral of its speed in every step, over many hand-overs and in either direction."""
+    """The hub angle is the integral of its speed in each step, over many wraps, both directions."""
     plant = plant_of([noiseless(wheels=FAST)] * 2)
     start = plant.telemetry().wheel_angle
     tape = Tape(plant).drive(constant([[0.6, 0, 0], [0, 0, -5.0]], 60, 2))

@@ -1,4 +1,4 @@
-"""The camera: noise and misses by their statistics, late images by a clock of their own, and its faults."""
+"""The camera: statistics of noise and misses, delayed images with their own clock, faults."""
 
 import math
 from typing import Any
@@ -25,7 +25,7 @@ def still(frames: int, n: int = 1) -> NDArray:
 
 
 def moving(frames: int, n: int = 1, age: NDArray | float = 0.0) -> NDArray:
-    """Return the poses (frames, n, 3) of robots that keep their twist, some time before each frame."""
+    """Return the poses (frames, n, 3) of robots with constant twists, some time before a frame."""
     time = np.arange(frames)[:, None] * FRAME_S - age
     return np.broadcast_to(time[..., None] * TWIST, (frames, n, 3))
 
@@ -60,7 +60,7 @@ def test_gaps_begin_as_often_and_last_as_long_as_set() -> None:
 
 
 def test_a_robot_is_seen_the_same_in_any_batch_and_however_long() -> None:
-    """Its noise depends on its own seed alone; misses, rates and delays of others do not change it."""
+    """Noise depends on the row's own seed; misses, rates and delays of others do not matter."""
     own = [
         {"rate_hz": rate, "delay_s": delay}
         for rate, delay in ((30, 0.0), (60, 0.03), (90, 0.0), (60, 0.0))
@@ -136,11 +136,12 @@ def test_jitter_delays_up_to_as_much_as_set_and_no_older_image_follows_a_newer_o
 def test_late_images_of_a_robot_that_does_as_told_are_as_good_as_any(
     vision: dict[str, float],
 ) -> None:
-    """Without noise, and where commands are all that moves a robot, where it was says where it is."""
+    """Without noise or disturbances, the measured pose is the true pose."""
     result = om.run(
         om.load_scenario(
             "rect", plant="kinematic", vision=SHARP | vision, radio={"delay_frames": 1},
-            kinematic={"alpha_low": 1.0, "alpha_high": 1.0}, reference={"waypoints": [[0, 0], [1, 0.5], [0, 0]]},
+            kinematic={"alpha_low": 1.0, "alpha_high": 1.0},
+            reference={"waypoints": [[0, 0], [1, 0.5], [0, 0]]},
         ),
         ["comp-flc"],
     )  # fmt: skip
@@ -152,7 +153,7 @@ def test_late_images_of_a_robot_that_does_as_told_are_as_good_as_any(
 
 
 def shown(*robots: list[dict[str, Any]], frames: int = 80, **vision: Any) -> NDArray:
-    """Return what is seen of moving robots with these faults, carried on from its age by their twist."""
+    """Return the measured poses of moving robots with faults, extrapolated by age and twist."""
     seen, age = watch(
         moving(frames, len(robots)), robots, seeds=[2] * len(robots), **{**SHARP, **vision}
     )

@@ -15,7 +15,7 @@ SIGMAS = 5  # of a statistic's own spread
 
 @given(delay=st.integers(0, 20), robots=st.integers(1, 4), frames=st.integers(1, 60))
 def test_delivered_is_what_was_sent_k_d_frames_ago(delay: int, robots: int, frames: int) -> None:
-    """Every command and heading, copies of the sender's; before the first a robot is told to stand, without heading."""
+    """Commands and headings are copies of the sender's; before the first, zero without heading."""
     rng, link = np.random.default_rng(0), radio([{"delay_frames": delay}] * robots)
     commands, headings = rng.normal(size=(frames, robots, 3)), rng.normal(size=(frames, robots))
     for k in range(frames):
@@ -71,7 +71,7 @@ def test_packets_take_the_dead_time_of_the_frame_in_which_they_are_sent(
 def test_jitter_is_uniform_and_packets_that_are_overtaken_are_dropped(
     delay: int, jitter: int
 ) -> None:
-    """What is held is older than m frames if none of the packets of the last m has arrived: a product of chances."""
+    """A command is older than m frames if no packet of the last m arrived."""
     robots, frames = 1000, delay + jitter + 1
     got = hold([[]] * robots, frames + 20, delay, seeds=range(robots), jitter_frames=jitter)
     assert (np.diff(got, axis=0) >= 0).all()
@@ -87,7 +87,7 @@ def test_jitter_is_uniform_and_packets_that_are_overtaken_are_dropped(
 
 
 def test_as_many_packets_are_lost_as_set_and_robots_hold_the_one_before() -> None:
-    """A binomial share; of several causes as many come as the product says, and of a radio that is out none."""
+    """Several causes multiply the probabilities that a packet passes."""
     one, two = fault("radio-loss", 100, 4000, probability=0.3), fault("radio-loss", probability=0.5)
     got = hold([[], [one], [one, two], [fault("radio-loss", 10, 7)]], 4200, loss_probability=0.2)
     fresh = np.diff(got, axis=0) > 0
@@ -102,7 +102,7 @@ def test_as_many_packets_are_lost_as_set_and_robots_hold_the_one_before() -> Non
 def test_bursts_are_as_long_and_as_frequent_as_gilbert_and_elliott_say(
     length: float, share: float
 ) -> None:
-    """Lengths of bursts are geometric with that mean, gaps with the mean that the share leaves for them."""
+    """Lengths of bursts are geometric with their mean; gaps have the mean that follows."""
     lost = (
         np.diff(
             hold(
@@ -167,7 +167,7 @@ def test_a_fault_that_is_over_leaves_the_radio_as_it_was_and_concerns_no_other_r
 
 
 def test_packets_to_some_robots_leave_the_others_with_what_they_hold() -> None:
-    """Two in a tick: to each robot the last of those sent to it. Waiting is delivering what nobody asks for."""
+    """Two packets in a tick: each robot holds the last one. Skipping ticks equals delivering."""
     link = radio([{"delay_frames": 0}] * 3, ticks_per_frame=16, initial_packet=(0.0, -1.0))
     link.send(np.full((3, 2), 1.0), np.array([0, 1]))
     link.send(np.full((3, 2), 2.0), np.array([1]))

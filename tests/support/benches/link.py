@@ -69,7 +69,7 @@ def hold(
     seeds: Sequence[int] | None = None,
     **settings: Any,
 ) -> NDArray:
-    """Send a packet a tick; return the tick of the packet that each robot holds, (frames * ticks, n); -1 for none."""
+    """Return the tick of the packet that each robot holds, (frames * ticks, n); -1 for none."""
     own = [{"delay_frames": delay, **settings}] * len(faults)
     link = radio(own, faults, seeds, ticks_per_frame=ticks, initial_packet=(-1.0,))
     held = []
