@@ -52,14 +52,17 @@ TEXTS = [
 @pytest.mark.pages
 @pytest.mark.parametrize("page", PAGES)
 def test_blocks_of_a_page_run_in_order(page: str, tmp_path: Path) -> None:
-    """Blocks with a file name are written to that file, the others run; each must succeed."""
+    """Blocks with a file name are written to that file, the others run; each must succeed.
+
+    Python files are imported.
+    """
     environment = os.environ | {
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     }
     for language, name, text in BLOCK.findall((ROOT / page).read_text(encoding="utf-8")):
         if name:
             (tmp_path / name).write_text(text, encoding="utf-8")
-            continue
+            text = f"import {Path(name).stem}"
         if language in ("toml", "xml"):
             continue
         program = ["bash", "-e", "-c"] if language == "sh" else [sys.executable, "-c"]
