@@ -1,4 +1,4 @@
-"""Sweeps: every run once, the same as alone, whatever the batch, the process and however often it was killed."""
+"""Test that sweeps run each run once and equal separate runs, whatever batch and process."""
 
 import json
 import shlex
@@ -28,41 +28,41 @@ def scenario(**sections: object) -> om.Scenario:
     return om.load_scenario("rect", plant="kinematic", reference=SHORT, **sections)
 
 
-def swept(folder: Path, **how: Any) -> bench.SweepResult:
-    return bench.sweep(scenario(), VARY, NAMES, range(3), out=folder, **how)
+def run_sweep(folder: Path, **options: Any) -> bench.SweepResult:
+    return bench.sweep(scenario(), VARY, NAMES, range(3), out=folder, **options)
 
 
-def words(folder: Path) -> list[str]:
-    """The command of the same sweep."""
+def sweep_command(folder: Path) -> list[str]:
+    """Return the command of the same sweep."""
     return [
         "sweep", "--quiet", *ROUTE,
-        "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--batch-size", "2", "--out", str(folder),
-        "--vary", "radio.delay_frames=0:4:4", "--vary", "kinematic.alpha_low=0.7,0.9", "--controller", "p",
-        "--controller", "flc",
+        "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--batch-size", "2",
+        "--vary", "radio.delay_frames=0:4:4", "--vary", "kinematic.alpha_low=0.7,0.9",
+        "--controller", "p", "--controller", "flc", "--out", str(folder),
     ]  # fmt: skip
 
 
 def bits(table: pa.Table) -> dict[str, list[str]]:
-    """All of a table; of numbers every bit, and what is none equal to what is none."""
+    """Return the columns of a table as text with all digits; NaN equals NaN."""
     return {name: list(map(repr, table[name].to_pylist())) for name in table.column_names}
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> bench.SweepResult:
-    return swept(tmp_path_factory.mktemp("sweep") / "whole")
+def complete_sweep(tmp_path_factory: pytest.TempPathFactory) -> bench.SweepResult:
+    return run_sweep(tmp_path_factory.mktemp("sweep") / "complete")
 
 
-def test_runs_equal_those_outside_a_sweep(whole: bench.SweepResult) -> None:
-    """Bit for bit, at each point; and all are there, once."""
-    table = whole.rows()
+def test_runs_equal_those_outside_a_sweep(complete_sweep: bench.SweepResult) -> None:
+    """Bit for bit at each point, and each run once."""
+    table = complete_sweep.rows()
     assert table.num_rows == 2 * 2 * 2 * 3
-    for point, values in enumerate(whole.plan.points):
+    for point, values in enumerate(complete_sweep.plan.points):
         sections: dict[str, dict[str, object]] = {}
         for name, value in values.items():
             sections.setdefault(name.split(".")[0], {})[name.split(".")[1]] = value
         alone = bits(om.run(scenario(**sections), NAMES, range(3)).rows())
-        own = bits(table.filter(pa.compute.equal(table["point"], point)))
-        shared = [name for name in alone if name in own and name != "failed_at_s"]
+        swept = bits(table.filter(pa.compute.equal(table["point"], point)))
+        shared = [name for name in alone if name in swept and name != "failed_at_s"]
         assert {
             "controller",
             "seed",
@@ -72,73 +72,73 @@ def test_runs_equal_those_outside_a_sweep(whole: bench.SweepResult) -> None:
             "command_limited_fraction",
         } <= {*shared}
         for name in shared:
-            assert own[name] == alone[name], name
+            assert swept[name] == alone[name], name
 
 
 def test_robots_with_different_wheels_do_not_share_a_batch(tmp_path: Path) -> None:
-    """On planar all rows of a simulation have the first one's wheels."""
+    """On planar all rows of a batch have the wheels of its first row."""
     alone = [
         om.run(
             om.load_scenario("rect", plant="planar", reference=SHORT, wheels={"rollers": n}), "p"
         )
         for n in (12, 16)
     ]
-    found = bench.sweep(
+    result = bench.sweep(
         om.load_scenario("rect", plant="planar", reference=SHORT),
         {"wheels.rollers": [12, 16]},
         ["p"],
         1,
         out=tmp_path / "x",
     )
-    assert found.rows()["position_max_m"].to_pylist() == [
-        result.rows()["position_max_m"][0].as_py() for result in alone
+    assert result.rows()["position_max_m"].to_pylist() == [
+        run.rows()["position_max_m"][0].as_py() for run in alone
     ]
 
 
 @pytest.mark.parametrize("batch_size", [1, 5])
 def test_results_do_not_depend_on_batch_size(
-    whole: bench.SweepResult, tmp_path: Path, batch_size: int
+    complete_sweep: bench.SweepResult, tmp_path: Path, batch_size: int
 ) -> None:
-    again = swept(tmp_path / "sweep", batch_size=batch_size)
-    assert len(again.plan.shards) > len(whole.plan.shards)
-    assert bits(again.rows()) == bits(whole.rows())
+    again = run_sweep(tmp_path / "sweep", batch_size=batch_size)
+    assert len(again.plan.shards) > len(complete_sweep.plan.shards)
+    assert bits(again.rows()) == bits(complete_sweep.rows())
 
 
 def test_stopped_sweep_continues_without_repeating_shards(
-    whole: bench.SweepResult, tmp_path: Path
+    complete_sweep: bench.SweepResult, tmp_path: Path
 ) -> None:
-    run: list[int] = []
+    completed: list[int] = []
 
     def three_at_most(shard: Any) -> object:
-        if len(run) == 3:
+        if len(completed) == 3:
             raise bench.StoppedError("enough")
-        run.append(shard.number)
+        completed.append(shard.number)
         return bench.ignore_frame
 
     folder = tmp_path / "sweep"
-    part = swept(folder, batch_size=4, before_shard=three_at_most)
+    part = run_sweep(folder, batch_size=4, before_shard=three_at_most)
     assert (part.n_done, part.stopped, part.complete) == (3, "enough", False)
     assert part.rows().num_rows == sum(
         len(NAMES) * len(shard.runs) for shard in part.plan.shards[:3]
     )
     assert json.loads((folder / "summary.json").read_text())["complete"] is False
     rest: list[int] = []
-    done = swept(
+    done = run_sweep(
         folder,
         batch_size=4,
         before_shard=lambda shard: rest.append(shard.number) or bench.ignore_frame,
     )
-    assert sorted(run + rest) == [shard.number for shard in done.plan.shards]
-    assert bits(done.rows()) == bits(whole.rows())
-    swept(folder, batch_size=4, before_shard=lambda shard: pytest.fail("nothing is left"))
+    assert sorted(completed + rest) == [shard.number for shard in done.plan.shards]
+    assert bits(done.rows()) == bits(complete_sweep.rows())
+    run_sweep(folder, batch_size=4, before_shard=lambda shard: pytest.fail("nothing is left"))
 
 
 def test_killed_process_loses_no_finished_shard(
-    whole: bench.SweepResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    complete_sweep: bench.SweepResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Killed as soon as two shards are on the disk; another process, this one, goes on."""
+    """Kill a process when two shards are stored, and continue in this one."""
     folder = tmp_path / "sweep"
-    process = subprocess.Popen([sys.executable, "-m", "omni_mj.cli.main", *words(folder)])
+    process = subprocess.Popen([sys.executable, "-m", "omni_mj.cli.main", *sweep_command(folder)])
     deadline = time.monotonic() + 120
     while (
         len(list(folder.glob("shards/*.parquet"))) < 2
@@ -149,20 +149,18 @@ def test_killed_process_loses_no_finished_shard(
     process.kill()
     process.wait()
     assert len(list(folder.glob("shards/*.parquet"))) >= 2
-    assert invoke(*words(folder)) == 0
+    assert invoke(*sweep_command(folder)) == 0
     assert capsys.readouterr() == ("", "")
-    assert bits(pq.read_table(folder / "rows.parquet")) == bits(whole.rows())
+    assert bits(pq.read_table(folder / "rows.parquet")) == bits(complete_sweep.rows())
     assert (folder / "sweep.png").stat().st_size > 10_000
     assert "kinematic.alpha_low" in (folder / "sweep.md").read_text()
 
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """The address of a scheduler, and two workers, processes of their own that share nothing with this one."""
-    from distributed import (  # here, since each process of the tests imports this file
-        Client,
-        LocalCluster,
-    )
+    """Provide the address of a scheduler, and two worker processes."""
+    # Imported here because worker processes of the tests import this file
+    from distributed import Client, LocalCluster
 
     command = [
         sys.executable,
@@ -188,9 +186,11 @@ def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
 
 
 def test_cluster_with_a_killed_worker_and_processes_give_the_same(
-    whole: bench.SweepResult, cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+    complete_sweep: bench.SweepResult,
+    cluster: tuple[str, list[subprocess.Popen[bytes]]],
+    tmp_path: Path,
 ) -> None:
-    """Killed when two of twelve shards are done and others are on their way."""
+    """Kill a worker when two of twelve shards are done and others are running."""
     from distributed import Client
 
     done: list[int] = []
@@ -203,47 +203,55 @@ def test_cluster_with_a_killed_worker_and_processes_give_the_same(
         return bench.ignore_frame
 
     with Client(address) as client:
-        there = client.get_executor(pure=False)
-        found = swept(tmp_path / "there", batch_size=2, executor=there, before_shard=kill_one)
-    assert sorted(done) == [shard.number for shard in found.plan.shards] == list(range(12))
-    assert bits(found.rows()) == bits(whole.rows())
-    assert bits(swept(tmp_path / "jobs", batch_size=8, jobs=2).rows()) == bits(whole.rows())
-    assert invoke(*words(tmp_path / "command"), "--cluster", address) == 0
-    assert bits(pq.read_table(tmp_path / "command" / "rows.parquet")) == bits(whole.rows())
+        executor = client.get_executor(pure=False)
+        result = run_sweep(
+            tmp_path / "cluster", batch_size=2, executor=executor, before_shard=kill_one
+        )
+    assert sorted(done) == [shard.number for shard in result.plan.shards] == list(range(12))
+    assert bits(result.rows()) == bits(complete_sweep.rows())
+    assert bits(run_sweep(tmp_path / "jobs", batch_size=8, jobs=2).rows()) == bits(
+        complete_sweep.rows()
+    )
+    assert invoke(*sweep_command(tmp_path / "command"), "--cluster", address) == 0
+    assert bits(pq.read_table(tmp_path / "command" / "rows.parquet")) == bits(complete_sweep.rows())
     with Client(address) as client, pytest.MonkeyPatch.context() as patch:
         true = bench.workers.dependencies()
         patch.setattr(bench.workers, "dependencies", lambda: {**true, "mujoco": "1.2.3"})
         with pytest.raises(om.OmniError, match=r"other versions.*mujoco 4\S*, not 1\.2\.3"):
-            swept(tmp_path / "other", executor=client.get_executor(pure=False))
+            run_sweep(tmp_path / "other", executor=client.get_executor(pure=False))
 
 
 def test_unreachable_cluster_gives_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for cluster, said in (
+    for cluster, message in (
         (("nonsense",), "no Dask scheduler answers at nonsense"),
         (("tcp://127.0.0.1:9", "--jobs", "2"), "cannot be used with --cluster"),
     ):
-        assert invoke(*words(tmp_path / "none"), "--cluster", *cluster) == 2
-        assert said in capsys.readouterr().err
+        assert invoke(*sweep_command(tmp_path / "none"), "--cluster", *cluster) == 2
+        assert message in capsys.readouterr().err
 
 
 def test_invalid_sweeps_are_rejected(tmp_path: Path) -> None:
-    none = tmp_path / "none"
+    unused = tmp_path / "none"
+
+    def refused(vary: Any, scenario: Any = "rect", seeds: Any = None, **options: Any) -> object:
+        return bench.sweep(scenario, vary, NAMES, seeds, out=unused, **options)
+
     cases: tuple[tuple[Callable[[], object], str], ...] = (
-        (lambda: bench.sweep("rect", {"carpet.fricton": [1]}, NAMES, out=none), "unknown setting carpet.fricton"),
-        (lambda: bench.sweep("rect", {"carpet.friction": []}, NAMES, out=none), "1 to 1000 values"),
-        (lambda: bench.sweep("rect", {"carpet.friction": [0.5, 0.5]}, NAMES, out=none), "each once"),
-        (lambda: bench.sweep("rect", {"carpet.friction": [0.5, 50.0]}, NAMES, out=none), "carpet.friction must be"),
-        (lambda: bench.sweep(LONG, {"radio.delay_frames": range(4)}, NAMES, range(1000), out=none, batch_size=8000),
+        (lambda: refused({"carpet.fricton": [1]}), "unknown setting carpet.fricton"),
+        (lambda: refused({"carpet.friction": []}), "1 to 1000 values"),
+        (lambda: refused({"carpet.friction": [0.5, 0.5]}), "each once"),
+        (lambda: refused({"carpet.friction": [0.5, 50.0]}), "carpet.friction must be"),
+        (lambda: refused({"radio.delay_frames": range(4)}, LONG, range(1000), batch_size=8000),
          "GB are free; run fewer at a time"),
-        (lambda: swept(none, jobs=0), "jobs must be at least 1, not 0"),
-        (lambda: bench.sweep("rect", {}, NAMES, out=none), "nothing varies"),
+        (lambda: run_sweep(unused, jobs=0), "jobs must be at least 1, not 0"),
+        (lambda: refused({}), "nothing varies"),
     )  # fmt: skip
-    for wrong, words in cases:
-        with pytest.raises(om.OmniError, match=words):
-            wrong()
-    assert not none.exists()
+    for call, message in cases:
+        with pytest.raises(om.OmniError, match=message):
+            call()
+    assert not unused.exists()
     bench.sweep(scenario(), {"radio.delay_frames": [0]}, ["p"], out=tmp_path / "one")
     with pytest.raises(om.OmniError, match="holds another sweep"):
         bench.sweep(scenario(), {"radio.delay_frames": [1]}, ["p"], out=tmp_path / "one")
@@ -259,14 +267,17 @@ def test_axes_are_parsed() -> None:
     ):
         assert bench.check_axes([bench.parse_axis(text)]) == {text.split("=")[0]: tuple(values)}
     for text in (
-        "carpet.friction=0.3:1.0", "radio.delay_frames=0:12:0", "radio.delay_frames=0:1.5:2", "nothing.at_all=1:2:3",
-    ):  # fmt: skip
+        "carpet.friction=0.3:1.0",
+        "radio.delay_frames=0:12:0",
+        "radio.delay_frames=0:1.5:2",
+        "nothing.at_all=1:2:3",
+    ):
         with pytest.raises(om.OmniError):
             bench.check_axes([bench.parse_axis(text)])
 
 
 def test_wheel_models_do_not_share_a_shard() -> None:
-    """Wheels of two sorts in one sweep on the MuJoCo plant: a shard holds one sort only."""
+    """On the MuJoCo plant a shard has one wheel model only."""
     vary = {"wheels.model": ["rollers", "two-rollers"], "carpet.friction": [0.5, 0.8]}
     plan = bench.SweepPlan(
         om.load_scenario("rect", controllers=["p"], seeds=2), bench.check_axes(vary)
@@ -279,9 +290,9 @@ def test_wheel_models_do_not_share_a_shard() -> None:
 def test_correlations_and_worst_runs_are_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The dead time, not a carpet that this plant lacks; and the command that repeats the worst run, to the bit."""
+    """The dead time correlates, friction does not; a command repeats the worst run bit for bit."""
     folder = tmp_path / "s"
-    words = (
+    options = [
         "--scenario",
         "rect",
         "--plant",
@@ -291,15 +302,17 @@ def test_correlations_and_worst_runs_are_reported(
         "--seeds",
         "12",
         "--out",
-        folder,
+    ]
+    distributions = (
+        "radio.delay_frames={uniform = [0, 8]}",
+        "carpet.friction={uniform = [0.4, 0.9]}",
     )
-    drawn = ("radio.delay_frames={uniform = [0, 8]}", "carpet.friction={uniform = [0.4, 0.9]}")
-    sets = (word for each in drawn for word in ("--set", each))
-    assert invoke("sweep", *words, *ROUTE, *sets) == 0
+    sets = (word for setting in distributions for word in ("--set", setting))
+    assert invoke("sweep", *options, folder, *ROUTE, *sets) == 0
     assert "radio.delay_frames" in capsys.readouterr().out
     summary = json.loads((folder / "summary.json").read_text())
-    matters = {line["setting"]: line["position_max_m"] for line in summary["correlations"]}
-    assert matters["radio.delay_frames"] > 0.9 > abs(matters["carpet.friction"])
+    correlations = {line["setting"]: line["position_max_m"] for line in summary["correlations"]}
+    assert correlations["radio.delay_frames"] > 0.9 > abs(correlations["carpet.friction"])
     rows = pq.read_table(folder / "rows.parquet").to_pylist()
     worst = summary["worst"][0]
     assert worst["position_max_m"] == max(row["position_max_m"] for row in rows)
@@ -316,22 +329,22 @@ def test_correlations_and_worst_runs_are_reported(
 
 
 def test_points_have_failure_rates_and_medians_with_intervals(
-    whole: bench.SweepResult,
+    complete_sweep: bench.SweepResult,
 ) -> None:
-    """Of three robots none of which failed: a rate of 0 % up to 56 % by Wilson's interval; too few for a median's."""
-    points = whole.summary["points"]
+    """No failure of three robots has Wilson's interval 0 to 56 %; the median has no interval."""
+    points = complete_sweep.summary["points"]
     assert [(c["point"], c["controller"]) for c in points] == [
         (i, name) for i in range(4) for name in NAMES
     ]
     for point in points:
-        own = [
+        rows = [
             row
-            for row in whole.rows().to_pylist()
+            for row in complete_sweep.rows().to_pylist()
             if all(row[key] == point[key] for key in ("point", "controller"))
         ]
         assert (point["n_robots"], point["n_failed"], point["failure_low"]) == (3, 0, 0.0)
         assert point["failure_high"] == pytest.approx(0.5615, abs=1e-4)
-        errors = sorted(row["position_max_m"] for row in own)
+        errors = sorted(row["position_max_m"] for row in rows)
         assert point["position_max_m"] == {
             "median": errors[1],
             "low": None,

@@ -1,4 +1,4 @@
-"""Bench of the studies: the internal names that their tests use, and the parts of `omni-mj limit` on their own."""
+"""Internals of the studies for their tests, and parts of the limit study."""
 # ruff: noqa: F401
 
 from typing import Any
@@ -37,28 +37,24 @@ from omni_mj.studies.slip.slip_moves import Move, straight_move
 from omni_mj.studies.study_runner import StoppedError, ignore_frame
 from omni_mj.studies.sweep import SweepPlan, SweepResult, check_axes, parse_axis, sweep, workers
 
-PRIOR = DeviationModel.prior
-Model = DeviationModel
-FIT = DeviationModel.fit
 
-
-def departures(model: DeviationModel, commands: Array) -> Array:
-    """Return the poses (F, 3) that changes of the commands (F, 3) lead to."""
-    transition, push = model.operators()
-    return np.linalg.solve(transition.toarray(), push @ commands.ravel())[: commands.size].reshape(
-        -1, 3
-    )
+def deviations(model: DeviationModel, commands: Array) -> Array:
+    """Return the pose deviations (F, 3) due to changes of the commands (F, 3)."""
+    transition, inputs = model.operators()
+    return np.linalg.solve(transition.toarray(), inputs @ commands.ravel())[
+        : commands.size
+    ].reshape(-1, 3)
 
 
 def planned(model: DeviationModel, limits: MotionLimits, errors: Array) -> tuple[Array, Array]:
-    """Return commands and expected errors (F, 3) planned for a run that was sent nothing."""
+    """Return optimal commands and predicted errors (F, 3) for a run without commands."""
     return optimize_commands(model, limits, errors, np.zeros_like(errors))
 
 
 def predicted_poses(
     scenario: om.Scenario, poses: Array, measured: Array, noise: float, delay: int
 ) -> Array:
-    """Return the poses (n, 3) predicted, at the end, of robots that push themselves about without being commanded.
+    """Return the predicted final poses (n, 3) of robots that move without commands.
 
     Args:
         scenario: On the kinematic plant.
@@ -73,12 +69,14 @@ def predicted_poses(
         DeviationModel.prior(len(poses), delay, 0.0), zero, zero, scenario, feedback
     )
     for k in range(len(poses) - delay):
-        ahead = tracker.predict(measured[k], np.zeros(poses.shape[1]), np.zeros(poses.shape[1:]))
-    return ahead[:, POSE]
+        predicted = tracker.predict(
+            measured[k], np.zeros(poses.shape[1]), np.zeros(poses.shape[1:])
+        )
+    return predicted[:, POSE]
 
 
 def learned(scenario: om.Scenario, trials: int) -> tuple[Runs, list[dict[Any, float]]]:
-    """Return the best run of a robot that learns without noise, and its history."""
+    """Return the best run of a robot that learns without noise, and the errors of its trials."""
     history: list[dict[Any, float]] = []
     best, _ = learn_run(remove_noise(scenario), trials, history, lambda title, frames: ignore_frame)
     return best, history
