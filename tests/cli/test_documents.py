@@ -42,11 +42,15 @@ EXPECTED = {
     "docs/how-to/add-a-robot.md": {"three/provenance.json": "three.xml"},
     "CONTRIBUTING.md": {"mine/summary.json": "Mine", "toy/summary.json": "toy.py:Toy"},
 }
-TEXTS = [
-    *(path for path in ROOT.glob("*.md") if path.name != "CHANGELOG.md"),
-    *ROOT.glob("docs/**/*.md"),
-    *(ROOT / name / "README.md" for name in ("control", "models")),
-]
+SOURCES = tomllib.loads((DATA / "sources.toml").read_text(encoding="utf-8"))
+TEXTS = {
+    path.relative_to(ROOT): path.read_text(encoding="utf-8")
+    for pattern in ("README.md", "CONTRIBUTING.md", "*/README.md", "docs/**/*.md")
+    for path in ROOT.glob(pattern)
+    if "runs" not in path.parts
+}
+ALL_DATA = "".join(path.read_text(encoding="utf-8") for path in DATA.glob("*.csv"))
+SETTINGS = {setting.full for setting in list_settings()}
 
 
 @pytest.mark.pages
@@ -83,94 +87,62 @@ def test_blocks_of_a_page_run_in_order(page: str, tmp_path: Path) -> None:
 def commands_of(text: str) -> list[list[str]]:
     """Return the words of each `omni-mj` command in a text, in blocks and in inline code."""
     joined = text.replace("\\\n", " ")
-    blocks = re.findall(r"^ {4}(omni-mj .*)$", joined, re.MULTILINE)
+    commands = re.findall(r"^ {4}(omni-mj .*)$", joined, re.MULTILINE)
     for _, _, block in BLOCK.findall(joined):
-        blocks += re.findall(r"^(omni-mj .*)$", block, re.MULTILINE)
-    inline = re.findall(r"`(omni-mj [^`]*)`", joined.replace("\n", " "))
-    words = [shlex.split(command, comments=True) for command in [*blocks, *inline]]
-    return [command[1:] for command in words if "COMMAND" not in command]
+        commands += re.findall(r"^(omni-mj .*)$", block, re.MULTILINE)
+    commands += re.findall(r"`(omni-mj [^`]*)`", joined.replace("\n", " "))
+    return [shlex.split(command, comments=True)[1:] for command in commands]
 
 
-def options_of(command: click.Command) -> dict[str, bool]:
-    """Return each option of a command, and whether it is a flag."""
-    return {
-        name: parameter.is_flag
-        for parameter in command.params
-        if isinstance(parameter, click.Option)
-        for name in (*parameter.opts, *parameter.secondary_opts)
-    }
-
-
-@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_options_and_settings_of_commands_exist(path: Path) -> None:
-    """Every option of every command on a page exists, and so does every setting of `--set`."""
+@pytest.mark.parametrize("page", TEXTS, ids=str)
+def test_options_and_settings_of_commands_exist(page: Path) -> None:
+    """Every option of a command exists, and so does every setting of `--set` and `--vary`."""
     assert isinstance(cli, click.Group)
-    names = {setting.full for setting in list_settings()}
-    sources = tomllib.loads((DATA / "sources.toml").read_text(encoding="utf-8"))
-    text = path.read_text(encoding="utf-8")
-    if path.name == "README.md" and path.parent == DATA:
-        text += "".join(f"```sh\n{source['command']}\n```\n" for source in sources.values())
-    for words in commands_of(text):
-        if not words or words[0].startswith("--"):
-            words = ["run", *words]
-        assert words[0] in cli.commands, words
-        known = options_of(cli.commands[words[0]]) | {"--help": True}
-        used = [word.partition("=")[0] for word in words if word.startswith("--")]
-        assert set(used) <= known.keys(), (words, set(used) - known.keys())
+    text = TEXTS[page]
+    if page.parent == Path("docs/data"):
+        text += "".join(f"```sh\n{source['command']}\n```\n" for source in SOURCES.values())
+    for command in commands_of(text):
+        words = ["run", *command] if not command or command[0].startswith("-") else command
+        if words[0] == "COMMAND":
+            continue
+        options = {name for parameter in cli.commands[words[0]].params for name in parameter.opts}
+        options |= {f"--no-{name[2:]}" for name in options} | {"--help"}
+        assert {word for word in words if word.startswith("--")} <= options, words
         for option, value in pairwise(words):
             setting = value.partition("=")[0]
             if option in ("--set", "--vary") and not setting.startswith("controller."):
-                assert setting in names, (words, setting)
+                assert setting in SETTINGS, words
 
 
-@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_settings_in_a_text_exist(path: Path) -> None:
+@pytest.mark.parametrize("page", TEXTS, ids=str)
+def test_settings_in_a_text_exist(page: Path) -> None:
     """Inline code of the form `section.field` names a setting, if it begins with a section."""
-    names = {setting.full for setting in list_settings()}
-    sections = {name.partition(".")[0] for name in names} | {"drive"}
-    text = path.read_text(encoding="utf-8")
-    if path.parent == DATA:
-        text += "".join(file.read_text(encoding="utf-8") for file in DATA.glob("*.csv"))
+    sections = {name.partition(".")[0] for name in SETTINGS}
+    text = TEXTS[page] + ALL_DATA
     for name in re.findall(r"`([a-z]+\.[a-z0-9_]+)(?:[ =][^`]*)?`", text):
-        if name.partition(".")[0] in sections and not name.endswith((".py", ".toml", ".xml")):
-            assert name in names, name
+        is_file = name.endswith((".py", ".toml", ".xml"))
+        assert name in SETTINGS or is_file or name.partition(".")[0] not in sections, name
 
 
-@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_lines_are_short(path: Path) -> None:
-    """Prose and code have at most 100 columns. Tables and links can be longer."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    long_lines = [
-        line for line in lines if len(line) > 100 and "|" not in line and "](" not in line
-    ]
-    assert not long_lines
-    assert path != ROOT / "README.md" or len(lines) <= 150
-
-
-def test_links_and_files_of_the_pages_exist() -> None:
+@pytest.mark.parametrize("page", TEXTS, ids=str)
+def test_links_and_files_of_a_page_exist(page: Path) -> None:
     """Files of the repository that a page links or names exist."""
-    for path in TEXTS:
-        text = path.read_text(encoding="utf-8")
-        linked = [
-            target
-            for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
-            if "://" not in target
-        ]
-        missing = [target for target in linked if not (path.parent / target).exists()]
-        assert not missing, (path, missing)
-        named = re.findall(r"`((?:omni_mj|control|tests|models|docs|examples)/[^`\s]*\.\w+)`", text)
-        missing = [target for target in named if not (ROOT / target).exists()]
-        assert not missing, (path, missing)
+    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", TEXTS[page])
+    names = re.findall(
+        r"`((?:omni_mj|control|tests|models|docs|examples)/[^`\s]*\.\w+)`", TEXTS[page]
+    )
+    paths = [*(ROOT / page.parent / link for link in links), *(ROOT / name for name in names)]
+    assert not [path for path in paths if not path.exists()]
 
 
 def test_data_has_a_source_and_a_page() -> None:
     """Every CSV file in docs/data has a title and a command, and a page shows it."""
-    sources = tomllib.loads((DATA / "sources.toml").read_text(encoding="utf-8"))
-    assert sources.keys() == {path.stem for path in DATA.glob("*.csv")}
-    assert all(source["title"] and source["command"] for source in sources.values())
-    pages = "".join(path.read_text(encoding="utf-8") for path in TEXTS)
-    for name in sources:
-        assert re.search(rf"^\[[^\]]*\]\([^)]*data/{name}\.csv\)$", pages, re.MULTILINE), name
+    assert SOURCES.keys() == {path.stem for path in DATA.glob("*.csv")}
+    for name, source in SOURCES.items():
+        assert source["title"], name
+        assert source["command"], name
+        link = re.compile(rf"^\[[^\]]*\]\([^)]*data/{name}\.csv\)$", re.MULTILINE)
+        assert any(map(link.search, TEXTS.values())), name
 
 
 @pytest.mark.pages
