@@ -82,7 +82,7 @@ def list_entries(title: str) -> Rows:
         case "settings":
             from omni_mj.config.settings import list_settings
 
-            return [_row(setting.full, setting) for setting in list_settings()]
+            return [_row(setting.full_name, setting) for setting in list_settings()]
         case _:
             return list_faults()
 
@@ -213,7 +213,7 @@ def _explained(lines: Iterable[str], usual: Mapping[str, Any] | None = None) -> 
     """Yield TOML lines, those of settings with unit and meaning behind, and their default where they differ from it."""
     from omni_mj.config.settings import list_settings
 
-    declared = {setting.full: setting for setting in list_settings()}
+    declared = {setting.full_name: setting for setting in list_settings()}
     section = ""
     for line in lines:
         section = line.strip("[]") if line.startswith("[") else section

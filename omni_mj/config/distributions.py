@@ -1,7 +1,8 @@
-"""Settings that are drawn: a distribution in place of a number, from which each seed has its own.
+"""Settings drawn per seed: a distribution in place of a value.
 
-In a scenario's file, and alike in Python: `friction = {uniform = [0.4, 0.9]}`, `{normal = [mean, deviation]}`,
-`{normal = [mean, deviation, low, high]}` (truncated), `{choice = [0.3, 0.5, 0.8]}`. All controllers draw the same.
+The same notation holds in scenario files and in Python: `friction = {uniform = [0.4, 0.9]}`,
+`{normal = [mean, deviation]}`, `{normal = [mean, deviation, low, high]}` (truncated),
+`{choice = [0.3, 0.5, 0.8]}`. All controllers of a seed get the same values.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,126 +16,138 @@ from omni_control.errors import OmniError, suggest_names
 from omni_mj.config.settings import Settings, list_settings
 from omni_mj.config.validation import format_value
 
-KINDS = {
+KINDS = {  # kind of distribution -> its parameters, for messages
     "uniform": "[low, high], low below high",
     "normal": "[mean, deviation] or [mean, deviation, low, high], a deviation above 0 and low below high",
     "choice": "a list of 1 to 999 values",
 }
-LENGTHS = {"uniform": (2,), "normal": (2, 4), "choice": range(1, 1000)}
+ALLOWED_LENGTHS = {"uniform": (2,), "normal": (2, 4), "choice": range(1, 1000)}
 Value = int | float | str | bool
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """The distribution from which a setting is drawn.
+    """The distribution of a setting.
 
-    Args:
-        kind: A name of `KINDS`.
-        values: Its numbers, or the values to choose from.
-        whole: Whether draws are whole numbers; a uniform one then reaches both of its ends.
+    Attributes:
+        kind: A key of `KINDS`.
+        values: Parameters of the distribution, or the values to choose from.
+        is_integer: Whether draws are ints. A uniform distribution of ints includes both bounds.
     """
 
     kind: str
     values: tuple[Any, ...]
-    whole: bool = False
+    is_integer: bool = False
 
     @property
-    def middle(self) -> Value:
-        """Its median; of a choice the first value. It stands in the settings of the scenario itself."""
-        first = self.values[0]
-        return self._number((first + self.values[1]) / 2) if self.kind == "uniform" else first
+    def median(self) -> Value:
+        """The median, or the first value of a choice: the nominal value of the setting."""
+        if self.kind == "uniform":
+            low, high = self.values
+            return self._to_number((low + high) / 2)
+        first_value: Value = self.values[0]
+        return first_value
 
     @property
-    def ends(self) -> tuple[Value, ...]:
-        """Smallest and largest draw, or all values of a choice; empty if there is no end."""
+    def bounds(self) -> tuple[Value, ...]:
+        """Smallest and largest draw, or all values of a choice; empty if unbounded."""
         return self.values[2:] if self.kind == "normal" else self.values
 
     @property
-    def options(self) -> Sequence[Value]:
-        """The values of a discrete one, each of the same share; empty if it is continuous."""
-        if self.kind == "uniform" and self.whole:
+    def equally_likely_values(self) -> Sequence[Value]:
+        """All values of a discrete distribution; empty if it is continuous."""
+        if self.kind == "uniform" and self.is_integer:
             return range(self.values[0], self.values[1] + 1)
         return self.values if self.kind == "choice" else ()
 
     def draw(self, random: np.random.Generator) -> Value:
         """Draw a value."""
-        if self.options:
-            return self.options[int(random.integers(len(self.options)))]
-        if self.kind == "normal" and not self.ends:
-            return self._number(float(random.normal(*self.values)))
-        share = random.uniform()
+        if values := self.equally_likely_values:
+            return values[int(random.integers(len(values)))]
+        if self.kind == "normal" and not self.bounds:
+            return self._to_number(float(random.normal(*self.values)))
+        probability = random.uniform()
         if self.kind == "uniform":
             low, high = self.values
-            return float(low + share * (high - low))
-        from scipy.special import ndtr, ndtri  # imported late: lists and schemas do without
+            return float(low + probability * (high - low))
+        # Imported here, because lists and schemas do without scipy.
+        from scipy.special import ndtr, ndtri
 
-        mean, deviation, *ends = self.values
-        a, b = (ndtr((end - mean) / deviation) for end in ends)
-        return self._number(float(np.clip(mean + deviation * ndtri(a + share * (b - a)), *ends)))
+        mean, deviation, low, high = self.values
+        low_probability = ndtr((low - mean) / deviation)
+        high_probability = ndtr((high - mean) / deviation)
+        quantile = low_probability + probability * (high_probability - low_probability)
+        return self._to_number(float(np.clip(mean + deviation * ndtri(quantile), low, high)))
 
-    def _number(self, value: float) -> int | float:
-        return round(value) if self.whole else float(value)
+    def _to_number(self, value: float) -> int | float:
+        return round(value) if self.is_integer else float(value)
 
 
 def split_distributions(
     sections: Mapping[str, Any],
 ) -> tuple[dict[str, Any], dict[str, Distribution]]:
-    """Return sections with each distribution's middle in its place, and the distributions by `section.field`.
+    """Separate distributions from values.
+
+    Returns:
+        The sections, with the median in place of each distribution; and the distributions by
+        `section.field`.
 
     Raises:
-        OmniError: A distribution of what cannot be drawn, or one with wrong numbers.
+        OmniError: A setting cannot be drawn, or a distribution has wrong parameters.
     """
-    plain, drawn = dict(sections), dict[str, Distribution]()
+    nominal_sections = dict(sections)
+    distributions: dict[str, Distribution] = {}
     for section, fields in sections.items():
-        if section != "controller" and isinstance(fields, Mapping):
-            own = {
-                f"{section}.{field}": value
-                for field, value in fields.items()
-                if isinstance(value, Mapping)
-            }
-            drawn |= {name: _made(name, value) for name, value in own.items()}
-            plain[section] = {**fields, **{name.split(".")[1]: drawn[name].middle for name in own}}
-    return plain, drawn
+        if section == "controller" or not isinstance(fields, Mapping):
+            continue
+        nominal_values = dict(fields)
+        for field, value in fields.items():
+            if isinstance(value, Mapping):
+                distribution = _parse_distribution(f"{section}.{field}", value)
+                distributions[f"{section}.{field}"] = distribution
+                nominal_values[field] = distribution.median
+        nominal_sections[section] = nominal_values
+    return nominal_sections, distributions
 
 
-def check_bounds(settings: Settings, drawn: Mapping[str, Distribution]) -> None:
-    """Check that all ends of distributions are allowed.
+def check_bounds(settings: Settings, distributions: Mapping[str, Distribution]) -> None:
+    """Check that all bounds of distributions are allowed values.
 
     Raises:
-        OmniError: One is not.
+        OmniError: A bound is not allowed.
     """
-    for name, distribution in drawn.items():
-        for end in distribution.ends:
-            replace_values(settings, {name: end})
+    for name, distribution in distributions.items():
+        for bound in distribution.bounds:
+            replace_values(settings, {name: bound})
 
 
 def draw_settings(
     settings: Settings, distributions: Mapping[str, Distribution], seed: int
 ) -> Settings:
-    """Return the settings that a seed draws; a setting's draws do not depend on which others are drawn.
+    """Return the settings of a seed. The draw of a setting does not depend on other distributions.
 
     Raises:
-        OmniError: A draw is not allowed, of a distribution without ends.
+        OmniError: A draw from an unbounded distribution is not allowed.
     """
     if not distributions:
         return settings
-    values = {
-        name: each.draw(np.random.default_rng([seed, crc32(name.encode())]))
-        for name, each in sorted(distributions.items())
-    }
+    values = {}
+    for name, distribution in sorted(distributions.items()):
+        random = np.random.default_rng([seed, crc32(name.encode())])
+        values[name] = distribution.draw(random)
     try:
         return replace_values(settings, values)
     except OmniError as error:
         raise OmniError(
-            f"seed {seed} draws what is not allowed; give the distribution ends: {error}"
+            f"seed {seed} draws a value that is not allowed; give the distribution bounds: {error}"
         ) from None
 
 
 def require_fixed_settings(distributions: Mapping[str, Distribution], study: str) -> None:
-    """Check that nothing is drawn, where a study takes one robot with settings of its own.
+    """Check that no setting is drawn, for a study that needs one robot with fixed settings.
 
     Raises:
-        OmniError: Something is.
+        OmniError: A setting is drawn.
     """
     if distributions:
         raise OmniError(
@@ -143,37 +156,44 @@ def require_fixed_settings(distributions: Mapping[str, Distribution], study: str
 
 
 def replace_values(settings: Settings, values: Mapping[str, Value]) -> Settings:
-    """Return the settings with other values, by `section.field`.
+    """Return settings with other values, given by `section.field`.
 
     Raises:
         OmniError: A value is not allowed.
     """
     sections: dict[str, dict[str, Value]] = {}
-    for name, new in values.items():
+    for name, value in values.items():
         section, field = name.split(".")
-        sections.setdefault(section, {})[field] = new
+        sections.setdefault(section, {})[field] = value
     return settings.replace(**sections)
 
 
-def _made(name: str, given: Mapping[str, Any]) -> Distribution:
-    known = {each.full: each for each in list_settings()}
-    if name not in known:
-        raise OmniError(f"unknown setting {name}; {suggest_names(name, known)}")
-    kind, values = next(iter(given.items()), ("", ()))
-    if len(given) != 1 or kind not in KINDS:
+def _parse_distribution(name: str, table: Mapping[str, Any]) -> Distribution:
+    """Return the distribution of a setting, given as a table such as {uniform = [0.4, 0.9]}."""
+    settings = {setting.full_name: setting for setting in list_settings()}
+    if name not in settings:
+        raise OmniError(f"unknown setting {name}; {suggest_names(name, settings)}")
+    setting = settings[name]
+    kind, values = next(iter(table.items()), ("", ()))
+    if len(table) != 1 or kind not in KINDS:
         raise OmniError(
-            f"{name} must be a value, or one of {', '.join(KINDS)}, not {format_value(dict(given))}"
+            f"{name} must be a value, or one of {', '.join(KINDS)}, not {format_value(dict(table))}"
         )
-    if known[name].kind is tuple:
+    if setting.kind is tuple:
         raise OmniError(f"{name} is a list, which cannot be drawn")
-    if kind != "choice" and not known[name].number:
-        raise OmniError(f"{name} is no number: draw it by {{choice = [...]}}, not {kind}")
-    numbers = tuple(values) if isinstance(values, (list, tuple)) else ()
-    fits = len(numbers) in LENGTHS[kind]
-    if fits and kind != "choice":
-        pairs = numbers if kind == "uniform" else (0, *numbers[1:])  # ascending each
-        fits = all(isinstance(number, (int, float)) for number in numbers)
-        fits = fits and bool(np.all(np.diff(np.reshape(pairs, (-1, 2))) > 0))
-    if not fits:
+    if kind != "choice" and not setting.is_number:
+        raise OmniError(f"{name} is not a number: draw it by {{choice = [...]}}, not {kind}")
+    parameters = tuple(values) if isinstance(values, (list, tuple)) else ()
+    if len(parameters) not in ALLOWED_LENGTHS[kind] or not _are_ordered(kind, parameters):
         raise OmniError(f"{name}: {kind} = {KINDS[kind]}, not {format_value(values)}")
-    return Distribution(kind, numbers, known[name].kind is int)
+    return Distribution(kind, parameters, setting.kind is int)
+
+
+def _are_ordered(kind: str, parameters: Sequence[Any]) -> bool:
+    """Return whether parameters are numbers with a positive deviation, and low below high."""
+    if kind == "choice":
+        return True
+    if not all(isinstance(number, (int, float)) for number in parameters):
+        return False
+    ascending_pairs = parameters if kind == "uniform" else (0, *parameters[1:])
+    return bool(np.all(np.diff(np.reshape(ascending_pairs, (-1, 2))) > 0))

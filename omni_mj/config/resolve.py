@@ -1,6 +1,13 @@
-"""The settings of a scenario for a robot: the scenario's values, the robot's file and its own MJCF, and what follows.
+"""Resolution of the settings that depend on the robot: (scenario, robot) -> settings.
 
-The one function (scenario, robot) -> settings is `resolve`.
+Values come from, in order of precedence:
+
+1. the scenario's sections,
+2. the robot's own MJCF file, if there is one (it must not contradict the scenario),
+3. the robot's file,
+4. for `[control]`, the closed-form model of the robot as its file and MJCF describe it
+   (`omni_mj.config.nominal_model`). What a scenario changes of the robot is unknown to the team.
+5. the defaults of `omni_mj.config.settings`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,37 +19,31 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.config import robot_files
+from omni_mj.config import nominal_model, robot_files
+from omni_mj.config.robot_files import DEFAULT_ROBOT
 from omni_mj.config.robot_settings import ModelSettings
-from omni_mj.config.settings import ControlSettings, Settings
+from omni_mj.config.settings import Settings, get_section_classes
 from omni_mj.config.validation import SettingsModel, merge_sections, raise_errors
 
 if TYPE_CHECKING:
     from omni_mj.mjcf.custom_robot import CustomRobotSpec
 
-HARDWARE = (
-    "body",
-    "wheels",
-    "motor",
-    "firmware",
-    "drivetrain",
-    "carpet",
-)  # sections from which [control] follows
-FOLLOWING = [name for name, field in ControlSettings.model_fields.items() if field.default is None]
-SAME = 1e-6  # relative difference of numbers that are equal
+# Sections of the hardware, from which the model that the team assumes is derived.
+HARDWARE_SECTIONS = ("body", "wheels", "motor", "firmware", "drivetrain", "carpet")
+RELATIVE_TOLERANCE = 1e-6  # of numbers in settings and MJCF that are equal
+_NO_SECTIONS: Mapping[str, Any] = {}
 
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot that was read and checked; whatever takes the name of a robot takes this too.
+    """A robot that was read and validated. Accepted wherever the name of a robot is.
 
-    Args:
-        name: As it was asked for: a name, or the path of a .toml file.
-        path: Its file.
-        description: What the file says it is, in a line.
-        settings: What it drives with if nothing else is said: the file's, and the defaults of all
-            others.
-        facts: What follows from its numbers; see `om.load_robot`.
+    Attributes:
+        name: Name, or path of a .toml file, as it was requested.
+        path: File of the robot.
+        description: One-line description in the file.
+        settings: The file's settings, completed with defaults.
+        facts: Quantities that follow from the settings; see `om.load_robot`.
     """
 
     name: str
@@ -52,98 +53,133 @@ class Robot:
     facts: Mapping[str, float]
 
     def __str__(self) -> str:
-        """Return its description, and a line for each fact."""
-        return "\n".join(
-            [f"{self.name}: {self.description}", *(f"  {k} {v:.3g}" for k, v in self.facts.items())]
-        )
+        """Return the description, and a line for each fact."""
+        facts = [f"  {name} {value:.3g}" for name, value in self.facts.items()]
+        return "\n".join([f"{self.name}: {self.description}", *facts])
 
 
-def resolve_settings(given: Mapping[str, Any], robot: str) -> Settings:
-    """Return the settings of a scenario for a robot.
-
-    What neither says of `[control]` follows from the robot's own file and model, not from what a
-    scenario changes of the robot, which its team need not know.
+def resolve_settings(
+    sections: Mapping[str, Any] = _NO_SECTIONS, robot: str = DEFAULT_ROBOT
+) -> Settings:
+    """Return the settings of a scenario with a robot.
 
     Args:
-        given: The scenario's sections of settings.
-        robot: Name of a robot, or the path of its .toml file.
+        sections: The scenario's sections of settings.
+        robot: Name of a robot, or path of its .toml file.
 
     Raises:
-        OmniError: A value is not allowed; neither gives a setting that depends on the robot; or the
-            robot's MJCF cannot be read or contradicts what is given. A line for each.
+        OmniError: A value is not allowed; a required value is missing; or the robot's MJCF cannot
+            be read or contradicts the sections. A line for each error.
     """
-    file = robot_files.read_robot_sections(robot)
-    whole = _with_model(file, given)
-    raise_errors(
-        f"{section}.{field} depends on the robot; give it in the scenario, or in {robot_files.find_robot_file(robot)}"
-        for section, fields in robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT).items()
-        for field in fields
-        if section != "control"
-        and isinstance(whole.get(section, {}), Mapping)
-        and field not in whole.get(section, {})
-    )
-    control = whole.get("control", {})
+    robot_sections = robot_files.read_robot_sections(robot)
+    resolved = _merge_with_mjcf(robot_sections, sections)
+    _check_required_values(resolved, robot)
+    control = resolved.setdefault("control", {})
     if isinstance(control, Mapping):
-        hardware = merge_sections(whole, {name: file[name] for name in HARDWARE if name in file})
-        own = _with_model(
-            {name: hardware[name] for name in (*HARDWARE, "model") if name in hardware}, {}
-        )
-        creep = {name: control[name] for name in ("assumed_creep_s2_m",) if name in control}
-        following: dict[str, Any] = {}
-        with suppress(OmniError):  # reported below, with all other errors
-            beliefs = dict(Settings(**own, control=creep).control)
-            following = {name: beliefs[name] for name in FOLLOWING}
-        whole["control"] = following | dict(control)
-    return Settings(**whole)
+        resolved["control"] = _derive_assumptions(resolved, robot_sections) | dict(control)
+    return _build_settings(resolved)
 
 
-def read_model(model: ModelSettings) -> "CustomRobotSpec":
-    """Return the robot's own MJCF that these settings name.
+def read_custom_mjcf(model: ModelSettings) -> "CustomRobotSpec":
+    """Return the custom MJCF robot that the settings name.
 
     Raises:
-        OmniError: There is none, or it lacks something; a line for each.
+        OmniError: The file does not exist, or lacks something; a line for each error.
     """
     from omni_mj.mjcf import custom_robot
 
     return custom_robot.read_custom_robot(model.file)
 
 
-def _with_model(file: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a robot's sections with those `given` above them, and the numbers of the MJCF that they name."""
-    whole = merge_sections(file, given)
-    model = whole.get("model", {})
-    if isinstance(model, (str, Path)):
-        model = {"file": str(model)}
-    if isinstance(model, Mapping):
-        whole["model"] = model = ModelSettings(**model)
-    if isinstance(model, ModelSettings) and model.file:
-        mjcf = read_model(model)
-        raise_errors(find_model_contradictions(given, mjcf))
-        whole = merge_sections(whole, mjcf.implied_settings)
-    return whole
-
-
-def find_model_contradictions(given: Mapping[str, Any], mjcf: "CustomRobotSpec") -> Iterator[str]:
-    """Yield a line for each value of given sections that differs from a robot's own MJCF."""
+def find_mjcf_contradictions(sections: Mapping[str, Any], mjcf: "CustomRobotSpec") -> Iterator[str]:
+    """Yield a message for each value in sections that differs from a custom MJCF."""
     for section, fields in mjcf.implied_settings.items():
-        values = given.get(section)
-        for field, number in fields.items():
-            other = (
-                dict(values).get(field, number)
-                if isinstance(values, (Mapping, SettingsModel))
-                else number
-            )
-            if not _is_same(number, other):
+        values = sections.get(section)
+        if not isinstance(values, (Mapping, SettingsModel)):
+            continue
+        values = dict(values)
+        for field, mjcf_value in fields.items():
+            value = values.get(field, mjcf_value)
+            if not _are_equal(mjcf_value, value):
                 yield (
-                    f"{section}.{field} = {other} contradicts {mjcf.file}, which has {number}; "
+                    f"{section}.{field} = {value} contradicts {mjcf.file}, which has {mjcf_value}; "
                     "change the model, or leave it out"
                 )
 
 
-def _is_same(number: Any, other: Any) -> bool:
+def _merge_with_mjcf(
+    robot_sections: Mapping[str, Any], sections: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Merge a scenario's sections and the values of a custom MJCF into those of a robot."""
+    merged = merge_sections(robot_sections, sections)
+    model = merged.get("model", {})
+    if isinstance(model, (str, Path)):
+        model = {"file": str(model)}
+    if isinstance(model, Mapping):
+        model = merged["model"] = ModelSettings(**model)
+    if isinstance(model, ModelSettings) and model.file:
+        mjcf = read_custom_mjcf(model)
+        raise_errors(find_mjcf_contradictions(sections, mjcf))
+        merged = merge_sections(merged, mjcf.implied_settings)
+    return merged
+
+
+def _check_required_values(sections: Mapping[str, Any], robot: str) -> None:
+    """Check that sections have all values that every robot's file must give.
+
+    Raises:
+        OmniError: A value is missing; a line for each.
+    """
+    errors = []
+    for section, fields in robot_files.read_robot_sections(DEFAULT_ROBOT).items():
+        values = sections.get(section, {})
+        if section == "control" or not isinstance(values, Mapping):
+            continue
+        errors += [
+            f"{section}.{field} depends on the robot; give it in the scenario, or in "
+            f"{robot_files.find_robot_file(robot)}"
+            for field in fields
+            if field not in values
+        ]
+    raise_errors(errors)
+
+
+def _derive_assumptions(
+    resolved: Mapping[str, Any], robot_sections: Mapping[str, Any]
+) -> dict[str, float]:
+    """Return what the team assumes of the robot where `[control]` says nothing.
+
+    The assumptions follow from the robot's file and MJCF, not from what the scenario changes. Only
+    if these are invalid do they follow from the resolved hardware. Invalid hardware is not reported
+    here, but with all other errors.
+    """
+    control = resolved["control"]
+    placeholders = dict.fromkeys(nominal_model.ASSUMPTIONS, 0.0)
+    if "assumed_creep_s2_m" in control:
+        placeholders["assumed_creep_s2_m"] = control["assumed_creep_s2_m"]
+    robot_hardware = {name: robot_sections.get(name, {}) for name in HARDWARE_SECTIONS}
+    for hardware in (robot_hardware, {}):
+        merged = merge_sections(resolved, hardware)
+        sections = {name: merged[name] for name in (*HARDWARE_SECTIONS, "model") if name in merged}
+        with suppress(OmniError):
+            complete = _merge_with_mjcf(
+                {**robot_files.read_robot_sections(DEFAULT_ROBOT), **sections}, {}
+            )
+            settings = _build_settings(complete | {"control": placeholders})
+            return nominal_model.derive_assumptions(settings, control.get("assumed_creep_s2_m"))
+    return placeholders
+
+
+def _build_settings(sections: Mapping[str, Any]) -> Settings:
+    """Build settings, with defaults for sections that are left out."""
+    return Settings(**{name: {} for name in get_section_classes()} | dict(sections))
+
+
+def _are_equal(number: Any, other: Any) -> bool:
+    """Return whether two numbers or lists of numbers are equal within tolerance."""
     try:
         return np.shape(number) == np.shape(other) and np.allclose(
-            number, other, rtol=SAME, atol=1e-9
+            number, other, rtol=RELATIVE_TOLERANCE, atol=1e-9
         )
     except (TypeError, ValueError):
         return False

@@ -14,7 +14,7 @@ from omni_control.errors import OmniError
 from omni_mj.config import distributions, faults, plugins, robot_files
 from omni_mj.config.resolve import Robot, resolve_settings
 from omni_mj.config.settings import Settings
-from omni_mj.config.toml_files import NAME_LETTERS, apply_override, read_scenario_file
+from omni_mj.config.toml_files import MAX_NAME_LENGTH, apply_override, read_scenario_file
 from omni_mj.config.validation import (
     SettingsModel,
     collect_errors,
@@ -35,9 +35,9 @@ class Scenario(SettingsModel):
     file gives.
     """
 
-    unknown = "unknown name"
+    unknown_name = "unknown name"
 
-    name: Annotated[str, Field(pattern=r"^[\w-][\w.-]*$", max_length=NAME_LETTERS)] = setting(
+    name: Annotated[str, Field(pattern=r"^[\w-][\w.-]*$", max_length=MAX_NAME_LENGTH)] = setting(
         "scenario", "", "what it is called in tables and folders: letters, digits and ._-"
     )
     description: Annotated[str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]*$", max_length=500)] = (

@@ -1,4 +1,4 @@
-"""TOML files of scenarios and robots, and values of --set."""
+"""Reading of TOML files of scenarios and robots, and of --set overrides."""
 
 import os
 import re
@@ -10,50 +10,49 @@ from typing import Any
 
 from omni_control.errors import OmniError, suggest_names, to_printable
 
-MOST_BYTES = 2_000_000
-NAME_LETTERS = 100  # longest name of a scenario
+MAX_FILE_BYTES = 2_000_000
+MAX_NAME_LENGTH = 100  # characters of the name of a scenario
 
 
 @cache
 def find_packaged_files(folder: str) -> Mapping[str, Path]:
-    """Return the TOML files of a folder of the package, by name."""
+    """Return the TOML files in a folder of the package by name."""
     return {path.stem: path for path in sorted((Path(__file__).parents[1] / folder).glob("*.toml"))}
 
 
 def find_builtin_scenarios() -> Mapping[str, Path]:
-    """Return the files of the scenarios that come with the package, by name."""
+    """Return the scenario files of the package by name."""
     return find_packaged_files("scenarios")
 
 
-def read_toml(path: Path, what: str) -> dict[str, Any]:
+def read_toml(path: Path, kind: str) -> dict[str, Any]:
     """Read a TOML file.
 
     Args:
-        path: Of the file.
-        what: Its kind, for messages: "scenario".
+        path: File.
+        kind: What the file describes, for messages: "scenario".
 
     Raises:
-        OmniError: It cannot be read, or is not TOML.
+        OmniError: The file cannot be read, or is not TOML.
     """
     try:
         with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
-        if len(data) > MOST_BYTES:
-            raise ValueError(f"it has more than {MOST_BYTES / 1e6:g} MB")
+            data = file.read(MAX_FILE_BYTES + 1)
+        if len(data) > MAX_FILE_BYTES:
+            raise ValueError(f"it has more than {MAX_FILE_BYTES / 1e6:g} MB")
         return parse_toml(data.decode())
     except OSError as error:
-        raise OmniError(f"cannot read {what} {path}: {error.strerror}") from None
-    except (
-        ValueError
-    ) as error:  # not TOML, not UTF-8, a number of absurd length, a file name with a null
-        raise OmniError(f"{what} {path} is not valid TOML: {to_printable(str(error))}") from None
+        raise OmniError(f"cannot read {kind} {path}: {error.strerror}") from None
+    # Not TOML, not UTF-8, an int of thousands of digits, or a null character in the path.
+    except ValueError as error:
+        raise OmniError(f"{kind} {path} is not valid TOML: {to_printable(str(error))}") from None
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Parse a text in TOML.
+    """Parse TOML.
 
     Raises:
-        ValueError: It is not TOML, or too deeply nested.
+        ValueError: The text is not TOML, or nested too deeply.
     """
     try:
         return tomllib.loads(text)
@@ -62,37 +61,42 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def read_scenario_file(name_or_path: str) -> tuple[dict[str, Any], str]:
-    """Return the values of a scenario's file, and the name it gives the scenario.
+    """Return the values in a scenario file, and the name of the scenario by its file.
 
     Raises:
-        OmniError: There is no such scenario or file, or it is not TOML.
+        OmniError: There is no such scenario or file, or the file is not TOML.
     """
-    path = find_builtin_scenarios().get(name_or_path, Path(name_or_path))
-    if name_or_path not in find_builtin_scenarios() and not (
-        path.suffix == ".toml" or os.path.isfile(path)
-    ):
-        hint = suggest_names(name_or_path, sorted(find_builtin_scenarios()))
+    scenarios = find_builtin_scenarios()
+    path = scenarios.get(name_or_path, Path(name_or_path))
+    is_file = path.suffix == ".toml" or os.path.isfile(path)
+    if name_or_path not in scenarios and not is_file:
+        hint = suggest_names(name_or_path, sorted(scenarios))
         raise OmniError(f"unknown scenario {name_or_path!r}; {hint}, or a .toml file")
-    name = re.sub(r"[^\w.-]+", "-", path.stem)[:NAME_LETTERS].strip(".")
+    name = re.sub(r"[^\w.-]+", "-", path.stem)[:MAX_NAME_LENGTH].strip(".")
     return read_toml(path, "scenario"), name or "scenario"
 
 
-def apply_override(data: dict[str, Any], text: str) -> None:
-    """Put a value given as `section.field=value` into the values of a file.
+def apply_override(data: dict[str, Any], override: str) -> None:
+    """Apply an override `section.field=value` to the values of a file, in place.
+
+    A value that is not TOML is taken as a string, such as `reference.mode=iterated`.
 
     Raises:
-        OmniError: The text is none.
+        OmniError: The override has another form, or names a field of something that is not a section.
     """
-    key, equals, written = text.partition("=")
-    *sections, name = key.strip().split(".", 2 if key.strip().startswith("controller.") else 1)
+    key, equals, value_text = override.partition("=")
+    # Fields of controllers have three parts: controller.NAME.PARAMETER
+    max_split = 2 if key.strip().startswith("controller.") else 1
+    *sections, name = key.strip().split(".", max_split)
     if not equals or not sections:
         raise OmniError(
-            f"cannot read --set {to_printable(text)}; write section.field=value, such as radio.delay_frames=3"
+            f"cannot read --set {to_printable(override)}; write section.field=value, such as "
+            "radio.delay_frames=3"
         )
     try:
-        value = parse_toml(f"value = {written}")["value"]
+        value = parse_toml(f"value = {value_text}")["value"]
     except ValueError:
-        value = written.strip()  # a bare word, such as reference.mode=iterated
+        value = value_text.strip()
     for section in sections:
         data = data.setdefault(section, {})
         if not isinstance(data, dict):

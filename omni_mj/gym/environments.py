@@ -301,10 +301,10 @@ def _compute_default_history_length(scenario: Scenario) -> int:
     """
     control, radio = scenario.settings.control, scenario.settings.radio
     distribution = scenario.distributions.get("radio.delay_frames")
-    if distribution is not None and not distribution.ends:
+    if distribution is not None and not distribution.bounds:
         raise OmniError(
             "radio.delay_frames is drawn from an unbounded distribution: bound it, or give "
             "history_length="
         )
-    max_delay = radio.delay_frames if distribution is None else max(distribution.ends)
+    max_delay = radio.delay_frames if distribution is None else max(distribution.bounds)
     return int(max_delay) + radio.jitter_frames + math.ceil(control.assumed_lag_s / PERIOD_S) + 1

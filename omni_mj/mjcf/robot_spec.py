@@ -70,10 +70,10 @@ def build_robot_spec(shape: RobotShape) -> RobotSpec:
     """
     if not shape.model.file:
         return _build_default_robot(shape)
-    custom = resolve.read_model(shape.model)
+    custom = resolve.read_custom_mjcf(shape.model)
     motor = {"gear_ratio": shape.gear_ratio, "rotor_inertia_kg_m2": shape.rotor_inertia}
     sections = {"body": shape.body, "wheels": shape.wheels, "motor": motor}
-    raise_errors(resolve.find_model_contradictions(sections, custom))
+    raise_errors(resolve.find_mjcf_contradictions(sections, custom))
     if shape.wheels.model == "two-rollers" and not custom.has_uniform_rollers:
         raise OmniError(
             f"{custom.file}: wheels.model = two-rollers needs equal rollers, in one row, with one "

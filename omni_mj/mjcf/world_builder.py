@@ -16,6 +16,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import contact_parameters, robot_indices, two_roller_wheels
@@ -73,7 +74,7 @@ def build_world(
     Raises:
         OmniError: The numbers of the robot are impossible, or a robot's file lacks a part.
     """
-    settings = settings or Settings()
+    settings = settings or resolve_settings()
     shape = RobotShape.from_settings(settings)
     return _build_world(
         build_robot_spec(shape),

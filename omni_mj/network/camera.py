@@ -24,7 +24,8 @@ from omni_mj.config.faults import (
     VisionWrongId,
     compute_frame_span,
 )
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, VisionSettings, gather
+from omni_mj.config.network_settings import VisionSettings
+from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, gather
 from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
 from omni_mj.network.random_streams import Noise, Seed, Stream, make_uniform_noise
 

@@ -15,7 +15,8 @@ from omni_mj.config.faults import (
     RadioLoss,
     RadioReorder,
 )
-from omni_mj.config.settings import RadioSettings, gather
+from omni_mj.config.network_settings import RadioSettings
+from omni_mj.config.settings import gather
 from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
 from omni_mj.network.random_streams import Seed, Stream, make_uniform_noise
 

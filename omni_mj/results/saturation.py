@@ -8,7 +8,8 @@ sliding wheel does not increase with slip.
 import numpy as np
 
 from omni_control.kinematics import Array, world_to_body
-from omni_mj.config.settings import PERIOD_S, ControlSettings, Settings
+from omni_mj.config.settings import PERIOD_S, Settings
+from omni_mj.config.team_settings import ControlSettings
 from omni_mj.simulation.log import Log
 
 SLIDING, VOLTAGE_SATURATED = "sliding", "voltage_saturated"

@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj import parquet
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.files import open_atomic
 from omni_mj.mjcf import world_builder
@@ -70,7 +71,7 @@ def load_tracks(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings
     """
     entry = next(iter(read_summary(folder)["scenarios"].values()))
     sections = ("model", "body", "wheels")
-    settings = Settings(**{section: entry["settings"][section] for section in sections})
+    settings = resolve_settings({name: entry["settings"][name] for name in sections})
     pose = ["x_m", "y_m", "heading_rad"]
     reference = [f"ref_{name}" for name in pose]
     n_wheels = len(settings.wheels.azimuths_deg)

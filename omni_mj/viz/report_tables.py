@@ -50,7 +50,7 @@ def settings_table(entries: Mapping[str, Summary]) -> Table:
     if len(entries) == 1:
         title = "Settings that differ from their default"
         (settings,) = columns.values()
-        defaults = {setting.full: setting.default for setting in list_settings()}
+        defaults = {setting.full_name: setting.default for setting in list_settings()}
         # A setting without a default depends on the robot, whose value counts as the default.
         for name, default in defaults.items():
             if default is None:

@@ -95,7 +95,7 @@ def test_what_cannot_be_drawn_is_refused(sections: dict[str, Any], words: str) -
 def test_a_draw_that_is_not_allowed_names_its_seed_and_studies_of_one_robot_refuse_any() -> None:
     chosen = made(carpet={"friction": {"normal": [0.1, 5.0]}})
     with pytest.raises(
-        om.OmniError, match=r"seed \d+ draws what is not allowed; .*carpet.friction"
+        om.OmniError, match=r"seed \d+ draws a value that is not allowed; .*carpet.friction"
     ):
         [chosen.settings_for_seed(seed) for seed in range(50)]
     with pytest.raises(

@@ -7,6 +7,7 @@ from benches.robot import DEFAULT_MOTOR
 from benches.steps import Tape
 from numpy.typing import NDArray
 
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.settings import Settings
 
 HUB_INERTIA = 9e-6 + 1e-6 + 16 * (0.0015 * 0.0225**2 + 6e-8)  # models/ssl_robot.xml; hub and rim
@@ -28,7 +29,7 @@ def settings(
     pile: float, bearing: float, gear: float, motor: float, **sections: dict[str, float]
 ) -> Settings:
     """`motor`: its friction, as a share of what it is."""
-    no_load = {"no_load_current_a": motor * Settings().motor.no_load_current_a}
+    no_load = {"no_load_current_a": motor * resolve_settings().motor.no_load_current_a}
     drive = {"roller_friction": bearing, "gear_friction_nm": gear, "roller_damping_nm_s": 0.0}
     return noiseless(
         carpet={"rolling_resistance": pile}, drivetrain=drive, motor=no_load, **sections
@@ -94,7 +95,10 @@ def test_carpet_and_bearings_brake_in_proportion_to_load() -> None:
     few, many = (decelerations(rolled_out([each])) * each.body.mass_kg for each in (light, heavy))
     # Hubs and rotors turn with either: 9 % of the light robot's inertia along its wheels, half of
     # that of the heavy.
-    turning = HUB_INERTIA + Settings().motor.rotor_inertia_kg_m2 * Settings().motor.gear_ratio ** 2
+    turning = (
+        HUB_INERTIA
+        + resolve_settings().motor.rotor_inertia_kg_m2 * resolve_settings().motor.gear_ratio ** 2
+    )
     added = turning * ((TANGENTS @ DIRECTIONS.T) ** 2).sum(0) / RADIUS_M**2
     light_inertia, heavy_inertia = 1 + added / light.body.mass_kg, 1 + added / heavy.body.mass_kg
     assert many * heavy_inertia == pytest.approx(2 * few * light_inertia, rel=0.02)
@@ -103,7 +107,8 @@ def test_carpet_and_bearings_brake_in_proportion_to_load() -> None:
 def test_the_default_robot_rolls_out_as_published() -> None:
     """TIGERs publish 4.44 N for their v2016, from moves at 0.5 to 1.5 m/s, of 1.06 on average."""
     x, y, diagonal, back = (
-        decelerations(rolled_out([noiseless()], speed=1.06, frames=30)) * Settings().body.mass_kg
+        decelerations(rolled_out([noiseless()], speed=1.06, frames=30))
+        * resolve_settings().body.mass_kg
     )
     # 10 %: mass times deceleration, or with what turns in it.
     assert [x, back] == pytest.approx([4.44, 4.44], rel=0.1)

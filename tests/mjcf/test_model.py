@@ -6,8 +6,8 @@ import pytest
 from benches.plant import ARM_M, RADIUS_M, ROLLER_RADIUS_M
 from numpy.typing import NDArray
 
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
-from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
 
 AZIMUTHS_DEG = (60, 135, 225, 300)
@@ -72,7 +72,7 @@ def test_mass_balance_and_inertia_are_those_of_the_default_robot(
     model: mujoco.MjModel, data: mujoco.MjData
 ) -> None:
     com, inertia = com_and_inertia(model, data)
-    body = Settings().body
+    body = resolve_settings().body
     assert model.body_mass.sum() == pytest.approx(body.mass_kg)
     np.testing.assert_allclose(com, [body.com_x_m, 0.0, body.com_height_m], atol=1e-8)
     # The file's nine digits.
@@ -82,7 +82,7 @@ def test_mass_balance_and_inertia_are_those_of_the_default_robot(
 
 def test_the_default_robot_is_like_the_published_ones(model: mujoco.MjModel) -> None:
     """2.3 to 2.8 kg, center of mass 45 to 49 mm high, yaw inertia 0.7 m r^2, r = 80 to 90 mm."""
-    body = Settings().body
+    body = resolve_settings().body
     assert 2.3 <= body.mass_kg <= 2.8
     assert 0.0445 < body.com_height_m < 0.0495
     assert 0.7 * body.mass_kg * 0.08**2 < body.yaw_inertia_kg_m2 < 0.7 * body.mass_kg * 0.09**2

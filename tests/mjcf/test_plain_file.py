@@ -7,8 +7,8 @@ import numpy as np
 from benches.plant import model_arrays
 from numpy.typing import NDArray
 
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
-from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
 from omni_mj.mjcf.robot_spec import RobotShape, build_robot_spec
 from omni_mj.robot.motors import Motor
@@ -25,7 +25,7 @@ def written(numbers: Any) -> str:
 
 def expected() -> list[str]:
     """What must stand in ssl_robot.xml, for the settings of the default robot."""
-    settings = Settings()
+    settings = resolve_settings()
     wheels, motor, world = (
         settings.wheels,
         Motor.from_settings(settings.motor),

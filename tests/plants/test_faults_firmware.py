@@ -15,6 +15,7 @@ from benches.plant import (
     with_faults,
 )
 
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.settings import Settings
 from omni_mj.network.radio import ReceivedCommand
 
@@ -76,7 +77,7 @@ def test_a_rebooting_robot_coasts_or_brakes(plant_of: PlantOf) -> None:
     plant = plant_of([with_faults(fault("reboot", motors=mode)) for mode in ("coast", "brake")])
     start = drive(plant, ramp([TWIST] * 2, 3.0, START))[-1]
     drive(plant, constant(TWIST, 3, 2))
-    telemetry, motor = plant.telemetry(), Settings().motor
+    telemetry, motor = plant.telemetry(), resolve_settings().motor
     assert np.abs(telemetry.current_mean[0]).max() < 1e-9
     assert not telemetry.voltage_mean[1].any()
     speeds = telemetry.wheel_speed[1]

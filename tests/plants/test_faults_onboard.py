@@ -16,7 +16,7 @@ from benches.plant import (
 )
 from benches.plant import mujoco as plant_of
 
-from omni_mj.config.settings import Settings
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.plants.kinematic import KinematicPlant
 
 
@@ -41,7 +41,7 @@ def test_a_demagnetized_motor_turns_by_its_torque_constant() -> None:
         ]
     )
     expected = np.ones((2, 4))
-    sheet = Settings().motor
+    sheet = resolve_settings().motor
     for ratio in (factor, 1.0):
         drive(plant, constant([0, 0, 100.0], 42, 2))
         expected[0, 1], telemetry = ratio, plant.telemetry()
@@ -68,7 +68,7 @@ def test_a_fault_sets_alpha_in_place_of_the_drawn_value() -> None:
     """Equation 7 during the fault. Before, after, and in other rows alpha is the drawn value."""
     commands = np.random.default_rng(0).normal(size=(30, 2, 3))
     fault = {"kind": "alpha", "start_s": 10 * FRAME_S, "duration_s": 0.2, "alpha": 0.3}
-    chosen = [with_settings(fault=[fault]), Settings()]
+    chosen = [with_settings(fault=[fault]), resolve_settings()]
     poses = drive(KinematicPlant(rows(chosen, [3, 3]), np.zeros((2, 3))), commands)
     steps = np.diff(poses, axis=0)
     np.testing.assert_allclose(steps[10:22, 0], 0.3 * FRAME_S * commands[10:22, 0], atol=1e-12)

@@ -17,6 +17,7 @@ from benches.plant import (
     with_faults,
 )
 
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.settings import Settings
 
 PlantOf = Callable[[list[Settings]], Any]
@@ -41,7 +42,7 @@ def test_a_dead_motor_has_no_current_and_its_wheel_rolls(plant_of: PlantOf) -> N
         ]
     )
     drive(plant, ramp([FORWARD] * 2, 2.0, 32))
-    telemetry, motor = plant.telemetry(), Settings().motor
+    telemetry, motor = plant.telemetry(), resolve_settings().motor
     assert abs(telemetry.current_mean[0, 1]) < 1e-9
     assert abs(telemetry.current_mean[1, 1]) > 1e-3
     back_emf = motor.torque_constant_nm_a * motor.gear_ratio * telemetry.wheel_speed[0, 1]
@@ -53,7 +54,7 @@ def test_a_dead_motor_has_no_current_and_its_wheel_rolls(plant_of: PlantOf) -> N
         x,
         y,
     )
-    rolling = (TANGENTS[1] @ body + Settings().wheels.arm_m * turn) / RADIUS_M
+    rolling = (TANGENTS[1] @ body + resolve_settings().wheels.arm_m * turn) / RADIUS_M
     # Only its inertia and its rollers brake it, by 3 % of its speed.
     assert telemetry.wheel_speed[0, 1] == pytest.approx(rolling, rel=0.03)
     drive(plant, constant(FORWARD, 3, 2))
@@ -72,7 +73,7 @@ def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -
         ]
     )
     drive(plant, ramp([FORWARD] * 2, 2.0, 20))
-    telemetry, motor = plant.telemetry(), Settings().motor
+    telemetry, motor = plant.telemetry(), resolve_settings().motor
     assert abs(telemetry.wheel_speed[0, 2]) < 0.02
     resistance = motor.resistance_ohm * (
         1 + motor.winding_resistance_per_k * (telemetry.winding[0, 2] - 25)
@@ -87,7 +88,7 @@ def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -
         x,
         y,
     )
-    rim_speed = abs(TANGENTS[2] @ body + Settings().wheels.arm_m * turn)
+    rim_speed = abs(TANGENTS[2] @ body + resolve_settings().wheels.arm_m * turn)
     assert telemetry.slip[0, 2] == pytest.approx(rim_speed, rel=0.03, abs=0.01)
     drive(plant, constant(FORWARD, 40, 2))
     assert abs(plant.telemetry().wheel_speed[0, 2]) > 0.5 * abs(plant.telemetry().wheel_speed[1, 2])

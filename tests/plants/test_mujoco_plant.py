@@ -18,7 +18,7 @@ from benches.plant import (
 )
 from benches.plant import mujoco as plant_of
 
-from omni_mj.config.settings import Settings
+from omni_mj.config.resolve import resolve_settings
 
 STARTS = np.array(
     [[0, 0, 0], [1.5, -2, 1], [-3, 0.5, math.pi], [0, 0, -math.pi + 1e-3], [4, 3, 10], [0, 1, -7.0]]
@@ -67,7 +67,9 @@ def test_heading_counts_full_turns() -> None:
     # l heading = r angle once wheels no longer slide, less creep: the pile's drag is p N, for which
     # wheels creep by p / C of the travel. 0.5 % for the rolling radius and the rollers' viscous
     # bearings.
-    creep = Settings().carpet.rolling_resistance / Settings().drivetrain.creep_stiffness
+    creep = (
+        resolve_settings().carpet.rolling_resistance / resolve_settings().drivetrain.creep_stiffness
+    )
     rolled = (plant.telemetry().wheel_angle.mean(1) - start_angle) * RADIUS_M / ARM_M / (1 + creep)
     np.testing.assert_allclose(heading[-1] - heading[spin_up], rolled, rtol=5e-3)
     assert np.abs(heading[-1] - start).min() > 4 * math.pi

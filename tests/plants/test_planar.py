@@ -30,7 +30,7 @@ from scipy.integrate import solve_ivp
 
 import omni_mj as om
 from omni_control.errors import OmniError
-from omni_mj.config.settings import Settings
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.network.radio import ReceivedCommand
 
 STIFFNESS = 2.5
@@ -64,7 +64,7 @@ def test_a_body_lags_behind_its_wheels_by_t_times_its_acceleration(axis: int) ->
     b = np.column_stack([TANGENTS, 4 * [ARM_M]])
     body, wheels = np.diff(poses, axis=0) / FRAME_S, np.diff(angles, axis=0) / FRAME_S * RADIUS_M
     a = np.polyfit(np.arange(len(body)) * FRAME_S, body, 1)[0]
-    mass = np.diag([MASS_KG, MASS_KG, Settings().body.yaw_inertia_kg_m2])
+    mass = np.diag([MASS_KG, MASS_KG, resolve_settings().body.yaw_inertia_kg_m2])
     lag = np.linalg.solve(b.T * statics(a[:2]) @ b, mass @ a) / STIFFNESS
     measured = ((wheels @ np.linalg.pinv(b).T - body)[:, axis] / body[:, axis]).mean()
     # 5 %: rims turn with the body, 2 %; the carpet yields, 1 %; the rolling radius, 0.1 % of the

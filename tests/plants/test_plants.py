@@ -11,7 +11,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from omni_mj.config.settings import Settings
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.kinematic import KinematicPlant
 from omni_mj.plants.mujoco import MujocoPlant
@@ -82,7 +82,7 @@ def test_the_disturbance_is_uniform_with_the_set_amplitude() -> None:
 def test_returned_poses_and_twists_do_not_change_afterwards(
     kind: type[KinematicPlant] | type[MujocoPlant],
 ) -> None:
-    plant = kind(rows([Settings()]), np.zeros((1, 3)))
+    plant = kind(rows([resolve_settings()]), np.zeros((1, 3)))
     pose, twist = plant.pose(), plant.twist()
     plant.advance(ReceivedCommand.without_delay(np.ones((1, 3)), np.zeros(1)))
     plant.advance(ReceivedCommand.without_delay(np.ones((1, 3)), np.zeros(1)))
@@ -112,7 +112,7 @@ def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
 
 
 def test_returned_telemetry_does_not_change_afterwards() -> None:
-    plant = plant_of([Settings()])
+    plant = plant_of([resolve_settings()])
     plant.advance(ReceivedCommand.without_delay(0.1 * np.ones((1, 3)), np.zeros(1)))
     telemetry = plant.telemetry()
     columns = telemetry.columns.copy()

@@ -19,8 +19,8 @@ from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
 from omni_mj import load_scenario, run
-from omni_mj.config.robot_settings import RandomizationSettings
-from omni_mj.config.settings import Settings
+from omni_mj.config.plant_settings import RandomizationSettings
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.plants.domain_randomization import RobotVariation
 
 MODELS = ["rollers", "two-rollers"]
@@ -194,7 +194,7 @@ def test_wheels_carry_the_drawn_mass_and_center_of_mass() -> None:
         [noiseless(randomization={"mass_std": 0.1, "com_offset_std_m": 0.005})] * 4, seeds=range(4)
     )
     drive(plant, constant([0, 0, 0], 60, 4))
-    load, body = wheel_loads(plant), Settings().body
+    load, body = wheel_loads(plant), resolve_settings().body
     wheels = (
         sum(plant._world.model.body_mass)
         - plant._world.model.body_mass[plant._world.robots[0].chassis]

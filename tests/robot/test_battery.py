@@ -4,15 +4,17 @@ import numpy as np
 import pytest
 from benches.robot import Battery
 
-from omni_mj.config.settings import Settings
+from omni_mj.config.resolve import resolve_settings
 
-PACK = Settings(
-    battery={
-        "series_cells": 6,
-        "capacity_ah": 1.0,
-        "resistance_ohm": 0.05,
-        "charge": 0.5,
-        "cut_off_v": 18.0,
+PACK = resolve_settings(
+    {
+        "battery": {
+            "series_cells": 6,
+            "capacity_ah": 1.0,
+            "resistance_ohm": 0.05,
+            "charge": 0.5,
+            "cut_off_v": 18.0,
+        }
     }
 )
 

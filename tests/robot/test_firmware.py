@@ -8,22 +8,23 @@ from benches.plant import RADIUS_M, TANGENTS
 from benches.robot import CYCLES, FRAME_S, Firmware
 from numpy.typing import NDArray
 
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.settings import Settings
 
 PURE: dict[str, Any] = {"turn_rate_gain": 0.0, "feed_forward": 0.0, "kp": 0.1}
 
 
 def settings(**firmware: Any) -> Settings:
-    return Settings(firmware=PURE | firmware)
+    return resolve_settings({"firmware": PURE | firmware})
 
 
 def desired_speeds(x: float, y: float, turn: float = 0.0) -> NDArray:
     """Wheel speeds of equation 3, rad/s."""
-    return (TANGENTS @ [x, y] + Settings().wheels.arm_m * turn) / RADIUS_M
+    return (TANGENTS @ [x, y] + resolve_settings().wheels.arm_m * turn) / RADIUS_M
 
 
 def duties(speeds: NDArray, gain: float) -> NDArray:
-    return np.clip(gain * speeds / Settings().firmware.nominal_voltage_v, -1, 1)
+    return np.clip(gain * speeds / resolve_settings().firmware.nominal_voltage_v, -1, 1)
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, -2.5])
@@ -75,7 +76,11 @@ def test_the_wheel_loop_is_a_pid_with_anti_windup() -> None:
 
 
 def test_encoders_round_down_to_counts() -> None:
-    counts = Settings().sensors.encoder_counts * Settings().motor.gear_ratio / (2 * np.pi)
+    counts = (
+        resolve_settings().sensors.encoder_counts
+        * resolve_settings().motor.gear_ratio
+        / (2 * np.pi)
+    )
     firmware = Firmware([settings()])
     firmware.run(0.0, 0.0)
     assert np.abs(firmware.run(0.0, 0.9 / counts)).max() == 0
@@ -136,8 +141,11 @@ def test_derating_reduces_the_current_near_the_temperature_limit(
     winding: float, fraction: float
 ) -> None:
     """Twice the nominal current 10 K below the limit of 125 degrees, none at it."""
-    chosen = Settings(
-        firmware=PURE | {"kp": 5.0, "thermal_derating": True}, motor={"max_winding_c": 125.0}
+    chosen = resolve_settings(
+        {
+            "firmware": PURE | {"kp": 5.0, "thermal_derating": True},
+            "motor": {"max_winding_c": 125.0},
+        }
     )
     firmware = Firmware([chosen])
     firmware.winding = np.full((4, 1), winding)

@@ -15,9 +15,9 @@ from benches.robot import (
 from scipy.integrate import solve_ivp
 
 import omni_mj as om
-from omni_mj.config.settings import Settings
+from omni_mj.config.resolve import resolve_settings
 
-BENCH = Settings(motor=SHEET, firmware={"current_limit_a": 1e3})
+BENCH = resolve_settings({"motor": SHEET, "firmware": {"current_limit_a": 1e3}})
 
 
 def test_the_motor_reproduces_the_rows_of_its_data_sheet() -> None:
@@ -45,7 +45,7 @@ def test_motors_of_all_robots_follow_ohms_law_with_back_emf_and_commutation(name
 @pytest.mark.parametrize("voltage", [-24.0, 24.0])
 def test_the_driver_holds_the_current_to_its_limit(voltage: float, speed: float) -> None:
     limit = 3.0
-    chosen = Settings(motor=SHEET, firmware={"current_limit_a": limit})
+    chosen = resolve_settings({"motor": SHEET, "firmware": {"current_limit_a": limit}})
     volts, amperes = drive_motor(chosen, voltage, speed)
     free = (voltage - MAXON.back_emf * speed) / MAXON.series_resistance(speed)
     assert amperes[0] == pytest.approx(np.clip(free, -limit, limit))
@@ -75,6 +75,6 @@ def test_temperatures_solve_the_differential_equation_of_two_nodes(
 
     exact = solve_ivp(rates, (0, frames * FRAME_S), [40.0, 30.0], rtol=1e-10, atol=1e-9).y[:, -1]
     winding, housing = heat_motor(
-        Settings(motor=s), np.full(frames, current), np.full(frames, speed)
+        resolve_settings({"motor": s}), np.full(frames, current), np.full(frames, speed)
     )
     np.testing.assert_allclose([winding[-1], housing[-1]], exact, atol=2e-3)

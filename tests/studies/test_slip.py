@@ -6,7 +6,6 @@ from benches.studies import (
     PERIOD_S,
     PUBLISHED,
     Move,
-    Settings,
     compute_creep_law,
     compute_normal_forces,
     fits,
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import omni_mj as om
+from omni_mj.config.resolve import resolve_settings
 
 AT = np.arange(0.0, 2.4, PERIOD_S)
 MOVES = (
@@ -88,7 +88,7 @@ def test_deceleration_of_a_roll_out_is_recovered(dry: float, viscous: float) -> 
 
 def test_closed_form_solves_the_wheel_equations() -> None:
     """Compute forces from slip wheel by wheel. Equal loads give T0 = W / (g C sum d^2)."""
-    robot = Settings()
+    robot = resolve_settings()
     closed, load = compute_creep_law(robot), compute_normal_forces(robot)
     azimuth, c, mass = (
         np.radians(robot.wheels.azimuths_deg),

@@ -13,7 +13,7 @@ from typing import Any
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj.config import distributions
-from omni_mj.config.robot_settings import RandomizationSettings
+from omni_mj.config.plant_settings import RandomizationSettings
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.result import Outcome, Result

@@ -190,7 +190,7 @@ def _setting_type(name: str) -> Any:
     Raises:
         OmniError: There is no such setting.
     """
-    types = {setting.full: setting.kind for setting in list_settings()}
+    types = {setting.full_name: setting.kind for setting in list_settings()}
     if name not in types:
         raise OmniError(f"unknown setting {name}; {suggest_names(name, list(types))}")
     return types[name]

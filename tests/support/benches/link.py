@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_mj.config.settings import RadioSettings, Settings, VisionSettings
+from omni_mj.config.network_settings import RadioSettings, VisionSettings
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.network.camera import Cameras
 from omni_mj.network.radio import Radio
 
@@ -37,7 +38,7 @@ def watch(
     """
     n = poses.shape[1]
     settings = [VisionSettings(**{**vision, **own}) for own in visions or [{}] * n]
-    own_faults = [Settings(fault=own).fault for own in faults or [[]] * n]
+    own_faults = [resolve_settings({"fault": own}).fault for own in faults or [[]] * n]
     cameras = Cameras(settings, [(seed,) for seed in seeds or [0] * n], own_faults)
     seen, ages = [], []
     for pose in poses:
@@ -56,7 +57,7 @@ def radio(
 ) -> Radio:
     """Return a radio to robots with these settings."""
     n = len(settings)
-    own_faults = [Settings(fault=own).fault for own in faults or [[]] * n]
+    own_faults = [resolve_settings({"fault": own}).fault for own in faults or [[]] * n]
     chosen = [RadioSettings(**own) for own in settings]
     return Radio(chosen, [(seed,) for seed in seeds or [0] * n], own_faults, **more)
 

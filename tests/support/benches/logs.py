@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import omni_mj as om
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings
 from omni_mj.results import events, paper_tables, saturation, statistics, summary
@@ -27,7 +28,7 @@ def rows(
 ) -> list[Row]:
     """All seeds of one controller after those of the one before."""
     named = [(controller, seed) for controller in controllers for seed in seeds]
-    chosen = Settings() if settings is None else settings
+    chosen = resolve_settings() if settings is None else settings
     return [
         Row(world, 0, controller, seed, chosen, "tigers-v2016")
         for world, (controller, seed) in enumerate(named)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings
 from omni_mj.network.radio import ReceivedCommand
@@ -16,7 +17,7 @@ from omni_mj.plants.mujoco import MujocoPlant
 from omni_mj.plants.planar import PlanarPlant
 
 # Data of the default robot, from its file only
-_SETTINGS = Settings()
+_SETTINGS = resolve_settings()
 MASS_KG, COM_HEIGHT_M = _SETTINGS.body.mass_kg, _SETTINGS.body.com_height_m
 AZIMUTHS = np.radians(_SETTINGS.wheels.azimuths_deg)
 ARM_M, RADIUS_M = _SETTINGS.wheels.arm_m, _SETTINGS.wheels.radius_m
@@ -39,7 +40,7 @@ STIFF = {"kp": 0.4, "ki": 20.0, "turn_rate_gain": 0.0}
 
 def with_settings(**sections: dict[str, Any]) -> Settings:
     """Return the default settings with fields of some sections replaced."""
-    return Settings().replace(**sections)
+    return resolve_settings().replace(**sections)
 
 
 def noiseless(**sections: dict[str, Any]) -> Settings:
