@@ -37,7 +37,7 @@ def driven(
     )
 
 
-def test_what_knowledge_is_worth_and_what_learning_is_worth() -> None:
+def test_known_and_learned_models_reduce_the_error() -> None:
     """The nominal model is worth a factor of three to comp-flc; where it is wrong, learning is."""
     names = "inverse-flc", "adaptive-comp-flc"
     wrong = {"creep_s2_m": 0.03, "lag_s": 0.04, "alpha": (1.0, 1.0)}
@@ -58,7 +58,7 @@ def test_inverse_flc_learns_nothing() -> None:
     assert record["alpha_sigma"].max() == 0
 
 
-def test_zeros_told_of_lag_creep_and_friction_are_unknown_not_none() -> None:
+def test_zero_lag_creep_and_friction_mean_unknown() -> None:
     """The creep is identified; errors are a third of those of a controller that assumes zero."""
     known = UNKNOWN | {"alpha": None}
     record = run_team(
@@ -72,7 +72,7 @@ def test_zeros_told_of_lag_creep_and_friction_are_unknown_not_none() -> None:
     assert distance[LEAD + 2 * SECOND :].max() < 0.01
 
 
-def test_nothing_is_learned_of_a_robot_that_does_not_respond() -> None:
+def test_adaptation_stops_for_a_robot_that_does_not_respond() -> None:
     """The radio is silent for a second: no bias winds up, the heading does not oscillate later."""
     silent = range(100, 160)
     record = run_team(
@@ -91,7 +91,7 @@ def test_nothing_is_learned_of_a_robot_that_does_not_respond() -> None:
 
 
 @pytest.mark.parametrize("name", ["comp-flc", "adaptive-comp-flc"])
-def test_a_frozen_image_does_not_reverse_the_heading(name: str) -> None:
+def test_frozen_vision_does_not_reverse_the_heading(name: str) -> None:
     """Vision is frozen for 1.4 s at a corner; the robots then turn by more than a right angle."""
     square = [[0.0, 0.0, 0.0], [0.6, 0.0, 1.5], [0.6, 0.6, 3.0], [0.0, 0.6, 4.5]]
     route = TimedReference(square, MotionLimits(1.5, 1.5, 6.0, 12.0), T, settle_frames=2 * SECOND)
@@ -113,7 +113,7 @@ def test_a_frozen_image_does_not_reverse_the_heading(name: str) -> None:
     assert distance[-1].max() < 0.01
 
 
-def test_a_dead_time_told_wrong_is_found_and_robots_come_to_rest() -> None:
+def test_a_wrong_dead_time_is_identified_and_robots_come_to_rest() -> None:
     """By three frames less and more, and by eight."""
     robots = CreepingPlant(np.zeros((3, 3)), delay=[5, 11, 0])
     record = run_team(team("adaptive-comp-flc", 8, n=3), robots, ROUTE.frames + SECOND)
@@ -124,7 +124,7 @@ def test_a_dead_time_told_wrong_is_found_and_robots_come_to_rest() -> None:
     assert (np.abs(found - [5, 11, 0]) < [1, 1, 3]).all()
 
 
-def test_robots_told_wrong_are_found_out_and_tracked() -> None:
+def test_robots_with_wrong_models_are_identified_and_tracked() -> None:
     """Latencies from 3 to 9 frames (nominal 6), alpha from 0.6 to 1.1, drag: on the path in 2 s."""
     n, rng = 13, np.random.default_rng(0)
     alpha, drag = rng.uniform(0.6, 1.1, (n, 1)) * np.ones(3), rng.uniform(0, 0.03, (n, 1))
@@ -140,7 +140,7 @@ def test_robots_told_wrong_are_found_out_and_tracked() -> None:
     assert turned[late:].max() < 0.25
 
 
-def test_the_reference_planned_anew_leads_through_all_way_points() -> None:
+def test_an_iterated_reference_passes_all_waypoints() -> None:
     """An iterated reference: robots pass near every waypoint and stop at the last one."""
     n, path, delay = 3, np.array(PATH), 12
     reference = IteratedReference(PATH, LIMITS, T, n, rest_frames=LEAD)

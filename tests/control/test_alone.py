@@ -51,7 +51,7 @@ def test_the_controller_of_the_readme_runs() -> None:
     np.testing.assert_allclose(command, speed + 3.0 * (target - [[0.01, 0, 0]]), rtol=0, atol=1e-15)
 
 
-def test_both_distributions_say_the_same() -> None:
+def test_both_distributions_have_the_same_metadata() -> None:
     """Both have the same version, Python and license; this one needs numpy and scipy only."""
     alone, whole = project(ROOT / "control"), project(ROOT)
     for key in ("version", "requires-python", "license"):

@@ -51,7 +51,7 @@ def test_the_error_shrinks_by_the_weight_of_the_old_value(
 
 
 @given(alphas, st.integers(0, 12), st.floats(0.3, 3), st.floats(0, 2 * np.pi))
-def test_a_constant_factor_is_found_exactly(
+def test_a_constant_alpha_is_estimated_exactly(
     alpha: tuple[float, float], delay: int, speed: float, direction: float
 ) -> None:
     """A robot that drives along both axes for two windows shows its factors at any dead time."""
@@ -90,7 +90,7 @@ def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> No
     )
 
 
-def test_at_the_confidence_displacement_old_and_new_weigh_the_same() -> None:
+def test_old_and_new_ratio_have_equal_weight_at_the_set_displacement() -> None:
     """A frame with 0.8 of the commanded equal-weight displacement yields the mean of 1 and 0.8."""
     sent, estimator = CommandHistory(1, 1), AlphaEstimator(1, 1, 0, T)
     estimator.update(np.zeros((1, 2)), sent)

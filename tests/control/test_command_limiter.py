@@ -54,7 +54,7 @@ def test_commands_within_the_limits_pass_unchanged(
     np.testing.assert_allclose(limit_sequence(walk), walk, rtol=0, atol=1e-14)
 
 
-def test_a_command_is_approached_straight_and_as_fast_as_allowed() -> None:
+def test_commands_change_along_a_straight_line_at_the_limit() -> None:
     for azimuth in np.radians([0, 45, 160, 270]):
         direction = np.array([math.cos(azimuth), math.sin(azimuth)])
         sent = limit_sequence(np.tile([*(5.0 * direction), 0.0], (60, 1)))

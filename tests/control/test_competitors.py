@@ -17,7 +17,7 @@ each_identifying = pytest.mark.parametrize("name", IDENTIFYING)
 each_linear = pytest.mark.parametrize("name", LINEAR)
 
 
-def test_only_the_oracle_knows_the_truth_and_says_so() -> None:
+def test_only_the_oracle_knows_the_truth() -> None:
     assert [name for name in CONTROLLERS if load_controller_class(name).knows_truth] == ["oracle"]
     assert "knows the true state" in (load_controller_class("oracle").__doc__ or "").splitlines()[0]
 
@@ -33,7 +33,7 @@ of_other_robots = given(
 @each_linear
 @settings(max_examples=8)
 @of_other_robots
-def test_stable_on_robots_that_are_weaker_and_slower_or_faster_than_told(
+def test_stable_with_wrong_alpha_and_dead_time(
     name: str, delay: int, wrong: int, lag: float, seed: int
 ) -> None:
     check_stable(name, 4, delay, wrong, lag, seed)
@@ -42,7 +42,7 @@ def test_stable_on_robots_that_are_weaker_and_slower_or_faster_than_told(
 @each_identifying
 @settings(max_examples=3)
 @of_other_robots
-def test_those_that_identify_are_stable_on_them_too(
+def test_adaptive_controllers_are_stable_with_wrong_models(
     name: str, delay: int, wrong: int, lag: float, seed: int
 ) -> None:
     check_stable(
@@ -68,7 +68,7 @@ def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: in
     assert np.abs(pose).max() < 0.2, "none swings out"
 
 
-def test_the_mirror_image_of_a_task_is_done_by_mirrored_commands() -> None:
+def test_mirrored_tasks_have_mirrored_commands() -> None:
     """If y, headings and their noise are mirrored, only y and turn rates change sign."""
     for name in COMPETITORS:
         for kind in MODES:
@@ -107,7 +107,7 @@ def test_headings_take_the_short_way() -> None:
             assert command[1, 2] < 0
 
 
-def test_the_truth_is_never_worse_than_noise() -> None:
+def test_the_oracle_is_never_worse_than_with_noise() -> None:
     """The oracle is better than the same controller with vision noise: mean and rms, each robot."""
     n, rng = 12, np.random.default_rng(0)
     path = TIMED.with_initial_rest(15)

@@ -63,7 +63,7 @@ def test_the_compensated_pose_is_where_the_plant_will_be(
 
 
 @given(st.lists(st.integers(0, 96), min_size=6, max_size=6), st.integers(0, 2**32 - 1))
-def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -> None:
+def test_delayed_commands_agree_with_a_fine_clock(eighths: list[int], seed: int) -> None:
     """In each eighth of a frame a robot applies the command sent one latency before."""
     ticks = np.array(eighths).reshape(2, 3)
     commands = np.random.default_rng(seed).uniform(-3, 3, (15, 2, 3))
@@ -86,14 +86,14 @@ def test_what_is_felt_is_what_a_fine_clock_says(eighths: list[int], seed: int) -
             assert ahead == pytest.approx(to_come, abs=1e-13)
 
 
-def test_commands_that_are_not_kept_cannot_be_asked_for() -> None:
+def test_requests_beyond_the_history_are_rejected() -> None:
     queue = CommandHistory(2, 5)
     assert queue.get_latest(3, skip=2).shape == (3, 2, 3)
     with pytest.raises(OmniError, match="6 commands requested, but only 5 are stored"):
         queue.get_latest(4, skip=2)
 
 
-def test_what_was_handed_out_stays_and_can_only_be_read() -> None:
+def test_views_are_read_only_and_do_not_change() -> None:
     """Views of past frames do not change with new commands; selections hold their robots' own."""
     commands = np.random.default_rng(0).normal(size=(40, 5, 3))
     queue, views, parts = CommandHistory(5, 4), [], []
@@ -116,7 +116,7 @@ def test_what_was_handed_out_stays_and_can_only_be_read() -> None:
         queue.select(slice(None), 5)
 
 
-def test_where_dead_times_differ_each_robot_arrives_after_its_own() -> None:
+def test_different_dead_times_are_compensated_per_robot() -> None:
     """Robots with dead times of 0, 2 and 3 frames: commands that have acted are zero."""
     queue = sent_before(3, np.array([1.0, 2.0, 4.0])[:, None, None] * np.ones((1, 3, 3)), length=4)
     seen = Observation(

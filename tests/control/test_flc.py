@@ -91,7 +91,7 @@ def test_compensation_takes_the_dead_time_out_of_the_loop(
 @both_references
 @settings(max_examples=12)
 @given(start=starts, delay=st.integers(0, 12), highest=st.floats(0.1, 2))
-def test_predicted_is_the_true_pose_at_the_end_of_the_dead_time(
+def test_the_prediction_is_the_pose_at_the_end_of_the_dead_time(
     kind: str, start: tuple[float, ...], delay: int, highest: float
 ) -> None:
     """On a perfect plant x_p of frame k is x(k + k_d), also when limits clip the commands."""

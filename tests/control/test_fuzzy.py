@@ -56,7 +56,7 @@ def test_the_surface_is_exact(error: tuple[float, float]) -> None:
         assert velocity == pytest.approx(centre(heights), abs=1e-14)
 
 
-def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
+def test_a_row_of_a_batch_equals_the_row_alone() -> None:
     """The size of a batch does not show in the last bit."""
     rows = np.random.default_rng(3).uniform(-0.11, 0.11, (1001, 2))
     batch = FLC(rows)
@@ -99,9 +99,7 @@ def test_the_correction_points_back_to_the_reference(error: tuple[float, float])
 
 
 @given(errors, st.floats(1e-3, 0.1))
-def test_a_larger_error_is_never_corrected_more_slowly(
-    error: tuple[float, float], more: float
-) -> None:
+def test_velocity_increases_with_its_own_error(error: tuple[float, float], more: float) -> None:
     """The velocity of an axis does not fall while its own error grows and the other stays."""
     # At saturation both sides are the same number but for roundings.
     assert FLC([error[0] + more, error[1]])[0] >= FLC(error)[0] - 1e-14
@@ -131,7 +129,7 @@ def test_the_papers_example() -> None:
     np.testing.assert_allclose(FLC([-RANGE_M, RANGE_M / 2]), [-5 / 6, 1 / 2], rtol=0, atol=1e-15)
 
 
-def test_an_error_that_is_not_a_number_is_refused() -> None:
+def test_a_nan_error_is_rejected() -> None:
     """A lost position must not become a velocity."""
     for error in [[np.nan, 0.0], [0.0, np.nan], [[0.0, 0.0], [np.nan, 0.01]]]:
         with pytest.raises(OmniError, match="got NaN"):

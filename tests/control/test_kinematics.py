@@ -103,7 +103,7 @@ def test_wrapped_angles_never_leave_the_half_open_interval() -> None:
     assert wrapped.min() > -np.pi
 
 
-def test_a_row_of_a_batch_is_what_it_is_alone() -> None:
+def test_a_row_of_a_batch_equals_the_row_alone() -> None:
     """No function lets a row's last bit depend on how many rows there are."""
     rng = np.random.default_rng(0)
     pose, twist, speeds = (

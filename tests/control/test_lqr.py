@@ -71,7 +71,7 @@ def gain_of(delay: int, lag: float) -> Array:
     return np.array(gains)
 
 
-def test_its_answer_is_the_optimal_gain_of_the_model_with_dead_time() -> None:
+def test_gain_is_optimal_for_the_model_with_dead_time() -> None:
     """Gain and cost of the augmented state solve its Riccati equation."""
     for lag in [0.005, 0.02, 0.1]:
         for delay in [0, 1, 6]:
@@ -87,7 +87,7 @@ def test_its_answer_is_the_optimal_gain_of_the_model_with_dead_time() -> None:
 @pytest.mark.parametrize("kind", MODES)
 @settings(max_examples=12)
 @given(start=starts, delay=delays, lag=st.sampled_from([0.0, 0.02, 0.1]))
-def test_the_dead_time_is_taken_out_of_the_loop(
+def test_prediction_removes_the_dead_time_from_the_loop(
     kind: str, start: tuple[float, ...], delay: int, lag: float
 ) -> None:
     """A nominal robot does what one without dead time does, k_d frames later."""
@@ -119,7 +119,7 @@ def test_with_a_lag_it_follows_a_constant_acceleration_exactly() -> None:
             )
 
 
-def test_a_weak_robot_has_no_lasting_error_at_constant_speed() -> None:
+def test_a_weak_robot_has_no_steady_state_error() -> None:
     """The shortfall is then a constant disturbance, which is estimated and added to the command."""
     for alpha in [0.6, 0.8, 1.1]:
         reference = TimedReference(STRAIGHT, MotionLimits(speed=1.0), T)

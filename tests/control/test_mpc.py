@@ -49,7 +49,7 @@ def excess(limits: CommandConstraints, robot: int, w: Array) -> Array:
 
 @settings(max_examples=12)
 @given(seed=st.integers(0, 999))
-def test_programs_are_solved_as_by_another_solver(seed: int) -> None:
+def test_programs_agree_with_another_solver(seed: int) -> None:
     """Compare with sequential quadratic programming that starts from the last command."""
     hessian, gradient, limits = program(seed, 2, 4, 1.5)
     best, _ = solve_quadratic_programs(hessian, gradient, limits)
@@ -73,7 +73,7 @@ def test_programs_are_solved_as_by_another_solver(seed: int) -> None:
         np.testing.assert_allclose(found, other.x, rtol=0, atol=2e-4)
 
 
-def test_a_program_is_its_own_whatever_others_are_solved_with_it() -> None:
+def test_programs_are_solved_independently() -> None:
     """Bit for bit, of those that limits bind and of those they do not."""
     hessian, gradient, limits = program(1, 8, 12, 1.0)
     gradient[::2] = 0
@@ -95,7 +95,7 @@ def test_a_program_is_its_own_whatever_others_are_solved_with_it() -> None:
         assert np.array_equal(alone[0], best[i])
 
 
-def test_there_is_a_solution_however_fast_the_last_command_was() -> None:
+def test_programs_are_feasible_after_any_last_command() -> None:
     """The last command may exceed all limits: repeating it is feasible, and the robot brakes."""
     hessian, gradient, limits = program(3, 4, 12, 0.1)
     fast = limits._replace(
@@ -109,7 +109,7 @@ def test_there_is_a_solution_however_fast_the_last_command_was() -> None:
     assert ((first - fast.last_command)[:, 0] < -0.079).all(), "as fast as it may"
 
 
-def test_what_is_not_solved_is_not_a_number_and_stops_that_robot_only() -> None:
+def test_unsolved_programs_yield_nan_for_that_robot_only() -> None:
     """Of two robots, of one of which the reference is lost."""
     hessian, gradient, limits = program(4, 2, 6, 2.0)
     gradient[1] = np.nan
@@ -119,7 +119,7 @@ def test_what_is_not_solved_is_not_a_number_and_stops_that_robot_only() -> None:
     assert np.isnan(best[1]).all()
 
 
-def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:
+def test_commands_satisfy_the_limits() -> None:
     """The reference exceeds the limits. Speed may exceed the octagon where the last command did."""
     limits = MotionLimits(1.0, 4.7, 26.0, 50.8)
     reference = TimedReference(
@@ -145,7 +145,7 @@ def test_its_commands_keep_within_the_limits_of_what_may_be_sent() -> None:
     assert np.isfinite(run.sent).all()
 
 
-def test_without_piqp_it_says_in_a_line_how_to_get_it_and_the_others_go_on() -> None:
+def test_without_piqp_one_line_explains_how_to_install_it() -> None:
     """In programs of their own, in which the package cannot be found."""
     hidden = "import sys; sys.modules['piqp'] = None; "
     cli = "from omni_mj.cli.main import main; sys.argv = ['omni-mj', {}]; main()"

@@ -42,7 +42,7 @@ class More(Gains):
     speed: float = 0.5
 
 
-def test_every_name_leads_to_a_controller_that_can_be_made() -> None:
+def test_every_name_makes_its_controller() -> None:
     for name in CONTROLLERS:
         controller = make_controller(name, TOLD, TIMED, 2)
         assert type(controller) is load_controller_class(name)
@@ -52,7 +52,7 @@ def test_every_name_leads_to_a_controller_that_can_be_made() -> None:
         load_controller_class("com-flc")
 
 
-def test_parameters_are_annotated_numbers_texts_and_truths() -> None:
+def test_parameters_are_annotated_numbers_strings_and_bools() -> None:
     assert get_parameters(Gains) == {
         "gain": 3.0,
         "window": 5,
@@ -75,7 +75,7 @@ def test_parameters_are_set_before_the_constructor_runs_and_for_one_controller_o
     assert make_controller(More, TOLD, TIMED, 1).gain == 4.0  # type: ignore[attr-defined]
 
 
-def test_wrong_parameters_are_named_all_at_once() -> None:
+def test_all_wrong_parameters_are_listed() -> None:
     wrong = {"gian": 5.0, "gain": "high", "window": 2.5, "bold": 1, "law": True, "speed": False}
     with pytest.raises(OmniError) as error:
         make_controller(More, TOLD, TIMED, 1, wrong)
@@ -92,7 +92,7 @@ def test_wrong_parameters_are_named_all_at_once() -> None:
         validate_parameters(load_controller_class("flc"), {"gain": 1.0})
 
 
-def test_a_controller_that_cannot_be_made_says_where() -> None:
+def test_constructor_errors_name_file_and_line() -> None:
     class Forgetful(Controller):
         def __init__(self, *known: object) -> None:
             pass
@@ -110,7 +110,7 @@ def test_a_controller_that_cannot_be_made_says_where() -> None:
         make_controller(Forgetful, TOLD, TIMED, 1)
 
 
-def test_what_is_told_is_checked_and_can_be_compared() -> None:
+def test_team_models_are_checked_and_comparable() -> None:
     """Equality is by content, including wheels: robots with equal models share a controller."""
     four, three = (
         Kinematics(np.radians(angles), 0.08, 0.03)

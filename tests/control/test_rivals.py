@@ -17,7 +17,7 @@ delays, lags = st.integers(0, 9), st.sampled_from([0.0, 1e-4, 0.02, 2 * T, 0.1])
 
 
 @given(delay=delays, lag=st.sampled_from([1e-4, 0.02, 0.1]), seed=st.integers(0, 99))
-def test_the_nominal_robot_is_its_differential_equation_sampled(
+def test_the_nominal_robot_samples_its_differential_equation(
     delay: int, lag: float, seed: int
 ) -> None:
     """Displacement and predicted state equal those of scipy's discretization."""
@@ -107,7 +107,7 @@ def test_smith_takes_the_dead_time_out_of_the_loop(
     np.testing.assert_allclose(late[delay:], prompt, rtol=0, atol=1e-12)
 
 
-def test_with_a_lag_smith_is_behind_an_acceleration_by_half_the_square_of_it() -> None:
+def test_with_a_lag_smith_has_a_known_error_in_acceleration() -> None:
     """It looks ahead by the lag and subtracts what the robot will move in it at the speed of then.
 
     Under an acceleration a that is a lag (lag + T) / 2 too much: the half square of the lag, and

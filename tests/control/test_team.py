@@ -51,7 +51,7 @@ def by_hand(controllers: Sequence[Controller], plant: Plant, noise: Array) -> Ar
     return np.array(commands)
 
 
-def test_it_is_the_loop_written_by_hand() -> None:
+def test_team_equals_a_loop_written_by_hand() -> None:
     """Every controller, side by side in one team, bit for bit."""
     model, start = TeamModel(T, 6, limits=TIGHT), make_start_poses(2 * len(CONTROLLERS))
     for kind in MODES:
@@ -70,7 +70,7 @@ def test_it_is_the_loop_written_by_hand() -> None:
 
 
 @pytest.mark.parametrize("kind", MODES)
-def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
+def test_a_row_of_a_batch_equals_the_row_alone(kind: str) -> None:
     """All numbers of a robot, under any controller, equal those of the robot alone, bit by bit."""
     n, model = 4, TeamModel(T, 5)
     start, noise = make_start_poses(n), make_noise(n)
@@ -91,7 +91,7 @@ def test_a_row_of_a_batch_is_what_it_is_alone(kind: str) -> None:
                 )
 
 
-def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> None:
+def test_controllers_observe_their_rows_and_the_limited_commands() -> None:
     """Compare a controller's observation with the team's, and predicted poses with equation 11."""
     tolds, start = (
         (TeamModel(T, 3), TeamModel(T, 0, limits=TIGHT), TeamModel(T, 5)),
@@ -135,7 +135,7 @@ def test_a_controller_sees_its_own_rows_and_what_was_sent_after_the_limits() -> 
             np.testing.assert_array_equal(own.commands_in_flight, past[memory - delay :])
 
 
-def test_who_writes_into_what_a_team_returns_changes_nothing() -> None:
+def test_returned_arrays_are_copies() -> None:
     team, other = (Team(Follower(TeamModel(T, 4), TIMED, 2), make_start_poses(2)) for _ in range(2))
     for measured in make_noise(2, 10):
         observation = other.observe(measured)
@@ -163,7 +163,7 @@ class Talking(Follower):
         return super().command(frame, observation)
 
 
-def test_channels_of_a_controllers_own_are_put_together() -> None:
+def test_channels_of_several_controllers_are_merged() -> None:
     team = Team(
         [Follower(TeamModel(T, 2), TIMED, 1), Talking(TeamModel(T, 2), TIMED, 2)],
         make_start_poses(3),
@@ -177,7 +177,7 @@ def test_channels_of_a_controllers_own_are_put_together() -> None:
     np.testing.assert_array_equal(team.channels["pair"], [[nan, nan], *team.estimate[1:, :2]])
 
 
-def test_nonsense_is_refused() -> None:
+def test_invalid_input_is_rejected() -> None:
     model, poses = TeamModel(T, 2), make_start_poses(3)
     one, two = Follower(model, TIMED, 1), Follower(model, TIMED, 2)
     refused: list[tuple[str, Callable[[], object]]] = [

@@ -66,7 +66,7 @@ def team_with(how: str, on_failure: Callable[..., None] | None = None) -> Team:
     return Team(made, make_start_poses(6), on_failure=on_failure)
 
 
-def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
+def test_failed_rows_are_sent_zero_and_the_others_go_on() -> None:
     """TeamModel once, with the reason; they say nothing more, and no bit of the others changes."""
     quiet = run_team(team_with(""), make_plant(make_start_poses(6)), make_noise(6, 12))
     for how, (frame, rows, says) in FAILURES.items():
@@ -93,7 +93,7 @@ def test_rows_that_fail_are_sent_zero_and_the_others_go_on() -> None:
             run_team(team_with(how), make_plant(make_start_poses(6)), make_noise(6, 12))
 
 
-def test_a_robot_that_was_stopped_is_left_alone() -> None:
+def test_a_stopped_robot_is_ignored() -> None:
     """Whatever vision and truth say of it from then on; an infinite pose of another is refused."""
     team = Team(
         [Follower(TeamModel(T, 2), TIMED, 2), TruthFollower(TeamModel(T, 2), TIMED, 2)],

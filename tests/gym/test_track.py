@@ -55,14 +55,14 @@ class Policy(om.Controller):
 
 
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
-def test_gymnasium_finds_nothing_wrong(plant: str) -> None:
+def test_gymnasium_check_passes(plant: str) -> None:
     """Not even a warning: spaces, returned types, and that a seed determines an episode."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gymnasium.make("omni_mj/Track-v0", plant=plant, reference=SHORT).unwrapped)
 
 
-def test_a_policy_is_rewarded_for_the_errors_that_it_makes_as_a_controller() -> None:
+def test_rewards_equal_the_errors_of_the_same_controller() -> None:
     """The same seed gives the same noise and drawn settings; compared with the run's table."""
     changes = {**DRAWN, "plant": "planar"}
     result = om.run(om.load_scenario("rect", **changes), [Policy], seeds=[5])
@@ -81,7 +81,7 @@ def test_a_policy_is_rewarded_for_the_errors_that_it_makes_as_a_controller() -> 
     np.testing.assert_array_equal(rewards, expected[1:])  # the first frame is the start
 
 
-def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
+def test_observations_are_errors_to_the_reference() -> None:
     """Without noise, alpha = 1: full speed is a delayed ramp of the highest acceleration."""
     delay, history_length, speed, most = 3, 5, 2.0, 4.7
     route = {"waypoints": [[0, 0, 1.0], [0, 0.5, 1.0]], "settle_s": 0.5}
@@ -124,7 +124,7 @@ def test_what_is_seen_is_where_the_robot_stands_to_its_reference() -> None:
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
-def test_many_are_what_one_by_one_they_are(mode: AutoresetMode) -> None:
+def test_vector_equals_single_environments(mode: AutoresetMode) -> None:
     """Bit for bit Gymnasium's own vector of single environments, with episodes of other lengths."""
     n, lost = 4, 0.12
     many = tracks(n, "rect", max_error_m=lost, autoreset_mode=mode, **DRAWN)
@@ -161,7 +161,7 @@ def same(found: Any, expected: Any) -> None:
         np.testing.assert_array_equal(found, expected)
 
 
-def test_an_episode_that_ends_early_is_worth_no_more_than_one_that_lasts() -> None:
+def test_ending_an_episode_early_never_pays() -> None:
     """The remaining frames cost as if the robot had stayed there: getting lost never pays."""
     env = track("rect", max_error_m=0.2, plant="kinematic", reference=SHORT)
     env.reset(seed=1)
@@ -207,12 +207,12 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
         ({"autoreset_mode": "SameStep"}, "must be NextStep or Disabled"),
     ],
 )
-def test_what_is_not_allowed_is_said_in_a_line(given: dict[str, Any], words: str) -> None:
+def test_invalid_arguments_are_rejected_with_one_line(given: dict[str, Any], words: str) -> None:
     with pytest.raises(om.OmniError, match=words):
         tracks(**given)
 
 
-def test_a_scenario_of_a_controller_with_parameters_will_do() -> None:
+def test_scenarios_with_parameterized_controllers_are_accepted() -> None:
     """Of any scenario; who drives in it otherwise does not matter."""
     other = om.load_scenario(
         "rect", plant="kinematic", controllers=[Policy, Tuned], controller={"Tuned": {"gain": 2.0}}
@@ -225,7 +225,7 @@ class Tuned(Policy):
     gain: float = 1.0
 
 
-def test_actions_that_are_none_are_refused() -> None:
+def test_invalid_actions_are_rejected() -> None:
     env = tracks(2, plant="kinematic")
     env.reset(seed=0)
     for action in (np.zeros(3), np.full((2, 3), np.nan)):
@@ -233,7 +233,7 @@ def test_actions_that_are_none_are_refused() -> None:
             env.step(action)
 
 
-def test_gymnasium_imports_what_a_name_asks_for() -> None:
+def test_gymnasium_imports_the_package_by_the_environments_name() -> None:
     """Nobody else has to import this package; and without Gymnasium one line names the extra."""
     for code, words in (
         (

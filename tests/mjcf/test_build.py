@@ -11,7 +11,7 @@ from omni_control.errors import OmniError
 from omni_mj.mjcf import world_builder
 
 
-def test_every_robot_of_a_world_is_the_one_alone() -> None:
+def test_robots_of_a_world_equal_a_single_robot() -> None:
     one, three = world_builder.build_world(), world_builder.build_world(robots_per_world=3)
     alone = one.robots[0]
     bodies, dofs = one.model.nbody - 1, one.model.nv
@@ -45,7 +45,7 @@ def test_every_robot_of_a_world_is_the_one_alone() -> None:
         )
 
 
-def test_a_roller_is_at_the_bottom_when_its_turn_has_come() -> None:
+def test_rollers_reach_the_bottom_in_order() -> None:
     world = world_builder.build_world()
     data = mujoco.MjData(world.model)
     robot = world.robots[0]
@@ -56,7 +56,7 @@ def test_a_roller_is_at_the_bottom_when_its_turn_has_come() -> None:
         assert lowest.tolist() == robot.rollers[:, turn].tolist()
 
 
-def test_what_no_robot_can_be_is_refused_in_a_line() -> None:
+def test_impossible_robots_are_rejected_with_one_line() -> None:
     light = {"mass_kg": 0.5, "yaw_inertia_kg_m2": 2e-3, "tilt_inertia_kg_m2": 2e-3}
     for sections, message in (
         (
@@ -74,7 +74,7 @@ def test_what_no_robot_can_be_is_refused_in_a_line() -> None:
         assert "\n" not in str(error.value)
 
 
-def test_the_robot_weighs_and_balances_as_its_settings_say() -> None:
+def test_mass_and_center_of_mass_are_those_of_the_settings() -> None:
     body = {
         "mass_kg": 3.1,
         "com_x_m": -0.005,
@@ -99,7 +99,7 @@ def test_the_robot_weighs_and_balances_as_its_settings_say() -> None:
         np.testing.assert_allclose(np.diag(full)[3:6], expected, rtol=1e-9)
 
 
-def test_loads_are_of_their_own_wheels() -> None:
+def test_load_sensors_belong_to_their_wheels() -> None:
     """Standing apart, each robot's wheels carry its weight."""
     world = world_builder.build_world(robots_per_world=3)
     data = mujoco.MjData(world.model)
@@ -112,5 +112,5 @@ def test_loads_are_of_their_own_wheels() -> None:
         assert data.sensordata[loads].sum() == pytest.approx(weight, rel=1e-3)
 
 
-def test_a_hull_reaches_as_far_as_its_cylinder() -> None:
+def test_hull_radius_is_that_of_the_cylinder() -> None:
     assert world_builder.build_world().hull_radius == 0.09  # models/ssl_robot.xml

@@ -72,7 +72,7 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
 
 
 @pytest.mark.parametrize("substeps", [1, 3])
-def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
+def test_sensors_lag_by_a_cycle_at_any_time_step(substeps: int) -> None:
     plant = plant_of([noiseless(physics={"substeps": substeps})])
     true, shown = [], []
     for _ in range(6 * plant.cycles_per_frame):
@@ -86,7 +86,7 @@ def test_sensors_are_a_cycle_late_whatever_the_step(substeps: int) -> None:
     assert np.abs(np.diff(true, axis=0)).max() > 1e-3
 
 
-def test_what_is_shared_of_a_world_is_left_as_it_was() -> None:
+def test_plants_do_not_change_the_shared_world() -> None:
     before = copy.copy(world_builder.build_world().model)
     drive(
         plant_of([noiseless(carpet={"friction": 0.3}, physics={"substeps": 2})]),

@@ -41,7 +41,7 @@ def driven() -> Tape:
     return Tape(mujoco([free()] * 3)).drive(ramp(TWISTS, 2.0, 55))
 
 
-def test_each_wheel_slips_by_the_law(driven: Tape) -> None:
+def test_each_wheel_slips_by_the_creep_law(driven: Tape) -> None:
     """s = |v| f / (N C), f being what the motor's torque leaves of hub and rotor."""
     settings, window = free(), slice(16 * 20, 16 * 40)
     inertia = HUB_INERTIA + settings.motor.rotor_inertia_kg_m2 * settings.motor.gear_ratio**2
@@ -60,7 +60,7 @@ def test_each_wheel_slips_by_the_law(driven: Tape) -> None:
     assert np.abs(measured - expected).max() < 0.05
 
 
-def test_speeds_are_those_of_the_laws_own_differential_equation(driven: Tape) -> None:
+def test_speeds_solve_the_differential_equation_of_the_law(driven: Tape) -> None:
     """Hubs, rims and body in one equation, solved by scipy, with the torques of the motors."""
     start, end = 16 * 5, 16 * 35
     settings = free()

@@ -80,7 +80,7 @@ def rolling() -> NDArray:
 
 
 @pytest.mark.parametrize("name", DRAGS)
-def test_a_robot_rolls_out_as_its_drags_say(name: str, rolling: NDArray) -> None:
+def test_coasting_follows_the_drag_coefficients(name: str, rolling: NDArray) -> None:
     tape = rolled_out([settings(*DRAGS[name])])
     law = [expected(name, row, tape) for row in range(len(DIRECTIONS))]
     # The closed form shares the weight equally, of which braking shifts a tenth: 2 %, and as much

@@ -17,7 +17,7 @@ WHEELS = ("rollers", "two-rollers")
 
 
 @pytest.mark.parametrize("wheels", WHEELS)
-def test_robots_that_do_not_meet_have_the_paths_they_have_alone(wheels: str) -> None:
+def test_robots_without_contact_move_like_single_robots(wheels: str) -> None:
     """Equal to rounding: the solver's tolerance depends on all degrees of freedom.
 
     A bit is enough to change an encoder's count in time, and through it the path: after a second

@@ -89,7 +89,7 @@ CASES: list[tuple[tuple[float, ...], dict[str, Any]]] = [
 
 
 @pytest.mark.parametrize(("azimuths", "changes"), CASES)
-def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
+def test_a_handwritten_model_drives_like_the_robot_with_its_numbers(
     write: Write, azimuths: tuple[float, ...], changes: dict[str, Any]
 ) -> None:
     """Its numbers are those that were written; the same as a robot's file gives the same path.
@@ -119,7 +119,7 @@ def test_a_model_by_hand_drives_as_the_robot_of_its_numbers(
     )
 
 
-def test_all_rollers_and_rollers_off_the_bottom_drive_as_well(write: Write) -> None:
+def test_both_wheel_models_accept_a_custom_robot(write: Write) -> None:
     """A wheel turned by a third of a pitch is the same, except when it hops: 2 mm, 2 mrad."""
     text = written(THREE, rollers=15)
     plain = write(text)
@@ -129,7 +129,7 @@ def test_all_rollers_and_rollers_off_the_bottom_drive_as_well(write: Write) -> N
         assert np.abs(path(model=turned, wheels={"model": model}) - expected).max() < 2e-3
 
 
-def test_a_motor_that_drives_no_wheel_is_left_alone(write: Write) -> None:
+def test_motors_without_a_wheel_are_ignored(write: Write) -> None:
     """A dribbler is a motor as well."""
     dribbler = (
         '<body name="d" pos="0.07 0 0.03"><joint name="d" axis="0 1 0"/>'
@@ -139,7 +139,7 @@ def test_a_motor_that_drives_no_wheel_is_left_alone(write: Write) -> None:
     assert np.abs(path(model=write(text)) - path(model=write(written(FOUR)))).max() < 2e-3
 
 
-def test_several_share_a_world_and_meet(write: Write) -> None:
+def test_custom_robots_share_a_world_and_collide(write: Write) -> None:
     """Each with its own parts; what they meet with must be said."""
     places = {"start_poses": [[0, 0, 0], [0, 1, 0]]}
     with pytest.raises(om.OmniError, match=r"no hull; .* class 'hull'"):

@@ -52,7 +52,7 @@ LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
 ]  # fmt: skip
 
 
-def test_what_a_model_lacks_is_named_with_its_file(tmp_path: Path) -> None:
+def test_missing_parts_of_a_model_are_named_with_its_file(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
     for says, lines, edits in LACKS:
         text = TEXT
@@ -70,7 +70,7 @@ def test_what_a_model_lacks_is_named_with_its_file(tmp_path: Path) -> None:
         )
 
 
-def test_what_is_given_beside_it_must_not_contradict_it(tmp_path: Path) -> None:
+def test_settings_must_not_contradict_the_model(tmp_path: Path) -> None:
     """All at once; a robot's file is another matter, whose differences are told."""
     file = tmp_path / "mine.xml"
     file.write_text(TEXT)
@@ -93,7 +93,7 @@ def test_what_is_given_beside_it_must_not_contradict_it(tmp_path: Path) -> None:
         om.Simulation(again, ["flc"])
 
 
-def test_the_command_line_takes_it_and_tells(
+def test_the_command_line_accepts_a_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -128,7 +128,7 @@ def test_the_command_line_takes_it_and_tells(
     assert "rollers = 15" in text
 
 
-def test_a_robots_file_may_name_it_and_leave_out_what_it_says(tmp_path: Path) -> None:
+def test_a_robot_file_may_name_a_model_and_omit_its_numbers(tmp_path: Path) -> None:
     """The model is relative to the robot's file; `om.load_robot` shows what follows from both."""
     (tmp_path / "mine.xml").write_text(TEXT)
     ours = tomllib.loads((Path(om.__file__).parent / "robots" / "tigers-v2016.toml").read_text())

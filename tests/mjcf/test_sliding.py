@@ -69,7 +69,7 @@ def test_traction_over_load_is_the_friction() -> None:
     assert ratio == pytest.approx(frictions, rel=0.02)
 
 
-def test_the_bearings_share_is_taken_from_the_friction_circle() -> None:
+def test_bearing_friction_uses_part_of_the_friction_circle() -> None:
     """A pull of b N on roller bearings along the axle leaves sqrt(mu^2 - b^2) N for the rim."""
     friction, bearings = 0.5, np.array([0.2, 0.35])
     tape = Tape(mujoco([free(friction, b) for b in bearings])).drive(constant(3.6 * FORWARD, 14, 2))
@@ -132,7 +132,7 @@ def stands(height: float, friction: float) -> bool:
 
 
 @pytest.mark.parametrize("friction", [0.8, 1.0])
-def test_a_robot_topples_where_statics_says(friction: float) -> None:
+def test_robots_topple_where_statics_predicts(friction: float) -> None:
     """It tips over its front wheels if a h > g x, with a = mu g times their forward fraction."""
     height = CONTACTS[0, 0] / (friction * abs(TANGENTS[0, 0]))
     # 5 % for what is left of the overshoot, and 3 % for the time that falling takes.

@@ -20,7 +20,7 @@ def test_its_geometry_is_that_of_its_settings() -> None:
 
 
 @pytest.mark.parametrize("wheels", ["rollers", "two-rollers"])
-def test_it_drives_where_its_kinematics_say(wheels: str) -> None:
+def test_it_moves_as_its_kinematics_predict(wheels: str) -> None:
     """Forward, sideways and turning: the body twist is that of creeping wheels, as commanded."""
     # A carpet and rollers without drag, so that at a constant speed there is nothing to creep for.
     free = {"carpet": {"rolling_resistance": 0.0}, "drivetrain": {"roller_friction": 0.0}}

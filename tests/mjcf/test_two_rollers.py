@@ -35,7 +35,7 @@ def inertia(world: world_builder.World, turned: float) -> Array:
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.1, 0.3])
-def test_robots_with_either_wheel_weigh_and_turn_the_same(turned: float) -> None:
+def test_both_wheel_models_have_the_same_inertia(turned: float) -> None:
     worlds = [world_builder.build_world(each) for each in EITHER]
     assert [world.model.nv for world in worlds] == [78, 22]
     assert [world.model.npair for world in worlds] == [64, 8]
@@ -70,7 +70,7 @@ def rms(values: NDArray) -> NDArray:
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.5], ids=["rect", "rect-spin"])
-def test_a_rectangle_is_driven_alike(turn: float) -> None:
+def test_both_wheel_models_drive_the_same_rectangle(turn: float) -> None:
     """Feedback of true poses: paths differ by less than 0.3 mm rms, slips by less than a tenth."""
     corners = np.array(
         [[0, 0, 0], [0.4, 0, turn], [0.4, 0.3, 2 * turn], [0, 0.3, 3 * turn], [0, 0, 4 * turn]]
@@ -97,7 +97,7 @@ def test_a_rectangle_is_driven_alike(turn: float) -> None:
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.8])
-def test_sliding_robots_go_the_same_way(friction: float) -> None:
+def test_both_wheel_models_slide_alike(friction: float) -> None:
     """TeamModel to be at 3 m/s at once; within 1 % of the way."""
     commands = constant([[3.0, 0, 0], [0, 3.0, 0], [-2.1, 2.1, 0]], 30, 3)
     poses = [
@@ -111,7 +111,7 @@ def test_sliding_robots_go_the_same_way(friction: float) -> None:
     assert (np.linalg.norm(poses[1] - poses[0], axis=2).max(0) < 0.01 * way).all()
 
 
-def test_the_encoder_knows_nothing_of_the_hand_over() -> None:
+def test_wrapping_rollers_does_not_change_the_encoder() -> None:
     """The hub angle is the integral of its speed in each step, over many wraps, both directions."""
     plant = plant_of([noiseless(wheels=FAST)] * 2)
     start = plant.telemetry().wheel_angle

@@ -46,7 +46,7 @@ def test_noise_is_white_normal_and_independent_per_axis() -> None:
     assert np.abs(np.corrcoef(noise.T)[np.triu_indices(3, 1)]).max() < bound
 
 
-def test_gaps_begin_as_often_and_last_as_long_as_set() -> None:
+def test_missed_detections_have_their_probability_and_length() -> None:
     """A gap begins wherever a camera of single misses misses; the first frame is always seen."""
     lengths, probability = [1, 2, 10, 600], 0.02
     own = [{"miss_probability": probability, "miss_frames": length} for length in lengths]
@@ -59,7 +59,7 @@ def test_gaps_begin_as_often_and_last_as_long_as_set() -> None:
     assert seen[0].all()
 
 
-def test_a_robot_is_seen_the_same_in_any_batch_and_however_long() -> None:
+def test_measurements_do_not_depend_on_the_batch_or_the_duration() -> None:
     """Noise depends on the row's own seed; misses, rates and delays of others do not matter."""
     own = [
         {"rate_hz": rate, "delay_s": delay}
@@ -76,7 +76,7 @@ def test_a_robot_is_seen_the_same_in_any_batch_and_however_long() -> None:
 
 
 @given(st.floats(-10, 10), st.floats(-10, 10), st.floats(-100, 100))
-def test_a_sharp_camera_shows_the_pose_with_its_heading_wrapped(
+def test_without_noise_measured_is_the_pose_with_wrapped_heading(
     x: float, y: float, heading: float
 ) -> None:
     seen, _ = watch(np.array([[[x, y, heading]]]), **SHARP)
@@ -85,7 +85,7 @@ def test_a_sharp_camera_shows_the_pose_with_its_heading_wrapped(
 
 
 @given(st.floats(10, 300), st.floats(0, 0.2), st.floats(0, 0.1))
-def test_an_image_shows_where_the_robot_was_at_its_age(
+def test_images_show_the_pose_at_their_capture_time(
     rate: float, delay: float, jitter: float
 ) -> None:
     """Of a straight motion, so that poses between frames are exact; what is not seen has no age."""
@@ -107,16 +107,14 @@ def test_an_image_shows_where_the_robot_was_at_its_age(
     ],
     ids=str,
 )
-def test_images_arrive_as_often_as_rate_and_losses_say(
-    vision: dict[str, float], share: float
-) -> None:
+def test_images_arrive_at_the_rate_minus_losses(vision: dict[str, float], share: float) -> None:
     seen, _ = watch(moving(2000), **SHARP, **vision)
     assert np.isfinite(seen[..., 0]).mean() == pytest.approx(
         share, abs=SIGMAS * np.sqrt(0.25 / 2000)
     )
 
 
-def test_jitter_delays_up_to_as_much_as_set_and_no_older_image_follows_a_newer_one() -> None:
+def test_jitter_is_bounded_and_images_arrive_in_order() -> None:
     for vision, faults in (
         ({"jitter_s": 3 * FRAME_S}, []),
         ({}, [fault("vision-jitter", jitter_s=3 * FRAME_S)]),
@@ -133,7 +131,7 @@ def test_jitter_delays_up_to_as_much_as_set_and_no_older_image_follows_a_newer_o
 @pytest.mark.parametrize(
     "vision", [{"rate_hz": 58.8, "delay_s": 0.016}, {"delay_s": 0.05}], ids=str
 )
-def test_late_images_of_a_robot_that_does_as_told_are_as_good_as_any(
+def test_delayed_images_of_a_nominal_robot_lose_nothing(
     vision: dict[str, float],
 ) -> None:
     """Without noise or disturbances, the measured pose is the true pose."""
@@ -160,7 +158,7 @@ def shown(*robots: list[dict[str, Any]], frames: int = 80, **vision: Any) -> NDA
     return seen + age[..., None] * TWIST
 
 
-def test_a_camera_that_is_out_sees_nothing_then_and_all_else_as_before() -> None:
+def test_lost_vision_returns_nan_and_changes_no_other_noise() -> None:
     spans: list[list[dict[str, Any]]] = [[], [(10, 5)], [(40, 0)], [(0, 3), (20, 10), (25, 10)]]
     got = shown(
         *([fault("vision-loss", *span) for span in own] for own in spans), miss_probability=0.1
@@ -171,7 +169,7 @@ def test_a_camera_that_is_out_sees_nothing_then_and_all_else_as_before() -> None
     np.testing.assert_array_equal(got, expected)
 
 
-def test_a_frozen_camera_shows_its_last_image_with_its_noise() -> None:
+def test_frozen_vision_repeats_the_last_image() -> None:
     got = shown(
         [fault("vision-freeze", 20, 15)], [fault("vision-freeze", 0, 5)], position_noise_m=0.01
     )
@@ -180,7 +178,7 @@ def test_a_frozen_camera_shows_its_last_image_with_its_noise() -> None:
     assert (np.diff(got[5:, 1, 0]) != 0).all()
 
 
-def test_biases_add_up_and_happen_as_often_as_set() -> None:
+def test_biases_add_up_and_have_their_probability() -> None:
     """One of half a turn takes front for back."""
     one, other = (
         fault("vision-bias", 5, 40, x_m=0.1, heading_deg=170.0),
@@ -200,14 +198,14 @@ def test_biases_add_up_and_happen_as_often_as_set() -> None:
     np.testing.assert_allclose(some[:, :2], 0, atol=1e-12)
 
 
-def test_another_robot_that_is_taken_for_this_one_is_where_it_stands() -> None:
+def test_a_wrong_id_reports_the_other_robots_pose() -> None:
     got = shown([fault("vision-wrong-id", 10, 20, x_m=1.5, y_m=-0.5, heading_deg=30.0)])[:, 0]
     expected = np.array(moving(80)[:, 0])
     expected[10:30] = 1.5, -0.5, np.radians(30)
     same(got, expected)
 
 
-def test_a_clock_that_loses_has_robots_carried_too_far() -> None:
+def test_a_slow_clock_extrapolates_robots_too_far() -> None:
     """By twist times the time since the fault began times its rate."""
     rate, start, end, frame = 0.05, 12, 60, np.arange(80)
     error = np.where((frame >= start) & (frame < end), rate * (frame - start) * FRAME_S, 0.0)
@@ -215,7 +213,7 @@ def test_a_clock_that_loses_has_robots_carried_too_far() -> None:
     same(got[:, 0], moving(80)[:, 0] + error[:, None] * TWIST)
 
 
-def test_a_latency_that_changes_delays_the_images_from_then_on() -> None:
+def test_vision_delay_delays_later_images() -> None:
     seen, age = watch(moving(80), [[fault("vision-delay", 20, 30, delay_s=4 * FRAME_S)]], **SHARP)
     assert np.isnan(seen[20:24]).all()
     np.testing.assert_allclose(age[24:50], 4 * FRAME_S, atol=1e-12)
@@ -235,7 +233,7 @@ def test_a_latency_that_changes_delays_the_images_from_then_on() -> None:
         ("vision-delay", {"delay_s": 0.06}),
     ],
 )
-def test_a_fault_that_is_over_leaves_the_camera_as_it_was_and_concerns_no_other_row(
+def test_camera_faults_end_without_trace_and_affect_their_row_only(
     kind: str, values: dict[str, Any]
 ) -> None:
     """To the bit, with noise and misses."""

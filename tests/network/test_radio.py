@@ -14,7 +14,7 @@ SIGMAS = 5  # of a statistic's own spread
 
 
 @given(delay=st.integers(0, 20), robots=st.integers(1, 4), frames=st.integers(1, 60))
-def test_delivered_is_what_was_sent_k_d_frames_ago(delay: int, robots: int, frames: int) -> None:
+def test_packets_arrive_after_the_dead_time(delay: int, robots: int, frames: int) -> None:
     """Commands and headings are copies of the sender's; before the first, zero without heading."""
     rng, link = np.random.default_rng(0), radio([{"delay_frames": delay}] * robots)
     commands, headings = rng.normal(size=(frames, robots, 3)), rng.normal(size=(frames, robots))
@@ -53,7 +53,7 @@ delays = st.builds(
 
 
 @given(st.integers(0, 12), st.lists(delays, max_size=3), st.sampled_from([1, 4]))
-def test_packets_take_the_dead_time_of_the_frame_in_which_they_are_sent(
+def test_packets_have_the_dead_time_of_their_sending_frame(
     delay: int, faults: list[dict[str, Any]], ticks: int
 ) -> None:
     """A robot holds the newest of the packets that have arrived."""
@@ -86,7 +86,7 @@ def test_jitter_is_uniform_and_packets_that_are_overtaken_are_dropped(
     assert (np.abs(share - expected) <= SIGMAS * np.sqrt(expected * (1 - expected) / robots)).all()
 
 
-def test_as_many_packets_are_lost_as_set_and_robots_hold_the_one_before() -> None:
+def test_losses_have_their_probability_and_robots_hold_the_last_packet() -> None:
     """Several causes multiply the probabilities that a packet passes."""
     one, two = fault("radio-loss", 100, 4000, probability=0.3), fault("radio-loss", probability=0.5)
     got = hold([[], [one], [one, two], [fault("radio-loss", 10, 7)]], 4200, loss_probability=0.2)
@@ -99,9 +99,7 @@ def test_as_many_packets_are_lost_as_set_and_robots_hold_the_one_before() -> Non
 
 
 @pytest.mark.parametrize(("length", "share"), [(4.0, 0.2), (12.0, 0.4)])
-def test_bursts_are_as_long_and_as_frequent_as_gilbert_and_elliott_say(
-    length: float, share: float
-) -> None:
+def test_bursts_follow_the_gilbert_elliott_model(length: float, share: float) -> None:
     """Lengths of bursts are geometric with their mean; gaps have the mean that follows."""
     lost = (
         np.diff(
@@ -124,7 +122,7 @@ def test_bursts_are_as_long_and_as_frequent_as_gilbert_and_elliott_say(
 
 
 @given(st.integers(0, 9), st.integers(1, 9), st.integers(0, 30), st.integers(1, 30))
-def test_packets_that_are_late_or_come_again_come_last_in_their_frame(
+def test_late_and_duplicate_packets_arrive_last_in_their_frame(
     delay: int, k: int, start: int, lasts: int
 ) -> None:
     """A robot applies whatever comes last; here all packets of a while do so."""
@@ -153,7 +151,7 @@ def test_packets_that_are_late_or_come_again_come_last_in_their_frame(
         ("radio-delay", {"delay_frames": 7}),
     ],
 )
-def test_a_fault_that_is_over_leaves_the_radio_as_it_was_and_concerns_no_other_row(
+def test_radio_faults_end_without_trace_and_affect_their_row_only(
     kind: str, values: dict[str, Any]
 ) -> None:
     """To the bit, with losses and jitter of the radio's own."""
@@ -166,7 +164,7 @@ def test_a_fault_that_is_over_leaves_the_radio_as_it_was_and_concerns_no_other_r
     assert (met != other).any()
 
 
-def test_packets_to_some_robots_leave_the_others_with_what_they_hold() -> None:
+def test_packets_to_some_robots_do_not_change_the_others() -> None:
     """Two packets in a tick: each robot holds the last one. Skipping ticks equals delivering."""
     link = radio([{"delay_frames": 0}] * 3, ticks_per_frame=16, initial_packet=(0.0, -1.0))
     link.send(np.full((3, 2), 1.0), np.array([0, 1]))
@@ -183,7 +181,7 @@ def test_packets_to_some_robots_leave_the_others_with_what_they_hold() -> None:
     assert age[0] == 201
 
 
-def test_a_longer_dead_time_is_that_of_a_radio_of_which_the_team_believes_the_old_one() -> None:
+def test_a_radio_delay_equals_a_radio_whose_dead_time_is_unknown() -> None:
     """To the last bit."""
     chosen = om.load_scenario(
         "rect", plant="planar", reference={"waypoints": [[0, 0, 0], [0.2, 0, 1.0]], "settle_s": 0.2}
