@@ -54,14 +54,17 @@ MIN_LATENCY_CHANGE, MAX_LATENCY_CHANGE = -9, 6  # from the nominal one
 LOWER_BOUNDS = -1, -1, 0.8, 0.8, 0.8, 0, 0, MIN_LAG_S, 0
 UPPER_BOUNDS = 1, 1, 1.9, 1.9, 1.9, np.inf, 0.2, 0.1, 0.15
 
-# Process noise: accelerations that the model does not explain; the second relative to the modeled.
+# Process noise: unmodeled acceleration, the same relative to the modeled one, and in turning.
 ACCELERATION_M_S2, ACCELERATION_RATIO, TURN_ACCELERATION_RAD_S2 = 0.35, 0.3, 1.5
-NIS_FRAMES, MAX_NIS, MAX_NOISE_SCALE = 10, 50.0, 30.0
+MAX_NOISE_SCALE = 30.0  # of the process noise, for a high mean NIS
+NIS_FRAMES = 10  # time constant of the mean NIS
+MAX_NIS = 50.0  # above it, the robot was carried
 TRUSTED_NIS = 1.5  # mean NIS up to which parameters are learned at the full rate
 EVIDENT_M_S = 0.1  # below it, dry friction may hold a robot and hide its parameters
 STEADY_M_S2 = 2.0  # above it, wheels may slide and hide the gains
 MAX_BRAKING_M_S2 = 9.81
-# A robot is unresponsive if it moves less than this fraction of its commands for a while.
+# A robot is unresponsive if its velocity, averaged over RESPONSE_FRAMES, stays below a fraction
+# MIN_RESPONSE of its commands for SILENT_FRAMES.
 RESPONSE_FRAMES, MIN_RESPONSE, SILENT_FRAMES = 8, 0.4, 5
 JACOBIAN_STEP = 1e-5  # finite differences of states
 
@@ -131,7 +134,7 @@ class RobotEkf:
         return self.state[:, LATENCY]
 
     def update(self, observation: Observation) -> None:
-        """Make the filter steps of a frame, and correct the states by its vision after the last."""
+        """Predict over the filter steps of a frame, then correct the states by its vision."""
         if not self._started:
             self._started = True
             self.state[:] = self.dynamics.prior
@@ -235,24 +238,27 @@ class RobotEkf:
         innovation[~is_visible] = 0.0
         offset = offset[..., None]
         cross_covariance = covariance[:, :, POSE] + offset * covariance[:, :, VELOCITY]
-        expected = cross_covariance[:, POSE] + offset * cross_covariance[:, VELOCITY]
-        inverse = np.linalg.inv(expected + self._vision_covariance)
+        pose_covariance = cross_covariance[:, POSE] + offset * cross_covariance[:, VELOCITY]
+        inverse = np.linalg.inv(pose_covariance + self._vision_covariance)
         nis = (innovation * (inverse @ innovation[..., None])[..., 0]).sum(1) / 3
         kalman_gain = cross_covariance @ inverse * is_visible[:, None, None]
         corrected = state + (kalman_gain @ innovation[..., None])[..., 0]
-        remaining = covariance - kalman_gain @ cross_covariance.swapaxes(1, 2)
+        corrected_covariance = covariance - kalman_gain @ cross_covariance.swapaxes(1, 2)
         distance = np.hypot(innovation[:, 0], innovation[:, 1])
         is_relocated = (nis > MAX_NIS) & (distance > MAX_BRAKING_M_S2 * self.period**2)
         for i in np.flatnonzero(is_relocated):
             # No motion leads there: the robot was carried, or the camera was moved.
-            corrected[i], remaining[i] = state[i], covariance[i]
+            corrected[i], corrected_covariance[i] = state[i], covariance[i]
             corrected[i, :2] += innovation[i, :2]
-            remaining[i, :2], remaining[i, :, :2] = 0.0, 0.0
-            remaining[i, :2, :2] = self._vision_covariance[:2, :2]
-            remaining[i, [3, 4], [3, 4]] += (distance[i] / self.period) ** 2
+            corrected_covariance[i, :2], corrected_covariance[i, :, :2] = 0.0, 0.0
+            corrected_covariance[i, :2, :2] = self._vision_covariance[:2, :2]
+            corrected_covariance[i, [3, 4], [3, 4]] += (distance[i] / self.period) ** 2
         parameters = corrected[:, PARAMETERS]
         corrected[:, PARAMETERS] = np.clip(parameters, self._lower_bounds, self._upper_bounds)
-        self.state, self.covariance = corrected, (remaining + remaining.swapaxes(1, 2)) / 2
+        self.state, self.covariance = (
+            corrected,
+            (corrected_covariance + corrected_covariance.swapaxes(1, 2)) / 2,
+        )
         change = (np.minimum(nis, MAX_NIS) - self.mean_nis) / NIS_FRAMES
         self.mean_nis = np.where(is_visible, self.mean_nis + change, self.mean_nis)
         self._count_silent_frames(command)

@@ -121,9 +121,9 @@ def _plan_timing(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -
     isotropic = curve if tangent else replace(curve, width=limits.acceleration_ratio * curve.width)
     n_cells = _N_CELLS * _round_aspect_ratio(isotropic)
     u = np.linspace(0, 2 * np.pi, n_cells + 1)
-    speed, curvature = _measure(isotropic, u)
-    step = u[1] * (speed[:-1] + speed[1:]) / 2
-    max_squared_speed = (limits.speed * (speed / _measure(curve, u)[0])) ** 2
+    arc_rate, curvature = _measure(isotropic, u)
+    step = u[1] * (arc_rate[:-1] + arc_rate[1:]) / 2
+    max_squared_speed = (limits.speed * (arc_rate / _measure(curve, u)[0])) ** 2
     squared_speed = integrate_speed_profile(
         step,
         np.maximum(np.abs(curvature), _STRAIGHT),
@@ -132,7 +132,7 @@ def _plan_timing(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -
         laps,
         tangent,
     )
-    return _make_timing(squared_speed, speed, u[1], laps)
+    return _make_timing(squared_speed, arc_rate, u[1], laps)
 
 
 def _plan_timing_on_wheels(
@@ -146,40 +146,40 @@ def _plan_timing_on_wheels(
     """Return the fastest timing of the laps that needs a fraction of the wheels' capacity."""
     n_cells = min(_N_PROGRAM_CELLS * _round_aspect_ratio(curve), _N_CELLS)
     u = np.linspace(0, 2 * np.pi, n_cells + 1)
-    speed, curvature = _measure(curve, u)
-    step = u[1] * (speed[:-1] + speed[1:]) / 2
+    arc_rate, curvature = _measure(curve, u)
+    step = u[1] * (arc_rate[:-1] + arc_rate[1:]) / 2
     cell_curvature = (curvature[:-1] + curvature[1:]) / 2
     tangents = _to_complex(curve((u[:-1] + u[1:]) / 2, 1))
     towards = np.ones(n_cells) + 0j if tangent else tangents / np.abs(tangents)
     direction = np.stack([towards.real, towards.imag], axis=1)
     path = ClosedPath(step, direction, cell_curvature, np.diff(curvature) / step, tangent)
     squared_speed = solve_speed_profile_on_wheels(path, limits, wheels, capacity, laps)
-    return _make_timing(squared_speed, speed, u[1], laps)
+    return _make_timing(squared_speed, arc_rate, u[1], laps)
 
 
 def _round_aspect_ratio(curve: Curve) -> int:
     return math.ceil(max(curve.length / curve.width, curve.width / curve.length))
 
 
-def _make_timing(squared_speed: Array, speed: Array, step: float, laps: int) -> PathTiming:
+def _make_timing(squared_speed: Array, arc_rate: Array, step: float, laps: int) -> PathTiming:
     """Return the timing for squared speeds (laps * cells + 1,) at parameters a `step` apart.
 
     Args:
         squared_speed: Squared speeds of the robot, m^2/s^2.
-        speed: Meters per parameter in one lap, (cells + 1,).
+        arc_rate: Arc length per parameter in one lap, (cells + 1,) m.
         step: Difference of parameters between cells.
         laps: Number of laps.
     """
-    all_laps = np.append(np.tile(speed[:-1], laps), speed[0])
+    all_laps = np.append(np.tile(arc_rate[:-1], laps), arc_rate[0])
     return PathTiming.from_rates(step, np.sqrt(squared_speed) / all_laps)
 
 
 def _measure(curve: Curve, u: Array) -> tuple[Array, Array]:
-    """Return the speed in meters per parameter (n,) and the curvature (n,), 1/m, left positive."""
-    # Complex numbers keep the last bit of published results.
-    velocity = _to_complex(curve(u, 1))
-    speed = np.abs(velocity)
-    return speed, (_to_complex(curve(u, 2)) / velocity).imag / speed
+    """Return the arc length per parameter (n,), m, and the curvature (n,), 1/m, left positive."""
+    # Arrays of x and y would round differently than complex numbers, and change results.
+    tangent = _to_complex(curve(u, 1))
+    arc_rate = np.abs(tangent)
+    return arc_rate, (_to_complex(curve(u, 2)) / tangent).imag / arc_rate
 
 
 def _to_complex(points: Array) -> np.ndarray:

@@ -161,7 +161,7 @@ def _plan_timing_on_wheels(
         end: Final pose (3,).
         limits: Limits of velocity and acceleration.
         wheels: Limits of the wheels.
-        capacity: Fraction of the friction and of the rim speed, above that which drag takes.
+        capacity: Fraction of the friction, drag included, and of the rim speed that may be used.
 
     Returns:
         Timing of the progress from 0 to 1.

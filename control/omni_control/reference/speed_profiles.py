@@ -142,7 +142,7 @@ def solve_speed_profile_on_wheels(
         path: The path.
         limits: Limits of velocity and acceleration.
         wheels: Limits of the wheels.
-        capacity: Fraction of the friction and of the rim speed to use, above that which drag takes.
+        capacity: Fraction of the friction, drag included, and of the rim speed that may be used.
         laps: Number of laps.
 
     Returns:
@@ -159,12 +159,14 @@ def solve_speed_profile_on_wheels(
     per_z = rows @ [-path.curvature * y, path.curvature * x, turning] / 2
     solved_laps, n_cells = min(laps, _N_SOLVED_LAPS), len(path.step)
     n = solved_laps * n_cells
-    at_start, at_end = (
-        np.tile(per_z - per_slope, solved_laps),
-        np.tile(per_z + per_slope, solved_laps),
+    # Each constraint couples the z at both ends of a cell.
+    at_start, at_end = np.tile([per_z - per_slope, per_z + per_slope], solved_laps)
+    matrix = vstack(
+        [
+            diags_array(ends, offsets=(0, 1), shape=(n, n + 1))
+            for ends in zip(at_start, at_end, strict=True)
+        ]
     )
-    diagonals = zip(at_start, at_end, strict=True)
-    matrix = vstack([diags_array(pair, offsets=(0, 1), shape=(n, n + 1)) for pair in diagonals])
     max_z = np.tile(max_z, solved_laps)
     max_z = np.concatenate([[0], np.minimum(max_z[:-1], max_z[1:]), [0]])
     z_range = np.stack([0 * max_z, max_z], axis=1)
