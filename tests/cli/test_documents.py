@@ -50,7 +50,7 @@ TEXTS = {
     if "runs" not in path.parts
 }
 ALL_DATA = "".join(path.read_text(encoding="utf-8") for path in DATA.glob("*.csv"))
-SETTINGS = {setting.full for setting in list_settings()}
+SETTINGS = {setting.full_name for setting in list_settings()}
 
 
 @pytest.mark.pages
