@@ -1,11 +1,11 @@
-"""Does the adaptive controller do harm anywhere? Drive it and comp-flc in scenarios drawn at random.
+"""Compare the adaptive controller with others in random scenarios, to find where it is worse.
 
-    python tests/bench_drawn.py [--scenarios 100] [--seed 0] [--seeds 4] [--plant mujoco] [--out
-    FOLDER]
+    python tests/bench_drawn.py [--scenarios 100] [--seed 0] [--seeds 4] [--plant mujoco]
+                                [--out FOLDER]
 
-A scenario has a robot of the catalogue, a route, friction, dead time and an error of the dead time, noise, and some
-have a weak wheel, a biased gyro, or pushes. References ask for 70 to 85 % of the friction, in one scenario of five for
-100 to 120 %. `om.compare` drives them and tests the differences; --out stores its results.
+A scenario has a built-in robot, a route, friction, noise, dead time and an error of the assumed
+dead time. Some have a weak wheel, a biased gyro, or pushes. References use 70 to 85 % of the
+friction, in one scenario of five 100 to 120 %. `om.compare` runs them and tests the differences.
 """
 
 import argparse
@@ -23,17 +23,21 @@ from omni_mj.results.result_tables import Table, format_table
 SUBJECT = "adaptive-comp-flc"
 CONTROLLERS = (SUBJECT, "comp-flc", "comp-flc-lag")
 ROUTES = ("league", "league-smooth", "figure-eight", "circle", "sprint", "rect-spin")
-BEYOND, TRAITS = 0.2, {"weak": 0.3, "biased": 0.3, "pushed": 0.3}  # shares of scenarios
+BEYOND_FRICTION, TRAITS = 0.2, {"weak": 0.3, "biased": 0.3, "pushed": 0.3}  # shares of scenarios
 HEADING_DEG = 3.0  # limit of heading errors where traction allows it
-SLIDES = 0.01  # share of frames in which wheels slide, up to which they hold
+MAX_SLIDING = 0.01  # fraction of frames in which the wheels of a holding robot may slide
 
 
-def drawn(seed: int, number: int, plant: str) -> om.Scenario:
-    """Return a scenario of a study."""
+def draw_scenario(seed: int, number: int, plant: str) -> om.Scenario:
+    """Return a random scenario."""
     rng = np.random.default_rng([seed, number])
     robot, friction = str(rng.choice(list(robots()))), rng.uniform(0.45, 0.95)
     base, reference = _route(rng)
-    beyond, delay, noise = rng.random() < BEYOND, int(rng.integers(2, 11)), rng.uniform(1, 3)
+    beyond, delay, noise = (
+        rng.random() < BEYOND_FRICTION,
+        int(rng.integers(2, 11)),
+        rng.uniform(1, 3),
+    )
     reference |= {
         "max_speed_m_s": rng.uniform(0.8, 3.0),
         "max_acceleration_m_s2": rng.uniform(2.0, 5.0) if beyond else rng.uniform(0.5, 3.0),
@@ -55,7 +59,7 @@ def drawn(seed: int, number: int, plant: str) -> om.Scenario:
         plant=plant,
         robot=robot,
         name=f"drawn-{seed}-{number}",
-        description=", ".join([base, *(trait for trait, there in has.items() if there)]),
+        description=", ".join([base, *(trait for trait, is_present in has.items() if is_present)]),
         reference=reference,
         world={"start_poses": [[0.0, 0.0, rng.uniform(-pi, pi)]]},
         carpet={"friction": friction},
@@ -68,7 +72,7 @@ def drawn(seed: int, number: int, plant: str) -> om.Scenario:
 
 
 def _route(rng: np.random.Generator) -> tuple[str, dict[str, Any]]:
-    """Return a scenario of the package, and the reference that replaces its route."""
+    """Return a built-in scenario, and the reference that replaces its route."""
     kind = rng.integers(3)
     if kind == 0:
         return str(rng.choice(ROUTES)), {}
@@ -86,38 +90,38 @@ def _route(rng: np.random.Generator) -> tuple[str, dict[str, Any]]:
 
 
 def _push(rng: np.random.Generator) -> dict[str, Any]:
-    """Return a push as strong as a crash that the rules allow, or weaker (`fault-push`)."""
-    lasts, bearing = rng.uniform(0.05, 0.3), rng.uniform(-180, 180)
-    push = {"kind": "push", "start_s": rng.uniform(0.5, 5), "duration_s": lasts}
-    return push | {"force_n": min(rng.uniform(0.5, 2) / lasts, 20.0), "direction_deg": bearing}
+    """Return a push up to the strongest crash that the rules allow (`fault-push`)."""
+    duration, direction = rng.uniform(0.05, 0.3), rng.uniform(-180, 180)
+    push = {"kind": "push", "start_s": rng.uniform(0.5, 5), "duration_s": duration}
+    return push | {"force_n": min(rng.uniform(0.5, 2) / duration, 20.0), "direction_deg": direction}
 
 
-def ahead(entries: dict[str, Any]) -> Iterator[list[str]]:
-    """Yield how often the subject is ahead of each rival, by each statistic."""
-    for rival in CONTROLLERS[1:]:
+def compare_errors(entries: dict[str, Any]) -> Iterator[list[str]]:
+    """Yield how often the subject has less error than each baseline, by statistic."""
+    for baseline in CONTROLLERS[1:]:
         for statistic in ("max", "mean"):
             pairs = [
-                entry["verdict"]["errors"][statistic]["against"][rival]
+                entry["verdict"]["errors"][statistic]["against"][baseline]
                 for entry in entries.values()
             ]
             ratio = np.array([np.inf if pair["ratio"] is None else pair["ratio"] for pair in pairs])
-            sure = np.array([bool(pair["significant"]) for pair in pairs])
+            is_significant = np.array([bool(pair["significant"]) for pair in pairs])
             counts = [
-                (side & certain).sum()
+                (side & subset).sum()
                 for side in (ratio < 1, ratio >= 1)
-                for certain in (True, sure)
+                for subset in (True, is_significant)
             ]
             quantiles = np.quantile(ratio, [0, 0.5, 0.9, 1], method="higher")
-            yield [f"{rival}, {statistic}", *map(str, counts), *(f"{x:.2f}" for x in quantiles)]
+            yield [f"{baseline}, {statistic}", *map(str, counts), *(f"{x:.2f}" for x in quantiles)]
 
 
-def headings(entries: dict[str, Any]) -> Iterator[list[str]]:
-    """Yield heading errors by whether wheels can follow the reference, and whether the subject's hold."""
-    parts = dict[str, list[list[float]]]()
+def compare_headings(entries: dict[str, Any]) -> Iterator[list[str]]:
+    """Yield heading errors, grouped by whether the reference or the subject exceeds friction."""
+    groups = dict[str, list[list[float]]]()
     for entry in entries.values():
         results = entry["results"]
-        slides = results[SUBJECT]["saturation"]["sliding_fraction"]["max"] > SLIDES
-        part = (
+        slides = results[SUBJECT]["saturation"]["sliding_fraction"]["max"] > MAX_SLIDING
+        group = (
             "beyond friction"
             if "beyond" in entry["description"]
             else f"wheels {'slide' if slides else 'hold'}"
@@ -126,10 +130,14 @@ def headings(entries: dict[str, Any]) -> Iterator[list[str]]:
             np.degrees(results[label]["error_rad"]["heading"]["max"]["max"])
             for label in CONTROLLERS
         ]
-        parts.setdefault(part, []).append(worst)
-    for part, rows in sorted(parts.items()):
-        off, medians = (np.array(rows) > HEADING_DEG).sum(0), np.median(rows, axis=0)
-        yield [part, str(len(rows)), *(f"{n}, {x:.1f}" for n, x in zip(off, medians, strict=True))]
+        groups.setdefault(group, []).append(worst)
+    for group, rows in sorted(groups.items()):
+        n_large, medians = (np.array(rows) > HEADING_DEG).sum(0), np.median(rows, axis=0)
+        yield [
+            group,
+            str(len(rows)),
+            *(f"{n}, {x:.1f}" for n, x in zip(n_large, medians, strict=True)),
+        ]
 
 
 def main() -> None:
@@ -141,7 +149,9 @@ def main() -> None:
     parser.add_argument("--plant", choices=["mujoco", "planar"], default="mujoco")
     parser.add_argument("--out", type=Path, help="Where results are stored. [nowhere]")
     options = parser.parse_args()
-    scenarios = [drawn(options.seed, number, options.plant) for number in range(options.scenarios)]
+    scenarios = [
+        draw_scenario(options.seed, number, options.plant) for number in range(options.scenarios)
+    ]
     result = om.compare(scenarios, CONTROLLERS, options.seeds, subject=SUBJECT)
     if options.out:
         result.save(options.out)
@@ -159,11 +169,20 @@ def main() -> None:
     ]
     print(
         format_table(
-            Table(f"{SUBJECT}, means over seeds, over those of", columns, list(ahead(entries)), 1)
+            Table(
+                f"{SUBJECT}, means over seeds, over those of",
+                columns,
+                list(compare_errors(entries)),
+                1,
+            )
         )
     )
     title = f"headings beyond {HEADING_DEG:g} degrees in a seed, and median of the greatest"
-    print(format_table(Table(title, ["", "scenarios", *CONTROLLERS], list(headings(entries)), 1)))
+    print(
+        format_table(
+            Table(title, ["", "scenarios", *CONTROLLERS], list(compare_headings(entries)), 1)
+        )
+    )
 
 
 if __name__ == "__main__":

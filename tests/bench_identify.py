@@ -3,13 +3,14 @@
     python tests/bench_identify.py coverage [--logs 100] [--folder DIR]
     python tests/bench_identify.py measured FOLDER
 
-`coverage` counts how often 95 % intervals hold the truth. Each log draws a robot from one of `ROBOTS`, with its own
-creep, drag, loop gain and latency, and drives half of the moves of the scenario identify (20 s). The robot's file
-that the log is identified from differs in creep, drag, mass and latency; its radius is as accurate as the program
-assumes. Drives in --folder are reused.
+`coverage` counts how often 95 % intervals contain the true value. Each log has a robot of `ROBOTS`
+with random creep, drag, loop gain and latency, and half of the moves of the scenario identify
+(20 s). The start robot's file differs in creep, drag, mass and latency; its radius is as accurate
+as the program assumes. Logs in --folder are reused.
 
-`measured` identifies the robot omni3 of sousarbarb/optiodom (MIT; R. B. Sousa et al., J. Intell. Robot. Syst. 105, 39,
-2022). The rows of its CSV files are time, true pose (m, m, rad) and encoder counts of three wheels.
+`measured` identifies the robot omni3 of sousarbarb/optiodom (MIT; R. B. Sousa et al., J. Intell.
+Robot. Syst. 105, 39, 2022). The rows of its CSV files are time, true pose (m, m, rad) and encoder
+counts of three wheels.
 """
 
 import argparse
@@ -63,7 +64,7 @@ COLUMNS = {  # number -> unit in the table
 
 
 def write_robot(path: Path, robot: str, changes: Mapping[tuple[str, str], object]) -> str:
-    """Write a robot's file with other numbers and return its path."""
+    """Write a robot's file with other values and return its path."""
     values = {place: f"{value} # a guess" for place, value in changes.items()}
     path.write_text(
         robot_file_writer.apply_changes(
@@ -75,7 +76,7 @@ def write_robot(path: Path, robot: str, changes: Mapping[tuple[str, str], object
 
 
 def draw_robot(base: Settings, number: int) -> Settings:
-    """Return the settings of the robot that drives log `number`, with its moves."""
+    """Return random settings for log `number`, with its moves."""
     rng = np.random.default_rng([number, 0])
     creep, rollers, pile, gain = np.exp(rng.uniform(-0.35, 0.35, 4))
     moves = np.array(base.reference.waypoints[1::2]).reshape(
@@ -125,11 +126,11 @@ def write_start_file(settings: Settings, robot: str, number: int, folder: Path) 
 
 
 def true_numbers(settings: Settings) -> dict[str, float]:
-    """Return the plant's numbers by the names of estimates.
+    """Return the plant's parameters by the names of estimates.
 
     The plant's integrator is semi-implicit: bodies are half a step ahead of their forces.
     """
-    law, half_step = compute_creep_law(settings), 0.5 / CYCLE_RATE_HZ / settings.physics.substeps
+    slip, half_step = compute_creep_law(settings), 0.5 / CYCLE_RATE_HZ / settings.physics.substeps
     numbers = {
         "wheels.creep_stiffness": settings.drivetrain.creep_stiffness,
         "wheels.rolling_resistance": settings.carpet.rolling_resistance,
@@ -142,41 +143,38 @@ def true_numbers(settings: Settings) -> dict[str, float]:
         ("wheels.clock_offset_s", "wheels.slope_x_rad", "wheels.slope_y_rad"), 0.0
     )
     for i, axis in enumerate(("forward", "sideways")):
-        numbers[f"wheels.gain_{axis}"] = ROLLING_RADIUS * float(law.gain[i])
-        numbers[f"wheels.creep_{axis}_s2_m"] = float(law.time[i])
-        numbers[f"wheels.drag_{axis}_m_s2"] = float(law.drag[i]) / settings.body.mass_kg
+        numbers[f"wheels.gain_{axis}"] = ROLLING_RADIUS * float(slip.gain[i])
+        numbers[f"wheels.creep_{axis}_s2_m"] = float(slip.time[i])
+        numbers[f"wheels.drag_{axis}_m_s2"] = float(slip.drag[i]) / settings.body.mass_kg
     return numbers
 
 
 def identify_drawn(
     robot: str, numbers: range, folder: Path
 ) -> list[tuple[IdentificationResult, dict[str, float]]]:
-    """Drive logs of a robot in one batch, unless the folder has them, and identify each."""
+    """Identify random robots from logs that are driven in one batch, unless the folder has them."""
     base = load_scenario("identify", robot=robot)
     base = base.replace(settings=base.settings.replace(wheels={"model": "two-rollers"}))
     settings = [draw_robot(base.settings, number) for number in numbers]
-    drives = folder / f"{robot}-{numbers}"
-    if not (drives / "trajectory.parquet").exists():
+    run_folder = folder / f"{robot}-{numbers}"
+    if not (run_folder / "trajectory.parquet").exists():
         rows = [
-            Row(i, 0, base.controllers[0], number, drawn, robot)
-            for i, (number, drawn) in enumerate(zip(numbers, settings, strict=True))
+            Row(i, 0, base.controllers[0], number, settings_i, robot)
+            for i, (number, settings_i) in enumerate(zip(numbers, settings, strict=True))
         ]
         simulation = Simulation(base, rows=rows)
-        run_scenario.build_result(simulation, run_simulation(simulation)).save(drives)
-    logs = read_logs(drives / "trajectory.parquet")
-    return [
-        (
-            identify_logs(
-                [log], load_scenario("rect", robot=write_start_file(drawn, robot, number, folder))
-            ),
-            true_numbers(drawn),
-        )
-        for number, log, drawn in zip(numbers, logs, settings, strict=True)
-    ]
+        run_scenario.build_result(simulation, run_simulation(simulation)).save(run_folder)
+    logs = read_logs(run_folder / "trajectory.parquet")
+    results = []
+    for number, log, settings_i in zip(numbers, logs, settings, strict=True):
+        start_file = write_start_file(settings_i, robot, number, folder)
+        result = identify_logs([log], load_scenario("rect", robot=start_file))
+        results.append((result, true_numbers(settings_i)))
+    return results
 
 
 def coverage(logs: int, folder: Path) -> Table:
-    """Return relative errors of each number and the share of intervals that hold the truth.
+    """Return relative errors of each parameter and the fraction of intervals with the true value.
 
     "error / std." is the root mean square of errors over standard errors, which should be 1.
     """
@@ -190,7 +188,9 @@ def coverage(logs: int, folder: Path) -> Table:
     rows = []
     for name in results[0][1]:
         estimates = [
-            (told(result)[name], truth[name]) for result, truth in results if name in told(result)
+            (identified_estimates(result)[name], truth[name])
+            for result, truth in results
+            if name in identified_estimates(result)
         ]
         if estimates:
             value, error, low, high, truth = np.array(
@@ -204,17 +204,17 @@ def coverage(logs: int, folder: Path) -> Table:
                 (error / unit).mean(),
                 np.sqrt((ratio**2).mean()),
             )
-            held = f"{100 * np.mean((low <= truth) & (truth <= high)):.0f} %"
-            rows.append([name, *(f"{x:.2g}" for x in figures), held, str(len(estimates))])
+            within = f"{100 * np.mean((low <= truth) & (truth <= high)):.0f} %"
+            rows.append([name, *(f"{x:.2g}" for x in figures), within, str(len(estimates))])
     misfits = sum(bool(result.misfits) for result, _ in results)
-    headings = ["", "mean error", "spread", "std. error", "error / std.", "hold the truth", "told"]
+    headings = ["", "mean error", "spread", "std. error", "error / std.", "coverage", "identified"]
     return Table(
         f"{logs} logs, {misfits} misfits; over the truth where that is not 0", headings, rows, 1
     )
 
 
 def measured(runs: Path, folder: Path) -> Table:
-    """Return what each run of omni3 tells."""
+    """Return the estimates of each run of omni3."""
     robot = write_robot(folder / "omni3.toml", robot_files.DEFAULT_ROBOT, OMNI3)
     rows = []
     for path in sorted(runs.glob("*_run-*.csv")):
@@ -230,17 +230,26 @@ def measured(runs: Path, folder: Path) -> Table:
             rows.append([path.stem, str(error), *[""] * len(COLUMNS)])
             continue
         cells = [
-            format_estimate(told(result).get(f"wheels.{name}"), unit)
+            format_estimate(identified_estimates(result).get(f"wheels.{name}"), unit)
             for name, unit in COLUMNS.items()
         ]
-        lasting = result.fits["wheels"].residuals["positions"].persistent
-        rows.append([path.stem, *cells, f"{1e3 * lasting:.2g}"])
-    headings = ["run", "wheel, mm", "K fwd", "K side", "arm, mm", "later, ms", "creep", "lasts, mm"]
+        persistent = result.fits["wheels"].residuals["positions"].persistent
+        rows.append([path.stem, *cells, f"{1e3 * persistent:.2g}"])
+    headings = [
+        "run",
+        "wheel, mm",
+        "K fwd",
+        "K side",
+        "arm, mm",
+        "clock, ms",
+        "creep",
+        "persistent, mm",
+    ]
     return Table("omni3, by wheels and true poses; K times 102 mm", headings, rows, 1)
 
 
-def told(result: IdentificationResult) -> dict[str, Estimate]:
-    """Return the estimates that the data tell, by name."""
+def identified_estimates(result: IdentificationResult) -> dict[str, Estimate]:
+    """Return the estimates that the data identify, by name."""
     return {name: estimate for name, estimate in result.estimates.items() if estimate.is_identified}
 
 

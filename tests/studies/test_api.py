@@ -1,4 +1,4 @@
-"""The Python API as it is printed."""
+"""Test the public Python interface."""
 
 import importlib
 import subprocess
@@ -11,28 +11,33 @@ import pytest
 
 import omni_mj as om
 
-PRINTED = """
+EXAMPLE = """
 import omni_mj as om
 
 class Mine(om.Controller):
-    def command(self, frame, observation):             # observation.pose, observation.twist, ...: arrays over rows
+    def command(self, frame, observation):  # observation.pose, observation.twist: arrays over rows
         target, speed = self.reference.at(frame, observation.pose)
         return speed + 3.0 * (target - observation.pose)
 
-rect = om.load_scenario("rect", plant="kinematic", radio={"delay_frames": 9})   # raises om.OmniError, all errors at once
+rect = om.load_scenario("rect", plant="kinematic", radio={"delay_frames": 9})
 result = om.run(rect, ["comp-flc", Mine], seeds=range(5))
-print(result.table()); result.save("runs/mine"); result.frames()     # an Arrow table
-sim = om.Simulation(rect, ["comp-flc"]); sim.reset(seed=0); sim.observe(); sim.step()
+print(result.table())
+result.save("runs/mine")
+result.frames()  # an Arrow table
+sim = om.Simulation(rect, ["comp-flc"])
+sim.reset(seed=0)
+sim.observe()
+sim.step()
 """
 
 
 def test_documented_example_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """And are a user's own law: of Mine the command wanted is kept to, the controllers share the seeds' noise."""
+    """Controllers share the noise of a seed."""
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {"__name__": "printed"}
-    exec(PRINTED, names)
+    exec(EXAMPLE, names)
     printed = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in printed[2:]] == ["comp-flc", "Mine"]
     result, sim = names["result"], names["sim"]
@@ -42,13 +47,13 @@ def test_documented_example_runs(
     frames = result.frames().to_pydict()
     assert set(frames["controller"]) == {"comp-flc", "Mine"}
     assert set(frames["seed"]) == set(range(5))
-    seen = np.array(frames["vision_x_m"]) - np.array(frames["x_m"])
-    half = len(seen) // 2
-    np.testing.assert_allclose(seen[:half], seen[half:], atol=1e-12)
+    vision_error = np.array(frames["vision_x_m"]) - np.array(frames["x_m"])
+    half = len(vision_error) // 2
+    np.testing.assert_allclose(vision_error[:half], vision_error[half:], atol=1e-12)
 
 
 def test_public_names_are_not_replaced_by_modules() -> None:
-    """Whatever submodule is imported; and what is not there is said as of any module."""
+    """Importing submodules replaces no public name; unknown names raise AttributeError."""
     assert len(dir(om)) <= 17
     for module in (
         "omni_mj.run",
@@ -82,7 +87,7 @@ def test_public_names_are_not_replaced_by_modules() -> None:
 
 
 def test_subject_gets_a_verdict_and_a_raising_controller_fails_alone() -> None:
-    """Its row is kept with time and cause; the other's numbers are those it has alone."""
+    """Its row has time and cause of the failure; the other row equals a separate run."""
 
     class Late(om.Controller):
         def command(self, frame: int, observation: object) -> np.ndarray:

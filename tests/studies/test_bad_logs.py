@@ -1,4 +1,4 @@
-"""Tables of logs in different dialects say the same, or a line says what is wrong with them."""
+"""Test that log files in any dialect are read, and that invalid ones give one error line."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,133 +15,149 @@ from synthetic_logs import COMMAND, CREEP_STIFFNESS, LATENCY_S, POSE, Columns, m
 
 import omni_mj as om
 
-HEAD = ("time_s", *POSE, *COMMAND)
+LOG_COLUMNS = ("time_s", *POSE, *COMMAND)
 
 
-def whole() -> Columns:
-    """A log, driven once by the process that needs it: each process of the tests imports this file."""
+def complete_log() -> Columns:
+    """Return a complete log."""
     return make_log(3.0, speed=1.6, wheels=False)
 
 
 def write_parquet(path: Path, columns: Any) -> Path:
-    """Parquet, of whatever types."""
+    """Write columns of any type as Parquet."""
     pq.write_table(pa.table(columns), path)
     return path
 
 
 @settings(max_examples=30)
 @given(
-    separator=st.sampled_from(",;\t"), comma=st.booleans(), mark=st.booleans(), quote=st.sampled_from(["", '"']),
-    end=st.sampled_from(["\n", "\r\n"]), upper=st.booleans(), hashed=st.booleans(), blank=st.integers(0, 2),
-)  # fmt: skip
+    separator=st.sampled_from(",;\t"),
+    has_decimal_comma=st.booleans(),
+    has_bom=st.booleans(),
+    quote=st.sampled_from(["", '"']),
+    line_end=st.sampled_from(["\n", "\r\n"]),
+    is_upper=st.booleans(),
+    is_commented=st.booleans(),
+    blank_lines=st.integers(0, 2),
+)
 def test_csv_dialects_give_the_same_numbers(
-    tmp_path_factory: pytest.TempPathFactory, separator: str, comma: bool, mark: bool, quote: str, end: str,
-    upper: bool, hashed: bool, blank: int,
-) -> None:  # fmt: skip
-    """Bit for bit, as each number is written with all its digits; other columns may be called anything."""
-    names = [*(f"{quote}{name.upper() if upper else name}{quote}" for name in HEAD), "Motor 1"]
+    tmp_path_factory: pytest.TempPathFactory,
+    separator: str,
+    has_decimal_comma: bool,
+    has_bom: bool,
+    quote: str,
+    line_end: str,
+    is_upper: bool,
+    is_commented: bool,
+    blank_lines: int,
+) -> None:
+    """Bit for bit, with numbers written in full; other columns are ignored."""
+    names = [
+        *(f"{quote}{name.upper() if is_upper else name}{quote}" for name in LOG_COLUMNS),
+        "Motor 1",
+    ]
     rows = [
         [repr(float(value)) for value in line]
-        for line in np.stack(list(whole().values()), axis=1)[:40]
+        for line in np.stack(list(complete_log().values()), axis=1)[:40]
     ]
-    if comma and separator != ",":
+    if has_decimal_comma and separator != ",":
         rows = [[value.replace(".", ",") for value in row] for row in rows]
-    lines = ["# " * (hashed and not quote) + separator.join(names)]
-    lines += [separator.join([*row, "on"]) for row in rows] + [""] * blank
+    lines = ["# " * (is_commented and not quote) + separator.join(names)]
+    lines += [separator.join([*row, "on"]) for row in rows] + [""] * blank_lines
     file = tmp_path_factory.mktemp("csv") / "log.csv"
-    file.write_bytes(end.join([*lines, ""]).encode("utf-8-sig" if mark else "utf-8"))
+    file.write_bytes(line_end.join([*lines, ""]).encode("utf-8-sig" if has_bom else "utf-8"))
     (log,) = read_logs(file)
     np.testing.assert_array_equal(
-        log.pose[:, :2], np.stack([whole()["x_m"], whole()["y_m"]], 1)[:40]
+        log.pose[:, :2], np.stack([complete_log()["x_m"], complete_log()["y_m"]], 1)[:40]
     )
     np.testing.assert_array_equal(
-        log.inputs["commands"], np.stack([whole()[name] for name in COMMAND], 1)[:40]
+        log.inputs["commands"], np.stack([complete_log()[name] for name in COMMAND], 1)[:40]
     )
 
 
 def test_ten_lines_per_second_suffice(tmp_path: Path) -> None:
-    """The robot's latency and creep stiffness, within five standard errors."""
-    found = om.identify(
+    """Latency and creep stiffness are within five standard errors."""
+    result = om.identify(
         [write_parquet(tmp_path / "log.parquet", make_log(9.3, 10, speed=1.6, wheels=False))]
     )
     for name, value in (("latency_s", LATENCY_S), ("creep_stiffness", CREEP_STIFFNESS)):
-        estimate = found[f"commands.{name}"]
+        estimate = result[f"commands.{name}"]
         assert estimate.value == pytest.approx(value, abs=5 * estimate.standard_error)
 
 
 def test_repeated_lines_and_poses_are_ignored(tmp_path: Path) -> None:
-    """A recorder at 240 Hz holds what a camera sees at 60: the same poses at the same times come out."""
-    (plain,) = read_logs(write_parquet(tmp_path / "log.parquet", whole()))
+    """A log at 240 Hz that repeats the poses of a 60 Hz camera has the same poses."""
+    (plain,) = read_logs(write_parquet(tmp_path / "log.parquet", complete_log()))
     (twice,) = read_logs(
         write_parquet(
             tmp_path / "log.parquet",
-            {name: np.repeat(values, 2) for name, values in whole().items()},
+            {name: np.repeat(values, 2) for name, values in complete_log().items()},
         )
     )
     np.testing.assert_array_equal(twice.pose, plain.pose)
-    held = {name: np.repeat(values, 4) for name, values in whole().items()}
+    held = {name: np.repeat(values, 4) for name, values in complete_log().items()}
     held["time_s"] = np.arange(len(held["x_m"])) / 240
     (log,) = read_logs(write_parquet(tmp_path / "log.parquet", held))
     np.testing.assert_array_equal(np.isfinite(log.pose).all(1), np.arange(len(log.time)) % 4 == 0)
 
 
 def test_a_single_path_is_one_log(tmp_path: Path) -> None:
-    """And not the logs of its letters."""
+    """A path is not a sequence of letters."""
     for path in (tmp_path / "missing.csv", str(tmp_path / "missing.csv")):
         with pytest.raises(om.OmniError, match=r"there is no log .*missing"):
             om.identify(path)
 
 
-def spoilt(name: str, change: Callable[[Any], Any]) -> Columns:
-    return whole() | {name: change(whole()[name].copy())}
+def damaged_log(name: str, change: Callable[[Any], Any]) -> Columns:
+    return complete_log() | {name: change(complete_log()[name].copy())}
 
 
-def put(line: int, value: float) -> Callable[[Any], Any]:
+def set_line(line: int, value: float) -> Callable[[Any], Any]:
     return lambda values: np.where(np.arange(len(values)) == line, value, values)
 
 
 def test_invalid_columns_give_one_line(tmp_path: Path) -> None:
     cases: list[tuple[Columns, str]] = [
         (
-            spoilt("x_m", lambda x: [*map(str, x[:-1]), "lost"]),
+            damaged_log("x_m", lambda x: [*map(str, x[:-1]), "lost"]),
             "column x_m must hold numbers: Failed to parse",
         ),
-        (spoilt("y_m", lambda y: pa.nulls(len(y))), "0 lines with a pose are too few"),
+        (damaged_log("y_m", lambda y: pa.nulls(len(y))), "0 lines with a pose are too few"),
         (
-            spoilt("time_s", lambda t: pa.array((1e9 * t).astype(int), pa.timestamp("ns"))),
+            damaged_log("time_s", lambda t: pa.array((1e9 * t).astype(int), pa.timestamp("ns"))),
             "time_s must hold numbers",
         ),
-        (spoilt("time_s", lambda t: (t + 1.7e9).astype(np.float32)), "times are too few"),
-        (spoilt("time_s", put(5, np.nan)), "time_s is missing in line 6"),
-        (spoilt("time_s", put(5, 0.0)), "does not increase from line 5 to 6"),
-        (spoilt(COMMAND[2], put(7, np.nan)), "commands are missing in line 8"),
-        ({name: whole()[name] for name in HEAD[:4]}, "neither commands nor wheels"),
+        (damaged_log("time_s", lambda t: (t + 1.7e9).astype(np.float32)), "times are too few"),
+        (damaged_log("time_s", set_line(5, np.nan)), "time_s is missing in line 6"),
+        (damaged_log("time_s", set_line(5, 0.0)), "does not increase from line 5 to 6"),
+        (damaged_log(COMMAND[2], set_line(7, np.nan)), "commands are missing in line 8"),
+        ({name: complete_log()[name] for name in LOG_COLUMNS[:4]}, "neither commands nor wheels"),
         (
-            {f" {name}": values for name, values in whole().items() if name != "y_m"},
+            {f" {name}": values for name, values in complete_log().items() if name != "y_m"},
             "column y_m is missing",
         ),
     ]
-    for columns, says in cases:
+    for columns, message in cases:
         with pytest.raises(om.OmniError) as error:
             om.identify([write_parquet(tmp_path / "log.parquet", columns)])
-        assert says in str(error.value), says
+        assert message in str(error.value), message
         assert str(error.value).count("\n") == 0
 
 
 def test_files_that_are_no_tables_give_one_line(tmp_path: Path) -> None:
-    head, row = ",".join(HEAD), "0,0,0,0,0,0,0"
-    for content, says in (
+    header, row = ",".join(LOG_COLUMNS), "0,0,0,0,0,0,0"
+    for content, message in (
         ("", "Empty CSV"),
-        (head, "Empty CSV"),
-        (f"{head}\n{row}\n", "1 times are too few"),
+        (header, "Empty CSV"),
+        (f"{header}\n{row}\n", "1 times are too few"),
         (f"{row}\n{row}\n", "column time_s is missing"),
-        (f"{head}\n{row}\n1,2\n", "Expected 7 columns, got 2"),
-        (f"{head}\n{row}\n".replace("y_m", "y_n"), "did you mean 'y_n'?"),
+        (f"{header}\n{row}\n1,2\n", "Expected 7 columns, got 2"),
+        (f"{header}\n{row}\n".replace("y_m", "y_n"), "did you mean 'y_n'?"),
     ):
         (tmp_path / "log.csv").write_text(content)
         with pytest.raises(om.OmniError) as error:
             om.identify([tmp_path / "log.csv"])
-        assert says in str(error.value)
+        assert message in str(error.value)
         assert str(error.value).count("\n") == 0
 
 
@@ -154,7 +170,7 @@ def test_files_that_are_no_tables_give_one_line(tmp_path: Path) -> None:
 def test_random_content_gives_no_traceback(
     data: bytes | str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """Nothing that is drawn at random is a log, and all of it is refused in a line."""
+    """Random content is never a valid log."""
     file = tmp_path_factory.mktemp("drawn") / "log.csv"
     file.write_bytes(data.encode() if isinstance(data, str) else data)
     with pytest.raises(om.OmniError) as error:

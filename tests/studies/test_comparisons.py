@@ -1,4 +1,4 @@
-"""Many scenarios in one result: the numbers are those of the runs, whatever else is compared."""
+"""Test that comparisons of scenarios have the numbers of separate runs."""
 
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,8 @@ def short(name: str, waypoints: list[list[float]], **sections: dict[str, object]
 
 @pytest.fixture(scope="module")
 def scenarios() -> list[om.Scenario]:
-    there = short("there", [[0, 0], [0.2, 0.1]])
-    return [there, short("bend", [[0, 0], [0.15, 0], [0.15, 0.15]], radio={"delay_frames": 4})]
+    line = short("line", [[0, 0], [0.2, 0.1]])
+    return [line, short("bend", [[0, 0], [0.15, 0], [0.15, 0.15]], radio={"delay_frames": 4})]
 
 
 @pytest.fixture(scope="module")
@@ -31,45 +31,49 @@ def result(scenarios: list[om.Scenario]) -> om.Result:
     return om.compare(scenarios, CONTROLLERS, SEEDS, subject="comp-flc", keep_frames=True)
 
 
-def same(ours: Any, theirs: Any) -> None:
-    """Two Arrow tables, value by value; one missing number is as good as another."""
-    assert ours.column_names == theirs.column_names
-    for name in ours.column_names:
+def assert_equal_tables(first: Any, second: Any) -> None:
+    """Assert that two Arrow tables are equal; NaN equals NaN."""
+    assert first.column_names == second.column_names
+    for name in first.column_names:
         np.testing.assert_array_equal(
-            ours[name].to_pylist(), theirs[name].to_pylist(), err_msg=name
+            first[name].to_pylist(), second[name].to_pylist(), err_msg=name
         )
 
 
 def test_outcomes_equal_those_of_separate_runs(
     result: om.Result, scenarios: list[om.Scenario], tmp_path: Path
 ) -> None:
-    """In the summary, the frames and the files, which are named after their scenarios."""
-    found = result.summary()
-    assert (found["controllers"], found["privileged"], found["subject"]) == (
+    """In the summary, the frames and the files."""
+    summary = result.summary()
+    assert (summary["controllers"], summary["privileged"], summary["subject"]) == (
         list(CONTROLLERS),
         ["oracle"],
         "comp-flc",
     )
     frames = result.frames()
-    for each in scenarios:
-        alone = om.run(each, CONTROLLERS, SEEDS, subject="comp-flc")
-        entry, other = found["scenarios"][each.name], alone.summary()["scenarios"][each.name]
-        apart = {"wall_s": 0, "verdict": None}  # which depends on how many other verdicts there are
-        assert entry | apart == other | apart
+    for scenario in scenarios:
+        alone = om.run(scenario, CONTROLLERS, SEEDS, subject="comp-flc")
+        entry, other = (
+            summary["scenarios"][scenario.name],
+            alone.summary()["scenarios"][scenario.name],
+        )
+        # Verdicts depend on how many there are.
+        ignored = {"wall_s": 0, "verdict": None}
+        assert entry | ignored == other | ignored
         assert (entry["status"], entry["seeds"]) == ("done", list(SEEDS))
         pair, of_one = (
             each["verdict"]["errors"]["max"]["against"]["flc"] for each in (entry, other)
         )
         assert of_one["p"] == pair["p"] <= of_one["p_adjusted"] <= pair["p_adjusted"]
         assert "oracle" not in entry["verdict"]["errors"]["max"]["against"]
-        same(frames.filter([name == each.name for name in frames["scenario"].to_pylist()]).drop(["scenario"]),
-             alone.frames())  # fmt: skip
+        is_scenario = [name == scenario.name for name in frames["scenario"].to_pylist()]
+        assert_equal_tables(frames.filter(is_scenario).drop(["scenario"]), alone.frames())
     result.save(tmp_path)
     names = {
         path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()
     }
     assert names >= {
-        "scenarios/there.toml",
+        "scenarios/line.toml",
         "trajectories/bend.parquet",
         "summary.json",
         "provenance.json",
@@ -78,7 +82,7 @@ def test_outcomes_equal_those_of_separate_runs(
 
 
 def test_stopped_comparison_keeps_finished_scenarios(scenarios: list[om.Scenario]) -> None:
-    """In the second scenario: it counts as not run, since half of it would not compare."""
+    """A scenario that is stopped counts as not run."""
     done: list[Outcome] = []
 
     def at_frame(frame: int) -> None:
@@ -86,20 +90,24 @@ def test_stopped_comparison_keeps_finished_scenarios(scenarios: list[om.Scenario
             raise StoppedError("interrupted")
 
     result = om.compare(
-        scenarios, ("flc", "comp-flc"), 2, "flc",
-        start_progress=lambda title, frames: at_frame, after_scenario=lambda result, outcome: done.append(outcome),
-    )  # fmt: skip
+        scenarios,
+        ("flc", "comp-flc"),
+        2,
+        "flc",
+        start_progress=lambda title, frames: at_frame,
+        after_scenario=lambda result, outcome: done.append(outcome),
+    )
     assert (result.complete, result.stopped) == (False, "interrupted")
     assert [entry["status"] for entry in result.summary()["scenarios"].values()] == [
         "done",
         "not run",
     ]
 
-    def at_once(frame: int) -> None:
+    def stop(frame: int) -> None:
         raise StoppedError("terminated")
 
-    one = om.run(scenarios[0], after_frame=at_once).summary()
-    assert (one["complete"], one["stopped"], one["scenarios"]["there"]["frames"]) == (
+    one = om.run(scenarios[0], after_frame=stop).summary()
+    assert (one["complete"], one["stopped"], one["scenarios"]["line"]["frames"]) == (
         False,
         "terminated",
         1,
@@ -107,13 +115,13 @@ def test_stopped_comparison_keeps_finished_scenarios(scenarios: list[om.Scenario
 
 
 def test_scenarios_that_cannot_be_compared_are_rejected(scenarios: list[om.Scenario]) -> None:
-    for given, words in (
-        ({"scenarios": scenarios[:1] * 2}, "two scenarios are called 'there'"),
+    for arguments, message in (
+        ({"scenarios": scenarios[:1] * 2}, "two scenarios are called 'line'"),
         (
             {"scenarios": scenarios, "controllers": ("flc", "p"), "subject": "lqr"},
             "choose from flc, p",
         ),
         ({"scenarios": ["rekt"]}, "did you mean 'rect'"),
     ):
-        with pytest.raises(om.OmniError, match=words):
-            om.compare(**given)
+        with pytest.raises(om.OmniError, match=message):
+            om.compare(**arguments)

@@ -1,4 +1,4 @@
-"""Identification of robots whose truth is known: within its errors, what the data cannot tell, and what is odd."""
+"""Test identification of robots with known parameters: errors, missing excitation, bad logs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -29,52 +29,54 @@ OTHER: dict[str, Any] = {
 }
 
 
-def identified(columns: Columns, folder: Path) -> IdentificationResult:
+def identify_log(columns: Columns, folder: Path) -> IdentificationResult:
     return om.identify([write_csv(folder / "log.csv", columns)])
 
 
 @pytest.mark.parametrize("other", [False, True], ids=["default", "other"])
 def test_parameters_are_identified_from_a_log(other: bool, tmp_path: Path) -> None:
-    """Within four standard errors, from a start that has other numbers; creep within 10 %, latency 0.3 frame."""
-    found = identified(make_log(**OTHER if other else {}), tmp_path)
-    late, stiffness, slope = (5 / 60, 3.0, 0.0314) if other else (LATENCY_S, CREEP_STIFFNESS, 0.0)
-    assert not found.misfits
+    """Within four standard errors; creep stiffness within 10 %, latency within 0.3 frames."""
+    result = identify_log(make_log(**OTHER if other else {}), tmp_path)
+    latency, stiffness, slope = (
+        (5 / 60, 3.0, 0.0314) if other else (LATENCY_S, CREEP_STIFFNESS, 0.0)
+    )
+    assert not result.misfits
     for name, value in (
         ("wheels.creep_stiffness", stiffness),
         ("wheels.arm_m", SETTINGS.wheels.arm_m),
         ("wheels.clock_offset_s", 0.0),
         ("wheels.slope_x_rad", slope * np.cos(np.radians(20))),
         ("wheels.slope_y_rad", slope * np.sin(np.radians(20))),
-        ("commands.latency_s", late),
+        ("commands.latency_s", latency),
     ):
-        assert abs(found[name].value - value) < 4 * found[name].standard_error, name
-    assert found["wheels.creep_stiffness"].value == pytest.approx(stiffness, rel=0.1)
-    assert found["commands.latency_s"].value == pytest.approx(late, abs=0.3 / 60)
+        assert abs(result[name].value - value) < 4 * result[name].standard_error, name
+    assert result["wheels.creep_stiffness"].value == pytest.approx(stiffness, rel=0.1)
+    assert result["commands.latency_s"].value == pytest.approx(latency, abs=0.3 / 60)
     lag = om.load_robot("tigers-v2016").facts["lag_forward_s"]
-    assert found["commands.lag_forward_s"].value == pytest.approx(lag, abs=0.005)
+    assert result["commands.lag_forward_s"].value == pytest.approx(lag, abs=0.005)
 
 
 def test_commands_alone_identify_creep(tmp_path: Path) -> None:
-    found = identified(make_log(wheels=False, **OTHER), tmp_path)
-    assert found["commands.creep_stiffness"].value == pytest.approx(3.0, rel=0.1)
+    result = identify_log(make_log(wheels=False, **OTHER), tmp_path)
+    assert result["commands.creep_stiffness"].value == pytest.approx(3.0, rel=0.1)
 
 
 def test_unmodeled_motion_is_a_misfit(tmp_path: Path) -> None:
-    """The robot swings by 12 mm at 1.1 Hz, by accelerations of 0.6 m/s^2."""
+    """The robot oscillates by 12 mm at 1.1 Hz, which is 0.6 m/s^2."""
     log = make_log(commands=False)
-    found = identified(
+    result = identify_log(
         log | {"x_m": log["x_m"] + 0.012 * np.sin(2 * np.pi * 1.1 * log["time_s"])}, tmp_path
     )
-    assert any("lacks a property" in line for line in found.misfits)
+    assert any("lacks a property" in line for line in result.misfits)
 
 
 def test_slow_motion_does_not_identify_creep(tmp_path: Path) -> None:
-    """As of a robot in a laboratory: 0.4 m/s and 0.8 m/s^2. Creep is not told, and it says why."""
-    found = identified(make_log(speed=0.4, acceleration=0.8, commands=False), tmp_path)
-    creep = found["wheels.creep_stiffness"]
+    """At 0.4 m/s and 0.8 m/s^2 the reason is reported."""
+    result = identify_log(make_log(speed=0.4, acceleration=0.8, commands=False), tmp_path)
+    creep = result["wheels.creep_stiffness"]
     assert "it needs 1 m/s and 1 m/s^2" in (creep.why_not or "")
     assert creep.report()["value"] is None
-    assert found["wheels.radius_m"].value == pytest.approx(SETTINGS.wheels.radius_m, rel=0.15)
+    assert result["wheels.radius_m"].value == pytest.approx(SETTINGS.wheels.radius_m, rel=0.15)
 
 
 def test_motion_along_one_axis_does_not_identify_the_other(tmp_path: Path) -> None:
@@ -86,41 +88,41 @@ def test_motion_along_one_axis_does_not_identify_the_other(tmp_path: Path) -> No
     pose[:, 0] += np.concatenate([[0.0], np.cumsum(speed)[:-1]]) / 60
     wheels = SETTINGS.wheels.kinematics.wheel_speeds(np.stack([speed, 0 * speed, 0 * speed], 1))
     names = ("time_s", *POSE, *(f"{name}_s" for name in WHEELS))
-    found = identified(dict(zip(names, [time, *pose.T, *wheels.T], strict=True)), tmp_path)
-    assert found["wheels.gain_forward"].is_identified
-    assert "moves sideways at 0.0" in (found["wheels.gain_sideways"].why_not or "")
-    assert "turns at 0.0" in (found["wheels.gain_turning"].why_not or "")
+    result = identify_log(dict(zip(names, [time, *pose.T, *wheels.T], strict=True)), tmp_path)
+    assert result["wheels.gain_forward"].is_identified
+    assert "moves sideways at 0.0" in (result["wheels.gain_sideways"].why_not or "")
+    assert "turns at 0.0" in (result["wheels.gain_turning"].why_not or "")
 
 
 def slow(seconds: float = 40.0) -> Columns:
-    """A slow robot, 25 lines a second, 0.5 mm of noise: wheels 4 % small, arm 2 % short, a clock that is off."""
+    """Return a slow log at 25 Hz: wheels 4 % and arm 2 % smaller, clock offset 70 ms."""
     dense, t = np.arange(-1.0, seconds + 1.0, 1e-3), np.arange(0.0, seconds, 1 / 25)
     vx, vy, w = 0.2 * np.sin(1.1 * dense), 0.15 * np.sin(1.7 * dense + 1), 0.5 * np.sin(0.7 * dense)
     heading = np.cumsum(w) * 1e-3
-    way = np.cumsum((vx + 1j * vy) * np.exp(1j * heading)) * 1e-3
+    path = np.cumsum((vx + 1j * vy) * np.exp(1j * heading)) * 1e-3
     speeds = SETTINGS.wheels.kinematics.wheel_speeds(np.stack([vx, vy, 0.98 * w], 1) / 0.96)
-    shown = t + 0.07  # encoders of a line are of then
+    encoder_time = t + 0.07
     noise = np.random.default_rng(0).normal(size=(3, len(t))) * 5e-4
     poses = [
         np.interp(t, dense, c) + n
-        for c, n in zip((way.real, way.imag, heading), noise, strict=True)
+        for c, n in zip((path.real, path.imag, heading), noise, strict=True)
     ]
-    angles = [np.interp(shown, dense, np.cumsum(s) * 1e-3) for s in speeds.T]
+    angles = [np.interp(encoder_time, dense, np.cumsum(s) * 1e-3) for s in speeds.T]
     return dict(zip(("time_s", *POSE, *WHEELS), [t, *poses, *angles], strict=True))
 
 
 def test_wheels_identify_radius_arm_and_clock_offset(tmp_path: Path) -> None:
-    """Within half a percent, and 10 ms."""
-    found = identified(slow(), tmp_path)
+    """Within 0.5 % to 1 %, and 10 ms."""
+    result = identify_log(slow(), tmp_path)
     for name, value, within in (
         ("radius_m", 0.96 * SETTINGS.wheels.radius_m, {"rel": 0.005}),
         ("arm_m", 0.98 * SETTINGS.wheels.arm_m, {"rel": 0.01}),
         ("gain_forward", 0.96, {"rel": 0.005}),
         ("clock_offset_s", 0.07, {"abs": 0.01}),
     ):
-        assert found[f"wheels.{name}"].value == pytest.approx(value, **within), name
-    assert not found["wheels.creep_stiffness"].is_identified
-    assert not found.misfits
+        assert result[f"wheels.{name}"].value == pytest.approx(value, **within), name
+    assert not result["wheels.creep_stiffness"].is_identified
+    assert not result.misfits
 
 
 def swapped(log: Columns, one: str, other: str) -> Columns:
@@ -180,7 +182,7 @@ BAD: dict[str, tuple[Callable[[Columns], Columns], str]] = {
 def test_wrong_units_axes_and_wheels_give_one_line(cases: str, kind: str, tmp_path: Path) -> None:
     spoil, says = WRONG[kind] if cases == "wheels" else BAD[kind]
     with pytest.raises(om.OmniError, match=says) as error:
-        identified(
+        identify_log(
             spoil(make_log(wheels=cases == "wheels", commands=cases == "commands")), tmp_path
         )
     assert str(error.value).count("\n") == 0
