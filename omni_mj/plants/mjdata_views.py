@@ -138,7 +138,7 @@ class RobotViews(ChangeableBodies):
         is_ellipsoid = model.geom_type[geoms[0]] == mujoco.mjtGeom.mjGEOM_ELLIPSOID
         if (size[:, 0] != size[:, 1]).any() or not is_ellipsoid.all():
             raise OmniError(
-                "randomization.max_wear_m needs a model with rollers that are ellipsoids about their z axes"
+                "randomization.max_wear_m needs rollers that are ellipsoids about their z axes"
             )
         roller_wear = np.repeat(wear, robot.rollers.shape[1], axis=0)
         radius = size[:, :1]

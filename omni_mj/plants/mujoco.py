@@ -16,9 +16,9 @@ from omni_mj.plants.carpet_forces import CarpetForces, scale_creep_for_mujoco
 from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.mjdata_views import RobotViews
 from omni_mj.plants.telemetry import Telemetry
-from omni_mj.plants.wheeled_plant import WheeledPlant, transpose
+from omni_mj.plants.wheeled_plant import WheeledPlant
 from omni_mj.robot.array_ops import stack_records
-from omni_mj.robot.carpet import DRAG_CYCLES, CarpetParameters, make_carpet_parameters
+from omni_mj.robot.carpet import DRAG_CYCLES, CarpetParameters
 from omni_mj.robot.firmware import set_heading
 from omni_mj.robot.firmware_state import CYCLES
 from omni_mj.robot.onboard import (
@@ -115,15 +115,9 @@ class MujocoPlant(WheeledPlant):
 
     def _make_parameters(self) -> None:
         """Set parameters and initial state of the robots; encoders start at their counts now."""
-        world = self._world
-        carpet = make_carpet_parameters(
-            [row.settings for row in self._rows],
-            world.kinematics,
-            transpose(self.variation.friction_factor),
-            transpose(self.variation.wear),
-        )
         onboard, state = self._initial_onboard
-        self.parameters = MujocoParameters(onboard, scale_creep_for_mujoco(carpet, world))
+        carpet = scale_creep_for_mujoco(self._nominal_carpet, self._world)
+        self.parameters = MujocoParameters(onboard, carpet)
         _, wheel_angle = self._sensor_values
         count = np.floor(wheel_angle * onboard.firmware.counts_per_rad)
         self.onboard = state._replace(firmware=state.firmware._replace(encoder_count=count))

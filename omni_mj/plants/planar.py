@@ -17,10 +17,9 @@ from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies, Payload
 from omni_mj.plants.planar_parameters import PlanarBodyBuilder
 from omni_mj.plants.telemetry import Telemetry
-from omni_mj.plants.wheeled_plant import WheeledPlant, transpose
+from omni_mj.plants.wheeled_plant import WheeledPlant
 from omni_mj.robot.array_ops import rotate, select
 from omni_mj.robot.backends import JaxBackend, NumpyBackend
-from omni_mj.robot.carpet import make_carpet_parameters
 from omni_mj.robot.planar_frame import advance_frame
 from omni_mj.robot.planar_state import (
     BodyParameters,
@@ -56,14 +55,8 @@ class PlanarPlant(WheeledPlant, ChangeableBodies):
         self._slope = np.zeros((n, 2))
         body = self._body_builder.build(self._payloads, self._slope)
         self._hub_is_blocked = np.zeros(body.hub_dry_friction.shape, bool)
-        carpet = make_carpet_parameters(
-            settings,
-            world.kinematics,
-            transpose(variation.friction_factor),
-            transpose(variation.wear),
-        )
         onboard, onboard_state = self._initial_onboard
-        parameters = PlanarParameters(onboard, carpet, body)
+        parameters = PlanarParameters(onboard, self._nominal_carpet, body)
         state = PlanarState(onboard_state, make_body_at_rest(body, x, y, heading))
         use_jax = settings[0].physics.backend == "jax"
         self._backend: JaxBackend | NumpyBackend = (

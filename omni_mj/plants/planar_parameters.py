@@ -243,7 +243,7 @@ class PlanarBodyBuilder:
         )
 
     def _compute_edges(self, contact_x: Array, contact_y: Array) -> Array:
-        """Return the edge of the wheels' polygon from each contact counter-clockwise, (2, W, n) m."""
+        """Return the edges of the wheels' polygon, each from its wheel's contact, (2, W, n) m."""
         contact = np.stack([contact_x, contact_y])
         edges = np.zeros_like(contact)
         order = self._wheel_order

@@ -11,6 +11,7 @@ from omni_mj.plants.disturbances import Disturbances
 from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.fault_effects import ChangeableBodies, FaultEffects
 from omni_mj.plants.telemetry import Telemetry
+from omni_mj.robot.carpet import make_carpet_parameters
 from omni_mj.robot.firmware_state import FirmwareCommand
 from omni_mj.robot.onboard import (
     CycleRecord,
@@ -54,6 +55,7 @@ class WheeledPlant:
         self._disturbances = Disturbances(rows)
         self._current_setpoint: Array | None = None
         self._fault_effects: FaultEffects | None = None
+        settings = [row.settings for row in rows]
         zeros = np.zeros((1, *variation.magnet_factor.T.shape))
         # Record of the frame just past
         self._record = CycleRecord(zeros, zeros, zeros, zeros, zeros[:, 0], zeros[:, 0])
@@ -61,12 +63,18 @@ class WheeledPlant:
             compute_max_delay_frames(row.settings.radio, row.settings.fault) for row in rows
         )
         self._initial_onboard: tuple[OnboardParameters, OnboardState] = make_onboard(
-            [row.settings for row in rows],
+            settings,
             kinematics,
             heading,
-            transpose(variation.magnet_factor),
+            _transpose(variation.magnet_factor),
             n_frames=max(max_latency, self.min_heading_memory) + 1,
             has_faults=any(row.faults for row in rows),
+        )
+        self._nominal_carpet = make_carpet_parameters(
+            settings,
+            kinematics,
+            _transpose(variation.friction_factor),
+            _transpose(variation.wear),
         )
 
     def _start_faults(self, bodies: ChangeableBodies) -> None:
@@ -151,6 +159,6 @@ class WheeledPlant:
         return Telemetry(stack_telemetry(state, self._record, wheel_angle, wheel_speed, slip).T)
 
 
-def transpose(values: Array) -> Array:
+def _transpose(values: Array) -> Array:
     """Return a contiguous copy of (n, W) as (W, n)."""
     return np.array(values.T, order="C")

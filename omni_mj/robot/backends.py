@@ -6,8 +6,8 @@ A backend stores parameters and state of n robots, and runs functions
 
 To pass an array to a compiled program costs 1 to 3 us, and a state has sixty arrays. So
 `JaxBackend` packs parameters, state and inputs into one array each, and unpacks state and outputs.
-A frame of one robot takes half the time. Batches are padded with copies of the last robot to a few sizes,
-because every new size compiles anew.
+A frame of one robot takes half the time. Batches are padded with copies of the last robot to a few
+sizes, because every new size compiles anew.
 """
 
 import importlib.util

@@ -58,8 +58,8 @@ class CarpetParameters(NamedTuple):
     """Carpet and wheels of n robots, (n,) unless another shape is given."""
 
     friction: Array  # coefficient of the carpet
-    # X, y and radius in m, and friction coefficient, (patches, 4, n). Where patches overlap, the
-    # last one counts. None if there are none.
+    # Patches of another friction: x, y, radius, m, and coefficient, (patches, 4, n). Where patches
+    # overlap, the last one counts. None if there are none.
     patches: Array
     rolling_resistance: Array  # p: rolling resistance over normal force
     nap: Array  # relative rise of p straight against the fibers; None if no fibers lean
@@ -69,8 +69,8 @@ class CarpetParameters(NamedTuple):
     # Angle over which rollers are missing, from a wheel's angle 0 on, (W, n) rad; None if nowhere
     missing_angle: Array
     roller_friction: Array  # b: friction of the rollers' bearings over normal force
-    # 1 / (R^2 C), (W, n): rad/s of slip, for 1 N m of torque at 1 N of normal force and 1 m/s.
-    # The plant mujoco has the hinge's Q / A in place of the slip speed.
+    # 1 / (R^2 C), (W, n): slip speed, rad/s, for 1 N m of torque, 1 N of normal force and 1 m/s. On
+    # the plant mujoco it is scaled to Q / A; see `omni_mj.plants.carpet_forces`.
     creep_compliance: Array
     radius: Array  # of the wheels, (W, n) m
     arm: Array  # from the center of the wheels to where they touch, m
@@ -96,9 +96,8 @@ class Drag(NamedTuple):
     forward_force: Array  # body frame, (n,) N
     sideways_force: Array
     moment: Array  # about the center of the wheels, (n,) N m
-    slip_compliance: (
-        Array  # slip speed over torque, times normal force, (W, n); see `creep_compliance`
-    )
+    # Slip speed over torque, times normal force: |v| times `creep_compliance`, (W, n)
+    slip_compliance: Array
     torque_per_load: Array  # Coulomb's limit of the rim's torque over normal force, (W, n) m
     axle_speed: Array  # speed of the wheels along their axles, (W, n) m/s
 
@@ -213,12 +212,11 @@ def _compute_friction(p: CarpetParameters, motion: ChassisMotion, wheel_angle: A
         wheel_x = motion.x + wheel_x
         wheel_y = motion.y + wheel_y
         for x, y, radius, patch_friction in p.patches:
-            from_patch_x = wheel_x - x
-            from_patch_y = wheel_y - y
+            distance_x = wheel_x - x
+            distance_y = wheel_y - y
+            squared_distance = distance_x * distance_x + distance_y * distance_y
             # The sign of the radius is kept, so that an unused patch covers nothing.
-            is_inside = from_patch_x * from_patch_x + from_patch_y * from_patch_y < radius * abs(
-                radius
-            )
+            is_inside = squared_distance < radius * abs(radius)
             friction = xp.where(is_inside, patch_friction * p.friction_factor, friction)
     if p.missing_angle is not None:
         friction = xp.where(wheel_angle % (2 * np.pi) < p.missing_angle, 0.0, friction)

@@ -27,7 +27,7 @@ REFERENCE_C = 25.0  # at which the data sheet states resistance and torque const
 
 @dataclass(frozen=True)
 class Motor:
-    """A motor at 25 deg C by its data sheet, at its own shaft; the wheel turns `gear_ratio` times slower.
+    """A motor at 25 deg C by its data sheet, at its own shaft.
 
     Attributes:
         torque_constant: Torque per current, which equals voltage per speed, N m/A = V s/rad.

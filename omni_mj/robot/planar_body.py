@@ -118,7 +118,8 @@ def advance_body(
     free_speed, hub_gain = compute_free_hub_speed(p, s, motor_torque, compliance)
     forward, sideways, turn_rate = s.twist
     rolling = p.rolling_mass
-    # The second term keeps rims and rollers from turning their momentum with the world's frame.
+    # The twist is rotated into the new body frame at the end of a cycle. Rims and rollers keep
+    # their speeds in this frame, so the second term cancels the rotation of their momentum.
     momentum = (
         (p.mass_rate * s.twist).sum(1)
         + turn_rate * (rolling[:, 1] * forward - rolling[:, 0] * sideways)
