@@ -221,7 +221,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
                 len(rows), 0, ExternalController.__name__, seed, settings, self.scenario.robot
             )
         for rows in groups.values():
-            simulation = Simulation(self.scenario, rows=list(rows.values()), logged=False)
+            simulation = Simulation(self.scenario, rows=list(rows.values()), keep_log=False)
             self._batches.append(EpisodeBatch(simulation, np.array(list(rows))))
             self._update_observations(self._batches[-1])
         return {"seed": used_seeds, "_seed": has_started}

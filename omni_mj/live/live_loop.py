@@ -163,21 +163,24 @@ class Live(Simulation):
         for _ in range(3):
             self._radio.send([VelocityCommand(number, 0.0, 0.0, 0.0, 0.0) for number in self.ids])
 
-    def _robots(self, start: Array) -> tuple[Plant, CameraModel, RadioModel]:
-        self._plant = LivePlant(self.rows, start, driven=True)
+    def _build_plant_and_link(self, start_poses: Array) -> tuple[Plant, CameraModel, RadioModel]:
+        self._plant = LivePlant(self.rows, start_poses, driven=True)
         settings = [row.settings for row in self.rows]
         latency = [
             robot.radio.delay_frames + FRAME_RATE_HZ * robot.control.assumed_lag_s
             for robot in settings
         ]
         self._nominal_latency = np.array(latency)
-        self._sent, self._turn_rates = np.zeros_like(start), np.zeros((MEMORY_FRAMES, len(start)))
+        self._sent, self._turn_rates = (
+            np.zeros_like(start_poses),
+            np.zeros((MEMORY_FRAMES, len(start_poses))),
+        )
         self.frame_clock.restart()
         return self._plant, self._plant, self
 
     def observe(self) -> Observation:
         """See `Simulation`. The estimated pose is recorded in place of the unknown true pose."""
-        if self._seen is None:
+        if self._observation is None:
             difference = super().observe().extrapolated_pose - self.team.estimate
             difference[:, 2] = wrap_angle(difference[:, 2])
             self._pose = self.team.estimate + np.nan_to_num(difference)

@@ -1,6 +1,7 @@
-"""The loop: camera, filter, reference, controller, limits, radio, plant, record; 60 times a simulated second.
+"""The simulation loop, 60 frames per simulated second.
 
-All robots run side by side as rows of arrays. `run` is the loop; `observe` and `step` are what it is made of.
+Each frame: camera, tracker, reference, controller, limits, radio, plant, log. All robots are
+simulated together, as rows of arrays. `Simulation.run` repeats `observe` and `step`.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
@@ -24,41 +25,56 @@ from omni_mj.network.radio import Radio, ReceivedCommand
 from omni_mj.plants import Plant
 from omni_mj.robot.backends import choose_backend
 from omni_mj.simulation.log import Log
-from omni_mj.simulation.teams import ReferenceFactory, build_team
+from omni_mj.simulation.team_builder import ReferenceFactory, build_team
 
-_OF_PLANT = {
+# Sections of the settings that rows of one plant instance must share, because its model depends on
+# them.
+MODEL_SECTIONS = {
     "mujoco": {"body", "wheels", "motor", "model", "physics"},
     "planar": {"wheels"},
-}  # sections that keys see
+}
 
 
 class CameraModel(Protocol):
-    """What cameras do; see `omni_mj.network.camera.Cameras`."""
+    """Cameras as the loop uses them, see `omni_mj.network.camera.Cameras`."""
 
     measurement_age: Array | None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the poses seen (n, 3) of robots at true poses, and whether each was seen (n,)."""
+        """Return the measured poses and whether each robot was detected.
+
+        Args:
+            pose: True poses, shape (n, 3).
+
+        Returns:
+            Shapes (n, 3) and (n,).
+        """
         ...
 
 
 class RadioModel(Protocol):
-    """What a radio does; see `omni_mj.network.radio.Radio`."""
+    """Radio as the loop uses it, see `omni_mj.network.radio.Radio`."""
 
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
-        """Send commands (n, 3) and headings (n,); return what the robots hold in this frame."""
+        """Send commands, and return those that act in this frame.
+
+        Args:
+            command: Commands, shape (n, 3), world frame, m/s and rad/s.
+            heading: Estimated headings, shape (n,), rad.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A row that was stopped before its end.
+    """Failure that stopped a row before its end.
 
     Attributes:
-        row: its number.
-        controller, seed: what it is called.
-        time_s: when, s.
-        cause: why, in words.
+        row: Index of the row.
+        controller: Label of its controller.
+        seed: Its seed.
+        time_s: Time of the failure, s.
+        cause: Description of the cause.
     """
 
     row: int
@@ -72,31 +88,32 @@ class Failure:
 
 
 class Simulation:
-    """A scenario, ready to be run or stepped.
+    """Simulation of a scenario, to be run as a whole or stepped.
 
     Args:
-        scenario: what is run.
-        controllers: names, `file.py:Class` or classes. [the scenario's]
-        seeds: of the random numbers, a row each per controller. [the scenario's]
-        rows: the table of rows, where they are not all seeds of all controllers under the
-            scenario's settings.
-        follow: what a controller's rows, given by their numbers, are to follow in place of what
-            their settings say.
-        logged: whether what happens is recorded.
+        scenario: The scenario.
+        controllers: Names, `file.py:Class` or classes. Default: those of the scenario.
+        seeds: Seeds; each gives a row per controller. Default: those of the scenario.
+        rows: Rows to simulate. Default: all controllers with all seeds.
+        build_reference: Builds the reference of a controller's rows, given their indices. Default:
+            the references of the rows' settings.
+        keep_log: Whether frames are recorded.
 
     Attributes:
-        scenario: as given, with these controllers.
-        rows: the table of rows, n of them.
-        references: the timed reference of each row, against which errors are measured.
-        plant: what moves.
-        log: what has been recorded so far; of no row, if nothing shall be.
-        frame: number of the next frame.
-        failures: the rows that were stopped before their end, in that order.
+        scenario: The scenario, with these controllers.
+        rows: The n rows.
+        references: Timed reference of each row, against which errors are measured.
+        plant: The simulated robots.
+        camera: The cameras.
+        radio: The radio.
+        team: The controllers and the trackers.
+        log: The recorded frames. Without rows if `keep_log` is false.
+        frame: Index of the next frame.
+        failures: Rows that were stopped before their end, in order of time.
 
     Raises:
-        OmniError: there is no such controller, one is named twice, the rows cannot share a plant,
-            or it does not know what shall happen to one of them; or no command would arrive before
-            the end.
+        OmniError: A controller does not exist or is named twice, the rows cannot share a plant, the
+            plant does not support a fault, or the dead time exceeds the length of a reference.
     """
 
     def __init__(
@@ -105,112 +122,113 @@ class Simulation:
         controllers: Iterable[str | type[Controller]] | None = None,
         seeds: Iterable[int] | None = None,
         rows: Sequence[Row] | None = None,
-        follow: ReferenceFactory | None = None,
-        logged: bool = True,
+        build_reference: ReferenceFactory | None = None,
+        keep_log: bool = True,
     ) -> None:
-        self._logged = logged
-        self.scenario = (
-            scenario if controllers is None else scenario.replace(controllers=tuple(controllers))
-        )
-        self._kinds = {
+        self._keep_log, self._build_reference = keep_log, build_reference
+        if controllers is not None:
+            scenario = scenario.replace(controllers=tuple(controllers))
+        self.scenario = scenario
+        self._controller_classes = {
             plugins.label_controller(kind): plugins.find_controller(kind)
-            for kind in self.scenario.controllers
+            for kind in scenario.controllers
         }
-        given = scenario.seed_list if seeds is None else list(seeds)
-        self._draws = bool(scenario.distributions) and rows is None
-        self._table = rows or build_rows(
-            self._kinds, given, scenario.settings_for_seed, scenario.robot
+        seed_list = scenario.seed_list if seeds is None else list(seeds)
+        self._has_random_settings = bool(scenario.distributions) and rows is None
+        self._initial_rows = rows or build_rows(
+            self._controller_classes, seed_list, scenario.settings_for_seed, scenario.robot
         )
-        for label in dict.fromkeys(row.controller for row in self._table):
-            if label not in self._kinds:
-                raise OmniError(
-                    f"a row names the controller {label!r}; {suggest_names(label, self._kinds)}"
-                )
-        for settings in {id(row.settings): row.settings for row in self._table}.values():
-            faults.check_plant_supports(
-                settings.fault, self.scenario.plant, len(settings.world.start_poses)
-            )
-        self._follow = follow
-        self.references = [
-            reference_factory.build_timed_reference(row.settings, row.start_pose)
-            for row in self._table
-        ]
-        _check_delays(self._table, self.references)
+        self._check_rows()
         self._choose_backend()
         self.reset()
 
+    def _check_rows(self) -> None:
+        """Raise `OmniError` if a row's controller, faults or dead time are invalid."""
+        for label in dict.fromkeys(row.controller for row in self._initial_rows):
+            if label not in self._controller_classes:
+                choices = suggest_names(label, self._controller_classes)
+                raise OmniError(f"a row names the unknown controller {label!r}; {choices}")
+        for settings in {id(row.settings): row.settings for row in self._initial_rows}.values():
+            n_robots = len(settings.world.start_poses)
+            faults.check_plant_supports(settings.fault, self.scenario.plant, n_robots)
+        self.references = _build_references(self._initial_rows)
+        _check_delays(self._initial_rows, self.references)
+
     def _choose_backend(self) -> None:
-        """Set `physics.backend` where it is auto, so that the scenario's file says what was taken."""
-        plant, frames = self.scenario.plant, max(reference.frames for reference in self.references)
-        chosen: dict[int, Settings] = {}
+        """Replace `physics.backend = "auto"`, so that scenario.toml names the backend used."""
+        plant, n_rows = self.scenario.plant, len(self._initial_rows)
+        n_frames = max(reference.frames for reference in self.references)
+        resolved: dict[int, Settings] = {}
 
-        def settled(settings: Settings) -> Settings:
-            if id(settings) not in chosen:
-                backend = choose_backend(settings.physics.backend, plant, len(self._table), frames)
+        def resolve(settings: Settings) -> Settings:
+            if id(settings) not in resolved:
+                backend = choose_backend(settings.physics.backend, plant, n_rows, n_frames)
                 physics = settings.physics.model_copy(update={"backend": backend})
-                chosen[id(settings)] = settings.model_copy(update={"physics": physics})
-            return chosen[id(settings)]
+                resolved[id(settings)] = settings.model_copy(update={"physics": physics})
+            return resolved[id(settings)]
 
-        self._table = [replace(row, settings=settled(row.settings)) for row in self._table]
+        self._initial_rows = [
+            replace(row, settings=resolve(row.settings)) for row in self._initial_rows
+        ]
         if self.scenario.settings.physics.backend == "auto":
-            self.scenario = self.scenario.replace(settings=settled(self.scenario.settings))
+            self.scenario = self.scenario.replace(settings=resolve(self.scenario.settings))
 
     def reset(self, seed: int | None = None) -> None:
-        """Go back to the start; from there the same steps give the same run.
+        """Return to the start. The same steps then give the same frames.
 
         Args:
-            seed: from where the seeds of the rows count. [from where they did]
+            seed: Smallest seed of the rows. Default: that of the first run.
         """
-        shift = 0 if seed is None else seed - min(row.seed for row in self._table)
-        self.rows = [replace(row, seed=row.seed + shift) for row in self._table]
-        if shift and self._draws:
+        shift = 0 if seed is None else seed - min(row.seed for row in self._initial_rows)
+        self.rows = [replace(row, seed=row.seed + shift) for row in self._initial_rows]
+        if shift and self._has_random_settings:
             settings = {row.seed: self.scenario.settings_for_seed(row.seed) for row in self.rows}
             self.rows = [replace(row, settings=settings[row.seed]) for row in self.rows]
-        n = len(self.rows)
-        self.references = [
-            reference_factory.build_timed_reference(row.settings, row.start_pose)
-            for row in self.rows
-        ]
+        self.references = _build_references(self.rows)
         self.frame, self.failures = 0, list[Failure]()
-        self._running = np.ones(n, bool)
-        self._seen: Observation | None = None
-        start = np.array([reference.poses[0] for reference in self.references])
-        geometry = self.rows[0].settings.wheels.kinematics
-        self.plant, self.camera, self.radio = self._robots(start)
-        rolls, wheels = self.plant.geometry is not None, self.plant.telemetry().wheel_angle.shape[1]
+        self._is_running = np.ones(len(self.rows), bool)
+        self._observation: Observation | None = None
+        start_poses = np.array([reference.poses[0] for reference in self.references])
+        self.plant, self.camera, self.radio = self._build_plant_and_link(start_poses)
         self.team = build_team(
-            self.rows, self._kinds, start, geometry, rolls, self._stop, self._follow
+            self.rows,
+            self._controller_classes,
+            start_poses,
+            has_wheels=self.plant.geometry is not None,
+            on_failure=self._stop,
+            build_reference=self._build_reference,
         )
-        self._frames = np.array([reference.frames for reference in self.references])
-        # Many rows follow few: to look up each row's by itself takes a sixth of a frame of 2048
-        # robots on `kinematic`.
-        numbers = {
-            reference: number for number, reference in enumerate(dict.fromkeys(self.references))
-        }
-        self._distinct, self._followed = (
-            list(numbers),
-            np.array([numbers[each] for each in self.references]),
-        )
-        self.log = Log(self.rows if self._logged else [], wheels, int(self._frames.max()))
+        self._n_frames = np.array([reference.frames for reference in self.references])
+        # Many rows share a few references. Looking up the pose of each row separately takes a sixth
+        # of the time of a frame with 2048 kinematic robots.
+        self._distinct_references = list(dict.fromkeys(self.references))
+        indices = {reference: i for i, reference in enumerate(self._distinct_references)}
+        self._reference_index = np.array([indices[reference] for reference in self.references])
+        n_wheels = self.plant.telemetry().wheel_angle.shape[1]
+        log_rows = self.rows if self._keep_log else []
+        self.log = Log(log_rows, n_wheels, int(self._n_frames.max()))
 
     @property
     def done(self) -> bool:
-        """Whether every row has come to the end of its reference, or was stopped before."""
-        return not np.count_nonzero(self._recorded)
+        """Whether every row has reached the end of its reference or was stopped."""
+        return not np.count_nonzero(self._is_active)
 
     @property
     def drawn_parameters(self) -> dict[str, Array]:
-        """What sets the rows' robots apart, name -> (n,); nothing where all are alike, or the plant draws nothing."""
-        columns: dict[str, Array] = (
-            self.plant.variation.columns() if hasattr(self.plant, "variation") else {}
-        )
-        named = self.scenario.distributions
-        return columns | {
-            name: np.array([attrgetter(name)(row.settings) for row in self.rows]) for name in named
-        }
+        """Parameters and settings that were drawn for each row, name -> shape (n,)."""
+        parameters: dict[str, Array] = {}
+        if hasattr(self.plant, "drawn"):
+            parameters |= self.plant.drawn.columns()
+        for name in self.scenario.distributions:
+            parameters[name] = np.array([attrgetter(name)(row.settings) for row in self.rows])
+        return parameters
 
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
-        """Run from the start to the end; `after_frame` is called with each frame's number once it is in the log."""
+        """Run from the start to the end.
+
+        Args:
+            after_frame: Called with each frame's index after it was recorded.
+        """
         if self.frame:
             self.reset()
         while not self.done:
@@ -219,53 +237,62 @@ class Simulation:
         return self.log
 
     def observe(self) -> Observation:
-        """What the team sees of all robots in this frame; the same, however often it is asked before the next step."""
-        if self._seen is None:
+        """Return the team's observation of this frame. Further calls return the same object."""
+        if self._observation is None:
             self._pose = self.plant.pose()
-            measured, self._valid = self.camera(self._pose)
+            measured_pose, self._is_detected = self.camera(self._pose)
             truth = (self._pose, self.plant.twist()) if self.team.knows_truth else None
-            self._seen = self.team.observe(measured, truth, self.camera.measurement_age)
-        return self._seen
+            age = self.camera.measurement_age
+            self._observation = self.team.observe(measured_pose, truth, age)
+        return self._observation
 
     def step(self, command: Array | None = None) -> None:
-        """Go on by a frame: command, send, record, move.
+        """Advance by one frame: command, send, record, move.
 
         Args:
-            command: velocities [vx, vy, w] wanted of the robots, (n, 3), world frame, m/s and
-                rad/s, in place of what the controllers want; they are limited as those are.
+            command: Velocities [vx, vy, w], shape (n, 3), world frame, m/s and rad/s, in place of
+                the controllers' commands. The same limits apply. Default: ask the controllers.
 
         Raises:
-            OmniError: the command is not (n, 3) finite numbers.
+            OmniError: The command is not an array of finite numbers of shape (n, 3).
         """
-        vision = self.observe().extrapolated_pose
+        extrapolated_pose = self.observe().extrapolated_pose
         sent = self.team.command(command)
         received = self.radio.exchange(sent, self.team.estimate[:, 2])
-        if self._logged:
-            self._record(vision, sent, received)
+        if self._keep_log:
+            self._record(extrapolated_pose, sent, received)
         failed = self.plant.advance(received)
-        self.frame, self._seen = self.frame + 1, None
+        self.frame, self._observation = self.frame + 1, None
         for row, cause in failed.items():
             self._stop(np.array([row]), cause)
             self.team.stop(np.array([row]))
 
-    def _robots(self, start: Array) -> tuple[Plant, CameraModel, RadioModel]:
-        """Return the robots at the start (n, 3), and what is between them and the team."""
-        seeds, own_faults = [row.noise_seed for row in self.rows], [row.faults for row in self.rows]
+    def _build_plant_and_link(self, start_poses: Array) -> tuple[Plant, CameraModel, RadioModel]:
+        """Return the robots at their start poses, shape (n, 3), the cameras and the radio."""
+        settings = [row.settings for row in self.rows]
+        seeds = [row.noise_seed for row in self.rows]
+        row_faults = [row.faults for row in self.rows]
         return (
-            plugins.find_plant(self.scenario.plant)(self.rows, start),
-            Cameras([row.settings.vision for row in self.rows], seeds, own_faults),
-            Radio([row.settings.radio for row in self.rows], seeds, own_faults),
+            plugins.find_plant(self.scenario.plant)(self.rows, start_poses),
+            Cameras([row_settings.vision for row_settings in settings], seeds, row_faults),
+            Radio([row_settings.radio for row_settings in settings], seeds, row_faults),
         )
 
-    def _record(self, vision: Array, sent: Array, received: ReceivedCommand) -> None:
-        poses = np.array([each.poses[min(self.frame, each.frames - 1)] for each in self._distinct])
+    def _record(self, extrapolated_pose: Array, sent: Array, received: ReceivedCommand) -> None:
+        """Append this frame to the log."""
+        poses = np.array(
+            [
+                reference.poses[min(self.frame, reference.frames - 1)]
+                for reference in self._distinct_references
+            ]
+        )
         self.log.append(
-            self._recorded,
+            self._is_active,
             self.team.channels,
-            ref=poses[self._followed],
+            ref=poses[self._reference_index],
             pose=self._pose,
-            vision=vision,
-            vision_valid=self._valid,
+            vision=extrapolated_pose,
+            vision_valid=self._is_detected,
             predicted=self.team.predicted_pose,
             command=sent,
             applied=received.command,
@@ -275,46 +302,49 @@ class Simulation:
         )
 
     @property
-    def _recorded(self) -> np.ndarray:
-        """Which rows go on (n,)."""
-        return self._running & (self.frame < self._frames)
+    def _is_active(self) -> np.ndarray:
+        """Whether each row still runs, shape (n,)."""
+        return self._is_running & (self.frame < self._n_frames)
 
     def _stop(self, rows: np.ndarray, cause: object) -> None:
-        """Stop rows that run, for a cause that can be said in words."""
-        reason = to_printable(str(cause))
-        for i in rows[self._running[rows]]:
+        """Stop rows, given by their indices, and store the cause as text."""
+        text = to_printable(str(cause))
+        for i in rows[self._is_running[rows]]:
             row = self.rows[i]
-            self.failures.append(
-                Failure(int(i), row.controller, row.seed, self.frame * PERIOD_S, reason)
-            )
-        self._running[rows] = False
-
-
-def _check_delays(rows: Sequence[Row], ways: Sequence[SampledReference]) -> None:
-    """See that commands arrive before the end of what rows follow.
-
-    Raises:
-        OmniError: none does.
-    """
-    for row, way in zip(rows, ways, strict=True):
-        delay = row.settings.radio.delay_frames
-        if delay >= way.frames:
-            raise OmniError(
-                f"radio.delay_frames = {delay} is no less than the {way.frames} frames of the reference: no command "
-                "would arrive before its end; make it shorter, or the reference longer (reference.settle_s)"
-            )
+            time_s = self.frame * PERIOD_S
+            self.failures.append(Failure(int(i), row.controller, row.seed, time_s, text))
+        self._is_running[rows] = False
 
 
 def batch_key(plant: str, settings: Settings) -> Hashable:
-    """Return a key; rows of a plant with equal keys can share a simulation: those of one model, or of one wheel."""
-    n_places = len(settings.world.start_poses)
+    """Return a key that is equal for rows that one simulation can contain.
+
+    On the plant mujoco, such rows share a model; on planar, the wheels; on all, the number of
+    robots in a world.
+    """
+    n_robots = len(settings.world.start_poses)
     if plant == "mujoco":
-        return RobotShape.from_settings(settings), settings.physics, n_places
-    return (settings.wheels, n_places) if plant == "planar" else n_places
+        return RobotShape.from_settings(settings), settings.physics, n_robots
+    return (settings.wheels, n_robots) if plant == "planar" else n_robots
 
 
 def seeds_share_batch(scenario: Scenario) -> bool:
     """Return whether all seeds of a scenario can share a simulation, whatever they draw."""
-    return _OF_PLANT.get(scenario.plant, set()).isdisjoint(
-        name.split(".")[0] for name in scenario.distributions
-    )
+    random_sections = {name.split(".")[0] for name in scenario.distributions}
+    return MODEL_SECTIONS.get(scenario.plant, set()).isdisjoint(random_sections)
+
+
+def _build_references(rows: Sequence[Row]) -> list[SampledReference]:
+    return [reference_factory.build_timed_reference(row.settings, row.start_pose) for row in rows]
+
+
+def _check_delays(rows: Sequence[Row], references: Sequence[SampledReference]) -> None:
+    """Raise `OmniError` if a reference ends before the first command arrives."""
+    for row, reference in zip(rows, references, strict=True):
+        delay = row.settings.radio.delay_frames
+        if delay >= reference.frames:
+            raise OmniError(
+                f"radio.delay_frames must be less than the {reference.frames} frames of the "
+                f"reference, got {delay}: no command would arrive before its end. Extend the "
+                "reference with reference.settle_s"
+            )

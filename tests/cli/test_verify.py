@@ -231,7 +231,7 @@ def test_what_cannot_be_repeated_is_one_line_that_says_why(
         (put("provenance.json", '"format": 2', '"format": 9'), "has format 9"),
         (
             put("provenance.json", '"study": "run"', '"study": "slip"'),
-            "repeat it as a whole: omni-mj run",
+            "repeat the study: omni-mj run",
         ),
         (put("provenance.json", '"robot": {', '"rob": {'), "not as a run leaves it"),
         (lambda: (folder / "trajectory.parquet").unlink(), "trajectory.parquet cannot be read"),

@@ -139,7 +139,7 @@ class LoopExperiment:
         )
         self._row_axes = np.arange(len(rows)), np.array(axes)  # index of each row's axis
         self.simulation = Simulation(
-            scenario, rows=rows, follow=lambda rows: replace(self._reference, rows=rows)
+            scenario, rows=rows, build_reference=lambda rows: replace(self._reference, rows=rows)
         )
         self.disturbance = np.zeros((TOTAL_FRAMES, len(rows)))
         self.disturbance[WARM_UP_FRAMES + STEP_FRAMES :] = (
