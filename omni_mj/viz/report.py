@@ -23,7 +23,6 @@ from omni_mj.results.result_tables import (
 )
 from omni_mj.results.summary import read_summary
 from omni_mj.results.summary_sentence import summary_sentence
-from omni_mj.studies.compare.compare_figure import save_comparison_figure
 from omni_mj.studies.compare.compare_table import verdict_table
 from omni_mj.viz import report_tables
 
@@ -38,7 +37,7 @@ ENVIRONMENT = jinja2.Environment(  # compiles a template once
     lstrip_blocks=True,
 )
 ENVIRONMENT.filters["number"] = format_number
-# Exceptions that a summary with missing or changed content causes.
+# Exceptions caused by a summary with missing or changed content.
 SUMMARY_ERRORS = (
     jinja2.UndefinedError,
     LookupError,
@@ -74,7 +73,12 @@ def write_report(folders: Sequence[Path], out: Path) -> None:
 
 
 def _render_page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> str:
-    """Return the HTML of a report on summaries by label, which were read from `folders`."""
+    """Return the HTML of a report.
+
+    Args:
+        folders: Folders of runs or comparisons.
+        summaries: Label of each folder and its summary, in the order of the folders.
+    """
     summary = _merge_summaries(summaries)
     entries = summary["scenarios"]
     page: dict[str, Any] = {
@@ -89,6 +93,9 @@ def _render_page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> s
     if len(entries) == 1:
         page |= _describe_single_run(folders[0], entries)
     else:
+        # Imported here because matplotlib takes long to import.
+        from omni_mj.studies.compare.compare_figure import save_comparison_figure
+
         kind = "scenarios" if len(summaries) == 1 else "runs"
         page["title"] = f"Comparison of {len(entries)} {kind}"
         with TemporaryDirectory() as folder:
@@ -98,7 +105,7 @@ def _render_page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> s
 
 
 def _describe_single_run(folder: Path, entries: Mapping[str, Summary]) -> dict[str, Any]:
-    """Return the parts of a page that only a single scenario has."""
+    """Return the parts of a page about a single scenario, whose name is the key of `entries`."""
     ((name, entry),) = entries.items()
     file = folder / "scenario.toml"
     has_file = file.is_file()
@@ -111,7 +118,10 @@ def _describe_single_run(folder: Path, entries: Mapping[str, Summary]) -> dict[s
 
 
 def _merge_summaries(summaries: Mapping[str, Summary]) -> Summary:
-    """Return one summary of several by label; scenarios of several are named by label."""
+    """Return one summary with the scenarios of all, by label.
+
+    If there are several summaries, the name of a scenario begins with the label of its summary.
+    """
     merged = dict(next(iter(summaries.values())))
     for key in ("controllers", "privileged", "seeds"):
         values = [value for summary in summaries.values() for value in summary[key]]

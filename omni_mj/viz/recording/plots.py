@@ -16,7 +16,7 @@ from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot
 
 # Frames before a block on which the block's values depend.
 HISTORY_FRAMES = ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES
-ONE_ROBOT_TABS = ("alpha", "wheels", "temperature")  # with a tab for each robot inside
+ONE_ROBOT_TABS = ("alpha", "wheels", "temperature and battery")  # with a tab for each robot inside
 FRACTION_RANGE = (0.0, 1.05)  # of axes that show a fraction
 
 
@@ -175,7 +175,7 @@ def _wheel_tabs(log: Log) -> dict[str, list[Plot]]:
             wheel_plot("current", "motor current, A"),
             wheel_plot("slip", "slip of the contact points, m/s"),
         ],
-        "temperature": [
+        "temperature and battery": [
             wheel_plot("winding", "winding temperature, °C"),
             _channel_plot("battery", "battery", "battery voltage under load, V"),
         ],

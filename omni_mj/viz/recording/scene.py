@@ -84,7 +84,7 @@ def measure_scene(references: Sequence[Array]) -> tuple[Array, float]:
 def choose_flag_heights(n_controllers: int, scene_size_m: float) -> list[float]:
     """Return the height at which each controller's position error is drawn, m."""
     step = min(FLAG_STEP, MAX_FLAG_STEPS / n_controllers) * scene_size_m
-    return [FLAG_HEIGHT_M + k * step for k in range(n_controllers)]
+    return [HEIGHT_M + (k + 1) * step for k in range(n_controllers)]
 
 
 def send_robot(
