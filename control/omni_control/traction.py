@@ -28,7 +28,7 @@ _PARALLEL = 1e-9  # norm of a cross product below which two wheels span no face
 
 
 def compute_traction_limits(
-    kinematics: Kinematics, friction: float, centre_height: float = 0.0
+    kinematics: Kinematics, friction: float, com_height: float = 0.0
 ) -> tuple[float, float]:
     """Return the highest accelerations (forward, sideways) for speeding up and braking, m/s^2.
 
@@ -38,21 +38,21 @@ def compute_traction_limits(
     Args:
         kinematics: Geometry of the wheels.
         friction: Coefficient of friction between rollers and carpet.
-        centre_height: Height of the center of mass above the carpet, m. Acceleration shifts load
+        com_height: Height of the center of mass above the carpet, m. Acceleration shifts load
             from wheel to wheel; 0 neglects that.
 
     Raises:
         OmniError: The robot does not stand on these wheels.
     """
     forward, backward, to_left, to_right = (
-        compute_max_acceleration(kinematics, friction, direction, centre_height)
+        compute_max_acceleration(kinematics, friction, direction, com_height)
         for direction in (0.0, math.pi, math.pi / 2, -math.pi / 2)
     )
     return min(forward, backward), min(to_left, to_right)
 
 
 def compute_max_acceleration(
-    kinematics: Kinematics, friction: float, direction: float, centre_height: float = 0.0
+    kinematics: Kinematics, friction: float, direction: float, com_height: float = 0.0
 ) -> float:
     """Return the highest acceleration in a direction without turning, m/s^2; 0 if there is none.
 
@@ -63,12 +63,12 @@ def compute_max_acceleration(
         kinematics: Geometry of the wheels.
         friction: Coefficient of friction between rollers and carpet.
         direction: Angle from the body's x axis, rad.
-        centre_height: Height of the center of mass above the carpet, m.
+        com_height: Height of the center of mass above the carpet, m.
 
     Raises:
         OmniError: The robot does not stand on these wheels.
     """
-    wheels = WheelLimits(kinematics, friction, gyration_radius=1.0, centre_height=centre_height)
+    wheels = WheelLimits(kinematics, friction, gyration_radius=1.0, com_height=com_height)
     unit = np.array([[math.cos(direction), math.sin(direction), 0.0]])
     return float(1 / wheels.compute_friction_utilization(unit, np.zeros((1, 3))).max())
 
@@ -81,8 +81,8 @@ class WheelLimits:
         kinematics: Geometry of the wheels; the center of mass is above their middle.
         friction: Coefficient of friction between rollers and carpet.
         gyration_radius: Square root of the yaw inertia over the mass, m.
-        centre_height: Height of the center of mass above the carpet, m.
-        carpet_drag: Drag of the carpet against the motion of a wheel, over the wheel's load.
+        com_height: Height of the center of mass above the carpet, m.
+        rolling_resistance: Drag of the carpet against the motion of a wheel, over its load.
         roller_friction: Friction of the rollers' bearings against motion along the axle, over the
             wheel's load; it also takes its part of the circle of friction.
         max_rim_speed: Highest speed of a rim, m/s.
@@ -95,8 +95,8 @@ class WheelLimits:
     kinematics: Kinematics
     friction: float
     gyration_radius: float
-    centre_height: float = 0.0
-    carpet_drag: float = 0.0
+    com_height: float = 0.0
+    rolling_resistance: float = 0.0
     roller_friction: float = 0.0
     max_rim_speed: float = np.inf
 
@@ -108,7 +108,7 @@ class WheelLimits:
                     f"the {name.replace('_', ' ')} of wheels must be positive, "
                     f"not {getattr(self, name)}"
                 )
-        for name in ("centre_height", "carpet_drag", "roller_friction"):
+        for name in ("com_height", "rolling_resistance", "roller_friction"):
             if not getattr(self, name) >= 0:
                 raise OmniError(
                     f"the {name.replace('_', ' ')} of wheels must not be below 0, "
@@ -187,7 +187,9 @@ class WheelLimits:
         """Return drag on the body, [ax, ay, moment per mass] (n, 3), at body twists (n, 3)."""
         rim_speed, axle_speed = twist @ self.kinematics.matrix.T, twist @ self.kinematics.axles.T
         load, speed = GRAVITY * self._loads[0], np.hypot(rim_speed, axle_speed)
-        per_speed = np.divide(self.carpet_drag, speed, out=np.zeros_like(speed), where=speed > 0)
+        per_speed = np.divide(
+            self.rolling_resistance, speed, out=np.zeros_like(speed), where=speed > 0
+        )
         axle_drag = per_speed * axle_speed + self.roller_friction * np.sign(axle_speed)
         return (
             -(load * per_speed * rim_speed) @ self.kinematics.matrix
@@ -227,27 +229,30 @@ class WheelLimits:
         force_rows = self._faces[1]
         rim_part = np.abs(force_rows @ self.kinematics.matrix.T)
         axle_part = np.abs(force_rows @ self.kinematics.axles.T)
-        drag = self.carpet_drag * np.hypot(rim_part, axle_part) + self.roller_friction * axle_part
+        drag = (
+            self.rolling_resistance * np.hypot(rim_part, axle_part)
+            + self.roller_friction * axle_part
+        )
         return np.asarray(drag @ (GRAVITY * self._loads[0]))
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
-        return compute_load_distribution(self.kinematics, self.centre_height)
+        return compute_load_distribution(self.kinematics, self.com_height)
 
 
-def compute_load_distribution(kinematics: Kinematics, centre_height: float) -> tuple[Array, Array]:
+def compute_load_distribution(kinematics: Kinematics, com_height: float) -> tuple[Array, Array]:
     """Return the loads of wheels at rest and under acceleration.
 
     Args:
         kinematics: Geometry of the wheels; the center of mass is above their middle.
-        centre_height: Height of the center of mass above the carpet, m.
+        com_height: Height of the center of mass above the carpet, m.
 
     Returns:
         Loads at rest over the weight, (wheels,), and loads per mass that accelerations
         [ax, ay, turning] add, (wheels, 3).
     """
     load_matrix = compute_load_matrix(kinematics)
-    return load_matrix[:, 0], np.pad(-centre_height * load_matrix[:, 1:], ((0, 0), (0, 1)))
+    return load_matrix[:, 0], np.pad(-com_height * load_matrix[:, 1:], ((0, 0), (0, 1)))
 
 
 def compute_load_matrix(kinematics: Kinematics) -> Array:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from benches.control import (
-    CENTER_HEIGHT_M,
+    COM_HEIGHT_M,
     CREEP,
     DISTURBANCE,
     INVERSE_GAIN,
@@ -169,7 +169,7 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
     velocity, turn_rate = 2 * complex(*drawn[:2]), 5 * drawn[2]
     acceleration, deficit = 2 * complex(*drawn[3:5]), complex(*drawn[5:])
     feet = 0.083 * np.exp(1j * WHEELS.azimuths)
-    shift = -4 * CENTER_HEIGHT_M / 9.81 * acceleration
+    shift = -4 * COM_HEIGHT_M / 9.81 * acceleration
     balance = np.array([np.ones(4), feet.real, feet.imag])
     loads = np.linalg.lstsq(balance, [4, shift.real, shift.imag], rcond=None)[0]
 

@@ -26,7 +26,7 @@ def test_the_largest_feasible_acceleration_needs_all_friction(
 
 def test_the_limits_of_driving_forward_and_of_turning_have_closed_forms() -> None:
     """Without drag, and with a moment of mu m g arm where all wheels slide in one direction."""
-    robot = replace(TIGERS, carpet_drag=0.0, roller_friction=0.0)
+    robot = replace(TIGERS, rolling_resistance=0.0, roller_friction=0.0)
     forward = compute_max_acceleration(robot.kinematics, 0.45, 0.0, 0.045)
     turning = 0.45 * G * 0.083 / 0.0695**2
     for acceleration in ([forward, 0, 0], [0, 0, turning]):
@@ -56,7 +56,7 @@ def test_the_acceleration_margin_holds_in_all_directions(
         ("friction", 0.0),
         ("gyration_radius", -1.0),
         ("max_rim_speed", math.nan),
-        ("carpet_drag", -0.1),
+        ("rolling_resistance", -0.1),
     ],
 )
 def test_numbers_out_of_range_are_refused(name: str, bad: float) -> None:

@@ -100,7 +100,7 @@ def compute_loads(robot: WheelLimits) -> tuple[Array, Array]:
     The wheels are four equal springs.
     """
     balance = np.column_stack([np.ones(4), robot.kinematics.arm * get_axles(robot)])
-    loads = np.linalg.pinv(balance).T @ np.diag([G, -robot.centre_height, -robot.centre_height])
+    loads = np.linalg.pinv(balance).T @ np.diag([G, -robot.com_height, -robot.com_height])
     return loads[:, 0], loads[:, 1:]
 
 
@@ -111,7 +111,7 @@ def compute_drag(robot: WheelLimits, twist: Array) -> Array:
     v = twist[:2] + twist[2] * np.column_stack([-arm[:, 1], arm[:, 0]])
     axle_sign = np.sign((v * axle).sum(axis=1, keepdims=True))
     force = -load * (
-        robot.carpet_drag * v / np.linalg.norm(v, axis=1, keepdims=True)
+        robot.rolling_resistance * v / np.linalg.norm(v, axis=1, keepdims=True)
         + robot.roller_friction * axle_sign * axle
     )
     return np.append(force.sum(0), (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())

@@ -22,7 +22,7 @@ import numpy as np
 from omni_control.kinematics import Array, Kinematics
 from omni_control.traction import GRAVITY, compute_load_distribution
 
-CENTER_HEIGHT_M = 0.047  # of the center of mass: TIGERs Mannheim's robots have 45 and 49 mm
+COM_HEIGHT_M = 0.047  # of the center of mass: TIGERs Mannheim's robots have 45 and 49 mm
 MIN_LOAD = 0.1  # load of every wheel over the mean load
 
 
@@ -36,7 +36,7 @@ class WheelCompliance:
 
     def __init__(self, geometry: Kinematics, gyro_residual: float) -> None:
         self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
-        static, dynamic = compute_load_distribution(geometry, CENTER_HEIGHT_M)
+        static, dynamic = compute_load_distribution(geometry, COM_HEIGHT_M)
         n_wheels = len(geometry.azimuths)
         self._static_load = n_wheels * static
         self._load_transfer = n_wheels / GRAVITY * dynamic[:, :2].T

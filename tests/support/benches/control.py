@@ -33,7 +33,7 @@ from omni_control.estimation.motion_model import (
 from omni_control.estimation.outlier_gate import MAX_REJECTIONS, MAX_REPEATS, OutlierGate
 from omni_control.estimation.robot_ekf import RobotEkf
 from omni_control.estimation.vision_tracker import KalmanFilter
-from omni_control.estimation.yaw_coupling import CENTER_HEIGHT_M, WheelCompliance
+from omni_control.estimation.yaw_coupling import COM_HEIGHT_M, WheelCompliance
 from omni_control.fuzzy import LABELS, FuzzyLaw, compute_memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import PerRobotReference, Reference
