@@ -18,12 +18,12 @@ def test_the_example_learns_and_drives(
         "[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.1\n"
     )
     monkeypatch.chdir(tmp_path)
-    asked = ["--scenario", "short.toml", "--generations", "3", "--plant", "kinematic"]
-    monkeypatch.setattr(sys, "argv", ["learn.py", *asked])
+    arguments = ["--scenario", "short.toml", "--generations", "3", "--plant", "kinematic"]
+    monkeypatch.setattr(sys, "argv", ["learn.py", *arguments])
     runpy.run_path(str(ROOT / "examples" / "learn" / "learn.py"))
     printed = capsys.readouterr().out
-    off = [float(each) for each in re.findall(r"mean error ([0-9.]+) cm", printed)]
-    assert off[-1] < off[0] / 2
+    errors_cm = [float(error) for error in re.findall(r"mean error ([0-9.]+) cm", printed)]
+    assert errors_cm[-1] < errors_cm[0] / 2
     assert "Learned" in printed
 
 

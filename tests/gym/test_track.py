@@ -24,22 +24,22 @@ DRAWN = {
 MEMORY = 9
 
 
-def answer(seen: np.ndarray, highest: np.ndarray | float) -> np.ndarray:
+def act(observation: np.ndarray, max_command: np.ndarray | float) -> np.ndarray:
     """Return actions of a policy: the previewed twist plus three times the pose error."""
-    way, twist = seen[..., 3:6], seen[..., 18:21]
-    return (twist + 3.0 * way) / highest
+    pose_error, twist = observation[..., 3:6], observation[..., 18:21]
+    return (twist + 3.0 * pose_error) / max_command
 
 
-def track(scenario: om.Scenario | str = "rect", **more: Any) -> gymnasium.Env:
+def make_env(scenario: om.Scenario | str = "rect", **options: Any) -> gymnasium.Env:
     """Return one environment, without Gymnasium's wrappers."""
-    return gymnasium.make("omni_mj/Track-v0", scenario=scenario, **more).unwrapped
+    return gymnasium.make("omni_mj/Track-v0", scenario=scenario, **options).unwrapped
 
 
-def tracks(
-    num_envs: int = 1, scenario: om.Scenario | str = "rect", **more: Any
+def make_envs(
+    num_envs: int = 1, scenario: om.Scenario | str = "rect", **options: Any
 ) -> gymnasium.vector.VectorEnv:
     """Return a vector of environments."""
-    return gymnasium.make_vec("omni_mj/Track-v0", num_envs, scenario=scenario, **more)
+    return gymnasium.make_vec("omni_mj/Track-v0", num_envs, scenario=scenario, **options)
 
 
 class Policy(om.Controller):
@@ -51,7 +51,7 @@ class Policy(om.Controller):
 
     def command(self, frame: int, observation: om.Observation) -> np.ndarray:
         observed = omni_mj.gym.encode_observation(frame, observation, self.reference, MEMORY)
-        return omni_mj.gym.decode_action(answer(observed, 4.0), observation, self.model.limits)
+        return omni_mj.gym.decode_action(act(observed, 4.0), observation, self.model.limits)
 
 
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
@@ -70,11 +70,11 @@ def test_rewards_equal_the_errors_of_the_same_controller() -> None:
     x, y, turn = (np.subtract(table[a], table[f"ref_{a}"]) for a in ("x_m", "y_m", "heading_rad"))
     expected = -(np.hypot(x, y) + 0.09 * np.abs(turn))
 
-    env = track("rect", history_length=MEMORY, **changes)
-    seen, info = env.reset(seed=5)
+    env = make_env("rect", history_length=MEMORY, **changes)
+    observation, info = env.reset(seed=5)
     rewards, end = [], False
     while not end:
-        seen, reward, terminated, end, _ = env.step(answer(seen, 4.0))
+        observation, reward, terminated, end, _ = env.step(act(observation, 4.0))
         rewards.append(reward)
         assert not terminated
     assert info == {"seed": 5}
@@ -83,20 +83,20 @@ def test_rewards_equal_the_errors_of_the_same_controller() -> None:
 
 def test_observations_are_errors_to_the_reference() -> None:
     """Without noise, alpha = 1: full speed is a delayed ramp of the highest acceleration."""
-    delay, history_length, speed, most = 3, 5, 2.0, 4.7
+    delay, history_length, speed, max_acceleration = 3, 5, 2.0, 4.7
     route = {"waypoints": [[0, 0, 1.0], [0, 0.5, 1.0]], "settle_s": 0.5}
-    env = track(
+    env = make_env(
         "rect",
         plant="kinematic",
         reference=route,
         radio={"delay_frames": delay},
-        control={"max_speed_m_s": speed, "max_acceleration_m_s2": most},
+        control={"max_speed_m_s": speed, "max_acceleration_m_s2": max_acceleration},
         kinematic={"alpha_low": 1.0, "alpha_high": 1.0},
         disturbance={"velocity_m_s": 0.0},
         vision={"position_noise_m": 0.0, "heading_noise_rad": 0.0},
         history_length=history_length,
     )
-    seen, _ = env.reset(seed=0)
+    observation, _ = env.reset(seed=0)
     step = 1 / 60
     forward = np.array([np.cos(1.0), np.sin(1.0)])
     reference = (
@@ -104,22 +104,26 @@ def test_observations_are_errors_to_the_reference() -> None:
     )
     sent = [0.0] * (history_length + delay)
     for frame in range(1, 20):
-        sent.append(min(sent[-1] + most * step, speed))
-        seen, *_ = env.step([1.0, 0.0, 0.0])
-        felt, all_sent = (step * sum(sent[: len(sent) - late]) for late in (delay, 0))
-        own = np.stack([forward, [-forward[1], forward[0]]])
+        sent.append(min(sent[-1] + max_acceleration * step, speed))
+        observation, *_ = env.step([1.0, 0.0, 0.0])
+        acted_distance, all_sent = (step * sum(sent[: len(sent) - late]) for late in (delay, 0))
+        body_axes = np.stack([forward, [-forward[1], forward[0]]])
         # Vision is exact, but the filter believes it to 1.3 mm: it lags by less than that.
-        np.testing.assert_allclose(seen[:2], own @ (reference[frame] - felt * forward), atol=1.3e-3)
         np.testing.assert_allclose(
-            seen[3:5], own @ (reference[frame + delay] - all_sent * forward), atol=1.3e-3
+            observation[:2], body_axes @ (reference[frame] - acted_distance * forward), atol=1.3e-3
         )
         np.testing.assert_allclose(
-            seen[-3 * history_length :].reshape(history_length, 3)[:, 0],
+            observation[3:5],
+            body_axes @ (reference[frame + delay] - all_sent * forward),
+            atol=1.3e-3,
+        )
+        np.testing.assert_allclose(
+            observation[-3 * history_length :].reshape(history_length, 3)[:, 0],
             sent[-history_length:],
             atol=1e-3,
         )
         np.testing.assert_allclose(
-            seen[-3 * history_length :].reshape(history_length, 3)[:, 1:], 0, atol=1e-3
+            observation[-3 * history_length :].reshape(history_length, 3)[:, 1:], 0, atol=1e-3
         )
 
 
@@ -127,43 +131,43 @@ def test_observations_are_errors_to_the_reference() -> None:
 def test_vector_equals_single_environments(mode: AutoresetMode) -> None:
     """Bit for bit Gymnasium's own vector of single environments, with episodes of other lengths."""
     n, lost = 4, 0.12
-    many = tracks(n, "rect", max_error_m=lost, autoreset_mode=mode, **DRAWN)
-    ones = SyncVectorEnv(
-        [lambda: track("rect", max_error_m=lost, **DRAWN) for _ in range(n)], autoreset_mode=mode
+    envs = make_envs(n, "rect", max_error_m=lost, autoreset_mode=mode, **DRAWN)
+    single_envs = SyncVectorEnv(
+        [lambda: make_env("rect", max_error_m=lost, **DRAWN) for _ in range(n)], autoreset_mode=mode
     )
     random = np.random.default_rng(0)
-    same(many.reset(seed=3), ones.reset(seed=3))
-    assert many.metadata["autoreset_mode"] is mode
-    both = np.zeros(2, int)
+    assert_same(envs.reset(seed=3), single_envs.reset(seed=3))
+    assert envs.metadata["autoreset_mode"] is mode
+    n_ended = np.zeros(2, int)
     for _ in range(120):
         action = random.uniform(-0.5, 0.5, (n, 3)).astype(np.float32)
-        found, expected = many.step(action), ones.step(action)
-        same(found, expected)
-        both += found[2].sum(), found[3].sum()
-        ended = found[2] | found[3]
+        result, expected = envs.step(action), single_envs.step(action)
+        assert_same(result, expected)
+        n_ended += result[2].sum(), result[3].sum()
+        ended = result[2] | result[3]
         if mode is AutoresetMode.DISABLED and ended.any():
             options = [{"reset_mask": ended.copy()} for _ in range(2)]
-            same(many.reset(options=options[0]), ones.reset(options=options[1]))
-    assert (both > 0).all()
+            assert_same(envs.reset(options=options[0]), single_envs.reset(options=options[1]))
+    assert (n_ended > 0).all()
 
 
-def same(found: Any, expected: Any) -> None:
-    """Of nested answers every bit; of a robot that an answer's mask leaves out nothing counts."""
+def assert_same(result: Any, expected: Any) -> None:
+    """Compare nested results bit for bit; ignore robots outside the mask of a result."""
     if isinstance(expected, dict):
-        assert found.keys() == expected.keys()
+        assert result.keys() == expected.keys()
         for name, values in expected.items():
             mask = expected.get(f"_{name}", ...)
-            same(found[name][mask], values[mask])
+            assert_same(result[name][mask], values[mask])
     elif isinstance(expected, tuple):
-        for one, other in zip(found, expected, strict=True):
-            same(one, other)
+        for result_i, expected_i in zip(result, expected, strict=True):
+            assert_same(result_i, expected_i)
     else:
-        np.testing.assert_array_equal(found, expected)
+        np.testing.assert_array_equal(result, expected)
 
 
 def test_ending_an_episode_early_never_pays() -> None:
     """The remaining frames cost as if the robot had stayed there: getting lost never pays."""
-    env = track("rect", max_error_m=0.2, plant="kinematic", reference=SHORT)
+    env = make_env("rect", max_error_m=0.2, plant="kinematic", reference=SHORT)
     env.reset(seed=1)
     rewards, terminated = [], False
     while not terminated:
@@ -184,19 +188,19 @@ def test_ending_an_episode_early_never_pays() -> None:
 def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
     """With drawn masses on the MuJoCo plant each robot is its own batch, equal bit for bit."""
     changes = {"reference": SHORT, "body": {"mass_kg": {"uniform": [2.3, 2.6]}}}
-    many, one = tracks(3, "rect", **changes), track("rect", **changes)
-    seen, info = many.reset(seed=0)
-    alone, _ = one.reset(seed=2)
-    np.testing.assert_array_equal(seen[2], alone)
+    envs, env = make_envs(3, "rect", **changes), make_env("rect", **changes)
+    observation, info = envs.reset(seed=0)
+    single, _ = env.reset(seed=2)
+    np.testing.assert_array_equal(observation[2], single)
     for _ in range(3):
-        found, alone = many.step(np.full((3, 3), 0.1)), one.step(np.full(3, 0.1))
-        np.testing.assert_array_equal(found[0][2], alone[0])
-        assert found[1][2] == alone[1]
+        result, single = envs.step(np.full((3, 3), 0.1)), env.step(np.full(3, 0.1))
+        np.testing.assert_array_equal(result[0][2], single[0])
+        assert result[1][2] == single[1]
     assert info["seed"].tolist() == [0, 1, 2]
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("arguments", "words"),
     [
         ({"scenario": "recht"}, "unknown scenario"),
         ({"plant": "planer"}, "unknown plant"),
@@ -207,18 +211,20 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
         ({"autoreset_mode": "SameStep"}, "must be NextStep or Disabled"),
     ],
 )
-def test_invalid_arguments_are_rejected_with_one_line(given: dict[str, Any], words: str) -> None:
+def test_invalid_arguments_are_rejected_with_one_line(
+    arguments: dict[str, Any], words: str
+) -> None:
     with pytest.raises(om.OmniError, match=words):
-        tracks(**given)
+        make_envs(**arguments)
 
 
 def test_scenarios_with_parameterized_controllers_are_accepted() -> None:
     """Of any scenario; who drives in it otherwise does not matter."""
-    other = om.load_scenario(
+    scenario_with_controllers = om.load_scenario(
         "rect", plant="kinematic", controllers=[Policy, Tuned], controller={"Tuned": {"gain": 2.0}}
     )
-    seen, _ = track(other).reset(seed=0)
-    np.testing.assert_array_equal(seen, track("rect", plant="kinematic").reset(seed=0)[0])
+    observation, _ = make_env(scenario_with_controllers).reset(seed=0)
+    np.testing.assert_array_equal(observation, make_env("rect", plant="kinematic").reset(seed=0)[0])
 
 
 class Tuned(Policy):
@@ -226,7 +232,7 @@ class Tuned(Policy):
 
 
 def test_invalid_actions_are_rejected() -> None:
-    env = tracks(2, plant="kinematic")
+    env = make_envs(2, plant="kinematic")
     env.reset(seed=0)
     for action in (np.zeros(3), np.full((2, 3), np.nan)):
         with pytest.raises(om.OmniError, match="actions must be finite numbers"):
