@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that appear complete or not at all, JSON files, and free disk space."""
 
 import json
 import os
@@ -10,18 +10,18 @@ from typing import Any, BinaryIO
 
 from omni_control.errors import OmniError
 
-SPARE_B = 1_000_000  # of disk, for what is small: summary, report, provenance
-PARTIAL = ".partial"  # after the name of a file that is being written
+RESERVED_BYTES = 1_000_000  # of disk space for small files: summary, report, provenance
+PARTIAL_SUFFIX = ".partial"  # after the name of a file that is being written
 
 
 @contextmanager
 def open_atomic(path: Path) -> Iterator[BinaryIO]:
-    """Give a file to write to, which takes the place of `path` once all of it is on the disk.
+    """Open a file for writing that replaces `path` once it is completely on the disk.
 
     Raises:
-        OSError: it cannot be written; what was at `path` is as it was.
+        OSError: The file cannot be written. `path` is unchanged then.
     """
-    partial = path.with_name(path.name + PARTIAL)
+    partial = path.with_name(path.name + PARTIAL_SUFFIX)
     try:
         with partial.open("wb") as file:
             yield file
@@ -30,48 +30,50 @@ def open_atomic(path: Path) -> Iterator[BinaryIO]:
         partial.replace(path)
     except OSError as error:
         if error.filename == str(partial):
-            error.filename = str(path)  # what is wanted there
+            error.filename = str(path)  # the name that the user knows
         raise
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
 
 
-def write_text(path: Path, content: str) -> None:
-    """Write a text to a file that appears whole or not at all.
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, which appears complete or not at all.
 
     Raises:
-        OSError: see `open_atomic`.
+        OSError: See `open_atomic`.
     """
     with open_atomic(path) as file:
-        file.write(content.encode())
+        file.write(text.encode())
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Return the mapping that a JSON file holds.
+    """Return the mapping in a JSON file.
 
     Raises:
-        OmniError: It cannot be read, or is none.
+        OmniError: The file cannot be read, or contains no mapping.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise OmniError(f"{path} cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError) as error:
         raise OmniError(f"{path} is not valid JSON: {error}") from None
-    if not isinstance(found, dict):
-        raise OmniError(f"{path} is not what a run leaves; make the run again")
-    return found
+    if not isinstance(content, dict):
+        raise OmniError(f"{path} must contain a JSON object; make the run again")
+    return content
 
 
-def check_disk_space(folder: Path, needed_b: float) -> None:
-    """See that what can be done without leaves room for what cannot, so many bytes, on the disk of a folder.
+def check_disk_space(folder: Path, needed_bytes: float) -> None:
+    """Check that a disk has space for optional files besides the required ones.
+
+    Args:
+        folder: Folder on the disk.
+        needed_bytes: Size of the optional files.
 
     Raises:
-        OmniError: it does not.
+        OmniError: There is too little space.
     """
     disk = shutil.disk_usage(folder)
-    if disk.total and disk.free < needed_b + SPARE_B:  # some file systems say nothing
-        raise OmniError(
-            f"the {disk.free / 1e6:.1f} MB that are left on the disk are for the numbers"
-        )
+    if disk.total and disk.free < needed_bytes + RESERVED_BYTES:  # total is 0 if unknown
+        raise OmniError(f"the last {disk.free / 1e6:.1f} MB of the disk are kept for the numbers")

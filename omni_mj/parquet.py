@@ -1,4 +1,7 @@
-"""Tables as Parquet files; by its name, Arrow would take a path with a colon in it for an address."""
+"""Tables as Parquet files.
+
+Files are opened by Python first: given a name with a colon, Arrow would take it for a URL.
+"""
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,25 +16,24 @@ from omni_mj.files import open_atomic
 if TYPE_CHECKING:
     import pyarrow as pa
 
-# Of a file that is written in parts, of which some things stay in memory until the end
+# Size of the blocks in which a file is written. Each block needs some memory until the end.
 ROWS_PER_GROUP = 20_000
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
-    """The table in a file.
+    """Return the table in a file.
 
     Args:
-        path: of the file.
-        columns: those that are wanted. [all]
+        path: The file.
+        columns: Names of the columns to read. Default: all.
 
     Raises:
-        OmniError: it cannot be read, or is no such table.
+        OmniError: The file cannot be read, or lacks a column.
     """
     import pyarrow.parquet as pq
 
-    with _opened(
-        path
-    ) as file:  # without threads: where there is no memory for one, Arrow waits for it for ever
+    # Without threads: if there is no memory to start one, Arrow waits for it forever.
+    with _open_file(path) as file:
         table = pq.ParquetFile(file, pre_buffer=False)
         if missing := [name for name in columns or () if name not in table.schema_arrow.names]:
             raise OmniError(f"{path} cannot be read: it has no column {missing[0]}")
@@ -39,37 +41,37 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
 
 
 def write_tables(tables: "Iterable[pa.Table]", path: Path) -> None:
-    """Write tables with the same columns, at least one, one after the other to a file that appears whole or not at all.
+    """Write one or more tables with the same columns, one after the other, to a file.
+
+    The file appears complete or not at all.
 
     Raises:
-        OSError: see `omni_mj.files.open_atomic`.
+        OSError: See `omni_mj.files.open_atomic`.
     """
     import pyarrow.parquet as pq
 
-    parts = iter(tables)
-    first = next(parts)
+    remaining = iter(tables)
+    head = next(remaining)
     with (
         open_atomic(path) as file,
-        pq.ParquetWriter(file, first.schema, compression="zstd") as writer,
+        pq.ParquetWriter(file, head.schema, compression="zstd") as writer,
     ):
-        for each in chain([first], parts):
-            writer.write_table(each)
+        for table in chain([head], remaining):
+            writer.write_table(table)
 
 
 @contextmanager
-def _opened(path: Path) -> "Iterator[pa.NativeFile]":
-    """A file to read; what is wrong with it is a line.
+def _open_file(path: Path) -> "Iterator[pa.NativeFile]":
+    """Open a file for Arrow. Errors in the block are raised as an `OmniError` of one line.
 
-    Arrow's own file: threads that read a file of Python's still hold it when a program ends at
-    once, which they abort.
+    A file object of Python is not used: Arrow's threads may still hold it when the program ends,
+    which would abort it.
     """
     import pyarrow as pa
 
     try:
-        with (
-            path.open("rb"),
-            pa.OSFile(os.fsencode(path), "rb") as file,
-        ):  # the first tells of errors in words
+        # Opening the file by Python first gives readable error messages.
+        with path.open("rb"), pa.OSFile(os.fsencode(path), "rb") as file:
             yield file
     except (OSError, pa.ArrowException, UnicodeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)

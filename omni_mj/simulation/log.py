@@ -1,4 +1,4 @@
-"""What a simulation records of each row and frame: in memory while it goes on, as an Arrow table after."""
+"""The log of a simulation: all channels of each row and frame, in memory and as Arrow tables."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -16,18 +16,21 @@ from omni_mj.plants.telemetry import TELEMETRY_NAMES
 if TYPE_CHECKING:
     import pyarrow as pa
 
-INITIAL_CAPACITY = 512  # that there is room for at least
-CHANNEL_PREFIX = "channel_"  # before the names of channels of a controller's own
+INITIAL_CAPACITY = 512  # frames, at least
+CHANNEL_PREFIX = "channel_"  # before the names of a controller's own channels
 
 
-def channel_columns(wheels: int) -> dict[str, tuple[str, ...]]:
-    """Channel -> its columns in a table, for robots with as many wheels.
+def channel_columns(n_wheels: int) -> dict[str, tuple[str, ...]]:
+    """Return the columns of each channel in a table.
 
-    A line of the table describes the instant of a frame; `applied` acts from there to the next
-    frame, the peaks and means are those since the frame before, `current_limited` a share of that
-    time.
+    A line of the table describes the instant of a frame. `applied` acts until the next frame.
+    Peaks, means and `current_limited`, a fraction of the time, cover the time since the previous
+    frame.
+
+    Args:
+        n_wheels: Number of wheels of a robot.
     """
-    each = [str(i + 1) for i in range(wheels)]
+    numbers = [str(i + 1) for i in range(n_wheels)]
     return {
         "ref": ("ref_x_m", "ref_y_m", "ref_heading_rad"),
         "pose": ("x_m", "y_m", "heading_rad"),
@@ -42,53 +45,53 @@ def channel_columns(wheels: int) -> dict[str, tuple[str, ...]]:
             "latency_hat_sideways_frames",
             "latency_hat_turn_frames",
         ),
-        "wheel_angle": tuple(f"wheel_angle_{i}_rad" for i in each),
-        "wheel_speed": tuple(f"wheel_speed_{i}_rad_s" for i in each),
-        "voltage": tuple(f"voltage_{i}_v" for i in each),
-        "current": tuple(f"current_{i}_a" for i in each),
-        "voltage_mean": tuple(f"mean_voltage_{i}_v" for i in each),
-        "current_mean": tuple(f"mean_current_{i}_a" for i in each),
+        "wheel_angle": tuple(f"wheel_angle_{i}_rad" for i in numbers),
+        "wheel_speed": tuple(f"wheel_speed_{i}_rad_s" for i in numbers),
+        "voltage": tuple(f"voltage_{i}_v" for i in numbers),
+        "current": tuple(f"current_{i}_a" for i in numbers),
+        "voltage_mean": tuple(f"mean_voltage_{i}_v" for i in numbers),
+        "current_mean": tuple(f"mean_current_{i}_a" for i in numbers),
         "duty_peak": ("peak_duty",),
         "voltage_peak": ("peak_voltage_v",),
         "current_peak": ("peak_current_a",),
-        "current_limited": tuple(f"current_limited_fraction_{i}" for i in each),
-        "winding": tuple(f"winding_temperature_{i}_c" for i in each),
-        "housing": tuple(f"housing_temperature_{i}_c" for i in each),
+        "current_limited": tuple(f"current_limited_fraction_{i}" for i in numbers),
+        "winding": tuple(f"winding_temperature_{i}_c" for i in numbers),
+        "housing": tuple(f"housing_temperature_{i}_c" for i in numbers),
         "battery": ("battery_voltage_v",),
-        "slip": tuple(f"slip_{i}_m_s" for i in each),
+        "slip": tuple(f"slip_{i}_m_s" for i in numbers),
     }
 
 
 class Log:
-    """Channels of n rows, a simulated robot each, over the frames so far.
+    """Recorded channels of n rows over the frames so far.
 
     Args:
-        rows: one per robot.
-        wheels: of each robot.
-        frames: that are expected; where more come, room for them doubles when it is full.
+        rows: The rows.
+        n_wheels: Number of wheels of a robot.
+        n_frames: Expected number of frames. The capacity doubles when more are recorded.
 
     Attributes:
-        rows: as given.
-        columns: channel -> its columns in a table.
-        first_frame: the number that a table gives its first frame.
-        length: frames recorded so far.
-        lengths: how many of them each row has, (n,): one that failed or came to its end before has
-            fewer.
+        rows: As given.
+        columns: Channel -> its columns in a table.
+        first_frame: Number of the first frame in a table.
+        length: Number of frames so far.
+        lengths: Number of frames of each row, shape (n,). Smaller for rows that failed or ended.
     """
 
-    def __init__(self, rows: Sequence[Row], wheels: int, frames: int = 0) -> None:
+    def __init__(self, rows: Sequence[Row], n_wheels: int, n_frames: int = 0) -> None:
         self.rows = list(rows)
-        self.columns = channel_columns(wheels)
+        self.columns = channel_columns(n_wheels)
         ends = np.cumsum([0, *map(len, self.columns.values())]).tolist()
-        self._at = {
+        self._slices = {
             name: slice(*span) for name, span in zip(self.columns, pairwise(ends), strict=True)
         }
         self.length, self.first_frame = 0, 0
         self.lengths = np.zeros(len(self.rows), int)
-        # (frames, columns, rows) of all channels but controllers' own. Memory is taken only when it
-        # is written.
-        self._data: Array = np.empty((max(frames, INITIAL_CAPACITY), ends[-1], len(self.rows)))
-        self._own: dict[str, Array] = {}
+        # Channels of the simulation, shape (capacity, columns, n). The system provides the memory
+        # only when it is written.
+        self._data: Array = np.empty((max(n_frames, INITIAL_CAPACITY), ends[-1], len(self.rows)))
+        # Channels of controllers, name -> shape (capacity, columns, n).
+        self._controller_data: dict[str, Array] = {}
 
     @property
     def controllers(self) -> tuple[str, ...]:
@@ -97,107 +100,126 @@ class Log:
 
     @property
     def seeds(self) -> list[int]:
-        """The seeds, in the order of their first rows."""
+        """Seeds, in the order of their first rows."""
         return list(dict.fromkeys(row.seed for row in self.rows))
 
     def rows_of(self, controller: str) -> np.ndarray:
-        """Numbers of the rows that a controller drives."""
+        """Return the indices of a controller's rows."""
         return np.flatnonzero([row.controller == controller for row in self.rows])
 
     def first_row_of(self, controller: str) -> int:
-        """Number of the first row that a controller drives."""
+        """Return the index of a controller's first row."""
         return int(self.rows_of(controller)[0])
 
     @property
     def time(self) -> Array:
-        """Time of each frame (length,), s."""
+        """Time of each frame, shape (length,), s."""
         return np.arange(self.length, dtype=float) * PERIOD_S
 
     def append(
         self,
-        recorded: np.ndarray,
-        own: Mapping[str, Array],
+        is_active: np.ndarray,
+        controller_channels: Mapping[str, Array],
         telemetry: Array | None = None,
         **values: np.ndarray,
     ) -> None:
         """Append a frame.
 
         Args:
-            recorded: which rows go on, (n,); the others get NaN.
-            own: channels of controllers' own, name -> (n, k).
-            telemetry: the channels of `plants.telemetry.TELEMETRY_NAMES` side by side in that order, (n, their
+            is_active: Whether each row still runs, shape (n,). Others get NaN.
+            controller_channels: Channels of the controllers, name -> shape (n, columns).
+            telemetry: Channels of `TELEMETRY_NAMES` side by side in that order, shape (n, their
                 columns).
-            values: other channels, (n, columns) or (n,), or what broadcasts to it; of those not
-                given nothing is recorded.
+            **values: Other channels, shape (n, columns) or (n,), or broadcastable. Channels that
+                are not given get NaN.
         """
         if self.length == len(self._data):
-            self._data, *others = (_doubled(frames) for frames in (self._data, *self._own.values()))
-            self._own = dict(zip(self._own, others, strict=True))
-        frame, at = self._data[self.length], self._at
-        parts = [(frame[at[name]], value) for name, value in values.items()]
-        parts += [
-            (self._own_frames(name, value.shape[1])[self.length, : value.shape[1]], value)
-            for name, value in own.items()
-        ]
+            self._double_capacity()
+        frame = self._data[self.length]
+        writes = [(frame[self._slices[name]], value) for name, value in values.items()]
+        for name, value in controller_channels.items():
+            width = value.shape[1]
+            data = self._controller_channel(CHANNEL_PREFIX + name, width)
+            writes.append((data[self.length, :width], value))
         if telemetry is not None:
-            parts.append(
-                (frame[at[TELEMETRY_NAMES[0]].start : at[TELEMETRY_NAMES[-1]].stop], telemetry)
-            )
-        for frames in (self._data, *self._own.values()):
-            frames[self.length] = np.nan
-        for columns, value in parts:
-            np.copyto(columns, value.T, where=recorded)
+            start = self._slices[TELEMETRY_NAMES[0]].start
+            stop = self._slices[TELEMETRY_NAMES[-1]].stop
+            writes.append((frame[start:stop], telemetry))
+        for data in (self._data, *self._controller_data.values()):
+            data[self.length] = np.nan
+        for columns, value in writes:
+            np.copyto(columns, value.T, where=is_active)
         self.length += 1
-        self.lengths += recorded
+        self.lengths += is_active
 
     def channel(self, name: str) -> np.ndarray:
-        """A channel's frames (length, n, columns); not a number, or false, where a row recorded none."""
-        frames = self._data[:, self._at[name]] if name in self._at else self._own[name]
-        values = frames[: self.length].swapaxes(1, 2)
+        """Return a channel, shape (length, n, columns).
+
+        Values are NaN, or false, where a row recorded none.
+        """
+        if name in self._slices:
+            data = self._data[:, self._slices[name]]
+        else:
+            data = self._controller_data[name]
+        values = data[: self.length].swapaxes(1, 2)
         return values == 1 if name == "vision_valid" else values
 
-    def table(self, first: int = 0, stop: int | None = None) -> "pa.Table":
-        """One line per row and frame that it recorded, rows in their order; of them those from `first` to `stop`."""
+    def table(self, start: int = 0, stop: int | None = None) -> "pa.Table":
+        """Return a line per row and frame that it recorded, row by row.
+
+        Args:
+            start: First line of the result.
+            stop: Line after the last of the result. Default: all lines.
+        """
         import pyarrow as pa
 
         ends = np.cumsum(self.lengths)
-        lines = np.arange(self.lengths.sum())[first:stop]
-        line = np.searchsorted(ends, lines, side="right")
-        frame = lines - (ends - self.lengths)[line]
-        names = list(self.controllers)
-        which = np.array([names.index(row.controller) for row in self.rows], np.int32)
+        lines = np.arange(self.lengths.sum())[start:stop]
+        row = np.searchsorted(ends, lines, side="right")
+        frame = lines - (ends - self.lengths)[row]
+        labels = list(self.controllers)
+        label_indices = np.array([labels.index(r.controller) for r in self.rows], np.int32)
         columns: dict[str, np.ndarray] = {
-            "seed": np.array([row.seed for row in self.rows], np.int64)[line],
-            "slot": np.array([row.slot for row in self.rows], np.int32)[line],
+            "seed": np.array([r.seed for r in self.rows], np.int64)[row],
+            "slot": np.array([r.slot for r in self.rows], np.int32)[row],
             "frame": (self.first_frame + frame).astype(np.int32),
             "time_s": (self.first_frame + frame) * PERIOD_S,
         }
         for name, titles in self.columns.items():
             data = self.channel(name)
-            columns |= {title: data[frame, line, i] for i, title in enumerate(titles)}
-        labels = pa.DictionaryArray.from_arrays(which[line], pa.array(names, pa.string()))
-        return pa.table({"controller": labels} | columns)
+            columns |= {title: data[frame, row, i] for i, title in enumerate(titles)}
+        controllers = pa.DictionaryArray.from_arrays(
+            label_indices[row], pa.array(labels, pa.string())
+        )
+        return pa.table({"controller": controllers} | columns)
 
     def save(self, path: Path) -> None:
-        """Write the table as Parquet, a part at a time to save memory; the file appears whole or not at all."""
-        firsts = range(0, max(int(self.lengths.sum()), 1), parquet.ROWS_PER_GROUP)
-        parquet.write_tables(
-            (self.table(first, first + parquet.ROWS_PER_GROUP) for first in firsts), path
-        )
+        """Write the table as Parquet, block by block to save memory.
 
-    def _own_frames(self, name: str, width: int) -> Array:
-        """Return the room of a controller's own channel (frames, columns, n), as wide as this at least."""
-        name = CHANNEL_PREFIX + name
-        before = self._own.get(name, self._data[:, :0])
-        if before.shape[1] < width:
-            wider = self._own[name] = np.empty((len(self._data), width, len(self.rows)))
+        The file appears complete or not at all.
+        """
+        n_lines, size = int(self.lengths.sum()), parquet.ROWS_PER_GROUP
+        starts = range(0, max(n_lines, 1), size)
+        parquet.write_tables((self.table(start, start + size) for start in starts), path)
+
+    def _controller_channel(self, name: str, width: int) -> Array:
+        """Return the data of a controller's channel, extended to at least `width` columns."""
+        data = self._controller_data.get(name, self._data[:, :0])
+        if data.shape[1] < width:
+            wider = np.empty((len(self._data), width, len(self.rows)))
             wider[: self.length] = np.nan
-            wider[: self.length, : before.shape[1]] = before[: self.length]
-            self.columns[name] = (
-                (name,) if width == 1 else tuple(f"{name}_{i + 1}" for i in range(width))
-            )
-        return self._own[name]
+            wider[: self.length, : data.shape[1]] = data[: self.length]
+            self._controller_data[name] = wider
+            titles = tuple(f"{name}_{i + 1}" for i in range(width))
+            self.columns[name] = (name,) if width == 1 else titles
+        return self._controller_data[name]
+
+    def _double_capacity(self) -> None:
+        self._data = _doubled(self._data)
+        self._controller_data = {
+            name: _doubled(data) for name, data in self._controller_data.items()
+        }
 
 
-def _doubled(frames: Array) -> Array:
-    return np.concatenate([frames, np.empty_like(frames)])
+def _doubled(data: Array) -> Array:
+    return np.concatenate([data, np.empty_like(data)])
