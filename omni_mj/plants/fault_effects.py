@@ -69,7 +69,7 @@ class FaultEffects:
         self._plant = plant
         self._bodies = bodies
         self._nominal_parameters = plant.parameters
-        self._kinds = {type(fault) for row in rows for fault in row.faults}
+        self._fault_types = {type(fault) for row in rows for fault in row.faults}
         faults_by_row = [row.faults for row in rows]
         self._schedule = FaultSchedule(faults_by_row, faults.OnWheels, faults.Kidnap)
         self._frame = 0
@@ -129,15 +129,15 @@ class FaultEffects:
 
     def _change_bodies(self, active: ActiveFaults) -> None:
         """Apply payloads, slopes, blocked hubs and displacements to the bodies."""
-        if faults.Payload in self._kinds:
+        if faults.Payload in self._fault_types:
             self._bodies.set_payloads(
                 [(row, load.mass_kg, load.height_m) for row, load in active.of_kind(faults.Payload)]
             )
-        if faults.Tilt in self._kinds:
+        if faults.Tilt in self._fault_types:
             self._bodies.set_slope(
                 _combine(active, faults.Tilt, self._zero_vectors, _compute_slope, add)
             )
-        if faults.MotorBlocked in self._kinds:
+        if faults.MotorBlocked in self._fault_types:
             turns = _combine(active, faults.MotorBlocked, self._wheel_ones, _zero)
             self._bodies.block_hubs(turns == 0)
         for row, kidnap in active.started(faults.Kidnap):

@@ -8,8 +8,7 @@ it reaches below the axle as far as its support function says,
     h(phi) = (R - r) cos phi + sqrt(r^2 cos^2 phi + R r sin^2 phi).
 
 Robots are too heavy to follow every roller, so the axle stays at a height z. A roller with h > z
-stands on a spring and a damper, on which the wheel presses it at the speed w h'(phi) as it turns at
-the speed w:
+stands on a spring and a damper. The wheel turns at w and presses it down at the speed w h'(phi):
 
     f = max(0, K (h - z) + c w h').
 
@@ -102,10 +101,10 @@ def _compute_response(wheels: WheelSettings, load: float) -> WheelResponse:
     rest_height = find_height(0.0)
     rest_forces = compute_forces(rest_height, 0.0)
     turning_forces = [compute_forces(find_height(speed), speed) for speed in SPEEDS_RAD_S]
-    stands = reach > rest_height
+    is_standing = reach > rest_height
     rolling_radius = rest_forces @ (reach + rest_height) / 2 / load
     axis_height = (roller_radius**2 / support - (reach - rest_height) / 2) * np.cos(phi)  # q
-    inverse_squares = axis_height[stands] ** -2
+    inverse_squares = axis_height[is_standing] ** -2
     losses = [
         forces @ reach_slope / speed
         for forces, speed in zip(turning_forces, SPEEDS_RAD_S, strict=True)
@@ -120,7 +119,7 @@ def _compute_response(wheels: WheelSettings, load: float) -> WheelResponse:
     growth = np.pi**3 * (abs(turning_ripple) - abs(rest_ripple)) / SPEEDS_RAD_S[0]
     return WheelResponse(
         float(rolling_radius),
-        rollers_per_point * stands.sum(),
+        rollers_per_point * is_standing.sum(),
         inverse_squares.mean(),
         inverse_squares[0],
         *_fit_fade(*losses),

@@ -7,7 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benches.drive import NOBODY, driven, in_process, on_wire, peer, summary
+from benches.drive import (
+    UNUSED_ADDRESS,
+    connect_peer,
+    drive_live,
+    live_scenario,
+    simulate_in_process,
+    summarize,
+)
 
 
 @pytest.mark.parametrize(
@@ -23,13 +30,13 @@ def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -
     chances to have time.
     """
     for _ in range(3):
-        with peer("--delay", delay) as options:
-            live = driven(on_wire(controller), options)
+        with connect_peer("--delay", delay) as options:
+            live = drive_live(live_scenario(controller), options)
         if not live.frame_clock.skipped:
             break
     assert live.scenario.settings.radio.delay_frames == delay
     assert (live.frame_clock.skipped, dict(live.messages)) == (0, {"pulse": 1})
-    expected = in_process(live, delay)
+    expected = simulate_in_process(live, delay)
     assert live.log.length == expected.log.length
     for channel in ("ref", "pose", "command"):
         ours, theirs = live.log.channel(channel)[:, 0], expected.log.channel(channel)[:, 0]
@@ -40,9 +47,9 @@ def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -
 @pytest.mark.parametrize("delay", [1.0, 3.5])
 def test_latency_is_found_whatever_the_controller(delay: float) -> None:
     """The fit over the run is within 0.1 frames, also for a delay of half a frame."""
-    with peer("--delay", delay, "--noise", 0.0003, "--age", 0.01) as options:
-        live = driven(on_wire("flc"), options)
-    (robot,) = summary(live)["robots"]
+    with connect_peer("--delay", delay, "--noise", 0.0003, "--age", 0.01) as options:
+        live = drive_live(live_scenario("flc"), options)
+    (robot,) = summarize(live)["robots"]
     assert robot["fitted"]["latency_frames"] == pytest.approx(delay, abs=0.1)
     assert robot["fitted"]["alpha"] == pytest.approx(1.0, abs=0.02)
     assert robot["identified"] is None
@@ -70,10 +77,10 @@ def test_what_vision_gets_wrong_costs_little() -> None:
         0.0005,
     )
     for _ in range(3):
-        with peer(
+        with connect_peer(
             "--delay", 2, *wrong, "--start", 0.1, 0.2, 0.3, -0.6, -0.4, 1.2, ids=(0, 1)
         ) as options:
-            live = driven(on_wire("comp-flc"), options)
+            live = drive_live(live_scenario("comp-flc"), options)
         assert live.messages["bad packet"]
         error = np.abs(live.log.channel("pose") - live.log.channel("ref"))
         if error[..., :2].max() < 0.02:
@@ -85,16 +92,16 @@ def test_what_vision_gets_wrong_costs_little() -> None:
 def test_robots_that_turn_while_they_drive_are_told_right() -> None:
     """By their heading when the command acts: a turn of pi over 0.5 m, with a dead time of 5."""
     turn = {"waypoints": [[0, 0, 0], [0.5, 0, np.pi]], "settle_s": 0.3}
-    with peer("--delay", 5) as options:
-        live = driven(on_wire("comp-flc", reference=turn), options)
+    with connect_peer("--delay", 5) as options:
+        live = drive_live(live_scenario("comp-flc", reference=turn), options)
     aside = np.abs(live.log.channel("pose")[:, 0, 1])
     assert aside.max() < 0.003
 
 
 def test_robots_start_where_they_are() -> None:
     """The route is displaced and turned to begin there."""
-    with peer("--start", 1.0, -0.5, 2.0) as options:
-        live = driven(on_wire("comp-flc"), options)
+    with connect_peer("--start", 1.0, -0.5, 2.0) as options:
+        live = drive_live(live_scenario("comp-flc"), options)
     np.testing.assert_allclose(live.log.channel("ref")[0, 0], [1.0, -0.5, 2.0], atol=1e-3)
     assert np.abs(live.log.channel("pose") - live.log.channel("ref")).max() < 0.02
 
@@ -115,8 +122,8 @@ class Mine(TeamRadio):
 def test_a_radio_of_ones_own(tmp_path: Path) -> None:
     file = tmp_path / "radio.py"
     file.write_text(RADIO)
-    with peer(radio=f"{file}:Mine") as options:
-        live = driven(on_wire("comp-flc"), options)
+    with connect_peer(radio=f"{file}:Mine") as options:
+        live = drive_live(live_scenario("comp-flc"), options)
     assert np.abs(live.log.channel("pose") - live.log.channel("ref")).max() < 0.02
 
 
@@ -126,7 +133,7 @@ REFUSALS = [
         "does not detect 1 robots for the scenario; yellow robots that it detects: none",
     ),
     ({"ids": (4,)}, "does not detect robots 4; blue robots that it detects: 0"),
-    ({"commands": NOBODY}, "robots 0 do not turn as commanded"),
+    ({"commands": UNUSED_ADDRESS}, "robots 0 do not turn as commanded"),
     ({"radio": "radio.py"}, "--radio must be file.py:Class"),
 ]
 
@@ -135,5 +142,8 @@ REFUSALS = [
     ("options", "reason"), REFUSALS, ids=[next(iter(options)) for options, _ in REFUSALS]
 )
 def test_what_cannot_be_driven_is_said(options: dict[str, object], reason: str) -> None:
-    with peer("--patience", 0.01, **options) as there, pytest.raises(ValueError, match=reason):
-        driven(on_wire("flc"), there)
+    with (
+        connect_peer("--patience", 0.01, **options) as there,
+        pytest.raises(ValueError, match=reason),
+    ):
+        drive_live(live_scenario("flc"), there)

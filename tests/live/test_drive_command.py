@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from benches.drive import started
+from benches.drive import run_peer
 from commands import invoke
 from serving import free_port
 
@@ -47,7 +47,7 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
         "--set",
         "reference.waypoints=[[0, 0], [1.2, 0]]",
     )
-    with started(ports, "--delay", 1, "--loss", 0.05, "--tell", 75) as peer:
+    with run_peer(ports, "--delay", 1, "--loss", 0.05, "--tell", 75) as peer:
         process = drive(tmp_path, ports, *OUT, *known)
         wait_for(peer, "heard")
     out, err = process.communicate(timeout=PATIENCE_S)
@@ -72,7 +72,7 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
 
 def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
     ports = free_port(), free_port()
-    with started(ports, "--tell", 75) as peer:
+    with run_peer(ports, "--tell", 75) as peer:
         process = drive(
             tmp_path, ports, *OUT, "--no-pulse", "--no-record", "--set", "reference.laps=20"
         )
@@ -86,7 +86,7 @@ def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
 
 def test_listening_only(tmp_path: Path) -> None:
     ports = free_port(), free_port()
-    with started(ports, "--noise", 0.001, "--cameras", 2, "--junk", 0.2):
+    with run_peer(ports, "--noise", 0.001, "--cameras", 2, "--junk", 0.2):
         process = drive(tmp_path, ports, "--dry-run", "--duration", 2.5)
         out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0

@@ -1,6 +1,6 @@
-"""Bench of `omni-mj drive` against the peer of `peer.py`, over real sockets.
+"""Helpers to test `omni-mj drive` with the simulator of `peer.py`, over real sockets.
 
-The peer waits for commands: nothing depends on how busy this computer is.
+The simulator waits for commands, so results do not depend on the load of this computer.
 """
 
 import subprocess
@@ -23,9 +23,9 @@ from omni_mj.live.sockets import MessageCounter
 from omni_mj.simulation.simulation import Simulation
 
 PEER = [sys.executable, str(Path(peer_program.__file__))]
-NOBODY = f"{LOOPBACK}:9"
+UNUSED_ADDRESS = f"{LOOPBACK}:9"
 ROUTE = {"waypoints": [[0, 0], [0.5, 0.3], [0.5, 0.0]], "settle_s": 0.3}
-# What is believed of robots that do as they are told; of alpha, as on equation 7's plant, nothing.
+# Assumptions about robots that follow commands exactly; alpha is unknown, as for equation 7
 EXACT = {
     "assumed_lag_s": 0.0,
     "assumed_drag_m_s": 0.0,
@@ -36,10 +36,10 @@ EXACT = {
 
 
 @contextmanager
-def started(ports: tuple[int, int], *said: object) -> Iterator["subprocess.Popen[str]"]:
-    """A simulator for the duration of the block; it sends vision to one port, reads another."""
+def run_peer(ports: tuple[int, int], *arguments: object) -> Iterator["subprocess.Popen[str]"]:
+    """Run a simulator; it sends vision to the first port, and reads commands at the second."""
     vision, port = ports
-    command = [*PEER, "--vision", f"{LOOPBACK}:{vision}", "--port", str(port), *map(str, said)]
+    command = [*PEER, "--vision", f"{LOOPBACK}:{vision}", "--port", str(port), *map(str, arguments)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             yield process
@@ -48,20 +48,22 @@ def started(ports: tuple[int, int], *said: object) -> Iterator["subprocess.Popen
 
 
 @contextmanager
-def peer(*said: object, **options: Any) -> Iterator[ConnectionOptions]:
-    """A simulator that waits for commands; how to connect to it, with more options."""
+def connect_peer(*arguments: object, **options: Any) -> Iterator[ConnectionOptions]:
+    """Run a simulator that waits for commands; yield options that connect to it."""
     ports = free_port(), free_port()
     vision, commands = (f"{LOOPBACK}:{port}" for port in ports)
-    with started(ports, "--lockstep", *said):
+    with run_peer(ports, "--lockstep", *arguments):
         yield replace(ConnectionOptions(vision, commands, pace="vision", listen_s=0.4), **options)
 
 
-def on_wire(controller: str | type[Controller], **sections: object) -> Scenario:
+def live_scenario(controller: str | type[Controller], **sections: object) -> Scenario:
+    """Return the scenario `rect` on the plant live, with other sections replaced."""
     sections = {"reference": ROUTE, "control": EXACT, **sections}
     return load_scenario("rect", plant="live", controllers=[controller], **sections)
 
 
-def driven(chosen: Scenario, options: ConnectionOptions) -> Live:
+def drive_live(chosen: Scenario, options: ConnectionOptions) -> Live:
+    """Drive a scenario to its end."""
     session.check_drivable(chosen, options)
     with (
         session.open_vision(options, MessageCounter()) as frame_clock,
@@ -71,13 +73,13 @@ def driven(chosen: Scenario, options: ConnectionOptions) -> Live:
     return live
 
 
-def summary(live: Live) -> dict[str, Any]:
-    """As in link.json."""
+def summarize(live: Live) -> dict[str, Any]:
+    """Return the content of link.json."""
     return latency_fit.summarize(live)
 
 
-def in_process(live: Live, delay: int) -> Simulation:
-    """The kinematic loop with exact robots, a dead time, and vision without noise."""
+def simulate_in_process(live: Live, delay: int) -> Simulation:
+    """Return the run on the plant kinematic with alpha 1, a dead time, and ideal vision."""
     settings = live.scenario.settings.replace(
         radio={"delay_frames": delay},
         kinematic={"alpha_low": 1.0, "alpha_high": 1.0},
