@@ -79,7 +79,7 @@ def _route(rng: np.random.Generator) -> tuple[str, dict[str, Any]]:
     length, width = rng.uniform(1, 5), rng.uniform(1, 3)
     if kind == 1:
         size = {"length_m": length, "width_m": width}
-        return "waypoints", size | {
+        return "random-waypoints", size | {
             "waypoint_count": int(rng.integers(4, 9)),
             "seed": int(rng.integers(1_000_000)),
         }
