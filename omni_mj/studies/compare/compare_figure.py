@@ -115,4 +115,4 @@ def _title(entries: dict[str, Summary]) -> str:
     counts = sorted({len(entry["seeds"]) for entry in entries.values()})
     seeds = " to ".join(map(str, counts))
     over = "one seed" if seeds == "1" else f"mean of {seeds} seeds"
-    return f"Maximum position error in cm{plant}, {over}. Bold: least error of the scenario"
+    return f"Maximum position error in cm{plant}, {over}; bold: least error"

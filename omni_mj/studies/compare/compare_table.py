@@ -1,10 +1,12 @@
 """Tables of a comparison: errors, verdicts, and what could not be run."""
 
 from collections.abc import Iterable, Iterator
+from textwrap import fill
 from typing import Any
 
 from omni_mj.results.result_tables import (
     DASH,
+    TERMINAL_WIDTH,
     Table,
     controller_label,
     escape_markdown_cell,
@@ -24,14 +26,15 @@ def print_comparison(summary: Summary) -> None:
     errors, verdicts = results_table(summary), verdict_table(summary)
     if errors.rows:
         print(format_table(errors))
-        print(
+        settling = (
             "settled: s after the end of the reference's last move "
             "(how many of all seeds settle, if not all)"
         )
+        print(fill(settling, TERMINAL_WIDTH))
         print("compare.md has the effort of the commands and all definitions\n")
     if verdicts.rows:
         print(format_table(verdicts))
-        print(f"{_verdict_caption(summary)}\n")
+        print(fill(_verdict_caption(summary), TERMINAL_WIDTH), end="\n\n")
     for line in _list_missing(summary):
         print(f"note: {line}")
 
