@@ -1,4 +1,4 @@
-"""The table of rows: what each robot of a simulation is, where it stands, who drives it, under which settings."""
+"""Rows of a simulation: each is one robot with its world, controller, seed and settings."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -11,14 +11,13 @@ from omni_mj.config.settings import Settings
 class Row:
     """One robot.
 
-    Args:
-        world: Number of its world; rows of one world meet each other and are numbered one after the
-            other.
-        slot: Its number in that world.
-        controller: Label of the controller that drives it.
-        seed: Of its random numbers, and of its world.
-        settings: Its own.
-        robot: Which robot it is, by name or file.
+    Attributes:
+        world: Number of its world. Rows of one world interact, and are consecutive.
+        slot: Index of the robot in its world.
+        controller: Label of its controller.
+        seed: Seed of its random numbers, and of its world.
+        settings: Settings of the robot.
+        robot: Name or file of the robot.
     """
 
     world: int
@@ -30,38 +29,39 @@ class Row:
 
     @property
     def noise_seed(self) -> tuple[int, ...]:
-        """The seed of its random numbers: robots of one world do not share their noise."""
+        """Seed of its random numbers. Robots of one world have different noise."""
         return (self.seed, self.slot) if self.slot else (self.seed,)
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """The faults that happen to it."""
+        """Faults that affect the robot."""
         return select_faults_of_robot(self.settings.fault, self.slot)
 
     @property
     def start_pose(self) -> tuple[float, float, float]:
-        """Pose [x, y, heading] in m and rad by which its reference, and with it its start, is displaced."""
+        """Pose [x, y, heading], m and rad, by which its reference and its start are displaced."""
         return self.settings.world.start_poses[self.slot]
 
 
 def build_rows(
     controllers: Iterable[str],
     seeds: Iterable[int],
-    settings_of: Callable[[int], Settings],
+    settings_for_seed: Callable[[int], Settings],
     robot: str,
 ) -> list[Row]:
-    """Return all seeds of one controller after those of the one before; a row for each slot of a world.
+    """Return a row for each controller, seed and slot of a world, in this order.
 
     Args:
-        controllers: Labels.
-        seeds: Of the random numbers.
-        settings_of: A seed -> the settings of its rows.
-        robot: Which it is, by name or file.
+        controllers: Labels of the controllers.
+        seeds: Seeds of the random numbers.
+        settings_for_seed: Returns the settings of a seed's rows.
+        robot: Name or file of the robot.
     """
-    settings = {seed: settings_of(seed) for seed in seeds}
-    worlds = [(controller, seed) for controller in controllers for seed in settings]
-    return [
-        Row(world, slot, controller, seed, settings[seed], robot)
-        for world, (controller, seed) in enumerate(worlds)
-        for slot in range(len(settings[seed].world.start_poses))
-    ]
+    settings_by_seed = {seed: settings_for_seed(seed) for seed in seeds}
+    worlds = [(controller, seed) for controller in controllers for seed in settings_by_seed]
+    rows = []
+    for world, (controller, seed) in enumerate(worlds):
+        settings = settings_by_seed[seed]
+        for slot in range(len(settings.world.start_poses)):
+            rows.append(Row(world, slot, controller, seed, settings, robot))
+    return rows

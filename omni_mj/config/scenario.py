@@ -11,7 +11,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from omni_control.controllers import CONTROLLERS
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
-from omni_mj.config import distributions, faults, plugins, robot_files
+from omni_mj.config import distributions, fault_checks, faults, plugins, robot_files
 from omni_mj.config.resolve import Robot, resolve_settings
 from omni_mj.config.settings import Settings
 from omni_mj.config.toml_files import MAX_NAME_LENGTH, apply_override, read_scenario_file
@@ -189,7 +189,7 @@ class Scenario(SettingsModel):
         parameters = settings.controller
         if "plant" in head:
             with collect_errors(errors):
-                faults.check_plant_supports(settings.fault, head["plant"])
+                fault_checks.check_plant_supports(settings.fault, head["plant"])
         if "controllers" in head:
             with collect_errors(errors):
                 parameters = plugins.check_controller_parameters(parameters, head["controllers"])

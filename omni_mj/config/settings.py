@@ -11,7 +11,7 @@ from omni_control.kinematics import Array
 from omni_mj.config import CYCLE_RATE_HZ as CYCLE_RATE_HZ
 from omni_mj.config import FRAME_RATE_HZ as FRAME_RATE_HZ
 from omni_mj.config import PERIOD_S as PERIOD_S
-from omni_mj.config import faults, robot_files
+from omni_mj.config import fault_checks, faults, robot_files
 from omni_mj.config.motor_settings import MotorSettings
 from omni_mj.config.network_settings import RadioSettings, VisionSettings
 from omni_mj.config.plant_settings import (
@@ -78,11 +78,11 @@ class Settings(SettingsModel):
     @field_validator("fault", mode="before")
     @classmethod
     def _parse_faults(cls, value: Any) -> tuple[faults.Fault, ...]:
-        return faults.parse_faults(value)
+        return fault_checks.parse_faults(value)
 
     def find_contradictions(self) -> Iterator[str]:
         """Yield a message for each contradiction between sections."""
-        yield from faults.find_settings_conflicts(self.fault, self)
+        yield from fault_checks.find_settings_conflicts(self.fault, self)
         body, wheels, battery = self.body, self.wheels, self.battery
         margin = compute_support_margin(wheels.azimuths_deg, wheels.arm_m, body.com_x_m)
         if margin <= 0:

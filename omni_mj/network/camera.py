@@ -22,7 +22,6 @@ from omni_mj.config.faults import (
     VisionJitter,
     VisionLoss,
     VisionWrongId,
-    compute_frame_span,
 )
 from omni_mj.config.network_settings import VisionSettings
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, gather
@@ -170,7 +169,7 @@ class ImageTiming:
         for row, clock in active.of_kind(VisionClockDrift):
             drift = clock.drift_ms_per_s / 1000
             self._clock_drift[row] += drift
-            self._clock_offset_s[row] -= drift * compute_frame_span(clock)[0] * PERIOD_S
+            self._clock_offset_s[row] -= drift * clock.frame_span[0] * PERIOD_S
 
 
 class _Image(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from omni_mj.config.faults import Fault, compute_frame_span
+from omni_mj.config.faults import Fault
 
 Kind = TypeVar("Kind", bound=Fault)
 
@@ -40,7 +40,7 @@ class FaultSchedule:
 
     def __init__(self, faults: Sequence[Sequence[Fault]], *kinds: type[Fault]) -> None:
         self._spans = [
-            (row, fault, *compute_frame_span(fault))
+            (row, fault, *fault.frame_span)
             for row, row_faults in enumerate(faults)
             for fault in row_faults
             if isinstance(fault, kinds)

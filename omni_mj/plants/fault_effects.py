@@ -71,7 +71,7 @@ class FaultEffects:
         self._nominal_parameters = plant.parameters
         self._fault_types = {type(fault) for row in rows for fault in row.faults}
         faults_by_row = [row.faults for row in rows]
-        self._schedule = FaultSchedule(faults_by_row, faults.OnWheels, faults.Kidnap)
+        self._schedule = FaultSchedule(faults_by_row, faults.WheeledRobotFault, faults.Kidnap)
         self._frame = 0
         self._robot_ones = np.ones(len(rows))
         self._wheel_ones = np.ones(plant.parameters.carpet.friction_factor.shape)
@@ -188,7 +188,7 @@ def _combine(
     """
     result = nominal.copy()
     for row, fault in active.of_kind(kind):
-        index = (fault.wheel - 1, row) if isinstance(fault, faults.OnOneWheel) else row
+        index = (fault.wheel - 1, row) if isinstance(fault, faults.WheelFault) else row
         result[index] = operator(result[index], get_value(fault))
     return result
 

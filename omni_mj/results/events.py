@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omni_mj.config.faults import compute_frame_span
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.simulation.log import Log
 
@@ -79,6 +78,6 @@ def _logged_occurrences(log: Log, row: int) -> Iterator[tuple[int, str, str]]:
         text = f"the battery is empty: its voltage fell below {settings.battery.cut_off_v:g} V"
         yield int(is_empty.argmax()), BATTERY, text
     for fault in log.rows[row].faults:
-        for frame, verb in zip(compute_frame_span(fault), ("begins", "ends"), strict=True):
+        for frame, verb in zip(fault.frame_span, ("begins", "ends"), strict=True):
             if frame < length:
-                yield int(frame), FAULT, f"{verb}: {fault.text}"
+                yield int(frame), FAULT, f"{verb}: {fault.label}"

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.config.faults import compute_frame_span
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.results.saturation import saturation_metrics
@@ -222,7 +221,7 @@ def _recoveries(
     }
     for k, row in enumerate(rows):
         for i, fault in enumerate(row.settings.fault, start=1):
-            start, end = compute_frame_span(fault)
+            start, end = fault.frame_span
             stop = min(end + RECOVERY_WINDOW_S * FRAME_RATE_HZ, len(position_error))
             error = position_error[int(min(start, stop)) : int(stop), k]
             error = error[~np.isnan(error)]

@@ -15,7 +15,7 @@ from omni_control.controllers.base import Controller, Observation
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
-from omni_mj.config import faults, plugins, reference_factory
+from omni_mj.config import fault_checks, plugins, reference_factory
 from omni_mj.config.rows import Row, build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S, Settings
@@ -150,7 +150,7 @@ class Simulation:
                 raise OmniError(f"a row names the unknown controller {label!r}; {choices}")
         for settings in {id(row.settings): row.settings for row in self._initial_rows}.values():
             n_robots = len(settings.world.start_poses)
-            faults.check_plant_supports(settings.fault, self.scenario.plant, n_robots)
+            fault_checks.check_plant_supports(settings.fault, self.scenario.plant, n_robots)
         self.references = _build_references(self._initial_rows)
         _check_delays(self._initial_rows, self.references)
 

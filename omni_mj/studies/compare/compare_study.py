@@ -7,7 +7,7 @@ from dataclasses import replace
 from omni_control.controllers import list_available_controllers
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
-from omni_mj.config import faults
+from omni_mj.config import fault_checks
 from omni_mj.config.scenario import Scenario, load_with_overrides
 from omni_mj.config.toml_files import find_builtin_scenarios
 from omni_mj.config.validation import collect_errors, raise_errors
@@ -90,7 +90,7 @@ def compare(
 
 def default_scenarios(plant: str = "mujoco") -> tuple[str, ...]:
     """Return the built-in scenarios that are compared by default and whose faults the plant has."""
-    kinds = faults.list_supported_kinds(plant)
+    kinds = fault_checks.list_supported_kinds(plant)
     names = (name for name in find_builtin_scenarios() if name not in EXCLUDED)
     return tuple(
         name

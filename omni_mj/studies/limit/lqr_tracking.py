@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.config.faults import ON_WHEELS
+from omni_mj.config.faults import WHEELED_PLANTS
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.studies.limit.deviation_model import SCALE, DeviationModel
@@ -71,7 +71,11 @@ class LqrTracker:
         scenario: Scenario,
         feedback: Sequence[FeedbackSettings],
     ) -> None:
-        n, settings, has_firmware = len(feedback), scenario.settings, scenario.plant in ON_WHEELS
+        n, settings, has_firmware = (
+            len(feedback),
+            scenario.settings,
+            scenario.plant in WHEELED_PLANTS,
+        )
         # Commands are stored with `_offset` frames in front, so that delayed ones always exist.
         self._delay, self._offset = model.delay, model.delay + 1
         padding = [(0, model.delay), (0, 0), (0, 0)]
@@ -219,7 +223,7 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
         which speeds differ from commands, and its decay per frame.
     """
     settings, deviations = scenario.settings, np.zeros(N_STATES)
-    if scenario.plant in ON_WHEELS:
+    if scenario.plant in WHEELED_PLANTS:
         gyro, disturbance = settings.sensors.gyro_noise_rad_s, settings.disturbance
         deviations[VELOCITY] = disturbance.force_n / settings.body.mass_kg * PERIOD_S / 3**0.5
         deviations[5] = gyro / (1 + settings.firmware.turn_rate_gain)
