@@ -17,11 +17,8 @@ REFERENCE_COLOUR = (240, 240, 240)
 RADIUS_M, HEIGHT_M = 0.09, 0.15  # largest robot that the rules allow
 ERROR_SCALE = 10  # enlargement of position errors
 # Errors are drawn as flags. Heights differ so that the labels of controllers do not overlap.
-FLAG_HEIGHT_M = 0.25  # of the first controller
-FLAG_STEP, MAX_FLAG_STEPS = (
-    0.07,
-    0.35,
-)  # per controller and in all, as fractions of the scene's size
+FLAG_STEP = 0.07  # height per controller, as a fraction of the scene's size
+MAX_FLAG_HEIGHT = 0.35  # of all controllers, as a fraction of the scene's size
 MARGIN_M = 0.8  # around the references, both sides together
 # Robots of different controllers often stand at one position. The height makes the last one hide
 # the others, so that the picture does not flicker.
@@ -83,8 +80,8 @@ def measure_scene(references: Sequence[Array]) -> tuple[Array, float]:
 
 def choose_flag_heights(n_controllers: int, scene_size_m: float) -> list[float]:
     """Return the height at which each controller's position error is drawn, m."""
-    step = min(FLAG_STEP, MAX_FLAG_STEPS / n_controllers) * scene_size_m
-    return [HEIGHT_M + (k + 1) * step for k in range(n_controllers)]
+    step = min(FLAG_STEP, MAX_FLAG_HEIGHT / n_controllers) * scene_size_m
+    return [HEIGHT_M + (k + 0.5) * step for k in range(n_controllers)]
 
 
 def send_robot(

@@ -67,7 +67,7 @@ def create_layout(
 def _field_eye(references: Sequence[Array]) -> Eye:
     """Return an eye that sees all references from the side."""
     (x, y), size_m = measure_scene(references)
-    return [x, y - 0.52 * size_m, 0.5 * size_m], [x, y, 0.05 * size_m]
+    return [x, y - 0.53 * size_m, 0.53 * size_m], [x, y, 0.08 * size_m]
 
 
 def _scene_view(
