@@ -34,13 +34,14 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
 
     # Without threads: if there is no memory to start one, Arrow waits for it forever.
     with _open_file(path) as file:
-        table = pq.ParquetFile(file, pre_buffer=False)
-        if missing := [name for name in columns or () if name not in table.schema_arrow.names]:
-            raise OmniError(f"{path} cannot be read: it has no column {missing[0]}")
-        return table.read(None if columns is None else list(columns), use_threads=False)
+        parquet_file = pq.ParquetFile(file, pre_buffer=False)
+        names = parquet_file.schema_arrow.names
+        if absent_columns := [name for name in columns or () if name not in names]:
+            raise OmniError(f"{path} cannot be read: it has no column {absent_columns[0]}")
+        return parquet_file.read(None if columns is None else list(columns), use_threads=False)
 
 
-def write_tables(tables: "Iterable[pa.Table]", path: Path) -> None:
+def write_tables(arrow_tables: "Iterable[pa.Table]", path: Path) -> None:
     """Write one or more tables with the same columns, one after the other, to a file.
 
     The file appears complete or not at all.
@@ -50,14 +51,14 @@ def write_tables(tables: "Iterable[pa.Table]", path: Path) -> None:
     """
     import pyarrow.parquet as pq
 
-    remaining = iter(tables)
+    remaining = iter(arrow_tables)
     head = next(remaining)
     with (
         open_atomic(path) as file,
         pq.ParquetWriter(file, head.schema, compression="zstd") as writer,
     ):
-        for table in chain([head], remaining):
-            writer.write_table(table)
+        for arrow_table in chain([head], remaining):
+            writer.write_table(arrow_table)
 
 
 @contextmanager

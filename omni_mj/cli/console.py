@@ -233,10 +233,10 @@ class Interrupts:
             exit_with_error(f"{reason}; {message}", 128 + self._received)
 
     def __enter__(self) -> "Interrupts":
-        numbers = [
+        signals = [
             number for number in SIGNAL_REASONS if signal.getsignal(number) != signal.SIG_IGN
         ]
-        self._old_handlers = {number: signal.signal(number, self._store) for number in numbers}
+        self._old_handlers = {number: signal.signal(number, self._store) for number in signals}
         return self
 
     def __exit__(self, *error: object) -> None:

@@ -185,14 +185,14 @@ def _print_tables(result: "Result") -> None:
     if not result.outcomes[0].entry["results"]:
         return
     console.print_summary_sentence(summary)
-    tables = (
+    optional_tables = (
         result_tables.results_table(summary),
         result_tables.saturation_table(summary),
         result_tables.recovery_table(summary),
     )
-    for table in tables:
-        if table:
-            print(result_tables.format_table(table), end="\n\n")
+    for result_table in optional_tables:
+        if result_table:
+            print(result_tables.format_table(result_table), end="\n\n")
     console.print_events(result.outcomes[0].entry)
 
 

@@ -123,15 +123,15 @@ class Result:
         logs = {outcome.scenario.name: outcome.log for outcome in self.outcomes if outcome.log}
         if not logs:
             raise OmniError("no frames were kept; compare(..., keep_frames=True) keeps them")
-        tables = {name: log.table() for name, log in logs.items()}
+        frames = {name: log.to_arrow() for name, log in logs.items()}
         if len(self.outcomes) == 1:
-            (table,) = tables.values()
-            return table
-        named_tables = [
-            table.add_column(0, "scenario", pa.array([name] * table.num_rows, pa.string()))
-            for name, table in tables.items()
+            (only_frames,) = frames.values()
+            return only_frames
+        named_frames = [
+            rows.add_column(0, "scenario", pa.array([name] * rows.num_rows, pa.string()))
+            for name, rows in frames.items()
         ]
-        return pa.concat_tables(named_tables, promote_options="default").unify_dictionaries()
+        return pa.concat_tables(named_frames, promote_options="default").unify_dictionaries()
 
     def rows(self) -> "pa.Table":
         """Return one line per row: its name, failure, differing settings and metrics."""
@@ -206,7 +206,7 @@ def _list_rows(outcome: Outcome) -> Iterator[dict[str, Any]]:
         }
         for key, row_settings in settings.items()
     }
-    numbers = {**outcome.metrics, **outcome.drawn_parameters}
+    row_values = {**outcome.metrics, **outcome.drawn_parameters}
     for i, row in enumerate(outcome.rows):
         failure = failures.get(i)
         yield {
@@ -217,5 +217,5 @@ def _list_rows(outcome: Outcome) -> Iterator[dict[str, Any]]:
             "failed_at_s": failure.time_s if failure else None,
             "cause": failure.cause if failure else None,
             **values[id(row.settings)],
-            **{name: array[i] for name, array in numbers.items()},
+            **{name: array[i] for name, array in row_values.items()},
         }

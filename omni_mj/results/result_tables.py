@@ -63,7 +63,7 @@ def results_table(summary: Summary, effort: bool = False) -> Table:
     plants = dict.fromkeys(describe_plant(entry) for entry in summary["scenarios"].values())
     title = f"{name}, {' and '.join(plants)}{describe_seeds(summary)}; maximum/mean errors"
     position = AXIS_COLUMNS["position"][0]
-    return drop_equal_columns(Table(title, headings, rows, 1 + several), keep=[position])
+    return drop_equal_columns(Table(title, headings, rows, 1 + several), kept_headings=[position])
 
 
 def saturation_table(summary: Summary) -> Table | None:
@@ -129,49 +129,51 @@ def describe_plant(entry: Mapping[str, Any]) -> str:
     return f"{robot}on the {entry['plant']} plant"
 
 
-def drop_equal_columns(table: Table, keep: Collection[str] = ()) -> Table:
+def drop_equal_columns(text_table: Table, kept_headings: Collection[str] = ()) -> Table:
     """Return a table without columns that are empty or say the same of all controllers.
 
     Args:
-        table: Table, whose left-aligned columns stay.
-        keep: Headings of columns that stay even if all their cells are equal.
+        text_table: Table, whose left-aligned columns stay.
+        kept_headings: Headings of columns that stay even if all their cells are equal.
     """
     columns = []
-    for index, heading in enumerate(table.headings):
-        cells = [row[index] for row in table.rows]
-        values = [cell for cell in cells if cell not in ("", DASH)]
+    for index, heading in enumerate(text_table.headings):
+        column_cells = [row[index] for row in text_table.rows]
+        values = [cell for cell in column_cells if cell not in ("", DASH)]
         is_equal = len(values) > 1 and len(set(values)) == 1
-        is_informative = bool(values) and (heading in keep or not is_equal)
-        if index < table.left_columns or is_informative:
+        is_informative = bool(values) and (heading in kept_headings or not is_equal)
+        if index < text_table.left_columns or is_informative:
             columns.append(index)
-    headings = [table.headings[index] for index in columns]
-    rows = [[row[index] for index in columns] for row in table.rows]
-    return Table(table.title, headings, rows, table.left_columns)
+    headings = [text_table.headings[index] for index in columns]
+    rows = [[row[index] for index in columns] for row in text_table.rows]
+    return Table(text_table.title, headings, rows, text_table.left_columns)
 
 
-def format_table(table: Table, width: int = TERMINAL_WIDTH) -> str:
+def format_table(text_table: Table, width: int = TERMINAL_WIDTH) -> str:
     """Return a table as lines of plain text that fit the terminal.
 
     Columns without any text are left out. If the table is too wide, units go to a second line of
     the headings. Columns that still do not fit follow in another block below.
 
     Args:
-        table: Table to print. Units follow a comma in its headings.
+        text_table: Table to print. Units follow a comma in its headings.
         width: Largest number of characters in a line.
     """
-    columns: list[Column] = list(zip(table.headings, *table.rows, strict=True))
-    labels = columns[: table.left_columns]
-    values = [column for column in columns[table.left_columns :] if any(column[1:])]
+    columns: list[Column] = list(zip(text_table.headings, *text_table.rows, strict=True))
+    labels = columns[: text_table.left_columns]
+    values = [column for column in columns[text_table.left_columns :] if any(column[1:])]
     n_headings = 1
     if _width([*labels, *values]) > width:
         n_headings = 2
-        labels, values = ([_split_heading(column) for column in part] for part in (labels, values))
+        labels, values = (
+            [_split_heading(column) for column in group] for group in (labels, values)
+        )
     blocks: list[list[Column]] = [[]]
     for column in values:
         if blocks[-1] and _width([*labels, *blocks[-1], column]) > width:
             blocks.append([])
         blocks[-1].append(column)
-    title = "\n".join(textwrap.fill(line, width) for line in table.title.split("\n"))
+    title = "\n".join(textwrap.fill(line, width) for line in text_table.title.split("\n"))
     body = "\n\n".join(_format_block(labels, block, n_headings) for block in blocks)
     return f"{title}\n{body}"
 
@@ -239,7 +241,7 @@ def _change_percent(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> s
     changes = []
     for statistic in ("max", "mean"):
         new, old = (
-            other["error_m"]["position"][statistic]["median"] for other in (result, baseline)
+            compared["error_m"]["position"][statistic]["median"] for compared in (result, baseline)
         )
         changes.append(DASH if new is None or not old else f"{100 * (new / old - 1):+.0f}")
     return "/".join(changes)
@@ -253,13 +255,13 @@ def _max_and_mean(error: Mapping[str, Any], factor: float) -> str:
 def _paper_rows(entry: Mapping[str, Any], axes: Sequence[str]) -> Iterator[list[str]]:
     """Yield a row of `results_table` for each controller that the paper reports."""
     for controller, error in (entry["paper"] or {}).items():
-        cells = [
+        errors = [
             "/".join(format_number(error[axis][name], 100) for name in ("max", "mean"))
             if axis in error
             else ""
             for axis in axes
         ]
-        yield [PAPER_PREFIX + controller, *cells]
+        yield [PAPER_PREFIX + controller, *errors]
 
 
 def _split_heading(column: Column) -> Column:
@@ -278,10 +280,10 @@ def _format_block(labels: Sequence[Column], values: Sequence[Column], n_headings
     columns = [*labels, *values]
     widths = [max(map(len, column)) for column in columns]
     lines = []
-    for cells in zip(*columns, strict=True):
+    for texts in zip(*columns, strict=True):
         aligned = [
             cell.ljust(width) if i < len(labels) else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
+            for i, (cell, width) in enumerate(zip(texts, widths, strict=True))
         ]
         lines.append("  ".join(aligned).rstrip())
     is_unit_line_empty = n_headings == 2 and not lines[1]

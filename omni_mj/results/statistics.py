@@ -77,7 +77,7 @@ def seed_statistics(values: Array) -> SeedStatistics:
     with np.errstate(invalid="ignore"):  # infinity minus infinity
         mean, half_width = confidence_interval(values)
         median = np.median(values)
-    numbers = {
+    statistics = {
         "median": median,
         "min": values.min(),
         "max": values.max(),
@@ -85,7 +85,9 @@ def seed_statistics(values: Array) -> SeedStatistics:
         "ci95_half_width": half_width,
     }
     per_seed = [finite_or_none(value) for value in values]
-    return {"per_seed": per_seed} | {name: finite_or_none(value) for name, value in numbers.items()}
+    return {"per_seed": per_seed} | {
+        name: finite_or_none(value) for name, value in statistics.items()
+    }
 
 
 def finite_or_none(value: Any) -> float | None:
@@ -170,7 +172,7 @@ def judge_subject(
     tests: list[dict[str, Any]] = []
     for name, entry in entries.items():
         results = entry["results"]
-        competitors = [other for other in results if other != subject and other not in privileged]
+        competitors = [name for name in results if name != subject and name not in privileged]
         if subject in results and competitors and entry["status"] == "done":
             errors = {
                 statistic: _judge_statistic(results, str(subject), competitors, statistic)

@@ -41,13 +41,13 @@ class VerifyResult:
         rows: Number of rows that were run.
         frames: Number of frames that were compared, over all rows.
         differences: Differences from the saved run, a line each; empty if it repeats.
-        notes: Remarks about changes without effect and scenarios that were skipped, a line each.
+        remarks: Remarks about changes without effect and scenarios that were skipped, a line each.
     """
 
     rows: int = 0
     frames: int = 0
     differences: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     @property
     def repeats(self) -> bool:
@@ -57,12 +57,12 @@ class VerifyResult:
     def __str__(self) -> str:
         """Return the result as lines of text."""
         if not self.repeats:
-            return "\n".join(["does not repeat", *self.differences, *self.notes])
+            return "\n".join(["does not repeat", *self.differences, *self.remarks])
         compared = "the summary's numbers identical"
         if self.frames:
             compared = f"{self.frames} frames identical bit for bit"
         head = f"repeats: {self.rows} rows, {compared}"
-        return "\n".join([head, *(f"note: {note}" for note in self.notes)])
+        return "\n".join([head, *(f"note: {note}" for note in self.remarks)])
 
 
 def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> VerifyResult:
@@ -102,7 +102,7 @@ def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress
     result = VerifyResult()
     for name, entry in scenarios.items():
         if not entry["frames"]:
-            result.notes.append(f"{name} was not run: there is nothing to compare with")
+            result.remarks.append(f"{name} was not run: there is nothing to compare with")
             continue
         file = path / (f"scenarios/{name}.toml" if several else "scenario.toml")
         scenario = _load_saved_scenario(path, file, record["scenarios"][name], entry)
@@ -113,7 +113,7 @@ def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress
             saved = parquet.read_table(path / frames)
             result.frames += saved.num_rows
             assert outcome.log is not None
-            lines = _frame_differences(saved, outcome.log.table())
+            lines = _frame_differences(saved, outcome.log.to_arrow())
         else:
             lines = _number_differences(entry, json.loads(json.dumps(outcome.entry)))
         result.differences += [f"{name}: {line}" for line in lines]
@@ -121,7 +121,7 @@ def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress
         raise OmniError(f"nothing was recorded in {path}: there is nothing to compare with")
     changes = _environment_changes(record)
     if result.repeats:
-        result.notes += changes
+        result.remarks += changes
     else:
         result.differences += changes or [
             "versions, source and processor are the same: look for random numbers without a seed, "
@@ -156,20 +156,20 @@ def _load_saved_scenario(
         OmniError: A copy is missing or was changed, or this version cannot run the scenario.
     """
 
-    def find_copy(part: Mapping[str, Any]) -> str:
-        if "not_copied" in part:
-            raise OmniError(f"{part['name']} {part['not_copied']}")
-        copy = path / part["file"]
-        if not copy.is_file() or sha256(copy.read_bytes()) != part["sha256"]:
+    def find_copy(item: Mapping[str, Any]) -> str:
+        if "not_copied" in item:
+            raise OmniError(f"{item['name']} {item['not_copied']}")
+        copy = path / item["file"]
+        if not copy.is_file() or sha256(copy.read_bytes()) != item["sha256"]:
             raise OmniError(f"{copy} is missing, or not what was run: its SHA-256 differs")
         return str(copy)
 
-    def reference(part: Mapping[str, Any]) -> str:
-        is_builtin = "file" not in part and "not_copied" not in part
-        return part["name"] if is_builtin else f"{find_copy(part)}:{part['class']}"
+    def reference(item: Mapping[str, Any]) -> str:
+        is_builtin = "file" not in item and "not_copied" not in item
+        return item["name"] if is_builtin else f"{find_copy(item)}:{item['class']}"
 
     head = {
-        "controllers": [reference(part) for part in record["controllers"]],
+        "controllers": [reference(item) for item in record["controllers"]],
         "plant": reference(record["plant"]),
         "robot": find_copy(record["robot"]),
         "seed": entry["seeds"][0],
@@ -178,8 +178,8 @@ def _load_saved_scenario(
     sections = {}
     if model := record.get("model"):
         sections["model"] = {"file": find_copy(model)}
-        for part in model["included"]:
-            find_copy(part)
+        for included_file in model["included"]:
+            find_copy(included_file)
     return load_with_overrides(str(file), (), head, sections=sections)
 
 
@@ -203,8 +203,8 @@ def _run_as_saved(
 def _frame_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]:
     """Yield the differences of two trajectories, a line each. NaNs are equal."""
     saved, repeated = (
-        table.set_column(0, "controller", table["controller"].cast("string"))
-        for table in (saved, repeated)
+        frames.set_column(0, "controller", frames["controller"].cast("string"))
+        for frames in (saved, repeated)
     )
     n_rows = min(saved.num_rows, repeated.num_rows)
     if saved.num_rows != repeated.num_rows:
@@ -214,7 +214,7 @@ def _frame_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]
         if name not in repeated.column_names:
             yield f"the repetition has no column {name}"
             continue
-        old, new = (table[name].to_numpy()[:n_rows] for table in (saved, repeated))
+        old, new = (frames[name].to_numpy()[:n_rows] for frames in (saved, repeated))
         differs = old != new
         if old.dtype == new.dtype == float:
             differs = old.view(np.uint64) != new.view(np.uint64)
@@ -224,7 +224,7 @@ def _frame_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]
     if first_difference:
         name = min(first_difference, key=first_difference.__getitem__)
         old, new = (
-            table.slice(first_difference[name], 1).to_pylist()[0] for table in (saved, repeated)
+            frames.slice(first_difference[name], 1).to_pylist()[0] for frames in (saved, repeated)
         )
         yield (
             f"first in frame {old['frame']} of {old['controller']}, seed {old['seed']}, "

@@ -30,7 +30,7 @@ def channel_columns(n_wheels: int) -> dict[str, tuple[str, ...]]:
     Args:
         n_wheels: Number of wheels of a robot.
     """
-    numbers = [str(i + 1) for i in range(n_wheels)]
+    wheel_numbers = [str(i + 1) for i in range(n_wheels)]
     return {
         "ref": ("ref_x_m", "ref_y_m", "ref_heading_rad"),
         "pose": ("x_m", "y_m", "heading_rad"),
@@ -45,20 +45,20 @@ def channel_columns(n_wheels: int) -> dict[str, tuple[str, ...]]:
             "latency_hat_sideways_frames",
             "latency_hat_turn_frames",
         ),
-        "wheel_angle": tuple(f"wheel_angle_{i}_rad" for i in numbers),
-        "wheel_speed": tuple(f"wheel_speed_{i}_rad_s" for i in numbers),
-        "voltage": tuple(f"voltage_{i}_v" for i in numbers),
-        "current": tuple(f"current_{i}_a" for i in numbers),
-        "voltage_mean": tuple(f"mean_voltage_{i}_v" for i in numbers),
-        "current_mean": tuple(f"mean_current_{i}_a" for i in numbers),
+        "wheel_angle": tuple(f"wheel_angle_{i}_rad" for i in wheel_numbers),
+        "wheel_speed": tuple(f"wheel_speed_{i}_rad_s" for i in wheel_numbers),
+        "voltage": tuple(f"voltage_{i}_v" for i in wheel_numbers),
+        "current": tuple(f"current_{i}_a" for i in wheel_numbers),
+        "voltage_mean": tuple(f"mean_voltage_{i}_v" for i in wheel_numbers),
+        "current_mean": tuple(f"mean_current_{i}_a" for i in wheel_numbers),
         "duty_peak": ("peak_duty",),
         "voltage_peak": ("peak_voltage_v",),
         "current_peak": ("peak_current_a",),
-        "current_limited": tuple(f"current_limited_fraction_{i}" for i in numbers),
-        "winding": tuple(f"winding_temperature_{i}_c" for i in numbers),
-        "housing": tuple(f"housing_temperature_{i}_c" for i in numbers),
+        "current_limited": tuple(f"current_limited_fraction_{i}" for i in wheel_numbers),
+        "winding": tuple(f"winding_temperature_{i}_c" for i in wheel_numbers),
+        "housing": tuple(f"housing_temperature_{i}_c" for i in wheel_numbers),
         "battery": ("battery_voltage_v",),
-        "slip": tuple(f"slip_{i}_m_s" for i in numbers),
+        "slip": tuple(f"slip_{i}_m_s" for i in wheel_numbers),
     }
 
 
@@ -164,7 +164,7 @@ class Log:
         values = data[: self.length].swapaxes(1, 2)
         return values == 1 if name == "vision_valid" else values
 
-    def table(self, start: int = 0, stop: int | None = None) -> "pa.Table":
+    def to_arrow(self, start: int = 0, stop: int | None = None) -> "pa.Table":
         """Return a line per row and frame that it recorded, row by row.
 
         Args:
@@ -200,7 +200,7 @@ class Log:
         """
         n_lines, size = int(self.lengths.sum()), parquet.ROWS_PER_GROUP
         starts = range(0, max(n_lines, 1), size)
-        parquet.write_tables((self.table(start, start + size) for start in starts), path)
+        parquet.write_tables((self.to_arrow(start, start + size) for start in starts), path)
 
     def _controller_channel(self, name: str, width: int) -> Array:
         """Return the data of a controller's channel, extended to at least `width` columns."""

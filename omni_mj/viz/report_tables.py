@@ -41,7 +41,7 @@ def motor_table(entry: Summary) -> Table:
         "of all motors and seeds; 5th/50th/95th percentile of alpha in windows of 0.25 s (the paper"
         " reports 0.7 to 1)"
     )
-    return drop_equal_columns(Table(title, headings, rows, 1), keep=ALPHA)
+    return drop_equal_columns(Table(title, headings, rows, 1), kept_headings=ALPHA)
 
 
 def settings_table(entries: Mapping[str, Summary]) -> Table:

@@ -25,7 +25,7 @@ def test_a_table_in_parts_is_the_table(
     assert read["controller"].to_pylist() == 10 * ["a"] + 4 * ["c"]
     assert read["frame"].to_pylist() == [*range(10), *range(4)]
     np.testing.assert_array_equal(read["x_m"], np.append(numbers[:, 0, 0], numbers[:4, 2, 0]))
-    assert read.schema.names == log.table().schema.names
+    assert read.schema.names == log.to_arrow().schema.names
 
 
 def test_a_table_is_read_without_threads(tmp_path: Path) -> None:

@@ -84,7 +84,7 @@ class Recorder:
             for sink in self._sinks:
                 sink([robot_label(name) for name in self._names], self._log)
             if self._path is not None:
-                self._part_tables.append(self._log.table())
+                self._part_tables.append(self._log.to_arrow())
             self._n_frames += self._log.length
             if self._n_frames >= PART_FRAMES:
                 self._write_part()

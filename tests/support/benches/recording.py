@@ -166,7 +166,7 @@ def record_run(
 ) -> RecordedRun:
     simulation = create_simulation(controllers, *overrides, **head)
     run_and_record(simulation, path)
-    return RecordedRun(simulation.log.table(), RecordingFile(path))
+    return RecordedRun(simulation.log.to_arrow(), RecordingFile(path))
 
 
 def create_simulation(
