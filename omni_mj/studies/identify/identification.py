@@ -53,14 +53,14 @@ class IdentificationResult:
         estimates: All estimates, identified or not, by source and name, such as
             "wheels.creep_stiffness".
         fits: Fits to "wheels" and "commands".
-        notes: Notes, one line each.
+        remarks: Remarks, one line each.
     """
 
     start: Scenario
     logs: list[str]
     estimates: dict[str, Estimate] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     def __getitem__(self, name: str) -> Estimate:
         """Return an estimate by name, such as "commands.latency_s"."""
@@ -79,7 +79,7 @@ class IdentificationResult:
         ]
 
     def table(self) -> str:
-        """Return estimates, residuals and notes as lines of text."""
+        """Return estimates, residuals and remarks as lines of text."""
         rows = [_estimate_row(estimate) for estimate in self.estimates.values()]
         headings = ["", "from", "unit", "value", "std. error", "95 % interval"]
         title = f"{self.start.robot}, identified from {', '.join(self.logs)}"
@@ -99,7 +99,7 @@ class IdentificationResult:
             for e in self.estimates.values()
             if not e.is_identified
         ]
-        return "\n".join(lines + [f"note: {note}" for note in self.notes])
+        return "\n".join(lines + [f"note: {remark}" for remark in self.remarks])
 
     def report(self) -> dict[str, Any]:
         """Return the content of identify.json."""
@@ -112,7 +112,7 @@ class IdentificationResult:
             "format": 6,
             "robot": self.start.robot,
             "logs": self.logs,
-            "notes": self.notes,
+            "remarks": self.remarks,
             "misfits": self.misfits,
             "estimates": {name: estimate.report() for name, estimate in self.estimates.items()},
             "fits": fits,
@@ -172,7 +172,7 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
     segments = cut_segments(logs, [log.inputs[source] for log in logs], by_wheels)
     missing_excitation = find_missing_excitation(twists, segments.period)
     if "motion" in missing_excitation:
-        result.notes.append(
+        result.remarks.append(
             f"{source}: the robot does not move; nothing is identified from its motion"
         )
         return
@@ -244,7 +244,7 @@ def _note_outliers(
 ) -> None:
     """Add a note if segments were left out of the fit."""
     if n_outliers := len(segments) - len(fit.segments):
-        result.notes.append(
+        result.remarks.append(
             f"{source}: {n_outliers} of {len(segments)} segments with far larger residuals are "
             "left out: sliding wheels, a push, or a false detection"
         )
@@ -260,7 +260,7 @@ def _apply_radius_prior(result: IdentificationResult, fit: Fit) -> Fit:
     scale, variance = fit.parameters["scale"], fit.covariance[i, i]
     if abs(scale - 1) > max(MAX_RADIUS_SIGMAS * variance**0.5, MAX_RADIUS_DEVIATION):
         deviation = f"{100 * (scale - 1):+.1f} +- {100 * variance**0.5:.1f} %"
-        result.notes.append(f"wheels: their radius is not that of the robot's file: {deviation}")
+        result.remarks.append(f"wheels: their radius is not that of the robot's file: {deviation}")
         return fit
     gain = fit.covariance[i] / (variance + RADIUS_ERROR**2)
     parameters = fit.parameters | {

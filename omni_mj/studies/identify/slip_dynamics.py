@@ -250,8 +250,8 @@ class _SlipModel:
             slope_force: Force of the slope, body frame, (S, P, 3).
         """
         dynamics, p, rims = self._dynamics, self._p, self._rim_directions
-        rim_travel, axle_travel = _apply(rims, twist), twist @ dynamics.axle_directions.T
-        speed = np.hypot(rim_travel, axle_travel)
+        rolling_speed, axle_speed = _apply(rims, twist), twist @ dynamics.axle_directions.T
+        speed = np.hypot(rolling_speed, axle_speed)
         shift = (acceleration - slope_force)[..., :2] @ dynamics.load_transfer
         load = np.maximum(dynamics.loads + shift, MIN_LOAD)
         compliance = p["creep_compliance"] * speed / load
@@ -261,15 +261,15 @@ class _SlipModel:
             rim_speed, loop_compliance = self._wheel_loops(inputs, heading, twist)
             compliance = compliance + loop_compliance
         stiffness = 1 / np.maximum(compliance, MIN_COMPLIANCE_S)
-        slip_speed = np.maximum(np.abs(rim_speed - rim_travel), 1e-9)
+        slip_speed = np.maximum(np.abs(rim_speed - rolling_speed), 1e-9)
         stiffness = np.minimum(stiffness, self._friction * load / slip_speed)
         rolling = p["rolling_resistance"] * load / np.maximum(speed, AT_REST_M_S)
-        bearing = p["roller_friction"] * load / np.maximum(np.abs(axle_travel), AT_REST_M_S)
+        bearing = p["roller_friction"] * load / np.maximum(np.abs(axle_speed), AT_REST_M_S)
         axle_drag = (
             rolling
             + bearing
             + dynamics.roller_viscosity
-            + dynamics.spin_up_drag * np.abs(rim_travel)
+            + dynamics.spin_up_drag * np.abs(rolling_speed)
         )
         rim_resistance = stiffness + COMPRESSION_S_M * load + rolling
         resistance = _weighted_squares(rim_resistance, rims) + _weighted_squares(

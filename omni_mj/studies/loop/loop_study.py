@@ -138,13 +138,12 @@ class LoopResult(Result):
         rows = []
         for case, loops in self.loops.items():
             for i, (label, loop) in enumerate(loops.items()):
-                cells = [
+                values = (*loop.step_metrics, *loop.margins)
+                formatted = [
                     format_number(finite_or_none(value), factor, digits)
-                    for value, (_, factor, digits) in zip(
-                        (*loop.step_metrics, *loop.margins), COLUMNS, strict=True
-                    )
+                    for value, (_, factor, digits) in zip(values, COLUMNS, strict=True)
                 ]
-                rows.append(["" if i else case, label, *cells])
+                rows.append(["" if i else case, label, *formatted])
         if not rows:
             return ""
         headings = ["", "", *(heading for heading, _, _ in COLUMNS)]
