@@ -46,14 +46,14 @@ class FilmTrack(NamedTuple):
 
     Args:
         controller: Name of the controller.
-        colour: Color of the controller in figures and recordings.
+        color: Color of the controller in figures and recordings.
         poses: True poses, (frames, robots, 3) m, m, rad.
         references: Reference poses, (frames, robots, 3) m, m, rad.
         wheel_angles: Angles of the wheels, (frames, robots, wheels) rad.
     """
 
     controller: str
-    colour: str
+    color: str
     poses: Array
     references: Array
     wheel_angles: Array
@@ -87,8 +87,8 @@ def load_tracks(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings
     for name in controllers or known:
         rows = table.filter((pc.field("controller") == name) & is_first_seed)
         poses, references, wheel_angles = np.split(_stack_robots(rows, columns), (3, 6), axis=2)
-        colour = style.colour(indices[name])
-        tracks.append(FilmTrack(name, colour, poses, references, wheel_angles))
+        color = style.color(indices[name])
+        tracks.append(FilmTrack(name, color, poses, references, wheel_angles))
     return settings, tracks
 
 
@@ -179,7 +179,7 @@ class FilmRenderer:
         panel = Image.fromarray(self._renderer.render())
         pen, inset = ImageDraw.Draw(panel), panel.height // 40
         large, small = (ImageFont.load_default(max(9, panel.height // n)) for n in (18, 26))
-        name_style: dict[str, Any] = {"stroke_width": 2, "stroke_fill": track.colour}
+        name_style: dict[str, Any] = {"stroke_width": 2, "stroke_fill": track.color}
         pen.text((inset, inset), track.controller, "white", large, **name_style)
         text = f"position error {errors_cm[-1]:.1f} cm, maximum {errors_cm.max():.1f} cm"
         text_style: dict[str, Any] = {"anchor": "ls", "stroke_width": 2, "stroke_fill": "#00000080"}
@@ -190,21 +190,21 @@ class FilmRenderer:
     def _set_scene(self, track: FilmTrack, frame: int) -> None:
         """Move robots and camera to their poses in a frame, and add the lines of paths."""
         data, model, references = self._data, self._world.model, track.references[frame]
-        colour = np.array(style.rgb(track.colour)) / 255
+        color = np.array(style.rgb(track.color)) / 255
         data.qpos[:] = self._world.rest_qpos
         for slot, robot in enumerate(self._world.robots):
             x, y, heading = track.poses[frame, slot]
             data.qpos[robot.qpos[:2]] = x, y
             data.qpos[robot.qpos[3:7]] = np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)
             data.qpos[robot.wheel_qpos] = track.wheel_angles[frame, slot]
-        model.mat_rgba[cover_materials(model), :3] = colour
+        model.mat_rgba[cover_materials(model), :3] = color
         mujoco.mj_fwdPosition(model, data)
         if self._follows_robot:
             self._camera.lookat[:2] = (track.poses[frame, 0, :2] + references[0, :2]) / 2
         self._renderer.update_scene(data, self._camera)
         for slot, (x, y, heading) in enumerate(references):
             self._add_line(track.references[:, slot, :2], ROUTE_RGBA)
-            self._add_line(track.poses[: frame + 1, slot, :2], (*colour, 1.0))
+            self._add_line(track.poses[: frame + 1, slot, :2], (*color, 1.0))
             # The reference is a ring above the robot with a line that shows its heading.
             angles = heading + np.linspace(0, 2 * np.pi, 25)
             ring = np.column_stack([x + RADIUS_M * np.cos(angles), y + RADIUS_M * np.sin(angles)])
@@ -216,8 +216,8 @@ class FilmRenderer:
         scene, capsule, zero = self._renderer.scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3)
         corners = np.column_stack([points, np.full(len(points), height)])
         for start, end in pairwise(corners):
-            geom, colour = scene.geoms[scene.ngeom], np.array(rgba, np.float32)
-            mujoco.mjv_initGeom(geom, capsule, zero, zero, np.eye(3).ravel(), colour)
+            geom, color = scene.geoms[scene.ngeom], np.array(rgba, np.float32)
+            mujoco.mjv_initGeom(geom, capsule, zero, zero, np.eye(3).ravel(), color)
             mujoco.mjv_connector(geom, capsule, self._line_width_m / 2, start, end)
             scene.ngeom += 1
 

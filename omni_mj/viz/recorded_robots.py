@@ -26,7 +26,7 @@ class RecordedRobot:
         layer: Index of the robot's controller among those of the run.
         name: Name of the controller, with the robot's slot if the controller drives several robots.
         style_index: Index of the controller's colors and markers in `style`.
-        colour: Color of the controller, paler for each further robot of its world.
+        color: Color of the controller, paler for each further robot of its world.
         first_frame: First frame of the channels that are returned.
     """
 
@@ -35,7 +35,7 @@ class RecordedRobot:
     layer: int
     name: str
     style_index: int
-    colour: style.Rgb
+    color: style.Rgb
     first_frame: int = 0
 
     @property
@@ -99,6 +99,6 @@ def select_robots(log: Log, max_per_world: int | None = None) -> list[RecordedRo
         for k, row in enumerate(rows):
             name = controller if len(rows) == 1 else f"{controller}/{log.rows[row].slot}"
             white = min(k * WHITE_STEP, MAX_WHITE)
-            colour = style.mix_with_white(style.rgb(style.colour(style_index)), white)
-            robots.append(RecordedRobot(log, row, layer, name, style_index, colour))
+            color = style.mix_with_white(style.rgb(style.color(style_index)), white)
+            robots.append(RecordedRobot(log, row, layer, name, style_index, color))
     return robots

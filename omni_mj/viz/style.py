@@ -15,7 +15,7 @@ Rgb = tuple[int, int, int]  # bytes
 STYLE_SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"
-COLOURS = (
+COLORS = (
     "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#B0306A", "#999933",
     "#7262D8", "#8C564B", "#AA4499", "#117733",
 )  # fmt: skip
@@ -38,20 +38,20 @@ BUILT_IN_CONTROLLERS = (
 
 
 def style_indices(controllers: Iterable[str]) -> dict[str, int]:
-    """Return the style index of each controller of a run, for `colour` and `line_style`."""
+    """Return the style index of each controller of a run, for `color` and `line_style`."""
     names = dict.fromkeys(controllers)
     fixed = {
         name: BUILT_IN_CONTROLLERS.index(name) for name in names if name in BUILT_IN_CONTROLLERS
     }
     n_fixed = len(BUILT_IN_CONTROLLERS)
-    order = [*range(n_fixed, len(COLOURS)), *range(n_fixed)]
+    order = [*range(n_fixed, len(COLORS)), *range(n_fixed)]
     free = cycle(index for index in order if index not in fixed.values())
     return {name: fixed[name] if name in fixed else next(free) for name in names}
 
 
-def colour(index: int) -> str:
+def color(index: int) -> str:
     """Return the color of a controller's style index, or of a wheel, like #D55E00."""
-    return COLOURS[index % len(COLOURS)]
+    return COLORS[index % len(COLORS)]
 
 
 def line_style(index: int) -> dict[str, Any]:
@@ -59,7 +59,7 @@ def line_style(index: int) -> dict[str, Any]:
     marker = MARKERS[index % len(MARKERS)]
     dashes = DASHES[index % len(DASHES)]
     return {
-        "color": colour(index),
+        "color": color(index),
         "linestyle": (0, dashes) if dashes else "-",
         "marker": marker,
         "markersize": 7.0 if marker in LARGE_MARKERS else 5.0,
@@ -68,13 +68,13 @@ def line_style(index: int) -> dict[str, Any]:
     }
 
 
-def rgb(hex_colour: str) -> Rgb:
+def rgb(hex_color: str) -> Rgb:
     """Return a color like #D55E00 as three bytes."""
-    red, green, blue = bytes.fromhex(hex_colour[1:])
+    red, green, blue = bytes.fromhex(hex_color[1:])
     return red, green, blue
 
 
-def mix_with_white(colour: Rgb, fraction: float = 0.5) -> Rgb:
+def mix_with_white(color: Rgb, fraction: float = 0.5) -> Rgb:
     """Return a color mixed with a fraction of white."""
-    red, green, blue = (round(byte + fraction * (255 - byte)) for byte in colour)
+    red, green, blue = (round(byte + fraction * (255 - byte)) for byte in color)
     return red, green, blue

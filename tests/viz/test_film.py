@@ -43,10 +43,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def cover_center(picture: Image.Image) -> np.ndarray:
     """Return the center of the pixels in the cover's hue, pixels from the left and the top."""
-    colours = np.asarray(picture.convert("RGB"), float)[
-        SIDE // 10 : -SIDE // 10
-    ]  # without the text
-    hue = colours / np.maximum(colours.max(2, keepdims=True), 60)
+    colors = np.asarray(picture.convert("RGB"), float)[SIDE // 10 : -SIDE // 10]  # without the text
+    hue = colors / np.maximum(colors.max(2, keepdims=True), 60)
     orange = (hue[..., 0] == 1) & (hue[..., 2] < 0.6) & (np.abs(hue[..., 1] - 0.6) < 0.3)
     for axis in (0, 1):  # the path is orange too, but thin
         orange &= np.roll(orange, 4, axis) & np.roll(orange, -4, axis)

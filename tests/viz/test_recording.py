@@ -15,7 +15,7 @@ from benches.recording import (
 )
 
 CONTROLLERS = ("flc", "comp-flc")
-COLOURS = {"flc": 0xD55E00FF, "comp-flc": 0x0072B2FF}
+COLORS = {"flc": 0xD55E00FF, "comp-flc": 0x0072B2FF}
 SHORT = "reference.waypoints=[[0, 0], [0.3, 0.2]]"
 MODEL = Path(__file__).parents[2] / "models" / "ssl_robot.xml"
 
@@ -126,12 +126,12 @@ def test_all_robots_of_a_controllers_first_world_are_drawn(tmp_path: Path) -> No
         expected = np.column_stack([table["ref_x_m"], table["ref_y_m"]])
         targets = np.array(recorded.column(f"/world/flc/{slot}/target", "Points3D:positions"))
         np.testing.assert_allclose(targets[:, 0, :2], expected, atol=1e-6)
-    colours = [recorded.static(f"/world/flc/{slot}/path", "LineStrips3D:colors") for slot in (0, 1)]
-    assert colours[0] != colours[1]
+    colors = [recorded.static(f"/world/flc/{slot}/path", "LineStrips3D:colors") for slot in (0, 1)]
+    assert colors[0] != colors[1]
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_series_have_names_in_their_controllers_colour(
+def test_series_have_names_in_their_controllers_color(
     recorded: RecordingFile, controller: str
 ) -> None:
     series = {
@@ -146,7 +146,7 @@ def test_series_have_names_in_their_controllers_colour(
         assert len(names) == len(set(names)) == recorded.values(entity).shape[1]
         if not by_wheel:
             assert all(name.startswith(controller) for name in names)
-            assert recorded.static(entity, "SeriesLines:colors")[-1] == COLOURS[controller]
+            assert recorded.static(entity, "SeriesLines:colors")[-1] == COLORS[controller]
 
 
 def measured_alpha(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:

@@ -41,10 +41,10 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "recording.rrd"
 
 
-def count_pixels(image: NDArray, colour: tuple[int, int, int]) -> int:
+def count_pixels(image: NDArray, color: tuple[int, int, int]) -> int:
     """Return the number of pixels with the hue of a color, lit or shaded."""
     size = np.maximum(np.linalg.norm(image, axis=-1), 60)
-    return int(((image @ np.array(colour) / size / np.linalg.norm(colour)) > 0.985).sum())
+    return int(((image @ np.array(color) / size / np.linalg.norm(color)) > 0.985).sum())
 
 
 def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path) -> None:
@@ -60,7 +60,7 @@ def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path)
     assert count_pixels(start[CLOSE_UP], BLUE) > 5_000
     assert (np.abs(later[FIELD] - start[FIELD]).max(-1) > 60).sum() > 2_000
     assert all(
-        count_pixels(image[PLOTS], colour) > 300 for image in images for colour in (ORANGE, BLUE)
+        count_pixels(image[PLOTS], color) > 300 for image in images for color in (ORANGE, BLUE)
     )
 
 

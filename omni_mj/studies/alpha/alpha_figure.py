@@ -68,7 +68,7 @@ def _draw_causes(study: "AlphaStudy", name: str, axes: Axes) -> None:
     heights = (1000.0 if is_lag else 1.0) * np.array(list(contributions.values()))
     positions = np.arange(len(contributions))
     for i, values in enumerate(heights.T):
-        axes.bar(positions + (i - 1) * BAR_WIDTH, values, BAR_WIDTH, color=style.colour(i))
+        axes.bar(positions + (i - 1) * BAR_WIDTH, values, BAR_WIDTH, color=style.color(i))
     axes.set_xticks(positions, list(contributions))
     axes.axhline(0, color="#888888", lw=0.8)
     axes.set_title(QUANTITIES[name])
@@ -89,7 +89,7 @@ def _draw_condition(study: "AlphaStudy", name: str, gain: Axes, lag: Axes) -> No
     """Draw gain and lag over the values of a condition, a color for each direction."""
     values, response = study.condition_values[name], study.by_condition[name]
     for i, (direction, marker) in enumerate(zip(DIRECTIONS, MARKERS, strict=True)):
-        line: dict[str, Any] = {"color": style.colour(i), "marker": marker}
+        line: dict[str, Any] = {"color": style.color(i), "marker": marker}
         dotted = line | {"ls": ":", "mfc": "white", "label": f"{direction}, speeding up"}
         gain.plot(values, response.steady_gain[:, i], label=f"{direction}, steady", **line)
         gain.plot(values, response.acceleration_gain[:, i], **dotted)

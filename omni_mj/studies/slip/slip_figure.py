@@ -58,7 +58,7 @@ def _draw_axis(speeds: Axes, ratios: Axes, robot: SlipFit, axis: str) -> None:
         axis: Key of `LINES`.
     """
     slot, marker, dashes = LINES[axis]
-    color = style.colour(slot)
+    color = style.color(slot)
     gain, time = robot.measured[f"gain_{axis}"], robot.measured[f"time_{axis}"]
     move_axes = np.array([move.axis for move in robot.moves])
     is_drawn = (move_axes == axis) & ~np.isnan(robot.fitted["gain"])

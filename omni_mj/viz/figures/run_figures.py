@@ -59,9 +59,9 @@ def draw_paths(robots: Robots, failed: Collection[str], figure: Figure) -> None:
     _draw_path_lines(overview, robots, reference)
     overview.plot(*reference[0], "o", color="black", ms=6, zorder=6, label="start")
     for i, robot in enumerate(robots):
-        colour, path = style.colour(robot.style_index), robot["pose"][:, :2]
+        color, path = style.color(robot.style_index), robot["pose"][:, :2]
         if robot.name in failed:
-            marker: dict[str, Any] = {"color": colour, "ms": 8, "mec": "black", "zorder": 6}
+            marker: dict[str, Any] = {"color": color, "ms": 8, "mec": "black", "zorder": 6}
             overview.plot(*path[-1], "X", label=f"{robot.name} failed", **marker)
         distance = distance_to_path(reference, path)
         center, deviation = path[distance.argmax()], float(distance.max())
@@ -71,9 +71,9 @@ def draw_paths(robots: Robots, failed: Collection[str], figure: Figure) -> None:
         limits = (-half_width_cm, half_width_cm)
         label = f"{100 * deviation:.3g} cm from the path"
         axes.set(xlim=limits, ylim=limits, xlabel=label, title=robot.name)
-        axes.spines[:].set(visible=True, color=colour, linewidth=1.5)
+        axes.spines[:].set(visible=True, color=color, linewidth=1.5)
         # Squares at the same point have different sizes, so that none hides another.
-        overview.plot(*center, "s", mfc="none", mec=colour, ms=9 + 3 * i, mew=1.5, zorder=7)
+        overview.plot(*center, "s", mfc="none", mec=color, ms=9 + 3 * i, mew=1.5, zorder=7)
     overview.margins(0.06)
     overview.set(xlabel="x, m", ylabel="y, m")
     plotting.add_legend(figure, [overview])
@@ -114,15 +114,15 @@ def draw_alpha(robots: Robots, figure: Figure) -> None:
         robot = robots[row]
         measured, low, high, estimate = robot.alpha(axis).T
         time = plotting.frame_times(measured)
-        colour = style.colour(robot.style_index)
+        color = style.color(robot.style_index)
         paper_label = "range of the paper, 0.7 to 1"
         axes.axhspan(*PAPER_ALPHA_RANGE, color="#EEEEEE", lw=0, zorder=0, label=paper_label)
         measured_label = f"displacement achieved / commanded in {ALPHA_WINDOW_FRAMES} frames"
         axes.plot(time, measured, color="black", lw=1, zorder=4, label=measured_label)
         label = "estimate, in the controller's color"
-        axes.plot(time, estimate, color=colour, lw=2, zorder=3, label=label)
+        axes.plot(time, estimate, color=color, lw=2, zorder=3, label=label)
         if np.isfinite(low).any():
-            band: dict[str, Any] = {"color": colour, "alpha": 0.25, "lw": 0, "zorder": 1}
+            band: dict[str, Any] = {"color": color, "alpha": 0.25, "lw": 0, "zorder": 1}
             axes.fill_between(time, low, high, label="estimate ± 2 sigma", **band)
         axes.set(title=f"{robot.name}, {'xy'[axis]}", ylabel="" if axis else "alpha")
     grid[0, 0].set_ylim(ALPHA_RANGE)

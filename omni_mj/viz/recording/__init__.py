@@ -125,7 +125,7 @@ class Recording(RerunStream):
         if new_events:
             columns = rr.TextLog.columns(
                 text=[f"{event.time_s:.2f} s  {robot.name}: {event.text}" for event in new_events],
-                color=[robot.colour] * len(new_events),
+                color=[robot.color] * len(new_events),
             )
             frames = np.array([event.frame for event in new_events])
             self._stream.send_columns(f"events/{robot.name}", time_columns(frames), columns)

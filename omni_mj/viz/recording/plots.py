@@ -48,13 +48,13 @@ class Plot(NamedTuple):
         count = len(self.lines)
         white = [*self.white, *[0.0] * (count - len(self.white))]
         names = [f"{robot.name} {line}".strip() for line in self.lines]
-        colours = [robot.colour] * count
+        colors = [robot.color] * count
         if self.n_wheels:
             names = list(self.lines)
-            colours = [style.rgb(style.colour(i % self.n_wheels)) for i in range(count)]
+            colors = [style.rgb(style.color(i % self.n_wheels)) for i in range(count)]
         return rr.SeriesLines(
             names=names,
-            colors=[style.mix_with_white(*pair) for pair in zip(colours, white, strict=True)],
+            colors=[style.mix_with_white(*pair) for pair in zip(colors, white, strict=True)],
             widths=[0.8 if fraction else 1.5 for fraction in white],
         )
 

@@ -31,27 +31,27 @@ SHAPES["CAPSULE"] = SHAPES["CYLINDER"]
 
 
 def log_robot(
-    stream: rr.RecordingStream, entity: str, cover_colour: style.Rgb, settings: Settings
+    stream: rr.RecordingStream, entity: str, cover_color: style.Rgb, settings: Settings
 ) -> None:
     """Log chassis and wheels of a robot once, as static shapes.
 
     Args:
         stream: Stream of the recording.
         entity: Path of the robot; its chassis and wheels are below it.
-        cover_colour: Color of the cover, which distinguishes robots.
+        cover_color: Color of the cover, which distinguishes robots.
         settings: Settings of the robot.
     """
     world, data = _robot_at_origin(settings)
     model, robot = world.model, world.robots[0]
     wheel_bodies = np.concatenate([robot.wheels, robot.rims, robot.rollers.ravel()])
     chassis_bodies = np.flatnonzero(model.body_rootid == robot.chassis)
-    colours = _geom_colours(world, cover_colour)
+    colors = _geom_colors(world, cover_color)
     chassis = np.setdiff1d(chassis_bodies, wheel_bodies)
-    _log_bodies(stream, f"{entity}/chassis", model, data, chassis, np.zeros(3), colours)
+    _log_bodies(stream, f"{entity}/chassis", model, data, chassis, np.zeros(3), colors)
     for i, joint in enumerate(robot.joints):
         wheel = np.append(robot.rollers[i], robot.wheels[i])
         name = f"{entity}/wheel_{i + 1}"
-        _log_bodies(stream, name, model, data, wheel, data.xanchor[joint], colours)
+        _log_bodies(stream, name, model, data, wheel, data.xanchor[joint], colors)
 
 
 def send_poses(
@@ -105,7 +105,7 @@ def _log_bodies(
     data: mujoco.MjData,
     bodies: Array,
     origin: Array,
-    colours: np.ndarray,
+    colors: np.ndarray,
 ) -> None:
     """Log the visible geoms of bodies, relative to an origin (3,) in m."""
     visible = np.isin(model.geom_bodyid, bodies) & (model.geom_group < VISIBLE_GROUPS)
@@ -119,7 +119,7 @@ def _log_bodies(
             model.geom_size[geoms],
             centers=centers[geoms],
             quaternions=data.geom_xquat[geoms][:, [1, 2, 3, 0]],  # MuJoCo: wxyz, rerun: xyzw
-            colors=colours[geoms],
+            colors=colors[geoms],
             fill_mode="solid",
         )
         stream.log(f"{entity}/{name.lower()}s", shapes, static=True)
@@ -129,7 +129,7 @@ def _log_bodies(
         mesh_3d = rr.Mesh3D(
             vertex_positions=vertices @ data.geom_xmat[geom].reshape(3, 3).T + centers[geom],
             triangle_indices=model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]],
-            albedo_factor=colours[geom],
+            albedo_factor=colors[geom],
         )
         stream.log(f"{entity}/mesh_{geom}", mesh_3d, static=True)
 
@@ -144,16 +144,16 @@ def _robot_at_origin(settings: Settings) -> tuple[world_builder.World, mujoco.Mj
     return world, data
 
 
-def _geom_colours(world: world_builder.World, cover_colour: style.Rgb) -> np.ndarray:
+def _geom_colors(world: world_builder.World, cover_color: style.Rgb) -> np.ndarray:
     """Return the colors of all geoms, (n, 3) bytes: from the material, the geom or the cover."""
     model, material = world.model, world.model.geom_matid
     rgba = np.where(material[:, None] >= 0, model.mat_rgba[material], model.geom_rgba)
-    colours = 255 * rgba[:, :3]
-    colours[np.isin(material, cover_materials(model))] = cover_colour
+    colors = 255 * rgba[:, :3]
+    colors[np.isin(material, cover_materials(model))] = cover_color
     # Every other roller is lighter; otherwise the rotation of wheels would be invisible.
     rollers = np.isin(model.geom_bodyid, world.robots[0].rollers[:, ::2])
-    colours[rollers] += ROLLER_CONTRAST
-    return np.minimum(colours, 255).astype(np.uint8)
+    colors[rollers] += ROLLER_CONTRAST
+    return np.minimum(colors, 255).astype(np.uint8)
 
 
 def _transform_columns(position: Array, angle: Array, axis: Array) -> rr.ComponentColumnList:

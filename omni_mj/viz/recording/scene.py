@@ -12,8 +12,8 @@ from omni_mj.viz.recorded_robots import RecordedRobot
 from omni_mj.viz.recording.rerun_stream import Frames, time_columns
 from omni_mj.viz.recording.robot_shapes import log_robot, points_above, pose_columns, send_poses
 
-CARPET_COLOUR, LINE_COLOUR, GOAL_COLOUR = (33, 66, 45), (150, 175, 158), (190, 190, 190)
-REFERENCE_COLOUR = (240, 240, 240)
+CARPET_COLOR, LINE_COLOR, GOAL_COLOR = (33, 66, 45), (150, 175, 158), (190, 190, 190)
+REFERENCE_COLOR = (240, 240, 240)
 RADIUS_M, HEIGHT_M = 0.09, 0.15  # largest robot that the rules allow
 ERROR_SCALE = 10  # enlargement of position errors
 # Errors are drawn as flags. Heights differ so that the labels of controllers do not overlap.
@@ -33,21 +33,21 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[RecordedRobot]) -> N
     log_field(stream)
     for robot in robots:
         entity = f"world/{robot.name}"
-        log_robot(stream, f"{entity}/robot", robot.colour, robot.settings)
-        for name, archetype, colour, radius in (
-            ("path", rr.LineStrips3D, robot.colour, 1.4),
-            ("target", rr.Points3D, REFERENCE_COLOUR, 3.5),
-            ("error", rr.LineStrips3D, robot.colour, 1.6),
-            ("error/label", rr.Points3D, style.mix_with_white(robot.colour), 4.0),
+        log_robot(stream, f"{entity}/robot", robot.color, robot.settings)
+        for name, archetype, color, radius in (
+            ("path", rr.LineStrips3D, robot.color, 1.4),
+            ("target", rr.Points3D, REFERENCE_COLOR, 3.5),
+            ("error", rr.LineStrips3D, robot.color, 1.6),
+            ("error/label", rr.Points3D, style.mix_with_white(robot.color), 4.0),
         ):
-            appearance = archetype.from_fields(colors=[colour], radii=_screen_points(radius))
+            appearance = archetype.from_fields(colors=[color], radii=_screen_points(radius))
             stream.log(f"{entity}/{name}", appearance, static=True)
 
 
 def log_references(stream: rr.RecordingStream, references: Sequence[Array]) -> None:
     """Log reference paths, (frames, 3) each, on the carpet."""
     strips = [points_above(reference, 0.002) for reference in references]
-    lines = rr.LineStrips3D(strips, colors=[REFERENCE_COLOUR], radii=_screen_points(0.7))
+    lines = rr.LineStrips3D(strips, colors=[REFERENCE_COLOR], radii=_screen_points(0.7))
     stream.log("world/reference", lines, static=True)
 
 
@@ -55,19 +55,19 @@ def log_field(stream: rr.RecordingStream) -> None:
     """Log carpet, lines and goals."""
     carpet = [[*np.array(field.SURFACE_M) / 2, 0.01]]
     goal_centers, goal_half_sizes = field.get_goal_walls()
-    for name, half_sizes, centers, colour in (
-        ("carpet", carpet, [[0, 0, -0.011]], CARPET_COLOUR),
-        ("goals", goal_half_sizes, goal_centers, GOAL_COLOUR),
+    for name, half_sizes, centers, color in (
+        ("carpet", carpet, [[0, 0, -0.011]], CARPET_COLOR),
+        ("goals", goal_half_sizes, goal_centers, GOAL_COLOR),
     ):
         boxes = rr.Boxes3D(
-            half_sizes=half_sizes, centers=centers, colors=[colour], fill_mode="solid"
+            half_sizes=half_sizes, centers=centers, colors=[color], fill_mode="solid"
         )
         stream.log(f"world/field/{name}", boxes, static=True)
     angle = np.linspace(0, 2 * np.pi, 73)
     circle = field.CIRCLE_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
     lines = [circle, *np.reshape([*field.get_field_lines().values()], (-1, 2, 2))]
     strips = [points_above(line, 0.0) for line in lines]
-    shape = rr.LineStrips3D(strips, colors=[LINE_COLOUR], radii=field.LINE_M / 2)
+    shape = rr.LineStrips3D(strips, colors=[LINE_COLOR], radii=field.LINE_M / 2)
     stream.log("world/field/lines", shape, static=True)
 
 
@@ -140,7 +140,7 @@ def _send_estimates(stream: rr.RecordingStream, robot: RecordedRobot, frames: Fr
             lengths=[HEIGHT_M - bottom],
             radii=[RADIUS_M],
             centers=[[0, 0, (HEIGHT_M + bottom) / 2]],
-            colors=[style.mix_with_white(robot.colour)],
+            colors=[style.mix_with_white(robot.color)],
             line_radii=[_screen_points(1.2)],
             fill_mode=["majorwireframe"],
             labels=[label],

@@ -19,7 +19,7 @@ PLOT_TITLES = {  # channel of the log -> title
     "winding": "winding temperature, °C",
     "battery": "battery voltage, V",
 }
-TEAM_COLOURS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
+TEAM_COLORS = {"blue": (60, 110, 230), "yellow": (235, 200, 40)}
 TABLE_BYTES = 20e6  # of disk space, reserved for the trajectory table
 # Static shapes cannot be removed. Robots that left the field are moved under the carpet.
 HIDDEN_HEIGHT_M = -10.0
@@ -76,8 +76,8 @@ class ServedRecording(RerunStream):
             entity = f"world/{name}"
             if name not in self._logged_robots:
                 self._logged_robots.add(name)
-                colour = TEAM_COLOURS[name.split()[0]]
-                robot_shapes.log_robot(self._stream, entity, colour, self._settings)
+                color = TEAM_COLORS[name.split()[0]]
+                robot_shapes.log_robot(self._stream, entity, color, self._settings)
             pose, angles = log.channel("pose")[:, row], log.channel("wheel_angle")[:, row]
             robot_shapes.send_poses(self._stream, entity, frames, pose, angles, self._settings)
             for channel in PLOT_TITLES:
