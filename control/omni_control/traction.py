@@ -104,16 +104,10 @@ class WheelLimits:
         """Check the numbers, and that friction exceeds drag."""
         for name in ("friction", "gyration_radius", "max_rim_speed"):
             if not getattr(self, name) > 0:
-                raise OmniError(
-                    f"the {name.replace('_', ' ')} of wheels must be positive, "
-                    f"not {getattr(self, name)}"
-                )
+                raise OmniError(f"WheelLimits.{name} must be above 0, got {getattr(self, name)}")
         for name in ("com_height", "rolling_resistance", "roller_friction"):
             if not getattr(self, name) >= 0:
-                raise OmniError(
-                    f"the {name.replace('_', ' ')} of wheels must not be below 0, "
-                    f"not {getattr(self, name)}"
-                )
+                raise OmniError(f"WheelLimits.{name} must be at least 0, got {getattr(self, name)}")
         if self.max_drag_fraction >= 1:
             raise OmniError(
                 f"with friction {self.friction:g} the wheels cannot overcome drag, "

@@ -60,7 +60,7 @@ def test_the_acceleration_margin_holds_in_all_directions(
     ],
 )
 def test_numbers_out_of_range_are_refused(name: str, bad: float) -> None:
-    with pytest.raises(OmniError, match=f"the {name.replace('_', ' ')} of wheels must"):
+    with pytest.raises(OmniError, match=f"WheelLimits.{name} must be"):
         replace(TIGERS, **{name: bad})
 
 

@@ -59,9 +59,7 @@ class Curve:
         for name in ("length", "width"):
             value = getattr(self, name)
             if not 0 < value < np.inf:
-                raise OmniError(
-                    f"a curve's {name} must be a positive number of meters, not {value}"
-                )
+                raise OmniError(f"Curve.{name} must be a positive number of m, got {value}")
 
     def __call__(self, u: Array, derivative: int = 0) -> Array:
         """Return the points (n, 2) at parameters (n,), or a derivative of them by u, m."""

@@ -53,9 +53,7 @@ class MotionLimits:
         """Check the limits."""
         for name, value in vars(self).items():
             if isinstance(value, float | int) and not 0 < value < np.inf:
-                raise OmniError(
-                    f"the limit of {name.replace('_', ' ')} must be a positive number, not {value}"
-                )
+                raise OmniError(f"MotionLimits.{name} must be a positive number, got {value}")
 
     @property
     def acceleration_ratio(self) -> float:
