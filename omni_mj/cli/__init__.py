@@ -1,1 +1,1 @@
-"""The command line: one file a command, imported when it is called, and what the commands share."""
+"""The command line: one module per command, or per group of short commands."""

@@ -1,4 +1,4 @@
-"""Everything that can be named, as lists and in full: scenarios, controllers, plants, robots, settings and faults."""
+"""Catalog of scenarios, controllers, plants, robots, settings and faults: lists and contents."""
 
 import inspect
 import json
@@ -20,97 +20,104 @@ if TYPE_CHECKING:
     from omni_mj.config.settings import Settings
     from omni_mj.config.validation import SettingInfo
 
-FACTS = ("default", "in", "allowed:")  # before the default, the unit and what is allowed
-TITLES = {  # of the lists, and how each is used
+PROPERTY_LABELS = ("default", "in", "allowed:")  # of default, unit and allowed values
+TITLES = {  # title of a list -> option or section that uses its names
     "scenarios": "--scenario",
     "controllers": "--controller",
     "plants": "--plant",
     "robots": "--robot",
     "settings": "--set section.field=value",
-    "faults": "what happens in a run: [[fault]] in a scenario's file",
+    "faults": "[[fault]] in a scenario's file",
 }
 PIPE_WIDTH = 140  # columns if the output is no terminal
-COMMENT_AT = 40  # column where the comments of settings begin, if there is room
-Rows = list[list[str]]
+COMMENT_COLUMN = 40  # column in which the comments of settings start, if there is room
+Entries = list[list[str]]  # name, properties and meaning of each entry
 
 
-def print_lists(only: str | None = None, word: str = "") -> None:
+def print_lists(title: str | None = None, word: str = "") -> None:
     """Print the lists.
 
     Args:
-        only: Title of one of them. [all]
-        word: Text that lines must contain, in any case.
+        title: Title of the list to print. Default: all.
+        word: Text that entries must contain, upper or lower case.
 
     Raises:
-        OmniError: No line contains the word.
+        OmniError: No entry contains the word.
     """
-    lists = {title: list_entries(title) for title in ([only] if only else TITLES)}
+    lists = {name: list_entries(name) for name in ([title] if title else TITLES)}
     matching = {
-        title: [row for row in lines if any(word.casefold() in cell.casefold() for cell in row)]
-        for title, lines in lists.items()
+        name: [entry for entry in entries if _contains(entry, word)]
+        for name, entries in lists.items()
     }
     if not any(matching.values()):
-        names = {part for lines in lists.values() for row in lines for part in row[0].split(".")}
-        raise OmniError(
-            f"there is no {word!r} in the {only or 'lists'}; {suggest_names(word, sorted(names))}"
-        )
-    for title, lines in matching.items():
-        if lines:
-            print(f"{title} ({TITLES[title]})")
-            _print(lines)
+        terms = {
+            term for entries in lists.values() for name, *_ in entries for term in name.split(".")
+        }
+        suggestion = suggest_names(word, sorted(terms))
+        raise OmniError(f"there is no {word!r} in the {title or 'lists'}; {suggestion}")
+    for name, entries in matching.items():
+        if entries:
+            print(f"{name} ({TITLES[name]})")
+            _print_entries(entries)
 
 
-def list_entries(title: str) -> Rows:
-    """Return the lines of the list called `title`: a name first, its meaning last."""
+def list_entries(title: str) -> Entries:
+    """Return the entries of a list. Each starts with the name and ends with the meaning."""
     match title:
         case "scenarios" | "robots":
-            return _descriptions(
-                toml_files.find_builtin_scenarios()
-                if title == "scenarios"
-                else robot_files.find_builtin_robots()
+            is_scenarios = title == "scenarios"
+            find = (
+                toml_files.find_builtin_scenarios
+                if is_scenarios
+                else robot_files.find_builtin_robots
             )
+            return _describe_files(find())
         case "controllers":
             from omni_control.controllers import CONTROLLERS
 
             return [
-                [name, _first_line(where) + _remark(name)] for name, where in CONTROLLERS.items()
+                [name, _docstring_summary(reference) + _missing_package(name)]
+                for name, reference in CONTROLLERS.items()
             ]
         case "plants":
             from omni_mj.config.plugins import PLANTS
 
-            return [[name, _first_line(where)] for name, where in PLANTS.items()]
+            return [[name, _docstring_summary(reference)] for name, reference in PLANTS.items()]
         case "settings":
             from omni_mj.config.settings import list_settings
 
-            return [_row(setting.full_name, setting) for setting in list_settings()]
+            return [_setting_entry(setting.full_name, setting) for setting in list_settings()]
         case _:
             return list_faults()
 
 
-def list_faults() -> Rows:
-    """Return the fields of all faults, then each kind of fault and its further fields."""
+def list_faults() -> Entries:
+    """Return the fields of all faults, then each kind of fault with its other fields."""
     from omni_mj.config.faults import FAULT_KINDS, Fault
 
-    lines = [_row(name, setting) for name, setting in Fault.describe_fields().items()]
+    entries = [_setting_entry(name, info) for name, info in Fault.describe_fields().items()]
     for name, kind in FAULT_KINDS.items():
         plants = f"plants {', '.join(kind.plants)}: " if kind.plants else ""
-        lines.append([f"kind = {name}", "", "", "", plants + (kind.__doc__ or "").split("\n")[0]])
-        own = list(kind.describe_fields().items())[len(Fault.model_fields) :]
-        lines += [_row(f"{name}.{field}", setting) for field, setting in own]
-    return lines
+        meaning = plants + (kind.__doc__ or "").split("\n")[0]
+        entries.append([f"kind = {name}", "", "", "", meaning])
+        kind_fields = list(kind.describe_fields().items())[len(Fault.model_fields) :]
+        entries += [_setting_entry(f"{name}.{field}", info) for field, info in kind_fields]
+    return entries
 
 
 def describe(name: str, overrides: Sequence[str] = (), robot: str | None = None) -> str:
-    """Return a scenario, a robot or a controller in full, as text: the first two are files that can be used.
+    """Return the contents of a scenario, a robot or a controller as text.
+
+    Those of a scenario or a robot are a TOML file that can be used.
 
     Args:
-        name: Its name, or a file with one: .toml, or file.py:Class.
-        overrides: Settings of a scenario, as for `--set`.
-        robot: The scenario's, in place of its own.
+        name: Name, .toml file or file.py:Class.
+        overrides: Settings to change in a scenario, as for `--set`.
+        robot: Robot of the scenario. Default: its own.
 
     Raises:
-        OmniError: There is nothing of that name, it is not what it should be, or has no settings to
-            change.
+        OmniError: The name is unknown, the file is invalid, or `overrides` or `robot` are given for
+            anything but a scenario.
     """
     from omni_control.controllers import CONTROLLERS
     from omni_mj.config.plugins import is_class_reference
@@ -123,9 +130,9 @@ def describe(name: str, overrides: Sequence[str] = (), robot: str | None = None)
             load_with_overrides(name, overrides, {"robot": robot} if robot else {})
         )
     if name in robot_files.find_builtin_robots() or name.endswith(".toml"):
-        kind, describe_entry = "robot", _robot
+        kind, describe_entry = "robot", _describe_robot
     elif name in CONTROLLERS or is_class_reference(name):
-        kind, describe_entry = "controller", _controller
+        kind, describe_entry = "controller", _describe_controller
     else:
         names = [
             *toml_files.find_builtin_scenarios(),
@@ -133,7 +140,8 @@ def describe(name: str, overrides: Sequence[str] = (), robot: str | None = None)
             *CONTROLLERS,
         ]
         raise OmniError(
-            f"there is nothing called {name!r}; {suggest_names(name, names)}, or a file: .toml, or file.py:Class"
+            f"there is nothing called {name!r}; {suggest_names(name, names)}, or a file: .toml, or "
+            "file.py:Class"
         )
     if overrides or robot:
         raise OmniError(f"--set and --robot change a scenario; {name} is a {kind}")
@@ -141,65 +149,64 @@ def describe(name: str, overrides: Sequence[str] = (), robot: str | None = None)
 
 
 def describe_scenario(scenario: "Scenario") -> str:
-    """Return the effective scenario; a setting that is not as the robot drives with by default says so."""
+    """Return a scenario as TOML. Comments name the defaults of settings that differ from them."""
     from omni_mj.config.resolve import resolve_settings
 
-    usual = resolve_settings({}, scenario.robot).to_dict()
-    return "\n".join(_explained(scenario.to_toml().splitlines(), usual)) + "\n"
+    defaults = resolve_settings({}, scenario.robot).to_dict()
+    return "\n".join(_add_comments(scenario.to_toml().splitlines(), defaults)) + "\n"
 
 
 def format_sections(settings: "Settings", fields: Mapping[str, Iterable[str]]) -> str:
-    """Return settings as TOML with units and meanings, those of the given sections and fields."""
+    """Return settings as TOML with units and meanings.
+
+    Args:
+        settings: The settings.
+        fields: Section -> names of the fields to include.
+    """
     values = settings.to_dict()
     lines = []
     for section, names in fields.items():
-        lines += [
-            "",
-            f"[{section}]",
-            *(f"{name} = {json.dumps(values[section][name])}" for name in names),
-        ]
-    return "\n".join(_explained(lines)) + "\n"
+        lines += ["", f"[{section}]"]
+        lines += [f"{name} = {json.dumps(values[section][name])}" for name in names]
+    return "\n".join(_add_comments(lines)) + "\n"
 
 
-def _robot(name: str) -> str:
-    """Return a robot's file, with all settings of its sections, and what follows from them."""
+def _describe_robot(name: str) -> str:
+    """Return a robot's file with all settings of its sections, and quantities derived from them."""
     from omni_mj.studies.robot_facts import load_robot
 
-    chosen = load_robot(name)
-    facts = [f"#   {fact} = {value:.3g}" for fact, value in chosen.facts.items()]
+    robot = load_robot(name)
     head = [
-        "# What follows from the numbers below:",
-        *facts,
+        "# Derived from the numbers below:",
+        *(f"#   {fact} = {value:.3g}" for fact, value in robot.facts.items()),
         "",
-        f"description = {json.dumps(chosen.description)}",
+        f"description = {json.dumps(robot.description)}",
     ]
-    fields = {
-        section: getattr(chosen.settings, section).values()
-        for section in robot_files.read_robot_sections(name)
-    }
-    return "\n".join([*head, format_sections(chosen.settings, fields)])
+    sections = robot_files.read_robot_sections(name)
+    fields = {section: getattr(robot.settings, section).values() for section in sections}
+    return "\n".join([*head, format_sections(robot.settings, fields)])
 
 
-def _controller(name: str) -> str:
-    """Return what a controller does, by its docstring, and its parameters."""
+def _describe_controller(name: str) -> str:
+    """Return the docstring, the parameters and the source file of a controller."""
     from omni_control.controllers import get_parameters
     from omni_mj.config import plugins
 
-    kind, label = plugins.find_controller(name), plugins.label_controller(name)
+    controller_class, label = plugins.find_controller(name), plugins.label_controller(name)
+    parameters = get_parameters(controller_class)
     lines = [
-        inspect.getdoc(kind) or f"{label}: its class has no docstring",
+        inspect.getdoc(controller_class) or f"{label}: its class has no docstring",
         "",
-        "parameters:" if get_parameters(kind) else "no parameters",
+        "parameters:" if parameters else "no parameters",
+        *(f"  --set controller.{label}.{key}={json.dumps(v)}" for key, v in parameters.items()),
+        "",
+        f"source: {inspect.getsourcefile(controller_class)}",
     ]
-    lines += [
-        f"  --set controller.{label}.{key}={json.dumps(value)}"
-        for key, value in get_parameters(kind).items()
-    ]
-    return "\n".join([*lines, "", f"source: {inspect.getsourcefile(kind)}"]) + "\n"
+    return "\n".join(lines) + "\n"
 
 
 def _is_robot(file: str) -> bool:
-    """Return whether a TOML file is a robot's rather than a scenario's: it has nothing that robots do not have."""
+    """Return whether a TOML file contains sections of robots only, and is no scenario."""
     if not Path(file).is_file():
         raise OmniError(f"there is no file {file}")
     data = toml_files.read_toml(Path(file), "the file")
@@ -209,52 +216,62 @@ def _is_robot(file: str) -> bool:
     }
 
 
-def _explained(lines: Iterable[str], usual: Mapping[str, Any] | None = None) -> Iterator[str]:
-    """Yield TOML lines, those of settings with unit and meaning behind, and their default where they differ from it."""
+def _add_comments(lines: Iterable[str], defaults: Mapping[str, Any] | None = None) -> Iterator[str]:
+    """Yield lines of TOML with comments: unit, meaning, and the default of a changed setting.
+
+    Args:
+        lines: Lines of TOML with sections of settings.
+        defaults: Section -> field -> value. Default: comments without defaults.
+    """
     from omni_mj.config.settings import list_settings
 
-    declared = {setting.full_name: setting for setting in list_settings()}
+    settings = {setting.full_name: setting for setting in list_settings()}
     section = ""
     for line in lines:
         section = line.strip("[]") if line.startswith("[") else section
         name, equals, _ = line.partition(" = ")
-        setting = declared.get(f"{section}.{name}") if equals else None
+        setting = settings.get(f"{section}.{name}") if equals else None
         if setting is None:
             yield line
             continue
-        note = f"[{setting.unit}] {setting.doc}" if setting.unit else setting.doc
-        if usual is not None and usual[section][name] != tomllib.loads(line)[name]:
-            note = f"(default {json.dumps(usual[section][name])}) {note}"
-        yield f"{line.ljust(COMMENT_AT)} # {note}"
+        comment = f"[{setting.unit}] {setting.doc}" if setting.unit else setting.doc
+        if defaults is not None and defaults[section][name] != tomllib.loads(line)[name]:
+            comment = f"(default {json.dumps(defaults[section][name])}) {comment}"
+        yield f"{line.ljust(COMMENT_COLUMN)} # {comment}"
 
 
-def _row(name: str, setting: "SettingInfo") -> list[str]:
+def _contains(entry: Sequence[str], word: str) -> bool:
+    return any(word.casefold() in text.casefold() for text in entry)
+
+
+def _setting_entry(name: str, setting: "SettingInfo") -> list[str]:
+    """Return name, default, unit, allowed values and meaning of a setting."""
     value = setting.default
     default = "" if value is None else value if isinstance(value, str) else json.dumps(value)
     return [name, default, setting.unit, setting.allowed, setting.doc]
 
 
-def _print(lines: Rows) -> None:
-    """Print names and, next to them, meanings and what is allowed, wrapped."""
-    indent = 4 + max(len(name) for name, *_ in lines)
+def _print_entries(entries: Entries) -> None:
+    """Print names and, next to them, meanings and properties, wrapped."""
+    indent = 4 + max(len(name) for name, *_ in entries)
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
-    for name, *facts, meaning in lines:
-        notes = "; ".join(
-            f"{what} {fact}" for what, fact in zip(FACTS, facts, strict=False) if fact
-        )
-        text = f"  {name.ljust(indent - 2)}{meaning}{notes and f' ({notes})'}"
-        print(fill(text, width, subsequent_indent=" " * indent))
+    for name, *properties, meaning in entries:
+        labels = zip(PROPERTY_LABELS, properties, strict=False)
+        remark = "; ".join(f"{label} {text}" for label, text in labels if text)
+        line = f"  {name.ljust(indent - 2)}{meaning}{remark and f' ({remark})'}"
+        print(fill(line, width, subsequent_indent=" " * indent))
     print()
 
 
-def _remark(controller: str) -> str:
+def _missing_package(controller: str) -> str:
+    """Return how to install the package that a controller lacks, or ""."""
     from omni_control.controllers import find_missing_package
 
     package = find_missing_package(controller)
     return f" (needs {package}: pip install 'omni-mj[{controller}]')" if package else ""
 
 
-def _descriptions(files: Mapping[str, Path]) -> Rows:
+def _describe_files(files: Mapping[str, Path]) -> Entries:
     """Return names and descriptions of TOML files."""
     return [
         [name, tomllib.loads(path.read_text("utf-8")).get("description", "")]
@@ -262,11 +279,15 @@ def _descriptions(files: Mapping[str, Path]) -> Rows:
     ]
 
 
-def _first_line(where: str) -> str:
-    """Return the first line of the docstring of a class named `module:Class`, which is not imported."""
-    module, _, name = where.partition(":")
-    top, *rest = module.split(".")
-    folder = Path(str(getattr(find_spec(top), "origin", ""))).parent
-    text = folder.joinpath(*rest).with_suffix(".py").read_text("utf-8")
+def _docstring_summary(reference: str) -> str:
+    """Return the first line of the docstring of a class without importing it.
+
+    Args:
+        reference: Class as `module:Class`.
+    """
+    module, _, name = reference.partition(":")
+    package, *path = module.split(".")
+    folder = Path(str(getattr(find_spec(package), "origin", ""))).parent
+    text = folder.joinpath(*path).with_suffix(".py").read_text("utf-8")
     match = re.search(rf'^class {name}\b.*\n +"""(.*?)(?:"""|\n)', text, re.MULTILINE)
     return match[1] if match else ""

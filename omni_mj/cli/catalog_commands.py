@@ -78,9 +78,8 @@ def new_command(kind: str, name: str, overwrite: bool) -> None:
         write_text(path, _starter_text(kind, path.stem, class_name))
     except OSError as error:
         raise OmniError(f"cannot write {path}: {error.strerror}") from None
-    print(
-        f"wrote {path}; run it: omni-mj run {RUN_ARGUMENTS[kind].format(path=path, name=class_name)}"
-    )
+    arguments = RUN_ARGUMENTS[kind].format(path=path, name=class_name)
+    print(f"wrote {path}; run it: omni-mj run {arguments}")
 
 
 def _starter_text(kind: str, name: str, class_name: str) -> str:

@@ -104,7 +104,7 @@ def exit_if_failed(outcomes: Sequence["Outcome"], errors: Iterable[str] = ()) ->
 
 
 def quiet_mujoco() -> None:
-    """Turn off MuJoCo's warnings, if it is loaded. Relevant ones are reported as failures of rows."""
+    """Turn off MuJoCo's warnings if it is loaded. Relevant ones become failures of rows."""
     if "mujoco" in sys.modules:
         import mujoco
 

@@ -79,9 +79,8 @@ def require_scenario(name: str | None) -> str:
     from omni_mj.config.toml_files import find_builtin_scenarios
 
     if name is None:
-        raise OmniError(
-            f"--scenario is missing; choose from {', '.join(find_builtin_scenarios())}, or a .toml file"
-        )
+        names = ", ".join(find_builtin_scenarios())
+        raise OmniError(f"--scenario is missing; choose from {names}, or a .toml file")
     return name
 
 

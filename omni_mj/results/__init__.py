@@ -1,1 +1,1 @@
-"""What came out of a simulation: errors, statistics over seeds, events, verdicts, and the result that holds them."""
+"""Results of simulations: errors, statistics over seeds, events, verdicts, summaries, files."""

@@ -1,1 +1,1 @@
-"""Simulations: the loop, the teams' computers in it, and what it records."""
+"""The simulation loop, the construction of the team, and the log."""

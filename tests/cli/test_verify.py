@@ -233,7 +233,7 @@ def test_what_cannot_be_repeated_is_one_line_that_says_why(
             put("provenance.json", '"study": "run"', '"study": "slip"'),
             "repeat the study: omni-mj run",
         ),
-        (put("provenance.json", '"robot": {', '"rob": {'), "not as a run leaves it"),
+        (put("provenance.json", '"robot": {', '"rob": {'), "was changed after the run"),
         (lambda: (folder / "trajectory.parquet").unlink(), "trajectory.parquet cannot be read"),
         (lambda: (folder / "scenario.toml").unlink(), "scenario.toml"),
         (lambda: (folder / "summary.json").unlink(), "has no summary.json"),
