@@ -1,4 +1,4 @@
-"""Scenarios: what is run. They are made from TOML files, which override settings by name, or in Python."""
+"""Scenarios: what is run. They are made from TOML files with overrides, or in Python."""
 
 import json
 import re
@@ -24,64 +24,61 @@ from omni_mj.config.validation import (
     setting,
 )
 
-_NOTHING: Any = {}
-MOST_SEEDS = 100_000
+_EMPTY: Any = {}
+MAX_SEEDS = 100_000
 
 
 class Scenario(SettingsModel):
-    """What is run: the settings in force, the plant, the robot, the controllers and the seeds.
+    """What is run: settings, plant, robot, controllers and seeds.
 
-    Settings may be given as sections by name; they then start from the defaults that the robot's
-    file gives.
+    Settings may be given as sections by name. Values that are left out are those of the robot.
     """
 
     unknown_name = "unknown name"
 
     name: Annotated[str, Field(pattern=r"^[\w-][\w.-]*$", max_length=MAX_NAME_LENGTH)] = setting(
-        "scenario", "", "what it is called in tables and folders: letters, digits and ._-"
+        "scenario", "", "name in tables and folders: letters, digits and ._-"
     )
     description: Annotated[str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]*$", max_length=500)] = (
-        setting("", "", "what it is, in a line")
+        setting("", "", "description in one line")
     )
     paper_table: Literal[0, 3, 4] = setting(
-        0, "", "the table of the paper (3 or 4) that reports the same experiment, or 0"
+        0, "", "number of the paper's table with the same experiment: 3 or 4; 0: none"
     )
-    plant: str = setting(
-        "mujoco", "", "what is driven: a plant that omni-mj list names, or file.py:Class"
-    )
+    plant: str = setting("mujoco", "", "plant: a name of `omni-mj list plants`, or file.py:Class")
     robot: str = setting(
-        robot_files.DEFAULT_ROBOT, "", "the name of a robot, or the path of a robot's .toml file"
+        robot_files.DEFAULT_ROBOT, "", "name of a robot, or path of a robot's .toml file"
     )
     controllers: tuple[str | type[Controller], ...] = setting(
-        ("flc", "comp-flc"), "", "what drives it: names of controllers, or file.py:Class", 1
+        ("flc", "comp-flc"), "", "names of controllers, or file.py:Class", 1
     )
-    seed: int = setting(0, "", "first seed of the random numbers", 0, 2**63 - 1 - MOST_SEEDS)
-    seeds: int = setting(1, "", "how many seeds, counting up from the first", 1, MOST_SEEDS)
-    settings: Settings = Field(_NOTHING, validate_default=True)
+    seed: int = setting(0, "", "first seed of the random numbers", 0, 2**63 - 1 - MAX_SEEDS)
+    seeds: int = setting(1, "", "number of consecutive seeds", 1, MAX_SEEDS)
+    settings: Settings = Field(_EMPTY, validate_default=True)
     distributions: Mapping[str, Any] = Field(
-        _NOTHING, description="settings that are drawn, each seed's its own"
+        _EMPTY, description="distributions of settings that are drawn for each seed"
     )
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The names of the controllers in tables and files."""
-        return tuple(plugins.label_controller(kind) for kind in self.controllers)
+        """Labels of the controllers in tables and files."""
+        return tuple(plugins.label_controller(spec) for spec in self.controllers)
 
     @property
     def references_code(self) -> bool:
-        """Whether its file names code: a controller or a plant of a user's own."""
+        """Whether its file names code: a controller or plant in a user's file."""
+        specs = (*self.controllers, self.plant)
         return any(
-            plugins.is_class_reference(plugins.reference_controller(kind))
-            for kind in (*self.controllers, self.plant)
+            plugins.is_class_reference(plugins.format_controller_spec(spec)) for spec in specs
         )
 
     @property
     def seed_list(self) -> list[int]:
-        """The seeds; each is a row per controller."""
+        """All seeds."""
         return [self.seed + i for i in range(self.seeds)]
 
     def settings_for_seed(self, seed: int) -> Settings:
-        """Return the settings of a seed's rows.
+        """Return the settings of a seed, with values drawn from distributions.
 
         Raises:
             OmniError: A drawn value is not allowed.
@@ -89,104 +86,97 @@ class Scenario(SettingsModel):
         return distributions.draw_settings(self.settings, self.distributions, seed)
 
     def replace(self, **values: Any) -> Self:
-        """Return a copy with other values, validated.
+        """Return a validated copy with other values.
 
         Raises:
             OmniError: A value is not allowed, or another robot is given without settings.
         """
         if values.get("robot", self.robot) != self.robot and "settings" not in values:
             raise OmniError(
-                "another robot has other settings: give robot= to load_scenario(...), or settings= as well"
+                "another robot has other settings: give robot= to load_scenario(...), or settings= "
+                "as well"
             )
         return super().replace(**values)
 
     def settings_to_dict(self) -> dict[str, Any]:
-        """Return the settings by section, as in a file, with distributions in place of values drawn from them."""
+        """Return the settings by section, as in a file, with distributions in place of values."""
         sections = self.settings.to_dict()
-        for name, each in self.distributions.items():
+        for name, distribution in self.distributions.items():
             section, field = name.split(".")
-            sections[section][field] = {each.kind: list(each.values)}
+            sections[section][field] = {distribution.kind: list(distribution.values)}
         return sections
 
     def to_toml(self) -> str:
-        """Return the effective scenario, every setting written out; reading it back gives an equal one.
+        """Return the effective scenario with all settings. Reading it back gives an equal one.
 
         A controller that was given as a class is named by its file.
         """
-        head = dict(self) | {
-            "controllers": [plugins.reference_controller(kind) for kind in self.controllers]
-        }
+        specs = [plugins.format_controller_spec(spec) for spec in self.controllers]
+        head = dict(self) | {"controllers": specs}
         sections = self.settings_to_dict()
-        parameters, events = sections.pop("controller"), sections.pop("fault")
+        parameters = sections.pop("controller")
+        fault_tables = sections.pop("fault")
         tables = [(f"[{name}]", values) for name, values in sections.items()]
-        tables += [(f"[controller.{_key(name)}]", values) for name, values in parameters.items()]
-        tables += [("[[fault]]", values) for values in events]
-        lines = [f"{name} = {_toml(head[name])}" for name in HEAD]
+        for label, values in parameters.items():
+            tables.append((f"[controller.{_toml_key(label)}]", values))
+        tables += [("[[fault]]", values) for values in fault_tables]
+        lines = [f"{name} = {_toml_value(head[name])}" for name in HEAD_FIELDS]
         for heading, values in tables:
-            lines += [
-                "",
-                heading,
-                *(f"{_key(name)} = {_toml(value)}" for name, value in values.items()),
-            ]
+            lines += ["", heading]
+            lines += [f"{_toml_key(name)} = {_toml_value(value)}" for name, value in values.items()]
         return "\n".join(lines) + "\n"
 
     @field_validator("plant")
     @classmethod
-    def _plant(cls, plant: str) -> str:
-        if plant not in plugins.PLANTS:  # those are imported when they are needed
+    def _check_plant(cls, plant: str) -> str:
+        if plant not in plugins.PLANTS:  # those of the package are imported when they are needed
             plugins.find_plant(plant)
         return plant
 
     @field_validator("robot", mode="before")
     @classmethod
-    def _robot(cls, robot: Any) -> Any:
-        name = (
-            robot.name
-            if isinstance(robot, Robot)
-            else str(robot)
-            if isinstance(robot, Path)
-            else robot
-        )
-        if isinstance(name, str):
-            robot_files.read_robot_sections(name)
-        return name
+    def _check_robot(cls, robot: Any) -> Any:
+        if isinstance(robot, Robot):
+            robot = robot.name
+        elif isinstance(robot, Path):
+            robot = str(robot)
+        if isinstance(robot, str):
+            robot_files.read_robot_sections(robot)
+        return robot
 
     @field_validator("controllers", mode="before")
     @classmethod
-    def _controllers(cls, kinds: Any) -> tuple[str | type[Controller], ...]:
-        if not isinstance(kinds, (list, tuple)) or not kinds:
+    def _check_controllers(cls, specs: Any) -> tuple[str | type[Controller], ...]:
+        if not isinstance(specs, (list, tuple)) or not specs:
             raise ValueError(
-                f"controllers must be a list of at least one name or class, not {format_value(kinds)}"
+                "controllers must be a list of at least one name or class, "
+                f"not {format_value(specs)}"
             )
         errors: list[str] = []
-        for kind in kinds:
+        for spec in specs:
             with collect_errors(errors):
-                if str(kind) not in CONTROLLERS:
-                    plugins.find_controller(kind)
-        labels = [plugins.label_controller(kind) for kind in kinds] if not errors else []
-        raise_errors(
-            [
-                *errors,
-                *(
-                    f"controller {label!r} is named twice"
-                    for label in labels
-                    if labels.count(label) > 1
-                ),
+                if str(spec) not in CONTROLLERS:
+                    plugins.find_controller(spec)
+        if not errors:
+            labels = [plugins.label_controller(spec) for spec in specs]
+            errors = [
+                f"controller {label!r} is named twice"
+                for label in labels
+                if labels.count(label) > 1
             ]
-        )
-        return tuple(kinds)
+        raise_errors(errors)
+        return tuple(specs)
 
     @field_validator("settings", mode="before")
     @classmethod
-    def _settings(cls, given: Any, info: ValidationInfo) -> Settings:
-        """Return settings made of sections, with the controllers' parameters and the plant's faults validated."""
-        head, errors = info.data, list[str]()
-        settings = (
-            given
-            if isinstance(given, Settings)
-            else resolve_settings(given, head.get("robot", robot_files.DEFAULT_ROBOT))
-        )
+    def _resolve_settings(cls, sections: Any, info: ValidationInfo) -> Settings:
+        """Resolve sections to settings; check faults and parameters of controllers."""
+        head = info.data  # fields that were validated before
+        settings = sections
+        if not isinstance(sections, Settings):
+            settings = resolve_settings(sections, head.get("robot", robot_files.DEFAULT_ROBOT))
         parameters = settings.controller
+        errors: list[str] = []
         if "plant" in head:
             with collect_errors(errors):
                 fault_checks.check_plant_supports(settings.fault, head["plant"])
@@ -194,14 +184,14 @@ class Scenario(SettingsModel):
             with collect_errors(errors):
                 parameters = plugins.check_controller_parameters(parameters, head["controllers"])
         raise_errors(errors)
-        return (
-            settings
-            if parameters == settings.controller
-            else settings.replace(controller=parameters)
-        )
+        if parameters == settings.controller:
+            return settings
+        return settings.replace(controller=parameters)
 
 
-HEAD = tuple(name for name in Scenario.model_fields if name not in ("settings", "distributions"))
+HEAD_FIELDS = tuple(
+    name for name in Scenario.model_fields if name not in ("settings", "distributions")
+)
 
 
 def load_scenario(
@@ -215,22 +205,23 @@ def load_scenario(
     code: bool = False,
     **sections: Any,
 ) -> Scenario:
-    """Return a scenario by name or from a TOML file, with changes: `load_scenario("rect", radio={"delay_frames": 9})`.
+    """Return a scenario by name or from a TOML file, with changes.
+
+    For instance `load_scenario("rect", radio={"delay_frames": 9})`.
 
     Args:
-        name_or_path: One of those that come with the package, or a file.
-        plant: What is driven: "mujoco", "planar", "kinematic", or `file.py:Class`.
+        name_or_path: Name of a scenario of the package, or path of a TOML file.
+        plant: Plant: "mujoco", "planar", "kinematic", or `file.py:Class`.
         robot: Name of a robot, path of its .toml file, or the result of `om.load_robot`.
         controllers: Names, classes derived from `omni_control.Controller`, or `file.py:Class`.
-        seed: The first.
-        seeds: How many.
-        code: Whether controllers and plants of a user's own that the file names, `file.py:Class`,
-            may be run.
+        seed: First seed.
+        seeds: Number of seeds.
+        code: Whether classes that the scenario's file names, `file.py:Class`, may be run.
         sections: Values of settings by section and field.
 
     Raises:
-        OmniError: There is no such scenario, or something is unknown or not allowed; a line for
-            each.
+        OmniError: There is no such scenario, a name is unknown, or a value is not allowed; a line
+            for each error.
     """
     head = {
         "plant": plant,
@@ -239,112 +230,112 @@ def load_scenario(
         "seed": seed,
         "seeds": seeds,
     }
-    return load_with_overrides(
-        str(name_or_path),
-        (),
-        {k: value for k, value in head.items() if value is not None},
-        code,
-        sections,
-    )
+    head = {name: value for name, value in head.items() if value is not None}
+    return load_with_overrides(str(name_or_path), (), head, code, sections)
 
 
 def load_with_overrides(
     name_or_path: str | None,
     overrides: Iterable[str] = (),
-    head: Mapping[str, Any] = _NOTHING,
+    head: Mapping[str, Any] = _EMPTY,
     code: bool = False,
-    sections: Mapping[str, Any] = _NOTHING,
+    sections: Mapping[str, Any] = _EMPTY,
 ) -> Scenario:
-    """Read a scenario by name or from a TOML file, change it, and validate all of it.
+    """Return a scenario as the command line describes it; the base of `load_scenario`.
 
     Args:
-        name_or_path: A built-in scenario, or a file; None for the defaults.
+        name_or_path: Name of a scenario of the package, or path of a TOML file. None: the defaults.
         overrides: Settings as `section.field=value`.
         head: Fields of `Scenario` itself, such as plant or seeds.
-        code: Whether controllers and plants of a user's own that the file names, rather than
-            `head`, may be run.
+        code: Whether classes that the scenario's file names, `file.py:Class`, may be run.
         sections: Values of settings by section and field.
 
     Raises:
-        OmniError: No such scenario or file, not TOML, an unknown name, or a value that is not
-            allowed; a line for each.
+        OmniError: As `load_scenario`.
     """
-    data, stem = ({}, "scenario") if name_or_path is None else read_scenario_file(name_or_path)
+    data, name = ({}, "scenario") if name_or_path is None else read_scenario_file(name_or_path)
     if not code:
-        _check_code(data, head)
+        _check_no_code(data, head)
     errors: list[str] = []
     for override in overrides:
         with collect_errors(errors):
             apply_override(data, override)
     data = merge_sections(data, sections) | dict(head)
-    values: dict[str, Any] = {}
-    own: dict[str, Any] = {}
-    known = {**Settings.model_fields, **Scenario.model_fields}
-    for name, value in data.items():
-        is_section = name in known or isinstance(value, (Mapping, SettingsModel))
-        (own if is_section and name not in HEAD else values)[name] = value
+    fields: dict[str, Any] = {"name": name}
+    settings_sections: dict[str, Any] = {}
+    known_names = {**Settings.model_fields, **Scenario.model_fields}
+    for key, value in data.items():
+        is_section = key in known_names or isinstance(value, (Mapping, SettingsModel))
+        target = settings_sections if is_section and key not in HEAD_FIELDS else fields
+        target[key] = value
     with collect_errors(errors):
-        settings, drawn = distributions.split_distributions(own)
-        result = Scenario(**{"name": stem, **values, "settings": settings, "distributions": drawn})
-        distributions.check_bounds(result.settings, result.distributions)
+        fields["settings"], fields["distributions"] = distributions.split_distributions(
+            settings_sections
+        )
+        scenario = Scenario(**fields)
+        distributions.check_bounds(scenario.settings, scenario.distributions)
     raise_errors(errors)
-    return result
+    return scenario
 
 
-def _check_code(data: Mapping[str, Any], head: Mapping[str, Any]) -> None:
-    """Check that a file names no code but what the user names as well.
+def _check_no_code(data: Mapping[str, Any], head: Mapping[str, Any]) -> None:
+    """Check that a file names no classes in files, except in fields that the user overrides.
 
     Raises:
         OmniError: It does.
     """
     plants = [] if "plant" in head else [data.get("plant")]
-    kinds = [] if "controllers" in head else data.get("controllers", [])
+    controllers = [] if "controllers" in head else data.get("controllers", [])
+    specs = [*plants, *(controllers if isinstance(controllers, list) else [])]
     raise_errors(
-        f"the scenario's file names code, {format_value(name)}, which is not run unasked; name it yourself by "
-        "--plant or --controller, or allow it by --allow-code (in Python: code=True)"
-        for name in [*plants, *(kinds if isinstance(kinds, list) else [])]
-        if isinstance(name, str) and plugins.is_class_reference(name)
+        f"the scenario's file names code, {format_value(spec)}, which is not run unasked; name it "
+        "yourself by --plant or --controller, or allow it by --allow-code (in Python: code=True)"
+        for spec in specs
+        if isinstance(spec, str) and plugins.is_class_reference(spec)
     )
 
 
-def _toml(value: Any) -> str:
-    """Return a value in TOML; JSON writes the same, but escapes characters beyond U+FFFF and leaves DEL as it is."""
+def _toml_value(value: Any) -> str:
+    """Return a value in TOML.
+
+    JSON is valid TOML, except that it must not escape characters beyond U+FFFF, and that DEL must be
+    escaped.
+    """
     if isinstance(value, dict):
-        return (
-            "{" + ", ".join(f"{_key(name)} = {_toml(each)}" for name, each in value.items()) + "}"
-        )
+        fields = [f"{_toml_key(name)} = {_toml_value(field)}" for name, field in value.items()]
+        return "{" + ", ".join(fields) + "}"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
+def _toml_key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml_value(name)
 
 
 def build_json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a scenario's file, by which editors of TOML complete, explain and check it.
+    """Return the JSON Schema of scenario files, with which TOML editors complete and check them.
 
-    Plants, robots and controllers are open, since they may be a user's own; numbers may be drawn.
+    Names of plants, robots and controllers are not restricted, because users may have their own.
+    Numbers may be drawn from distributions.
     """
     scenario = Scenario.model_json_schema()
     definitions = scenario.pop("$defs")
-    settings = definitions.pop("Settings")["properties"]
-    definitions["Fault"]["properties"] |= {"kind": {"enum": list(faults.FAULT_KINDS)}}
-    for kind in faults.FAULT_KINDS.values():
-        definitions["Fault"]["properties"] |= kind.model_json_schema()["properties"]
+    sections = definitions.pop("Settings")["properties"]
+    fault_properties = definitions["Fault"]["properties"]
+    fault_properties["kind"] = {"enum": list(faults.FAULT_KINDS)}
+    for fault_class in faults.FAULT_KINDS.values():
+        fault_properties |= fault_class.model_json_schema()["properties"]
     for name, section in definitions.items():
-        if name != "Fault":
-            section.pop("required", None)
-            for field in section["properties"].values():
-                if field.get("type") in (
-                    "number",
-                    "integer",
-                ):  # or a distribution, of which numbers have bounds
-                    field["type"] = [field["type"], "object"]
+        if name == "Fault":
+            continue
+        section.pop("required", None)
+        for field in section["properties"].values():
+            if field.get("type") in ("number", "integer"):
+                field["type"] = [field["type"], "object"]  # object: a distribution
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "a scenario of omni-mj",
         "type": "object",
         "additionalProperties": False,
-        "properties": {name: scenario["properties"][name] for name in HEAD} | settings,
+        "properties": {name: scenario["properties"][name] for name in HEAD_FIELDS} | sections,
         "$defs": definitions,
     }

@@ -150,7 +150,7 @@ def _describe_scenario(scenario: Scenario, files: dict[str, bytes]) -> dict[str,
 
 
 def _describe_controller(
-    kind: plugins.Kind, scenario: Scenario, files: dict[str, bytes]
+    kind: plugins.ControllerSpec, scenario: Scenario, files: dict[str, bytes]
 ) -> dict[str, Any]:
     """Return name, file and parameters of a controller, and copy its file to `files`."""
     label, controller_class = plugins.label_controller(kind), plugins.find_controller(kind)
@@ -159,9 +159,9 @@ def _describe_controller(
     return entry | {"parameters": get_parameters(controller_class) | dict(parameters)}
 
 
-def _describe_class(kind: plugins.Kind, files: dict[str, bytes]) -> dict[str, Any]:
+def _describe_class(kind: plugins.ControllerSpec, files: dict[str, bytes]) -> dict[str, Any]:
     """Return name and file of a class of the user, and copy its file to `files`."""
-    file, _, name = plugins.reference_controller(kind).rpartition(":")
+    file, _, name = plugins.format_controller_spec(kind).rpartition(":")
     entry = {"name": plugins.label_controller(kind), "class": name}
     is_main = isinstance(kind, type) and kind.__module__ == "__main__"
     if is_main or "." in name or not Path(file).is_file():

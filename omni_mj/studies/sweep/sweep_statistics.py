@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from omni_mj.config.plugins import reference_controller
+from omni_mj.config.plugins import format_controller_spec
 from omni_mj.results.statistics import CONFIDENCE, finite_or_none
 from omni_mj.studies.sweep.sweep_plan import SweepPlan
 
@@ -110,7 +110,7 @@ def worst_runs(table: "pa.Table", plan: SweepPlan, folder: Path) -> list[dict[st
     """
     scenario = plan.scenario
     controllers = dict(
-        zip(scenario.labels, map(reference_controller, scenario.controllers), strict=True)
+        zip(scenario.labels, map(format_controller_spec, scenario.controllers), strict=True)
     )
     keys = [("failed_at_s", "ascending"), (MAX_ERROR, "descending")]
     columns = ("point", *plan.axes, "controller", "seed", "cause")
