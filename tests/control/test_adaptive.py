@@ -42,13 +42,13 @@ def test_known_and_learned_models_reduce_the_error() -> None:
     names = "inverse-flc", "adaptive-comp-flc"
     wrong = {"creep_s2_m": 0.03, "lag_s": 0.04, "alpha": (1.0, 1.0)}
     teams = [team(name, **known) for known in ({}, wrong) for name in names]
-    made = [one.controllers[0] for one in (team("comp-flc"), *teams)]
+    made = [single.controllers[0] for single in (team("comp-flc"), *teams)]
     start = np.zeros((len(made), 3))
     distance, _ = errors(run_team(Team(made, start), CreepingPlant(start), ROUTE.frames))
     comp, *right = distance[:, :3].max(0)
     assert max(right) < comp / 3
-    held, learned = distance[:, 3:].mean(0)
-    assert learned < 0.75 * held
+    fixed, learned = distance[:, 3:].mean(0)
+    assert learned < 0.75 * fixed
 
 
 def test_inverse_flc_learns_nothing() -> None:
@@ -120,8 +120,8 @@ def test_a_wrong_dead_time_is_identified_and_robots_come_to_rest() -> None:
     rest = record["pose"][-SECOND // 2 :]
     assert np.ptp(rest[..., :2], axis=0).max() < 0.003
     assert np.ptp(rest[..., 2], axis=0).max() < np.radians(2)
-    found = record["latency"][ROUTE.frames - SECOND, :, 0]
-    assert (np.abs(found - [5, 11, 0]) < [1, 1, 3]).all()
+    estimate = record["latency"][ROUTE.frames - SECOND, :, 0]
+    assert (np.abs(estimate - [5, 11, 0]) < [1, 1, 3]).all()
 
 
 def test_robots_with_wrong_models_are_identified_and_tracked() -> None:
@@ -129,15 +129,15 @@ def test_robots_with_wrong_models_are_identified_and_tracked() -> None:
     n, rng = 13, np.random.default_rng(0)
     alpha, drag = rng.uniform(0.6, 1.1, (n, 1)) * np.ones(3), rng.uniform(0, 0.03, (n, 1))
     plant = CreepingPlant(np.zeros((n, 3)), np.linspace(3, 9, n), 0.01, 0.0, drag, alpha)
-    distance, turned = errors(
+    distance, rotated = errors(
         run_team(
             team("adaptive-comp-flc", n=n, **NONE), plant, make_vision_noise(rng, ROUTE.frames, n)
         )
     )
     late = LEAD + 2 * SECOND
     assert (distance.max(), distance[late:].max()) < (0.04, 0.015)
-    assert turned.max() < 0.5
-    assert turned[late:].max() < 0.25
+    assert rotated.max() < 0.5
+    assert rotated[late:].max() < 0.25
 
 
 def test_an_iterated_reference_passes_all_waypoints() -> None:

@@ -32,10 +32,10 @@ def test_the_example_drives_a_robot_there_and_back_without_a_simulator() -> None
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
-    found = re.fullmatch(r"arrived within (\d+) mm of the start, alpha is (.*)\n", done.stdout)
-    assert found, done.stdout
-    assert int(found[1]) <= 10, "some millimetres of noise"
-    assert float(found[2]) == pytest.approx(0.9, abs=0.05)
+    match = re.fullmatch(r"arrived within (\d+) mm of the start, alpha is (.*)\n", done.stdout)
+    assert match, done.stdout
+    assert int(match[1]) <= 10, "some millimetres of noise"
+    assert float(match[2]) == pytest.approx(0.9, abs=0.05)
     assert len(EXAMPLE.read_text().splitlines()) <= 30
     assert BLOCKS[0] == EXAMPLE.read_text()
 
@@ -53,11 +53,11 @@ def test_the_controller_of_the_readme_runs() -> None:
 
 def test_both_distributions_have_the_same_metadata() -> None:
     """Both have the same version, Python and license; this one needs numpy and scipy only."""
-    alone, whole = project(ROOT / "control"), project(ROOT)
+    control_project, project_settings = project(ROOT / "control"), project(ROOT)
     for key in ("version", "requires-python", "license"):
-        assert alone[key] == whole[key]
-    assert [name for name in whole["dependencies"] if name.startswith(("numpy", "scipy"))] == alone[
-        "dependencies"
-    ]
+        assert control_project[key] == project_settings[key]
+    assert [
+        name for name in project_settings["dependencies"] if name.startswith(("numpy", "scipy"))
+    ] == control_project["dependencies"]
     assert (ROOT / "control" / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()
     assert (ROOT / "control" / "omni_control" / "py.typed").exists()

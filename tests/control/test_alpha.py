@@ -14,8 +14,8 @@ alphas = st.tuples(st.floats(0.5, 1.1), st.floats(0.5, 1.1))
 def travelled(commands: Array, alpha: Array, delay: int) -> Array:
     """Return positions for commands, (frames, n, 2 or 3): x(k+1) = x(k) + alpha T u(k - k_d)."""
     frames = len(commands)
-    felt = np.concatenate([np.zeros((delay + 1, *commands.shape[1:])), commands])[:frames]
-    return alpha * T * np.cumsum(felt[..., :2], axis=0)
+    acting_command = np.concatenate([np.zeros((delay + 1, *commands.shape[1:])), commands])[:frames]
+    return alpha * T * np.cumsum(acting_command[..., :2], axis=0)
 
 
 def estimate(positions: Array, commands: Array, window: int, delay: int) -> Array:
@@ -44,10 +44,12 @@ def test_the_error_shrinks_by_the_weight_of_the_old_value(
     displacement = (
         passed - np.concatenate([np.repeat(passed[:1], window, axis=0), passed])[: len(passed)]
     )
-    left = np.cumprod(EQUAL_WEIGHT_M**2 / (EQUAL_WEIGHT_M**2 + displacement**2), axis=0)
+    remaining_error = np.cumprod(EQUAL_WEIGHT_M**2 / (EQUAL_WEIGHT_M**2 + displacement**2), axis=0)
     # Positions of up to 1 m are rounded at 1e-16, hundredfold where a displacement of 1 cm divides
     # them.
-    np.testing.assert_allclose(values, alpha + (1 - np.array(alpha)) * left, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        values, alpha + (1 - np.array(alpha)) * remaining_error, rtol=0, atol=1e-12
+    )
 
 
 @given(alphas, st.integers(0, 12), st.floats(0.3, 3), st.floats(0, 2 * np.pi))
@@ -58,10 +60,10 @@ def test_a_constant_alpha_is_estimated_exactly(
     window = 15
     # At least 0.2 of the speed along each axis: a robot that does not move along one shows nothing
     # of it.
-    along = np.array([np.cos(direction), np.sin(direction)])
-    along = np.where(np.abs(along) < 0.2, 0.2, along)
+    direction = np.array([np.cos(direction), np.sin(direction)])
+    direction = np.where(np.abs(direction) < 0.2, 0.2, direction)
     commands = np.zeros((delay + 5 * window, 1, 3))
-    commands[:, 0, :2] = speed * along
+    commands[:, 0, :2] = speed * direction
     values = estimate(travelled(commands, np.array(alpha), delay), commands, window, delay)
     # Displacements of 0.3 * 0.2 / 4 = 0.015 m and more keep at most 0.64 of the error in each of 60
     # frames: 2e-12.

@@ -42,7 +42,7 @@ def test_stable_with_wrong_alpha_and_dead_time(
 @each_identifying
 @settings(max_examples=3)
 @of_other_robots
-def test_adaptive_controllers_are_stable_with_wrong_models(
+def test_adaptive_controllers_tolerate_wrong_models(
     name: str, delay: int, wrong: int, lag: float, seed: int
 ) -> None:
     check_stable(

@@ -11,17 +11,17 @@ from omni_control import Observation
 T = 1 / 60
 
 
-def sent_before(frame: int, commands: Array, length: int) -> CommandHistory:
+def make_history(frame: int, commands: Array, length: int) -> CommandHistory:
     """Return the history in `frame`, after the commands (frames, n, 3) before it were sent."""
-    queue = CommandHistory(commands.shape[1], length)
+    history = CommandHistory(commands.shape[1], length)
     for command in commands[:frame]:
-        queue.append(command)
-    return queue
+        history.append(command)
+    return history
 
 
 def test_frame_by_frame_table_of_three_frames_dead_time() -> None:
     """Commands in flight and their remaining displacement, by hand for 1, 2, 3, ... m/s."""
-    table = {
+    expected_by_frame = {
         0: ([0, 0, 0], 0),
         1: ([0, 0, 1], 1),
         2: ([0, 1, 2], 3),
@@ -30,10 +30,10 @@ def test_frame_by_frame_table_of_three_frames_dead_time() -> None:
         5: ([3, 4, 5], 12),
     }
     commands = np.arange(1.0, 7.0)[:, None, None] * [1.0, 0.0, -1.0]
-    for frame, (speeds, distance) in table.items():
-        flying = sent_before(frame, commands, length=3).get_latest(3)
-        assert flying[:, 0, 0].tolist() == speeds
-        assert predict_displacement(flying, np.ones((1, 3)), 1.0).tolist() == [
+    for frame, (speeds, distance) in expected_by_frame.items():
+        in_flight = make_history(frame, commands, length=3).get_latest(3)
+        assert in_flight[:, 0, 0].tolist() == speeds
+        assert predict_displacement(in_flight, np.ones((1, 3)), 1.0).tolist() == [
             [distance, 0, -distance]
         ]
 
@@ -48,13 +48,13 @@ def test_the_compensated_pose_is_where_the_plant_will_be(
     alpha, commands = rng.uniform(0.5, 1.1, (n, 3)), rng.uniform(-3, 3, (frames, n, 3))
     poses = [rng.uniform(-4, 4, (n, 3))]
     for k in range(frames):
-        felt = commands[k - delay] if k >= delay else np.zeros((n, 3))
-        poses.append(poses[-1] + alpha * T * felt)
-    queue = CommandHistory(n, delay + spare)
+        acting_command = commands[k - delay] if k >= delay else np.zeros((n, 3))
+        poses.append(poses[-1] + alpha * T * acting_command)
+    history = CommandHistory(n, delay + spare)
     for k in range(frames - delay):
         if k:
-            queue.append(commands[k - 1])
-        predicted = poses[k] + predict_displacement(queue.get_latest(delay), alpha, T)
+            history.append(commands[k - 1])
+        predicted = poses[k] + predict_displacement(history.get_latest(delay), alpha, T)
         # Twelve additions to a pose of size 4 in one order and in another.
         np.testing.assert_allclose(predicted, poses[k + delay], rtol=0, atol=2e-14)
 
@@ -67,60 +67,62 @@ def test_delayed_commands_agree_with_a_fine_clock(eighths: list[int], seed: int)
     """In each eighth of a frame a robot applies the command sent one latency before."""
     ticks = np.array(eighths).reshape(2, 3)
     commands = np.random.default_rng(seed).uniform(-3, 3, (15, 2, 3))
-    by_eighths = np.repeat(
+    commands_by_eighth = np.repeat(
         commands, 8, axis=0
     )  # the command sent in frame k stands from its first eighth on
-    queue = sent_before(15, commands, length=14)
+    history = make_history(15, commands, length=14)
     # The frame just past are the eighths from now - 8 on; the last command is sent at its start
     now = 8 * 15
     for robot in range(2):
         for axis in range(3):
             start = now - 8 - ticks[robot, axis]
-            expected = by_eighths[start : start + 8, robot, axis].mean()
+            expected = commands_by_eighth[start : start + 8, robot, axis].mean()
             # A mean of eight numbers of size 3.
-            assert queue.get_delayed(ticks / 8)[robot, axis] == pytest.approx(expected, abs=1e-14)
-            to_come = by_eighths[start + 8 :, robot, axis].sum() / 8
-            ahead = (queue.get_pending_fractions(ticks / 8) * queue.get_latest(14)).sum(0)[
-                robot, axis
-            ]
-            assert ahead == pytest.approx(to_come, abs=1e-13)
+            assert history.get_delayed(ticks / 8)[robot, axis] == pytest.approx(expected, abs=1e-14)
+            pending_sum = commands_by_eighth[start + 8 :, robot, axis].sum() / 8
+            pending_displacement = (
+                history.get_pending_fractions(ticks / 8) * history.get_latest(14)
+            ).sum(0)[robot, axis]
+            assert pending_displacement == pytest.approx(pending_sum, abs=1e-13)
 
 
 def test_requests_beyond_the_history_are_rejected() -> None:
-    queue = CommandHistory(2, 5)
-    assert queue.get_latest(3, skip=2).shape == (3, 2, 3)
+    history = CommandHistory(2, 5)
+    assert history.get_latest(3, skip=2).shape == (3, 2, 3)
     with pytest.raises(OmniError, match="6 commands requested, but only 5 are stored"):
-        queue.get_latest(4, skip=2)
+        history.get_latest(4, skip=2)
 
 
 def test_views_are_read_only_and_do_not_change() -> None:
     """Views of past frames do not change with new commands; selections hold their robots' own."""
     commands = np.random.default_rng(0).normal(size=(40, 5, 3))
-    queue, views, parts = CommandHistory(5, 4), [], []
+    history, views, selections = CommandHistory(5, 4), [], []
     for command in commands:
-        queue.append(command)
-        views.append(queue.get_latest(3, skip=1))
-        parts.append(queue.select([3, 1], 3))
+        history.append(command)
+        views.append(history.get_latest(3, skip=1))
+        selections.append(history.select([3, 1], 3))
     for frame in range(4, 40):
         np.testing.assert_array_equal(views[frame], commands[frame - 3 : frame])
         np.testing.assert_array_equal(
-            parts[frame].get_latest(3), commands[frame - 2 : frame + 1, [3, 1]]
+            selections[frame].get_latest(3), commands[frame - 2 : frame + 1, [3, 1]]
         )
-    part = parts[-1]
-    assert part.length == 3
-    np.testing.assert_array_equal(part.get_delayed(1.5), queue.get_delayed(1.5)[[3, 1]])
-    for view in (views[-1], part.get_latest(1), queue.select(slice(2)).get_latest(4)):
+    selection = selections[-1]
+    assert selection.length == 3
+    np.testing.assert_array_equal(selection.get_delayed(1.5), history.get_delayed(1.5)[[3, 1]])
+    for view in (views[-1], selection.get_latest(1), history.select(slice(2)).get_latest(4)):
         with pytest.raises(ValueError, match="read-only"):
             view += 1.0
     with pytest.raises(OmniError, match="only 4 are stored"):
-        queue.select(slice(None), 5)
+        history.select(slice(None), 5)
 
 
 def test_different_dead_times_are_compensated_per_robot() -> None:
     """Robots with dead times of 0, 2 and 3 frames: commands that have acted are zero."""
-    queue = sent_before(3, np.array([1.0, 2.0, 4.0])[:, None, None] * np.ones((1, 3, 3)), length=4)
-    seen = Observation(
-        np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), queue, 0.5, np.array([0, 2, 3])
+    history = make_history(
+        3, np.array([1.0, 2.0, 4.0])[:, None, None] * np.ones((1, 3, 3)), length=4
     )
-    assert seen.commands_in_flight[..., 0].tolist() == [[0, 0, 1], [0, 2, 2], [0, 4, 4]]
-    assert seen.predicted_pose[:, 1].tolist() == [0, 3, 3.5]
+    observation = Observation(
+        np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), history, 0.5, np.array([0, 2, 3])
+    )
+    assert observation.commands_in_flight[..., 0].tolist() == [[0, 0, 1], [0, 2, 2], [0, 4, 4]]
+    assert observation.predicted_pose[:, 1].tolist() == [0, 3, 3.5]

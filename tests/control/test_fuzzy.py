@@ -49,9 +49,11 @@ def centre(heights: dict[str, float]) -> float:
 def test_the_surface_is_exact(error: tuple[float, float]) -> None:
     """The rules of tables 1 and 2, evaluated one by one: on, between and beyond the peaks."""
     x, y = triangles(np.clip(error, -1, 1)).T
-    for table, velocity in zip((TABLE_1, TABLE_2), FuzzyLaw(1, 1)(error), strict=True):
+    for rule_table, velocity in zip((TABLE_1, TABLE_2), FuzzyLaw(1, 1)(error), strict=True):
         heights = dict.fromkeys(LABELS, 0.0)
-        for rule, label in enumerate(table_entry for row in table for table_entry in row.split()):
+        for rule, label in enumerate(
+            table_entry for row in rule_table for table_entry in row.split()
+        ):
             heights[label] = max(heights[label], min(y[rule // 5], x[rule % 5]))
         assert velocity == pytest.approx(centre(heights), abs=1e-14)
 

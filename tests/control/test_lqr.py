@@ -47,27 +47,29 @@ def gain_of(delay: int, lag: float) -> Array:
     millimetre a second.
     """
     gains: list[Array] = []
-    for part in range(2 + delay):
+    for index in range(2 + delay):
         controller = Lqr(make_model(delay, lag), REST, 1)
         robot, sent = controller.robot, make_empty_history(controller)
         pose, commands = (
-            np.full((1, 3), LITTLE * (part == 0)),
+            np.full((1, 3), LITTLE * (index == 0)),
             np.zeros((2 + delay, 1, 3)),
         )  # none, last to act, in flight
-        if part:
+        if index:
             # Brings a robot from rest to a mm/s
-            commands[part] = LITTLE / (1 - robot.velocity_decay) if part == 1 else LITTLE
+            commands[index] = LITTLE / (1 - robot.velocity_decay) if index == 1 else LITTLE
         for command in commands[:-1]:
             sent.append(command)
             controller.command(0, make_observation(controller.model, pose, sent))
-        if part == 1:
+        if index == 1:
             pose = (T - robot.coast_time_s) * commands[
                 1
             ]  # where it is then, so that there is no disturbance
         sent.append(commands[-1])
-        answer = -controller.command(0, make_observation(controller.model, pose, sent))[0] / LITTLE
-        assert (answer == answer[0]).all(), "the same for all axes"
-        gains.append(answer[0] - gains[0] * pose[0, 0] / LITTLE if part == 1 else answer[0])
+        response = (
+            -controller.command(0, make_observation(controller.model, pose, sent))[0] / LITTLE
+        )
+        assert (response == response[0]).all(), "the same for all axes"
+        gains.append(response[0] - gains[0] * pose[0, 0] / LITTLE if index == 1 else response[0])
     return np.array(gains)
 
 

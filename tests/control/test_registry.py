@@ -18,7 +18,7 @@ from team_setup import TIMED
 
 from omni_control import Controller, ControllerError, Kinematics, MotionLimits, OmniError, TeamModel
 
-TOLD = TeamModel(T, 6)
+MODEL = TeamModel(T, 6)
 
 
 class Gains(Controller):
@@ -29,7 +29,7 @@ class Gains(Controller):
     quoted: "float" = 1
     _hidden: float = 1.0
     shared: ClassVar[float] = 2.0
-    table: tuple[float, ...] = (1.0,)
+    names: tuple[float, ...] = (1.0,)
     plain = 7.0
 
     def __init__(self, *known: object) -> None:
@@ -44,9 +44,9 @@ class More(Gains):
 
 def test_every_name_makes_its_controller() -> None:
     for name in CONTROLLERS:
-        controller = make_controller(name, TOLD, TIMED, 2)
+        controller = make_controller(name, MODEL, TIMED, 2)
         assert type(controller) is load_controller_class(name)
-        assert controller.memory_frames >= TOLD.delay_frames
+        assert controller.memory_frames >= MODEL.delay_frames
         assert (load_controller_class(name).__doc__ or "").lower().startswith(f"{name}:")
     with pytest.raises(OmniError, match="unknown controller 'com-flc'; did you mean 'comp-flc'"):
         load_controller_class("com-flc")
@@ -65,20 +65,20 @@ def test_parameters_are_annotated_numbers_strings_and_bools() -> None:
 
 
 def test_parameters_are_set_before_the_constructor_runs_and_for_one_controller_only() -> None:
-    given = {"gain": 5, "window": np.int64(9), "bold": True, "law": "p", "quoted": np.float64(0.5)}
-    controller = make_controller(More, TOLD, TIMED, 1, given)
+    values = {"gain": 5, "window": np.int64(9), "bold": True, "law": "p", "quoted": np.float64(0.5)}
+    controller = make_controller(More, MODEL, TIMED, 1, values)
     assert isinstance(controller, More)
-    assert {name: getattr(controller, name) for name in given} == {**given, "gain": 5.0}
+    assert {name: getattr(controller, name) for name in values} == {**values, "gain": 5.0}
     assert type(controller.gain) is type(controller.quoted) is float
     assert type(controller.window) is int
     assert (controller.speed, controller.at_once) == (0.5, 10.0)
-    assert make_controller(More, TOLD, TIMED, 1).gain == 4.0  # type: ignore[attr-defined]
+    assert make_controller(More, MODEL, TIMED, 1).gain == 4.0  # type: ignore[attr-defined]
 
 
 def test_all_wrong_parameters_are_listed() -> None:
     wrong = {"gian": 5.0, "gain": "high", "window": 2.5, "bold": 1, "law": True, "speed": False}
     with pytest.raises(OmniError) as error:
-        make_controller(More, TOLD, TIMED, 1, wrong)
+        make_controller(More, MODEL, TIMED, 1, wrong)
     assert str(error.value).split("\n") == [
         "More has no parameter 'gian'; did you mean 'gain'? "
         "choose from gain, window, bold, law, quoted, speed",
@@ -105,9 +105,9 @@ def test_constructor_errors_name_file_and_line() -> None:
         ControllerError,
         match=r"Broken cannot be made \(test_registry.py, line \d+\): KeyError: 'gain'",
     ):
-        make_controller(Broken, TOLD, TIMED, 1)
+        make_controller(Broken, MODEL, TIMED, 1)
     with pytest.raises(ControllerError, match="Forgetful cannot be made"):
-        make_controller(Forgetful, TOLD, TIMED, 1)
+        make_controller(Forgetful, MODEL, TIMED, 1)
 
 
 def test_team_models_are_checked_and_comparable() -> None:
@@ -117,10 +117,10 @@ def test_team_models_are_checked_and_comparable() -> None:
         for angles in ([60, 135, 225, 300], [0, 120, 240])
     )
     again = Kinematics(np.radians([60.0, 135, 225, 300]), 0.08, 0.03)
-    tolds = [TeamModel(T, 6, geometry=geometry) for geometry in (four, again, three, None)]
-    assert tolds[0] == tolds[1]
-    assert len(set(tolds)) == 3
-    assert TOLD.limits == MotionLimits(3.7, 4.7, 26.0, 50.8)
+    models = [TeamModel(T, 6, geometry=geometry) for geometry in (four, again, three, None)]
+    assert models[0] == models[1]
+    assert len(set(models)) == 3
+    assert MODEL.limits == MotionLimits(3.7, 4.7, 26.0, 50.8)
     with pytest.raises(ValueError, match="read-only"):
         four.azimuths += 1
     with pytest.raises(OmniError) as error:

@@ -34,16 +34,16 @@ def test_the_nominal_robot_samples_its_differential_equation(
         np.zeros((2, 1)),
     )
     transition, effect, *_ = cont2discrete(equation, T, "zoh")
-    state, before = np.zeros((2, 3)), np.zeros(3)
+    state, last_pose = np.zeros((2, 3)), np.zeros(3)
     for k, command in enumerate(commands):
         if k == 20 - delay:
             state[0] = 0  # only what the commands in flight add counts
         state = transition @ state + effect * command
         if k == 19 - delay:
-            moved = state[0] - before
-        before = state[0].copy()
+            displacement = state[0] - last_pose
+        last_pose = state[0].copy()
     start = np.array([[1.0, 2.0, 3.0]])
-    np.testing.assert_allclose(robot.displacement[0], moved, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(robot.displacement[0], displacement, rtol=0, atol=1e-13)
     pose, velocity = robot.predict(start, queue.get_latest(delay))
     # Roundings of numbers of size 3.
     np.testing.assert_allclose(pose[0] - start[0], state[0] if delay else 0, rtol=0, atol=1e-13)

@@ -69,27 +69,29 @@ def team_with(how: str, on_failure: Callable[..., None] | None = None) -> Team:
 def test_failed_rows_are_sent_zero_and_the_others_go_on() -> None:
     """TeamModel once, with the reason; they say nothing more, and no bit of the others changes."""
     quiet = run_team(team_with(""), make_plant(make_start_poses(6)), make_noise(6, 12))
-    for how, (frame, rows, says) in FAILURES.items():
+    for how, (frame, rows, message) in FAILURES.items():
         model: list[tuple[int, list[int]]] = []
 
         def handle(
-            failed: Array, reason: ControllerError, model: list[Any] = model, says: str = says
+            failed: Array, reason: ControllerError, model: list[Any] = model, message: str = message
         ) -> None:
             assert not model, "once"
             model.append(failed.tolist())
-            with pytest.raises(ControllerError, match=says):
+            with pytest.raises(ControllerError, match=message):
                 raise reason
 
         team = team_with(how, handle)
-        said = run_team(team, make_plant(make_start_poses(6)), make_noise(6, 12))
+        reported = run_team(team, make_plant(make_start_poses(6)), make_noise(6, 12))
         assert (model, np.flatnonzero(team.failed).tolist()) == ([rows], rows), how
-        others = [row for row in range(6) if row not in rows]
-        for name, values in said.items():
-            np.testing.assert_array_equal(values[:, others], quiet[name][:, others], err_msg=how)
+        healthy_rows = [row for row in range(6) if row not in rows]
+        for name, values in reported.items():
+            np.testing.assert_array_equal(
+                values[:, healthy_rows], quiet[name][:, healthy_rows], err_msg=how
+            )
             np.testing.assert_array_equal(values[:frame], quiet[name][:frame], err_msg=how)
-        assert (said["command"][frame:, rows] == 0).all()
-        assert np.isnan(said["predicted_pose"][frame:, rows]).all()
-        with pytest.raises(ControllerError, match=says):
+        assert (reported["command"][frame:, rows] == 0).all()
+        assert np.isnan(reported["predicted_pose"][frame:, rows]).all()
+        with pytest.raises(ControllerError, match=message):
             run_team(team_with(how), make_plant(make_start_poses(6)), make_noise(6, 12))
 
 

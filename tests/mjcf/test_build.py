@@ -12,16 +12,16 @@ from omni_mj.mjcf import world_builder
 
 
 def test_robots_of_a_world_equal_a_single_robot() -> None:
-    one, three = world_builder.build_world(), world_builder.build_world(robots_per_world=3)
-    alone = one.robots[0]
-    bodies, dofs = one.model.nbody - 1, one.model.nv
+    single, three = world_builder.build_world(), world_builder.build_world(robots_per_world=3)
+    single_robot = single.robots[0]
+    bodies, dofs = single.model.nbody - 1, single.model.nv
     for i, robot in enumerate(three.robots):
         assert robot.chassis == 1 + i * bodies
         assert robot.dofs == range(i * dofs, (i + 1) * dofs)
         assert three.model.body(robot.chassis).name == f"robot_{i + 1}/chassis"
         # Arrays by body, dof, pair, actuator and sensor, in each robot's share.
-        for name, value in model_arrays(one.model).items():
-            kind, first = name.partition("_")[0], {"body": 1}.get(name.partition("_")[0], 0)
+        for name, value in model_arrays(single.model).items():
+            kind, offset = name.partition("_")[0], {"body": 1}.get(name.partition("_")[0], 0)
             if kind not in ("body", "dof", "pair", "actuator") or re.search(
                 "adr|id$|root|geom|joint|pair_sig", name
             ):
@@ -33,15 +33,20 @@ def test_robots_of_a_world_equal_a_single_robot() -> None:
                 or not isinstance(value, np.ndarray)
             ):
                 continue
-            size = len(value) - first
-            share = getattr(three.model, name)[first + i * size :][:size]
+            size = len(value) - offset
+            robot_values = getattr(three.model, name)[offset + i * size :][:size]
             # Inverse weights are solved for, with rounding.
             np.testing.assert_allclose(
-                share, value[first:], rtol=1e-12 if "weight" in name else 0, err_msg=name
+                robot_values,
+                value[offset:],
+                rtol=1e-12 if "weight" in name else 0,
+                err_msg=name,
             )
-        np.testing.assert_array_equal(three.rest_qpos[robot.qpos], one.rest_qpos[alone.qpos])
         np.testing.assert_array_equal(
-            robot.encoders - three.robots[0].encoders, i * one.model.nsensordata
+            three.rest_qpos[robot.qpos], single.rest_qpos[single_robot.qpos]
+        )
+        np.testing.assert_array_equal(
+            robot.encoders - three.robots[0].encoders, i * single.model.nsensordata
         )
 
 
@@ -104,8 +109,8 @@ def test_load_sensors_belong_to_their_wheels() -> None:
     world = world_builder.build_world(robots_per_world=3)
     data = mujoco.MjData(world.model)
     data.qpos = world.rest_qpos
-    for place, robot in enumerate(world.robots):
-        data.qpos[robot.qpos[1]] = 0.5 * place
+    for slot, robot in enumerate(world.robots):
+        data.qpos[robot.qpos[1]] = 0.5 * slot
     mujoco.mj_step(world.model, data, nstep=200)
     for robot, loads in zip(world.robots, world.load_addresses, strict=True):
         weight = world.model.body_subtreemass[robot.chassis] * 9.81

@@ -74,20 +74,20 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_sensors_lag_by_a_cycle_at_any_time_step(substeps: int) -> None:
     plant = plant_of([noiseless(physics={"substeps": substeps})])
-    true, shown = [], []
+    true, measured = [], []
     for _ in range(6 * plant.cycles_per_frame):
-        told = plant.telemetry()
-        true.append([*told.wheel_angle[0], plant.twist()[0, 2]])
+        commanded = plant.telemetry()
+        true.append([*commanded.wheel_angle[0], plant.twist()[0, 2]])
         plant.advance_cycles(1, ReceivedCommand.without_delay(np.array([[0.5, 0.2, 3.0]])))
-        shown.append(read_sensors(plant))
+        measured.append(read_sensors(plant))
     # The gyro feels the chassis's own axis, which tilts by less than a milliradian.
-    np.testing.assert_allclose(np.array(shown)[:, :4], np.array(true)[:, :4], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(np.array(shown)[:, 4], np.array(true)[:, 4], rtol=0, atol=1e-3)
+    np.testing.assert_allclose(np.array(measured)[:, :4], np.array(true)[:, :4], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.array(measured)[:, 4], np.array(true)[:, 4], rtol=0, atol=1e-3)
     assert np.abs(np.diff(true, axis=0)).max() > 1e-3
 
 
 def test_plants_do_not_change_the_shared_world() -> None:
-    before = copy.copy(world_builder.build_world().model)
+    original = copy.copy(world_builder.build_world().model)
     drive(
         plant_of([noiseless(carpet={"friction": 0.3}, physics={"substeps": 2})]),
         constant([1, 0, 0], 2, 1),
@@ -100,6 +100,6 @@ def test_plants_do_not_change_the_shared_world() -> None:
         "actuator_gainprm",
     ):
         np.testing.assert_array_equal(
-            getattr(world_builder.build_world().model, name), getattr(before, name)
+            getattr(world_builder.build_world().model, name), getattr(original, name)
         )
-    assert world_builder.build_world().model.opt.timestep == before.opt.timestep
+    assert world_builder.build_world().model.opt.timestep == original.opt.timestep

@@ -28,10 +28,10 @@ TWISTS = np.array([[1.5, 0, 0], [0, 1.5, 0], [1.0, 1.0, 0]])
 
 def free(stiffness: float = STIFFNESS, **sections: dict[str, object]) -> Settings:
     """A robot that nothing brakes but creep: no drag, no friction in gears."""
-    nothing = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
+    no_friction = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
     return noiseless(
         carpet={"rolling_resistance": 0.0},
-        drivetrain=nothing | {"creep_stiffness": stiffness}, firmware=STIFF,
+        drivetrain=no_friction | {"creep_stiffness": stiffness}, firmware=STIFF,
         battery={"resistance_ohm": 0.0}, **sections,
     )  # fmt: skip
 
@@ -73,7 +73,7 @@ def test_speeds_solve_the_differential_equation_of_the_law(driven: Tape) -> None
 
     def change(time: float, state: NDArray) -> NDArray:
         v, turning = state[0], state[1:]
-        given = np.array([np.interp(time, frames, torque[:, wheel]) for wheel in range(4)])
+        torques = np.array([np.interp(time, frames, torque[:, wheel]) for wheel in range(4)])
         # Load as in the test above, with the acceleration that it makes.
         slip = RADIUS_M * turning - v * cosines
         sums = np.array([np.ones(4), *CONTACTS.T])
@@ -84,7 +84,7 @@ def test_speeds_solve_the_differential_equation_of_the_law(driven: Tape) -> None
             )
             pull = np.clip(load * STIFFNESS * slip / max(abs(v), 1e-3), -0.8 * load, 0.8 * load)
             a = pull @ cosines / mass
-        return np.array([a, *((given - pull * RADIUS_M) / inertia)])
+        return np.array([a, *((torques - pull * RADIUS_M) / inertia)])
 
     initial = [speed[start], *hubs[start]]
     solved = solve_ivp(

@@ -39,7 +39,7 @@ def settings(
 def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> Tape:
     """Return robots that roll at a speed, one per direction and setting, without motor current."""
     directions = np.tile(DIRECTIONS, (len(chosen), 1))
-    plant = mujoco([each for each in chosen for _ in DIRECTIONS])
+    plant = mujoco([settings_i for settings_i in chosen for _ in DIRECTIONS])
     world, velocity = plant._world, plant._batch.bind("qvel")
     velocity[:, :2] = speed * directions
     velocity[:, world.robots[0].wheel_dofs] = speed * directions @ TANGENTS.T / RADIUS_M
@@ -50,19 +50,20 @@ def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> 
 def expected(name: str, row: int, tape: Tape) -> float:
     """Return the deceleration, m/s^2, by d'Alembert: drag of wheels, inertia of hubs and rotors."""
     chosen, motor, direction = settings(*DRAGS[name]), DRAGS[name][3], DIRECTIONS[row]
-    along, aside = np.abs(TANGENTS @ direction), np.abs(OUTWARD @ direction)
+    rim_share, axial_share = np.abs(TANGENTS @ direction), np.abs(OUTWARD @ direction)
     # The motor's viscous friction falls with the speed, and a fitted slope is that of the mean.
     mean = np.linalg.norm(tape.twist()[AFTER:, row, :2], axis=1).mean()
     friction = (
-        motor * DEFAULT_MOTOR.friction(mean * along / RADIUS_M) + chosen.drivetrain.gear_friction_nm
+        motor * DEFAULT_MOTOR.friction(mean * rim_share / RADIUS_M)
+        + chosen.drivetrain.gear_friction_nm
     )
     mass = chosen.body.mass_kg
     inertia = HUB_INERTIA + chosen.motor.rotor_inertia_kg_m2 * chosen.motor.gear_ratio**2
     load = mass * GRAVITY / 4
     force = (
-        chosen.carpet.rolling_resistance + chosen.drivetrain.roller_friction * aside
-    ) * load + friction * along / RADIUS_M
-    return float(force.sum() / (mass + (inertia * along**2).sum() / RADIUS_M**2))
+        chosen.carpet.rolling_resistance + chosen.drivetrain.roller_friction * axial_share
+    ) * load + friction * rim_share / RADIUS_M
+    return float(force.sum() / (mass + (inertia * rim_share**2).sum() / RADIUS_M**2))
 
 
 def decelerations(tape: Tape) -> NDArray:
@@ -92,7 +93,10 @@ def test_carpet_and_bearings_brake_in_proportion_to_load() -> None:
     """Twice the mass rolls out alike."""
     bodies = ({"mass_kg": mass, "tilt_inertia_kg_m2": 0.0075} for mass in (2.65, 5.3))
     light, heavy = (settings(0.1, 0.05, 0.0, 0.0, body=body) for body in bodies)
-    few, many = (decelerations(rolled_out([each])) * each.body.mass_kg for each in (light, heavy))
+    light_forces, heavy_forces = (
+        decelerations(rolled_out([settings_i])) * settings_i.body.mass_kg
+        for settings_i in (light, heavy)
+    )
     # Hubs and rotors turn with either: 9 % of the light robot's inertia along its wheels, half of
     # that of the heavy.
     turning = (
@@ -101,7 +105,7 @@ def test_carpet_and_bearings_brake_in_proportion_to_load() -> None:
     )
     added = turning * ((TANGENTS @ DIRECTIONS.T) ** 2).sum(0) / RADIUS_M**2
     light_inertia, heavy_inertia = 1 + added / light.body.mass_kg, 1 + added / heavy.body.mass_kg
-    assert many * heavy_inertia == pytest.approx(2 * few * light_inertia, rel=0.02)
+    assert heavy_forces * heavy_inertia == pytest.approx(2 * light_forces * light_inertia, rel=0.02)
 
 
 def test_the_default_robot_rolls_out_as_published() -> None:

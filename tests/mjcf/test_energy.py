@@ -27,9 +27,9 @@ class Recorder:
         self.steps: list[dict[str, NDArray]] = []
 
     def step(self, worlds: None) -> None:
-        given = {name: live[0].copy() for name, live in self._live.items()}
+        inputs = {name: live[0].copy() for name, live in self._live.items()}
         self._batch.step(worlds)
-        self.steps.append(given | {"after": self._live["qvel"][0].copy()})
+        self.steps.append(inputs | {"after": self._live["qvel"][0].copy()})
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._batch, name)
@@ -70,22 +70,31 @@ class Audit:
         mj.mj_forward(model, data)
         mj.mj_energyVel(model, data)
         self.kinetic.append(float(data.energy[1]))
-        way = (now["qvel"] + now["after"]) / 2 * model.opt.timestep
+        displacement = (now["qvel"] + now["after"]) / 2 * model.opt.timestep
         dry = np.zeros(model.nv)
         rows = np.flatnonzero(data.efc_type == mj.mjtConstraint.mjCNSTR_FRICTION_DOF)
         dry[data.efc_id[rows]] = data.efc_force[rows]
-        self.work += data.qfrc_actuator[hubs] @ way[hubs]
-        lost["hubs"] -= (dry[hubs] - model.dof_damping[hubs] * now["qvel"][hubs]) @ way[hubs]
-        lost["slips"] -= dry[slips] @ way[slips]
-        lost["rollers"] += model.dof_damping[rollers] * now["qvel"][rollers] @ way[rollers]
-        lost["contacts"] += contact_power(model, data, way)
+        self.work += data.qfrc_actuator[hubs] @ displacement[hubs]
+        lost["hubs"] -= (dry[hubs] - model.dof_damping[hubs] * now["qvel"][hubs]) @ displacement[
+            hubs
+        ]
+        lost["slips"] -= dry[slips] @ displacement[slips]
+        lost["rollers"] += model.dof_damping[rollers] * now["qvel"][rollers] @ displacement[rollers]
+        lost["contacts"] += contact_power(model, data, displacement)
         # The wrench acts on the chassis's centre of mass; free joints turn in their own frame.
         wrench, chassis = now["xfrc_applied"][robot.chassis], data.xmat[robot.chassis].reshape(3, 3)
-        turned, arm = chassis @ way[3:6], data.xipos[robot.chassis] - data.xpos[robot.chassis]
-        lost["drag"] -= wrench[:3] @ (way[:3] + np.cross(turned, arm)) + wrench[3:] @ turned
+        rotation, arm = (
+            chassis @ displacement[3:6],
+            data.xipos[robot.chassis] - data.xpos[robot.chassis],
+        )
+        lost["drag"] -= (
+            wrench[:3] @ (displacement[:3] + np.cross(rotation, arm)) + wrench[3:] @ rotation
+        )
         # By the law alone: a rim that slides does so against friction times load times radius.
         limit = model.dof_frictionloss[slips]
-        self.slides += (limit * np.abs(way[slips]))[np.abs(dry[slips]) > 0.999 * limit].sum()
+        self.slides += (limit * np.abs(displacement[slips]))[
+            np.abs(dry[slips]) > 0.999 * limit
+        ].sum()
 
 
 # On a slippery carpet wheels slide most of the time.
@@ -119,14 +128,15 @@ def test_energy_audit_of_a_driven_robot(friction: float, substeps: int) -> None:
     assert audit.work == pytest.approx(
         (torques * hubs).sum() * plant._world.model.opt.timestep, rel=2e-3
     )
-    gained = audit.kinetic[-1] - audit.kinetic[0]
+    energy_gain = audit.kinetic[-1] - audit.kinetic[0]
     lifted = MASS_KG * GRAVITY * (tape.steps[-1]["qpos"][2] - tape.steps[0]["qpos"][2])
     # 0.3 %: 0.1 % is what the last step and the drag's four cycles leave.
-    assert sum(audit.lost.values()) + gained + lifted == pytest.approx(audit.work, rel=0.003)
+    assert sum(audit.lost.values()) + energy_gain + lifted == pytest.approx(audit.work, rel=0.003)
     # Each of the large terms matters, so that none hides another's error; contacts only shake a
     # little.
     assert (
-        min(audit.lost["slips"], audit.lost["drag"], audit.lost["hubs"], gained) > 0.03 * audit.work
+        min(audit.lost["slips"], audit.lost["drag"], audit.lost["hubs"], energy_gain)
+        > 0.03 * audit.work
     )
     assert 0 < audit.lost["contacts"] + lifted < 0.02 * audit.work
     assert audit.slides > 0.3 * audit.lost["slips"]

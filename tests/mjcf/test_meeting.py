@@ -28,9 +28,9 @@ def test_robots_without_contact_move_like_single_robots(wheels: str) -> None:
         [[0, 0, 0], [1, 0.5, 2.0]],
         ramp([[1.0, 0.2, 2.0], [0.3, -0.8, -3.0]], 3.0, 60),
     )
-    one, two = (drive(plant_of(chosen, start, per_world=n), commands) for n in (1, 2))
-    np.testing.assert_allclose(two[:6], one[:6], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(two, one, rtol=0, atol=5e-5)
+    single, pair = (drive(plant_of(chosen, start, per_world=n), commands) for n in (1, 2))
+    np.testing.assert_allclose(pair[:6], single[:6], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(pair, single, rtol=0, atol=5e-5)
 
 
 def collide(speed: float, aside: float) -> tuple[NDArray, NDArray, float]:
@@ -73,10 +73,10 @@ def test_a_collision_conserves_momentum(speed: float, aside: float) -> None:
     normal = np.array([np.sqrt(4 * RADIUS_M**2 - aside**2), aside]) / (
         2 * RADIUS_M
     )  # where circles meet
-    before, after = ((momenta[i, 1] - momenta[i, 0]) @ normal for i in (0, -1))
-    assert before == pytest.approx(-2 * MASS_KG * speed * normal[0], rel=1e-2)
+    momentum_before, momentum_after = ((momenta[i, 1] - momenta[i, 0]) @ normal for i in (0, -1))
+    assert momentum_before == pytest.approx(-2 * MASS_KG * speed * normal[0], rel=1e-2)
     # They part, no faster than they met, and energy is lost: neither elastic nor sticking.
-    assert 0 < after < -before
+    assert 0 < momentum_after < -momentum_before
     assert energies[-1] < energies[0]
     # Hulls give way by 2 ms times the speed at which they meet.
     assert 0 < depth < 2e-3 * 2 * speed
@@ -89,9 +89,9 @@ def test_robots_that_drive_at_each_other_do_not_pass(wheels: str) -> None:
         plant_of(chosen, [[-0.5, 0, 0], [0.5, 0, 0]], per_world=2),
         ramp([[1.5, 0, 0], [-1.5, 0, 0]], 4.0, 60),
     )
-    apart = np.linalg.norm(poses[:, 0, :2] - poses[:, 1, :2], axis=1)
-    assert apart.min() > 2 * RADIUS_M - 6e-3
-    assert apart[-1] < 2 * RADIUS_M + 0.1, "they push on"
+    distance = np.linalg.norm(poses[:, 0, :2] - poses[:, 1, :2], axis=1)
+    assert distance.min() > 2 * RADIUS_M - 6e-3
+    assert distance[-1] < 2 * RADIUS_M + 0.1, "they push on"
     assert poses[-1, 0, 0] < poses[-1, 1, 0]
 
 

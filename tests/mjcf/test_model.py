@@ -32,7 +32,7 @@ def rollers(model: mujoco.MjModel, wheel: int) -> list[int]:
     return [i for i in range(model.nbody) if model.body_parentid[i] == parent]
 
 
-def parts(model: mujoco.MjModel) -> list[int]:
+def bodies(model: mujoco.MjModel) -> list[int]:
     """Geoms of the robot, but for its hull, which is the league's cylinder itself."""
     return [
         i for i in range(model.ngeom) if model.geom_bodyid[i] != 0 and model.geom(i).name != "hull"
@@ -104,7 +104,7 @@ def test_every_geom_stays_inside_the_leagues_cylinder(model: mujoco.MjModel) -> 
     ):  # the wheels look the same again after one roller
         data.qpos[hinges] = phase
         mujoco.mj_kinematics(model, data)
-        for geom in parts(model):
+        for geom in bodies(model):
             name = model.geom(geom).name
             # TIGERs publish 83 mm to where wheels touch, with which rollers of 6 mm stick out, as
             # modelled: whole.
@@ -176,8 +176,8 @@ def check_rollers(model: mujoco.MjModel, data: mujoco.MjData, wheel: int) -> Non
         assert np.linalg.norm(spoke) == pytest.approx(RADIUS_M - ROLLER_RADIUS_M)
         angles.append(np.arctan2(spoke @ np.cross(axle, [0, 0, 1]), spoke[2]))
         (geom,) = [g for g in range(model.ngeom) if model.geom_bodyid[g] == body]
-        short, other, long = model.geom_size[geom]
-        assert short == other == ROLLER_RADIUS_M
+        short, medium, long = model.geom_size[geom]
+        assert short == medium == ROLLER_RADIUS_M
         # An ellipsoid's profile has radius of curvature long^2 / short at its middle, which must be
         # the wheel's; 0.1 % for the file's five digits.
         assert long**2 / short == pytest.approx(RADIUS_M, rel=1e-3)
@@ -192,7 +192,9 @@ def test_only_the_rollers_touch_the_carpet(model: mujoco.MjModel) -> None:
     carpet = model.geom("carpet").id
     pairs = list(zip(model.pair_geom1, model.pair_geom2, strict=True))
     assert all(carpet in pair for pair in pairs)
-    touching = [first if second == carpet else second for first, second in pairs]
+    touching = [
+        first_geom if second_geom == carpet else second_geom for first_geom, second_geom in pairs
+    ]
     expected = [model.body(body).geomadr[0] for wheel in WHEELS for body in rollers(model, wheel)]
     assert sorted(touching) == sorted(expected)
     # Never slides: the hinge between hub and rim does, within the friction that it is given in

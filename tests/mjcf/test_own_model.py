@@ -72,8 +72,8 @@ def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
     saved.compile()
     for model, tolerance in ((text, 2e-4), (saved.to_xml(), 5e-4)):
         file = write(model)
-        numbers, settings = numbers_of(file), om.load_scenario("rect").settings.to_dict()
-        for section, fields in numbers.items():
+        expected_settings, settings = numbers_of(file), om.load_scenario("rect").settings.to_dict()
+        for section, fields in expected_settings.items():
             for name, value in fields.items():
                 np.testing.assert_allclose(
                     value, settings[section][name], rtol=1e-5, atol=1e-6, err_msg=name
@@ -98,20 +98,22 @@ def test_a_handwritten_model_drives_like_the_robot_with_its_numbers(
     same whole, and a hub that is one with its rim slips on the motor's shaft.
     """
     file = write(written(azimuths, **changes))
-    numbers = numbers_of(file)
-    given = {"arm": 0.08, "radius": 0.0275, "roller": 0.0055, "rollers": 15} | changes
-    body, wheels = numbers["body"], numbers["wheels"]
+    expected_settings = numbers_of(file)
+    arguments = {"arm": 0.08, "radius": 0.0275, "roller": 0.0055, "rollers": 15} | changes
+    body, wheels = expected_settings["body"], expected_settings["wheels"]
     assert wheels["azimuths_deg"] == pytest.approx(azimuths)
-    found = [wheels[name] for name in ("arm_m", "radius_m", "roller_radius_m", "rollers")]
-    assert found == pytest.approx([given[name] for name in ("arm", "radius", "roller", "rollers")])
+    settings = [wheels[name] for name in ("arm_m", "radius_m", "roller_radius_m", "rollers")]
+    assert settings == pytest.approx(
+        [arguments[name] for name in ("arm", "radius", "roller", "rollers")]
+    )
     assert body["mass_kg"] == pytest.approx(
-        2.2 + len(azimuths) * (0.044 + given["rollers"] * ROLLER_KG)
+        2.2 + len(azimuths) * (0.044 + arguments["rollers"] * ROLLER_KG)
     )
     # A disc of 80 mm about its axis, and wheels as points at their arm, which leave out 1 %.
-    yaw = 2.2 * 0.08**2 / 2 + (body["mass_kg"] - 2.2) * given["arm"] ** 2
+    yaw = 2.2 * 0.08**2 / 2 + (body["mass_kg"] - 2.2) * arguments["arm"] ** 2
     assert body["yaw_inertia_kg_m2"] == pytest.approx(yaw, rel=0.02)
-    assert numbers["motor"] == {"gear_ratio": 3.2, "rotor_inertia_kg_m2": 1.35e-5}
-    by_model, by_numbers = path(model=file), path(**numbers)
+    assert expected_settings["motor"] == {"gear_ratio": 3.2, "rotor_inertia_kg_m2": 1.35e-5}
+    by_model, by_numbers = path(model=file), path(**expected_settings)
     assert np.abs(by_numbers).max(0)[0] > 0.28, "it has driven"
     assert np.abs(by_model - by_numbers).max() < 1e-3
     assert om.load_scenario("rect", model=file).settings.wheels.azimuths_deg == tuple(
@@ -123,10 +125,10 @@ def test_both_wheel_models_accept_a_custom_robot(write: Write) -> None:
     """A wheel turned by a third of a pitch is the same, except when it hops: 2 mm, 2 mrad."""
     text = written(THREE, rollers=15)
     plain = write(text)
-    turned = write(re.sub(r'(<body name="drive_[abc]" pos="[^"]*")', r'\1 euler="8 0 0"', text))
+    rotated = write(re.sub(r'(<body name="drive_[abc]" pos="[^"]*")', r'\1 euler="8 0 0"', text))
     expected = path(model=plain, wheels={"model": "rollers"})
     for model in ("rollers", "two-rollers"):
-        assert np.abs(path(model=turned, wheels={"model": model}) - expected).max() < 2e-3
+        assert np.abs(path(model=rotated, wheels={"model": model}) - expected).max() < 2e-3
 
 
 def test_motors_without_a_wheel_are_ignored(write: Write) -> None:
@@ -141,12 +143,14 @@ def test_motors_without_a_wheel_are_ignored(write: Write) -> None:
 
 def test_custom_robots_share_a_world_and_collide(write: Write) -> None:
     """Each with its own parts; what they meet with must be said."""
-    places = {"start_poses": [[0, 0, 0], [0, 1, 0]]}
+    start_poses = {"start_poses": [[0, 0, 0], [0, 1, 0]]}
     with pytest.raises(om.OmniError, match=r"no hull; .* class 'hull'"):
-        om.Simulation(om.load_scenario("rect", model=write(written(THREE)), world=places), ["flc"])
+        om.Simulation(
+            om.load_scenario("rect", model=write(written(THREE)), world=start_poses), ["flc"]
+        )
     file = write(written(THREE).replace('name="plate"', 'class="hull"'))
     frames = om.run(
-        om.load_scenario("rect", model=file, world=places, reference=WAY), ["comp-flc"]
+        om.load_scenario("rect", model=file, world=start_poses, reference=WAY), ["comp-flc"]
     ).frames()
     off = [np.subtract(frames[name], frames[f"ref_{name}"]) for name in ("x_m", "y_m")]
     assert np.hypot(*off).max() < 0.05

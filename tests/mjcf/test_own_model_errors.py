@@ -15,7 +15,7 @@ TEXT = written((60, 180, 300))
 
 ARM = 'pos="0.08 0 0.0275"'
 # What is said, in how many lines; and the edits, plain text or a pattern, that bring it about.
-LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
+MODEL_ERRORS: list[tuple[str, int, list[tuple[str, str]]]] = [
     ("no wheels; a wheel is a hinge that a <dcmotor> drives, with rollers.*across the axle$", 1,
      [("<actuator>.*</actuator>", "")]),
     ("no wheels.*other actuators do not count: write <dcmotor joint=", 1,
@@ -54,7 +54,7 @@ LACKS: list[tuple[str, int, list[tuple[str, str]]]] = [
 
 def test_missing_parts_of_a_model_are_named_with_its_file(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
-    for says, lines, edits in LACKS:
+    for message, lines, edits in MODEL_ERRORS:
         text = TEXT
         for pattern, new in edits:
             text, count = re.subn(pattern, new, text, flags=re.DOTALL)
@@ -62,11 +62,11 @@ def test_missing_parts_of_a_model_are_named_with_its_file(tmp_path: Path) -> Non
         file.write_text(text)
         with pytest.raises(om.OmniError) as error:
             om.load_scenario("rect", model=str(file))
-        said = str(error.value).splitlines()
-        assert len(said) == lines, said
-        assert all(line.startswith("mine.xml") and re.search(says, line) for line in said), (
-            says,
-            said,
+        reported = str(error.value).splitlines()
+        assert len(reported) == lines, reported
+        assert all(line.startswith("mine.xml") and re.search(message, line) for line in reported), (
+            message,
+            reported,
         )
 
 
@@ -82,11 +82,11 @@ def test_settings_must_not_contradict_the_model(tmp_path: Path) -> None:
             wheels={"arm_m": 0.07},
             motor={"gear_ratio": 3.2},
         )
-    first, second = str(error.value).splitlines()
-    assert first.startswith(
+    first_line, second_line = str(error.value).splitlines()
+    assert first_line.startswith(
         "body.mass_kg = 3.0 contradicts mine.xml, which has 2.3995; change the model"
     )
-    assert second.startswith("wheels.arm_m = 0.07 contradicts mine.xml, which has 0.08; ")
+    assert second_line.startswith("wheels.arm_m = 0.07 contradicts mine.xml, which has 0.08; ")
     chosen = om.load_scenario("rect", model=str(file), robot="ssl-a-team")
     again = chosen.replace(settings=chosen.settings.replace(body={"mass_kg": 2.0}))
     with pytest.raises(om.OmniError, match=r"body.mass_kg = 2.0 contradicts mine.xml"):

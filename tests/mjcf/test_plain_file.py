@@ -16,10 +16,10 @@ from omni_mj.robot.motors import Motor
 DIGITS = 1e-6  # of the numbers in the files
 
 
-def written(numbers: Any) -> str:
+def written(values: Any) -> str:
     """As in the file."""
     return " ".join(
-        f"{number:.9g}" if abs(number) > 1e-15 else "0" for number in np.atleast_1d(numbers)
+        f"{number:.9g}" if abs(number) > 1e-15 else "0" for number in np.atleast_1d(values)
     )
 
 
@@ -71,8 +71,10 @@ def expected() -> list[str]:
 def test_the_plain_file_holds_the_default_robots_numbers() -> None:
     """The values in omni_mj/robots are repeated in models/ssl_robot.xml for use without omni-mj."""
     text = " ".join((find_models_folder() / "ssl_robot.xml").read_text().split())
-    missing = [line for line in expected() if line not in text]
-    assert not missing, "models/ssl_robot.xml must be changed to hold these:\n" + "\n".join(missing)
+    missing_values = [line for line in expected() if line not in text]
+    assert not missing_values, "models/ssl_robot.xml must be changed to hold these:\n" + "\n".join(
+        missing_values
+    )
 
 
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
@@ -81,9 +83,11 @@ def test_the_plain_file_is_the_world_of_one_robot() -> None:
     built = model_arrays(world_builder.build_world().model)
     assert plain.keys() == built.keys()
     assert len(plain) > 300
-    own = plain["nsensor"]
-    assert built["nsensor"] == own + 4
+    n_sensors = plain["nsensor"]
+    assert built["nsensor"] == n_sensors + 4
     counts = {"nsensor", "nsensordata"}
     for name in plain.keys() - counts:
-        share: NDArray = built[name][:own] if name.startswith("sensor_") else built[name]
-        np.testing.assert_allclose(share, plain[name], rtol=DIGITS, atol=1e-12, err_msg=name)
+        built_values: NDArray = (
+            built[name][:n_sensors] if name.startswith("sensor_") else built[name]
+        )
+        np.testing.assert_allclose(built_values, plain[name], rtol=DIGITS, atol=1e-12, err_msg=name)

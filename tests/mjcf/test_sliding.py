@@ -42,10 +42,11 @@ def free(friction: float, bearing: float = 0.0) -> Settings:
     )
 
 
-def impulses(tape: Tape, first: int, last: int) -> tuple[NDArray, NDArray]:
+def impulses(tape: Tape, first_step: int, last_step: int) -> tuple[NDArray, NDArray]:
     """Return the momentum gained between two steps, and what sliding rims would give, N s."""
     load, slips, heading = (
-        values[first:last] for values in (tape.steps["load"], tape.steps["slips"], tape.heading())
+        values[first_step:last_step]
+        for values in (tape.steps["load"], tape.steps["slips"], tape.heading())
     )
     assert (np.abs(slips) * RADIUS_M > 0.1).all(), "every wheel slides"
     pull = (-np.sign(slips) * load) @ TANGENTS
@@ -54,7 +55,7 @@ def impulses(tape: Tape, first: int, last: int) -> tuple[NDArray, NDArray]:
         [c * pull[..., :1] - s * pull[..., 1:], s * pull[..., :1] + c * pull[..., 1:]], axis=-1
     )
     velocity = tape.steps["velocity"][..., :2]
-    return ROLLING_KG * (velocity[last - 1] - velocity[first - 1]), pull.sum(0) / 960
+    return ROLLING_KG * (velocity[last_step - 1] - velocity[first_step - 1]), pull.sum(0) / 960
 
 
 def test_traction_over_load_is_the_friction() -> None:
@@ -62,8 +63,8 @@ def test_traction_over_load_is_the_friction() -> None:
     tape = Tape(mujoco([free(f) for f in frictions])).drive(
         constant(np.tile(3.6 * np.array([FORWARD, LEFT]), (5, 1)), 14, 10)
     )
-    gained, pull = impulses(tape, 40, 200)
-    ratio = np.linalg.norm(gained, axis=1) / np.linalg.norm(pull, axis=1)
+    momentum_gain, pull = impulses(tape, 40, 200)
+    ratio = np.linalg.norm(momentum_gain, axis=1) / np.linalg.norm(pull, axis=1)
     # 2 %; of these half a per cent is what spinning up rollers costs that come down
     # (two_rollers.py: 0.9 g v each).
     assert ratio == pytest.approx(frictions, rel=0.02)
@@ -73,16 +74,16 @@ def test_bearing_friction_uses_part_of_the_friction_circle() -> None:
     """A pull of b N on roller bearings along the axle leaves sqrt(mu^2 - b^2) N for the rim."""
     friction, bearings = 0.5, np.array([0.2, 0.35])
     tape = Tape(mujoco([free(friction, b) for b in bearings])).drive(constant(3.6 * FORWARD, 14, 2))
-    gained, pull = impulses(
+    momentum_gain, pull = impulses(
         tape, 60, 200
     )  # by then the bearings turn: rollers travel faster than 1 cm/s
     axle = np.sign((tape.travel() * OUTWARD).sum(-1)) * tape.steps["load"]
-    held = (axle[60:200] @ OUTWARD).sum(0)[:, 0] * bearings / 960
+    fixed = (axle[60:200] @ OUTWARD).sum(0)[:, 0] * bearings / 960
     # As above.
-    assert gained[:, 0] == pytest.approx(
-        np.sqrt(friction**2 - bearings**2) * pull[:, 0] - held, rel=0.02
+    assert momentum_gain[:, 0] == pytest.approx(
+        np.sqrt(friction**2 - bearings**2) * pull[:, 0] - fixed, rel=0.02
     )
-    assert (gained[:, 0] < 0.97 * (friction * pull[:, 0] - held)).any(), "it matters"
+    assert (momentum_gain[:, 0] < 0.97 * (friction * pull[:, 0] - fixed)).any(), "it matters"
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -104,8 +105,8 @@ def test_no_wheel_leaves_the_carpet_while_wheels_slide(model: str) -> None:
 @pytest.mark.parametrize("model", MODELS)
 def test_a_reversal_at_full_speed_does_not_topple_a_robot(model: str) -> None:
     """From 3 m/s forward to 3 m/s backward at once, where statics keeps every wheel loaded."""
-    share = np.append(np.minimum(1.0, 0.04 * np.arange(45)), -np.ones(50))
-    commands = share[:, None, None] * 3 * np.tile([FORWARD, LEFT, DIAGONAL], (2, 1))
+    fraction = np.append(np.minimum(1.0, 0.04 * np.arange(45)), -np.ones(50))
+    commands = fraction[:, None, None] * 3 * np.tile([FORWARD, LEFT, DIAGONAL], (2, 1))
     tape = Tape(
         mujoco([stiff(f, wheels={"model": model}) for f in (0.6, 0.8) for _ in range(3)])
     ).drive(commands)
@@ -121,13 +122,15 @@ def stands(height: float, friction: float) -> bool:
     """Return whether a robot with this center of mass stays upright when reversed from 3 m/s."""
     settings = free(friction).replace(body={"com_height_m": height, "tilt_inertia_kg_m2": 0.0085})
     # In a sixth of a second, for what it stands on overshoots when traction turns at once.
-    share = np.append(
+    fraction = np.append(
         np.minimum(1.0, 0.04 * np.arange(45)), np.maximum(-1.0, 1 - 0.2 * np.arange(45))
     )
     plant = mujoco([settings])
     return not any(
-        plant.advance(ReceivedCommand.without_delay(3 * each * FORWARD[None], plant.pose()[:, 2]))
-        for each in share
+        plant.advance(
+            ReceivedCommand.without_delay(3 * direction * FORWARD[None], plant.pose()[:, 2])
+        )
+        for direction in fraction
     )
 
 

@@ -29,7 +29,7 @@ def test_it_moves_as_its_kinematics_predict(wheels: str) -> None:
     plant = mujoco([chosen] * 3)
     commands = ramp(twists, [2.0, 2.0, 24.0], 75)
     drive(plant, commands[:45])
-    before, angle = plant.pose(), plant.telemetry().wheel_angle
+    initial, angle = plant.pose(), plant.telemetry().wheel_angle
     poses = drive(plant, commands[45:])
     telemetry = plant.telemetry()
     assert telemetry.wheel_angle.shape == telemetry.slip.shape == (3, 3)
@@ -41,12 +41,12 @@ def test_it_moves_as_its_kinematics_predict(wheels: str) -> None:
     assert plant.geometry is not None
     rolled = plant.geometry.body_twist((telemetry.wheel_angle - angle) / seconds)
     size = np.linalg.norm(twists, axis=1)
-    along = twists / size[:, None]
-    assert (np.abs((measured - rolled) * along).sum(1) < 0.01 * size).all()
+    axle = twists / size[:, None]
+    assert (np.abs((measured - rolled) * axle).sum(1) < 0.01 * size).all()
     # The stiff wheel loop lets the wheels do as told: 2 % for the effective radius and what is left
     # of the ramp.
-    assert (np.abs((measured - twists) * along).sum(1) < 0.02 * size).all()
-    assert np.abs(poses[-1] - before)[[0, 1], [1, 0]].max() < 0.02  # nor does it drift aside
+    assert (np.abs((measured - twists) * axle).sum(1) < 0.02 * size).all()
+    assert np.abs(poses[-1] - initial)[[0, 1], [1, 0]].max() < 0.02  # nor does it drift aside
 
 
 def test_its_motors_and_battery_have_three_wheels_each() -> None:

@@ -22,11 +22,11 @@ EITHER = (noiseless(), noiseless(wheels=FAST))
 EXACT = {"encoder_counts": 1_000_000}
 
 
-def inertia(world: world_builder.World, turned: float) -> Array:
+def inertia(world: world_builder.World, wheel_angle: float) -> Array:
     """Return the mass matrix without the rollers' dofs, with all wheels turned by an angle."""
     model, robot = world.model, world.robots[0]
     data = mujoco.MjData(model)
-    data.qpos[robot.wheel_qpos] = turned
+    data.qpos[robot.wheel_qpos] = wheel_angle
     mujoco.mj_forward(model, data)
     full = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, full)
@@ -34,15 +34,15 @@ def inertia(world: world_builder.World, turned: float) -> Array:
     return full[np.ix_(dofs, dofs)]
 
 
-@pytest.mark.parametrize("turned", [0.0, 0.1, 0.3])
-def test_both_wheel_models_have_the_same_inertia(turned: float) -> None:
-    worlds = [world_builder.build_world(each) for each in EITHER]
+@pytest.mark.parametrize("wheel_angle", [0.0, 0.1, 0.3])
+def test_both_wheel_models_have_the_same_inertia(wheel_angle: float) -> None:
+    worlds = [world_builder.build_world(settings_i) for settings_i in EITHER]
     assert [world.model.nv for world in worlds] == [78, 22]
     assert [world.model.npair for world in worlds] == [64, 8]
     # Equal up to rounding: lumping moves nothing, and a mass matrix at rest knows nothing of the
     # rollers' own spin.
-    assert inertia(worlds[1], turned) == pytest.approx(
-        inertia(worlds[0], turned), rel=1e-9, abs=1e-12
+    assert inertia(worlds[1], wheel_angle) == pytest.approx(
+        inertia(worlds[0], wheel_angle), rel=1e-9, abs=1e-12
     )
 
 
@@ -61,7 +61,10 @@ def tapes() -> list[Tape]:
         ]
     )
     commands = ramp(twists, [1.0, 1.0, 1.0, 3.0, 3.0, 12.0, 4.0], 75)
-    return [Tape(plant_of([each.replace(sensors=EXACT)] * 7)).drive(commands) for each in EITHER]
+    return [
+        Tape(plant_of([settings_i.replace(sensors=EXACT)] * 7)).drive(commands)
+        for settings_i in EITHER
+    ]
 
 
 def rms(values: NDArray) -> NDArray:
@@ -75,24 +78,24 @@ def test_both_wheel_models_drive_the_same_rectangle(turn: float) -> None:
     corners = np.array(
         [[0, 0, 0], [0.4, 0, turn], [0.4, 0.3, 2 * turn], [0, 0.3, 3 * turn], [0, 0, 4 * turn]]
     )
-    share = (1 - np.cos(np.pi * np.arange(45) / 45)) / 2  # from rest to rest, at up to 3.5 m/s^2
-    way = np.concatenate([a + share[:, None] * (b - a) for a, b in pairwise(corners)])
-    speed = np.diff(way, axis=0, append=way[-1:]) / FRAME_S
+    fraction = (1 - np.cos(np.pi * np.arange(45) / 45)) / 2  # from rest to rest, at up to 3.5 m/s^2
+    route = np.concatenate([a + fraction[:, None] * (b - a) for a, b in pairwise(corners)])
+    speed = np.diff(route, axis=0, append=route[-1:]) / FRAME_S
     paths, slips = [], []
     for chosen in EITHER:
         plant, path, slip = plant_of([chosen]), [], []
-        for wanted, ahead in zip(way, speed, strict=True):
+        for desired, ahead in zip(route, speed, strict=True):
             path.append(plant.pose()[0])
             plant.advance(
                 ReceivedCommand.without_delay(
-                    (ahead + 3.0 * (wanted - path[-1]))[None], plant.pose()[:, 2]
+                    (ahead + 3.0 * (desired - path[-1]))[None], plant.pose()[:, 2]
                 )
             )
             slip.append(plant.telemetry().slip)
         paths.append(np.array(path))
         slips.append(rms(np.array(slip))[0])
-    apart = paths[1] - paths[0]
-    assert np.sqrt((apart[:, :2] ** 2).sum(1).mean()) < 0.3e-3
+    difference = paths[1] - paths[0]
+    assert np.sqrt((difference[:, :2] ** 2).sum(1).mean()) < 0.3e-3
     assert slips[1] == pytest.approx(slips[0], rel=0.1)
 
 
@@ -102,13 +105,15 @@ def test_both_wheel_models_slide_alike(friction: float) -> None:
     commands = constant([[3.0, 0, 0], [0, 3.0, 0], [-2.1, 2.1, 0]], 30, 3)
     poses = [
         drive(
-            plant_of([noiseless(carpet={"friction": friction}, firmware=STIFF, wheels=each)] * 3),
+            plant_of(
+                [noiseless(carpet={"friction": friction}, firmware=STIFF, wheels=settings_i)] * 3
+            ),
             commands,
         )[..., :2]
-        for each in ({}, FAST)
+        for settings_i in ({}, FAST)
     ]
-    way = np.linalg.norm(poses[0][-1], axis=1)
-    assert (np.linalg.norm(poses[1] - poses[0], axis=2).max(0) < 0.01 * way).all()
+    displacement = np.linalg.norm(poses[0][-1], axis=1)
+    assert (np.linalg.norm(poses[1] - poses[0], axis=2).max(0) < 0.01 * displacement).all()
 
 
 def test_wrapping_rollers_does_not_change_the_encoder() -> None:
@@ -116,9 +121,9 @@ def test_wrapping_rollers_does_not_change_the_encoder() -> None:
     plant = plant_of([noiseless(wheels=FAST)] * 2)
     start = plant.telemetry().wheel_angle
     tape = Tape(plant).drive(constant([[0.6, 0, 0], [0, 0, -5.0]], 60, 2))
-    turned = plant.telemetry().wheel_angle - start
-    assert (np.abs(turned) > 10).all()
-    assert turned == pytest.approx(
+    wheel_angle = plant.telemetry().wheel_angle - start
+    assert (np.abs(wheel_angle) > 10).all()
+    assert wheel_angle == pytest.approx(
         tape.steps["wheels"].sum(0) / 960, abs=1e-9
     )  # Euler's rule, up to rounding
     # The rims have been turned back from their hubs by whole pitches, and what they slid is left.
