@@ -153,11 +153,11 @@ WRONG: dict[str, tuple[Callable[[Columns], Columns], str]] = {
 BAD: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "cm": (
         lambda c: c | {"x_m": 100 * c["x_m"], "y_m": 100 * c["y_m"]},
-        "times as fast as the commands say",
+        "times as fast as by the commands",
     ),
     "degrees": (
         lambda c: c | {"heading_rad": np.degrees(c["heading_rad"])},
-        "turns .* as fast as the commands say",
+        "turns .* as fast as by the commands",
     ),
     "swapped": (lambda c: swapped(c, *COMMAND[:2]), MIRRORED),
     "mirrored": (lambda c: c | {COMMAND[1]: -c[COMMAND[1]]}, MIRRORED),

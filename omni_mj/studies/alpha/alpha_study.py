@@ -259,7 +259,9 @@ def _prepare_trials(scenario: Scenario, trials: Trials) -> tuple[Simulation, Arr
     ]
     simulation = Simulation(scenario, [Commanded], rows=rows)
     if simulation.plant.geometry is None:
-        raise OmniError(f"alpha is studied on wheels, and the plant {scenario.plant!r} has none")
+        raise OmniError(
+            f"the alpha study needs a plant with wheels, and the plant {scenario.plant!r} has none"
+        )
     return simulation, twists.reshape(len(twists), -1, 3)
 
 

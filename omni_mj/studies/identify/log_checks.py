@@ -122,7 +122,7 @@ def _check_units(log: RobotLog, match: Match, source: str) -> None:
         if not np.isnan(ratio) and not low < ratio < high:
             gear = ", and wheels behind the gear" * (source == "wheels")
             raise OmniError(
-                f"{log.name}: the robot {verb} {ratio:.2g} times as fast as the {source} say; "
+                f"{log.name}: the robot {verb} {ratio:.2g} times as fast as by the {source}; "
                 f"are all in m, rad and s{gear}?"
             )
 

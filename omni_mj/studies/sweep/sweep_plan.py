@@ -111,7 +111,9 @@ class SweepPlan:
         if self.batch_size < 1:
             raise OmniError(f"batch size must be at least 1, not {self.batch_size}")
         if not self.axes and not self.scenario.distributions:
-            raise OmniError("nothing varies: --vary carpet.friction=0.3:1.0:8 varies a setting")
+            raise OmniError(
+                "nothing varies; name a setting, such as --vary carpet.friction=0.3:1.0:8"
+            )
         scenario = choose_shared_backend(self.scenario, self.batch_size)
         object.__setattr__(self, "scenario", scenario)
         _ = self.point_scenarios
