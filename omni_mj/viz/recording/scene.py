@@ -20,6 +20,8 @@ ERROR_SCALE = 10  # enlargement of position errors
 FLAG_STEP = 0.07  # height per controller, as a fraction of the scene's size
 MAX_FLAG_HEIGHT = 0.35  # of all controllers, as a fraction of the scene's size
 MARGIN_M = 0.8  # around the references, both sides together
+# Lines on the carpet have different heights, so that none flickers through another.
+REFERENCE_HEIGHT_M, PATH_HEIGHT_M, TARGET_HEIGHT_M = 0.002, 0.004, 0.005
 # Robots of different controllers often stand at one position. The height makes the last one hide
 # the others, so that the picture does not flicker.
 LAYER_M = 5e-4
@@ -46,7 +48,7 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[RecordedRobot]) -> N
 
 def log_references(stream: rr.RecordingStream, references: Sequence[Array]) -> None:
     """Log reference paths, (frames, 3) each, on the carpet."""
-    strips = [points_above(reference, 0.002) for reference in references]
+    strips = [points_above(reference, REFERENCE_HEIGHT_M) for reference in references]
     lines = rr.LineStrips3D(strips, colors=[REFERENCE_COLOR], radii=_screen_points(0.7))
     stream.log("world/reference", lines, static=True)
 
@@ -72,7 +74,7 @@ def log_field(stream: rr.RecordingStream) -> None:
 
 
 def measure_scene(references: Sequence[Array]) -> tuple[Array, float]:
-    """Return the center (2,) and the diagonal of the area of references (frames, 3), m."""
+    """Return the center (2,) and the diagonal of the area around references (frames, 3), m."""
     points = np.concatenate([reference[:, :2] for reference in references])
     low, high = points.min(0), points.max(0)
     return (low + high) / 2, MARGIN_M + float(np.hypot(*(high - low)))
@@ -100,10 +102,11 @@ def send_robot(
     send_poses(stream, f"{entity}/robot", frames, pose[frames], angles, robot.settings, height)
     time = time_columns(frames)
     # Each frame has a segment from the frame before. The viewer shows those up to its time cursor.
-    ends = [points_above(pose[k], 0.004 + height) for k in (np.maximum(frames - 1, 0), frames)]
-    segments = np.stack(ends, axis=1, dtype=np.float32)
+    starts = points_above(pose[np.maximum(frames - 1, 0)], PATH_HEIGHT_M + height)
+    ends = points_above(pose[frames], PATH_HEIGHT_M + height)
+    segments = np.stack([starts, ends], axis=1, dtype=np.float32)
     stream.send_columns(f"{entity}/path", time, rr.LineStrips3D.columns(strips=segments))
-    target = rr.Points3D.columns(positions=points_above(robot["ref"][frames], 0.005))
+    target = rr.Points3D.columns(positions=points_above(robot["ref"][frames], TARGET_HEIGHT_M))
     stream.send_columns(f"{entity}/target", time, target)
     _send_error(stream, robot, frames, flag_height_m)
     _send_estimates(stream, robot, frames)
