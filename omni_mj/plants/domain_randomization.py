@@ -1,6 +1,6 @@
 """Domain randomization: deviations of a robot from its nominal data, drawn from its seed.
 
-Friction, magnets and mass are drawn as factors, the center of mass as a shift. They are normal
+Friction, magnets and mass are drawn as factors, the center of mass as an offset. They are normal
 numbers, truncated at 3 standard deviations, so that no wheel gets nonsense. Wear only takes away,
 and rings are changed when they are worn. At any time a wheel may be anywhere between new and due,
 so its loss of radius is uniform.
@@ -34,14 +34,14 @@ class RobotVariation:
         wear: Loss of each wheel's radius, (n, W) m.
         magnet_factor: Torque constant of each motor over the data sheet's, (n, W).
         mass_factor: Mass of the chassis over the settings', (n, 1).
-        center_shift: Shift of the chassis' center of mass, forward and sideways, (n, 2) m.
+        center_offset: Offset of the chassis' center of mass, forward and sideways, (n, 2) m.
     """
 
     friction_factor: Array
     wear: Array
     magnet_factor: Array
     mass_factor: Array
-    center_shift: Array
+    center_offset: Array
 
     @classmethod
     def draw(cls, rows: Sequence[Row]) -> Self:
@@ -70,27 +70,24 @@ class RobotVariation:
             wear=deviations["max_wear_m"] * uniform[:, wear],
             magnet_factor=1 + deviations["torque_constant_std"] * normal[:, motors],
             mass_factor=1 + deviations["mass_std"] * normal[:, body[:1]],
-            center_shift=deviations["com_offset_std_m"] * normal[:, body[1:]],
+            center_offset=deviations["com_offset_std_m"] * normal[:, body[1:]],
         )
 
-    def columns(self) -> dict[str, Array]:
+    def to_columns(self) -> dict[str, Array]:
         """Return the deviations of each row as name -> (n,); empty if no robot deviates."""
-        is_nominal = (
-            (self.friction_factor == 1).all()
-            and (self.magnet_factor == 1).all()
-            and (self.mass_factor == 1).all()
-            and not self.wear.any()
-            and not self.center_shift.any()
-        )
-        if is_nominal:
+        factors = self.friction_factor, self.magnet_factor, self.mass_factor
+        has_factors = any((factor != 1).any() for factor in factors)
+        if not (has_factors or self.wear.any() or self.center_offset.any()):
             return {}
-        columns = {f"friction_{i}": values for i, values in enumerate(self.friction_factor.T, 1)}
-        columns |= {f"wear_{i}_m": values for i, values in enumerate(self.wear.T, 1)}
-        columns |= {
-            f"motor_constant_{i}": values for i, values in enumerate(self.magnet_factor.T, 1)
-        }
-        columns["mass"] = self.mass_factor[:, 0]
-        columns["com_x_m"], columns["com_y_m"] = self.center_shift.T
+        columns = dict[str, Array]()
+        for name, values in (
+            ("friction_factor_{}", self.friction_factor),
+            ("wear_{}_m", self.wear),
+            ("torque_constant_factor_{}", self.magnet_factor),
+        ):
+            columns |= {name.format(wheel): column for wheel, column in enumerate(values.T, 1)}
+        columns["mass_factor"] = self.mass_factor[:, 0]
+        columns["com_offset_x_m"], columns["com_offset_y_m"] = self.center_offset.T
         return columns
 
 

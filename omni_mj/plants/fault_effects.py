@@ -15,6 +15,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.config import faults
+from omni_mj.config.faults import Payload
 from omni_mj.config.rows import Row
 from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
 from omni_mj.network.random_streams import Noise, Stream
@@ -22,15 +23,17 @@ from omni_mj.robot.carpet import stack_patches
 
 BLOCKED_HUB_NM = 100.0  # dry friction of a blocked hub: more than motor and carpet can overcome
 
-Payload = tuple[int, float, float]  # row; mass, kg; height, m, or 0 for the chassis' center of mass
-
 
 class ChangeableBodies(ABC):
     """Bodies of n robots that faults can change."""
 
     @abstractmethod
-    def set_payloads(self, payloads: Iterable[Payload]) -> None:
-        """Replace all payloads of all robots."""
+    def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
+        """Replace all payloads of all robots.
+
+        Args:
+            payloads: Rows and their payloads.
+        """
 
     @abstractmethod
     def set_slope(self, slope: Array) -> None:
@@ -129,10 +132,8 @@ class FaultEffects:
 
     def _change_bodies(self, active: ActiveFaults) -> None:
         """Apply payloads, slopes, blocked hubs and displacements to the bodies."""
-        if faults.Payload in self._fault_types:
-            self._bodies.set_payloads(
-                [(row, load.mass_kg, load.height_m) for row, load in active.of_kind(faults.Payload)]
-            )
+        if Payload in self._fault_types:
+            self._bodies.set_payloads(active.of_kind(Payload))
         if faults.Tilt in self._fault_types:
             self._bodies.set_slope(
                 _combine(active, faults.Tilt, self._zero_vectors, _compute_slope, add)

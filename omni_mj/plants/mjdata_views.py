@@ -10,12 +10,13 @@ from numpy.lib.stride_tricks import as_strided
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_mj.config.faults import Payload
 from omni_mj.config.settings import Settings, gather
 from omni_mj.mjcf.robot_geometry import point_mass_inertia
 from omni_mj.mjcf.robot_indices import Ids
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.domain_randomization import RobotVariation
-from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies, Payload
+from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies
 from omni_mj.robot.motors import Motor
 
 _MASS_FIELDS = "body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat"
@@ -120,12 +121,12 @@ class RobotViews(ChangeableBodies):
         )
         nominal_center = self._world.model.body_ipos[self._world.robots[0].chassis]
         mass_factor = variation.mass_factor
-        shift = np.append(variation.center_shift, 0 * mass_factor, 1)
+        shift = np.append(variation.center_offset, 0 * mass_factor, 1)
         self.center_of_mass = nominal_center[:, None] + shift.T
         if variation.wear.any():
             self._wear_rollers(variation.wear.T)
-        if (mass_factor != 1).any() or variation.center_shift.any():
-            self._change_chassis_mass(mass_factor.T, variation.center_shift.T)
+        if (mass_factor != 1).any() or variation.center_offset.any():
+            self._change_chassis_mass(mass_factor.T, variation.center_offset.T)
 
     def _wear_rollers(self, wear: Array) -> None:
         """Reduce the rollers' radii by the wear (W, n) in m, and lower the axles by as much."""
@@ -199,13 +200,15 @@ class RobotViews(ChangeableBodies):
         view = self._view_model("dof_frictionloss", self._ids("wheel_dofs"))
         return view, view.get()
 
-    def set_payloads(self, payloads: Iterable[Payload]) -> None:
+    def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
         """See `ChangeableBodies`."""
         nominal = [values for _, values in self._unloaded_chassis]
         mass, subtree_mass, center, inertia, axes = (values.copy() for values in nominal)
         chassis_height = nominal[2][2]
-        for row, payload_kg, height in payloads:
-            position = np.array([*center[:2, row], height or chassis_height[row]])
+        for row, payload in payloads:
+            payload_kg = payload.mass_kg
+            height = payload.height_m or chassis_height[row]
+            position = np.array([*center[:2, row], height])
             offset = position - center[:, row]
             # Two bodies turn about their common center of mass as their reduced mass does at their
             # distance.

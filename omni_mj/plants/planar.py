@@ -10,11 +10,12 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_mj.config.faults import Payload
 from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.domain_randomization import RobotVariation
-from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies, Payload
+from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies
 from omni_mj.plants.planar_parameters import PlanarBodyBuilder
 from omni_mj.plants.telemetry import Telemetry
 from omni_mj.plants.wheeled_plant import WheeledPlant
@@ -51,7 +52,7 @@ class PlanarPlant(WheeledPlant, ChangeableBodies):
         variation = RobotVariation.draw(rows)
         super().__init__(rows, world.kinematics, variation, heading)
         self._body_builder = PlanarBodyBuilder(settings, variation, world)
-        self._payloads: list[Payload] = []
+        self._payloads: list[tuple[int, Payload]] = []
         self._slope = np.zeros((n, 2))
         body = self._body_builder.build(self._payloads, self._slope)
         self._hub_is_blocked = np.zeros(body.hub_dry_friction.shape, bool)
@@ -123,7 +124,7 @@ class PlanarPlant(WheeledPlant, ChangeableBodies):
         self._stop_robots(self._failed, previous_pose)
         return failures
 
-    def set_payloads(self, payloads: Iterable[Payload]) -> None:
+    def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
         """See `ChangeableBodies`. The centers of the wheels keep their poses and velocities."""
         self._payloads = list(payloads)
         old = self.parameters.body

@@ -20,6 +20,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_mj.config.faults import Payload
 from omni_mj.config.settings import Settings, gather
 from omni_mj.mjcf.contact_parameters import (
     ADDED_MASS_KG,
@@ -29,7 +30,6 @@ from omni_mj.mjcf.contact_parameters import (
 from omni_mj.mjcf.robot_geometry import compute_composite_inertia
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.domain_randomization import RobotVariation
-from omni_mj.plants.fault_effects import Payload
 from omni_mj.plants.planar_wheel import SPEEDS_RAD_S, WheelResponse, interpolate_response
 from omni_mj.robot.array_ops import sum_wheels
 from omni_mj.robot.firmware_state import CYCLE_S
@@ -83,6 +83,7 @@ class PlanarBodyBuilder:
         self._contact = kinematics.arm * self._axle[0], kinematics.arm * self._axle[1]
         self._wheel_order = np.argsort(kinematics.azimuths)  # counter-clockwise
         motors = [Motor.from_settings(s.motor) for s in settings]
+        self._hub_viscous_friction = gather(motors, "wheel_viscous_friction")
         rotor_inertia = gather(motors, "rotor_inertia") * gather(motors, "gear_ratio") ** 2
         hub_body_inertia = float(model.body_inertia[robot.wheels[0]].max())
         self._hub_inertia = hub_body_inertia + rotor_inertia
@@ -121,17 +122,17 @@ class PlanarBodyBuilder:
         # The chassis is the robot less its wheels.
         chassis = robots.combine(RigidBodies(-wheels.mass, wheels.center, -wheels.inertia))
         factor = variation.mass_factor[:, 0]
-        shift = np.column_stack([variation.center_shift, np.zeros(n)])
+        shift = np.column_stack([variation.center_offset, np.zeros(n)])
         self._chassis = RigidBodies(
             chassis.mass * factor, chassis.center + shift, chassis.inertia * factor
         )
         self._unloaded_robots = self._chassis.combine(wheels)
 
-    def build(self, payloads: Iterable[Payload], slope: Array) -> BodyParameters:
+    def build(self, payloads: Iterable[tuple[int, Payload]], slope: Array) -> BodyParameters:
         """Return the parameters of robots that carry payloads on a slope.
 
         Args:
-            payloads: Payloads of the robots.
+            payloads: Rows and their payloads.
             slope: Fractions of gravity along the world's x and y, positive downhill, (n, 2).
         """
         robots = self._add_payloads(payloads)
@@ -154,7 +155,6 @@ class PlanarBodyBuilder:
         body_mass[0, 0] = body_mass[1, 1] = robots.mass
         body_mass[2, 2] = robots.inertia
         edge_x, edge_y = self._compute_edges(contact_x, contact_y)
-        motors = [Motor.from_settings(s.motor) for s in self._settings]
         n_rollers = self._settings[0].wheels.rollers
         contact_damping = CONTACT_DAMPING_N_S_M * wheel.standing_rollers
         push_point = self._chassis.center - robots.center
@@ -169,7 +169,7 @@ class PlanarBodyBuilder:
             mass_rate=(body_mass + rolling_mass) / CYCLE_S,
             rolling_mass=rolling_mass[:, :2],
             hub_gain=CYCLE_S / self._hub_inertia,
-            hub_viscous_friction=gather(motors, "wheel_viscous_friction"),
+            hub_viscous_friction=self._hub_viscous_friction,
             hub_dry_friction=gather(self._settings, "hub_friction_nm") * np.ones_like(load),
             contact_compliance=1 / (contact_damping * wheel.rolling_radius**2),
             rolling_radius=wheel.rolling_radius,
@@ -195,14 +195,14 @@ class PlanarBodyBuilder:
             slope_force_y=slope_force[:, 1],
         )
 
-    def _add_payloads(self, payloads: Iterable[Payload]) -> RigidBodies:
+    def _add_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> RigidBodies:
         """Return the mass properties of robots with payloads."""
         robots = self._unloaded_robots
-        for row, mass, height in payloads:
+        for row, payload in payloads:
             payload_mass = np.zeros(len(robots.mass))
-            payload_mass[row] = mass
+            payload_mass[row] = payload.mass_kg
             center = self._chassis.center.copy()
-            center[row, 2] = height or center[row, 2]
+            center[row, 2] = payload.height_m or center[row, 2]
             robots = robots.combine(RigidBodies(payload_mass, center, np.zeros_like(payload_mass)))
         return robots
 

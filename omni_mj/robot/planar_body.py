@@ -41,6 +41,7 @@ from omni_mj.robot.carpet import (
     compute_torque_limit,
 )
 from omni_mj.robot.firmware_state import CYCLE_S
+from omni_mj.robot.onboard import FrameInputs
 from omni_mj.robot.planar_state import BodyParameters, BodyState, SlowForces
 
 # A wheel that starts to slide may let others slide. More than two such passes are rare.
@@ -51,11 +52,7 @@ STICTION_RETENTION = 1 - 400.0 * CYCLE_S
 
 
 def compute_slow_forces(
-    p: BodyParameters,
-    carpet: CarpetParameters,
-    s: BodyState,
-    push_force_x: Array,
-    push_force_y: Array,
+    p: BodyParameters, carpet: CarpetParameters, s: BodyState, inputs: FrameInputs
 ) -> SlowForces:
     """Compute drag, pushes, the force of a slope, and the forces of rollers on their wheels.
 
@@ -63,8 +60,7 @@ def compute_slow_forces(
         p: Parameters of the bodies.
         carpet: Parameters of the carpet.
         s: State.
-        push_force_x: Force on the chassis, world frame, (n,) N.
-        push_force_y: See `push_force_x`.
+        inputs: Inputs of the frame, with the push forces.
     """
     xp = namespace(s.x)
     drag = compute_drag(carpet, compute_center_motion(p, s), s.load, s.encoder_angle)
@@ -77,7 +73,7 @@ def compute_slow_forces(
     roller_x, roller_y = rotate(axle_force, rim_force, carpet.axle_x, carpet.axle_y)
     ground_x = drag.forward_force + sum_wheels(roller_x)
     ground_y = drag.sideways_force + sum_wheels(roller_y)
-    push_x, push_y = rotate(push_force_x, push_force_y, s.cosine, -s.sine)
+    push_x, push_y = rotate(inputs.push_force_x, inputs.push_force_y, s.cosine, -s.sine)
     slope_x, slope_y = rotate(p.slope_force_x, p.slope_force_y, s.cosine, -s.sine)
     moment = drag.moment + p.center_x * drag.sideways_force - p.center_y * drag.forward_force
     moment = moment + sum_wheels(p.contact_x * roller_y - p.contact_y * roller_x)

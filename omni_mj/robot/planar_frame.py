@@ -41,10 +41,7 @@ def advance_frame(
     body = s.body._replace(cosine=cosine, sine=sine, tilting_moment=s.body.tilting_moment * 0.0)
 
     def advance_drag_cycles(s: PlanarState) -> tuple[PlanarState, CycleRecord]:
-        inputs = s.onboard.inputs
-        slow = compute_slow_forces(
-            p.body, p.carpet, s.body, inputs.push_force_x, inputs.push_force_y
-        )
+        slow = compute_slow_forces(p.body, p.carpet, s.body, s.onboard.inputs)
         return scan(lambda s: advance_cycle(p, s, slow), s, DRAG_CYCLES, cosine)
 
     s = PlanarState(onboard, body)

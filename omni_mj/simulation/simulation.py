@@ -217,8 +217,8 @@ class Simulation:
     def drawn_parameters(self) -> dict[str, Array]:
         """Parameters and settings that were drawn for each row, name -> shape (n,)."""
         parameters: dict[str, Array] = {}
-        if hasattr(self.plant, "drawn"):
-            parameters |= self.plant.drawn.columns()
+        if hasattr(self.plant, "variation"):
+            parameters |= self.plant.variation.to_columns()
         for name in self.scenario.distributions:
             parameters[name] = np.array([attrgetter(name)(row.settings) for row in self.rows])
         return parameters

@@ -45,7 +45,7 @@ def draw(seeds: range | list[int], **variation: float) -> RobotVariation:
 
 
 def to_columns(variation: RobotVariation) -> NDArray:
-    return np.column_stack(list(variation.columns().values()))
+    return np.column_stack(list(variation.to_columns().values()))
 
 
 # --- distributions ---
@@ -76,7 +76,7 @@ def test_distributions_have_the_set_deviations() -> None:
         (robots.friction_factor, 1, "wheel_friction_std"),
         (robots.magnet_factor, 1, "torque_constant_std"),
         (robots.mass_factor, 1, "mass_std"),
-        (robots.center_shift, 0, "com_offset_std_m"),
+        (robots.center_offset, 0, "com_offset_std_m"),
     ):
         sigma, n = 0.9866 * ALL[name], values.size
         assert abs(values.mean() - mean) < SIGMAS * sigma / np.sqrt(n), name
@@ -99,14 +99,14 @@ def test_a_summary_has_the_drawn_parameters_of_each_seed() -> None:
     )
     result = run(short, ["flc", "comp-flc"], seeds=[3, 4])
     (entry,) = result.summary()["scenarios"].values()
-    expected = draw([3, 4], **dict(short.settings.randomization)).columns()
+    expected = draw([3, 4], **dict(short.settings.randomization)).to_columns()
     for i, parameters in enumerate(entry["drawn_parameters"]):
         assert parameters == {
             "seed": 3 + i,
             "slot": 0,
             **{name: values[i] for name, values in expected.items()},
         }
-    assert result.rows()["friction_1"].to_pylist() == [*expected["friction_1"]] * 2
+    assert result.rows()["friction_factor_1"].to_pylist() == [*expected["friction_factor_1"]] * 2
     new = short.settings.replace(randomization=RandomizationSettings())
     for nominal in (short.replace(plant="kinematic"), short.replace(settings=new)):
         (entry,) = run(nominal, ["flc"], seeds=[3]).summary()["scenarios"].values()
@@ -208,7 +208,7 @@ def test_wheels_carry_the_drawn_mass_and_center_of_mass() -> None:
     as_built = (body.mass_kg * np.array([body.com_x_m, 0]) - wheels * feet.mean(0)) / (
         body.mass_kg - wheels
     )
-    moments = chassis[:, None] * (as_built + plant.variation.center_shift) + wheels * feet.mean(0)
+    moments = chassis[:, None] * (as_built + plant.variation.center_offset) + wheels * feet.mean(0)
     # The tolerance is a hundredth of the deviation.
     np.testing.assert_allclose(center, moments / (chassis + wheels)[:, None], atol=5e-5)
 
