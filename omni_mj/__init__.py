@@ -32,22 +32,22 @@ if TYPE_CHECKING:
 
     __version__: str
 
-# Where each name is; imported when it is asked for, so that `omni-mj --help` waits for no physics.
-_HOMES = {
+# Module of each public name. It is imported on first access, which keeps `omni-mj --help` fast.
+_MODULES = {
     "Controller": "omni_control.controllers.base",
+    "Observation": "omni_control.controllers.base",
     "OmniError": "omni_control.errors",
     "Result": "omni_mj.results.result",
     "Scenario": "omni_mj.config.scenario",
-    "Observation": "omni_control.controllers.base",
     "Simulation": "omni_mj.simulation.simulation",
-    "measure_alpha": "omni_mj.studies.alpha",
     "compare": "omni_mj.studies.compare",
-    "identify": "omni_mj.studies.identify",
     "find_limit": "omni_mj.studies.limit",
+    "identify": "omni_mj.studies.identify",
     "load_robot": "omni_mj.studies.robot_facts",
-    "run": "omni_mj.studies.run_scenario",
     "load_scenario": "omni_mj.config.scenario",
+    "measure_alpha": "omni_mj.studies.alpha",
     "measure_slip": "omni_mj.studies.slip",
+    "run": "omni_mj.studies.run_scenario",
     "sweep": "omni_mj.studies.sweep",
     "verify": "omni_mj.results.verify",
 }
@@ -77,10 +77,11 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("omni-mj")
-    if name not in _HOMES:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = found = getattr(import_module(_HOMES[name]), name)
-    return found
+    value = getattr(import_module(_MODULES[name]), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:
@@ -88,10 +89,11 @@ def __dir__() -> list[str]:
 
 
 class _Package(ModuleType):
-    """The package, in which a module or folder of the name of a public function does not take its place."""
+    """This package. Importing a submodule, such as `omni_mj.run`, does not hide a public function."""
 
     def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _HOMES and isinstance(value, ModuleType)):
+        hides_function = name in _MODULES and isinstance(value, ModuleType)
+        if not hides_function:
             super().__setattr__(name, value)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from omni_control.errors import OmniError, suggest_names
 from omni_control.kinematics import Array
-from omni_mj.config.motor_settings import RAD_S
+from omni_mj.config.motor_settings import RAD_S_PER_RPM
 from omni_mj.config.settings import Settings
 from omni_mj.results.ramp_response import RampProfile
 
@@ -141,5 +141,5 @@ def _frictionless_no_load(settings: Settings) -> dict[str, float]:
     motor = settings.motor
     return {
         "no_load_current_a": 0.0,
-        "no_load_rpm": motor.nominal_voltage_v / motor.torque_constant_nm_a / RAD_S,
+        "no_load_rpm": motor.nominal_voltage_v / motor.torque_constant_nm_a / RAD_S_PER_RPM,
     }
