@@ -28,6 +28,7 @@ PAGES = sorted(
     str(path.relative_to(ROOT))
     for path in [
         ROOT / "CONTRIBUTING.md",
+        ROOT / "README.md",
         *ROOT.glob("docs/how-to/*.md"),
         *ROOT.glob("docs/tutorials/*.md"),
         *ROOT.glob("docs/reference/*.md"),
