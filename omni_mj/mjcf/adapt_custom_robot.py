@@ -92,7 +92,7 @@ def prepare_hinges(
         else:
             body = spec.body(model.body(rim).name)
             slip = body.add_joint(name=f"slip_of_{hub.name}", type=HINGE, armature=0.0)
-            slip.pos, slip.axis = _get_hinge_in_body_frame(model, int(rim), int(joint))
+            slip.pos, slip.axis = _get_hinge_in_body_frame(data, int(rim), int(joint))
         if is_outward:
             hub.axis = -np.array(hub.axis)
         if is_outward == has_hub_direction:
@@ -107,10 +107,8 @@ def prepare_hinges(
         spec.joint(model.joint(model.dof_jntid[address]).name).frictionloss = 0.0
 
 
-def _get_hinge_in_body_frame(model: mujoco.MjModel, body: int, joint: int) -> tuple[Array, Array]:
+def _get_hinge_in_body_frame(data: mujoco.MjData, body: int, joint: int) -> tuple[Array, Array]:
     """Return anchor and axis, (3,) each, of a hinge in the frame of a body that it carries."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
     axes = data.xmat[body].reshape(3, 3)
     return axes.T @ (data.xanchor[joint] - data.xpos[body]), axes.T @ data.xaxis[joint]
 

@@ -54,11 +54,6 @@ class World:
     hull_radius: float
 
 
-def get_name_prefix(slot: int) -> str:
-    """Return the prefix of the names of all elements of the robot in a slot."""
-    return f"robot_{slot + 1}/"
-
-
 def build_world(
     settings: Settings | None = None, robots_per_world: int = 1, with_hulls: bool | None = None
 ) -> World:
@@ -106,7 +101,7 @@ def _build_world(
         _enable_hulls(spec, robot_spec)
     rims = [robot_model.body(rim).name for rim in single_robot.rims]
     for slot in range(n_robots):
-        _attach_robot(field, spec, get_name_prefix(slot), contact_geoms, rims, contact)
+        _attach_robot(field, spec, f"robot_{slot + 1}/", contact_geoms, rims, contact)
     if n_robots == 1:  # with one robot there is one island; listing it costs 7 % of a step
         field.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     field.option.impratio = contact_parameters.FRICTION_STIFFNESS_RATIO

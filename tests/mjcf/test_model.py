@@ -32,7 +32,7 @@ def rollers(model: mujoco.MjModel, wheel: int) -> list[int]:
     return [i for i in range(model.nbody) if model.body_parentid[i] == parent]
 
 
-def bodies(model: mujoco.MjModel) -> list[int]:
+def robot_geoms(model: mujoco.MjModel) -> list[int]:
     """Geoms of the robot, but for its hull, which is the league's cylinder itself."""
     return [
         i for i in range(model.ngeom) if model.geom_bodyid[i] != 0 and model.geom(i).name != "hull"
@@ -104,7 +104,7 @@ def test_every_geom_stays_inside_the_leagues_cylinder(model: mujoco.MjModel) -> 
     ):  # the wheels look the same again after one roller
         data.qpos[hinges] = phase
         mujoco.mj_kinematics(model, data)
-        for geom in bodies(model):
+        for geom in robot_geoms(model):
             name = model.geom(geom).name
             # TIGERs publish 83 mm to where wheels touch, with which rollers of 6 mm stick out, as
             # modelled: whole.
@@ -159,11 +159,11 @@ def test_rollers(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 def check_rollers(model: mujoco.MjModel, data: mujoco.MjData, wheel: int) -> None:
-    bodies = rollers(model, wheel)
-    assert len(bodies) >= 16
+    robot_geoms = rollers(model, wheel)
+    assert len(robot_geoms) >= 16
     centre, axle = data.body(f"wheel_{wheel}").xpos, data.joint(f"wheel_{wheel}").xaxis
     angles = []
-    for body in bodies:
+    for body in robot_geoms:
         joint = model.body(body).jntadr[0]
         assert model.body_jntnum[body] == 1
         assert model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
@@ -182,7 +182,7 @@ def check_rollers(model: mujoco.MjModel, data: mujoco.MjData, wheel: int) -> Non
         # the wheel's; 0.1 % for the file's five digits.
         assert long**2 / short == pytest.approx(RADIUS_M, rel=1e-3)
     # Evenly around the wheel; exact up to rounding.
-    np.testing.assert_allclose(np.diff(np.sort(angles)), 2 * np.pi / len(bodies), atol=1e-9)
+    np.testing.assert_allclose(np.diff(np.sort(angles)), 2 * np.pi / len(robot_geoms), atol=1e-9)
 
 
 def test_only_the_rollers_touch_the_carpet(model: mujoco.MjModel) -> None:
