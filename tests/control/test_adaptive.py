@@ -22,7 +22,7 @@ def team(name: str, delay: int = 6, route: Reference = ROUTE, n: int = 1, **know
 
 
 def errors(record: dict[str, Array], route: TimedReference = ROUTE) -> tuple[Array, Array]:
-    """Distances from a route, m, and of headings, rad, (frames, n) each."""
+    """Return position errors, m, and heading errors, rad, (frames, n) each."""
     off = record["pose"] - route.poses[: len(record["pose"]), None]
     return np.hypot(off[..., 0], off[..., 1]), np.abs(off[..., 2])
 
@@ -38,7 +38,7 @@ def driven(
 
 
 def test_known_and_learned_models_reduce_the_error() -> None:
-    """The nominal model is worth a factor of three to comp-flc; where it is wrong, learning is."""
+    """The nominal model reduces the error of comp-flc to a third; if it is wrong, learning helps."""
     names = "inverse-flc", "adaptive-comp-flc"
     wrong = {"creep_s2_m": 0.03, "lag_s": 0.04, "alpha": (1.0, 1.0)}
     teams = [team(name, **known) for known in ({}, wrong) for name in names]
@@ -114,7 +114,7 @@ def test_frozen_vision_does_not_reverse_the_heading(name: str) -> None:
 
 
 def test_a_wrong_dead_time_is_identified_and_robots_come_to_rest() -> None:
-    """By three frames less and more, and by eight."""
+    """The dead time is wrong by three frames, either way, and by eight."""
     robots = CreepingPlant(np.zeros((3, 3)), delay=[5, 11, 0])
     record = run_team(team("adaptive-comp-flc", 8, n=3), robots, ROUTE.frames + SECOND)
     rest = record["pose"][-SECOND // 2 :]

@@ -19,7 +19,7 @@ def travelled(commands: Array, alpha: Array, delay: int) -> Array:
 
 
 def estimate(positions: Array, commands: Array, window: int, delay: int) -> Array:
-    """Values (frames, n, 2) of the estimate, frame by frame."""
+    """Return the estimates of all frames, (frames, n, 2)."""
     n = commands.shape[1]
     sent, estimator = CommandHistory(n, window + delay), AlphaEstimator(n, window, delay, T)
     values = []

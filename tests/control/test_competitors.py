@@ -53,7 +53,7 @@ def test_adaptive_controllers_tolerate_wrong_models(
 def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: int) -> None:
     """Robots reach a resting reference with alpha from 0.5 to 1.1 and a dead time wrong by a frame.
 
-    Through the filter, which reckons with what was told.
+    Vision passes the filter, which uses the nominal model.
     """
     rng, frames = np.random.default_rng(seed), 240 if name in IDENTIFYING else 360
     start = rng.uniform(-0.1, 0.1, (n, 3))

@@ -41,7 +41,7 @@ def follow(
 
 
 def position_error(run: Run, reference: TimedReference) -> Array:
-    """Distance of robot 0 from the reference in each frame, m."""
+    """Return the position error of robot 0 in each frame, m."""
     off = run.pose[:, 0] - reference.poses[: len(run.pose)]
     return np.hypot(off[:, 0], off[:, 1])
 

@@ -59,7 +59,7 @@ def test_the_surface_is_exact(error: tuple[float, float]) -> None:
 
 
 def test_a_row_of_a_batch_equals_the_row_alone() -> None:
-    """The size of a batch does not show in the last bit."""
+    """Results do not depend on the size of the batch, bit for bit."""
     rows = np.random.default_rng(3).uniform(-0.11, 0.11, (1001, 2))
     batch = FLC(rows)
     assert all(

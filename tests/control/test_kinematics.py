@@ -104,7 +104,7 @@ def test_wrapped_angles_never_leave_the_half_open_interval() -> None:
 
 
 def test_a_row_of_a_batch_equals_the_row_alone() -> None:
-    """No function lets a row's last bit depend on how many rows there are."""
+    """No function's result of a row depends on the number of rows, bit for bit."""
     rng = np.random.default_rng(0)
     pose, twist, speeds = (
         rng.normal(size=(37, 3)),

@@ -92,7 +92,7 @@ def test_gain_is_optimal_for_the_model_with_dead_time() -> None:
 def test_prediction_removes_the_dead_time_from_the_loop(
     kind: str, start: tuple[float, ...], delay: int, lag: float
 ) -> None:
-    """A nominal robot does what one without dead time does, k_d frames later."""
+    """Dead time delays the motion of a nominal robot by k_d frames."""
 
     def follow(delay: int, frames: int, first_frame: int) -> Array:
         return run_controller(

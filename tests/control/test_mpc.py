@@ -16,7 +16,7 @@ from omni_control import MotionLimits, TeamModel, TimedReference
 def make_programs(
     seed: int, n: int, frames: int, relative_change: float
 ) -> tuple[Array, Array, CommandConstraints]:
-    """Return programs whose planned commands change by about `asked`, relative to the limits."""
+    """Return programs whose planned commands change by about `relative_change` of the limits."""
     rng = np.random.default_rng(seed)
     root = np.tril(rng.normal(size=(n, 2 * frames, 2 * frames)))
     hessian = root @ root.swapaxes(1, 2) / frames + np.eye(2 * frames)
@@ -79,7 +79,7 @@ def test_programs_agree_with_another_solver(seed: int) -> None:
 
 
 def test_programs_are_solved_independently() -> None:
-    """Bit for bit, of those that limits bind and of those they do not."""
+    """Bit for bit, with and without active limits."""
     hessian, gradient, limits = make_programs(1, 8, 12, 1.0)
     gradient[::2] = 0
     planned = limits.planned.copy()
@@ -115,7 +115,7 @@ def test_programs_are_feasible_after_any_last_command() -> None:
 
 
 def test_unsolved_programs_yield_nan_for_that_robot_only() -> None:
-    """Of two robots, of one of which the reference is lost."""
+    """Two robots; the reference of one is NaN."""
     hessian, gradient, limits = make_programs(4, 2, 6, 2.0)
     gradient[1] = np.nan
     limits.planned[:, 1] = np.nan
@@ -151,7 +151,7 @@ def test_commands_satisfy_the_limits() -> None:
 
 
 def test_without_piqp_one_line_explains_how_to_install_it() -> None:
-    """In programs of their own, in which the package cannot be found."""
+    """In subprocesses in which the package cannot be imported."""
     hidden = "import sys; sys.modules['piqp'] = None; "
     cli = "from omni_mj.cli.main import main; sys.argv = ['omni-mj', {}]; main()"
     run = hidden + cli.format("'--scenario', 'rect', '--controller', 'mpc', '--no-figures'")

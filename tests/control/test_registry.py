@@ -133,7 +133,7 @@ def test_team_models_are_checked_and_comparable() -> None:
 
 
 def test_the_package_needs_no_simulator_and_scipy_only_when_it_must() -> None:
-    """What is asked for by name loads numpy and no more; nothing of omni_mj is ever needed."""
+    """Importing a controller by name loads numpy only, and never omni_mj."""
     script = """
 import sys
 from omni_control import *

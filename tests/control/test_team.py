@@ -164,7 +164,7 @@ def test_returned_arrays_are_copies() -> None:
         command += 1.0
 
 
-# --- what is recorded, and what is refused ---
+# --- channels and invalid input ---
 
 
 class RecordingFollower(Follower):

@@ -13,7 +13,7 @@ from omni_control import ControllerError, Observation, OmniError, Team, TeamMode
 
 
 class Failing(Follower):
-    """Fails in frame 5 as its text says."""
+    """A controller that fails in frame 5 in the way that `how` names."""
 
     how: str = ""
 
@@ -37,7 +37,7 @@ class Failing(Follower):
         return command
 
 
-FAILURES: dict[str, tuple[int, list[int], str]] = {  # the frame, the rows, what is said
+FAILURES: dict[str, tuple[int, list[int], str]] = {  # frame, rows, message
     "raise": (
         5,
         [2, 3, 4],
@@ -67,7 +67,7 @@ def team_with(how: str, on_failure: Callable[..., None] | None = None) -> Team:
 
 
 def test_failed_rows_are_sent_zero_and_the_others_go_on() -> None:
-    """TeamModel once, with the reason; they say nothing more, and no bit of the others changes."""
+    """The handler is called once, with the reason; the other rows do not change by a bit."""
     quiet = run_team(team_with(""), make_plant(make_start_poses(6)), make_noise(6, 12))
     for how, (frame, rows, message) in FAILURES.items():
         model: list[tuple[int, list[int]]] = []
@@ -96,7 +96,7 @@ def test_failed_rows_are_sent_zero_and_the_others_go_on() -> None:
 
 
 def test_a_stopped_robot_is_ignored() -> None:
-    """Whatever vision and truth say of it from then on; an infinite pose of another is refused."""
+    """Its vision and truth are ignored from then on; infinite poses of others are rejected."""
     team = Team(
         [Follower(TeamModel(T, 2), TIMED, 2), TruthFollower(TeamModel(T, 2), TIMED, 2)],
         make_start_poses(4),

@@ -43,7 +43,7 @@ def make_envs(
 
 
 class Policy(om.Controller):
-    """The same as a controller."""
+    """The policy of `act` as a controller."""
 
     def __init__(self, model: Any, reference: Any, n: int) -> None:
         super().__init__(model, reference, n)
@@ -56,7 +56,7 @@ class Policy(om.Controller):
 
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 def test_gymnasium_check_passes(plant: str) -> None:
-    """Not even a warning: spaces, returned types, and that a seed determines an episode."""
+    """No warnings about spaces, returned types, and reproducible seeds."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gymnasium.make("omni_mj/Track-v0", plant=plant, reference=SHORT).unwrapped)
@@ -108,7 +108,7 @@ def test_observations_are_errors_to_the_reference() -> None:
         observation, *_ = env.step([1.0, 0.0, 0.0])
         acted_distance, all_sent = (step * sum(sent[: len(sent) - late]) for late in (delay, 0))
         body_axes = np.stack([forward, [-forward[1], forward[0]]])
-        # Vision is exact, but the filter believes it to 1.3 mm: it lags by less than that.
+        # Vision is exact, but the filter assumes a noise of 1.3 mm, and lags by less than that.
         np.testing.assert_allclose(
             observation[:2], body_axes @ (reference[frame] - acted_distance * forward), atol=1.3e-3
         )
@@ -219,7 +219,7 @@ def test_invalid_arguments_are_rejected_with_one_line(
 
 
 def test_scenarios_with_parameterized_controllers_are_accepted() -> None:
-    """Of any scenario; who drives in it otherwise does not matter."""
+    """The scenario's own controllers do not matter."""
     scenario_with_controllers = om.load_scenario(
         "rect", plant="kinematic", controllers=[Policy, Tuned], controller={"Tuned": {"gain": 2.0}}
     )
@@ -240,7 +240,7 @@ def test_invalid_actions_are_rejected() -> None:
 
 
 def test_gymnasium_imports_the_package_by_the_environments_name() -> None:
-    """Nobody else has to import this package; and without Gymnasium one line names the extra."""
+    """No import of this package is needed; without Gymnasium one line names the extra."""
     for code, words in (
         (
             "import gymnasium; "

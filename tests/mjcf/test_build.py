@@ -1,4 +1,4 @@
-"""Worlds of a field and n robots: parts by role, and what is refused."""
+"""Worlds of a field and n robots: indices of parts, and invalid robots."""
 
 import re
 
@@ -105,7 +105,7 @@ def test_mass_and_center_of_mass_are_those_of_the_settings() -> None:
 
 
 def test_load_sensors_belong_to_their_wheels() -> None:
-    """Standing apart, each robot's wheels carry its weight."""
+    """The wheels of each robot carry its weight."""
     world = world_builder.build_world(robots_per_world=3)
     data = mujoco.MjData(world.model)
     data.qpos = world.rest_qpos

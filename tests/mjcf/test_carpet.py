@@ -21,12 +21,12 @@ from benches.plant import mujoco as plant_of
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
 
-# A stiff wheel loop, so that what is seen is the contact and not the firmware.
+# A stiff wheel loop, so that the firmware does not hide the contact.
 SHARP = {"firmware": STIFF}
 
 
 def test_a_robot_that_stands_or_has_stopped_does_not_creep() -> None:
-    """From the start, and after driving, with wheels and rollers wherever they came to rest."""
+    """At the start, and after driving, at arbitrary angles of wheels and rollers."""
     twists = np.array([[0.0, 0.0, 0.0], [0.7, 0.2, 0.0], [-0.3, 0.6, 2.0], [0.0, 0.0, -4.0]])
     start = np.array([[0.3, -0.2, 0.7], *np.zeros((3, 3))])
     commands = np.concatenate([constant(twists, 30, 4), constant([0, 0, 0], 240, 4)])

@@ -27,7 +27,7 @@ TWISTS = np.array([[1.5, 0, 0], [0, 1.5, 0], [1.0, 1.0, 0]])
 
 
 def free(stiffness: float = STIFFNESS, **sections: dict[str, object]) -> Settings:
-    """A robot that nothing brakes but creep: no drag, no friction in gears."""
+    """Return a robot without drag and gear friction."""
     no_friction = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
     return noiseless(
         carpet={"rolling_resistance": 0.0},
@@ -42,7 +42,7 @@ def driven() -> Tape:
 
 
 def test_each_wheel_slips_by_the_creep_law(driven: Tape) -> None:
-    """s = |v| f / (N C), f being what the motor's torque leaves of hub and rotor."""
+    """s = |v| f / (N C), where f is the motor torque minus that of hub and rotor inertia."""
     settings, window = free(), slice(16 * 20, 16 * 40)
     inertia = HUB_INERTIA + settings.motor.rotor_inertia_kg_m2 * settings.motor.gear_ratio**2
     hubs = driven.steps["wheels"]

@@ -28,7 +28,7 @@ AFTER = 96  # steps, in which the start is forgotten
 def settings(
     pile: float, bearing: float, gear: float, motor: float, **sections: dict[str, float]
 ) -> Settings:
-    """`motor`: its friction, as a share of what it is."""
+    """Return settings with these frictions; that of the motor is relative to nominal."""
     no_load = {"no_load_current_a": motor * resolve_settings().motor.no_load_current_a}
     drive = {"roller_friction": bearing, "gear_friction_nm": gear, "roller_damping_nm_s": 0.0}
     return noiseless(
@@ -67,7 +67,7 @@ def expected(name: str, row: int, tape: Tape) -> float:
 
 
 def decelerations(tape: Tape) -> NDArray:
-    """Along each row's direction, m/s^2, after the start has been forgotten."""
+    """Return the deceleration of each row along its direction, m/s^2, after a transient."""
     speed = (
         tape.twist()[AFTER:, :, :2] * np.tile(DIRECTIONS, (tape.twist().shape[1] // 4, 1))
     ).sum(-1)
@@ -76,7 +76,7 @@ def decelerations(tape: Tape) -> NDArray:
 
 @pytest.fixture(scope="module")
 def rolling() -> NDArray:
-    """What rollers on a carpet that yields cost without any drag, in each direction, m/s^2."""
+    """Return the deceleration by rollers on a soft carpet without drag, per direction, m/s^2."""
     return decelerations(rolled_out([settings(0.0, 0.0, 0.0, 0.0)]))
 
 
@@ -90,7 +90,7 @@ def test_coasting_follows_the_drag_coefficients(name: str, rolling: NDArray) -> 
 
 
 def test_carpet_and_bearings_brake_in_proportion_to_load() -> None:
-    """Twice the mass rolls out alike."""
+    """Twice the mass coasts equally far."""
     bodies = ({"mass_kg": mass, "tilt_inertia_kg_m2": 0.0075} for mass in (2.65, 5.3))
     light, heavy = (settings(0.1, 0.05, 0.0, 0.0, body=body) for body in bodies)
     light_forces, heavy_forces = (

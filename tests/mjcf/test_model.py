@@ -27,13 +27,13 @@ def data(model: mujoco.MjModel) -> mujoco.MjData:
 
 
 def rollers(model: mujoco.MjModel, wheel: int) -> list[int]:
-    """Ids of the bodies that hang on a wheel's rim."""
+    """Return the bodies on a wheel's rim."""
     parent = model.body(f"rim_{wheel}").id
     return [i for i in range(model.nbody) if model.body_parentid[i] == parent]
 
 
 def robot_geoms(model: mujoco.MjModel) -> list[int]:
-    """Geoms of the robot, but for its hull, which is the league's cylinder itself."""
+    """Return the geoms of the robot, without its hull."""
     return [
         i for i in range(model.ngeom) if model.geom_bodyid[i] != 0 and model.geom(i).name != "hull"
     ]
@@ -56,7 +56,7 @@ def support(model: mujoco.MjModel, data: mujoco.MjData, geom: int, directions: N
 
 
 def com_and_inertia(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray, NDArray]:
-    """Centre of mass and inertia (3, 3) about it, by the parallel axis theorem over the bodies."""
+    """Return center of mass and inertia (3, 3) about it, by the parallel axis theorem."""
     mass, position = model.body_mass, data.xipos
     com = mass @ position / mass.sum()
     inertia = np.zeros((3, 3))

@@ -92,7 +92,7 @@ CASES: list[tuple[tuple[float, ...], dict[str, Any]]] = [
 def test_a_handwritten_model_drives_like_the_robot_with_its_numbers(
     write: Write, azimuths: tuple[float, ...], changes: dict[str, Any]
 ) -> None:
-    """Its numbers are those that were written; the same as a robot's file gives the same path.
+    """Its numbers are those of the MJCF; a robot file with these numbers gives the same path.
 
     Within 1 mm and 1 mrad, on 0.6 m at up to 0.8 m/s: rims and rollers weigh other parts of the
     same whole, and a hub that is one with its rim slips on the motor's shaft.
@@ -132,7 +132,7 @@ def test_both_wheel_models_accept_a_custom_robot(write: Write) -> None:
 
 
 def test_motors_without_a_wheel_are_ignored(write: Write) -> None:
-    """A dribbler is a motor as well."""
+    """For instance that of a dribbler."""
     dribbler = (
         '<body name="d" pos="0.07 0 0.03"><joint name="d" axis="0 1 0"/>'
         '<geom size="0.005" mass="0.01"/></body>'
@@ -142,7 +142,7 @@ def test_motors_without_a_wheel_are_ignored(write: Write) -> None:
 
 
 def test_custom_robots_share_a_world_and_collide(write: Write) -> None:
-    """Each with its own parts; what they meet with must be said."""
+    """Each robot has its own parts; hulls must be named."""
     start_poses = {"start_poses": [[0, 0, 0], [0, 1, 0]]}
     with pytest.raises(om.OmniError, match=r"no hull; .* class 'hull'"):
         om.Simulation(

@@ -71,7 +71,7 @@ def test_missing_parts_of_a_model_are_named_with_its_file(tmp_path: Path) -> Non
 
 
 def test_settings_must_not_contradict_the_model(tmp_path: Path) -> None:
-    """All at once; a robot's file is another matter, whose differences are told."""
+    """All errors at once; differences from a robot's file are also reported."""
     file = tmp_path / "mine.xml"
     file.write_text(TEXT)
     with pytest.raises(om.OmniError) as error:

@@ -17,14 +17,14 @@ DIGITS = 1e-6  # of the numbers in the files
 
 
 def written(values: Any) -> str:
-    """As in the file."""
+    """Return numbers as they are written in the file."""
     return " ".join(
         f"{number:.9g}" if abs(number) > 1e-15 else "0" for number in np.atleast_1d(values)
     )
 
 
 def expected() -> list[str]:
-    """What must stand in ssl_robot.xml, for the settings of the default robot."""
+    """Return the attributes that ssl_robot.xml must contain for the default robot."""
     settings = resolve_settings()
     wheels, motor, world = (
         settings.wheels,
@@ -78,7 +78,7 @@ def test_the_plain_file_holds_the_default_robots_numbers() -> None:
 
 
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
-    """But for the sensors of load, which the build adds, and what is written in every step."""
+    """Except for load sensors, which the builder adds, and values that are written in each step."""
     plain = model_arrays(mujoco.MjModel.from_xml_path(str(find_models_folder() / "scene.xml")))
     built = model_arrays(world_builder.build_world().model)
     assert plain.keys() == built.keys()

@@ -27,14 +27,14 @@ ROLLING_KG = MASS_KG + RIM_INERTIA / RADIUS_M**2 * (TANGENTS**2).sum(0)
 
 
 def stiff(friction: float, **sections: dict[str, object]) -> Settings:
-    """So that the carpet is the limit and not the firmware."""
+    """Return settings in which the carpet limits the robot, not the firmware."""
     return noiseless(
         carpet={"friction": friction} | sections.pop("carpet", {}), firmware=STIFF, **sections
     )
 
 
 def free(friction: float, bearing: float = 0.0) -> Settings:
-    """No drag but that of a roller's bearing."""
+    """Return settings whose only drag is that of roller bearings."""
     return stiff(
         friction,
         carpet={"rolling_resistance": 0.0},
@@ -88,7 +88,7 @@ def test_bearing_friction_uses_part_of_the_friction_circle() -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_no_wheel_leaves_the_carpet_while_wheels_slide(model: str) -> None:
-    """A tenth of a millimetre, at 0.5 to 3 m/s over all frictions, in all directions."""
+    """Wheels stay within 0.1 mm, at 0.5 to 3 m/s, for all frictions and directions."""
     commands = np.array(
         [speed * twist for speed in (1.0, 3.0) for twist in (FORWARD, LEFT, DIAGONAL, TURN)]
     )
@@ -104,7 +104,7 @@ def test_no_wheel_leaves_the_carpet_while_wheels_slide(model: str) -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_reversal_at_full_speed_does_not_topple_a_robot(model: str) -> None:
-    """From 3 m/s forward to 3 m/s backward at once, where statics keeps every wheel loaded."""
+    """A step from 3 m/s to -3 m/s; by statics every wheel stays loaded."""
     fraction = np.append(np.minimum(1.0, 0.04 * np.arange(45)), -np.ones(50))
     commands = fraction[:, None, None] * 3 * np.tile([FORWARD, LEFT, DIAGONAL], (2, 1))
     tape = Tape(

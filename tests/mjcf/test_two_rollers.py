@@ -68,7 +68,7 @@ def tapes() -> list[Tape]:
 
 
 def rms(values: NDArray) -> NDArray:
-    """Over steps and wheels, of each row."""
+    """Return the mean over steps and wheels for each row."""
     return np.asarray(np.sqrt((values**2).mean((0, 2))))
 
 
@@ -126,7 +126,7 @@ def test_wrapping_rollers_does_not_change_the_encoder() -> None:
     assert wheel_angle == pytest.approx(
         tape.steps["wheels"].sum(0) / 960, abs=1e-9
     )  # Euler's rule, up to rounding
-    # The rims have been turned back from their hubs by whole pitches, and what they slid is left.
+    # The rims have been turned back by whole pitches; their slip angles remain.
     slips = plant._batch.bind("qpos")[:, plant._world.robots[0].slip_qpos]
     slid = tape.steps["slips"].sum(0) / 960
     back = (slips - slid) / (2 * np.pi / ROLLERS)

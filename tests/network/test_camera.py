@@ -47,7 +47,7 @@ def test_noise_is_white_normal_and_independent_per_axis() -> None:
 
 
 def test_missed_detections_have_their_probability_and_length() -> None:
-    """A gap begins wherever a camera of single misses misses; the first frame is always seen."""
+    """Gaps begin where single misses occur; the first frame is always measured."""
     lengths, probability = [1, 2, 10, 600], 0.02
     settings = [{"miss_probability": probability, "miss_frames": length} for length in lengths]
     measured = ~np.isnan(measure_poses(resting_poses(FRAMES, 4), visions=settings)[0][..., 0])
@@ -90,7 +90,7 @@ def test_without_noise_measured_is_the_pose_with_wrapped_heading(
 def test_images_show_the_pose_at_their_capture_time(
     rate: float, delay: float, jitter: float
 ) -> None:
-    """Of a straight motion, so that poses between frames are exact; what is not seen has no age."""
+    """For a straight motion, where interpolation is exact; a missed robot has the age 0."""
     measured, age = measure_poses(
         moving_poses(60), **SHARP, rate_hz=rate, delay_s=delay, jitter_s=jitter
     )
@@ -186,7 +186,7 @@ def test_frozen_vision_repeats_the_last_image() -> None:
 
 
 def test_biases_add_up_and_have_their_probability() -> None:
-    """One of half a turn takes front for back."""
+    """A bias of half a turn confuses front and back."""
     strong_bias, weak_bias = (
         make_fault("vision-bias", 5, 40, x_m=0.1, heading_deg=170.0),
         make_fault("vision-bias", 20, x_m=-0.03, y_m=0.2),
@@ -217,7 +217,7 @@ def test_a_wrong_id_reports_the_other_robots_pose() -> None:
 
 
 def test_a_slow_clock_extrapolates_robots_too_far() -> None:
-    """By twist times the time since the fault began times its rate."""
+    """The error is twist times drift times the time since the fault began."""
     rate, start, end, frame = 0.05, 12, 60, np.arange(80)
     error = np.where((frame >= start) & (frame < end), rate * (frame - start) * FRAME_S, 0.0)
     poses = measure_extrapolated(
@@ -251,7 +251,7 @@ def test_vision_delay_delays_later_images() -> None:
 def test_camera_faults_end_without_trace_and_affect_their_row_only(
     kind: str, values: dict[str, Any]
 ) -> None:
-    """To the bit, with noise and misses."""
+    """Bit for bit, with noise and misses."""
     camera_fault = make_fault(kind, 20, 25, **values)
     healthy, faulty = np.moveaxis(measure_extrapolated([], [camera_fault], **NOISY), 1, 0)
     np.testing.assert_array_equal(healthy, measure_extrapolated([], **NOISY)[:, 0])

@@ -1,4 +1,4 @@
-"""The radio: what is sent arrives, unchanged, k_d frames later; its jitter, losses and faults."""
+"""The radio: packets arrive unchanged k_d frames later; jitter, losses and faults."""
 
 from typing import Any
 
@@ -148,7 +148,7 @@ def test_bursts_follow_the_gilbert_elliott_model(length: float, fraction: float)
 def test_late_and_duplicate_packets_arrive_last_in_their_frame(
     delay: int, k: int, start: int, duration: int
 ) -> None:
-    """A robot applies whatever comes last; here all packets of a while do so."""
+    """A robot applies the packet that arrives last; here all packets of an interval are affected."""
     kinds = {"radio-reorder": False, "radio-duplicates": True}
     received_ticks = receive_packets(
         [[make_fault(kind, start, duration, probability=1.0, delay_frames=k)] for kind in kinds],
@@ -179,7 +179,7 @@ def test_late_and_duplicate_packets_arrive_last_in_their_frame(
 def test_radio_faults_end_without_trace_and_affect_their_row_only(
     kind: str, values: dict[str, Any]
 ) -> None:
-    """To the bit, with losses and jitter of the radio's own."""
+    """Bit for bit, with further losses and jitter."""
     radio_fault = make_fault(kind, 20, 30, **values)
     settings = {"jitter_frames": 2, "loss_probability": 0.1}
     healthy, faulty = receive_packets([[], [radio_fault]], 100, 4, **settings).T
@@ -210,7 +210,7 @@ def test_packets_to_some_robots_do_not_change_the_others() -> None:
 
 
 def test_a_radio_delay_equals_a_radio_whose_dead_time_is_unknown() -> None:
-    """To the last bit."""
+    """Bit for bit."""
     scenario = om.load_scenario(
         "rect", plant="planar", reference={"waypoints": [[0, 0, 0], [0.2, 0, 1.0]], "settle_s": 0.2}
     )
