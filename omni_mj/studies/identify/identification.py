@@ -40,6 +40,11 @@ CONTACT_PARAMETERS = (
     "slope_x_m_s2",
     "slope_y_m_s2",
 )
+# Parameters that are always fitted
+FREE_PARAMETERS = {
+    "wheels": (LATENCY, "scale", "arm", "heading_offset_rad"),
+    "commands": (LATENCY, "scale", "compliance_s", "dry_friction_m_s", "heading_offset_rad"),
+}
 MIN_LATENCY_S = 0.01  # at the start of a fit to commands
 
 
@@ -181,8 +186,7 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
     if not by_wheels:
         lag = 2 * start["compliance_s"] / len(dynamics.rim_directions)
         start[LATENCY] = max(start[LATENCY] - lag, MIN_LATENCY_S)
-    free = [LATENCY, "scale", *(["arm"] if by_wheels else ["compliance_s", "dry_friction_m_s"])]
-    free.append("heading_offset_rad")
+    free = list(FREE_PARAMETERS[source])
     if not by_wheels and "turning" not in missing_excitation:
         free.append("turn_rate_gain")
     free += _prepare_contacts(result.fits.get("wheels"), start, "creep" in missing_excitation)
