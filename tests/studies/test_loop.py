@@ -183,7 +183,7 @@ def test_summary_and_table_agree(small: LoopResult) -> None:
     assert summary["complete"]
     assert len(small.rows().to_pylist()) == len(GAINS) * 2 * 2
     margins_of_p = summary["loop"]["cases"][REST]["p"]["margins"]
-    line = next(line for line in small.table().splitlines() if line.startswith(REST))
+    _, line = (line for line in small.table().splitlines() if line.startswith(REST))
     assert line.split()[2] == "p"
     assert f"{margins_of_p['phase_deg']:.0f}" in line.split()
 

@@ -79,9 +79,9 @@ UNDISTURBED = {
     "disturbance": {"force_n": 0},
 }
 Trials = Sequence[tuple[Settings, RampProfile]]  # settings share one shape, see `plants.mujoco`
-# Quantity of `Response` -> factor to the table's unit, decimal places
+# Quantity of `RampResponse` -> factor to the table's unit, decimal places
 _FORMATS = {"steady_gain": (1.0, 3), "acceleration_gain": (1.0, 3), "lag_s": (1000.0, 0)}
-_HEADINGS = ["", "", "steady gain: fwd", "side", "speeding up: fwd", "side", "lag, ms: fwd", "side"]
+_HEADINGS = ["forward/sideways", "", "steady gain", "gain speeding up", "lag, ms"]
 
 
 class Commanded(Controller):
@@ -305,11 +305,13 @@ def _build_study(condition_values: ConditionValues, response: RampResponse) -> A
 
 
 def _format_response(response: RampResponse, sign: str = "") -> list[str]:
-    """Return the forward and sideways values of each quantity as text."""
+    """Return each quantity as text: forward/sideways."""
     return [
-        f"{factor * getattr(response, name)[axis]:{sign}.{digits}f}"
+        "/".join(
+            f"{factor * getattr(response, name)[axis]:{sign}.{digits}f}"
+            for axis in range(len(AXES))
+        )
         for name, (factor, digits) in _FORMATS.items()
-        for axis in range(len(AXES))
     ]
 
 

@@ -34,8 +34,8 @@ CONDITION_LABELS = {
     "acceleration_m_s2": "acceleration in m/s²",
     "friction": "carpet friction",
     "creep_stiffness": "creep stiffness",
-    "rolling_resistance": "drag of the pile / normal force",
-    "winding_c": "winding temperature in °C",
+    "rolling_resistance": "rolling resistance",
+    "winding_c": "winding in °C",
     "charge": "battery charge",
 }
 # Section of settings of each condition that is not part of the profile

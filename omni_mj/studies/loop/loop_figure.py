@@ -31,7 +31,7 @@ GUIDE = {"color": style.REFERENCE, "lw": 1, "zorder": 1}  # line style of levels
 def save_loop_figure(result: "LoopResult", stem: Path) -> None:
     """Draw all loops into `stem`.png and `stem`.svg, a column per case."""
     size = (COLUMN_IN * max(len(result.loops), 2), sum(PANELS_IN))
-    title = result.title[0].upper() + result.title[1:]
+    title = f"Step responses and loop gains of controllers: {result.title}"
     with plotting.figure_file(stem, title, svg=True, figsize=size) as figure:
         grid = figure.subplots(4, len(result.loops), height_ratios=PANELS_IN, squeeze=False)
         for (case, loops), panels in zip(result.loops.items(), grid.T, strict=True):

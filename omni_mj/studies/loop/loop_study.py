@@ -60,13 +60,15 @@ DEFINITIONS = {
     "sensitivity": "Ms, largest abs(1 / (1 + L)) at the measured frequencies",
 }
 # Heading, factor and decimal places of each field of `StepMetrics` and `StabilityMargins`
-COLUMNS = (
+STEP_COLUMNS = (
     ("rise, ms", 1e3, 0),
     ("overshoot, %", 1e2, 0),
-    ("5 mm, s", 1, 2),
-    ("2 %, s", 1, 2),
+    ("to 5 mm, s", 1, 2),
+    ("to 2 %, s", 1, 2),
     ("steady, mm", 1e3, 1),
-    ("w, rad/s", 1, 1),
+)
+MARGIN_COLUMNS = (
+    ("crossover, rad/s", 1, 1),
     ("phase, °", 1, 0),
     ("delay, ms", 1e3, 0),
     ("gain", 1, 2),
@@ -113,12 +115,9 @@ class LoopResult(Result):
 
     @property
     def title(self) -> str:
-        """Title of table and figure."""
+        """Robot and plant, for the titles of tables and figure."""
         scenario = self.outcomes[0].scenario
-        return (
-            f"control loops of {scenario.robot} on the {scenario.plant} plant: "
-            f"{100 * STEP_M:g} cm step, crossover and margins"
-        )
+        return f"{scenario.robot} on the {scenario.plant} plant"
 
     def summary(self) -> dict[str, Any]:
         """Return the summary of any result, with the loops as `loop`."""
@@ -135,19 +134,36 @@ class LoopResult(Result):
 
     def table(self) -> str:
         """Return metrics and margins as lines of text; empty if the study was stopped."""
+        if not self.loops:
+            return ""
+        step_title = f"response to a step of {100 * STEP_M:g} cm: {self.title}"
+        steps = self._format_metrics(step_title, "step_metrics", STEP_COLUMNS)
+        margin_title = f"stability margins: {self.title}"
+        margins = self._format_metrics(margin_title, "margins", MARGIN_COLUMNS)
+        return f"{steps}\n\n{margins}"
+
+    def _format_metrics(
+        self, title: str, field_name: str, columns: Sequence[tuple[str, float, int]]
+    ) -> str:
+        """Return the table of a field of `LoopMeasurement`.
+
+        Args:
+            title: Title of the table.
+            field_name: "step_metrics" or "margins".
+            columns: Heading, factor and decimal places of each metric.
+        """
         rows = []
         for case, loops in self.loops.items():
             for i, (label, loop) in enumerate(loops.items()):
-                values = (*loop.step_metrics, *loop.margins)
                 formatted = [
                     format_number(finite_or_none(value), factor, digits)
-                    for value, (_, factor, digits) in zip(values, COLUMNS, strict=True)
+                    for value, (_, factor, digits) in zip(
+                        getattr(loop, field_name), columns, strict=True
+                    )
                 ]
                 rows.append(["" if i else case, label, *formatted])
-        if not rows:
-            return ""
-        headings = ["", "", *(heading for heading, _, _ in COLUMNS)]
-        return format_table(Table(self.title, headings, rows, 2))
+        headings = ["", "", *(heading for heading, _, _ in columns)]
+        return format_table(Table(title, headings, rows, 2))
 
 
 def measure_loop(
