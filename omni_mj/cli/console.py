@@ -148,9 +148,10 @@ def print_result(result: "Result", folder: Path, outputs: Iterable[str]) -> None
 
 
 def describe_outputs(folder: Path, outputs: Iterable[str]) -> str:
-    """Return which of the outputs are in a folder, as a line for the terminal."""
+    """Return which of the outputs are in a folder, as lines for the terminal."""
     names = ", ".join(output for output in outputs if (folder / output).exists())
-    return f"results in {folder}/ ({names})"
+    line = f"results in {folder}/ ({names})"
+    return textwrap.fill(line, subsequent_indent="  ", break_long_words=False)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from omni_mj.results.statistics import SeedStatistics
 
 DASH = "\N{EN DASH}"
 TERMINAL_WIDTH = 80
+MAX_LABEL_WIDTH = 40  # longer labels get a line of their own
 PAPER_PREFIX = "paper's "  # before the names of controllers whose errors the paper reports
 AXIS_COLUMNS = {  # axis -> heading, key in the summary, factor
     "x": ("x, cm", "error_m", 100.0),
@@ -35,7 +36,7 @@ class Table:
     left_columns: int
 
 
-def results_table(summary: Summary, effort: bool = False) -> Table:
+def results_table(summary: Summary, effort: bool = False, paper: bool = True) -> Table:
     """Return the errors and settling times of all controllers in all scenarios.
 
     Errors are "maximum/mean" over the frames; of several seeds, the medians. The paper's errors
@@ -45,17 +46,20 @@ def results_table(summary: Summary, effort: bool = False) -> Table:
     Args:
         summary: Content of summary.json.
         effort: Whether to add a column with the excess effort.
+        paper: Whether to add the errors that the paper reports, and columns for x and y.
     """
     entries = {name: entry for name, entry in summary["scenarios"].items() if entry["results"]}
     several = len(summary["scenarios"]) > 1
-    has_paper = any(entry["paper"] for entry in entries.values())
+    has_paper = paper and any(entry["paper"] for entry in entries.values())
     axes = [axis for axis in AXIS_COLUMNS if has_paper or axis not in ("x", "y")]
     baseline = next((next(iter(entry["results"])) for entry in entries.values()), "")
     headings = [*["scenario"] * several, "controller", *(AXIS_COLUMNS[axis][0] for axis in axes)]
     headings += [*["excess effort, m/s²"] * effort, "settled, s", f"vs {baseline}, %"]
     rows = []
     for name, entry in entries.items():
-        lines = [*_controller_rows(summary, entry, axes, effort), *_paper_rows(entry, axes)]
+        lines = list(_controller_rows(summary, entry, axes, effort))
+        if has_paper:
+            lines += _paper_rows(entry, axes)
         for i, line in enumerate(lines):
             row = [*["" if i else name] * several, *line]
             rows.append(row + [""] * (len(headings) - len(row)))
@@ -153,7 +157,8 @@ def format_table(text_table: Table, width: int = TERMINAL_WIDTH) -> str:
     """Return a table as lines of plain text that fit the terminal.
 
     Columns without any text are left out. If the table is too wide, units go to a second line of
-    the headings. Columns that still do not fit follow in another block below.
+    the headings. Columns that still do not fit follow in another block below. Long labels of rows
+    get a line of their own.
 
     Args:
         text_table: Table to print. Units follow a comma in its headings.
@@ -272,18 +277,26 @@ def _split_heading(column: Column) -> Column:
 
 def _width(columns: Sequence[Column]) -> int:
     """Return the width of columns side by side, in characters."""
-    return sum(2 + max(map(len, column)) for column in columns) - 2
+    return sum(2 + _column_width(column) for column in columns) - 2
+
+
+def _column_width(column: Column) -> int:
+    """Return the width of a column without its long labels, in characters."""
+    return max((len(text) for text in column if len(text) <= MAX_LABEL_WIDTH), default=0)
 
 
 def _format_block(labels: Sequence[Column], values: Sequence[Column], n_headings: int) -> str:
     """Return columns side by side, without the line of units if no column has one."""
     columns = [*labels, *values]
-    widths = [max(map(len, column)) for column in columns]
+    widths = [_column_width(column) for column in columns]
     lines = []
-    for texts in zip(*columns, strict=True):
+    for label, *texts in zip(*columns, strict=True):
+        if len(label) > MAX_LABEL_WIDTH:
+            lines.append(textwrap.fill(label, TERMINAL_WIDTH))
+            label = ""
         aligned = [
-            cell.ljust(width) if i < len(labels) else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(texts, widths, strict=True))
+            text.ljust(width) if i < len(labels) else text.rjust(width)
+            for i, (text, width) in enumerate(zip([label, *texts], widths, strict=True))
         ]
         lines.append("  ".join(aligned).rstrip())
     is_unit_line_empty = n_headings == 2 and not lines[1]

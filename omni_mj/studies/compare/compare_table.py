@@ -23,7 +23,7 @@ WITHIN_CHANCE = "?"  # mark of a difference that chance may explain
 
 def print_comparison(summary: Summary) -> None:
     """Print the errors, the verdicts, and a note for each scenario or row without result."""
-    errors, verdicts = results_table(summary), verdict_table(summary)
+    errors, verdicts = results_table(summary, paper=False), verdict_table(summary)
     if errors.rows:
         print(format_table(errors))
         settling = (

@@ -42,13 +42,13 @@ def _point_table(result: "SweepResult", points: list[dict[str, Any]]) -> Table:
     n_all = len(result.summary["points"])
     counts = sorted({point["n_robots"] for point in points})
     robots = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
-    title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, {robots} robots per line"
+    title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, {robots} robots per line: maximum error"
     if not result.complete:
         title += f", {result.n_done} of {len(plan.shards)} shards"
     if len(points) < n_all:
         title += f"; the worst {len(points)} of {n_all} lines"
-    headings = [*names, "controller", "failed, %", "95 %", "max error, cm", "95 %"]
-    headings += ["90th percentile"]
+    headings = [*names, "controller", "failed, %", "95 %", "error, cm", "95 %"]
+    headings += ["p90, cm"]
     return Table(title, headings, [_point_row(point, names) for point in points], len(names) + 1)
 
 
