@@ -38,7 +38,7 @@ def driven(
 
 
 def test_known_and_learned_models_reduce_the_error() -> None:
-    """The nominal model reduces the error of comp-flc to a third; if it is wrong, learning helps."""
+    """A nominal model reduces the error of comp-flc to a third; if it is wrong, learning helps."""
     names = "inverse-flc", "adaptive-comp-flc"
     wrong = {"creep_s2_m": 0.03, "lag_s": 0.04, "alpha": (1.0, 1.0)}
     teams = [team(name, **known) for known in ({}, wrong) for name in names]

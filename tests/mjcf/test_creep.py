@@ -27,7 +27,7 @@ TWISTS = np.array([[1.5, 0, 0], [0, 1.5, 0], [1.0, 1.0, 0]])
 
 
 def free(stiffness: float = STIFFNESS, **sections: dict[str, object]) -> Settings:
-    """Return a robot without drag and gear friction."""
+    """Return settings without drag and gear friction."""
     no_friction = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
     return noiseless(
         carpet={"rolling_resistance": 0.0},

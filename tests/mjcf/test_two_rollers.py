@@ -68,7 +68,7 @@ def tapes() -> list[Tape]:
 
 
 def rms(values: NDArray) -> NDArray:
-    """Return the mean over steps and wheels for each row."""
+    """Return the root mean square over steps and wheels for each row."""
     return np.asarray(np.sqrt((values**2).mean((0, 2))))
 
 

@@ -148,7 +148,7 @@ def test_bursts_follow_the_gilbert_elliott_model(length: float, fraction: float)
 def test_late_and_duplicate_packets_arrive_last_in_their_frame(
     delay: int, k: int, start: int, duration: int
 ) -> None:
-    """A robot applies the packet that arrives last; here all packets of an interval are affected."""
+    """A robot applies the packet that arrives last; here it affects all packets of an interval."""
     kinds = {"radio-reorder": False, "radio-duplicates": True}
     received_ticks = receive_packets(
         [[make_fault(kind, start, duration, probability=1.0, delay_frames=k)] for kind in kinds],
