@@ -46,7 +46,7 @@ class ParameterInfo(NamedTuple):
 
 PARAMETERS = {
     LATENCY: ParameterInfo("latency of the loop", "s", "", 0.5 * PERIOD_S, 8e-4),
-    "clock_offset_s": ParameterInfo("poses later than wheels by", "s", "", 0.5 * PERIOD_S, 4.5e-4),
+    "clock_offset_s": ParameterInfo("clock offset of poses", "s", "", 0.5 * PERIOD_S, 4.5e-4),
     "creep_stiffness": ParameterInfo("creep stiffness C", "", "creep", 0.25, 0.014, relative=True),
     "rolling_resistance": ParameterInfo("rolling resistance p", "", "creep", 0.02, 7e-3),
     "roller_friction": ParameterInfo("roller friction b", "", "creep", 0.03, 8e-3),
@@ -55,7 +55,7 @@ PARAMETERS = {
     "lag_forward_s": ParameterInfo("lag tau forward", "s", "forward", 0.02, 1e-3),
     "friction_forward_m_s": ParameterInfo("dry friction c forward", "m/s", "forward", 0.03, 0.0),
     "gain_turning": ParameterInfo("gain K turning", "", "turning", 0.05, 2e-3),
-    "heading_offset_rad": ParameterInfo("angle of the robot's axes", "rad", "", 0.05, 0.0),
+    "heading_offset_rad": ParameterInfo("heading offset", "rad", "", 0.05, 0.0),
 }
 for _axis in AXES:
     PARAMETERS |= {
@@ -69,7 +69,7 @@ for _axis in AXES:
     }
 for _axis in "xy":
     PARAMETERS[f"slope_{_axis}_rad"] = ParameterInfo(
-        f"slope of the carpet down along {_axis}", "rad", "creep", 0.01, 4e-4
+        f"downward slope along {_axis}", "rad", "creep", 0.01, 4e-4
     )
 
 

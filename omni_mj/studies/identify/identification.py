@@ -85,10 +85,11 @@ class IdentificationResult:
 
     def table(self) -> str:
         """Return estimates, residuals and remarks as lines of text."""
-        rows = [_estimate_row(estimate) for estimate in self.estimates.values()]
-        headings = ["", "from", "unit", "value", "std. error", "95 % interval"]
-        title = f"{self.start.robot}, identified from {', '.join(self.logs)}"
-        lines = [format_table(Table(title, headings, rows, 3))]
+        lines = [f"{self.start.robot}, identified from {', '.join(self.logs)}"]
+        headings = ["", "unit", "value", "std. error", "95 % interval"]
+        for source in dict.fromkeys(estimate.source for estimate in self.estimates.values()):
+            rows = [_estimate_row(e) for e in self.estimates.values() if e.source == source]
+            lines += [format_table(Table(f"by {source}", headings, rows, 2)), ""]
         for source, fit in self.fits.items():
             for (quantity, residuals), unit in zip(
                 fit.residuals.items(), ("mm", "mrad"), strict=True
@@ -277,8 +278,8 @@ def _apply_radius_prior(result: IdentificationResult, fit: Fit) -> Fit:
 
 def _estimate_row(estimate: Estimate) -> list[str]:
     """Return the cells of an estimate in the table."""
-    head = [estimate.title, estimate.source, estimate.unit]
     if not estimate.is_identified:
-        return [*head, DASH, DASH, DASH]
+        return [estimate.title, estimate.unit, DASH, DASH, DASH]
+    numbers = [f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}"]
     interval = f"{estimate.low:.4g} to {estimate.high:.4g}"
-    return [*head, f"{estimate.value:.4g}", f"{estimate.standard_error:.4g}", interval]
+    return [estimate.title, estimate.unit, *numbers, interval]
