@@ -57,8 +57,8 @@ class MujocoPlant(WheeledPlant):
         start_poses: Poses at the start, (n, 3).
         threads: Threads of the physics, on which results do not depend. Default: one below
             `MIN_ROBOTS_FOR_THREADS` robots, otherwise one per core.
-        hulls: Whether robots collide with each other and with walls, wherever they start. Default:
-            if a world has several robots, which then may not start in each other.
+        with_hulls: Whether robots collide with each other and with walls, wherever they start.
+            Default: if a world has several robots, which then may not start in each other.
 
     Raises:
         OmniError: Rows that cannot share a batch, a robot that starts in another or in a wall, or
@@ -72,7 +72,7 @@ class MujocoPlant(WheeledPlant):
         rows: Sequence[Row],
         start_poses: Array,
         threads: int | None = None,
-        hulls: bool | None = None,
+        with_hulls: bool | None = None,
     ) -> None:
         world_batch.check_rows(rows)
         settings = [row.settings for row in rows]
@@ -82,7 +82,7 @@ class MujocoPlant(WheeledPlant):
         self._robots_per_world = robots_per_world
         self.substeps = settings[0].physics.substeps
         self._world = world = world_builder.build_world(
-            settings[0], robots_per_world, with_hulls=hulls
+            settings[0], robots_per_world, with_hulls=with_hulls
         )
         if threads is None:
             threads = 1 if n < MIN_ROBOTS_FOR_THREADS else os.cpu_count() or 1
@@ -99,7 +99,7 @@ class MujocoPlant(WheeledPlant):
         self._failed = np.zeros(n, bool)
         self._active_worlds: np.ndarray | None = None  # those to step; None for all
         self._reset_worlds(np.arange(n_worlds))
-        if robots_per_world > 1 and hulls is None:
+        if robots_per_world > 1 and with_hulls is None:
             world_batch.check_start_poses(rows, world.model, self._batch.bind("qpos"))
         wheels = settings[0].wheels
         has_two_rollers = wheels.model == "two-rollers"
@@ -171,7 +171,7 @@ class MujocoPlant(WheeledPlant):
         self.onboard = end_frame(self.parameters.onboard, self.onboard, self._record)
         self._records.clear()
         self._heading += wrap_angle(self.compute_heading() - self._heading)
-        has_toppled = (self._find_toppled() & ~self._failed).any()
+        has_toppled = (self._has_toppled() & ~self._failed).any()
         if has_toppled or np.count_nonzero(self._warning_counts):
             return self._stop_failed_rows()
         return {}
@@ -253,11 +253,11 @@ class MujocoPlant(WheeledPlant):
         """Put the robots of some worlds to their start poses, at rest, and read their sensors."""
         slots = np.arange(self._robots_per_world)
         rows = (worlds[:, None] * self._robots_per_world + slots).ravel()
-        standing = self._world.rest_qpos[np.array([robot.qpos for robot in self._world.robots])]
+        rest_qpos = self._world.rest_qpos[np.array([robot.qpos for robot in self._world.robots])]
         positions = self._views.qpos.get()
         speeds = self._views.qvel.get()
         x, y, heading = self._start_poses[rows].T
-        positions[:, rows] = standing[rows % self._robots_per_world].T
+        positions[:, rows] = rest_qpos[rows % self._robots_per_world].T
         positions[:2, rows] = x, y
         positions[3:7, rows] = np.cos(heading / 2), 0 * x, 0 * x, np.sin(heading / 2)
         speeds[:, rows] = 0.0
@@ -267,7 +267,7 @@ class MujocoPlant(WheeledPlant):
         self._batch.forward(worlds)
         self._read_sensors()
 
-    def _find_toppled(self) -> np.ndarray:
+    def _has_toppled(self) -> np.ndarray:
         """Return whether robots are tilted by more than 45 degrees, (n,)."""
         _, x, y, _ = self._views.pose.get()[3:]
         return np.asarray(x * x + y * y > TOPPLED_SINE_SQUARED)
@@ -280,14 +280,14 @@ class MujocoPlant(WheeledPlant):
             cause = f"became unstable (MuJoCo: {warning.name})"
             failures = dict.fromkeys(np.flatnonzero(is_unstable).tolist(), cause) | failures
         unstable_rows = list(failures)
-        toppled_rows = np.flatnonzero(self._find_toppled() & ~self._failed)
+        toppled_rows = np.flatnonzero(self._has_toppled() & ~self._failed)
         failures |= {row: "toppled over" for row in toppled_rows.tolist() if row not in failures}
         if failures:
             self._stop_rows(list(failures), unstable_rows)
         return failures
 
     def _stop_rows(self, rows: list[int], unstable_rows: list[int]) -> None:
-        """Switch rows off, and step worlds without a living robot no more.
+        """Switch rows off, and stop stepping worlds in which all rows are off.
 
         Args:
             rows: Rows to switch off.

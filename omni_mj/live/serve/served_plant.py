@@ -28,7 +28,7 @@ class ServedPlant(MujocoPlant):
     min_heading_memory = HEADING_MEMORY_FRAMES
 
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
-        super().__init__(rows, start, hulls=True)
+        super().__init__(rows, start, with_hulls=True)
         self.present, self.is_unstable = np.ones(len(rows), bool), False
 
     @property
