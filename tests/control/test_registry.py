@@ -85,7 +85,7 @@ def test_all_wrong_parameters_are_listed() -> None:
         "parameter gain of More must be a number, not 'high'",
         "parameter window of More must be a whole number, not 2.5",
         "parameter bold of More must be true or false, not 1",
-        "parameter law of More must be a text, not True",
+        "parameter law of More must be a string, not True",
         "parameter speed of More must be a number, not False",
     ]
     with pytest.raises(OmniError, match="Flc has no parameter 'gain'; it has no parameters"):

@@ -58,7 +58,7 @@ class InverseFlc(Controller):
         return self.track(frame, observation, state)
 
     def track(self, frame: int, observation: Observation, state: Array) -> Array:
-        """Return the commands (n, 3).
+        """Return the commands (n, 3): inverse of the model, fuzzy correction, heading control.
 
         Args:
             frame: Frame number k.

@@ -43,7 +43,7 @@ _ACCEPTED: dict[type, tuple[type, str]] = {
     bool: (bool, "true or false"),
     int: (numbers.Integral, "a whole number"),
     float: (numbers.Real, "a number"),
-    str: (str, "a text"),
+    str: (str, "a string"),
 }
 
 
