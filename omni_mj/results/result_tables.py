@@ -233,12 +233,11 @@ def _controller_rows(
 
 
 def _settling_time(result: Mapping[str, Any]) -> str:
-    """Return the median settling time, and how many seeds settled if not all did."""
+    """Return the median settling time, and how many of several seeds settled if not all did."""
     median, n_seeds = result["settle_s"]["median"], len(result["settle_s"]["per_seed"])
     time_s = "never" if median is None else format_number(median)
-    return time_s + (
-        "" if result["n_settled"] == n_seeds else f" ({result['n_settled']}/{n_seeds})"
-    )
+    n_settled = result["n_settled"]
+    return f"{time_s} ({n_settled}/{n_seeds})" if n_settled < n_seeds > 1 else time_s
 
 
 def _change_percent(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""What a user must know of is said: rows that were stopped, windings too hot, a battery that gave up, and the rest."""
+"""Events of a run: stopped rows, overheated windings, an empty battery, faults."""
 
 from typing import Any
 
@@ -29,35 +29,35 @@ def settings(**sections: Any) -> Any:
     return om.load_scenario("rect", **SHORT, **sections).settings
 
 
-def told(log: Any, *kinds: str, row: int = 0) -> list[tuple[int, str]]:
+def texts_of_kinds(log: Any, *kinds: str, row: int = 0) -> list[tuple[int, str]]:
     return [
         (event.frame, event.text) for event in events.row_events(log, row) if event.kind in kinds
     ]
 
 
-def test_the_first_frame_above_the_limit_and_an_empty_battery_are_told_of_every_row() -> None:
-    """Each by its own settings; 25.02 deg C: the windings pass it after a few frames of driving."""
+def test_each_row_reports_an_overheated_winding_and_an_empty_battery() -> None:
+    """The windings exceed 25.02 deg C after a few frames of driving."""
     warm, empty = (
-        simulated({}, **own).log
-        for own in ({"motor": {"max_winding_c": 25.02}}, {"battery": {"charge": 0.05}})
+        simulated({}, **fault_settings).log
+        for fault_settings in ({"motor": {"max_winding_c": 25.02}}, {"battery": {"charge": 0.05}})
     )
-    found = {
+    events_found = {
         (event.kind, event.controller): event
         for log in (warm, empty)
         for event in events.find_events(log)
     }
-    assert set(found) == {
+    assert set(events_found) == {
         (kind, name) for kind in ("temperature", "battery") for name in ("flc", "comp-flc")
     }
     for i, name in enumerate(("flc", "comp-flc")):
-        event = found["temperature", name]
+        event = events_found["temperature", name]
         assert event.frame == np.flatnonzero(warm.channel("winding")[:, i].max(-1) > 25.02)[0] > 0
         assert event.time_s == pytest.approx(event.frame / 60)
-        assert "13.6 V" in found["battery", name].text
+        assert "13.6 V" in events_found["battery", name].text
 
 
 def test_events_stay_the_same_while_the_log_grows() -> None:
-    """No event depends on later frames: after each frame those before are the same, so they are after several."""
+    """Events depend on no later frame: further frames only add events."""
     route = {"waypoints": [[0, 0], [0.4, 0], [0.4, 0.2]], "settle_s": 0}
     out = {"kind": "vision-loss", "start_s": 0.4, "duration_s": 0.3}
     chosen = om.load_scenario(
@@ -67,25 +67,30 @@ def test_events_stay_the_same_while_the_log_grows() -> None:
     reported: list[Any] = []
 
     def after_frame(frame: int) -> None:
-        found = events.row_events(simulation.log, 0)
-        assert found[: len(reported)] == reported
-        assert all(event.frame <= frame for event in found)
-        reported[:] = found
+        events_found = events.row_events(simulation.log, 0)
+        assert events_found[: len(reported)] == reported
+        assert all(event.frame <= frame for event in events_found)
+        reported[:] = events_found
 
     simulation.run(after_frame)
-    whole = events.row_events(simulation.log, 0)
-    assert {e.kind for e in whole} >= {"temperature", "fault"}
-    assert reported == whole
+    all_events = events.row_events(simulation.log, 0)
+    assert {e.kind for e in all_events} >= {"temperature", "fault"}
+    assert reported == all_events
 
 
-def test_faults_and_rows_that_were_stopped_are_events_of_every_row() -> None:
-    push = {"kind": "push", "start_s": 1.0, "duration_s": 0.5, "force_n": 10.0}
-    own = settings().replace(fault=(push, {"kind": "tilt", "start_s": 3.0, "angle_deg": 2.0}))
-    log = filled(rows(("a", "b"), settings=own), 200, [200, 85], winding=25.0, battery=22.0)
-    found = [
+def test_each_row_reports_its_faults_and_its_failure() -> None:
+    push_fault = {"kind": "push", "start_s": 1.0, "duration_s": 0.5, "force_n": 10.0}
+    fault_settings = settings().replace(
+        fault=(push_fault, {"kind": "tilt", "start_s": 3.0, "angle_deg": 2.0})
+    )
+    log = filled(
+        rows(("a", "b"), settings=fault_settings), 200, [200, 85], winding=25.0, battery=22.0
+    )
+    events_found = [
         (e.frame, e.controller, e.text.split(":")[0])
         for e in events.find_events(log, [failure(log, 1)])
     ]
-    assert found == [
-        (60, "a", "begins"), (60, "b", "begins"), (85, "b", "stopped"), (90, "a", "ends"), (180, "a", "begins"),
+    assert events_found == [
+        (60, "a", "begins"), (60, "b", "begins"), (85, "b", "stopped"), (90, "a", "ends"),
+        (180, "a", "begins"),
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What is measured of rows, against closed forms and plain recomputation."""
+"""Metrics of rows, compared with closed forms and plain recomputation."""
 
 import math
 from dataclasses import replace
@@ -24,12 +24,8 @@ from omni_control.reference import MotionLimits
 
 T = 1 / 60
 RECT = om.load_scenario("rect").settings
-PUSH = {
-    "kind": "push",
-    "start_s": 1.0,
-    "duration_s": 0.5,
-    "force_n": 10.0,
-}  # frames 60 to 89, looked at until 209
+# Frames 60 to 89, counted until 209.
+PUSH = {"kind": "push", "start_s": 1.0, "duration_s": 0.5, "force_n": 10.0}
 TILT = {"kind": "tilt", "start_s": 3.0, "angle_deg": 2.0}  # from frame 180 on
 
 
@@ -39,57 +35,60 @@ def of(frames: int, lengths: Any = None, **channels: Any) -> dict[str, NDArray]:
     return measured(filled(rows(("a",), range(n)), frames, lengths, **channels))
 
 
-def test_on_a_circle_who_is_late_is_behind_and_who_is_outside_is_aside() -> None:
-    """Late by a 1/10 rad on a radius of 1 m: the chord 2 sin(0.05), seen from the tangent at an angle of 0.05. Outside
-    by 5 cm: all of it across. The last frame knows the frame before it only, and is half a step off: left out."""
+def test_along_track_and_cross_track_errors_on_a_circle() -> None:
+    """On a circle, a lag is an along-track error and an offset a cross-track error.
+
+    A lag of 0.1 rad on a radius of 1 m gives the chord 2 sin(0.05), at an angle of 0.05 to the
+    tangent. The first and last frame have one neighbor only and are left out.
+    """
     angle = 0.02 * np.arange(200)
     late, outside = (np.stack([np.cos(a), np.sin(a)], axis=1) for a in (angle - 0.1, angle))
     ref, pose = np.zeros((200, 2, 3)), np.zeros((200, 2, 3))
     ref[..., :2] = outside[:, None]
     pose[:, 0, :2], pose[:, 1, :2] = late, 1.05 * outside
-    found = tracking_errors(filled(rows(("late", "outside")), 200, ref=ref, pose=pose))
+    metrics = tracking_errors(filled(rows(("late", "outside")), 200, ref=ref, pose=pose))
     chord = 2 * math.sin(0.05)
-    for axis, wanted in {
+    for axis, expected in {
         "along_track": (chord * math.cos(0.05), 0),
         "cross_track": (chord * math.sin(0.05), 0.05),
     }.items():
         np.testing.assert_allclose(
-            found[axis][1:-1], np.broadcast_to(wanted, (198, 2)), atol=1e-9, err_msg=axis
+            metrics[axis][1:-1], np.broadcast_to(expected, (198, 2)), atol=1e-9, err_msg=axis
         )
 
 
 @pytest.mark.parametrize("frames", [1, 40, 250])
-def test_a_row_has_the_numbers_of_its_own_frames_whatever_is_beside_it(frames: int) -> None:
-    """The same bits as alone."""
+def test_metrics_of_a_row_do_not_depend_on_other_rows(frames: int) -> None:
+    """Bit for bit."""
     rng = np.random.default_rng(frames)
     lengths = [frames, (frames + 1) // 2, 1]
     channels = {name: rng.normal(size=(frames, 3, 3)) for name in ("pose", "ref", "command")}
     together = of(frames, lengths, **channels)
     for i, length in enumerate(lengths):
-        own = {name: values[:length, i : i + 1] for name, values in channels.items()}
-        alone = of(length, **own)
+        own_settings = {name: values[:length, i : i + 1] for name, values in channels.items()}
+        single_row = of(length, **own_settings)
         for name, values in together.items():
-            np.testing.assert_array_equal(values[i], alone[name][0], err_msg=name)
+            np.testing.assert_array_equal(values[i], single_row[name][0], err_msg=name)
 
 
-def test_failing_improves_no_number() -> None:
-    """Errors, efforts and settling without bound, nothing else; and a row that never began is the same."""
+def test_failing_improves_no_metric() -> None:
+    """Errors, efforts and settling time are infinite, also for a row without frames."""
     log = filled(rows(("a",), (0, 1, 2)), 30, [30, 12, 0], pose=0.001, command=1.0)
-    found = measured(log, [failure(log, 1), failure(log, 2)])
-    for name, values in found.items():
+    metrics = measured(log, [failure(log, 1), failure(log, 2)])
+    for name, values in metrics.items():
         # Of a log without motors
         unknown = name.startswith("peak_") or name.endswith("_fraction") or name == "duty_mean"
         assert np.isfinite(values[0]) or unknown, name
         assert np.isnan(values[1:]).all() if unknown else np.isposinf(values[1:]).all(), name
-    nothing = measured(filled(rows(), 0))
-    assert all(np.isnan(values).all() for values in nothing.values())
+    no_frames = measured(filled(rows(), 0))
+    assert all(np.isnan(values).all() for values in no_frames.values())
 
 
-def test_who_sends_the_references_own_velocities_has_no_excess_effort() -> None:
-    """Now, or a dead time before they are due; who adds a hum of 0.1 m/s in every other frame has the hum's own effort,
-    which is 0.2 m/s from frame to frame, where the reference has no acceleration that could go with it or against it.
+def test_the_velocities_of_the_reference_have_no_excess_effort() -> None:
+    """Sent at once or a dead time early, they have none; an added oscillation has its own effort.
 
-    The root of a difference of squares, each good to 1e-15, is good to 1e-6.
+    The oscillation of 0.1 m/s is perpendicular to the path, so that the squares add. The root of a
+    difference of squares with errors of 1e-15 has an error of 1e-6.
     """
     start = 20
     speed = np.concatenate(
@@ -106,14 +105,19 @@ def test_who_sends_the_references_own_velocities_has_no_excess_effort() -> None:
     commands = np.stack([velocity, early, velocity + hum, 0.5 * velocity], axis=1)
     references = np.repeat(path[:, None], 4, axis=1)
     excess = of(len(speed), command=commands, ref=references)["excess_effort_m_s2"]
-    own = of(len(speed), command=hum[:, None])["effort_m_s2"][0]
-    np.testing.assert_allclose(excess, [0, 0, own, 0], atol=1e-6)
-    assert own == pytest.approx(0.2 / T, rel=0.01)  # but for the first frame, which comes from rest
+    own_settings = of(len(speed), command=hum[:, None])["effort_m_s2"][0]
+    np.testing.assert_allclose(excess, [0, 0, own_settings, 0], atol=1e-6)
+    assert own_settings == pytest.approx(
+        0.2 / T, rel=0.01
+    )  # but for the first frame, which comes from rest
 
 
 def test_settling_counts_the_last_excursion_of_each_row_from_the_end_of_its_own_move() -> None:
-    """Rows: always near; far only while moving; far again later; exactly 1 cm at the end, which is not below; ended
-    before the others; with a reference that only turns, up to frame 12; with one that never moves."""
+    """Settling counts from the end of the reference's last motion.
+
+    Rows: always near; far only while moving; far again later; exactly 1 cm at the end, which is not
+    settled; ended early; a reference that only turns, up to frame 12; one that never moves.
+    """
     frames = 50
     ref = np.zeros((frames, 7, 3))
     ref[:, :, 0] = 0.01 * np.minimum(np.arange(frames), 10)[:, None]
@@ -129,7 +133,7 @@ def test_settling_counts_the_last_excursion_of_each_row_from_the_end_of_its_own_
 
 
 def test_windows_of_alpha_are_ratios_of_displacements() -> None:
-    """A robot that covers 0.8 of its command, 0.1 s late, shows 0.8 in every window in which it drives throughout."""
+    """A robot with gain 0.8 and a lag of 0.1 s has alpha 0.8 in every window of driving."""
     command = np.where((np.arange(120) >= 20) & (np.arange(120) < 90), 0.5, 0.0)[:, None]
     late = np.concatenate([np.zeros((6, 1)), command[:-6]])
     position = 0.8 * np.cumsum(np.concatenate([[[0.0]], late[:-1]]), axis=0) / 60
@@ -141,55 +145,54 @@ def test_windows_of_alpha_are_ratios_of_displacements() -> None:
 @pytest.mark.parametrize("speed", [0.0, 0.5, 2.0])
 @pytest.mark.parametrize("friction", [0.4, 0.8])
 def test_a_wheel_slides_that_slips_faster_than_it_can_creep(speed: float, friction: float) -> None:
-    """Creep's force is load times stiffness times slip over speed, and friction times load at Coulomb's limit.
+    """The largest creep is speed times friction over stiffness.
 
-    So a wheel whose centre drives at that speed slips by speed times friction over stiffness there,
-    and does not slide.
+    The force of creep is load times stiffness times slip over speed. At Coulomb's limit it is
+    friction times load.
     """
-    own = RECT.replace(carpet={"friction": friction})
-    stiff = own.replace(drivetrain={"creep_stiffness": 1000.0})
+    own_settings = RECT.replace(carpet={"friction": friction})
+    stiff = own_settings.replace(drivetrain={"creep_stiffness": 1000.0})
     pose = np.zeros((60, 1, 3))
     pose[:, 0, 0] = speed * T * np.arange(60)
-    creep = speed * friction / own.drivetrain.creep_stiffness
+    creep = speed * friction / own_settings.drivetrain.creep_stiffness
 
-    def share(settings: Any, slip: float) -> float:
+    def sliding_fraction(settings: Any, slip: float) -> float:
         log = filled(
             rows(settings=settings), 60, pose=pose, slip=slip, duty_peak=0.5, current_limited=0.0
         )
         return float(measured(log)["sliding_fraction"][0])
 
-    assert share(own, creep) == 0
-    assert share(own, creep + 0.05) == pytest.approx(
+    assert sliding_fraction(own_settings, creep) == 0
+    assert sliding_fraction(own_settings, creep + 0.05) == pytest.approx(
         59 / 60
-    )  # in the first frame nobody knows how fast it drives
-    assert share(stiff, creep + 0.03) == pytest.approx(59 / 60)
+    )  # the speed in the first frame is unknown
+    assert sliding_fraction(stiff, creep + 0.03) == pytest.approx(59 / 60)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_what_the_limits_change_is_what_is_held_back(axis: int) -> None:
-    """Commands that ask at random for more or less pass through the team's limits; those that come out changed are held
-    back, and those that come out as they were are not."""
+def test_commands_that_the_limits_change_count_as_limited(axis: int) -> None:
+    """Random commands pass through the team's limits; only those that change are limited."""
     control = RECT.control
     rng = np.random.default_rng(axis)
-    wanted = rng.normal(0, 0.2, (60, 3))
-    wanted[:, axis] += rng.choice([0, 0, 30], 60)
+    expected = rng.normal(0, 0.2, (60, 3))
+    expected[:, axis] += rng.choice([0, 0, 30], 60)
     limits = MotionLimits(
         control.max_speed_m_s, control.max_acceleration_m_s2, control.max_turn_rate_rad_s,
         control.max_turn_acceleration_rad_s2,
     )  # fmt: skip
     pass_on, sent = CommandLimiter([limits], T), np.zeros((61, 3))
     for frame in range(60):
-        sent[frame + 1] = pass_on(wanted[frame, None], sent[frame, None])[0]
-    changed = np.abs(sent[1:] - wanted).max(1) > 1e-6
+        sent[frame + 1] = pass_on(expected[frame, None], sent[frame, None])[0]
+    changed = np.abs(sent[1:] - expected).max(1) > 1e-6
     log = filled(rows(settings=RECT), 60, command=sent[1:, None])
     np.testing.assert_array_equal(saturation.saturated_frames(log, 0)["command_limited"], changed)
 
 
-def strayed(frames: int, *spans: tuple[int, int, float]) -> NDArray:
-    """Poses (frames, 1, 3) at a distance of 3 : 4 : 5 from a reference that stays at zero, in some spans of frames."""
+def poses_with_errors(frames: int, *spans: tuple[int, int, float]) -> NDArray:
+    """Return poses (frames, 1, 3) at given distances from zero in some spans of frames."""
     pose = np.zeros((frames, 1, 3))
-    for first, stop, distance in spans:
-        pose[first:stop, 0, :2] = 0.6 * distance, 0.8 * distance
+    for start, stop, distance in spans:
+        pose[start:stop, 0, :2] = 0.6 * distance, 0.8 * distance
     return pose
 
 
@@ -201,38 +204,47 @@ def strayed(frames: int, *spans: tuple[int, int, float]) -> NDArray:
         ([(60, 300, 0.0199)], 0.0199, 0.0),
         ([(70, 75, 0.3)], 0.3, 15 * T),
         ([(70, 75, 0.3), (100, 131, 0.0201)], 0.3, 71 * T),
-        ([(209, 210, 0.1)], 0.1, np.inf),  # in the last frame that is looked at
+        ([(209, 210, 0.1)], 0.1, np.inf),  # in the last frame that counts
         ([(210, 300, 0.5)], 0.0, 0.0),
         ([(0, 300, 0.1)], 0.1, np.inf),
     ],
 )
-def test_excursion_and_recovery_are_those_until_two_seconds_after(
+def test_excursion_and_recovery_count_until_two_seconds_after_the_fault(
     spans: list[tuple[int, int, float]], excursion: float, recovered: float
 ) -> None:
-    own = RECT.replace(fault=(PUSH,))
-    found = measured(filled(rows(settings=own), 300, pose=strayed(300, *spans)))
-    assert found["fault_1_excursion_m"] == pytest.approx([excursion], abs=1e-12)
-    assert found["fault_1_recovery_s"] == pytest.approx([recovered])
-
-
-def test_recovery_is_known_of_rows_that_meet_a_fault() -> None:
-    """Not of one that failed, has no fault, or ended before; a fault that goes on is looked at until the end."""
-    push, both, none = (RECT.replace(fault=faults) for faults in ((PUSH,), (PUSH, TILT), ()))
-    own = [push, push, none, push, both]
-    table = [replace(row, settings=s) for row, s in zip(rows(("a",), range(5)), own, strict=True)]
-    pose = np.repeat(strayed(300), 5, axis=1)
-    pose[200:290, 4, 0] = 0.1
-    log = filled(table, 300, [300, 100, 300, 40, 300], pose=pose)
-    found = measured(log, [failure(log, 1)])
-    np.testing.assert_array_equal(found["fault_1_excursion_m"], [0.0, np.inf, np.nan, np.nan, 0.1])
-    np.testing.assert_array_equal(
-        found["fault_1_recovery_s"], [0.0, np.inf, np.nan, np.nan, np.inf]
+    own_settings = RECT.replace(fault=(PUSH,))
+    metrics = measured(
+        filled(rows(settings=own_settings), 300, pose=poses_with_errors(300, *spans))
     )
-    assert found["fault_2_recovery_s"][4] == pytest.approx(110 * T)
+    assert metrics["fault_1_excursion_m"] == pytest.approx([excursion], abs=1e-12)
+    assert metrics["fault_1_recovery_s"] == pytest.approx([recovered])
 
 
-def test_a_run_tells_how_its_controllers_recover() -> None:
-    """What the table says is what the summary holds, which is what the rows have; nothing where no fault is."""
+def test_rows_that_reach_a_fault_have_a_recovery() -> None:
+    """Rows: recovered; failed; without faults; ended before the fault; with a lasting fault."""
+    push_rows, push_and_tilt, none = (
+        RECT.replace(fault=faults) for faults in ((PUSH,), (PUSH, TILT), ())
+    )
+    own_settings = [push_rows, push_rows, none, push_rows, push_and_tilt]
+    table_rows = [
+        replace(row, settings=s)
+        for row, s in zip(rows(("a",), range(5)), own_settings, strict=True)
+    ]
+    pose = np.repeat(poses_with_errors(300), 5, axis=1)
+    pose[200:290, 4, 0] = 0.1
+    log = filled(table_rows, 300, [300, 100, 300, 40, 300], pose=pose)
+    metrics = measured(log, [failure(log, 1)])
+    np.testing.assert_array_equal(
+        metrics["fault_1_excursion_m"], [0.0, np.inf, np.nan, np.nan, 0.1]
+    )
+    np.testing.assert_array_equal(
+        metrics["fault_1_recovery_s"], [0.0, np.inf, np.nan, np.nan, np.inf]
+    )
+    assert metrics["fault_2_recovery_s"][4] == pytest.approx(110 * T)
+
+
+def test_table_and_summary_report_recovery() -> None:
+    """Table, summary and rows agree. Without faults there is no table."""
     route = {"waypoints": [[0, 0], [0.5, 0]]}
     happens = [
         {"kind": "vision-loss", "start_s": 0.5, "duration_s": 0.5},
@@ -240,14 +252,14 @@ def test_a_run_tells_how_its_controllers_recover() -> None:
     ]
     scenario = om.load_scenario("rect", plant="kinematic", reference=route, fault=happens)
     result = om.run(scenario, ["flc", "comp-flc"], seeds=[0, 1, 2])
-    found = result.summary()["scenarios"]["rect"]["results"]
+    metrics = result.summary()["scenarios"]["rect"]["results"]
     drawn = recovery_table(result.summary())
     assert drawn is not None
     assert [row[1] for row in drawn.rows] == ["flc", "comp-flc"] * 2
-    assert drawn.rows[0][2] == f"{100 * found['flc']['recovery'][0]['excursion_m']['median']:.2f}"
+    assert drawn.rows[0][2] == f"{100 * metrics['flc']['recovery'][0]['excursion_m']['median']:.2f}"
     assert (
         result.rows()["fault_2_excursion_m"].to_pylist()[3:]
-        == found["comp-flc"]["recovery"][1]["excursion_m"]["per_seed"]
+        == metrics["comp-flc"]["recovery"][1]["excursion_m"]["per_seed"]
     )
     calm = om.run(om.load_scenario("rect", plant="kinematic", reference=route), ["flc"], seeds=[0])
     assert recovery_table(calm.summary()) is None

@@ -1,4 +1,4 @@
-"""A result's summary, tables and files agree with each other and with what was recorded."""
+"""Summary, tables and files of a result agree with each other and with the frames."""
 
 import json
 from pathlib import Path
@@ -31,7 +31,8 @@ def recorded(result: om.Result) -> dict[tuple[str, int], dict[str, np.ndarray]]:
         for name, values in columns.items():
             lines.setdefault(key, {}).setdefault(name, []).append(values[i])
     return {
-        key: {name: np.array(values) for name, values in own.items()} for key, own in lines.items()
+        key: {name: np.array(values) for name, values in changes.items()}
+        for key, changes in lines.items()
     }
 
 
@@ -46,36 +47,38 @@ def of_a_row(row: dict[str, np.ndarray]) -> dict[str, float]:
     at_rest = (row["ref_x_m"] == row["ref_x_m"][-1]) & (row["ref_y_m"] == row["ref_y_m"][-1])
     rest = int(np.flatnonzero(~at_rest)[-1]) + 1  # the rectangle also starts where it ends
     settled = [k for k in range(rest, len(ex)) if (errors["position"][k:] < 0.01).all()]
-    found = {
+    controller_result = {
         f"error_{'rad' if name == 'heading' else 'm'}.{name}.{key}": float(law(error))
         for name, error in errors.items()
         for key, law in {"max": max, "p99": lambda e: np.quantile(e, 0.99), "mean": np.mean,
                          "rms": lambda e: np.mean(e**2) ** 0.5}.items()
     }  # fmt: skip
     needed = np.diff(np.diff(path, prepend=path[0], append=path[-1])) * 60**2
-    found["effort_m_s2"] = float(np.mean(ax**2 + ay**2)) ** 0.5
-    found["excess_effort_m_s2"] = float(np.mean(ax**2 + ay**2) - np.mean(abs(needed) ** 2)) ** 0.5
-    found["settle_s"] = (settled[0] - rest) / 60
-    return found
+    controller_result["effort_m_s2"] = float(np.mean(ax**2 + ay**2)) ** 0.5
+    controller_result["excess_effort_m_s2"] = (
+        float(np.mean(ax**2 + ay**2) - np.mean(abs(needed) ** 2)) ** 0.5
+    )
+    controller_result["settle_s"] = (settled[0] - rest) / 60
+    return controller_result
 
 
 def test_every_number_of_the_summary_follows_from_the_frames(
     result: om.Result, recorded: Any
 ) -> None:
-    """Sums over frames may be made in another order: 1e-12 is allowed; scipy gives the intervals."""
+    """Tolerance 1e-12 for the order of sums; scipy gives the intervals."""
     results = result.summary()["scenarios"]["rect"]["results"]
     assert list(results) == ["flc", "comp-flc"]
-    for controller, found in results.items():
-        numbers = [of_a_row(recorded[controller, seed]) for seed in SEEDS]
-        for key in numbers[0]:
-            spread = found
-            for part in key.split("."):
-                spread = spread[part]
-            values = [each[key] for each in numbers]
+    for controller, controller_result in results.items():
+        row_metrics = [of_a_row(recorded[controller, seed]) for seed in SEEDS]
+        for key in row_metrics[0]:
+            spread = controller_result
+            for key_part in key.split("."):
+                spread = spread[key_part]
+            values = [metrics_of_seed[key] for metrics_of_seed in row_metrics]
             half = scipy.stats.t.ppf(0.975, 2) * np.std(values, ddof=1) / 3**0.5
             assert spread["per_seed"] == pytest.approx(values, rel=1e-12, abs=1e-12), key
-            wanted = [np.median(values), min(values), max(values), sum(values) / 3, half]
-            assert list(spread.values())[1:] == pytest.approx(wanted, rel=1e-9, abs=1e-12), key
+            expected = [np.median(values), min(values), max(values), sum(values) / 3, half]
+            assert list(spread.values())[1:] == pytest.approx(expected, rel=1e-9, abs=1e-12), key
 
 
 def test_the_compensator_helps_as_in_the_paper_if_not_as_much(result: om.Result) -> None:
@@ -88,32 +91,34 @@ def test_the_compensator_helps_as_in_the_paper_if_not_as_much(result: om.Result)
     """
     entry = result.summary()["scenarios"]["rect"]
     for axis in ("x", "y"):
-        for key, least in (("max", 0.1), ("mean", 0.3)):
+        for key, min_reduction in (("max", 0.1), ("mean", 0.3)):
             flc, compensated = (
                 entry["results"][name]["error_m"][axis][key]["median"]
                 for name in ("flc", "comp-flc")
             )
-            assert 1 - compensated / flc > least, (axis, key)
-        for controller, found in entry["results"].items():
+            assert 1 - compensated / flc > min_reduction, (axis, key)
+        for controller, controller_result in entry["results"].items():
             ratio = (
-                found["error_m"][axis]["max"]["median"] / entry["paper"][controller][axis]["max"]
+                controller_result["error_m"][axis]["max"]["median"]
+                / entry["paper"][controller][axis]["max"]
             )
             assert 1 / 1.5 < ratio < 1.5, (axis, controller)
     assert entry["paper"]["comp-flc"]["x"]["max"] == 0.02124
 
 
-def test_the_paper_stands_beside_its_own_experiment_only() -> None:
-    """Whatever drives it, on either plant; not with another path, dead time, carpet, disturbance or plant's alpha."""
-    for own in (
+def test_the_papers_errors_appear_for_its_experiment_only() -> None:
+    """Controllers and plants may differ; reference, dead time, carpet and alpha may not."""
+    for changes in (
         {},
         {"plant": "kinematic"},
         {"controllers": ("lqr",), "control": {"assumed_lag_s": 0.1}, "seeds": 7},
     ):
         assert (
-            paper_tables.find_paper_table(om.load_scenario("rect", **own)) is paper_tables.TABLES[3]
+            paper_tables.find_paper_table(om.load_scenario("rect", **changes))
+            is paper_tables.TABLES[3]
         )
         assert (
-            paper_tables.find_paper_table(om.load_scenario("rect-noise", **own))
+            paper_tables.find_paper_table(om.load_scenario("rect-noise", **changes))
             is paper_tables.TABLES[4]
         )
     for section, values, plant in (
@@ -146,19 +151,19 @@ def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
     assert {p.name for p in folder.iterdir()} == names
     text = (folder / "summary.json").read_text()
     assert json.loads(text, parse_constant=pytest.fail) == json.loads(json.dumps(result.summary()))
-    kept, frames = pq.read_table(folder / "trajectory.parquet"), result.frames()
-    assert kept.schema.equals(frames.schema)
+    saved_names, frames = pq.read_table(folder / "trajectory.parquet"), result.frames()
+    assert saved_names.schema.equals(frames.schema)
     for name in frames.column_names:
         np.testing.assert_array_equal(
-            kept[name].to_pylist(), frames[name].to_pylist(), err_msg=name
+            saved_names[name].to_pylist(), frames[name].to_pylist(), err_msg=name
         )
     again = om.load_scenario(folder / "scenario.toml")
     assert (again.seed_list, again.controllers) == (list(SEEDS), ("flc", "comp-flc"))
     assert again.settings == result["rect"].scenario.settings
 
 
-def test_rows_name_what_they_are_what_differs_and_what_became_of_them() -> None:
-    """Two settings of a sweep, of which one topples: in the table of rows, the summary and the text alike."""
+def test_rows_have_names_differing_settings_failures_and_metrics() -> None:
+    """One of two settings fails: table of rows, summary and text agree."""
     chosen = om.load_scenario("rect", plant="kinematic")
     slow = chosen.settings.replace(radio={"delay_frames": 9})
     log = filled(
@@ -181,7 +186,10 @@ def test_rows_name_what_they_are_what_differs_and_what_became_of_them() -> None:
     assert entry["failures"] == [
         {"controller": "b", "seed": 1, "slot": 0, "time_s": 8 / 60, "cause": "toppled over"}
     ]  # fmt: skip
-    assert [found["n_failed"] for found in entry["results"].values()] == [0, 1]
+    assert [controller_result["n_failed"] for controller_result in entry["results"].values()] == [
+        0,
+        1,
+    ]
     assert "b (failed 1 of 3)" in result.table()
     assert len(result.frames()) == 5 * 30 + 8
     assert results_table(result.summary()).rows[1][3] == "0.00/0.00", (

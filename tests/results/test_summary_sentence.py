@@ -20,12 +20,12 @@ def summary(
     The reference moves along x, so that axis 0 is along the path and axis 1 across it.
     """
     values = np.array([np.atleast_1d(error) for error in errors_cm.values()]) / 100
-    table = rows(tuple(errors_cm), range(values.shape[1]))
-    reference, pose = np.zeros((2, FRAMES, len(table), 3))
+    all_rows = rows(tuple(errors_cm), range(values.shape[1]))
+    reference, pose = np.zeros((2, FRAMES, len(all_rows), 3))
     reference[:, :, 0] = 0.01 * np.arange(FRAMES)[:, None]
     pose[:] = reference
     pose[:, :, axis] += values.ravel()
-    log = filled(table, FRAMES, ref=reference, pose=pose)
+    log = filled(all_rows, FRAMES, ref=reference, pose=pose)
     failures = [failure(log, int(log.rows_of(failed)[-1]))] if failed else []
     entry = {"results": results(log, failures)}
     return {"privileged": [], "scenarios": {"rect": entry}} | head
