@@ -144,9 +144,9 @@ def show_result(
     """Draw the figures, write the report, and print the tables and the files."""
     try:
         if output_options.draw:
-            from omni_mj.viz import figures
+            from omni_mj.viz import run_figures
 
-            figures.save_run_figures(result.outcomes[0], folder / "figures", output_options.svg)
+            run_figures.save_run_figures(result.outcomes[0], folder / "figures", output_options.svg)
         from omni_mj.viz import report
 
         report.write_report([folder], folder / "report.html")

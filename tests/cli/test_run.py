@@ -289,7 +289,7 @@ def test_drawing_costs_no_numbers(
     def fails(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("omni_mj.viz.figures.save_run_figures", fails)
+    monkeypatch.setattr("omni_mj.viz.run_figures.save_run_figures", fails)
     assert invoke(*KINEMATIC, "--no-record", "--out", tmp_path / "out") == code
     printed = capsys.readouterr()
     assert "position" in printed.out

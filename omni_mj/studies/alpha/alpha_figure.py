@@ -13,8 +13,7 @@ from omni_mj.studies.alpha.operating_conditions import (
     PROFILE_TEXT,
     WORN_TEXT,
 )
-from omni_mj.viz import style
-from omni_mj.viz.figures import plotting
+from omni_mj.viz import plotting, style
 
 if TYPE_CHECKING:
     from omni_mj.studies.alpha import AlphaResult, AlphaStudy

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from omni_control.kinematics import Array
 from omni_mj.results.result_tables import DASH, describe_plant
 from omni_mj.results.statistics import mean_position_error
-from omni_mj.viz.figures import plotting
-from omni_mj.viz.figures.seed_figure import draw_seed_statistics
+from omni_mj.viz import plotting
+from omni_mj.viz.seed_figure import draw_seed_statistics
 
 Summary = dict[str, Any]
 BASELINES = ("comp-flc", "flc")  # whose error is 1 in the color scale, if it was compared

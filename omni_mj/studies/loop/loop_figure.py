@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 
 from omni_mj.studies.loop.loop_experiment import FREQUENCIES, STEP_M
 from omni_mj.studies.loop.stability_margins import interpolate_gains
-from omni_mj.viz import style
-from omni_mj.viz.figures import plotting
+from omni_mj.viz import plotting, style
 
 if TYPE_CHECKING:
     from omni_mj.studies.loop import LoopMeasurement, LoopResult

@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.studies.slip.slip_fits import SlipFit, simulate_slip
-from omni_mj.viz import style
-from omni_mj.viz.figures import plotting
+from omni_mj.viz import plotting, style
 
 if TYPE_CHECKING:
     from omni_mj.studies.slip import SlipResult

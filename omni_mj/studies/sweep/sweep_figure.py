@@ -13,8 +13,7 @@ from matplotlib.ticker import LogLocator, StrMethodFormatter
 
 from omni_control.kinematics import Array
 from omni_mj.studies.sweep.sweep_statistics import MAX_ERROR
-from omni_mj.viz import style
-from omni_mj.viz.figures import plotting
+from omni_mj.viz import plotting, style
 
 if TYPE_CHECKING:
     from omni_mj.studies.sweep import SweepResult

@@ -15,7 +15,7 @@ from omni_mj.config.settings import PERIOD_S
 from omni_mj.results import metrics, summary
 from omni_mj.results.result import Outcome
 from omni_mj.studies.compare import compare_figure
-from omni_mj.viz import figures, style
+from omni_mj.viz import run_figures, style
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
 NAMES = "path", "command", "error", "alpha", "seeds"  # of the figures of a run with all data
@@ -62,7 +62,7 @@ def draw_figures(outcome: Outcome, *names: str) -> dict[str, Figure]:
     """Return figures of an outcome by name, all if none is named."""
     results = {}
     with rc_context(fname=style.STYLE_SHEET):
-        functions = figures.choose_figures(outcome)
+        functions = run_figures.choose_figures(outcome)
         for name in names or functions:
             functions[name](results.setdefault(name, Figure()))
     return results

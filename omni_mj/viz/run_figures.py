@@ -1,7 +1,8 @@
-"""Figures of each controller's first robot: errors, path, commands, motor correction factor."""
+"""Figures of a run: paths, commands, errors and alpha of the first seed, and statistics of all."""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from typing import Any
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,10 +12,19 @@ from scipy.spatial import KDTree
 from omni_control.kinematics import Array
 from omni_mj.config.settings import FRAME_RATE_HZ
 from omni_mj.results.alpha_windows import ALPHA_WINDOW_FRAMES
-from omni_mj.viz import style
-from omni_mj.viz.figures import plotting
-from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot
+from omni_mj.results.result import Outcome
+from omni_mj.results.result_tables import describe_plant
+from omni_mj.viz import plotting, style
+from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot, select_robots
+from omni_mj.viz.seed_figure import draw_seed_statistics
 
+MIN_SEEDS = 3  # for a figure of statistics over seeds
+TITLES = {
+    "error": "Absolute errors in x, y and heading",
+    "path": "Paths in m, and close-ups in cm of the points farthest from the reference",
+    "command": "Commanded velocities in the world frame, compared with the reference's",
+    "alpha": "Motor correction factor alpha, estimated and measured",
+}
 MIN_HEADING_ERROR_DEG = 0.06  # largest error below which the heading has no panel
 PAPER_ALPHA_RANGE = (0.7, 1.0)  # section 2 of the paper
 # Half the width of a close-up: in deviations from the path, and at least in m.
@@ -22,6 +32,50 @@ CLOSE_UP_DEVIATIONS, MIN_CLOSE_UP_M = 1.25, 0.005
 CLOSE_UP_COLUMNS = 4
 PATH_STEP_M = 0.0005  # between points of the path to which distances are computed
 Robots = Sequence[RecordedRobot]
+
+
+def save_run_figures(outcome: Outcome, folder: Path, svg: bool = False) -> None:
+    """Save each figure for which an outcome has data as a PNG file.
+
+    Args:
+        outcome: Outcome of a scenario; without a log nothing is drawn.
+        folder: Folder for the files, created if needed.
+        svg: Whether to save SVG files as well.
+    """
+    log = outcome.log
+    if log is None or not log.lengths.any():
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    seed = log.seeds[0]
+    context = f"{outcome.scenario.name}, {describe_plant(outcome.entry)}, seed {seed}"
+    failures = [
+        f"{failure.controller} failed at {failure.time_s:.2f} s: {failure.cause}"
+        for failure in outcome.failures
+        if failure.seed == seed
+    ]
+    for name, draw in choose_figures(outcome).items():
+        title = "\n".join([f"{TITLES[name]}: {context}", *failures]) if name in TITLES else ""
+        with plotting.figure_file(folder / name, title, svg) as figure:
+            draw(figure)
+
+
+def choose_figures(outcome: Outcome) -> dict[str, Callable[[Figure], None]]:
+    """Return, by file name, a function that draws each figure for which an outcome has data."""
+    assert outcome.log
+    robots = [robot for robot in select_robots(outcome.log, 1) if robot.length]
+    failed_rows = {failure.row for failure in outcome.failures}
+    failed = {robot.name for robot in robots if robot.row in failed_rows}
+    figures: dict[str, Callable[[Figure], None]] = {
+        "error": partial(draw_errors, robots, failed),
+        "path": partial(draw_paths, robots, failed),
+        "command": partial(draw_commands, robots, failed),
+    }
+    if estimators := select_alpha_estimators(robots):
+        figures["alpha"] = partial(draw_alpha, estimators)
+    if len(outcome.log.seeds) >= MIN_SEEDS:
+        name, entry = outcome.scenario.name, outcome.entry
+        figures["seeds"] = partial(draw_seed_statistics, name, entry, ())
+    return figures
 
 
 def draw_errors(robots: Robots, failed: Collection[str], figure: Figure) -> None:
@@ -61,8 +115,8 @@ def draw_paths(robots: Robots, failed: Collection[str], figure: Figure) -> None:
     for i, robot in enumerate(robots):
         color, path = style.color(robot.style_index), robot["pose"][:, :2]
         if robot.name in failed:
-            marker: dict[str, Any] = {"color": color, "ms": 8, "mec": "black", "zorder": 6}
-            overview.plot(*path[-1], "X", label=f"{robot.name} failed", **marker)
+            label = f"{robot.name} failed"
+            overview.plot(*path[-1], "X", color=color, ms=8, mec="black", zorder=6, label=label)
         distance = distance_to_path(reference, path)
         center, deviation = path[distance.argmax()], float(distance.max())
         axes = figure.add_subplot(grid[1 + i // columns, i % columns])
@@ -92,9 +146,10 @@ def draw_commands(robots: Robots, failed: Collection[str], figure: Figure) -> No
     labels = labels if np.ptp(poses[:, 2]) > 0 else labels[:2]
     panels = _draw_columns(robots, failed, figure, labels, lambda robot: robot["command"])
     velocity = np.diff(poses, axis=0, append=poses[-1:]) * FRAME_RATE_HZ
-    line: dict[str, Any] = {"color": style.BACKGROUND, "lw": 3.5, "zorder": 1, "label": "reference"}
+    time = plotting.frame_times(poses)
     for axis, axes in enumerate(panels):
-        axes.plot(plotting.frame_times(poses), velocity[:, axis], **line)
+        speed = velocity[:, axis]
+        axes.plot(time, speed, color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
     plotting.add_legend(figure, figure.axes)
 
 
@@ -122,8 +177,8 @@ def draw_alpha(robots: Robots, figure: Figure) -> None:
         label = "estimate, in the controller's color"
         axes.plot(time, estimate, color=color, lw=2, zorder=3, label=label)
         if np.isfinite(low).any():
-            band: dict[str, Any] = {"color": color, "alpha": 0.25, "lw": 0, "zorder": 1}
-            axes.fill_between(time, low, high, label="estimate ± 2 sigma", **band)
+            label = "estimate ± 2 sigma"
+            axes.fill_between(time, low, high, color=color, alpha=0.25, lw=0, zorder=1, label=label)
         axes.set(title=f"{robot.name}, {'xy'[axis]}", ylabel="" if axis else "alpha")
     grid[0, 0].set_ylim(ALPHA_RANGE)
     plotting.add_legend(figure, grid.flat)
@@ -194,8 +249,8 @@ def _draw_path_lines(
         origin: Position that becomes the origin of the axes, (2,) m.
         scale: Units of the axes per m.
     """
-    line: dict[str, Any] = {"color": style.BACKGROUND, "lw": 4, "zorder": 1, "label": "reference"}
-    axes.plot(*(scale * (reference - origin)).T, **line)
+    path = scale * (reference - origin)
+    axes.plot(*path.T, color=style.BACKGROUND, lw=4, zorder=1, label="reference")
     for robot in robots:
         path = scale * (robot["pose"][:, :2] - origin)
         line_style = style.line_style(robot.style_index) | {"marker": ""}

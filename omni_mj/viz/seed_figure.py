@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
 from omni_mj.results.result_tables import describe_plant
-from omni_mj.viz import style
-from omni_mj.viz.figures import plotting
+from omni_mj.viz import plotting, style
 
 Summary = dict[str, Any]
 LINE_IN = 0.3  # height of a controller's line
