@@ -89,7 +89,7 @@ def __dir__() -> list[str]:
 
 
 class _Package(ModuleType):
-    """This package. Importing a submodule, such as `omni_mj.run`, does not hide a public function."""
+    """This package. A submodule, such as `omni_mj.run`, does not hide a public function."""
 
     def __setattr__(self, name: str, value: object) -> None:
         hides_function = name in _MODULES and isinstance(value, ModuleType)

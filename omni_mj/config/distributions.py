@@ -18,7 +18,8 @@ from omni_mj.config.validation import format_value
 
 KINDS = {  # kind of distribution -> its parameters, for messages
     "uniform": "[low, high], low below high",
-    "normal": "[mean, deviation] or [mean, deviation, low, high], a deviation above 0 and low below high",
+    "normal": "[mean, deviation] or [mean, deviation, low, high], "
+    "a deviation above 0 and low below high",
     "choice": "a list of 1 to 999 values",
 }
 ALLOWED_LENGTHS = {"uniform": (2,), "normal": (2, 4), "choice": range(1, 1000)}
@@ -117,8 +118,8 @@ def check_bounds(settings: Settings, distributions: Mapping[str, Distribution]) 
         OmniError: A bound is not allowed.
     """
     for name, distribution in distributions.items():
-        for bound in distribution.bounds:
-            replace_values(settings, {name: bound})
+        for value in distribution.bounds:
+            replace_values(settings, {name: value})
 
 
 def draw_settings(
@@ -168,17 +169,16 @@ def replace_values(settings: Settings, values: Mapping[str, Value]) -> Settings:
     return settings.replace(**sections)
 
 
-def _parse_distribution(name: str, table: Mapping[str, Any]) -> Distribution:
-    """Return the distribution of a setting, given as a table such as {uniform = [0.4, 0.9]}."""
+def _parse_distribution(name: str, fields: Mapping[str, Any]) -> Distribution:
+    """Return the distribution of a setting, given by fields such as {uniform = [0.4, 0.9]}."""
     settings = {setting.full_name: setting for setting in list_settings()}
     if name not in settings:
         raise OmniError(f"unknown setting {name}; {suggest_names(name, settings)}")
     setting = settings[name]
-    kind, values = next(iter(table.items()), ("", ()))
-    if len(table) != 1 or kind not in KINDS:
-        raise OmniError(
-            f"{name} must be a value, or one of {', '.join(KINDS)}, not {format_value(dict(table))}"
-        )
+    kind, values = next(iter(fields.items()), ("", ()))
+    if len(fields) != 1 or kind not in KINDS:
+        value = format_value(dict(fields))
+        raise OmniError(f"{name} must be a value, or one of {', '.join(KINDS)}, not {value}")
     if setting.kind is tuple:
         raise OmniError(f"{name} is a list, which cannot be drawn")
     if kind != "choice" and not setting.is_number:

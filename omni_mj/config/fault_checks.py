@@ -12,23 +12,23 @@ if TYPE_CHECKING:
     from omni_mj.config.settings import Settings
 
 
-def parse_faults(tables: Any) -> tuple[Fault, ...]:
+def parse_faults(fault_list: Any) -> tuple[Fault, ...]:
     """Return the faults described by the list `fault` of a scenario.
 
     Args:
-        tables: List of tables with a kind and its fields, or of faults.
+        fault_list: List of faults, or of mappings with a kind and its fields.
 
     Raises:
         OmniError: There is no such kind, or a value is not allowed; lines for each fault.
     """
-    if not isinstance(tables, (list, tuple)):
-        value = format_value(tables)
+    if not isinstance(fault_list, (list, tuple)):
+        value = format_value(fault_list)
         raise ValueError(f"fault is a list: write [[fault]] and its fields below, not {value}")
     faults: list[Fault] = []
     errors: list[str] = []
-    for number, table in enumerate(tables, 1):
+    for number, fault in enumerate(fault_list, 1):
         try:
-            faults.append(table if isinstance(table, Fault) else _parse_fault(table))
+            faults.append(fault if isinstance(fault, Fault) else _parse_fault(fault))
         except OmniError as error:
             errors += [f"fault {number}: {line}" for line in str(error).splitlines()]
     raise_errors(errors)
@@ -96,8 +96,8 @@ def check_plant_supports(faults: Sequence[Fault], plant: str, n_robots: int | No
     raise_errors(errors)
 
 
-def _parse_fault(table: Any) -> Fault:
-    fields = dict(table) if isinstance(table, Mapping) else {"kind": table}
+def _parse_fault(values: Any) -> Fault:
+    fields = dict(values) if isinstance(values, Mapping) else {"kind": values}
     kind = str(fields.pop("kind", None))
     if kind not in FAULT_KINDS:
         hint = suggest_names(kind, FAULT_KINDS)

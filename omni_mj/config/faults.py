@@ -69,7 +69,7 @@ class Fault(SettingsModel):
 
     @property
     def frame_span(self) -> tuple[int, float]:
-        """First frame, and first frame after the end; infinite if it lasts until the end of the run."""
+        """First frame, and first frame after the end; infinite without a duration."""
         start = round(self.start_s * FRAME_RATE_HZ)
         if not self.duration_s:
             return start, math.inf
@@ -218,7 +218,7 @@ class WheelWorn(WheelFault):
 
 
 class WheelMissingRollers(WheelFault):
-    """A wheel with a gap of missing rollers: no grip once per turn, while the gap is at the carpet."""
+    """A wheel with missing rollers: no grip once per turn, while the gap is at the carpet."""
 
     rollers: int = setting(1, "", "number of missing rollers, side by side", 1, 8)
 
@@ -248,7 +248,7 @@ class GyroScale(WheeledRobotFault):
 
 
 class FirmwareTimeout(WheeledRobotFault):
-    """A timeout of the radio: the firmware stops the wheels until the fault ends and a packet comes."""
+    """A radio timeout: the firmware stops the wheels until the fault ends and a packet comes."""
 
 
 class BrownOut(WheeledRobotFault):
@@ -312,7 +312,7 @@ class RadioDuplicates(Fault):
 
 
 class RadioReorder(Fault):
-    """Packets that arrive late, after newer ones; a robot applies them until the next packet comes."""
+    """Packets that arrive after newer ones; a robot applies them until the next packet comes."""
 
     probability: float = _probability("that a packet is late")
     delay_frames: int = setting(
@@ -338,7 +338,7 @@ class VisionWrongId(Fault):
 
 
 class VisionBias(Fault):
-    """A biased measurement: a displaced camera, a bad calibration, or front taken for back (180 deg)."""
+    """A biased measurement: a displaced or badly calibrated camera, or a reversed heading."""
 
     x_m: float = setting(0.0, "m", "error along the world's x axis", -1, 1)
     y_m: float = setting(0.0, "m", "error along the world's y axis", -1, 1)

@@ -21,9 +21,9 @@ class MotorSettings(SettingsModel):
 
         V_N = R I_N + X w_N I_N + k w_N.
 
-    On maxon's datasheet, k I_N equals the nominal torque within 0.5 %. So this torque is that of the
-    air gap and includes the motor's own friction. If it were the torque of the shaft, friction would
-    count twice, and the current would be 2.77 A instead of 2.52 A.
+    On maxon's datasheet, k I_N equals the nominal torque within 0.5 %. So this torque is that of
+    the air gap and includes the motor's own friction. If it were the torque of the shaft, friction
+    would count twice, and the current would be 2.77 A instead of 2.52 A.
 
     No datasheet says how much of the no-load friction is dry. TIGERs' firmware assumes that all of
     it is proportional to speed. The self-test of their v2020 (Nanotec DF45, test_motor.c) implies

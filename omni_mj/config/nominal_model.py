@@ -67,7 +67,8 @@ INTEGRAL_ACTION_ASSUMPTIONS = {
     "assumed_alpha_sideways": 0.0,
 }
 # Part of 1/alpha - 1 at 1 m/s that is not due to creep: viscous friction, rolling radius, battery.
-# On six robots it is 0.013 to 0.023 forward and 0.021 to 0.047 sideways, where wheel loops yield more.
+# On six robots it is 0.013 to 0.023 forward, and 0.021 to 0.047 sideways, where wheel loops yield
+# more.
 OTHER_INVERSE_GAIN = 0.02
 
 
@@ -102,8 +103,8 @@ def derive_assumptions(
     scale = assumed_creep / creep if creep and assumed_creep is not None else 1.0
     inverse_gain = np.ones(2)
     if creep:
-        other = OTHER_INVERSE_GAIN * np.array([1.0, law.time[1] / creep])
-        inverse_gain += scale * (1 / law.gain[:2] - 1 + other)
+        without_creep = OTHER_INVERSE_GAIN * np.array([1.0, law.time[1] / creep])
+        inverse_gain += scale * (1 / law.gain[:2] - 1 + without_creep)
     values = {
         "assumed_lag_s": round(float(compute_lag(settings).mean()), 4),
         "assumed_drag_m_s": round(float(compute_drag(settings).mean()), 3),

@@ -1,4 +1,4 @@
-"""Settings of the plant besides the robot: carpet, differences between robots, integration, world."""
+"""Settings of the plant other than the robot: carpet, randomization, disturbance, integration."""
 
 from collections.abc import Iterator
 from typing import Literal
@@ -58,7 +58,7 @@ class RandomizationSettings(SettingsModel):
 
 
 class DisturbanceSettings(SettingsModel):
-    """A disturbance drawn uniformly from plus or minus its amplitude, per frame and axis (table 4)."""
+    """A disturbance that is uniform within its amplitude, drawn per frame and axis (table 4)."""
 
     velocity_m_s: float = setting(
         0.0, "m/s", "kinematic plant: amplitude of the velocity added to equation 7", 0, 10

@@ -1,4 +1,4 @@
-"""Controllers and plants by name: those of the package, or classes in a user's file, `file.py:Class`."""
+"""Controllers and plants by name: the package's, or classes in a user's file, `file.py:Class`."""
 
 import inspect
 import sys
@@ -82,8 +82,8 @@ def _guard_method(plant_class: type[Any], method: str) -> Callable[..., Any]:
         try:
             return getattr(plant_class, method)(*arguments, **keywords)
         except Exception as error:
-            place = describe_error(plant_class, error)
-            raise OmniError(f"the plant {plant_class.__name__}{place}") from error
+            description = describe_error(plant_class, error)
+            raise OmniError(f"the plant {plant_class.__name__}{description}") from error
 
     return guarded
 
@@ -163,7 +163,7 @@ def load_class(name: str, requirement: str, is_suitable: Callable[[type], bool])
 
 @lru_cache
 def _run_file(file: Path, modified_ns: int) -> ModuleType:
-    """Run a Python file as a module. A changed modification time invalidates the cache."""
+    """Run a Python file as a module. The modification time keys the cache."""
     module = ModuleType(_USER_MODULE_PREFIX + file.stem)
     module.__file__ = str(file)
     sys.modules[module.__name__] = module  # dataclasses look up annotations here

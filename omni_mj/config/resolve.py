@@ -175,11 +175,11 @@ def _build_settings(sections: Mapping[str, Any]) -> Settings:
     return Settings(**{name: {} for name in get_section_classes()} | dict(sections))
 
 
-def _are_equal(number: Any, other: Any) -> bool:
+def _are_equal(number_1: Any, number_2: Any) -> bool:
     """Return whether two numbers or lists of numbers are equal within tolerance."""
     try:
-        return np.shape(number) == np.shape(other) and np.allclose(
-            number, other, rtol=RELATIVE_TOLERANCE, atol=1e-9
+        return np.shape(number_1) == np.shape(number_2) and np.allclose(
+            number_1, number_2, rtol=RELATIVE_TOLERANCE, atol=1e-9
         )
     except (TypeError, ValueError):
         return False

@@ -1,4 +1,4 @@
-"""Files of robots, whose values are the defaults of every scenario with that robot, and MJCF files."""
+"""Files of robots, whose values are the defaults of scenarios with that robot, and MJCF files."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -40,7 +40,8 @@ def read_robot_sections(robot: str) -> Sections:
     """Return the settings in a robot's file, by section and field.
 
     Raises:
-        OmniError: There is no such robot, or its file is not TOML or contains anything but sections.
+        OmniError: There is no such robot, its file is not TOML, or it contains anything but
+            sections.
     """
     return _read(robot)[1]
 
@@ -73,7 +74,7 @@ def _read(robot: str) -> tuple[str, Sections]:
 
 @lru_cache
 def _parse(path: Path, modified_ns: int) -> tuple[str, Sections]:
-    """Return description and sections of a file. A changed modification time invalidates the cache."""
+    """Return description and sections of a file. The modification time keys the cache."""
     data = toml_files.read_toml(path, "the robot's file")
     description = data.pop(DESCRIPTION, "")
     has_sections_only = all(isinstance(section, dict) for section in data.values())

@@ -18,7 +18,7 @@ CONTACT_DEPTH_M = 7e-5
 
 
 class ModelSettings(SettingsModel):
-    """The MJCF of a custom robot, which defines `body`, `wheels` and gear. Empty: standard shape."""
+    """The MJCF of a custom robot, which defines `body`, `wheels` and gear."""
 
     file: str = setting(
         "", "", "path of the MJCF of a custom robot, which defines geometry and masses"
@@ -88,8 +88,8 @@ class WheelSettings(SettingsModel):
             if clearance < CONTACT_DEPTH_M:
                 yield (
                     f"wheels.rollers = {count} is too many for wheels.model = two-rollers: with "
-                    f"wheels.roller_radius_m = {roller:g} more than two of a wheel touch the carpet; "
-                    "take rollers"
+                    f"wheels.roller_radius_m = {roller:g} more than two of a wheel touch the "
+                    "carpet; take rollers"
                 )
 
 

@@ -1,7 +1,5 @@
 """Scenarios: what is run. They are made from TOML files with overrides, or in Python."""
 
-import json
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -14,7 +12,13 @@ from omni_control.errors import OmniError
 from omni_mj.config import distributions, fault_checks, faults, plugins, robot_files
 from omni_mj.config.resolve import Robot, resolve_settings
 from omni_mj.config.settings import Settings
-from omni_mj.config.toml_files import MAX_NAME_LENGTH, apply_override, read_scenario_file
+from omni_mj.config.toml_files import (
+    MAX_NAME_LENGTH,
+    apply_override,
+    format_toml_key,
+    format_toml_value,
+    read_scenario_file,
+)
 from omni_mj.config.validation import (
     SettingsModel,
     collect_errors,
@@ -116,14 +120,17 @@ class Scenario(SettingsModel):
         sections = self.settings_to_dict()
         parameters = sections.pop("controller")
         fault_tables = sections.pop("fault")
-        tables = [(f"[{name}]", values) for name, values in sections.items()]
+        blocks = [(f"[{name}]", values) for name, values in sections.items()]
         for label, values in parameters.items():
-            tables.append((f"[controller.{_toml_key(label)}]", values))
-        tables += [("[[fault]]", values) for values in fault_tables]
-        lines = [f"{name} = {_toml_value(head[name])}" for name in HEAD_FIELDS]
-        for heading, values in tables:
+            blocks.append((f"[controller.{format_toml_key(label)}]", values))
+        blocks += [("[[fault]]", values) for values in fault_tables]
+        lines = [f"{name} = {format_toml_value(head[name])}" for name in HEAD_FIELDS]
+        for heading, values in blocks:
             lines += ["", heading]
-            lines += [f"{_toml_key(name)} = {_toml_value(value)}" for name, value in values.items()]
+            lines += [
+                f"{format_toml_key(name)} = {format_toml_value(value)}"
+                for name, value in values.items()
+            ]
         return "\n".join(lines) + "\n"
 
     @field_validator("plant")
@@ -293,22 +300,6 @@ def _check_no_code(data: Mapping[str, Any], head: Mapping[str, Any]) -> None:
         for spec in specs
         if isinstance(spec, str) and plugins.is_class_reference(spec)
     )
-
-
-def _toml_value(value: Any) -> str:
-    """Return a value in TOML.
-
-    JSON is valid TOML, except that it must not escape characters beyond U+FFFF, and that DEL must be
-    escaped.
-    """
-    if isinstance(value, dict):
-        fields = [f"{_toml_key(name)} = {_toml_value(field)}" for name, field in value.items()]
-        return "{" + ", ".join(fields) + "}"
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _toml_key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml_value(name)
 
 
 def build_json_schema() -> dict[str, Any]:

@@ -100,8 +100,8 @@ class Settings(SettingsModel):
         if battery.cut_off_v >= full:
             yield (
                 f"battery.cut_off_v = {battery.cut_off_v:g} must be below the {full:g} V of "
-                f"battery.series_cells = {battery.series_cells} when full ({FULL_CELL_V} V a cell): "
-                "the battery would never give power"
+                f"battery.series_cells = {battery.series_cells} when full "
+                f"({FULL_CELL_V} V a cell): the battery would never give power"
             )
 
     @property
@@ -134,7 +134,7 @@ def get_section_classes() -> dict[str, type[SettingsModel]]:
 
 
 def list_settings() -> list[SettingInfo]:
-    """Return the declarations of all settings in order, with the default robot's values as defaults."""
+    """Return the declarations of all settings in order, with the default robot's values."""
     robot_sections = robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT)
     settings = []
     for section, section_class in get_section_classes().items():

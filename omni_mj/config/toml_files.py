@@ -1,5 +1,6 @@
-"""Reading of TOML files of scenarios and robots, and of --set overrides."""
+"""Reading of TOML files of scenarios and robots and of --set overrides; formatting of TOML."""
 
+import json
 import os
 import re
 import tomllib
@@ -82,7 +83,7 @@ def apply_override(data: dict[str, Any], override: str) -> None:
     A value that is not TOML is taken as a string, such as `reference.mode=iterated`.
 
     Raises:
-        OmniError: The override has another form, or names a field of something that is not a section.
+        OmniError: The override has another form, or does not name a field of a section.
     """
     key, equals, value_text = override.partition("=")
     # Fields of controllers have three parts: controller.NAME.PARAMETER
@@ -104,3 +105,21 @@ def apply_override(data: dict[str, Any], override: str) -> None:
                 f"cannot set {to_printable(key)}: {to_printable(section)} is not a section"
             )
     data[name] = value
+
+
+def format_toml_value(value: Any) -> str:
+    """Return a value in TOML.
+
+    JSON is valid TOML if characters beyond U+FFFF are not escaped, and DEL is.
+    """
+    if isinstance(value, dict):
+        fields = [
+            f"{format_toml_key(name)} = {format_toml_value(field)}" for name, field in value.items()
+        ]
+        return "{" + ", ".join(fields) + "}"
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def format_toml_key(name: str) -> str:
+    """Return a key in TOML, quoted if necessary."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else format_toml_value(name)

@@ -38,9 +38,9 @@ def setting(
     """
     names = ("min_length", "max_length") if isinstance(default, tuple) else ("ge", "le")
     arguments: dict[str, Any] = {"default": default}
-    for name, bound in zip(names, (low, high), strict=True):
-        if bound is not None:
-            arguments[name] = bound
+    for name, limit in zip(names, (low, high), strict=True):
+        if limit is not None:
+            arguments[name] = limit
     if low is None:
         allowed = ""
     elif high is None:
@@ -59,7 +59,7 @@ class SettingInfo(NamedTuple):
         default: Default value; None if the field is required.
         unit: Unit; empty if dimensionless.
         doc: Meaning.
-        allowed: Allowed values, such as '0 to 600', 'at least 2' or 'timed, iterated'; may be empty.
+        allowed: Allowed values, such as '0 to 600', 'at least 2' or 'timed, iterated'.
     """
 
     full_name: str
@@ -174,7 +174,7 @@ def raise_errors(messages: Iterable[str]) -> None:
 
 @contextmanager
 def collect_errors(messages: list[str]) -> Iterator[None]:
-    """Append the message of an `OmniError` to a list instead of raising it. The error ends the block."""
+    """Append the message of an `OmniError`, which ends the block, to a list."""
     try:
         yield
     except OmniError as error:
