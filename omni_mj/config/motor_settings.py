@@ -106,6 +106,21 @@ class MotorSettings(SettingsModel):
         no_load_speed = self.no_load_rpm * RAD_S_PER_RPM
         return (1 - self.dry_friction_fraction) * self.no_load_friction_nm / no_load_speed
 
+    @property
+    def wheel_back_emf_v_s(self) -> float:
+        """Back-EMF per speed of the wheel, V s/rad."""
+        return self.torque_constant_nm_a * self.gear_ratio
+
+    @property
+    def wheel_dry_friction_nm(self) -> float:
+        """Dry part of the friction torque at the wheel, N m."""
+        return self.dry_friction_nm * self.gear_ratio
+
+    @property
+    def wheel_viscous_friction_nm_s(self) -> float:
+        """Viscous part of the friction torque per wheel speed, at the wheel, N m s/rad."""
+        return self.viscous_friction_nm_s * self.gear_ratio**2
+
     def find_contradictions(self) -> Iterator[str]:
         """Yield a message for each row that contradicts the others."""
         voltage, commutation = self.nominal_voltage_v, self.commutation_ohm_s

@@ -17,7 +17,6 @@ from omni_mj.mjcf.robot_indices import Ids
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies
-from omni_mj.robot.motors import Motor
 
 _MASS_FIELDS = "body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat"
 
@@ -111,11 +110,12 @@ class RobotViews(ChangeableBodies):
         Constants that MuJoCo derives from masses stay. They scale contacts and slip hinges, which
         must be the same for all robots.
         """
-        motors = [Motor.from_settings(s.motor) for s in settings]
         hubs = self._ids("wheel_dofs")
         rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
         self._view_model("dof_frictionloss", hubs).set(gather(settings, "hub_friction_nm"))
-        self._view_model("dof_damping", hubs).set(gather(motors, "wheel_viscous_friction"))
+        self._view_model("dof_damping", hubs).set(
+            gather(settings, "motor.wheel_viscous_friction_nm_s")
+        )
         self._view_model("dof_damping", rollers).set(
             gather(settings, "drivetrain.roller_damping_nm_s")
         )

@@ -33,7 +33,6 @@ from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.planar_wheel import SPEEDS_RAD_S, WheelResponse, interpolate_response
 from omni_mj.robot.array_ops import sum_wheels
 from omni_mj.robot.firmware_state import CYCLE_S
-from omni_mj.robot.motors import Motor
 from omni_mj.robot.planar_state import BodyParameters
 
 # Damping of a roller's contact along the carpet
@@ -82,9 +81,8 @@ class PlanarBodyBuilder:
         self._axle = kinematics.axles.T[:2, :, None] * np.ones(len(settings))
         self._contact = kinematics.arm * self._axle[0], kinematics.arm * self._axle[1]
         self._wheel_order = np.argsort(kinematics.azimuths)  # counter-clockwise
-        motors = [Motor.from_settings(s.motor) for s in settings]
-        self._hub_viscous_friction = gather(motors, "wheel_viscous_friction")
-        rotor_inertia = gather(motors, "rotor_inertia") * gather(motors, "gear_ratio") ** 2
+        gear_ratio = gather(settings, "motor.gear_ratio")
+        rotor_inertia = gather(settings, "motor.rotor_inertia_kg_m2") * gear_ratio**2
         hub_body_inertia = float(model.body_inertia[robot.wheels[0]].max())
         self._hub_inertia = hub_body_inertia + rotor_inertia
         _, _, rim_inertia = compute_composite_inertia(
@@ -169,7 +167,7 @@ class PlanarBodyBuilder:
             mass_rate=(body_mass + rolling_mass) / CYCLE_S,
             rolling_mass=rolling_mass[:, :2],
             hub_gain=CYCLE_S / self._hub_inertia,
-            hub_viscous_friction=self._hub_viscous_friction,
+            hub_viscous_friction=gather(self._settings, "motor.wheel_viscous_friction_nm_s"),
             hub_dry_friction=gather(self._settings, "hub_friction_nm") * np.ones_like(load),
             contact_compliance=1 / (contact_damping * wheel.rolling_radius**2),
             rolling_radius=wheel.rolling_radius,

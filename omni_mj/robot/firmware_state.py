@@ -8,7 +8,6 @@ import numpy as np
 from omni_control.kinematics import Kinematics
 from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings, gather
 from omni_mj.robot.array_ops import Array
-from omni_mj.robot.motors import Motor
 
 CYCLE_S = 1 / CYCLE_RATE_HZ
 CYCLES = round(PERIOD_S * CYCLE_RATE_HZ)  # in a camera frame
@@ -89,14 +88,13 @@ def make_firmware_parameters(
     settings: Sequence[Settings], kinematics: Kinematics
 ) -> FirmwareParameters:
     """Return the parameters of n robots with one wheel geometry."""
-    motors = [Motor.from_settings(s.motor) for s in settings]
 
     def values(name: str) -> Array:
         return gather(settings, f"firmware.{name}")
 
     cycles = np.maximum(1.0, np.rint(1 / (values("rate_hz") * CYCLE_S)))
     timeout = values("timeout_s")
-    back_emf_constant = gather(motors, "wheel_back_emf_constant")
+    back_emf_constant = gather(settings, "motor.wheel_back_emf_v_s")
     has_integral = bool(values("ki").any() or values("kd").any())
     derates = values("thermal_derating").astype(bool)
     winding_limit = np.where(derates, gather(settings, "motor.max_winding_c"), np.inf)
@@ -109,13 +107,13 @@ def make_firmware_parameters(
         heading_gain=values("heading_gain") * PERIOD_S,
         gyro_bias_gain=values("gyro_bias_gain") * PERIOD_S,
         turn_rate_gain=values("turn_rate_gain"),
-        counts_per_rad=encoder_counts * gather(motors, "gear_ratio") / (2 * np.pi),
+        counts_per_rad=encoder_counts * gather(settings, "motor.gear_ratio") / (2 * np.pi),
         kp=values("kp"),
         ki=values("ki") if has_integral else None,
         kd=values("kd") if has_integral else None,
         feedforward=values("feed_forward") * back_emf_constant,
         nominal_back_emf_constant=back_emf_constant,
-        nominal_resistance=gather(motors, "resistance"),
+        nominal_resistance=gather(settings, "motor.resistance_ohm"),
         nominal_voltage=values("nominal_voltage_v"),
         winding_limit=winding_limit if derates.any() else None,
         derating_current=DERATING_CURRENT_RATIO * gather(settings, "motor.nominal_current_a"),

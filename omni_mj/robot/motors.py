@@ -13,8 +13,7 @@ housing, weaken with the housing's temperature.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,57 +22,6 @@ from omni_mj.config.settings import PERIOD_S, Settings, gather
 from omni_mj.robot.array_ops import Array, any_true, clip, namespace
 
 REFERENCE_C = 25.0  # at which the data sheet states resistance and torque constant
-
-
-@dataclass(frozen=True)
-class Motor:
-    """A motor at 25 deg C by its data sheet, at its own shaft.
-
-    Attributes:
-        torque_constant: Torque per current, which equals voltage per speed, N m/A = V s/rad.
-        resistance: Terminal resistance, ohm.
-        commutation: Resistance per speed that commutation adds, ohm s/rad.
-        dry_friction: Friction that does not depend on speed (bearings), N m.
-        viscous_friction: Friction per speed (iron, windage), N m s/rad.
-        rotor_inertia: Inertia of the rotor, kg m^2.
-        gear_ratio: Turns of the motor per turn of the wheel.
-    """
-
-    torque_constant: float
-    resistance: float
-    commutation: float
-    dry_friction: float
-    viscous_friction: float
-    rotor_inertia: float
-    gear_ratio: float
-
-    @classmethod
-    def from_settings(cls, settings: MotorSettings) -> Self:
-        """Return the motor of a data sheet, with the constants that `MotorSettings` derives."""
-        return cls(
-            torque_constant=settings.torque_constant_nm_a,
-            resistance=settings.resistance_ohm,
-            commutation=settings.commutation_ohm_s,
-            dry_friction=settings.dry_friction_nm,
-            viscous_friction=settings.viscous_friction_nm_s,
-            rotor_inertia=settings.rotor_inertia_kg_m2,
-            gear_ratio=settings.gear_ratio,
-        )
-
-    @property
-    def wheel_back_emf_constant(self) -> float:
-        """Back-EMF per speed of the wheel, V s/rad."""
-        return self.torque_constant * self.gear_ratio
-
-    @property
-    def wheel_dry_friction(self) -> float:
-        """Dry friction at the wheel, N m."""
-        return self.dry_friction * self.gear_ratio
-
-    @property
-    def wheel_viscous_friction(self) -> float:
-        """Friction per speed at the wheel, N m s/rad."""
-        return self.viscous_friction * self.gear_ratio**2
 
 
 class MotorParameters(NamedTuple):
@@ -109,16 +57,16 @@ def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) ->
         magnet_factor: Torque constant of each motor over the data sheet's, (W, n).
     """
     sheets = [s.motor for s in settings]
-    motors = [Motor.from_settings(sheet) for sheet in sheets]
+    gear_ratio = gather(sheets, "gear_ratio")
     thermal_steps = {sheet: solve_thermal_nodes(sheet, PERIOD_S) for sheet in set(sheets)}
     return MotorParameters(
-        gear_ratio=gather(motors, "gear_ratio"),
-        cold_resistance=gather(motors, "resistance"),
-        cold_torque_constant=gather(motors, "torque_constant") * magnet_factor,
-        commutation=gather(motors, "commutation") * gather(motors, "gear_ratio"),
+        gear_ratio=gear_ratio,
+        cold_resistance=gather(sheets, "resistance_ohm"),
+        cold_torque_constant=gather(sheets, "torque_constant_nm_a") * magnet_factor,
+        commutation=gather(sheets, "commutation_ohm_s") * gear_ratio,
         current_limit=gather(settings, "firmware.current_limit_a"),
-        dry_friction=gather(motors, "wheel_dry_friction"),
-        viscous_friction=gather(motors, "wheel_viscous_friction"),
+        dry_friction=gather(sheets, "wheel_dry_friction_nm"),
+        viscous_friction=gather(sheets, "wheel_viscous_friction_nm_s"),
         copper_coefficient=gather(sheets, "winding_resistance_per_k"),
         magnet_coefficient=gather(sheets, "torque_constant_per_k"),
         ambient=gather(sheets, "ambient_c"),

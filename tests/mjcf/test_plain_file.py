@@ -11,7 +11,6 @@ from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.mjcf import world_builder
 from omni_mj.mjcf.robot_spec import RobotShape, build_robot_spec
-from omni_mj.robot.motors import Motor
 
 DIGITS = 1e-6  # of the numbers in the files
 
@@ -26,17 +25,13 @@ def written(values: Any) -> str:
 def expected() -> list[str]:
     """Return the attributes that ssl_robot.xml must contain for the default robot."""
     settings = resolve_settings()
-    wheels, motor, world = (
-        settings.wheels,
-        Motor.from_settings(settings.motor),
-        world_builder.build_world(),
-    )
+    wheels, motor, world = settings.wheels, settings.motor, world_builder.build_world()
     (chassis,) = build_robot_spec(RobotShape.from_settings(settings)).spec.worldbody.bodies
     pair = {
         name: getattr(world.model, f"pair_{name}")[0]
         for name in ("solref", "solimp", "solreffriction")
     }
-    dry = motor.wheel_dry_friction + settings.drivetrain.gear_friction_nm
+    dry = motor.wheel_dry_friction_nm + settings.drivetrain.gear_friction_nm
     at_rest = (
         settings.carpet.friction * settings.body.mass_kg * 9.81 / 4 * wheels.radius_m
     )  # of a rim
@@ -56,12 +51,12 @@ def expected() -> list[str]:
         f'<replicate count="{wheels.rollers}" euler="{written(360 / wheels.rollers)} 0 0">',
         f'pos="{written([0, 0, wheels.roller_radius_m - wheels.radius_m])}" euler="90 0 0"',
         f'<geom type="ellipsoid" size="{written(barrel)}"',
-        f'frictionloss="{written(dry)}" damping="{written(motor.wheel_viscous_friction)}"',
+        f'frictionloss="{written(dry)}" damping="{written(motor.wheel_viscous_friction_nm_s)}"',
         f'frictionloss="{written(at_rest)}"',
         f'damping="{written(settings.drivetrain.roller_damping_nm_s)}"',
-        f'motorconst="{written(motor.torque_constant)}" resistance="{written(motor.resistance)}" '
+        f'motorconst="{written(motor.torque_constant_nm_a)}" resistance="{written(motor.resistance_ohm)}" '
         f'gear="{written(motor.gear_ratio)}"',
-        f'armature="{written(settings.motor.rotor_inertia_kg_m2)}"',
+        f'armature="{written(motor.rotor_inertia_kg_m2)}"',
         f'solref="{written(pair["solref"])}"',
         f'solimp="{written(pair["solimp"][:3])}"',
         f'solreffriction="{written(pair["solreffriction"])}"',

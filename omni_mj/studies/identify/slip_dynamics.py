@@ -32,7 +32,6 @@ from omni_control.traction import GRAVITY, compute_load_distribution
 from omni_mj.config import nominal_model
 from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
 from omni_mj.robot.carpet import AT_REST_M_S
-from omni_mj.robot.motors import Motor
 from omni_mj.studies.identify.log_segments import LogSegments
 
 Parameters = dict[str, float]
@@ -89,7 +88,7 @@ class RobotDynamics:
     @classmethod
     def from_settings(cls, settings: Settings) -> Self:
         """Return the dynamics that the settings of a robot describe."""
-        body, wheels, motor = settings.body, settings.wheels, Motor.from_settings(settings.motor)
+        body, wheels, motor = settings.body, settings.wheels, settings.motor
         rim_directions, radius = wheels.kinematics.matrix, wheels.radius_m
         x, kg = body.com_x_m, body.mass_kg
         n_rollers, roller_radius = wheels.rollers, wheels.roller_radius_m
@@ -100,7 +99,7 @@ class RobotDynamics:
         spin_up_radius = roller_radius - radius * (1 - np.cos(np.pi / n_rollers))
         cycles = round(CYCLE_RATE_HZ / settings.firmware.rate_hz)
         frame_cycles = CYCLE_RATE_HZ // FRAME_RATE_HZ
-        loop_gain = settings.firmware.kp + motor.wheel_back_emf_constant
+        loop_gain = settings.firmware.kp + motor.wheel_back_emf_v_s
         load_distribution = compute_load_distribution(wheels.kinematics, body.com_height_m)
         damping = settings.drivetrain.roller_damping_nm_s
         return cls(
@@ -119,8 +118,10 @@ class RobotDynamics:
             * ROLLER_KG
             * (roller_radius / spin_up_radius) ** 2
             / kg,
-            commutation=motor.commutation * motor.gear_ratio / (motor.resistance * radius),
-            rotor_inertia=motor.rotor_inertia * motor.gear_ratio**2 / (radius**2 * kg),
+            commutation=motor.commutation_ohm_s
+            * motor.gear_ratio
+            / (motor.resistance_ohm * radius),
+            rotor_inertia=motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 / (radius**2 * kg),
             command_wait=float(np.mean(-frame_cycles * np.arange(cycles) % cycles)) / CYCLE_RATE_HZ,
             loop_delay=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / loop_gain,
             gyro_delay=(cycles / 2 + 1) / CYCLE_RATE_HZ,
@@ -159,8 +160,8 @@ class RobotDynamics:
         }
         if by_wheels:
             return nominal | {"compliance_s": 0.0, "dry_friction_m_s": 0.0, "turn_rate_gain": 0.0}
-        motor, firmware = Motor.from_settings(settings.motor), settings.firmware
-        constant, gain = motor.wheel_back_emf_constant, firmware.kp + motor.wheel_back_emf_constant
+        motor, firmware = settings.motor, settings.firmware
+        constant, gain = motor.wheel_back_emf_v_s, firmware.kp + motor.wheel_back_emf_v_s
         softness = nominal_model.compute_rim_compliance(settings)
         return nominal | {
             "scale": 1 - (1 - firmware.feed_forward) * constant / gain,

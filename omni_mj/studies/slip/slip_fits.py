@@ -23,7 +23,6 @@ from scipy.optimize import least_squares
 from omni_control.kinematics import Array
 from omni_mj.config import nominal_model
 from omni_mj.config.settings import PERIOD_S, Settings
-from omni_mj.robot.motors import Motor
 from omni_mj.studies.slip.slip_moves import AXES, Move, MoveRecord
 
 MIN_LAG_S = 0.001  # added to T |u| in the published model
@@ -172,18 +171,13 @@ def predict_decelerations(settings: Settings) -> Array:
     Returns:
         Forward and sideways in m/s^2, turning in rad/s^2, (3,).
     """
-    wheels, body, motor = (
-        settings.wheels.kinematics,
-        settings.body,
-        Motor.from_settings(settings.motor),
-    )
+    wheels, body, motor = settings.wheels.kinematics, settings.body, settings.motor
     inertia = np.array([body.mass_kg, body.mass_kg, body.yaw_inertia_kg_m2])
     wheel_rates = np.abs(wheels.matrix) / wheels.radius * ROLL_OUT_SPEEDS  # rad/s
-    friction = settings.hub_friction_nm + motor.wheel_viscous_friction * wheel_rates
+    friction = settings.hub_friction_nm + motor.wheel_viscous_friction_nm_s * wheel_rates
     hubs = (np.abs(wheels.matrix) * friction).sum(0) / wheels.radius
-    rotors = (
-        motor.rotor_inertia * motor.gear_ratio**2 / wheels.radius**2 * (wheels.matrix**2).sum(0)
-    )
+    rotor_inertia = motor.rotor_inertia_kg_m2 * motor.gear_ratio**2
+    rotors = rotor_inertia / wheels.radius**2 * (wheels.matrix**2).sum(0)
     return np.asarray((nominal_model.compute_creep_law(settings).drag + hubs) / (inertia + rotors))
 
 
