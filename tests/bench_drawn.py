@@ -53,7 +53,9 @@ def draw_scenario(seed: int, number: int, plant: str) -> om.Scenario:
         "factor": rng.uniform(0.6, 0.9),
     }
     pushes = [_push(rng), _push(rng)]
-    has = {"beyond": beyond} | {trait: rng.random() < share for trait, share in TRAITS.items()}
+    has = {"beyond": beyond} | {
+        trait: rng.random() < fraction for trait, fraction in TRAITS.items()
+    }
     return om.load_scenario(
         base,
         plant=plant,
@@ -92,8 +94,11 @@ def _route(rng: np.random.Generator) -> tuple[str, dict[str, Any]]:
 def _push(rng: np.random.Generator) -> dict[str, Any]:
     """Return a push up to the strongest crash that the rules allow (`fault-push`)."""
     duration, direction = rng.uniform(0.05, 0.3), rng.uniform(-180, 180)
-    push = {"kind": "push", "start_s": rng.uniform(0.5, 5), "duration_s": duration}
-    return push | {"force_n": min(rng.uniform(0.5, 2) / duration, 20.0), "direction_deg": direction}
+    fault = {"kind": "push", "start_s": rng.uniform(0.5, 5), "duration_s": duration}
+    return fault | {
+        "force_n": min(rng.uniform(0.5, 2) / duration, 20.0),
+        "direction_deg": direction,
+    }
 
 
 def compare_errors(entries: dict[str, Any]) -> Iterator[list[str]]:

@@ -65,7 +65,7 @@ COLUMNS = {  # number -> unit in the table
 
 def write_robot(path: Path, robot: str, changes: Mapping[tuple[str, str], object]) -> str:
     """Write a robot's file with other values and return its path."""
-    values = {place: f"{value} # a guess" for place, value in changes.items()}
+    values = {field: f"{value} # a guess" for field, value in changes.items()}
     path.write_text(
         robot_file_writer.apply_changes(
             robot_files.find_robot_file(robot).read_text("utf-8"), values, ["a guess"]
@@ -131,7 +131,7 @@ def true_numbers(settings: Settings) -> dict[str, float]:
     The plant's integrator is semi-implicit: bodies are half a step ahead of their forces.
     """
     slip, half_step = compute_creep_law(settings), 0.5 / CYCLE_RATE_HZ / settings.physics.substeps
-    numbers = {
+    parameters = {
         "wheels.creep_stiffness": settings.drivetrain.creep_stiffness,
         "wheels.rolling_resistance": settings.carpet.rolling_resistance,
         "wheels.roller_friction": settings.drivetrain.roller_friction,
@@ -139,34 +139,34 @@ def true_numbers(settings: Settings) -> dict[str, float]:
         "wheels.arm_m": settings.wheels.arm_m,
         "commands.latency_s": settings.radio.delay_frames * PERIOD_S - half_step,
     }
-    numbers |= dict.fromkeys(
+    parameters |= dict.fromkeys(
         ("wheels.clock_offset_s", "wheels.slope_x_rad", "wheels.slope_y_rad"), 0.0
     )
     for i, axis in enumerate(("forward", "sideways")):
-        numbers[f"wheels.gain_{axis}"] = ROLLING_RADIUS * float(slip.gain[i])
-        numbers[f"wheels.creep_{axis}_s2_m"] = float(slip.time[i])
-        numbers[f"wheels.drag_{axis}_m_s2"] = float(slip.drag[i]) / settings.body.mass_kg
-    return numbers
+        parameters[f"wheels.gain_{axis}"] = ROLLING_RADIUS * float(slip.gain[i])
+        parameters[f"wheels.creep_{axis}_s2_m"] = float(slip.time[i])
+        parameters[f"wheels.drag_{axis}_m_s2"] = float(slip.drag[i]) / settings.body.mass_kg
+    return parameters
 
 
 def identify_drawn(
-    robot: str, numbers: range, folder: Path
+    robot: str, log_numbers: range, folder: Path
 ) -> list[tuple[IdentificationResult, dict[str, float]]]:
     """Identify random robots from logs that are driven in one batch, unless the folder has them."""
     base = load_scenario("identify", robot=robot)
     base = base.replace(settings=base.settings.replace(wheels={"model": "two-rollers"}))
-    settings = [draw_robot(base.settings, number) for number in numbers]
-    run_folder = folder / f"{robot}-{numbers}"
+    settings = [draw_robot(base.settings, number) for number in log_numbers]
+    run_folder = folder / f"{robot}-{log_numbers}"
     if not (run_folder / "trajectory.parquet").exists():
         rows = [
             Row(i, 0, base.controllers[0], number, settings_i, robot)
-            for i, (number, settings_i) in enumerate(zip(numbers, settings, strict=True))
+            for i, (number, settings_i) in enumerate(zip(log_numbers, settings, strict=True))
         ]
         simulation = Simulation(base, rows=rows)
         run_scenario.build_result(simulation, run_simulation(simulation)).save(run_folder)
     logs = read_logs(run_folder / "trajectory.parquet")
     results = []
-    for number, log, settings_i in zip(numbers, logs, settings, strict=True):
+    for number, log, settings_i in zip(log_numbers, logs, settings, strict=True):
         start_file = write_start_file(settings_i, robot, number, folder)
         result = identify_logs([log], load_scenario("rect", robot=start_file))
         results.append((result, true_numbers(settings_i)))
@@ -229,12 +229,12 @@ def measured(runs: Path, folder: Path) -> Table:
         except OmniError as error:
             rows.append([path.stem, str(error), *[""] * len(COLUMNS)])
             continue
-        cells = [
+        formatted = [
             format_estimate(identified_estimates(result).get(f"wheels.{name}"), unit)
             for name, unit in COLUMNS.items()
         ]
         persistent = result.fits["wheels"].residuals["positions"].persistent
-        rows.append([path.stem, *cells, f"{1e3 * persistent:.2g}"])
+        rows.append([path.stem, *formatted, f"{1e3 * persistent:.2g}"])
     headings = [
         "run",
         "wheel, mm",
@@ -273,10 +273,10 @@ def main() -> None:
     options = parser.parse_args()
     with TemporaryDirectory() as name:
         if options.command == "measured":
-            table = measured(options.runs, Path(name))
+            result = measured(options.runs, Path(name))
         else:
-            table = coverage(options.logs, options.folder or Path(name))
-    print(format_table(table))
+            result = coverage(options.logs, options.folder or Path(name))
+    print(format_table(result))
 
 
 if __name__ == "__main__":

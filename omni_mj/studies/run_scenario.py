@@ -73,8 +73,8 @@ def resolve_scenario(
         is_one = isinstance(controllers, str | type)
         scenario = scenario.replace(controllers=(controllers,) if is_one else tuple(controllers))
     if seeds is not None:
-        numbers = list_seeds(seeds)
-        scenario = scenario.replace(seed=numbers[0], seeds=len(numbers))
+        seed_list = list_seeds(seeds)
+        scenario = scenario.replace(seed=seed_list[0], seeds=len(seed_list))
     return scenario
 
 
@@ -105,13 +105,13 @@ def list_seeds(seeds: int | Iterable[int]) -> list[int]:
     Raises:
         OmniError: The seeds are not consecutive.
     """
-    numbers = list(range(seeds) if isinstance(seeds, int) else seeds)
-    if not numbers or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
+    seed_list = list(range(seeds) if isinstance(seeds, int) else seeds)
+    if not seed_list or seed_list != list(range(seed_list[0], seed_list[0] + len(seed_list))):
         raise OmniError(
-            f"seeds must count up one by one, such as range(5), got {numbers}: a scenario's file "
+            f"seeds must count up one by one, such as range(5), got {seed_list}: a scenario's file "
             "could not repeat the run; om.Simulation takes any seeds"
         )
-    return numbers
+    return seed_list
 
 
 def build_result(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:

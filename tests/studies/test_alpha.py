@@ -54,19 +54,19 @@ def slip_times(scenario: om.Scenario) -> np.ndarray:
 def test_creep_alone_has_the_lag_and_gain_of_its_closed_form(study: AlphaStudy) -> None:
     """Lag T g^2 U / 2 in addition to the wheel loop's; ramp slope s with T a s^2 + s / g = 1."""
     profile = conditions.PROFILE
-    both, curve = slice(0, 2), slip_times(om.load_scenario("rect"))
-    alone = study.by_causes.at((1, 0, 0))  # creep without drag and battery
+    axes, curve = slice(0, 2), slip_times(om.load_scenario("rect"))
+    creep_only = study.by_causes.at((1, 0, 0))  # creep without drag and battery
     creep = {
-        name: (getattr(alone, name) - getattr(study.wheel_loop, name))[both]
+        name: (getattr(creep_only, name) - getattr(study.wheel_loop, name))[axes]
         for name in RESPONSE_FIELDS
     }
-    gain = study.wheel_loop.steady_gain[both] + creep["steady_gain"]
+    gain = study.wheel_loop.steady_gain[axes] + creep["steady_gain"]
     # Acceleration shifts load between wheels; the closed form uses the mean load.
     np.testing.assert_allclose(creep["lag_s"], curve * gain**2 * profile.speed_m_s / 2, rtol=0.1)
     curve = curve * profile.acceleration_m_s2
     slope = (np.sqrt(1 + 4 * curve) - 1) / (2 * curve)
     np.testing.assert_allclose(
-        study.wheel_loop.acceleration_gain[both] + creep["acceleration_gain"], slope, atol=0.05
+        study.wheel_loop.acceleration_gain[axes] + creep["acceleration_gain"], slope, atol=0.05
     )
 
 
@@ -120,8 +120,8 @@ def test_shapley_values_have_their_defining_properties(data: st.DataObject) -> N
     )
     together = np.zeros_like(values)
     together[1, 1] = 0.5
-    both = list(conditions.shapley_values(together).values())
-    assert both == pytest.approx([0.25, 0.25, *[0] * (n_causes - 2)], abs=1e-12)
+    contributions = list(conditions.shapley_values(together).values())
+    assert contributions == pytest.approx([0.25, 0.25, *[0] * (n_causes - 2)], abs=1e-12)
 
 
 def test_rows_summary_and_table_agree(result: AlphaResult, study: AlphaStudy) -> None:

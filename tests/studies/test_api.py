@@ -96,20 +96,22 @@ def test_subject_gets_a_verdict_and_a_raising_controller_fails_alone() -> None:
             return np.zeros((len(self.predicted_pose), 3))
 
     short = om.load_scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]})
-    both, alone = (
+    both_runs, single_run = (
         om.run(short, kinds, range(2), subject="flc") for kinds in (["flc", Late], ["flc"])
     )
-    assert [(f.controller, f.seed, f.time_s) for f in both.failures] == [
+    assert [(f.controller, f.seed, f.time_s) for f in both_runs.failures] == [
         ("Late", 0, 0.5),
         ("Late", 1, 0.5),
     ]
-    assert all("out of ideas" in f.cause for f in both.failures)
-    entry, other = (result.summary()["scenarios"]["rect"] for result in (both, alone))
-    assert entry["results"]["flc"] == other["results"]["flc"]
+    assert all("out of ideas" in f.cause for f in both_runs.failures)
+    entry, single_entry = (
+        result.summary()["scenarios"]["rect"] for result in (both_runs, single_run)
+    )
+    assert entry["results"]["flc"] == single_entry["results"]["flc"]
     assert entry["results"]["Late"]["n_failed"] == 2
     assert entry["verdict"]["errors"]["max"]["beats"] == ["Late"]
-    assert both.complete
-    assert "Late (failed 2 of 2)" in both.table()
+    assert both_runs.complete
+    assert "Late (failed 2 of 2)" in both_runs.table()
 
 
 def test_a_number_of_seeds_starts_at_zero() -> None:

@@ -95,9 +95,9 @@ def test_repeated_lines_and_poses_are_ignored(tmp_path: Path) -> None:
         )
     )
     np.testing.assert_array_equal(twice.pose, plain.pose)
-    held = {name: np.repeat(values, 4) for name, values in complete_log().items()}
-    held["time_s"] = np.arange(len(held["x_m"])) / 240
-    (log,) = read_logs(write_parquet(tmp_path / "log.parquet", held))
+    repeated = {name: np.repeat(values, 4) for name, values in complete_log().items()}
+    repeated["time_s"] = np.arange(len(repeated["x_m"])) / 240
+    (log,) = read_logs(write_parquet(tmp_path / "log.parquet", repeated))
     np.testing.assert_array_equal(np.isfinite(log.pose).all(1), np.arange(len(log.time)) % 4 == 0)
 
 

@@ -31,12 +31,12 @@ def result(scenarios: list[om.Scenario]) -> om.Result:
     return om.compare(scenarios, CONTROLLERS, SEEDS, subject="comp-flc", keep_frames=True)
 
 
-def assert_equal_tables(first: Any, second: Any) -> None:
+def assert_equal_tables(actual: Any, expected: Any) -> None:
     """Assert that two Arrow tables are equal; NaN equals NaN."""
-    assert first.column_names == second.column_names
-    for name in first.column_names:
+    assert actual.column_names == expected.column_names
+    for name in actual.column_names:
         np.testing.assert_array_equal(
-            first[name].to_pylist(), second[name].to_pylist(), err_msg=name
+            actual[name].to_pylist(), expected[name].to_pylist(), err_msg=name
         )
 
 
@@ -52,22 +52,22 @@ def test_outcomes_equal_those_of_separate_runs(
     )
     frames = result.frames()
     for scenario in scenarios:
-        alone = om.run(scenario, CONTROLLERS, SEEDS, subject="comp-flc")
-        entry, other = (
+        single_run = om.run(scenario, CONTROLLERS, SEEDS, subject="comp-flc")
+        entry, single_entry = (
             summary["scenarios"][scenario.name],
-            alone.summary()["scenarios"][scenario.name],
+            single_run.summary()["scenarios"][scenario.name],
         )
         # Verdicts depend on how many there are.
         ignored = {"wall_s": 0, "verdict": None}
-        assert entry | ignored == other | ignored
+        assert entry | ignored == single_entry | ignored
         assert (entry["status"], entry["seeds"]) == ("done", list(SEEDS))
-        pair, of_one = (
-            each["verdict"]["errors"]["max"]["against"]["flc"] for each in (entry, other)
+        pair, single_pair = (
+            e["verdict"]["errors"]["max"]["against"]["flc"] for e in (entry, single_entry)
         )
-        assert of_one["p"] == pair["p"] <= of_one["p_adjusted"] <= pair["p_adjusted"]
+        assert single_pair["p"] == pair["p"] <= single_pair["p_adjusted"] <= pair["p_adjusted"]
         assert "oracle" not in entry["verdict"]["errors"]["max"]["against"]
         is_scenario = [name == scenario.name for name in frames["scenario"].to_pylist()]
-        assert_equal_tables(frames.filter(is_scenario).drop(["scenario"]), alone.frames())
+        assert_equal_tables(frames.filter(is_scenario).drop(["scenario"]), single_run.frames())
     result.save(tmp_path)
     names = {
         path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()
@@ -106,8 +106,8 @@ def test_stopped_comparison_keeps_finished_scenarios(scenarios: list[om.Scenario
     def stop(frame: int) -> None:
         raise StoppedError("terminated")
 
-    one = om.run(scenarios[0], after_frame=stop).summary()
-    assert (one["complete"], one["stopped"], one["scenarios"]["line"]["frames"]) == (
+    stopped = om.run(scenarios[0], after_frame=stop).summary()
+    assert (stopped["complete"], stopped["stopped"], stopped["scenarios"]["line"]["frames"]) == (
         False,
         "terminated",
         1,

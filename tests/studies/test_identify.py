@@ -33,12 +33,12 @@ def identify_log(columns: Columns, folder: Path) -> IdentificationResult:
     return om.identify([write_csv(folder / "log.csv", columns)])
 
 
-@pytest.mark.parametrize("other", [False, True], ids=["default", "other"])
-def test_parameters_are_identified_from_a_log(other: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_other_robot", [False, True], ids=["default", "other"])
+def test_parameters_are_identified_from_a_log(is_other_robot: bool, tmp_path: Path) -> None:
     """Within four standard errors; creep stiffness within 10 %, latency within 0.3 frames."""
-    result = identify_log(make_log(**OTHER if other else {}), tmp_path)
+    result = identify_log(make_log(**OTHER if is_other_robot else {}), tmp_path)
     latency, stiffness, slope = (
-        (5 / 60, 3.0, 0.0314) if other else (LATENCY_S, CREEP_STIFFNESS, 0.0)
+        (5 / 60, 3.0, 0.0314) if is_other_robot else (LATENCY_S, CREEP_STIFFNESS, 0.0)
     )
     assert not result.misfits
     for name, value in (
@@ -125,8 +125,8 @@ def test_wheels_identify_radius_arm_and_clock_offset(tmp_path: Path) -> None:
     assert not result.misfits
 
 
-def swapped(log: Columns, one: str, other: str) -> Columns:
-    return log | {one: log[other], other: log[one]}
+def swapped(log: Columns, name: str, other_name: str) -> Columns:
+    return log | {name: log[other_name], other_name: log[name]}
 
 
 MIRRORED = "x or y is mirrored, or they are swapped"
@@ -180,9 +180,9 @@ BAD: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     ("cases", "kind"), [*(("wheels", k) for k in WRONG), *(("commands", k) for k in BAD)]
 )
 def test_wrong_units_axes_and_wheels_give_one_line(cases: str, kind: str, tmp_path: Path) -> None:
-    spoil, says = WRONG[kind] if cases == "wheels" else BAD[kind]
-    with pytest.raises(om.OmniError, match=says) as error:
+    damage, message = WRONG[kind] if cases == "wheels" else BAD[kind]
+    with pytest.raises(om.OmniError, match=message) as error:
         identify_log(
-            spoil(make_log(wheels=cases == "wheels", commands=cases == "commands")), tmp_path
+            damage(make_log(wheels=cases == "wheels", commands=cases == "commands")), tmp_path
         )
     assert str(error.value).count("\n") == 0

@@ -98,9 +98,11 @@ def test_optimized_commands_equal_those_of_scipy() -> None:
 def test_gains_far_from_the_end_solve_the_riccati_equation(weight: float) -> None:
     """Solve the algebraic equation by scipy for one axis of a time-invariant robot."""
     model = bench.DeviationModel.prior(300, DELAY, LAG_S)
-    keep, push = model.velocity[0, 0, 0], model.command[:, 0, 0, 0]
-    transition = np.array([[1, PERIOD_S * keep, PERIOD_S * push[1]], [0, keep, push[1]], [0, 0, 0]])
-    effect = np.array([[PERIOD_S * push[0]], [push[0]], [1]])
+    decay, inputs = model.velocity[0, 0, 0], model.command[:, 0, 0, 0]
+    transition = np.array(
+        [[1, PERIOD_S * decay, PERIOD_S * inputs[1]], [0, decay, inputs[1]], [0, 0, 0]]
+    )
+    effect = np.array([[PERIOD_S * inputs[0]], [inputs[0]], [1]])
     cost = solve_discrete_are(transition, effect, np.diag([1.0, 0, 0]), np.array([[weight]]))
     gain = np.linalg.solve(weight + effect.T @ cost @ effect, effect.T @ cost @ transition)[0]
     computed = bench.regulator_gains(model, weight)[0]

@@ -65,9 +65,9 @@ def ideal(**sections: dict[str, object]) -> om.Scenario:
     return om.load_scenario("rect", plant="kinematic", **(IDEAL | sections))
 
 
-def stop_at(last: int) -> Callable[[int], None]:
+def stop_at(last_frame: int) -> Callable[[int], None]:
     def after_frame(frame: int) -> None:
-        if frame == last:
+        if frame == last_frame:
             raise StoppedError("interrupted")
 
     return after_frame
@@ -141,8 +141,8 @@ def test_step_responses_are_those_of_the_closed_loop(small: LoopResult) -> None:
             control.feedback(EXACT[name]), T * np.arange(STEP_FRAMES)
         )
         for case in (REST, DRIVING):
-            moved = small.loops[case][name].step_response
-            np.testing.assert_allclose(moved / STEP_M, expected, atol=1e-6)
+            response = small.loops[case][name].step_response
+            np.testing.assert_allclose(response / STEP_M, expected, atol=1e-6)
 
 
 @given(damping=st.floats(0.3, 0.9), rate=st.floats(3, 12))

@@ -48,8 +48,8 @@ def test_gain_and_slip_time_are_recovered(gain: float, time: float, sign: float)
     v = solve(
         lambda t, v: (gain * wheels(t, sign) - v) / (time * np.abs(wheels(t)) + fits.MIN_LAG_S)
     )
-    found = fits.fit_gain_and_time(wheels(AT, sign), np.abs(wheels(AT)), v)
-    assert found == pytest.approx((gain, time), abs=1e-4)
+    fitted = fits.fit_gain_and_time(wheels(AT, sign), np.abs(wheels(AT)), v)
+    assert fitted == pytest.approx((gain, time), abs=1e-4)
 
 
 @settings(max_examples=10)

@@ -60,9 +60,9 @@ def test_runs_equal_those_outside_a_sweep(complete_sweep: bench.SweepResult) -> 
         sections: dict[str, dict[str, object]] = {}
         for name, value in values.items():
             sections.setdefault(name.split(".")[0], {})[name.split(".")[1]] = value
-        alone = bits(om.run(scenario(**sections), NAMES, range(3)).rows())
+        single_runs = bits(om.run(scenario(**sections), NAMES, range(3)).rows())
         swept = bits(table.filter(pa.compute.equal(table["point"], point)))
-        shared = [name for name in alone if name in swept and name != "failed_at_s"]
+        shared = [name for name in single_runs if name in swept and name != "failed_at_s"]
         assert {
             "controller",
             "seed",
@@ -72,12 +72,12 @@ def test_runs_equal_those_outside_a_sweep(complete_sweep: bench.SweepResult) -> 
             "command_limited_fraction",
         } <= {*shared}
         for name in shared:
-            assert swept[name] == alone[name], name
+            assert swept[name] == single_runs[name], name
 
 
 def test_robots_with_different_wheels_do_not_share_a_batch(tmp_path: Path) -> None:
     """On planar all rows of a batch have the wheels of its first row."""
-    alone = [
+    single_runs = [
         om.run(
             om.load_scenario("rect", plant="planar", reference=SHORT, wheels={"rollers": n}), "p"
         )
@@ -91,7 +91,7 @@ def test_robots_with_different_wheels_do_not_share_a_batch(tmp_path: Path) -> No
         out=tmp_path / "x",
     )
     assert result.rows()["position_max_m"].to_pylist() == [
-        run.rows()["position_max_m"][0].as_py() for run in alone
+        run.rows()["position_max_m"][0].as_py() for run in single_runs
     ]
 
 
@@ -116,10 +116,10 @@ def test_stopped_sweep_continues_without_repeating_shards(
         return bench.ignore_frame
 
     folder = tmp_path / "sweep"
-    part = run_sweep(folder, batch_size=4, before_shard=three_at_most)
-    assert (part.n_done, part.stopped, part.complete) == (3, "enough", False)
-    assert part.rows().num_rows == sum(
-        len(NAMES) * len(shard.runs) for shard in part.plan.shards[:3]
+    partial = run_sweep(folder, batch_size=4, before_shard=three_at_most)
+    assert (partial.n_done, partial.stopped, partial.complete) == (3, "enough", False)
+    assert partial.rows().num_rows == sum(
+        len(NAMES) * len(shard.runs) for shard in partial.plan.shards[:3]
     )
     assert json.loads((folder / "summary.json").read_text())["complete"] is False
     rest: list[int] = []

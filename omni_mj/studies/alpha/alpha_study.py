@@ -34,8 +34,7 @@ from omni_mj.results.ramp_response import (
     measure_ramp_response,
 )
 from omni_mj.results.result import Result
-from omni_mj.results.result_tables import Table
-from omni_mj.results.result_tables import format_table as aligned
+from omni_mj.results.result_tables import Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.alpha.operating_conditions import (
     AXES,
@@ -145,11 +144,9 @@ class AlphaStudy:
         """Return the study as tables of plain text."""
         condition_title = f"one condition varied, {PROFILE_TEXT}"
         cause_title = f"causes of lost gain and of lag: {PROFILE_TEXT}, {WORN_TEXT}"
-        tables = [
-            Table(condition_title, _HEADINGS, list(self._condition_rows()), 2),
-            Table(cause_title, _HEADINGS, list(self._cause_rows()), 2),
-        ]
-        return "\n\n".join(map(aligned, tables))
+        conditions_table = Table(condition_title, _HEADINGS, list(self._condition_rows()), 2)
+        causes_table = Table(cause_title, _HEADINGS, list(self._cause_rows()), 2)
+        return f"{format_table(conditions_table)}\n\n{format_table(causes_table)}"
 
     def _condition_rows(self) -> Iterator[list[str]]:
         yield ["the scenario's settings", "", *_format_response(self.baseline)]

@@ -280,6 +280,6 @@ def _estimate_row(estimate: Estimate) -> list[str]:
     """Return the cells of an estimate in the table."""
     if not estimate.is_identified:
         return [estimate.title, estimate.unit, DASH, DASH, DASH]
-    numbers = [f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}"]
+    value_and_error = [f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}"]
     interval = f"{estimate.low:.4g} to {estimate.high:.4g}"
-    return [estimate.title, estimate.unit, *numbers, interval]
+    return [estimate.title, estimate.unit, *value_and_error, interval]

@@ -56,9 +56,9 @@ def _format_change(name: str, estimate: Estimate) -> str:
     value, size, unit = f"{float(f'{estimate.value:.5g}')}", 1.0, estimate.unit
     if name == "commands.latency_s":
         value, size, unit = str(round(estimate.value / PERIOD_S)), PERIOD_S, "frames"
-    numbers = f"{estimate.value / size:.4g} +- {estimate.standard_error / size:.2g}"
-    number_text = f"{numbers} {unit}".rstrip()
-    return f"{value} # identified from {estimate.source}: {number_text} (standard error)"
+    estimate_text = f"{estimate.value / size:.4g} +- {estimate.standard_error / size:.2g}"
+    estimate_text = f"{estimate_text} {unit}".rstrip()
+    return f"{value} # identified from {estimate.source}: {estimate_text} (standard error)"
 
 
 def apply_changes(start: str, changes: Mapping[tuple[str, str], str], logs: Sequence[str]) -> str:
@@ -69,7 +69,7 @@ def apply_changes(start: str, changes: Mapping[tuple[str, str], str], logs: Sequ
         changes: Values as TOML, by section and field.
         logs: Names of the logs, for the first line.
     """
-    tables, section = tomllib.loads(start), ""
+    start_sections, section = tomllib.loads(start), ""
     names = " ".join(", ".join(logs).split())
     lines = [f"# omni-mj identify: numbers marked as identified are from {names}"]
     for line in start.splitlines():
@@ -82,8 +82,10 @@ def apply_changes(start: str, changes: Mapping[tuple[str, str], str], logs: Sequ
         if header := re.match(r"\s*\[\s*([\w.-]+)\s*\]", line):
             section = header[1]
             new_fields = _section_lines(changes, section)
-            lines += [new for field, new in new_fields.items() if field not in tables[section]]
-    for name in sorted({section for section, _ in changes} - set(tables)):
+            lines += [
+                new for field, new in new_fields.items() if field not in start_sections[section]
+            ]
+    for name in sorted({section for section, _ in changes} - set(start_sections)):
         lines += ["", f"[{name}]", *_section_lines(changes, name).values()]
     return "\n".join([*lines, ""])
 

@@ -180,11 +180,11 @@ def _read_columns(path: Path) -> "Columns":
     if not os.path.isfile(path):
         raise OmniError(f"there is no log {path}")
     try:
-        table = readers[path.suffix.lower()](path)
-        names = [to_printable(name).strip("# \"'").lower() for name in table.column_names]
+        arrow_table = readers[path.suffix.lower()](path)
+        names = [to_printable(name).strip("# \"'").lower() for name in arrow_table.column_names]
     except (pa.ArrowException, OSError, UnicodeError) as error:
         raise OmniError(f"{path} cannot be read: {to_printable(str(error))}") from None
-    return dict(zip(names, table.columns, strict=True))
+    return dict(zip(names, arrow_table.columns, strict=True))
 
 
 def _read_csv(path: Path) -> "pa.Table":

@@ -115,12 +115,12 @@ class SlipResult(Result):
         rows = []
         for quantity, values in self._quantities(name).items():
             title, unit, digits, _ = QUANTITIES[quantity]
-            cells = [
+            formatted = [
                 format_number(values[key], digits=digits)
                 for key in ("measured", "closed_form", "published")
             ]
             deviation = values["deviation_percent"]
-            rows.append([title, unit, *cells, "" if deviation is None else f"{deviation:+.0f}"])
+            rows.append([title, unit, *formatted, "" if deviation is None else f"{deviation:+.0f}"])
         source = _published_source(name)
         title = f"{name}; published: {source}" if source else f"{name}; nothing published"
         headings = ["", "unit", "measured", "closed form", "published", "deviation, %"]

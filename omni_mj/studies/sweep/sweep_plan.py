@@ -59,13 +59,13 @@ def parse_axis(text: str) -> tuple[str, Iterable[Any]]:
     Raises:
         OmniError: The text cannot be parsed, or there is no such setting.
     """
-    name, _, values = (part.strip() for part in text.partition("="))
+    name, _, values = (word.strip() for word in text.partition("="))
     setting_type = _setting_type(name)
-    numbers = [_parse_value(part.strip()) for part in re.split("[:,]", values)]
+    parsed = [_parse_value(word.strip()) for word in re.split("[:,]", values)]
     if ":" not in values:
-        return name, numbers
+        return name, parsed
     try:
-        low, high, count_or_step = numbers
+        low, high, count_or_step = parsed
         if setting_type is int:
             return name, range(low, high + 1, count_or_step)
         points = np.linspace(low, high, min(count_or_step, MAX_VALUES + 1))

@@ -19,7 +19,7 @@ ERROR_COLUMNS = (MAX_ERROR, "position_mean_m")
 N_WORST = 3
 
 
-def summarize_points(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
+def summarize_points(all_rows: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
     """Return the statistics of each point and controller.
 
     Failure rates have Wilson's 95 % interval, which is also valid for 0 of n failures. Medians have
@@ -27,16 +27,16 @@ def summarize_points(table: "pa.Table", axes: list[str]) -> list[dict[str, Any]]
     that failed. Below 6 samples there is no interval.
 
     Args:
-        table: Rows of the sweep; those of a point and controller are adjacent.
+        all_rows: Rows of the sweep; those of a point and controller are adjacent.
         axes: Names of the settings that vary.
 
     Returns:
         A dictionary for each point and controller; None stands for a number that is not finite.
     """
-    keys = list(zip(table["point"].to_pylist(), table["controller"].to_pylist(), strict=True))
+    keys = list(zip(all_rows["point"].to_pylist(), all_rows["controller"].to_pylist(), strict=True))
     statistics = []
     for (point, controller), indices in groupby(range(len(keys)), keys.__getitem__):
-        rows = table.take(list(indices))
+        rows = all_rows.take(list(indices))
         values = {name: rows[name][0].as_py() for name in axes}
         errors = {name: _error_statistics(rows[name].to_numpy()) for name in ERROR_COLUMNS}
         statistics.append(
@@ -68,11 +68,11 @@ def _error_statistics(errors: np.ndarray) -> dict[str, float | None]:
     with np.errstate(invalid="ignore"):  # infinity minus infinity
         median = np.median(errors)
     p90 = np.quantile(errors, 0.9, method="higher")
-    numbers = {"median": median, "low": interval.low, "high": interval.high, "p90": p90}
-    return {name: finite_or_none(value) for name, value in numbers.items()}
+    statistics = {"median": median, "low": interval.low, "high": interval.high, "p90": p90}
+    return {name: finite_or_none(value) for name, value in statistics.items()}
 
 
-def rank_correlations(table: "pa.Table") -> list[dict[str, Any]]:
+def rank_correlations(all_rows: "pa.Table") -> list[dict[str, Any]]:
     """Return Spearman's correlation of each varied or drawn number with each controller's errors.
 
     A robot that failed ranks last. The correlation is None if all errors are equal.
@@ -80,10 +80,10 @@ def rank_correlations(table: "pa.Table") -> list[dict[str, Any]]:
     from scipy.stats import spearmanr
 
     correlations = []
-    controllers = table["controller"].to_numpy(zero_copy_only=False)
-    for controller in table["controller"].unique().to_pylist():
-        rows = table.take(np.flatnonzero(controllers == controller))
-        for setting in (name for name in table.column_names if "." in name):
+    controllers = all_rows["controller"].to_numpy(zero_copy_only=False)
+    for controller in all_rows["controller"].unique().to_pylist():
+        rows = all_rows.take(np.flatnonzero(controllers == controller))
+        for setting in (name for name in all_rows.column_names if "." in name):
             values = np.array(rows[setting].to_pylist())
             is_varied = values.dtype.kind in "if" and np.ptp(values) > 0
             if not is_varied:
@@ -98,13 +98,13 @@ def rank_correlations(table: "pa.Table") -> list[dict[str, Any]]:
     return correlations
 
 
-def worst_runs(table: "pa.Table", plan: SweepPlan, folder: Path) -> list[dict[str, Any]]:
+def worst_runs(all_rows: "pa.Table", plan: SweepPlan, folder: Path) -> list[dict[str, Any]]:
     """Return the worst runs, with a command that repeats each.
 
     Runs that failed come first, then those with the largest errors.
 
     Args:
-        table: Rows of the sweep.
+        all_rows: Rows of the sweep.
         plan: Plan of the sweep.
         folder: Folder of the sweep, with its scenario.
     """
@@ -115,7 +115,7 @@ def worst_runs(table: "pa.Table", plan: SweepPlan, folder: Path) -> list[dict[st
     keys = [("failed_at_s", "ascending"), (MAX_ERROR, "descending")]
     columns = ("point", *plan.axes, "controller", "seed", "cause")
     runs = []
-    for row in table.sort_by(keys).slice(0, N_WORST).to_pylist():
+    for row in all_rows.sort_by(keys).slice(0, N_WORST).to_pylist():
         command = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml")]
         command += ["--controller", controllers[row["controller"]]]
         command += ["--seed", str(row["seed"]), "--seeds", "1"]

@@ -67,14 +67,14 @@ class SweepResult:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Content of summary.json."""
-        table = self.rows()
+        rows = self.rows()
         return {
             "complete": self.complete,
             "n_shards": len(self.plan.shards),
             "n_done": self.n_done,
-            "points": summarize_points(table, list(self.plan.axes)),
-            "correlations": rank_correlations(table),
-            "worst": worst_runs(table, self.plan, self.folder),
+            "points": summarize_points(rows, list(self.plan.axes)),
+            "correlations": rank_correlations(rows),
+            "worst": worst_runs(rows, self.plan, self.folder),
         }
 
 
@@ -144,11 +144,11 @@ def run_sweep(
         with nullcontext(executor) if executor or jobs == 1 else process_pool(jobs) as workers:
             if workers is None:
                 for shard in remaining:
-                    table = run_shard(plan, shard, before_shard(shard))
-                    parquet.write_tables([table], _shard_file(folder, shard))
+                    rows = run_shard(plan, shard, before_shard(shard))
+                    parquet.write_tables([rows], _shard_file(folder, shard))
             else:
-                for shard, table in run_shards(workers, run_shard, plan, remaining, check):
-                    parquet.write_tables([table], _shard_file(folder, shard))
+                for shard, rows in run_shards(workers, run_shard, plan, remaining, check):
+                    parquet.write_tables([rows], _shard_file(folder, shard))
                     before_shard(shard)(plan.frames - 1)
     except StoppedError as error:
         stopped = error.reason
@@ -260,14 +260,14 @@ def _merge_shards(plan: SweepPlan, folder: Path) -> "pa.Table":
     import pyarrow as pa
 
     paths = (_shard_file(folder, shard) for shard in plan.shards)
-    tables = [parquet.read_table(path) for path in paths if path.exists()]
-    if not tables:
+    shard_rows = [parquet.read_table(path) for path in paths if path.exists()]
+    if not shard_rows:
         raise OmniError(f"nothing of the sweep in {folder} has been run yet")
-    table = pa.concat_tables(tables, promote_options="permissive")
+    rows = pa.concat_tables(shard_rows, promote_options="permissive")
     labels = plan.scenario.labels
-    order = pa.array([labels.index(label) for label in table["controller"].to_pylist()])
+    order = pa.array([labels.index(label) for label in rows["controller"].to_pylist()])
     keys = [(name, "ascending") for name in ("point", "order", "seed", "slot")]
-    return table.append_column("order", order).sort_by(keys).drop_columns("order")
+    return rows.append_column("order", order).sort_by(keys).drop_columns("order")
 
 
 def _shard_file(folder: Path, shard: Shard) -> Path:

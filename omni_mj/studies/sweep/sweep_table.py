@@ -18,17 +18,21 @@ def format_sweep_tables(result: "SweepResult") -> str:
     points = result.summary["points"]
     if len(points) > MAX_LINES:
         points = sorted(points, key=_badness)[:MAX_LINES]
-    tables = [_point_table(result, points), *_correlation_tables(result)]
-    return "\n\n".join(map(format_table, tables))
+    return "\n\n".join(map(format_table, _list_tables(result, points)))
 
 
 def save_sweep_table(result: "SweepResult", path: Path) -> None:
     """Write the complete tables as Markdown."""
-    tables = [_point_table(result, result.summary["points"]), *_correlation_tables(result)]
     blocks = [
-        f"{table.title}\n\n{format_markdown(table.headings, table.rows)}\n" for table in tables
+        f"{table.title}\n\n{format_markdown(table.headings, table.rows)}\n"
+        for table in _list_tables(result, result.summary["points"])
     ]
     write_text(path, "\n".join(blocks))
+
+
+def _list_tables(result: "SweepResult", points: list[dict[str, Any]]) -> list[Table]:
+    """Return the table of points, and that of correlations if there is one."""
+    return [_point_table(result, points), *_correlation_tables(result)]
 
 
 def _badness(point: dict[str, Any]) -> tuple[float, float]:
@@ -42,7 +46,8 @@ def _point_table(result: "SweepResult", points: list[dict[str, Any]]) -> Table:
     n_all = len(result.summary["points"])
     counts = sorted({point["n_robots"] for point in points})
     robots = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
-    title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, {robots} robots per line: maximum error"
+    title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, "
+    title += f"{robots} robots per line: maximum error"
     if not result.complete:
         title += f", {result.n_done} of {len(plan.shards)} shards"
     if len(points) < n_all:
