@@ -1,4 +1,4 @@
-"""Settings that are drawn: by the statistics they say, the same for all controllers, whatever else is drawn."""
+"""Drawn settings: their statistics, and their independence of controllers and other settings."""
 
 from pathlib import Path
 from typing import Any
@@ -13,52 +13,54 @@ DRAWS = 400
 ROUTE = {"waypoints": [[0, 0], [0.2, 0.1]]}
 
 
-def made(**sections: object) -> om.Scenario:
+def load(**sections: object) -> om.Scenario:
     return om.load_scenario("rect", plant="kinematic", reference=ROUTE, **sections)
 
 
 @pytest.mark.parametrize(
-    ("written", "law"),
+    ("notation", "law"),
     [
         ({"uniform": [0.4, 0.9]}, stats.uniform(0.4, 0.5)),
         ({"normal": [0.6, 0.05]}, stats.norm(0.6, 0.05)),
         ({"normal": [0.6, 0.2, 0.3, 0.7]}, stats.truncnorm(-1.5, 0.5, 0.6, 0.2)),
     ],
 )
-def test_draws_follow_their_law(written: dict[str, list[float]], law: Any) -> None:
-    """By Kolmogorov and Smirnov: with these fixed seeds no chance is involved, with others 1 in 1,000 would fail."""
-    chosen = made(carpet={"friction": written})
+def test_draws_follow_the_distribution(notation: dict[str, list[float]], law: Any) -> None:
+    """Apply the Kolmogorov-Smirnov test at 1/1000; the fixed seeds make it deterministic."""
+    chosen = load(carpet={"friction": notation})
     drawn = [chosen.settings_for_seed(seed).carpet.friction for seed in range(DRAWS)]
     assert stats.kstest(drawn, law.cdf).pvalue > 1e-3
 
 
-def test_whole_numbers_and_choices_are_drawn_evenly() -> None:
-    """Each of k has DRAWS / k draws, within four deviations of the binomial law."""
-    chosen = made(
+def test_integers_and_choices_are_equally_likely() -> None:
+    """Expect DRAWS / k draws of each of k values, within four binomial deviations."""
+    chosen = load(
         radio={"delay_frames": {"uniform": [2, 6]}},
         wheels={"model": {"choice": ["rollers", "two-rollers"]}},
     )
     settings = [chosen.settings_for_seed(seed) for seed in range(DRAWS)]
-    for values, known in (
-        ([each.radio.delay_frames for each in settings], [2, 3, 4, 5, 6]),
-        ([each.wheels.model for each in settings], ["rollers", "two-rollers"]),
+    for values, options in (
+        ([s.radio.delay_frames for s in settings], [2, 3, 4, 5, 6]),
+        ([s.wheels.model for s in settings], ["rollers", "two-rollers"]),
     ):
-        share = 1 / len(known)
-        counts = np.array([values.count(each) for each in known])
+        probability = 1 / len(options)
+        counts = np.array([values.count(value) for value in options])
         assert counts.sum() == DRAWS
-        assert np.abs(counts - DRAWS * share).max() < 4 * np.sqrt(DRAWS * share * (1 - share))
+        assert np.abs(counts - DRAWS * probability).max() < 4 * np.sqrt(
+            DRAWS * probability * (1 - probability)
+        )
 
 
-def test_a_seeds_draws_depend_on_nothing_else_and_are_in_result_and_file(tmp_path: Path) -> None:
+def test_draws_depend_on_the_seed_only_and_are_recorded(tmp_path: Path) -> None:
     delays = {"uniform": [0, 9]}
-    chosen = made(radio={"delay_frames": delays}, battery={"charge": {"choice": [0.4, 0.5]}})
+    chosen = load(radio={"delay_frames": delays}, battery={"charge": {"choice": [0.4, 0.5]}})
     expected = [
-        made(radio={"delay_frames": delays}).settings_for_seed(seed).radio.delay_frames
+        load(radio={"delay_frames": delays}).settings_for_seed(seed).radio.delay_frames
         for seed in (3, 4, 5)
     ]
     result = om.run(chosen, ["p", "flc"], seeds=range(3, 6))
     entry = result.summary()["scenarios"]["rect"]
-    assert [each["radio.delay_frames"] for each in entry["drawn_parameters"]] == expected
+    assert [draw["radio.delay_frames"] for draw in entry["drawn_parameters"]] == expected
     assert entry["settings"]["radio"]["delay_frames"] == delays
     alone = om.run(chosen.replace(seed=5), ["flc"]).frames()["x_m"].to_numpy()
     frames = result.frames()
@@ -87,13 +89,13 @@ def test_a_seeds_draws_depend_on_nothing_else_and_are_in_result_and_file(tmp_pat
         ({"world": {"start_poses": {"choice": [[[0, 0, 0]]]}}}, "world.start_poses is a list"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(sections: dict[str, Any], words: str) -> None:
+def test_invalid_distributions_are_rejected(sections: dict[str, Any], words: str) -> None:
     with pytest.raises(om.OmniError, match=words):
-        made(**sections)
+        load(**sections)
 
 
-def test_a_draw_that_is_not_allowed_names_its_seed_and_studies_of_one_robot_refuse_any() -> None:
-    chosen = made(carpet={"friction": {"normal": [0.1, 5.0]}})
+def test_invalid_draws_and_studies_without_distributions_are_rejected() -> None:
+    chosen = load(carpet={"friction": {"normal": [0.1, 5.0]}})
     with pytest.raises(
         om.OmniError, match=r"seed \d+ draws a value that is not allowed; .*carpet.friction"
     ):

@@ -1,4 +1,4 @@
-"""Faults as settings: what is read, written and refused, and which plants know which."""
+"""Faults as settings: reading, writing, validation, and the plants that support them."""
 
 from pathlib import Path
 from typing import Any
@@ -17,24 +17,25 @@ PUSH: dict[str, Any] = {
 }
 
 
-def lines(faults: Any, **more: Any) -> list[str]:
+def error_lines(faults: Any, **more: Any) -> list[str]:
     with pytest.raises(om.OmniError) as error:
         om.load_scenario("rect", fault=faults, **more)
     return str(error.value).splitlines()
 
 
-def test_faults_are_tables_in_files_and_dictionaries_in_python(tmp_path: Path) -> None:
-    file = tmp_path / "given.toml"
+def test_faults_are_tables_in_toml_and_dicts_in_python(tmp_path: Path) -> None:
+    file = tmp_path / "faults.toml"
     file.write_text(
-        '[[fault]]\nkind = "push"\nstart_s = 3\nduration_s = 0.2\nforce_n = 20\ndirection_deg = 90\n'
+        '[[fault]]\nkind = "push"\nstart_s = 3\nduration_s = 0.2\n'
+        "force_n = 20\ndirection_deg = 90\n"
     )
-    read, made = om.load_scenario(file), om.load_scenario("rect", fault=[PUSH])
-    assert read.settings.fault == made.settings.fault
-    assert made.settings.to_dict()["fault"] == [{"robots": [], **PUSH}]
-    file.write_text(made.to_toml())
-    assert om.load_scenario(file) == made
-    assert made.settings.replace(carpet={"friction": 0.5}).fault == made.settings.fault
-    assert made.settings.replace(fault=[]).fault == ()
+    read, scenario = om.load_scenario(file), om.load_scenario("rect", fault=[PUSH])
+    assert read.settings.fault == scenario.settings.fault
+    assert scenario.settings.to_dict()["fault"] == [{"robots": [], **PUSH}]
+    file.write_text(scenario.to_toml())
+    assert om.load_scenario(file) == scenario
+    assert scenario.settings.replace(carpet={"friction": 0.5}).fault == scenario.settings.fault
+    assert scenario.settings.replace(fault=[]).fault == ()
 
 
 def test_fault_all_has_every_kind_of_plants_on_wheels() -> None:
@@ -42,8 +43,8 @@ def test_fault_all_has_every_kind_of_plants_on_wheels() -> None:
     assert present == FAULT_KINDS.keys() - {"alpha"}
 
 
-def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:
-    found = lines(
+def test_all_errors_name_the_number_of_their_fault() -> None:
+    messages = error_lines(
         [
             PUSH,
             {"kind": "psh"},
@@ -62,8 +63,8 @@ def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:
         ("fault 5: ", "angle_deg is missing"),
         ("fault 6: ", "None"),
     ]
-    assert len(found) == len(expected)
-    for line, words in zip(found, expected, strict=True):
+    assert len(messages) == len(expected)
+    for line, words in zip(messages, expected, strict=True):
         assert all(word in line for word in words), line
 
 
@@ -95,18 +96,18 @@ def test_wrong_faults_are_refused_with_their_number_all_at_once() -> None:
         ({"kind": "alpha", "start_s": 1, "alpha": 1}, {}, "the plant mujoco has no alpha"),
     ],
 )
-def test_what_makes_no_sense_is_refused(fault: Any, more: dict[str, Any], words: str) -> None:
-    (line,) = lines([fault], **more)
+def test_contradictory_faults_are_rejected(fault: Any, more: dict[str, Any], words: str) -> None:
+    (line,) = error_lines([fault], **more)
     assert line.startswith("fault 1: ")
     assert words in line
 
 
-def test_what_is_no_list_is_refused() -> None:
+def test_fault_must_be_a_list() -> None:
     for wrong in (3, "push", {"kind": "push"}, None):
-        assert lines(wrong)[0].startswith("fault is a list: write [[fault]]")
+        assert error_lines(wrong)[0].startswith("fault is a list: write [[fault]]")
 
 
-def test_a_fault_of_a_robot_that_a_world_does_not_have_is_refused_when_it_is_run() -> None:
+def test_faults_of_missing_robots_are_rejected_by_the_simulation() -> None:
     scenario = om.load_scenario("rect", fault=[{**PUSH, "robots": [1]}])
     with pytest.raises(om.OmniError, match="fault 1: push names robot 1; a world has 1"):
         om.Simulation(scenario)

@@ -1,4 +1,4 @@
-"""Robots: their files, what no robot can be, and what their teams are told, against laws computed another way."""
+"""Robots: their files, contradictory numbers, and the assumptions of their teams."""
 
 import math
 from functools import cache
@@ -20,14 +20,14 @@ angles = st.lists(st.floats(0, 360), min_size=3, max_size=8)
 quick = settings(max_examples=60)
 
 
-def text_of(robot: str, capsys: pytest.CaptureFixture[str]) -> str:
+def show_robot(robot: str, capsys: pytest.CaptureFixture[str]) -> str:
     capsys.readouterr()
     assert invoke("show", robot) == 0
     return capsys.readouterr().out
 
 
-def changed(text: str, **values: str) -> str:
-    """Return a robot's file with the values of some fields replaced, or without the fields if they are empty."""
+def replace_values(text: str, **values: str) -> str:
+    """Replace values of fields in a robot's file; an empty value removes the field."""
     lines = []
     for line in text.splitlines():
         name = line.partition("=")[0].strip()
@@ -38,25 +38,31 @@ def changed(text: str, **values: str) -> str:
     return "\n".join(lines)
 
 
-def test_a_robots_file_is_the_base_of_its_scenarios(
+def test_robot_file_gives_the_defaults_of_its_scenarios(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It may be named, be a file, or what om.load_robot gave; a scenario's values go before its, and it is read anew."""
+    """Give a robot as a name, a file or a Robot; the scenario's values take precedence."""
     other = tmp_path / "other.toml"
     other.write_text(
-        changed(
-            text_of(DEFAULT, capsys),
+        replace_values(
+            show_robot(DEFAULT, capsys),
             gear_friction_nm="0.01",
             rolling_resistance="0.15",
             encoder_counts="1024",
         )
     )
-    made = om.load_scenario("rect", robot=other, carpet={"friction": 0.6})
-    assert (made.settings.drivetrain.gear_friction_nm, made.settings.sensors.encoder_counts) == (
+    scenario = om.load_scenario("rect", robot=other, carpet={"friction": 0.6})
+    assert (
+        scenario.settings.drivetrain.gear_friction_nm,
+        scenario.settings.sensors.encoder_counts,
+    ) == (
         0.01,
         1024,
     )
-    assert (made.settings.carpet.rolling_resistance, made.settings.carpet.friction) == (0.15, 0.6)
+    assert (scenario.settings.carpet.rolling_resistance, scenario.settings.carpet.friction) == (
+        0.15,
+        0.6,
+    )
     assert (
         om.load_scenario(
             "rect", robot=om.load_robot(other), carpet={"rolling_resistance": 0.2}
@@ -64,7 +70,7 @@ def test_a_robots_file_is_the_base_of_its_scenarios(
         == 0.2
     )
     assert om.load_scenario("rect", robot=DEFAULT) == om.load_scenario("rect")
-    other.write_text(changed(text_of(DEFAULT, capsys), rolling_resistance="0.25"))
+    other.write_text(replace_values(show_robot(DEFAULT, capsys), rolling_resistance="0.25"))
     assert om.load_scenario("rect", robot=other).settings.carpet.rolling_resistance == 0.25
 
 
@@ -86,7 +92,7 @@ def test_a_robots_file_is_the_base_of_its_scenarios(
         ({}, "[body", "not valid TOML"),
     ],
 )
-def test_what_is_wrong_in_a_robots_file_is_said_in_a_line(
+def test_error_in_a_robot_file_is_one_line(
     values: dict[str, str],
     more: str,
     words: str,
@@ -94,7 +100,8 @@ def test_what_is_wrong_in_a_robots_file_is_said_in_a_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     wrong = tmp_path / "wrong.toml"
-    wrong.write_text(f"{changed(text_of(DEFAULT, capsys), **values)}\n{more}")
+    text = replace_values(show_robot(DEFAULT, capsys), **values)
+    wrong.write_text(f"{text}\n{more}")
     with pytest.raises(om.OmniError) as error:
         om.load_scenario("rect", robot=str(wrong))
     assert words in str(error.value)
@@ -102,8 +109,8 @@ def test_what_is_wrong_in_a_robots_file_is_said_in_a_line(
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_every_robots_numbers_fit_together(name: str) -> None:
-    """What one number says of another: cells and volts, body and wheels, motor and battery, drags and friction."""
+def test_numbers_of_every_robot_are_consistent(name: str) -> None:
+    """Check relations: cells and voltage, body and wheels, motor and battery, drag and friction."""
     s = om.load_robot(name).settings
     assert s.firmware.nominal_voltage_v == pytest.approx(3.7 * s.battery.series_cells)  # LiPo
     assert 3.0 * s.battery.series_cells <= s.battery.cut_off_v <= 3.5 * s.battery.series_cells
@@ -122,8 +129,8 @@ def test_every_robots_numbers_fit_together(name: str) -> None:
     )
 
 
-def refused(**sections: Any) -> str:
-    """Return the message with which a robot is refused; empty if it is not."""
+def find_error(**sections: Any) -> str:
+    """Return the error message of a scenario with these sections; empty without an error."""
     try:
         om.load_scenario("rect", **sections)
     except om.OmniError as error:
@@ -154,53 +161,50 @@ def refused(**sections: Any) -> str:
         ({"motor": {"nominal_torque_nm": 1.0}}, "is not motor.torque_constant_nm_a times"),
     ],
 )
-def test_what_no_robot_can_be_is_refused_with_the_reason(
+def test_contradictory_robots_are_rejected_with_the_reason(
     sections: dict[str, Any], words: str
 ) -> None:
-    assert words in refused(**sections)
+    assert words in find_error(**sections)
 
 
 @quick
 @given(st.floats(0.02, 0.05), st.floats(0.08, 0.4), st.integers(8, 40))
-def test_rollers_close_a_wheel_where_their_barrels_meet(
-    radius: float, share: float, count: int
-) -> None:
-    """Drawn: a roller's profile is the wheel's circle; halfway to the next one it must be outside the rollers' axes.
-
-    Axes are chords whose middles are at R - r.
-    """
-    closes = math.cos(math.pi / count) * radius > radius * (1 - share)
+def test_rollers_must_close_a_wheel(radius: float, radius_ratio: float, count: int) -> None:
+    """Halfway between rollers, their profile must be outside their axes, chords at R - r."""
+    closes = math.cos(math.pi / count) * radius > radius * (1 - radius_ratio)
     wheels = {
         "radius_m": radius,
         "rollers": count,
-        "roller_radius_m": max(share * radius, 0.002),
+        "roller_radius_m": max(radius_ratio * radius, 0.002),
         "arm_m": 0.4,
     }
-    if share * radius >= 0.002:
-        assert ("do not close a wheel" in refused(wheels=wheels)) != closes
+    if radius_ratio * radius >= 0.002:
+        assert ("do not close a wheel" in find_error(wheels=wheels)) != closes
 
 
 @quick
 @given(angles, st.floats(-0.09, 0.09))
-def test_a_robot_stands_where_wheels_can_bear_it(azimuths: list[float], x: float) -> None:
-    """By linear programming: loads that are not negative, with the weight's sum and moments."""
+def test_center_of_mass_must_be_supported(azimuths: list[float], x: float) -> None:
+    """Compare with linear programming: nonnegative loads that balance weight and moments."""
     from scipy.optimize import linprog
 
-    arm, around = 0.4, np.sort(np.radians(azimuths))
-    if np.diff([*around, around[0] + math.tau]).min() < 0.2:
+    arm, angles_rad = 0.4, np.sort(np.radians(azimuths))
+    if np.diff([*angles_rad, angles_rad[0] + math.tau]).min() < 0.2:
         return
-    balance = np.stack([np.ones(len(around)), arm * np.cos(around), arm * np.sin(around)])
-    stands = linprog(np.zeros(len(around)), A_eq=balance, b_eq=[1.0, x, 0.0]).status == 0
-    message = refused(wheels={"azimuths_deg": azimuths, "arm_m": arm}, body={"com_x_m": x})
+    balance = np.stack(
+        [np.ones(len(angles_rad)), arm * np.cos(angles_rad), arm * np.sin(angles_rad)]
+    )
+    stands = linprog(np.zeros(len(angles_rad)), A_eq=balance, b_eq=[1.0, x, 0.0]).status == 0
+    message = find_error(wheels={"azimuths_deg": azimuths, "arm_m": arm}, body={"com_x_m": x})
     assert ("outside the polygon" in message) != stands or abs(
         float(message.split(" is ")[1].split(" mm")[0])
     ) < 1e-3
 
 
-# What teams are told.
+# Assumptions of the team.
 
 
-def driven(robot: str, commands: NDArray, **more: Any) -> om.Simulation:
+def simulate(robot: str, commands: NDArray, **more: Any) -> om.Simulation:
     """Return a simulation without vision noise after commands (frames, n, 3)."""
     scenario = om.load_scenario(
         "rect", plant="planar", robot=robot, vision={"position_noise_m": 0.0}, **more
@@ -213,14 +217,14 @@ def driven(robot: str, commands: NDArray, **more: Any) -> om.Simulation:
 
 
 @cache
-def measured(robot: str) -> list[tuple[float, float]]:
-    """Return lag, s, and drag, m/s, ahead and aside, of small steps up and down from several speeds, brought to rest.
+def measure_lag_and_drag(robot: str) -> list[tuple[float, float]]:
+    """Return lag, s, and drag, m/s, forward and sideways, from small steps, extrapolated to rest.
 
-    After a step of a first-order lag tau the way falls behind by the step times tau and the dead
-    time. Creep lets the lag grow in proportion to speed. Dry friction costs as much at any speed:
-    what a line through speeds over commands is below zero at none.
+    After a step of a first-order system, the distance lags by the step times time constant and dead
+    time. Creep makes the lag grow in proportion to speed. Dry friction costs the same at any speed:
+    the negative intercept of speed over command.
     """
-    before, after, delay, step = 120, 60, 6, 0.04
+    frames_before, frames_after, delay, step = 120, 60, 6, 0.04
     base = np.linspace(0.15, 0.35, 5)
     cases = [(axis, sign * step, speed) for axis in (0, 1) for sign in (1, -1) for speed in base]
     rows, axes = np.arange(len(cases)), np.array([axis for axis, _, _ in cases])
@@ -228,78 +232,85 @@ def measured(robot: str) -> list[tuple[float, float]]:
         "rect", plant="planar", robot=robot, vision={"position_noise_m": 0.0}
     )
     sim = om.Simulation(scenario, ["p"], seeds=range(len(cases)))
-    speeds, places = [], []
-    for frame in range(before + after + 20):
+    speeds, positions = [], []
+    for frame in range(frames_before + frames_after + 20):
         sim.observe()
         command = np.zeros((len(cases), 3))
         command[rows, axes] = [
-            speed + (change if frame >= before else 0.0) for _, change, speed in cases
+            speed + (change if frame >= frames_before else 0.0) for _, change, speed in cases
         ]
         sim.step(command)
         speeds.append(sim.plant.twist()[rows, axes])
-        places.append(sim.plant.pose()[rows, axes])
-    first, last = np.mean(speeds[before - 20 : before], axis=0), np.mean(speeds[-20:], axis=0)
-    distance = places[before + after - 1] - places[before - 1]
-    late = (last * after / 60 - distance) / (last - first) - delay / 60
-    lags, starts = (values.reshape(2, 2, len(base)).mean(1) for values in (late, first))
+        positions.append(sim.plant.pose()[rows, axes])
+    start_speeds, end_speeds = (
+        np.mean(speeds[frames_before - 20 : frames_before], axis=0),
+        np.mean(speeds[-20:], axis=0),
+    )
+    distance = positions[frames_before + frames_after - 1] - positions[frames_before - 1]
+    lag_s = (end_speeds * frames_after / 60 - distance) / (end_speeds - start_speeds) - delay / 60
+    lags, starts = (values.reshape(2, 2, len(base)).mean(1) for values in (lag_s, start_speeds))
     return [
         (float(np.polyfit(speed, lag, 1)[1]), -float(np.polyfit(base, speed, 1)[1]))
         for lag, speed in zip(lags, starts, strict=True)
     ]
 
 
-def test_lag_and_drag_of_a_robot_follow_from_its_gains() -> None:
-    """Rotors and rolling resistance, which the formula leaves out, and scatter: 20 and 25 %."""
+def test_closed_form_of_lag_and_drag_matches_simulation() -> None:
+    """Allow 20 and 25 % for rotors and rolling resistance, which the formula neglects."""
     facts = om.load_robot("tigers-v2020").facts
-    for side, (lag, drag) in zip(("forward", "sideways"), measured("tigers-v2020"), strict=True):
+    for side, (lag, drag) in zip(
+        ("forward", "sideways"), measure_lag_and_drag("tigers-v2020"), strict=True
+    ):
         assert facts[f"lag_{side}_s"] == pytest.approx(lag, rel=0.2)
         assert facts[f"drag_{side}_m_s"] == pytest.approx(drag, rel=0.25)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_a_team_is_told_what_its_robots_gains_and_creep_make_of_them(name: str) -> None:
-    """Lag and drag are means of both axes; alpha is the share of a steady 1 m/s reached, without dry friction's cost.
+def test_assumptions_match_the_simulated_robot(name: str) -> None:
+    """Lag and drag are means of both axes. Alpha is the gain at a steady 1 m/s, without dry friction.
 
-    Of loops that integrate, alpha is not known. A file that says something else says so because it
-    was measured.
+    With integral action, alpha is unknown. Files may replace these values by measured ones.
     """
     robot = om.load_robot(name)
-    facts, told = robot.facts, robot.settings.control
-    assert om.load_scenario("rect", robot=name).settings.control == told
+    facts, assumed = robot.facts, robot.settings.control
+    assert om.load_scenario("rect", robot=name).settings.control == assumed
     if robot.settings.firmware.ki:
-        assert (told.assumed_alpha_forward, told.assumed_alpha_sideways) == (0, 0)
+        assert (assumed.assumed_alpha_forward, assumed.assumed_alpha_sideways) == (0, 0)
         return
-    assert told.assumed_lag_s == pytest.approx(
+    assert assumed.assumed_lag_s == pytest.approx(
         (facts["lag_forward_s"] + facts["lag_sideways_s"]) / 2, rel=0.25
     )
-    assert told.assumed_drag_m_s == pytest.approx(
+    assert assumed.assumed_drag_m_s == pytest.approx(
         (facts["drag_forward_m_s"] + facts["drag_sideways_m_s"]) / 2, abs=1e-3
     )
-    reached = np.diag(driven(name, np.tile(np.eye(3)[:2], (90, 1, 1))).plant.twist()[:, :2])
+    reached = np.diag(simulate(name, np.tile(np.eye(3)[:2], (90, 1, 1))).plant.twist()[:, :2])
     reached = reached / (1 - np.array([facts["drag_forward_m_s"], facts["drag_sideways_m_s"]]))
-    assert (told.assumed_alpha_forward, told.assumed_alpha_sideways) == pytest.approx(
+    assert (assumed.assumed_alpha_forward, assumed.assumed_alpha_sideways) == pytest.approx(
         tuple(reached), abs=0.015
     )
 
 
-def test_what_is_told_can_be_said_and_does_not_follow_from_what_a_scenario_changes(
+def test_assumptions_follow_the_robot_file_and_ignore_the_scenario(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Softer loops of the robot's file lag in inverse proportion to gain and back-EMF together; told to 0.1 ms."""
-    text = changed(text_of("tigers-v2020", capsys)).partition("\n[control]")[0]
-    own = tmp_path / "own.toml"
-    own.write_text(changed(text, kp="0.2"))
+    """The lag of softer loops is inversely proportional to gain plus back-EMF constant."""
+    text = replace_values(show_robot("tigers-v2020", capsys)).partition("\n[control]")[0]
+    robot_file = tmp_path / "soft.toml"
+    robot_file.write_text(replace_values(text, kp="0.2"))
     robot = om.load_robot("tigers-v2020").settings
     emf = robot.motor.gear_ratio * robot.motor.torque_constant_nm_a
-    assert om.load_robot(own).settings.control.assumed_lag_s == pytest.approx(
+    assert om.load_robot(robot_file).settings.control.assumed_lag_s == pytest.approx(
         robot.control.assumed_lag_s * (0.4 + emf) / (0.2 + emf), rel=2e-3
     )
-    own.write_text(text + "\n[control]\nassumed_lag_s = 0.07\n")
-    assert om.load_robot(own).settings.control.assumed_lag_s == 0.07
-    assert om.load_robot(own).settings.control.assumed_drag_m_s == robot.control.assumed_drag_m_s
+    robot_file.write_text(text + "\n[control]\nassumed_lag_s = 0.07\n")
+    assert om.load_robot(robot_file).settings.control.assumed_lag_s == 0.07
+    assert (
+        om.load_robot(robot_file).settings.control.assumed_drag_m_s
+        == robot.control.assumed_drag_m_s
+    )
     assert (
         om.load_scenario(
-            "rect", robot=own, control={"assumed_lag_s": 0.03}
+            "rect", robot=robot_file, control={"assumed_lag_s": 0.03}
         ).settings.control.assumed_lag_s
         == 0.03
     )
@@ -309,16 +320,21 @@ def test_what_is_told_can_be_said_and_does_not_follow_from_what_a_scenario_chang
     )
 
 
-def test_a_team_that_takes_robots_not_to_creep_takes_them_to_reach_what_they_are_told() -> None:
-    """Where wheels do not creep drag costs nothing; half the creep costs half the effort."""
+def test_assumed_alpha_scales_with_assumed_creep() -> None:
+    """Without creep, drag costs no speed; with half the creep, 1/alpha - 1 is half as large."""
     full = om.load_scenario("rect").settings.control.assumed_creep_s2_m
-    told = [
+    assumed = [
         om.load_scenario("rect", control={"assumed_creep_s2_m": creep}).settings.control
         for creep in (0.0, full / 2, full)
     ]
-    efforts = np.array(
-        [[1 / each.assumed_alpha_forward, 1 / each.assumed_alpha_sideways] for each in told]
+    inverse_gains = np.array(
+        [
+            [1 / control.assumed_alpha_forward, 1 / control.assumed_alpha_sideways]
+            for control in assumed
+        ]
     )
-    np.testing.assert_allclose(efforts[0], 1.0, atol=1e-12)
-    np.testing.assert_allclose(2 * (efforts[1] - 1), efforts[2] - 1, atol=2e-3)  # told to 0.001
-    assert told[2] == om.load_scenario("rect").settings.control
+    np.testing.assert_allclose(inverse_gains[0], 1.0, atol=1e-12)
+    np.testing.assert_allclose(
+        2 * (inverse_gains[1] - 1), inverse_gains[2] - 1, atol=2e-3
+    )  # rounded to 0.001
+    assert assumed[2] == om.load_scenario("rect").settings.control

@@ -1,4 +1,4 @@
-"""Settings as the schema lists them: their bounds, what is refused and how, all at once, and files that read back."""
+"""All settings of the JSON schema: bounds, error messages, and files that read back."""
 
 import io
 import json
@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 import omni_mj as om
 
-LINE = 4000  # longest line of a message
-# What a setting at its bounds needs of another.
+MAX_LINE_LENGTH = 4000  # longest line of a message
+# Other settings that a setting at its bounds needs.
 COMPANIONS = {
     "kinematic.alpha_low": {"kinematic": {"alpha_high": 2.0}},
     "kinematic.alpha_high": {"kinematic": {"alpha_low": 0.0}},
@@ -25,9 +25,9 @@ COMPANIONS = {
     "battery.series_cells": {"battery": {"cut_off_v": 3.0}},
     "motor.torque_constant_per_k": {"motor": {"max_winding_c": 100.0}},
 }
-# Which other numbers bound as well: the rows of a motor's datasheet, a body on its wheels.
-BOUND = "body.", "wheels.", "battery.cut_off_v", "sensors.encoder_counts"
-SHEET = (
+# Settings whose bounds contradict others: the rows of a motor's datasheet, body and wheels.
+CONTRADICTORY = "body.", "wheels.", "battery.cut_off_v", "sensors.encoder_counts"
+DATASHEET = (
     "nominal_voltage_v",
     "torque_constant_nm_a",
     "nominal_torque_nm",
@@ -35,7 +35,7 @@ SHEET = (
     "no_load_rpm",
     "no_load_current_a",
 )
-SHEET += ("nominal_rpm", "nominal_current_a")
+DATASHEET += ("nominal_rpm", "nominal_current_a")
 
 
 @cache
@@ -46,20 +46,22 @@ def schema() -> dict[str, Any]:
     return json.loads(out.getvalue())
 
 
-def declared() -> dict[str, dict[str, Any]]:
+def setting_schemas() -> dict[str, dict[str, Any]]:
     """Return the schema of every setting by `section.field`."""
-    whole, found = schema(), {}
-    for section, node in whole["properties"].items():
+    json_schema, properties = schema(), {}
+    for section, node in json_schema["properties"].items():
         if "$ref" in node:
-            fields = whole["$defs"][node["$ref"].rpartition("/")[2]]["properties"]
-            found |= {f"{section}.{name}": field for name, field in fields.items()}
-    return found
+            fields = json_schema["$defs"][node["$ref"].rpartition("/")[2]]["properties"]
+            properties |= {f"{section}.{name}": field for name, field in fields.items()}
+    return properties
 
 
-def numbers() -> dict[str, dict[str, Any]]:
+def number_schemas() -> dict[str, dict[str, Any]]:
     """Return the schema of every number."""
     fields = {
-        name: field for name, field in declared().items() if isinstance(field.get("type"), list)
+        name: field
+        for name, field in setting_schemas().items()
+        if isinstance(field.get("type"), list)
     }
     return {name: field | {"type": field["type"][0]} for name, field in fields.items()}
 
@@ -72,14 +74,14 @@ def sections(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return result
 
 
-def lines(**changes: Any) -> list[str]:
-    """Return the lines of the message with which these sections are refused."""
+def error_lines(**changes: Any) -> list[str]:
+    """Return the lines of the error message of a scenario with these sections."""
     with pytest.raises(om.OmniError) as error:
         om.load_scenario("rect", **changes)
     return str(error.value).splitlines()
 
 
-def test_every_setting_has_a_meaning_and_a_unit_that_its_name_does_not_contradict() -> None:
+def test_every_setting_has_a_meaning_and_the_unit_in_its_name() -> None:
     units = {
         "_m_s2": "m/s^2",
         "_m_s": "m/s",
@@ -89,7 +91,7 @@ def test_every_setting_has_a_meaning_and_a_unit_that_its_name_does_not_contradic
         "_v": "V",
         "_c": "deg C",
     }
-    fields = declared()
+    fields = setting_schemas()
     assert len(fields) > 110
     for name, field in fields.items():
         assert field["description"], name
@@ -97,18 +99,18 @@ def test_every_setting_has_a_meaning_and_a_unit_that_its_name_does_not_contradic
         assert suffix is None or field["unit"] == units[suffix], name
 
 
-def test_both_bounds_are_allowed_and_what_is_beyond_is_refused() -> None:
-    """The message says what is allowed and in what unit."""
-    for name, field in numbers().items():
+def test_bounds_are_allowed_and_values_beyond_are_rejected() -> None:
+    """Expect range and unit in the message."""
+    for name, field in number_schemas().items():
         section, _, key = name.partition(".")
-        whole = field["type"] == "integer"
+        json_schema = field["type"] == "integer"
         for bound, sign in ((field["minimum"], -1), (field["maximum"], 1)):
-            if not name.startswith(BOUND) and key not in SHEET:
+            if not name.startswith(CONTRADICTORY) and key not in DATASHEET:
                 changes = COMPANIONS.get(name, {}).get(section, {}) | {key: bound}
-                made = om.load_scenario("rect", **{section: changes}).settings
-                assert getattr(getattr(made, section), key) == bound, name
-            wrong = bound + sign if whole else math.nextafter(bound, sign * math.inf)
-            (line,) = lines(**{section: {key: wrong}})
+                scenario = om.load_scenario("rect", **{section: changes}).settings
+                assert getattr(getattr(scenario, section), key) == bound, name
+            wrong = bound + sign if json_schema else math.nextafter(bound, sign * math.inf)
+            (line,) = error_lines(**{section: {key: wrong}})
             for word in (
                 name,
                 f"({field['minimum']:.15g} to {field['maximum']:.15g}",
@@ -123,18 +125,21 @@ def test_both_bounds_are_allowed_and_what_is_beyond_is_refused() -> None:
     [math.nan, math.inf, True, "1", [1], None, 10**400, 10**5000, np.array([1, 2])],
     ids=lambda v: type(v).__name__,
 )
-def test_what_is_no_number_is_refused_for_all_settings_at_once(wrong: Any) -> None:
-    refused = [line.split(" ")[0] for line in lines(**sections(dict.fromkeys(numbers(), wrong)))]
-    assert sorted(refused) == sorted(numbers())
+def test_all_wrong_types_are_reported_at_once(wrong: Any) -> None:
+    names = [
+        line.split(" ")[0]
+        for line in error_lines(**sections(dict.fromkeys(number_schemas(), wrong)))
+    ]
+    assert sorted(names) == sorted(number_schemas())
 
 
-def test_numbers_of_numpy_and_whole_numbers_serve_where_a_number_is_needed() -> None:
-    made = om.load_scenario(
+def test_numpy_numbers_and_ints_are_converted() -> None:
+    scenario = om.load_scenario(
         "rect", radio={"delay_frames": np.int64(3)}, battery={"cut_off_v": np.float32(13)}
     ).settings
-    assert (type(made.radio.delay_frames), type(made.battery.cut_off_v)) == (int, float)
+    assert (type(scenario.radio.delay_frames), type(scenario.battery.cut_off_v)) == (int, float)
     assert (
-        made
+        scenario
         == om.load_scenario("rect", radio={"delay_frames": 3}, battery={"cut_off_v": 13}).settings
     )
 
@@ -177,14 +182,14 @@ def test_numbers_of_numpy_and_whole_numbers_serve_where_a_number_is_needed() -> 
     ],
     ids=str,
 )
-def test_what_is_wrong_is_a_line_with_the_allowed_values_or_the_nearest_name(
+def test_messages_give_allowed_values_or_the_nearest_name(
     changes: dict[str, Any], words: list[str]
 ) -> None:
-    found = lines(**changes)
-    assert any(all(word in line for word in words) for line in found), found
+    properties = error_lines(**changes)
+    assert any(all(word in line for word in words) for line in properties), properties
 
 
-def test_a_scenario_cannot_be_changed_but_copied() -> None:
+def test_scenarios_are_immutable_and_can_be_copied() -> None:
     rect = om.load_scenario("rect")
     with pytest.raises(ValueError, match="frozen"):
         rect.settings.radio.delay_frames = 3  # type: ignore[misc]
@@ -217,17 +222,20 @@ def test_a_scenario_cannot_be_changed_but_copied() -> None:
     ],
     ids=lambda text: text[:20],
 )
-def test_absurd_files_are_lines_that_can_be_printed(tmp_path: Path, text: str, words: str) -> None:
-    file = tmp_path / "given.toml"
+def test_errors_of_absurd_files_are_printable_lines(tmp_path: Path, text: str, words: str) -> None:
+    file = tmp_path / "scenario.toml"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(om.OmniError) as error:
         om.load_scenario(file)
     assert words in str(error.value)
-    assert all(line.isprintable() and len(line) < LINE for line in str(error.value).split("\n"))
+    assert all(
+        line.isprintable() and len(line) < MAX_LINE_LENGTH for line in str(error.value).split("\n")
+    )
 
 
 VALUES = st.one_of(
-    st.floats(), st.integers(), st.booleans(), st.text(max_size=20), st.sampled_from([0, 1, -1, 1e-300, 1e300, "on"]),
+    st.floats(), st.integers(), st.booleans(), st.text(max_size=20),
+    st.sampled_from([0, 1, -1, 1e-300, 1e300, "on"]),
     st.lists(st.lists(st.floats(), max_size=4), max_size=4),
 )  # fmt: skip
 
@@ -235,21 +243,24 @@ VALUES = st.one_of(
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.dictionaries(
-        st.deferred(lambda: st.sampled_from(sorted(declared()))), VALUES, min_size=1, max_size=4
+        st.deferred(lambda: st.sampled_from(sorted(setting_schemas()))),
+        VALUES,
+        min_size=1,
+        max_size=4,
     )
 )
 @example(values={"model.file": "\U00018cd6"})
-def test_any_settings_are_a_scenario_that_reads_back_or_lines(
+def test_random_settings_read_back_or_give_printable_errors(
     tmp_path: Path, values: dict[str, object]
 ) -> None:
-    made, error = None, ""
+    scenario, error = None, ""
     try:
-        made = om.load_scenario("rect", **sections(values))
+        scenario = om.load_scenario("rect", **sections(values))
     except om.OmniError as refusal:
         error = str(refusal)
-    assert all(line.isprintable() and len(line) < LINE for line in error.split("\n"))
-    if made is None:
+    assert all(line.isprintable() and len(line) < MAX_LINE_LENGTH for line in error.split("\n"))
+    if scenario is None:
         assert error
         return
-    (tmp_path / "made.toml").write_text(made.to_toml(), encoding="utf-8")
-    assert om.load_scenario(tmp_path / "made.toml") == made
+    (tmp_path / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")
+    assert om.load_scenario(tmp_path / "scenario.toml") == scenario
