@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from commands import invoke, listed, strict
+from commands import invoke, list_names, strict
 
 import omni_mj as om
 
@@ -72,7 +72,12 @@ def test_help_names_every_command_and_its_examples_parse(
         assert printed(capsys, name, "--help").startswith(f"Usage: omni-mj {name}")
     examples = re.findall(r"^  (omni-mj [a-z]+ .*)$", out, re.MULTILINE)
     assert len(examples) >= 5
-    names = {*listed("scenarios"), *listed("controllers"), *listed("robots"), "mine.py:Mine"}
+    names = {
+        *list_names("scenarios"),
+        *list_names("controllers"),
+        *list_names("robots"),
+        "mine.py:Mine",
+    }
     for example in examples:
         words = shlex.split(example)
         options = printed(capsys, words[1], "--help")
@@ -147,7 +152,7 @@ def test_a_scenario_that_is_shown_is_the_scenario(
 def test_robots_changes_and_controllers_are_shown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in listed("robots"):
+    for name in list_names("robots"):
         (tmp_path / "shown.toml").write_text(text := printed(capsys, "show", name))
         assert om.load_robot(tmp_path / "shown.toml").settings == om.load_robot(name).settings
         assert om.load_robot(tmp_path / "shown.toml").description == om.load_robot(name).description
@@ -156,7 +161,7 @@ def test_robots_changes_and_controllers_are_shown(
     assert 'robot = "ssl-a-team"' in out
     assert re.search(r"^delay_frames = 9 +# \(default 6\) \[frames\] ", out, re.MULTILINE)
     assert re.search(r"^mass_kg = [\d.]+ +# \[kg\] mass$", out, re.MULTILINE)
-    for name in listed("controllers"):
+    for name in list_names("controllers"):
         assert printed(capsys, "show", name).splitlines()[0]
 
 

@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from commands import listed
+from commands import list_names
 from numpy.typing import NDArray
 
 import omni_mj as om
 
-BUILTIN, ROBOTS = listed("scenarios"), listed("robots")
+BUILTIN, ROBOTS = list_names("scenarios"), list_names("robots")
 TASKS = ("circle", "figure-eight", "rect-spin", "sprint", "random-waypoints")
 PERIOD_S = 1 / 60
 FIELD_M = (9.0, 6.0)  # division B, RoboCup-SSL rules

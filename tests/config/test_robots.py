@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import invoke, listed
+from commands import invoke, list_names
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import omni_mj as om
 
-ROBOTS = listed("robots")
+ROBOTS = list_names("robots")
 DEFAULT = "tigers-v2016"
 angles = st.lists(st.floats(0, 360), min_size=3, max_size=8)
 quick = settings(max_examples=60)

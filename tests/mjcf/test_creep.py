@@ -14,7 +14,7 @@ from benches.plant import (
     noiseless,
     ramp,
 )
-from benches.steps import Tape
+from benches.steps import StepRecorder
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -37,11 +37,11 @@ def free(stiffness: float = STIFFNESS, **sections: dict[str, object]) -> Setting
 
 
 @pytest.fixture(scope="module")
-def driven() -> Tape:
-    return Tape(mujoco([free()] * 3)).drive(ramp(TWISTS, 2.0, 55))
+def driven() -> StepRecorder:
+    return StepRecorder(mujoco([free()] * 3)).drive(ramp(TWISTS, 2.0, 55))
 
 
-def test_each_wheel_slips_by_the_creep_law(driven: Tape) -> None:
+def test_each_wheel_slips_by_the_creep_law(driven: StepRecorder) -> None:
     """s = |v| f / (N C), where f is the motor torque minus that of hub and rotor inertia."""
     settings, window = free(), slice(16 * 20, 16 * 40)
     inertia = HUB_INERTIA + settings.motor.rotor_inertia_kg_m2 * settings.motor.gear_ratio**2
@@ -49,7 +49,7 @@ def test_each_wheel_slips_by_the_creep_law(driven: Tape) -> None:
     pull = (driven.hub_torque() - inertia * np.gradient(hubs, 1 / 960, axis=0))[window].mean(
         0
     ) / RADIUS_M
-    speed = np.linalg.norm(driven.travel(), axis=-1)
+    speed = np.linalg.norm(driven.contact_velocity(), axis=-1)
     slip = -driven.steps["slips"] * RADIUS_M
     expected = pull / STIFFNESS
     measured = (slip * driven.steps["load"] / speed)[window].mean(0)
@@ -60,7 +60,7 @@ def test_each_wheel_slips_by_the_creep_law(driven: Tape) -> None:
     assert np.abs(measured - expected).max() < 0.05
 
 
-def test_speeds_solve_the_differential_equation_of_the_law(driven: Tape) -> None:
+def test_speeds_solve_the_differential_equation_of_the_law(driven: StepRecorder) -> None:
     """Hubs, rims and body in one equation, solved by scipy, with the torques of the motors."""
     start, end = 16 * 5, 16 * 35
     settings = free()
@@ -99,7 +99,7 @@ def test_speeds_solve_the_differential_equation_of_the_law(driven: Tape) -> None
 def test_creep_does_not_depend_on_the_step() -> None:
     lags = []
     for substeps in (1, 4):
-        tape = Tape(mujoco([free(physics={"substeps": substeps})] * 2)).drive(
+        tape = StepRecorder(mujoco([free(physics={"substeps": substeps})] * 2)).drive(
             ramp(TWISTS[:2], 2.0, 35)
         )
         twist, hubs = (

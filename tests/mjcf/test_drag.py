@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from benches.plant import GRAVITY, OUTWARD, RADIUS_M, TANGENTS, mujoco, noiseless
 from benches.robot import DEFAULT_MOTOR
-from benches.steps import Tape
+from benches.steps import StepRecorder
 from numpy.typing import NDArray
 
 from omni_mj.config.resolve import resolve_settings
@@ -36,7 +36,7 @@ def settings(
     )
 
 
-def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> Tape:
+def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> StepRecorder:
     """Return robots that roll at a speed, one per direction and setting, without motor current."""
     directions = np.tile(DIRECTIONS, (len(chosen), 1))
     plant = mujoco([settings_i for settings_i in chosen for _ in DIRECTIONS])
@@ -44,10 +44,10 @@ def rolled_out(chosen: list[Settings], speed: float = 1.2, frames: int = 18) -> 
     velocity[:, :2] = speed * directions
     velocity[:, world.robots[0].wheel_dofs] = speed * directions @ TANGENTS.T / RADIUS_M
     plant.set_motor_currents(np.zeros((len(directions), len(TANGENTS))))
-    return Tape(plant).drive(np.zeros((frames, len(directions), 3)))
+    return StepRecorder(plant).drive(np.zeros((frames, len(directions), 3)))
 
 
-def expected(name: str, row: int, tape: Tape) -> float:
+def expected(name: str, row: int, tape: StepRecorder) -> float:
     """Return the deceleration, m/s^2, by d'Alembert: drag of wheels, inertia of hubs and rotors."""
     chosen, motor, direction = settings(*DRAGS[name]), DRAGS[name][3], DIRECTIONS[row]
     rim_share, axial_share = np.abs(TANGENTS @ direction), np.abs(OUTWARD @ direction)
@@ -66,7 +66,7 @@ def expected(name: str, row: int, tape: Tape) -> float:
     return float(force.sum() / (mass + (inertia * rim_share**2).sum() / RADIUS_M**2))
 
 
-def decelerations(tape: Tape) -> NDArray:
+def decelerations(tape: StepRecorder) -> NDArray:
     """Return the deceleration of each row along its direction, m/s^2, after a transient."""
     speed = (
         tape.twist()[AFTER:, :, :2] * np.tile(DIRECTIONS, (tape.twist().shape[1] // 4, 1))

@@ -13,7 +13,7 @@ from benches.plant import (
     mujoco,
     noiseless,
 )
-from benches.steps import Tape
+from benches.steps import StepRecorder
 from numpy.typing import NDArray
 
 from omni_mj.config.settings import Settings
@@ -42,7 +42,7 @@ def free(friction: float, bearing: float = 0.0) -> Settings:
     )
 
 
-def impulses(tape: Tape, first_step: int, last_step: int) -> tuple[NDArray, NDArray]:
+def impulses(tape: StepRecorder, first_step: int, last_step: int) -> tuple[NDArray, NDArray]:
     """Return the momentum gained between two steps, and what sliding rims would give, N s."""
     load, slips, heading = (
         values[first_step:last_step]
@@ -60,7 +60,7 @@ def impulses(tape: Tape, first_step: int, last_step: int) -> tuple[NDArray, NDAr
 
 def test_traction_over_load_is_the_friction() -> None:
     frictions = np.repeat([0.2, 0.4, 0.6, 0.8, 1.0], 2)
-    tape = Tape(mujoco([free(f) for f in frictions])).drive(
+    tape = StepRecorder(mujoco([free(f) for f in frictions])).drive(
         constant(np.tile(3.6 * np.array([FORWARD, LEFT]), (5, 1)), 14, 10)
     )
     momentum_gain, pull = impulses(tape, 40, 200)
@@ -73,11 +73,13 @@ def test_traction_over_load_is_the_friction() -> None:
 def test_bearing_friction_uses_part_of_the_friction_circle() -> None:
     """A pull of b N on roller bearings along the axle leaves sqrt(mu^2 - b^2) N for the rim."""
     friction, bearings = 0.5, np.array([0.2, 0.35])
-    tape = Tape(mujoco([free(friction, b) for b in bearings])).drive(constant(3.6 * FORWARD, 14, 2))
+    tape = StepRecorder(mujoco([free(friction, b) for b in bearings])).drive(
+        constant(3.6 * FORWARD, 14, 2)
+    )
     momentum_gain, pull = impulses(
         tape, 60, 200
     )  # by then the bearings turn: rollers travel faster than 1 cm/s
-    axle = np.sign((tape.travel() * OUTWARD).sum(-1)) * tape.steps["load"]
+    axle = np.sign((tape.contact_velocity() * OUTWARD).sum(-1)) * tape.steps["load"]
     fixed = (axle[60:200] @ OUTWARD).sum(0)[:, 0] * bearings / 960
     # As above.
     assert momentum_gain[:, 0] == pytest.approx(
@@ -93,7 +95,7 @@ def test_no_wheel_leaves_the_carpet_while_wheels_slide(model: str) -> None:
         [speed * twist for speed in (1.0, 3.0) for twist in (FORWARD, LEFT, DIAGONAL, TURN)]
     )
     settings = [stiff(f, wheels={"model": model}) for f in (0.3, 0.5, 0.8) for _ in commands]
-    tape = Tape(mujoco(settings)).drive(constant(np.tile(commands, (3, 1)), 30, 24))
+    tape = StepRecorder(mujoco(settings)).drive(constant(np.tile(commands, (3, 1)), 30, 24))
     fastest = np.abs(tape.steps["slips"]).max((0, 2)) * RADIUS_M
     assert fastest.min() > 0.5
     assert fastest.max() > 2.9
@@ -107,7 +109,7 @@ def test_a_reversal_at_full_speed_does_not_topple_a_robot(model: str) -> None:
     """A step from 3 m/s to -3 m/s; by statics every wheel stays loaded."""
     fraction = np.append(np.minimum(1.0, 0.04 * np.arange(45)), -np.ones(50))
     commands = fraction[:, None, None] * 3 * np.tile([FORWARD, LEFT, DIAGONAL], (2, 1))
-    tape = Tape(
+    tape = StepRecorder(
         mujoco([stiff(f, wheels={"model": model}) for f in (0.6, 0.8) for _ in range(3)])
     ).drive(commands)
     assert (tape.twist()[-1, [0, 3], 0] < -1.0).all(), "it drives backwards"

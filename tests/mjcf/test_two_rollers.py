@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from benches.plant import FRAME_S, ROLLERS, STIFF, constant, drive, noiseless, ramp
 from benches.plant import mujoco as plant_of
-from benches.steps import Tape
+from benches.steps import StepRecorder
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
@@ -47,7 +47,7 @@ def test_both_wheel_models_have_the_same_inertia(wheel_angle: float) -> None:
 
 
 @pytest.fixture(scope="module")
-def tapes() -> list[Tape]:
+def tapes() -> list[StepRecorder]:
     """Ramps of 1 and 3 m/s^2 in x, y and diagonally, turning, and both; on both wheels."""
     twists = np.array(
         [
@@ -62,7 +62,7 @@ def tapes() -> list[Tape]:
     )
     commands = ramp(twists, [1.0, 1.0, 1.0, 3.0, 3.0, 12.0, 4.0], 75)
     return [
-        Tape(plant_of([settings_i.replace(sensors=EXACT)] * 7)).drive(commands)
+        StepRecorder(plant_of([settings_i.replace(sensors=EXACT)] * 7)).drive(commands)
         for settings_i in EITHER
     ]
 
@@ -120,7 +120,7 @@ def test_wrapping_rollers_does_not_change_the_encoder() -> None:
     """The hub angle is the integral of its speed in each step, over many wraps, both directions."""
     plant = plant_of([noiseless(wheels=FAST)] * 2)
     start = plant.telemetry().wheel_angle
-    tape = Tape(plant).drive(constant([[0.6, 0, 0], [0, 0, -5.0]], 60, 2))
+    tape = StepRecorder(plant).drive(constant([[0.6, 0, 0], [0, 0, -5.0]], 60, 2))
     wheel_angle = plant.telemetry().wheel_angle - start
     assert (np.abs(wheel_angle) > 10).all()
     assert wheel_angle == pytest.approx(

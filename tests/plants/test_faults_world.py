@@ -32,7 +32,7 @@ from benches.plant import (
     with_faults,
 )
 from benches.plant import mujoco as plant_of
-from benches.steps import Tape
+from benches.steps import StepRecorder
 
 from omni_control.errors import OmniError
 from omni_mj.config.settings import Settings
@@ -139,7 +139,7 @@ def test_traction_of_sliding_wheels_follows_the_friction_of_the_moment() -> None
         "drivetrain": {"roller_friction": 0.0, "roller_damping_nm_s": 0.0},
         "firmware": STIFF,
     }
-    tape = Tape(
+    tape = StepRecorder(
         plant_of(
             [with_faults(fault, carpet={"friction": nominal, "rolling_resistance": 0.0}, **free)]
         )

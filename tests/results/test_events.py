@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.logs import events, failure, filled, rows
+from benches.logs import events, failure, fill_log, rows
 
 import omni_mj as om
 
@@ -83,7 +83,7 @@ def test_each_row_reports_its_faults_and_its_failure() -> None:
     fault_settings = settings().replace(
         fault=(push_fault, {"kind": "tilt", "start_s": 3.0, "angle_deg": 2.0})
     )
-    log = filled(
+    log = fill_log(
         rows(("a", "b"), settings=fault_settings), 200, [200, 85], winding=25.0, battery=22.0
     )
     events_found = [

@@ -9,8 +9,8 @@ import pytest
 from benches.logs import (
     alpha_windows,
     failure,
-    filled,
-    measured,
+    fill_log,
+    metrics_of,
     recovery_table,
     rows,
     saturation,
@@ -32,7 +32,7 @@ TILT = {"kind": "tilt", "start_s": 3.0, "angle_deg": 2.0}  # from frame 180 on
 def of(frames: int, lengths: Any = None, **channels: Any) -> dict[str, NDArray]:
     """What is measured of rows of one controller."""
     n = max(np.shape(values)[1] for values in channels.values())
-    return measured(filled(rows(("a",), range(n)), frames, lengths, **channels))
+    return metrics_of(fill_log(rows(("a",), range(n)), frames, lengths, **channels))
 
 
 def test_along_track_and_cross_track_errors_on_a_circle() -> None:
@@ -46,7 +46,7 @@ def test_along_track_and_cross_track_errors_on_a_circle() -> None:
     ref, pose = np.zeros((200, 2, 3)), np.zeros((200, 2, 3))
     ref[..., :2] = outside[:, None]
     pose[:, 0, :2], pose[:, 1, :2] = late, 1.05 * outside
-    metrics = tracking_errors(filled(rows(("late", "outside")), 200, ref=ref, pose=pose))
+    metrics = tracking_errors(fill_log(rows(("late", "outside")), 200, ref=ref, pose=pose))
     chord = 2 * math.sin(0.05)
     for axis, expected in {
         "along_track": (chord * math.cos(0.05), 0),
@@ -73,14 +73,14 @@ def test_metrics_of_a_row_do_not_depend_on_other_rows(frames: int) -> None:
 
 def test_failing_improves_no_metric() -> None:
     """Errors, efforts and settling time are infinite, also for a row without frames."""
-    log = filled(rows(("a",), (0, 1, 2)), 30, [30, 12, 0], pose=0.001, command=1.0)
-    metrics = measured(log, [failure(log, 1), failure(log, 2)])
+    log = fill_log(rows(("a",), (0, 1, 2)), 30, [30, 12, 0], pose=0.001, command=1.0)
+    metrics = metrics_of(log, [failure(log, 1), failure(log, 2)])
     for name, values in metrics.items():
         # Of a log without motors
         unknown = name.startswith("peak_") or name.endswith("_fraction") or name == "duty_mean"
         assert np.isfinite(values[0]) or unknown, name
         assert np.isnan(values[1:]).all() if unknown else np.isposinf(values[1:]).all(), name
-    no_frames = measured(filled(rows(), 0))
+    no_frames = metrics_of(fill_log(rows(), 0))
     assert all(np.isnan(values).all() for values in no_frames.values())
 
 
@@ -157,10 +157,10 @@ def test_a_wheel_slides_that_slips_faster_than_it_can_creep(speed: float, fricti
     creep = speed * friction / own_settings.drivetrain.creep_stiffness
 
     def sliding_fraction(settings: Any, slip: float) -> float:
-        log = filled(
+        log = fill_log(
             rows(settings=settings), 60, pose=pose, slip=slip, duty_peak=0.5, current_limited=0.0
         )
-        return float(measured(log)["sliding_fraction"][0])
+        return float(metrics_of(log)["sliding_fraction"][0])
 
     assert sliding_fraction(own_settings, creep) == 0
     assert sliding_fraction(own_settings, creep + 0.05) == pytest.approx(
@@ -184,7 +184,7 @@ def test_commands_that_the_limits_change_count_as_limited(axis: int) -> None:
     for frame in range(60):
         sent[frame + 1] = pass_on(expected[frame, None], sent[frame, None])[0]
     changed = np.abs(sent[1:] - expected).max(1) > 1e-6
-    log = filled(rows(settings=RECT), 60, command=sent[1:, None])
+    log = fill_log(rows(settings=RECT), 60, command=sent[1:, None])
     np.testing.assert_array_equal(saturation.saturated_frames(log, 0)["command_limited"], changed)
 
 
@@ -213,8 +213,8 @@ def test_excursion_and_recovery_count_until_two_seconds_after_the_fault(
     spans: list[tuple[int, int, float]], excursion: float, recovered: float
 ) -> None:
     own_settings = RECT.replace(fault=(PUSH,))
-    metrics = measured(
-        filled(rows(settings=own_settings), 300, pose=poses_with_errors(300, *spans))
+    metrics = metrics_of(
+        fill_log(rows(settings=own_settings), 300, pose=poses_with_errors(300, *spans))
     )
     assert metrics["fault_1_excursion_m"] == pytest.approx([excursion], abs=1e-12)
     assert metrics["fault_1_recovery_s"] == pytest.approx([recovered])
@@ -232,8 +232,8 @@ def test_rows_that_reach_a_fault_have_a_recovery() -> None:
     ]
     pose = np.repeat(poses_with_errors(300), 5, axis=1)
     pose[200:290, 4, 0] = 0.1
-    log = filled(table_rows, 300, [300, 100, 300, 40, 300], pose=pose)
-    metrics = measured(log, [failure(log, 1)])
+    log = fill_log(table_rows, 300, [300, 100, 300, 40, 300], pose=pose)
+    metrics = metrics_of(log, [failure(log, 1)])
     np.testing.assert_array_equal(
         metrics["fault_1_excursion_m"], [0.0, np.inf, np.nan, np.nan, 0.1]
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import scipy.stats
-from benches.logs import failure, filled, outcome, paper_tables, results_table, rows
+from benches.logs import failure, fill_log, outcome, paper_tables, results_table, rows
 
 import omni_mj as om
 
@@ -166,7 +166,7 @@ def test_rows_have_names_differing_settings_failures_and_metrics() -> None:
     """One of two settings fails: table of rows, summary and text agree."""
     chosen = om.load_scenario("rect", plant="kinematic")
     slow = chosen.settings.replace(radio={"delay_frames": 9})
-    log = filled(
+    log = fill_log(
         [*rows(("a", "b"), (0, 1), chosen.settings), *rows(("a", "b"), (2,), slow)],
         30,
         [30, 30, 30, 8, 30, 30],

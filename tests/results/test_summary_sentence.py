@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.logs import failure, filled, results, rows
+from benches.logs import failure, fill_log, results, rows
 from numpy.typing import ArrayLike
 
 from omni_mj.results.summary_sentence import summary_sentence
@@ -25,7 +25,7 @@ def summary(
     reference[:, :, 0] = 0.01 * np.arange(FRAMES)[:, None]
     pose[:] = reference
     pose[:, :, axis] += values.ravel()
-    log = filled(all_rows, FRAMES, ref=reference, pose=pose)
+    log = fill_log(all_rows, FRAMES, ref=reference, pose=pose)
     failures = [failure(log, int(log.rows_of(failed)[-1]))] if failed else []
     entry = {"results": results(log, failures)}
     return {"privileged": [], "scenarios": {"rect": entry}} | head

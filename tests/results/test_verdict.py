@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.stats
-from benches.logs import compared, failure, filled, judge_subject, results, rows, statistics
+from benches.logs import (
+    comparison_summary,
+    failure,
+    fill_log,
+    judge_subject,
+    results,
+    rows,
+    statistics,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
@@ -24,7 +32,7 @@ def results_of(failed: str = "", **errors_m: ArrayLike) -> dict[str, Any]:
     """
     x = np.concatenate([np.broadcast_to(error, SEEDS) for error in errors_m.values()])
     pose = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1)
-    log = filled(rows(tuple(errors_m), range(SEEDS)), FRAMES, pose=pose)
+    log = fill_log(rows(tuple(errors_m), range(SEEDS)), FRAMES, pose=pose)
     return results(log, [failure(log, int(log.rows_of(failed)[-1]))] if failed else [])
 
 
@@ -148,5 +156,5 @@ def test_seeds_that_never_settle_or_fail_count() -> None:
     assert (
         of["failing"]["effort_m_s2"]["mean"] is of["failing"]["excess_effort_m_s2"]["mean"] is None
     )
-    text = compare_table.to_markdown(compared(of, [], None))
+    text = compare_table.to_markdown(comparison_summary(of, [], None))
     assert all(words in text for words in ("never (1/4)", "0.00 (3/4)"))

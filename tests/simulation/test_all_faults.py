@@ -21,8 +21,8 @@ def test_robots_end_on_the_field_and_at_rest_after_all_faults() -> None:
     assert np.abs(pose[..., :2] - log.channel("ref")[..., :2]).max() > 0.1, (
         "the faults must disturb the robots"
     )
-    moved = np.abs(np.diff(pose[-15:], axis=0)).max((0, 1)) * 60
-    assert (moved < [0.03, 0.03, 0.15]).all()
+    final_speed = np.abs(np.diff(pose[-15:], axis=0)).max((0, 1)) * 60
+    assert (final_speed < [0.03, 0.03, 0.15]).all()
     assert np.abs(pose[-1] - log.channel("ref")[-1])[:, :2].max() < 0.02
     latency = log.channel("latency_hat")
     known = ~np.isnan(latency)

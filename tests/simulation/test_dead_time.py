@@ -2,7 +2,17 @@
 
 import numpy as np
 import pytest
-from benches.simulating import COMPENSATED, FLC, FRAME_S, IDEAL, Grid, ages, batch, run, whole
+from benches.simulating import (
+    COMPENSATED,
+    FLC,
+    FRAME_S,
+    IDEAL,
+    Grid,
+    batch,
+    command_ages,
+    run,
+    run_to_end,
+)
 from numpy.typing import NDArray
 
 # A gyro without error: one with would turn a standing robot until vision's heading arrives.
@@ -18,7 +28,7 @@ def errors(trajectory: Grid) -> NDArray:
 def test_applied_is_what_was_commanded_k_d_frames_ago() -> None:
     """Of each dead time up to half a second, and both controllers, with two seeds."""
     delays = range(31)
-    log = whole(
+    log = run_to_end(
         batch([(f"radio.delay_frames={delay}",) for delay in delays], ("flc", "comp-flc"), (0, 7))
     )
     assert (log.lengths == log.length).all()
@@ -43,14 +53,16 @@ def test_with_jitter_applied_is_what_was_commanded_about_k_d_frames_ago() -> Non
     """Of each dead time up to 12 frames, and each jitter that it allows."""
     # Without an image a command is given again, and its age cannot be told
     sees = "vision.miss_probability=0"
-    both = [(delay, jitter) for delay in range(1, 13) for jitter in range(delay + 1)]
+    delays_and_jitters = [(delay, jitter) for delay in range(1, 13) for jitter in range(delay + 1)]
     cases = [
         (f"radio.delay_frames={delay}", f"radio.jitter_frames={jitter}", sees)
-        for delay, jitter in both
+        for delay, jitter in delays_and_jitters
     ]
-    log = whole(batch(cases, ("comp-flc",), (3,)))
+    log = run_to_end(batch(cases, ("comp-flc",), (3,)))
     command, applied = (log.channel(name)[:, None] for name in ("command", "applied"))
-    for (delay, jitter), age in zip(both, ages(command, applied)[:, 0].T, strict=True):
+    for (delay, jitter), age in zip(
+        delays_and_jitters, command_ages(command, applied)[:, 0].T, strict=True
+    ):
         settled = age[delay + jitter :]
         assert ((delay - jitter <= settled) & (settled <= delay + jitter)).all()
         assert (np.diff(age) <= 1).all()  # never back to an older one

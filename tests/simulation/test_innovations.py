@@ -1,4 +1,4 @@
-"""The filter of the loop on both plants: how large its innovations and errors are, against what it says of them."""
+"""Consistency of the tracker: innovations and errors compared with its covariances."""
 
 from dataclasses import dataclass
 
@@ -30,12 +30,12 @@ CASES = {
 
 @dataclass
 class Certainty:
-    """Per frame, robot and axis (frames, n, 3): normalised innovations, errors of the pose, and sigma."""
+    """Normalized innovations, pose errors and sigma, shape (frames, n, 3)."""
 
     innovation: NDArray
     error: NDArray
     sigma: NDArray
-    unseen: NDArray  # (frames, n): for how many frames the robot has not been seen
+    frames_since_detection: NDArray  # (frames, n): for how many frames the robot has not been seen
 
 
 @pytest.fixture(scope="module", params=CASES)
@@ -43,18 +43,18 @@ def certainty(request: pytest.FixtureRequest) -> Certainty:
     name, plant, seeds, overrides = CASES[request.param]
     head = {"plant": plant, "seeds": seeds, "controllers": ("comp-flc",)}
     simulation = Simulation(scenario.load_with_overrides(name, overrides, head))
-    kalman, said = simulation.team.filter, []
+    kalman, states = simulation.team.filter, []
     log = simulation.run(
-        lambda frame: said.append(
+        lambda frame: states.append(
             (kalman.normalized_innovation.copy(), kalman.pose.copy(), kalman.sigma.copy())
         )
     )
-    innovation, pose, sigma = (np.array(values) for values in zip(*said, strict=True))
-    seen = log.channel("vision_valid")[..., 0]
-    unseen = np.zeros(seen.shape, int)
-    for k in range(1, len(seen)):
-        unseen[k] = np.where(seen[k], 0, unseen[k - 1] + 1)
-    return Certainty(innovation, pose - log.channel("pose"), sigma, unseen)
+    innovation, pose, sigma = (np.array(values) for values in zip(*states, strict=True))
+    is_detected = log.channel("vision_valid")[..., 0]
+    frames_since_detection = np.zeros(is_detected.shape, int)
+    for k in range(1, len(is_detected)):
+        frames_since_detection[k] = np.where(is_detected[k], 0, frames_since_detection[k - 1] + 1)
+    return Certainty(innovation, pose - log.channel("pose"), sigma, frames_since_detection)
 
 
 def test_the_innovations_squared_average_one(certainty: Certainty) -> None:
@@ -70,7 +70,7 @@ def test_the_innovations_squared_average_one(certainty: Certainty) -> None:
 
 
 def test_the_errors_are_covered_by_sigma(certainty: Certainty) -> None:
-    """Errors of the pose, squared, over what the filter says: about 1 seen or not, and few beyond three sigmas."""
+    """Squared pose errors over the variances: about 1; few errors exceed three sigmas."""
     normalised = certainty.error / certainty.sigma
     squared = (normalised**2).mean((0, 1))
     # The errors of neighbouring frames are related: some hundred independent ones, 5 sqrt(2 / 100)

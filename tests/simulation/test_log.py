@@ -1,4 +1,4 @@
-"""What is recorded costs the same per frame however long a run, and its file is the same however it is written."""
+"""The log's file is the same for every size of its blocks, and is read without threads."""
 
 import subprocess
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from benches.logs import filled, rows
+from benches.logs import fill_log, rows
 
 from omni_mj import parquet
 
@@ -16,24 +16,25 @@ from omni_mj import parquet
 def test_a_table_in_parts_is_the_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: int
 ) -> None:
-    """Rows of different lengths, one of none; wherever it is cut."""
-    numbers = np.arange(10 * 3 * 3, dtype=float).reshape(10, 3, 3)
-    log = filled(rows(["a", "b", "c"]), 10, lengths=[10, 0, 4], pose=numbers)
+    """Rows of different lengths, one of them empty."""
+    poses = np.arange(10 * 3 * 3, dtype=float).reshape(10, 3, 3)
+    log = fill_log(rows(["a", "b", "c"]), 10, lengths=[10, 0, 4], pose=poses)
     monkeypatch.setattr(parquet, "ROWS_PER_GROUP", lines)
     log.save(tmp_path / "table.parquet")
     read = pq.read_table(tmp_path / "table.parquet")
     assert read["controller"].to_pylist() == 10 * ["a"] + 4 * ["c"]
     assert read["frame"].to_pylist() == [*range(10), *range(4)]
-    np.testing.assert_array_equal(read["x_m"], np.append(numbers[:, 0, 0], numbers[:4, 2, 0]))
+    np.testing.assert_array_equal(read["x_m"], np.append(poses[:, 0, 0], poses[:4, 2, 0]))
     assert read.schema.names == log.to_arrow().schema.names
 
 
 def test_a_table_is_read_without_threads(tmp_path: Path) -> None:
-    """Where there is no memory for one, Arrow would wait for it for ever: `serve` did, at its end."""
-    filled(rows(["a"]), 10).save(tmp_path / "table.parquet")
+    """If there is no memory to start a thread, Arrow waits for it forever."""
+    fill_log(rows(["a"]), 10).save(tmp_path / "table.parquet")
     code = (
         "import os, sys, pathlib, pyarrow.parquet\nfrom omni_mj import parquet\n"
-        "before = len(os.listdir('/proc/self/task'))\nparquet.read_table(pathlib.Path(sys.argv[1]))\n"
+        "before = len(os.listdir('/proc/self/task'))\n"
+        "parquet.read_table(pathlib.Path(sys.argv[1]))\n"
         "print(len(os.listdir('/proc/self/task')) - before)"
     )
     words = [sys.executable, "-c", code, str(tmp_path / "table.parquet")]

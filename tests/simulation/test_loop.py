@@ -1,4 +1,4 @@
-"""The loop: determinism to the last bit, and what is recorded."""
+"""The simulation loop: deterministic to the last bit; all channels are recorded."""
 
 import numpy as np
 import pytest
@@ -8,9 +8,9 @@ from benches.simulating import (
     FLC,
     PLANTS,
     Grid,
-    ages,
-    finished,
+    command_ages,
     run,
+    run_to_grid,
     simulation,
 )
 
@@ -19,43 +19,40 @@ BRIEF = ("reference.waypoints=[[0,0],[0.2,0]]", "reference.settle_s=0.1")
 
 
 def assert_rows_equal(
-    one: Grid, row: tuple[int, int], other: Grid, other_row: tuple[int, int]
+    log: Grid, row: tuple[int, int], other_log: Grid, other_row: tuple[int, int]
 ) -> None:
-    """Every channel of a (controller, seed) row is equal to the last bit, not-a-numbers included."""
-    assert one.length == other.length
-    for name in one.log.columns:
-        a, b = one.channel(name)[:, *row], other.channel(name)[:, *other_row]
+    """Check that all channels of two (controller, seed) rows are equal, NaN included."""
+    assert log.length == other_log.length
+    for name in log.log.columns:
+        a, b = log.channel(name)[:, *row], other_log.channel(name)[:, *other_row]
         np.testing.assert_array_equal(a, b, err_msg=name)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_two_runs_are_identical(plant: str) -> None:
-    first = run(plant, RANDOM, seeds=2, route=BRIEF)
+    reference_run = run(plant, RANDOM, seeds=2, route=BRIEF)
     simulated = simulation(plant, RANDOM, seeds=2, route=BRIEF)
     for again in (
-        finished(simulated),
-        finished(simulated),
+        run_to_grid(simulated),
+        run_to_grid(simulated),
     ):  # of a new simulation, and of one that was run before
         for row in np.ndindex(2, 2):
-            assert_rows_equal(first, row, again, row)
+            assert_rows_equal(reference_run, row, again, row)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_seeds_differ_and_controllers_share_their_noise(plant: str) -> None:
     trajectory = run(plant, RANDOM, seeds=2, route=BRIEF)
     noise = (trajectory.channel("vision") - trajectory.channel("pose"))[..., :2]
-    seen = trajectory.channel("vision_valid")[:, 0, :, 0]
+    is_detected = trajectory.channel("vision_valid")[:, 0, :, 0]
     # Taking the pose off again rounds in the last bits of up to a metre.
     np.testing.assert_allclose(noise[:, FLC], noise[:, COMPENSATED], rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(seen, trajectory.channel("vision_valid")[:, 1, :, 0])
-    first, second = noise[seen.all(1), FLC, :2].transpose(1, 0, 2)
-    assert (first != second).all()
-    age = ages(trajectory.channel("command"), trajectory.channel("applied"))
+    np.testing.assert_array_equal(is_detected, trajectory.channel("vision_valid")[:, 1, :, 0])
+    reference_run, noise_b = noise[is_detected.all(1), FLC, :2].transpose(1, 0, 2)
+    assert (reference_run != noise_b).all()
+    age = command_ages(trajectory.channel("command"), trajectory.channel("applied"))
     np.testing.assert_array_equal(age[:, FLC], age[:, COMPENSATED])
     assert (age[:, FLC, 0] != age[:, FLC, 1]).any()
-
-
-# --- what is recorded ---
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -80,9 +77,9 @@ def test_every_channel_of_every_frame_is_recorded(plant: str) -> None:
         "current_mean",
     }
     for name in trajectory.log.columns:
-        missing = np.isnan(trajectory.channel(name)).any()
+        has_nan = np.isnan(trajectory.channel(name)).any()
         # Neither controller estimates the latency.
-        assert missing == (
+        assert has_nan == (
             name == "latency_hat" or (plant == "kinematic" and name in without_wheels)
         ), name
     np.testing.assert_allclose(trajectory.time, np.arange(trajectory.length) / 60)
@@ -95,12 +92,14 @@ def test_robots_arrive(plant: str, mode: str) -> None:
     trajectory = run(
         plant, (f"reference.mode={mode}", "reference.settle_s=3", "kinematic.alpha_low=1")
     )
-    left = np.linalg.norm(trajectory.channel("pose")[-120:, :, 0, :2] - [0.5, 0.0], axis=-1).max(0)
+    final_error = np.linalg.norm(
+        trajectory.channel("pose")[-120:, :, 0, :2] - [0.5, 0.0], axis=-1
+    ).max(0)
     # Compensated, a few times vision's filtered noise remains. Without, the fuzzy gain of 15/s
     # around zero, 0.25 a frame, is past 2 sin(pi / (4 k_d + 2)) = 0.241, where an integrator with
     # that dead time becomes unstable: a limit cycle of up to two centimetres remains. On the MuJoCo
     # plant dry friction may end it at the end of a timed drive.
-    assert left[COMPENSATED] < 0.004
-    assert left[FLC] < 0.04
+    assert final_error[COMPENSATED] < 0.004
+    assert final_error[FLC] < 0.04
     if plant == "kinematic":
-        assert left[FLC] > 0.004
+        assert final_error[FLC] > 0.004

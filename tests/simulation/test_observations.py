@@ -1,4 +1,4 @@
-"""What controllers are told, once and in every frame, and that they cannot change it for others."""
+"""What controllers know in advance and observe in each frame. They cannot change it for others."""
 
 from contextlib import suppress
 from copy import deepcopy
@@ -16,10 +16,10 @@ SHORT = ("reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]", "reference.settle_s
 
 
 class Witness(Controller):
-    """Remembers what it has seen."""
+    """Stores what it observes."""
 
-    def __init__(self, told: TeamModel, reference: Reference, n: int) -> None:
-        super().__init__(told, reference, n)
+    def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+        super().__init__(model, reference, n)
         self.witnessed: list[tuple[Array, ...]] = []
 
     def command(self, frame: int, observation: Observation) -> Array:
@@ -43,7 +43,7 @@ class TrueWitness(Witness):
 class Vandal(Witness):
     def command(self, frame: int, observation: Observation) -> Array:
         command = super().command(frame, observation)
-        for given in (
+        for observed in (
             observation.pose,
             observation.twist,
             observation.measured_pose,
@@ -51,12 +51,12 @@ class Vandal(Witness):
             self.reference.at(frame, observation.pose)[0],
         ):
             with suppress(ValueError):  # read-only
-                given += 1.0
+                observed += 1.0
         return command
 
 
 def simulated(plant: str, *kinds: type[Controller], overrides: tuple[str, ...] = ()) -> Simulation:
-    """A short run, over, of classes with two seeds."""
+    """Return a short run of controller classes with two seeds."""
     if plant == "mujoco":
         overrides = (*FAST, *overrides)
     simulation = Simulation(
@@ -69,7 +69,7 @@ def simulated(plant: str, *kinds: type[Controller], overrides: tuple[str, ...] =
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_controllers_see_vision_unless_they_know_the_truth(plant: str) -> None:
-    """Each controller is given its own rows, in every frame, and the commands that it sent the frame before."""
+    """Each controller observes its own rows and the commands of the previous frame."""
     simulation = simulated(plant, Witness, TrueWitness)
     channel = Grid(simulation.log).channel
     for i, controller in enumerate(simulation.team.controllers):
@@ -84,8 +84,8 @@ def test_controllers_see_vision_unless_they_know_the_truth(plant: str) -> None:
             np.testing.assert_array_equal(measured, true)
             # The way is the integral of the twist, that of the plant's frame just past or of its
             # instant: within the way of one frame, and 2 % for slip and rollers that shake.
-            way = twist[1:].sum(0) * FRAME_S
-            np.testing.assert_allclose(way, true[-1] - true[0], rtol=0.02, atol=0.003)
+            displacement = twist[1:].sum(0) * FRAME_S
+            np.testing.assert_allclose(displacement, true[-1] - true[0], rtol=0.02, atol=0.003)
         else:
             np.testing.assert_array_equal(measured, channel("vision")[:, i])
             # Vision's noise is 1.3 mm and 10 mrad; what is filtered is near the truth, not equal to
@@ -95,37 +95,35 @@ def test_controllers_see_vision_unless_they_know_the_truth(plant: str) -> None:
 
 
 def test_a_controller_cannot_change_what_others_see() -> None:
-    """Arrays that it is given are its own: writing to them changes nothing but its copies."""
+    """Writing to the arrays of an observation changes copies only."""
     quiet, loud = (simulated("kinematic", kind, TrueWitness) for kind in (Witness, Vandal))
     for name in ("pose", "vision", "command", "applied"):
-        one, other = (Grid(s.log).channel(name) for s in (quiet, loud))
-        np.testing.assert_array_equal(one, other, err_msg=name)
+        values, other_values = (Grid(s.log).channel(name) for s in (quiet, loud))
+        np.testing.assert_array_equal(values, other_values, err_msg=name)
 
 
-@pytest.mark.parametrize(("error", "believed"), [(0, 6), (3, 9), (-2, 4), (-7, 0)])
-def test_controllers_are_told_what_the_team_believes(error: int, believed: int) -> None:
-    """The dead time with its error, never below none, and vision's noise; what is believed does not change what is."""
+@pytest.mark.parametrize(("error", "assumed"), [(0, 6), (3, 9), (-2, 4), (-7, 0)])
+def test_controllers_know_the_assumed_dead_time_and_noise(error: int, assumed: int) -> None:
+    """The dead time has an error and is at least zero; the real dead time does not change."""
     overrides = (f"control.delay_error_frames={error}", "vision.position_noise_m=0.002")
     simulation = simulated("kinematic", Witness, overrides=overrides)
-    told = simulation.team.controllers[0].model
-    assert (told.delay_frames, told.period) == (believed, FRAME_S)
-    assert (told.position_noise_m, told.heading_noise_rad) == (0.002, 0.01)
+    model = simulation.team.controllers[0].model
+    assert (model.delay_frames, model.period) == (assumed, FRAME_S)
+    assert (model.position_noise_m, model.heading_noise_rad) == (0.002, 0.01)
     command, applied = (Grid(simulation.log).channel(name) for name in ("command", "applied"))
     np.testing.assert_array_equal(applied[6:], command[:-6])
 
 
 @pytest.mark.parametrize(("plant", "lag_s"), [("mujoco", 0.05), ("kinematic", 0.0)])
-def test_controllers_are_told_the_lag_of_wheel_loops_where_there_are_wheels(
-    plant: str, lag_s: float
-) -> None:
-    told = (
+def test_controllers_know_the_lag_of_plants_with_wheels(plant: str, lag_s: float) -> None:
+    model = (
         Simulation(
             scenario.load_with_overrides("rect", ["control.assumed_lag_s=0.05"], {"plant": plant})
         )
         .team.controllers[0]
         .model
     )
-    assert told.lag_s == pytest.approx(
+    assert model.lag_s == pytest.approx(
         lag_s, abs=1e-8
     )  # next to none: a zero would mean that it is unknown
-    assert told.latency_frames == pytest.approx(6 + lag_s / FRAME_S)
+    assert model.latency_frames == pytest.approx(6 + lag_s / FRAME_S)

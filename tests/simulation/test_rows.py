@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benches.simulating import FAST, PLANTS, alone, assert_rows_equal, simulation, variants
+from benches.simulating import FAST, PLANTS, assert_rows_equal, isolate_row, simulation, variants
 
 ROUTE = ("reference.waypoints=[[0,0],[0.25,0]]", "reference.settle_s=0.1", *FAST)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_sweep_is_one_batch_of_the_runs_alone(plant: str) -> None:
-    """Delay, noise, gaps, jitter, friction, gains, limits, route and what is told, each row its own."""
+    """Rows differ in delay, noise, jitter, friction, gains, limits and reference."""
     changes = [
         {},
         {"radio": {"delay_frames": 3}},
@@ -35,7 +35,7 @@ def test_a_sweep_is_one_batch_of_the_runs_alone(plant: str) -> None:
     for row in (
         range(len(changes)) if plant == "kinematic" else (4, 5, 7)
     ):  # what wheels, motors and sensors know of
-        assert_rows_equal(batch, row, alone(together, row).run(), 0)
+        assert_rows_equal(batch, row, isolate_row(together, row).run(), 0)
     assert len(set(batch.lengths)) > 1, "routes of different lengths end at different times"
 
 
@@ -105,7 +105,7 @@ def test_a_controller_that_fails_stops_its_own_rows_and_no_others(users: dict[st
 
 
 def test_a_robot_that_topples_is_stopped_and_the_others_keep_their_bits() -> None:
-    """Wheels on rough carpet, told to reverse from 3 m/s with 40 m/s^2: it falls; other rows do not know."""
+    """A robot that reverses from 3 m/s with 40 m/s^2 on a rough carpet topples."""
     task = {
         "assumed_friction": 0.0,
         "max_acceleration_m_s2": 20.0,
@@ -127,15 +127,15 @@ def test_a_robot_that_topples_is_stopped_and_the_others_keep_their_bits() -> Non
     assert 0 < failure.time_s < 3
     assert log.lengths[1] == round(failure.time_s * 60)
     for row in range(3):  # what it did until it fell is recorded, and is what it does alone
-        assert_rows_equal(log, row, alone(together, row).run(), 0)
+        assert_rows_equal(log, row, isolate_row(together, row).run(), 0)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_robots_of_one_world_drive_beside_each_other(plant: str) -> None:
-    """Each place has its reference displaced by it, and noise of its own; the first has that of a world alone."""
-    places = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5 * np.pi]]
+    """Start poses displace the references. The first robot has the noise of a single robot."""
+    start_poses = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5 * np.pi]]
     together = simulation(
-        plant, (f"world.start_poses={places}",), ("comp-flc",), seeds=2, route=ROUTE
+        plant, (f"world.start_poses={start_poses}",), ("comp-flc",), seeds=2, route=ROUTE
     )
     log = together.run()
     assert not together.failures

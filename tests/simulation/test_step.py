@@ -1,4 +1,4 @@
-"""The step: what `run` is made of, commands of the caller's, and starting again."""
+"""Single steps: the same as `run`, with commands of the caller, and after a reset."""
 
 import numpy as np
 import pytest
@@ -8,25 +8,25 @@ LONG = 600  # frames, more than a log has room for at first
 RANDOM = (*DISTURBED, "radio.jitter_frames=4")
 
 
-def assert_logs_equal(one: Log, other: Log) -> None:
-    """Every channel, to the last bit, not-a-numbers included."""
-    assert one.length == other.length
-    for name in one.columns:
-        np.testing.assert_array_equal(one.channel(name), other.channel(name), err_msg=name)
+def assert_logs_equal(log: Log, other_log: Log) -> None:
+    """Check that all channels are equal, NaN included."""
+    assert log.length == other_log.length
+    for name in log.columns:
+        np.testing.assert_array_equal(log.channel(name), other_log.channel(name), err_msg=name)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-def test_steps_are_the_run_however_often_one_looks_in_between(plant: str) -> None:
+def test_steps_equal_the_run_however_often_the_team_observes(plant: str) -> None:
     stepped = simulation(plant, RANDOM, seeds=2)
-    looks = 0
+    n_observations = 0
     while not stepped.done:
         for _ in range(
-            looks % 3
+            n_observations % 3
         ):  # none, once, twice: a look takes nothing from the streams of noise
-            seen = stepped.observe()
-            assert seen is stepped.observe()
+            observation = stepped.observe()
+            assert observation is stepped.observe()
         stepped.step()
-        looks += 1
+        n_observations += 1
     assert_logs_equal(stepped.log, run(plant, RANDOM, seeds=2).log)
 
 
@@ -44,15 +44,13 @@ def test_a_reset_starts_the_same_run_again_or_that_of_another_seed() -> None:
     assert_logs_equal(simulated.log, run("kinematic", RANDOM, seed=7, seeds=2).log)
 
 
-def test_a_command_of_the_callers_takes_the_place_of_the_controllers_and_is_limited_like_theirs() -> (
-    None
-):
+def test_a_command_of_the_caller_replaces_and_is_limited_like_the_controllers() -> None:
     simulated = simulation(
         "kinematic", (*IDEAL, "control.max_acceleration_m_s2=4.7", "radio.delay_frames=3")
     )
-    wanted = np.array([[1.0, 0.5, 0.2], [0.0, -9.0, 0.0]])
+    desired = np.array([[1.0, 0.5, 0.2], [0.0, -9.0, 0.0]])
     for _ in range(120):
-        simulated.step(wanted)
+        simulated.step(desired)
     command, pose = simulated.log.channel("command"), simulated.log.channel("pose")
     # After the ramps, what was asked for, or the highest speed in its direction: 3.7 m/s
     # (ssl-simulation-setup).
@@ -66,7 +64,7 @@ def test_a_command_of_the_callers_takes_the_place_of_the_controllers_and_is_limi
 
 
 def test_a_simulation_goes_on_as_long_as_it_is_stepped() -> None:
-    """Beyond its reference's end and the log's first room robots rest there; nothing knows how long a run will be."""
+    """Beyond the end of the reference and the log's initial capacity, robots rest."""
     simulated = simulation("kinematic", (*IDEAL, "radio.delay_frames=0"))
     frames = simulated.references[0].frames
     for _ in range(LONG):

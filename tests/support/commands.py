@@ -25,7 +25,7 @@ def invoke(*args: object, command: click.Command = cli) -> int:
     return end.value.code
 
 
-def listed(what: str) -> list[str]:
+def list_names(what: str) -> list[str]:
     """Return the names that `omni-mj list` has of scenarios, robots and so on."""
     out = io.StringIO()
     with redirect_stdout(out):

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benches.logs import failure, filled, rows
+from benches.logs import failure, fill_log, rows
 from omni_mj.config import scenario
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.results import metrics, summary
@@ -27,7 +27,7 @@ def make_outcome(
     n_seeds: int = 3,
     frames: int = FRAMES,
     ends: dict[int, int] | None = None,
-    own: dict[str, NDArray] | None = None,
+    controller_channels: dict[str, NDArray] | None = None,
     **channels: Any,
 ) -> Outcome:
     """Return an outcome of robots that drive along x, then y, and achieve `ALPHA` of the command.
@@ -35,13 +35,13 @@ def make_outcome(
     Controller i has an offset of i cm, its seed j of 0.1 j cm more. `ends` maps a row to the
     frame in which it fails; `channels` replace those of the log.
     """
-    table = rows(controllers, range(n_seeds))
+    log_rows = rows(controllers, range(n_seeds))
     count = len(controllers)
     off = 0.01 * np.repeat(np.arange(count), n_seeds) + 0.001 * np.tile(np.arange(n_seeds), count)
     velocity = np.where(np.arange(frames)[:, None] < FRAMES / 2, (SPEED, 0.0), (0.0, SPEED))
-    ref = np.zeros((frames, len(table), 3))
+    ref = np.zeros((frames, len(log_rows), 3))
     ref[1:, :, :2] = (np.cumsum(velocity, axis=0)[:-1] * PERIOD_S)[:, None]
-    command = np.zeros((frames, len(table), 3))
+    command = np.zeros((frames, len(log_rows), 3))
     command[..., :2] = velocity[:, None] / ALPHA
     warm = (25 + 0.1 * np.arange(frames))[:, None, None]
     values = {
@@ -49,13 +49,13 @@ def make_outcome(
         "command": command,
         "applied": command, "alpha_hat": 0.9, "winding": warm, "housing": warm,
     }  # fmt: skip
-    lengths = [(ends or {}).get(row, frames) for row in range(len(table))]
-    log = filled(table, frames, lengths, own, **values | channels)
+    lengths = [(ends or {}).get(row, frames) for row in range(len(log_rows))]
+    log = fill_log(log_rows, frames, lengths, controller_channels, **values | channels)
     failures = [failure(log, row) for row in ends or {}]
     chosen = scenario.load_with_overrides("rect", (), {"plant": "kinematic"})
     measured = metrics.row_metrics(log, failures)
     entry = summary.scenario_entry(chosen, log, failures, measured, 0.0, None)
-    return Outcome(chosen, entry, table, failures, measured, log)
+    return Outcome(chosen, entry, log_rows, failures, measured, log)
 
 
 def draw_figures(outcome: Outcome, *names: str) -> dict[str, Figure]:

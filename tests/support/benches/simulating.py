@@ -1,4 +1,4 @@
-"""Bench of the loop: short runs, and their logs as a grid of controllers and seeds."""
+"""Short simulations for tests, and logs as grids of controllers and seeds."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,9 +17,9 @@ FRAME_S = 1 / 60
 FAST = (
     "physics.backend=numpy",
     "wheels.model=two-rollers",
-)  # what the loop has to do with wheels needs no others
+)  # the loop does not depend on the wheel model
 SHORT = ("reference.waypoints=[[0,0],[0.5,0]]", "reference.settle_s=0.2")
-# Equation 7 without doubt: no noise, a plant that does as told, limits out of the way.
+# Equation 7 without noise, with alpha 1 and without limits.
 IDEAL = (
     "vision.position_noise_m=0",
     "vision.heading_noise_rad=0",
@@ -34,7 +34,7 @@ FLC, COMPENSATED = 0, 1  # of the default controllers
 
 
 class Grid:
-    """A log whose rows are all seeds of all controllers: channels (frames, controllers, seeds, columns)."""
+    """Log with channels of shape (frames, controllers, seeds, columns)."""
 
     def __init__(self, log: Log) -> None:
         self.log, self.controllers, self.seeds, self.length = (
@@ -66,9 +66,9 @@ def simulation(
 
 
 @cache
-def run(*what: Any, **more: Any) -> Grid:
-    """What came of `simulation`, which takes the same, run once for all who ask."""
-    return finished(simulation(*what, **more))
+def run(*arguments: Any, **named_arguments: Any) -> Grid:
+    """Return the log of `simulation` with these arguments. Equal runs are cached."""
+    return run_to_grid(simulation(*arguments, **named_arguments))
 
 
 def batch(
@@ -77,35 +77,40 @@ def batch(
     seeds: Sequence[int],
     route: tuple[str, ...] = SHORT,
 ) -> Simulation:
-    """All cases on the kinematic plant at once, which costs little more than one: a row is what it is alone.
+    """Return a kinematic simulation whose rows are all seeds of all controllers of all cases.
 
-    Its rows are all seeds of all controllers of all cases.
+    It costs little more than a single case.
     """
     sets = "physics.backend=numpy", *route
     chosen = [
         scenario.load_with_overrides("rect", sets + case, {"plant": "kinematic"}) for case in cases
     ]
-    each = [(c, name, seed) for c in chosen for name in controllers for seed in seeds]
-    rows = [Row(i, 0, name, seed, c.settings, c.robot) for i, (c, name, seed) in enumerate(each)]
+    cases_of_rows = [(c, name, seed) for c in chosen for name in controllers for seed in seeds]
+    rows = [
+        Row(i, 0, name, seed, c.settings, c.robot)
+        for i, (c, name, seed) in enumerate(cases_of_rows)
+    ]
     return Simulation(chosen[0], controllers, rows=rows)
 
 
-def finished(
+def run_to_grid(
     simulated: Simulation, after_frame: Callable[[int], None] = lambda frame: None
 ) -> Grid:
-    """Run to the end; no row may fail."""
-    return Grid(whole(simulated, after_frame))
+    """Run to the end and return the log as a grid; no row may fail."""
+    return Grid(run_to_end(simulated, after_frame))
 
 
-def whole(simulated: Simulation, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
-    """As above, all rows in a line."""
+def run_to_end(
+    simulated: Simulation, after_frame: Callable[[int], None] = lambda frame: None
+) -> Log:
+    """Run to the end and return the log; no row may fail."""
     log = simulated.run(after_frame)
     assert not simulated.failures, simulated.failures[0]
     return log
 
 
-def ages(command: NDArray, applied: NDArray) -> NDArray:
-    """Frames since what is applied was commanded (frames, a, b), of both (frames, a, b, 3); k + 1 for nothing in k."""
+def command_ages(command: NDArray, applied: NDArray) -> NDArray:
+    """Return the age of applied commands in frames, shape (frames, a, b); k + 1 for none in k."""
     sent = np.concatenate(
         [np.zeros_like(command[:1]), command]
     )  # 0 is what is applied before anything arrives
@@ -117,28 +122,33 @@ def ages(command: NDArray, applied: NDArray) -> NDArray:
 def variants(
     plant: str, changes: Sequence[dict[str, Any]], labels: Sequence[str], route: tuple[str, ...]
 ) -> Simulation:
-    """Return a simulation with a row for each change of the settings, the labels in turn, and other seeds."""
+    """Return a simulation with a row for each change of the settings, labels in turn."""
     chosen = scenario.load_with_overrides(
         "rect", route, {"plant": plant, "controllers": tuple(labels)}
     )
     settings = [chosen.settings.replace(**change) for change in changes]
     rows = [
-        Row(i, 0, labels[i % len(labels)], 5 + i // 3, own, chosen.robot)
-        for i, own in enumerate(settings)
+        Row(i, 0, labels[i % len(labels)], 5 + i // 3, row_settings, chosen.robot)
+        for i, row_settings in enumerate(settings)
     ]
     return Simulation(chosen, rows=rows)
 
 
-def alone(simulated: Simulation, row: int) -> Simulation:
+def isolate_row(simulated: Simulation, row: int) -> Simulation:
     """Return a simulation of one of the rows by itself."""
-    own = simulated.rows[row]
-    return Simulation(simulated.scenario, [own.controller], rows=[replace(own, world=0)])
+    row_settings = simulated.rows[row]
+    return Simulation(
+        simulated.scenario, [row_settings.controller], rows=[replace(row_settings, world=0)]
+    )
 
 
-def assert_rows_equal(log: Log, row: int, other: Log, other_row: int) -> None:
-    """Check every frame that both recorded, to the last bit."""
-    assert log.lengths[row] == other.lengths[other_row]
+def assert_rows_equal(log: Log, row: int, other_log: Log, other_row: int) -> None:
+    """Check that two rows have equal frames, to the last bit."""
+    assert log.lengths[row] == other_log.lengths[other_row]
     frames = slice(log.lengths[row])
-    for name in log.columns.keys() & other.columns.keys():
-        one, two = log.channel(name)[frames, row], other.channel(name)[frames, other_row]
-        np.testing.assert_array_equal(one, two, err_msg=name)
+    for name in log.columns.keys() & other_log.columns.keys():
+        values, other_values = (
+            log.channel(name)[frames, row],
+            other_log.channel(name)[frames, other_row],
+        )
+        np.testing.assert_array_equal(values, other_values, err_msg=name)

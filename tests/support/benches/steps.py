@@ -1,4 +1,4 @@
-"""A test bench for contacts: a plant whose every physics step is recorded."""
+"""Recorder of every physics step of a plant, for tests of contacts."""
 
 from typing import Any
 
@@ -10,8 +10,8 @@ from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mujoco import MujocoPlant
 
 
-class Tape:
-    """Stands between a plant of robots alone in their worlds and its batch, and keeps what is said of each step.
+class StepRecorder:
+    """Recorder between a plant with one robot per world and its batch.
 
     Attributes:
         steps: after each step, by name: `position` (n, 3), `quaternion` (n, 4), `velocity` (n, 6)
@@ -41,8 +41,8 @@ class Tape:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._batch, name)
 
-    def drive(self, commands: ArrayLike) -> "Tape":
-        """Drive under commands (frames, n, 3), vision seeing the true heading; no robot may fail."""
+    def drive(self, commands: ArrayLike) -> "StepRecorder":
+        """Drive with commands (frames, n, 3) and the true heading; no robot may fail."""
         plant = self._plant
         for command in np.asarray(commands, float):
             assert (
@@ -60,7 +60,7 @@ class Tape:
         return self
 
     def hub_torque(self) -> NDArray:
-        """What motors and gears give to hubs and rotors, (steps, n, W) N m: currents times constants, less losses."""
+        """Return the torque on hubs and rotors, (steps, n, W) N m: of the motors, less losses."""
         plant, hubs = self._plant, self._plant._world.robots[0].wheel_dofs
         gear = plant._world.model.actuator_gear[plant._world.robots[0].motors, 0]
         friction, damping = (
@@ -75,35 +75,33 @@ class Tape:
         )
 
     def heading(self) -> NDArray:
-        """(steps, n) of robots that are upright."""
+        """Return the headings (steps, n) of upright robots."""
         q = self.steps["quaternion"]
         return np.unwrap(2 * np.arctan2(q[..., 3], q[..., 0]), axis=0)
 
     def twist(self) -> NDArray:
-        """Speeds forward and to the left, and turn rate, (steps, n, 3)."""
+        """Return the twists in the body frame, (steps, n, 3)."""
         v, c, s = self.steps["velocity"], np.cos(self.heading()), np.sin(self.heading())
         return np.stack(
             [c * v[..., 0] + s * v[..., 1], c * v[..., 1] - s * v[..., 0], v[..., 5]], axis=-1
         )
 
-    def travel(self) -> NDArray:
-        """Velocities of the wheels' centres over the carpet, along the robot's axes, (steps, n, W, 2)."""
+    def contact_velocity(self) -> NDArray:
+        """Return the velocities of the wheels' centers in the body frame, (steps, n, W, 2)."""
         twist = self.twist()
         turning = twist[..., 2, None, None] * np.stack([-CONTACTS[:, 1], CONTACTS[:, 0]], axis=1)
         return np.asarray(twist[..., None, :2] + turning)
 
     def lift(self) -> NDArray:
-        """How far each wheel is above where it stood at first, (steps, n, W) m."""
+        """Return the height of each wheel above its start, (steps, n, W) m."""
         w, x, y, z = np.moveaxis(self.steps["quaternion"], -1, 0)
-        forward, left = (
-            2 * (x * z - w * y),
-            2 * (y * z + w * x),
-        )  # heights per distance along the robot's axes
-        slope = np.stack([forward, left], axis=-1) @ CONTACTS.T
+        # Heights per distance along the robot's axes.
+        axes = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x)], axis=-1)
+        slope = axes @ CONTACTS.T
         height = self.steps["position"][..., 2, None] + slope
         return np.asarray(height - height[0])
 
     def tilt(self) -> NDArray:
-        """Angle between the robot's axis and the vertical, (steps, n) rad."""
+        """Return the angle between the robot's axis and the vertical, (steps, n) rad."""
         q = self.steps["quaternion"]
         return np.asarray(2 * np.arcsin(np.hypot(q[..., 1], q[..., 2])))
