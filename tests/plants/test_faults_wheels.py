@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benches.plant import (
+    ARM_M,
     FRAME_S,
     RADIUS_M,
     ROLLERS,
@@ -17,6 +18,7 @@ from benches.plant import (
     with_faults,
 )
 
+from omni_control.kinematics import world_to_body
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.settings import Settings
 
@@ -26,6 +28,12 @@ FORWARD = np.array([1.0, 0.0, 0.0])
 
 def all_wheels(kind: str, **values: Any) -> list[dict[str, Any]]:
     return [{"kind": kind, "wheel": wheel, "start_s": 0.0, **values} for wheel in (1, 2, 3, 4)]
+
+
+def rolling_speed(plant: Any, wheel: int) -> float:
+    """Return the rim speed at which a wheel of the first robot rolls without slip, m/s."""
+    x, y, turn = world_to_body(plant.twist()[0], plant.pose()[0, 2])
+    return TANGENTS[wheel] @ (x, y) + ARM_M * turn
 
 
 @WHEELED_PLANTS
@@ -48,15 +56,10 @@ def test_a_dead_motor_has_no_current_and_its_wheel_rolls(plant_of: PlantOf) -> N
     back_emf = motor.torque_constant_nm_a * motor.gear_ratio * telemetry.wheel_speed[0, 1]
     # The voltage is one cycle older than the speed, and magnets warm up.
     assert telemetry.voltage[0, 1] == pytest.approx(back_emf, rel=0.02)
-    x, y, turn = plant.twist()[0]
-    heading = plant.pose()[0, 2]
-    body = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]]) @ (
-        x,
-        y,
-    )
-    rolling = (TANGENTS[1] @ body + resolve_settings().wheels.arm_m * turn) / RADIUS_M
     # Only its inertia and its rollers brake it, by 3 % of its speed.
-    assert telemetry.wheel_speed[0, 1] == pytest.approx(rolling, rel=0.03)
+    assert telemetry.wheel_speed[0, 1] == pytest.approx(
+        rolling_speed(plant, 1) / RADIUS_M, rel=0.03
+    )
     drive(plant, constant(FORWARD, 3, 2))
     assert abs(plant.telemetry().current_mean[0, 1]) > 0.01
 
@@ -82,14 +85,7 @@ def test_a_blocked_wheel_does_not_turn_and_its_motor_stalls(plant_of: PlantOf) -
         telemetry.current[0, 2], telemetry.voltage[0, 2] / resistance, rtol=2e-3
     )
     assert np.abs(telemetry.current[0, 2]) > 1
-    x, y, turn = plant.twist()[0]
-    heading = plant.pose()[0, 2]
-    body = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]]) @ (
-        x,
-        y,
-    )
-    rim_speed = abs(TANGENTS[2] @ body + resolve_settings().wheels.arm_m * turn)
-    assert telemetry.slip[0, 2] == pytest.approx(rim_speed, rel=0.03, abs=0.01)
+    assert telemetry.slip[0, 2] == pytest.approx(abs(rolling_speed(plant, 2)), rel=0.03, abs=0.01)
     drive(plant, constant(FORWARD, 40, 2))
     assert abs(plant.telemetry().wheel_speed[0, 2]) > 0.5 * abs(plant.telemetry().wheel_speed[1, 2])
 
