@@ -54,7 +54,7 @@ def test_the_limit_is_a_command(
     assert len(summary["limit"]["trials"]) >= 2
     assert min(imread(out / "limit.png").shape[:2]) > 700
     assert invoke("verify", out) == 2
-    assert f"repeat it as a whole: omni-mj limit {tiny}" in capsys.readouterr().err
+    assert f"repeat the study: omni-mj limit {tiny}" in capsys.readouterr().err
     assert summary["repeat_command"].startswith(f"omni-mj limit {tiny} --plant kinematic --set")
 
 
