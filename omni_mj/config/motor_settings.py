@@ -86,9 +86,14 @@ class MotorSettings(SettingsModel):
     @property
     def commutation_ohm_s(self) -> float:
         """Commutation resistance per motor speed X, which fits the nominal row, ohm s/rad."""
-        speed, current = self.nominal_rpm * RAD_S_PER_RPM, self.nominal_current_a
-        linear_voltage = self.resistance_ohm * current + self.torque_constant_nm_a * speed
-        return (self.nominal_voltage_v - linear_voltage) / (speed * current)
+        commutation_voltage = self.nominal_voltage_v - self._linear_voltage_v
+        return commutation_voltage / (self.nominal_rpm * RAD_S_PER_RPM * self.nominal_current_a)
+
+    @property
+    def _linear_voltage_v(self) -> float:
+        """Voltage of resistance and back-EMF at the nominal point, V."""
+        speed = self.nominal_rpm * RAD_S_PER_RPM
+        return self.resistance_ohm * self.nominal_current_a + self.torque_constant_nm_a * speed
 
     @property
     def no_load_friction_nm(self) -> float:
@@ -126,10 +131,9 @@ class MotorSettings(SettingsModel):
         voltage, commutation = self.nominal_voltage_v, self.commutation_ohm_s
         advice = "; take all rows from one datasheet"
         if commutation < 0:
-            speed, current = self.nominal_rpm * RAD_S_PER_RPM, self.nominal_current_a
-            needed_voltage = voltage - commutation * speed * current
             yield (
-                f"motor.nominal_rpm with motor.nominal_current_a takes {needed_voltage:.4g} V by "
+                "motor.nominal_rpm with motor.nominal_current_a takes "
+                f"{self._linear_voltage_v:.4g} V by "
                 "motor.torque_constant_nm_a and motor.resistance_ohm alone, above "
                 f"motor.nominal_voltage_v = {voltage:g}{advice}"
             )

@@ -159,13 +159,9 @@ def _derive_assumptions(
         placeholders["assumed_creep_s2_m"] = control["assumed_creep_s2_m"]
     robot_hardware = {name: robot_sections.get(name, {}) for name in HARDWARE_SECTIONS}
     for hardware in (robot_hardware, {}):
-        merged = merge_sections(resolved, hardware)
-        sections = {name: merged[name] for name in (*HARDWARE_SECTIONS, "model") if name in merged}
         with suppress(OmniError):
-            complete = _merge_with_mjcf(
-                {**robot_files.read_robot_sections(DEFAULT_ROBOT), **sections}, {}
-            )
-            settings = _build_settings(complete | {"control": placeholders})
+            sections = _merge_with_mjcf(merge_sections(resolved, hardware), {})
+            settings = _build_settings(sections | {"control": placeholders, "fault": ()})
             return nominal_model.derive_assumptions(settings, control.get("assumed_creep_s2_m"))
     return placeholders
 

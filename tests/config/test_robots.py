@@ -267,7 +267,7 @@ def test_closed_form_of_lag_and_drag_matches_simulation() -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_assumptions_match_the_simulated_robot(name: str) -> None:
-    """Lag and drag are means of both axes. Alpha is the gain at a steady 1 m/s, without dry friction.
+    """Lag and drag are means of both axes. Alpha is the gain at 1 m/s, without dry friction.
 
     With integral action, alpha is unknown. Files may replace these values by measured ones.
     """
