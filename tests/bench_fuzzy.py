@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import scikit_flc
 
-from omni_control.fuzzy import FuzzyLaw
+from omni_control.fuzzy_rules import FuzzyLaw
 
 ROUNDS = 30  # the fastest of these counts: other work on the machine only ever adds time
 MANY, SOME = 10_000, 200

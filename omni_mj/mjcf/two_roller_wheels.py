@@ -22,8 +22,8 @@ drag, of one roller per pitch. The next roller therefore starts without spin.
 
 import mujoco
 
-from omni_mj.mjcf.robot_geometry import compute_composite_inertia, set_inertial
-from omni_mj.mjcf.robot_indices import RETAINED_ROLLERS, RobotIndices
+from omni_mj.mjcf.model_measurements import compute_composite_inertia, set_inertial
+from omni_mj.mjcf.part_recognition import RETAINED_ROLLERS, RobotIndices
 
 
 def reduce_rollers(spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices) -> None:

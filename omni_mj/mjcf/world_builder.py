@@ -19,11 +19,11 @@ from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.settings import Settings
-from omni_mj.mjcf import contact_parameters, robot_indices, two_roller_wheels
-from omni_mj.mjcf.custom_robot import RobotSpec
-from omni_mj.mjcf.robot_geometry import compute_support_distance
-from omni_mj.mjcf.robot_indices import Ids, RobotIndices
-from omni_mj.mjcf.robot_spec import RobotShape, build_robot_spec
+from omni_mj.mjcf import contact_parameters, part_recognition, two_roller_wheels
+from omni_mj.mjcf.custom_robot_file import RobotSpec
+from omni_mj.mjcf.model_measurements import compute_support_distance
+from omni_mj.mjcf.part_recognition import Ids, RobotIndices
+from omni_mj.mjcf.settings_to_mjcf import RobotShape, build_robot_spec
 
 SETTLING_S = 0.25
 HULL_DIRECTIONS = 73
@@ -87,7 +87,7 @@ def _build_world(
     field = mujoco.MjSpec.from_file(str(find_models_folder() / "field.xml"))
     spec, contact_geoms = robot_spec.spec.copy(), robot_spec.contact_geoms
     robot_model = spec.compile()
-    (single_robot,) = robot_indices.find_robots(robot_model)
+    (single_robot,) = part_recognition.find_robots(robot_model)
     contact = contact_parameters.make_roller_contact(
         robot_model, single_robot.rollers.ravel(), shape.body.mass_kg / len(single_robot.wheels)
     )
@@ -110,7 +110,7 @@ def _build_world(
         model = field.compile()
     except ValueError as error:
         raise OmniError(f"{robot_spec.file}: {' '.join(str(error).split())}") from error
-    robots = tuple(robot_indices.find_robots(model))
+    robots = tuple(part_recognition.find_robots(model))
     max_impedance = contact_parameters.MAX_IMPEDANCE
     for robot in robots:  # backward Euler: a slip speed decays within a step
         model.dof_solref[robot.slip_dofs] = -1.0, -max_impedance / model.opt.timestep

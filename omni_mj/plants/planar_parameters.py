@@ -27,7 +27,7 @@ from omni_mj.mjcf.contact_parameters import (
     FRICTION_RATE_HZ,
     FRICTION_STIFFNESS_RATIO,
 )
-from omni_mj.mjcf.robot_geometry import compute_composite_inertia
+from omni_mj.mjcf.model_measurements import compute_composite_inertia
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.planar_wheel import SPEEDS_RAD_S, WheelResponse, interpolate_response

@@ -9,7 +9,7 @@ from mujoco.batch import Batch
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.rows import Row
-from omni_mj.mjcf.robot_spec import RobotShape
+from omni_mj.mjcf.settings_to_mjcf import RobotShape
 from omni_mj.mjcf.world_builder import World
 
 # Depth to which robots may overlap each other or a wall at the start: that of a hard contact

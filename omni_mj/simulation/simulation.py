@@ -19,7 +19,7 @@ from omni_mj.config import fault_checks, plugins, reference_factory
 from omni_mj.config.rows import Row, build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S, Settings
-from omni_mj.mjcf.robot_spec import RobotShape
+from omni_mj.mjcf.settings_to_mjcf import RobotShape
 from omni_mj.network.camera import Cameras
 from omni_mj.network.radio import Radio, ReceivedCommand
 from omni_mj.plants import Plant

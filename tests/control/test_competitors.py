@@ -50,6 +50,15 @@ def test_adaptive_controllers_tolerate_wrong_models(
     )  # programs are solved one by one
 
 
+@pytest.mark.xfail(
+    strict=True,
+    reason="the robot ends 5.8 mm off: without noise or motion, a disturbance inside the learned "
+    "friction's dead zone is not observable",
+)
+def test_mpc_leaves_an_unobservable_disturbance() -> None:
+    check_stable("mpc", 1, 3, 0, 0.0, 23)
+
+
 def check_stable(name: str, n: int, delay: int, wrong: int, lag: float, seed: int) -> None:
     """Robots reach a resting reference with alpha from 0.5 to 1.1 and a dead time wrong by a frame.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.mjcf import world_builder
-from omni_mj.mjcf.robot_spec import RobotShape, build_robot_spec
+from omni_mj.mjcf.settings_to_mjcf import RobotShape, build_robot_spec
 
 DIGITS = 1e-6  # of the numbers in the files
 

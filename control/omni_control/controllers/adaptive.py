@@ -23,7 +23,7 @@ from omni_control.estimation import motion_model
 from omni_control.estimation.delayed_measurements import MAX_FRAMES_BEHIND
 from omni_control.estimation.motion_model import DISTURBANCE, INVERSE_GAIN, POSE, VELOCITY
 from omni_control.estimation.robot_ekf import RobotEkf
-from omni_control.fuzzy import FuzzyLaw
+from omni_control.fuzzy_rules import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import IteratedReference, Reference
 

@@ -16,12 +16,12 @@ from omni_control.controllers.baselines import (
     SmithPredictor,
     compute_simc_gain,
 )
-from omni_control.controllers.flc import AlphaEstimator
 from omni_control.controllers.lqr import Lqr
 from omni_control.controllers.mpc import CommandConstraints, solve_quadratic_programs
 from omni_control.delay_compensation import CommandHistory, predict_displacement
 from omni_control.errors import OmniError
 from omni_control.estimation import vision_tracker as vision_filter
+from omni_control.estimation.alpha_estimator import AlphaEstimator
 from omni_control.estimation.motion_model import (
     CREEP,
     DISTURBANCE,
@@ -34,7 +34,7 @@ from omni_control.estimation.outlier_gate import MAX_REJECTIONS, MAX_REPEATS, Ou
 from omni_control.estimation.robot_ekf import RobotEkf
 from omni_control.estimation.vision_tracker import KalmanFilter
 from omni_control.estimation.yaw_coupling import COM_HEIGHT_M, WheelCompliance
-from omni_control.fuzzy import LABELS, FuzzyLaw, compute_memberships
+from omni_control.fuzzy_rules import LABELS, FuzzyLaw, compute_memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import PerRobotReference, Reference
 from omni_control.reference.curves import CURVES, Curve, CurveReference

@@ -1,12 +1,12 @@
-"""Changes of a user's MJCF that fit its robot into a world; `custom_robot` lists them."""
+"""Changes of a user's MJCF that fit its robot into a world; `custom_robot_file` lists them."""
 
 import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.mjcf.robot_geometry import WheelGeometry
-from omni_mj.mjcf.robot_indices import HINGE, RobotIndices, find_slip_hinges
+from omni_mj.mjcf.model_measurements import WheelGeometry
+from omni_mj.mjcf.part_recognition import HINGE, RobotIndices, find_slip_hinges
 
 # Solver parameters of the friction of hinges, same as in models/ssl_robot.xml.
 HINGE_FRICTION = {

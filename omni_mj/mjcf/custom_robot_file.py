@@ -23,10 +23,10 @@ import numpy as np
 
 from omni_control.errors import OmniError, to_printable
 from omni_mj.config.validation import raise_errors
-from omni_mj.mjcf import adapt_custom_robot
+from omni_mj.mjcf import custom_robot_changes
 from omni_mj.mjcf.model_files import list_model_files
-from omni_mj.mjcf.robot_geometry import WheelGeometry, compute_composite_inertia, measure_wheels
-from omni_mj.mjcf.robot_indices import RobotIndices, find_chassis_names, find_robots
+from omni_mj.mjcf.model_measurements import WheelGeometry, compute_composite_inertia, measure_wheels
+from omni_mj.mjcf.part_recognition import RobotIndices, find_chassis_names, find_robots
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,22 +96,22 @@ def _read(path: Path, file: str, change_times: tuple[int, ...]) -> CustomRobotSp
             "<compiler settotalmass> has no effect in a world; write masses into the model"
         )
     spec.compiler.discardvisual = spec.compiler.fusestatic = False  # keep all named elements
-    adapt_custom_robot.name_elements(spec)
+    custom_robot_changes.name_elements(spec)
     name, *more_names = find_chassis_names(spec.compile())
     if more_names:
         names = ", ".join([name, *more_names])
         raise OmniError(f"it has {1 + len(more_names)} robots, {names}; leave one")
     chassis = spec.body(name)
-    adapt_custom_robot.remove_surroundings(spec, chassis)
-    adapt_custom_robot.place_at_origin(chassis)
+    custom_robot_changes.remove_surroundings(spec, chassis)
+    custom_robot_changes.place_at_origin(chassis)
     model = spec.compile()
     (robot,) = find_robots(model)
-    contact_geoms = adapt_custom_robot.disable_contacts(spec, model, robot)
+    contact_geoms = custom_robot_changes.disable_contacts(spec, model, robot)
     geom_ids = np.array([model.geom(geom).id for geom in contact_geoms], int)
     wheels = measure_wheels(model, robot, geom_ids)
     raise_errors(_find_drive_errors(model, robot))
-    adapt_custom_robot.prepare_hinges(spec, model, robot, wheels)
-    adapt_custom_robot.raise_parts(chassis, wheels.radius - wheels.axle_height)
+    custom_robot_changes.prepare_hinges(spec, model, robot, wheels)
+    custom_robot_changes.raise_parts(chassis, wheels.radius - wheels.axle_height)
     model = spec.compile()
     (robot,) = find_robots(model)
     return CustomRobotSpec(
