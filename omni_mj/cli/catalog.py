@@ -7,7 +7,7 @@ import shutil
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from importlib.util import find_spec
+from importlib import import_module
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,6 @@ from omni_control.errors import OmniError, suggest_names
 from omni_mj.config import robot_files, toml_files
 
 if TYPE_CHECKING:
-    from omni_mj.config.scenario import Scenario
     from omni_mj.config.settings import Settings
     from omni_mj.config.validation import SettingInfo
 
@@ -45,40 +44,36 @@ def print_lists(title: str | None = None, word: str = "") -> None:
         OmniError: No entry contains the word.
     """
     lists = {name: list_entries(name) for name in ([title] if title else TITLES)}
-    matching = {
-        name: [entry for entry in entries if _contains(entry, word)]
-        for name, entries in lists.items()
-    }
-    if not any(matching.values()):
-        terms = {
-            term for entries in lists.values() for name, *_ in entries for term in name.split(".")
-        }
+    has_match = False
+    terms = set[str]()  # names and parts of names
+    for name, entries in lists.items():
+        terms.update(*(entry[0].split(".") for entry in entries))
+        matching = [entry for entry in entries if word.casefold() in " ".join(entry).casefold()]
+        if matching:
+            has_match = True
+            print(f"{name} ({TITLES[name]})")
+            _print_entries(matching)
+    if not has_match:
         suggestion = suggest_names(word, sorted(terms))
         raise OmniError(f"there is no {word!r} in the {title or 'lists'}; {suggestion}")
-    for name, entries in matching.items():
-        if entries:
-            print(f"{name} ({TITLES[name]})")
-            _print_entries(entries)
 
 
 def list_entries(title: str) -> Entries:
     """Return the entries of a list. Each starts with the name and ends with the meaning."""
     match title:
-        case "scenarios" | "robots":
-            is_scenarios = title == "scenarios"
-            find = (
-                toml_files.find_builtin_scenarios
-                if is_scenarios
-                else robot_files.find_builtin_robots
-            )
-            return _describe_files(find())
+        case "scenarios":
+            return _describe_files(toml_files.find_builtin_scenarios())
+        case "robots":
+            return _describe_files(robot_files.find_builtin_robots())
         case "controllers":
-            from omni_control.controllers import CONTROLLERS
+            from omni_control.controllers import CONTROLLERS, find_missing_package
 
-            return [
-                [name, _docstring_summary(reference) + _missing_package(name)]
-                for name, reference in CONTROLLERS.items()
-            ]
+            entries = []
+            for name, reference in CONTROLLERS.items():
+                package = find_missing_package(name)
+                hint = f" (needs {package}: pip install 'omni-mj[{name}]')" if package else ""
+                entries.append([name, _docstring_summary(reference) + hint])
+            return entries
         case "plants":
             from omni_mj.config.plugins import PLANTS
 
@@ -121,39 +116,23 @@ def describe(name: str, overrides: Sequence[str] = (), robot: str | None = None)
     """
     from omni_control.controllers import CONTROLLERS
     from omni_mj.config.plugins import is_class_reference
-    from omni_mj.config.scenario import load_with_overrides
 
-    if name in toml_files.find_builtin_scenarios() or (
-        name.endswith(".toml") and not _is_robot(name)
-    ):
-        return describe_scenario(
-            load_with_overrides(name, overrides, {"robot": robot} if robot else {})
-        )
-    if name in robot_files.find_builtin_robots() or name.endswith(".toml"):
+    scenarios, robots = toml_files.find_builtin_scenarios(), robot_files.find_builtin_robots()
+    is_file = name.endswith(".toml")
+    if name in robots or (is_file and _is_robot(name)):
         kind, describe_entry = "robot", _describe_robot
+    elif name in scenarios or is_file:
+        return _describe_scenario(name, overrides, robot)
     elif name in CONTROLLERS or is_class_reference(name):
         kind, describe_entry = "controller", _describe_controller
     else:
-        names = [
-            *toml_files.find_builtin_scenarios(),
-            *robot_files.find_builtin_robots(),
-            *CONTROLLERS,
-        ]
+        suggestion = suggest_names(name, [*scenarios, *robots, *CONTROLLERS])
         raise OmniError(
-            f"there is nothing called {name!r}; {suggest_names(name, names)}, or a file: .toml, or "
-            "file.py:Class"
+            f"there is nothing called {name!r}; {suggestion}, or a file: .toml, or file.py:Class"
         )
     if overrides or robot:
         raise OmniError(f"--set and --robot change a scenario; {name} is a {kind}")
     return describe_entry(name)
-
-
-def describe_scenario(scenario: "Scenario") -> str:
-    """Return a scenario as TOML. Comments name the defaults of settings that differ from them."""
-    from omni_mj.config.resolve import resolve_settings
-
-    defaults = resolve_settings({}, scenario.robot).to_dict()
-    return "\n".join(_add_comments(scenario.to_toml().splitlines(), defaults)) + "\n"
 
 
 def format_sections(settings: "Settings", fields: Mapping[str, Iterable[str]]) -> str:
@@ -169,6 +148,16 @@ def format_sections(settings: "Settings", fields: Mapping[str, Iterable[str]]) -
         lines += ["", f"[{section}]"]
         lines += [f"{name} = {json.dumps(values[section][name])}" for name in names]
     return "\n".join(_add_comments(lines)) + "\n"
+
+
+def _describe_scenario(name: str, overrides: Sequence[str], robot: str | None) -> str:
+    """Return a scenario as TOML. Comments name the defaults of settings that differ from them."""
+    from omni_mj.config.resolve import resolve_settings
+    from omni_mj.config.scenario import load_with_overrides
+
+    scenario = load_with_overrides(name, overrides, {"robot": robot} if robot else {})
+    defaults = resolve_settings({}, scenario.robot).to_dict()
+    return "\n".join(_add_comments(scenario.to_toml().splitlines(), defaults)) + "\n"
 
 
 def _describe_robot(name: str) -> str:
@@ -240,10 +229,6 @@ def _add_comments(lines: Iterable[str], defaults: Mapping[str, Any] | None = Non
         yield f"{line.ljust(COMMENT_COLUMN)} # {comment}"
 
 
-def _contains(entry: Sequence[str], word: str) -> bool:
-    return any(word.casefold() in text.casefold() for text in entry)
-
-
 def _setting_entry(name: str, setting: "SettingInfo") -> list[str]:
     """Return name, default, unit, allowed values and meaning of a setting."""
     value = setting.default
@@ -263,14 +248,6 @@ def _print_entries(entries: Entries) -> None:
     print()
 
 
-def _missing_package(controller: str) -> str:
-    """Return how to install the package that a controller lacks, or ""."""
-    from omni_control.controllers import find_missing_package
-
-    package = find_missing_package(controller)
-    return f" (needs {package}: pip install 'omni-mj[{controller}]')" if package else ""
-
-
 def _describe_files(files: Mapping[str, Path]) -> Entries:
     """Return names and descriptions of TOML files."""
     return [
@@ -287,7 +264,6 @@ def _docstring_summary(reference: str) -> str:
     """
     module, _, name = reference.partition(":")
     package, *path = module.split(".")
-    folder = Path(str(getattr(find_spec(package), "origin", ""))).parent
-    text = folder.joinpath(*path).with_suffix(".py").read_text("utf-8")
-    match = re.search(rf'^class {name}\b.*\n +"""(.*?)(?:"""|\n)', text, re.MULTILINE)
+    file = Path(import_module(package).__path__[0], *path).with_suffix(".py")
+    match = re.search(rf'^class {name}\b.*\n +"""(.*?)(?:"""|\n)', file.read_text("utf-8"), re.M)
     return match[1] if match else ""

@@ -39,7 +39,7 @@ SECTIONS = {  # heading -> command -> purpose; a line must fit 80 columns
 COMMANDS = {name: text for commands in SECTIONS.values() for name, text in commands.items()}
 MODULES = {  # module -> commands in it; every other command has a module of its name
     "catalog_commands": ("list", "show", "schema", "new"),
-    "result_commands": ("report", "verify"),
+    "result_commands": ("report", "film", "screenshot", "verify"),
     "study_commands": ("alpha", "identify", "limit", "loop", "slip"),
 }
 EPILOG = """

@@ -184,7 +184,7 @@ def _start_recording(
         return
     sinks, row = [], server.world.rows[0]
     for target in targets:
-        from omni_mj.viz.recording.served_recording import ServedRecording
+        from omni_mj.viz.recording import ServedRecording
 
         recording = stack.enter_context(ServedRecording(target, row.settings))
         sinks.append(recording.send)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -72,12 +72,11 @@ def load_tracks(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings
     entry = next(iter(read_summary(folder)["scenarios"].values()))
     sections = ("model", "body", "wheels")
     settings = resolve_settings({name: entry["settings"][name] for name in sections})
-    pose = ["x_m", "y_m", "heading_rad"]
-    reference = [f"ref_{name}" for name in pose]
-    n_wheels = len(settings.wheels.azimuths_deg)
-    columns = [*pose, *reference, *(f"wheel_angle_{i + 1}_rad" for i in range(n_wheels))]
+    columns = ["x_m", "y_m", "heading_rad", "ref_x_m", "ref_y_m", "ref_heading_rad"]
+    for i in range(len(settings.wheels.azimuths_deg)):
+        columns.append(f"wheel_angle_{i + 1}_rad")
     keys = ["controller", "seed", "slot"]
-    table = parquet.read_table(folder / "trajectory.parquet", [*keys, *columns])
+    table = parquet.read_table(folder / "trajectory.parquet", keys + columns)
     known = table["controller"].unique().to_pylist()
     if unknown := [name for name in controllers if name not in known]:
         raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
@@ -125,10 +124,8 @@ class FilmRenderer:
         self._size = size
         n_robots = tracks[0].poses.shape[1]
         width, height = size[0] // len(tracks) - GAP_PIXELS, size[1]
-        wheels = {"model": "rollers"}
-        self._world = world_builder.build_world(
-            settings.replace(wheels=wheels), n_robots, with_hulls=False
-        )
+        settings = settings.replace(wheels={"model": "rollers"})
+        self._world = world_builder.build_world(settings, n_robots, with_hulls=False)
         self._data = mujoco.MjData(self._world.model)
         visual = self._world.model.vis
         visual.global_.offwidth, visual.global_.offheight = width, height
@@ -179,11 +176,10 @@ class FilmRenderer:
         panel = Image.fromarray(self._renderer.render())
         pen, inset = ImageDraw.Draw(panel), panel.height // 40
         large, small = (ImageFont.load_default(max(9, panel.height // n)) for n in (18, 26))
-        name_style: dict[str, Any] = {"stroke_width": 2, "stroke_fill": track.color}
-        pen.text((inset, inset), track.controller, "white", large, **name_style)
+        name, bottom = track.controller, panel.height - inset
+        pen.text((inset, inset), name, "white", large, stroke_width=2, stroke_fill=track.color)
         text = f"position error {errors_cm[-1]:.1f} cm, maximum {errors_cm.max():.1f} cm"
-        text_style: dict[str, Any] = {"anchor": "ls", "stroke_width": 2, "stroke_fill": "#00000080"}
-        pen.text((inset, panel.height - inset), text, "white", small, **text_style)
+        pen.text((inset, bottom), text, "white", small, "ls", stroke_width=2, stroke_fill="black")
         pen.text((panel.width - inset, inset), f"{time:.1f} s", "white", small, anchor="ra")
         return panel
 
@@ -233,10 +229,16 @@ def write_film(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
     Raises:
         OmniError: The file cannot be written.
     """
-    options: dict[str, Any] = {"save_all": True, "loop": 0, "duration": round(1000 / rate)}
     try:
         with open_atomic(out) as file:
             first_picture, *other_pictures = pictures
-            first_picture.save(file, out.suffix[1:], append_images=other_pictures, **options)
+            first_picture.save(
+                file,
+                out.suffix[1:],
+                save_all=True,
+                append_images=other_pictures,
+                loop=0,
+                duration=round(1000 / rate),
+            )
     except OSError as error:
         raise OmniError(f"{out}: {error.strerror or error}") from None

@@ -5,6 +5,7 @@ sheet, so a browser loads nothing else.
 """
 
 import base64
+import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,20 +15,21 @@ from typing import Any
 import jinja2
 
 from omni_control.errors import OmniError
+from omni_mj.config.settings import list_settings
 from omni_mj.files import write_text
-from omni_mj.results.result_tables import (
-    describe_plant,
-    format_number,
-    recovery_table,
-    results_table,
-)
-from omni_mj.results.summary import read_summary
+from omni_mj.results import result_tables
+from omni_mj.results.result_tables import DASH, Table, format_number
+from omni_mj.results.saturation import METRIC_LABELS
+from omni_mj.results.summary import flatten, read_summary
 from omni_mj.results.summary_sentence import summary_sentence
 from omni_mj.studies.compare.compare_table import verdict_table
-from omni_mj.viz import report_tables
 
 # File names of figures in the order of the page; the first one shows the finding.
 FIGURES = ("compare", "seeds", "error", "path", "command", "alpha")
+PEAKS = {"peak_voltage_v": "peak, V", "peak_current_a": "peak, A"}  # of the motors
+ALPHA = ("alpha x", "alpha y")
+TEMPERATURE = "peak_winding_temperature_c"
+MIN_HEATING_K = 10.0  # rise of a winding's temperature from which the table shows it
 Summary = dict[str, Any]
 ENVIRONMENT = jinja2.Environment(  # compiles a template once
     loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
@@ -85,13 +87,20 @@ def _render_page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> s
         "summary": summary,
         "sources": summaries,
         "sentence": summary_sentence(summary),
-        "results": results_table(summary, effort=True),
-        "recovery": recovery_table(summary),
+        "results": result_tables.results_table(summary, effort=True),
+        "recovery": result_tables.recovery_table(summary),
         "verdicts": verdict_table(summary),
-        "settings": report_tables.settings_table(entries),
+        "settings": _settings_table(entries),
     }
     if len(entries) == 1:
-        page |= _describe_single_run(folders[0], entries)
+        ((name, entry),) = entries.items()
+        file = folders[0] / "scenario.toml"
+        page |= {
+            "title": f"{name}, {result_tables.describe_plant(entry)}",
+            "figures": _encode_images(folders[0] / "figures"),
+            "motors": _motor_table(entry) if entry["results"] else None,
+            "scenario": file.read_text("utf-8", errors="replace") if file.is_file() else "",
+        }
     else:
         # Imported here because matplotlib takes long to import.
         from omni_mj.studies.compare.compare_figure import save_comparison_figure
@@ -102,19 +111,6 @@ def _render_page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> s
             save_comparison_figure(summary, Path(folder) / "compare")
             page["figures"] = _encode_images(Path(folder))
     return ENVIRONMENT.get_template("report.html.j2").render(page)
-
-
-def _describe_single_run(folder: Path, entries: Mapping[str, Summary]) -> dict[str, Any]:
-    """Return the parts of a page about a single scenario, whose name is the key of `entries`."""
-    ((name, entry),) = entries.items()
-    file = folder / "scenario.toml"
-    has_file = file.is_file()
-    return {
-        "title": f"{name}, {describe_plant(entry)}",
-        "figures": _encode_images(folder / "figures"),
-        "motors": report_tables.motor_table(entry) if entry["results"] else None,
-        "scenario": file.read_text("utf-8", errors="replace") if has_file else "",
-    }
 
 
 def _merge_summaries(summaries: Mapping[str, Summary]) -> Summary:
@@ -144,3 +140,65 @@ def _encode_images(folder: Path) -> dict[str, str]:
             data = base64.b64encode(file.read_bytes()).decode()
             images[name] = f"data:image/png;base64,{data}"
     return images
+
+
+def _motor_table(entry: Summary) -> Table:
+    """Return effort, limits reached, peaks of the motors and alpha of each controller."""
+    ambient_c = entry["settings"]["motor"]["ambient_c"]
+    temperatures = [result[TEMPERATURE] for result in entry["results"].values()]
+    is_hot = any(value is not None and value > ambient_c + MIN_HEATING_K for value in temperatures)
+    peaks = PEAKS | ({TEMPERATURE: "winding, °C"} if is_hot else {})
+    limits = [f"{label}, %" for label in METRIC_LABELS.values()]
+    headings = ["controller", "effort, m/s²", *limits, *peaks.values(), *ALPHA]
+    rows = []
+    for controller, result in entry["results"].items():
+        fractions = [result["saturation"][name]["median"] for name in METRIC_LABELS]
+        alphas = [(result["alpha"] or {}).get(axis, {}).values() for axis in "xy"]
+        rows.append(
+            [
+                controller,
+                format_number(result["effort_m_s2"]["median"]),
+                *(format_number(fraction, 100, 1) for fraction in fractions),
+                *(format_number(result[name]) for name in peaks),
+                *("/".join(map(format_number, percentiles)) for percentiles in alphas),
+            ]
+        )
+    title = (
+        "Effort; percentage of the frames in which a limit is reached, and mean duty cycle; peaks "
+        "of all motors and seeds; 5th/50th/95th percentile of alpha in windows of 0.25 s (the paper"
+        " reports 0.7 to 1)"
+    )
+    return result_tables.drop_equal_columns(Table(title, headings, rows, 1), kept_headings=ALPHA)
+
+
+def _settings_table(entries: Mapping[str, Summary]) -> Table:
+    """Return the settings in which scenarios differ, or those of one that are not the default."""
+    columns = {name: dict(flatten(entry["settings"])) for name, entry in entries.items()}
+    if len(entries) == 1:
+        title = "Settings that differ from their default"
+        (settings,) = columns.values()
+        defaults: dict[str, Any] = {"fault": []}
+        for setting in list_settings():
+            name, default = setting.full_name, setting.default
+            # A setting without a default depends on the robot, whose value counts as the default.
+            defaults[name] = settings.get(name) if default is None else default
+        # Types of JSON, as in the summary.
+        columns = {"default": json.loads(json.dumps(defaults))} | columns
+    else:
+        title = "Settings in which they differ"
+        for name, entry in entries.items():
+            columns[name] |= {"plant": entry["plant"], "robot": entry["robot"]}
+    names = dict.fromkeys(name for values in columns.values() for name in values)
+    rows = []
+    for name in names:
+        values = [column.get(name) for column in columns.values()]
+        if any(value != values[0] for value in values):
+            rows.append([name, *map(_format_setting, values)])
+    return Table(title, ["setting", *columns], rows, 1 + len(columns))
+
+
+def _format_setting(value: Any) -> str:
+    """Return a setting's value as in a scenario file but without quotes, or a dash if None."""
+    if value is None:
+        return DASH
+    return value if isinstance(value, str) else json.dumps(value)

@@ -1,4 +1,4 @@
-"""Start a rerun viewer in a process of its own, and find out whether one is listening."""
+"""Rerun viewers: start one in a process of its own, find one that listens, save its image."""
 
 import os
 import re
@@ -8,14 +8,20 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 from rerun.experimental import ViewerClient
 
 from omni_control.errors import OmniError
+from omni_mj.files import open_atomic
 
 START_TIMEOUT_S, CONNECT_TIMEOUT_S = 60.0, 2.0
+DRAW_TIMEOUT_S = 30.0  # for the viewer to load and draw
+POLL_S = 0.2  # between two values that must be equal
 EXAMPLE_URL = "rerun+http://127.0.0.1:9876/proxy"  # of a viewer that was started without options
 # Environment of a viewer that connects to no other machine. Its configuration turns off usage
 # statistics. Nothing turns off the search for updates and examples, so a proxy address at which
@@ -127,3 +133,84 @@ def open_viewer() -> str:
             " leave out --view and open the recording on a computer with a display"
         )
     return Viewer("--expect-data-soon").url
+
+
+def save_screenshot(
+    recording: Path, out: Path, size: tuple[int, int], time_s: float, tabs: Sequence[str]
+) -> None:
+    """Save how a viewer without a display shows a recording.
+
+    Args:
+        recording: The .rrd file.
+        out: PNG file.
+        size: Width and height of the window, pixels.
+        time_s: Simulated time to show, s.
+        tabs: Tabs to open.
+
+    Raises:
+        OmniError: The viewer cannot draw, its image is empty or keeps changing, or a tab is missing.
+    """
+    # The viewer loads all of a recording from standard input. Of a file that it opens, it loads
+    # the visible part only.
+    viewer = Viewer("-", "--headless", "--window-size", f"{size[0]}x{size[1]}", file=recording)
+    try:
+        client = ViewerClient.connect(viewer.url)
+        _wait_until_constant(lambda: _loaded_ranges(client))
+        client.set_time("time", duration=time_s, play_state="paused")
+        if tabs:
+            _activate_tabs(client, tabs)
+        image = _wait_until_constant(client.take_screenshot)
+    except (RuntimeError, OSError):
+        raise OmniError(
+            f"the rerun viewer cannot draw: {viewer.error_message()}; without a graphics card it "
+            "needs Debian's mesa-vulkan-drivers"
+        ) from None
+    finally:
+        viewer.stop()
+    with open_atomic(out) as file:
+        file.write(image)
+
+
+def _loaded_ranges(client: ViewerClient) -> list[object]:
+    """Return the ends of all timelines that a viewer has loaded so far."""
+    recordings = client.get_state().recordings
+    return [timeline.end for recording in recordings for timeline in recording.timelines]
+
+
+def _wait_until_constant(read: Callable[[], Any]) -> Any:
+    """Return the value of `read` once two successive values are equal and not empty.
+
+    Raises:
+        OmniError: The value is empty or keeps changing until the timeout.
+    """
+    deadline, previous = time.monotonic() + DRAW_TIMEOUT_S, None
+    while not (value := read()) or value != previous:
+        if time.monotonic() > deadline:
+            raise OmniError(
+                "the rerun viewer shows no recording, or one that keeps changing, for "
+                f"{DRAW_TIMEOUT_S:.0f} s"
+            )
+        time.sleep(POLL_S)
+        previous = value
+    return value
+
+
+def _activate_tabs(client: ViewerClient, tabs: Sequence[str]) -> None:
+    """Open tabs in the viewer.
+
+    Raises:
+        OmniError: A tab does not exist.
+    """
+    blueprint = client.get_blueprint().blueprint
+    components = {path: item for path, items in blueprint.items() for item in items.values()}
+    locations = defaultdict(list)  # name of a tab -> its path and container
+    for container in components.values():
+        if container.get("container_kind") == "Tabs":
+            for path in container["contents"]:
+                locations[components[path]["display_name"]].append((path, container))
+    for tab in tabs:
+        if tab not in locations:
+            raise OmniError(f"there is no tab {tab!r}; choose from {', '.join(sorted(locations))}")
+        for path, container in locations[tab]:
+            container["active_tab"] = path
+    client.set_blueprint(blueprint, of="recording")
