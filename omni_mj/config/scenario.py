@@ -209,7 +209,7 @@ def load_scenario(
     controllers: Sequence[str | type[Controller]] | None = None,
     seed: int | None = None,
     seeds: int | None = None,
-    code: bool = False,
+    allow_code: bool = False,
     **sections: Any,
 ) -> Scenario:
     """Return a scenario by name or from a TOML file, with changes.
@@ -223,7 +223,7 @@ def load_scenario(
         controllers: Names, classes derived from `omni_control.Controller`, or `file.py:Class`.
         seed: First seed.
         seeds: Number of seeds.
-        code: Whether classes that the scenario's file names, `file.py:Class`, may be run.
+        allow_code: Whether classes that the scenario's file names, `file.py:Class`, may be run.
         sections: Values of settings by section and field.
 
     Raises:
@@ -238,14 +238,14 @@ def load_scenario(
         "seeds": seeds,
     }
     head = {name: value for name, value in head.items() if value is not None}
-    return load_with_overrides(str(name_or_path), (), head, code, sections)
+    return load_with_overrides(str(name_or_path), (), head, allow_code, sections)
 
 
 def load_with_overrides(
     name_or_path: str | None,
     overrides: Iterable[str] = (),
     head: Mapping[str, Any] = _EMPTY,
-    code: bool = False,
+    allow_code: bool = False,
     sections: Mapping[str, Any] = _EMPTY,
 ) -> Scenario:
     """Return a scenario as the command line describes it; the base of `load_scenario`.
@@ -254,14 +254,14 @@ def load_with_overrides(
         name_or_path: Name of a scenario of the package, or path of a TOML file. None: the defaults.
         overrides: Settings as `section.field=value`.
         head: Fields of `Scenario` itself, such as plant or seeds.
-        code: Whether classes that the scenario's file names, `file.py:Class`, may be run.
+        allow_code: Whether classes that the scenario's file names, `file.py:Class`, may be run.
         sections: Values of settings by section and field.
 
     Raises:
         OmniError: As `load_scenario`.
     """
     data, name = ({}, "scenario") if name_or_path is None else read_scenario_file(name_or_path)
-    if not code:
+    if not allow_code:
         _check_no_code(data, head)
     errors: list[str] = []
     for override in overrides:
@@ -296,7 +296,8 @@ def _check_no_code(data: Mapping[str, Any], head: Mapping[str, Any]) -> None:
     specs = [*plants, *(controllers if isinstance(controllers, list) else [])]
     raise_errors(
         f"the scenario's file names code, {format_value(spec)}, which is not run unasked; name it "
-        "yourself by --plant or --controller, or allow it by --allow-code (in Python: code=True)"
+        "yourself by --plant or --controller, or allow it by --allow-code "
+        "(in Python: allow_code=True)"
         for spec in specs
         if isinstance(spec, str) and plugins.is_class_reference(spec)
     )

@@ -105,7 +105,7 @@ def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allo
     assert not Path("out").exists()
     with pytest.raises(om.OmniError, match="not run unasked"):
         om.load_scenario("first/scenario.toml")
-    assert om.load_scenario("first/scenario.toml", code=True).labels == ("flc", "Mine")
+    assert om.load_scenario("first/scenario.toml", allow_code=True).labels == ("flc", "Mine")
     assert invoke(*again, "--allow-code") == 0
     assert Path("out/scenario.toml").read_text() == Path("first/scenario.toml").read_text()
     np.testing.assert_array_equal(pq.read_table("out/trajectory.parquet")["x_m"], table["x_m"])
