@@ -15,8 +15,9 @@ after the ramp down, D_down, relative to g times the commanded displacement:
 For a linear response of gain g, both terms give the first moment of the impulse response, for every
 shape of the ramp: a dead time is its own lag, a first-order lag its time constant, and lags in
 series add. A constant loss of speed by dry friction has no lag: it adds to D_up what it takes from
-D_down. Creep, T |v| v' = u - v / g (`omni_mj.config.nominal_model`), is a lag that grows with speed.
-Its g u - v = g T v v' integrates on either ramp to g T (g U)^2 / 2, so that its lag is T g^2 U / 2.
+D_down. Creep, T |v| v' = u - v / g (`omni_mj.config.nominal_model`), is a lag that grows with the
+speed. Its g u - v = g T v v' integrates on either ramp to g T (g U)^2 / 2, so that its lag is
+T g^2 U / 2.
 
 **Gain while accelerating**: slope of v over u in the second half of the ramp up. Lag and dry
 friction shift v by a constant there and leave the slope unchanged. A linear response keeps its gain

@@ -1,4 +1,4 @@
-"""The command line as a newcomer meets it: what there is, what it costs to ask, files to begin with, studies."""
+"""Help, lists, starter files and wrong input of the command line."""
 
 import re
 import shlex
@@ -29,7 +29,7 @@ def printed(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 
 def test_help_version_and_lists_import_nothing_heavy() -> None:
-    """Each in a process that has imported nothing yet."""
+    """Each in a new process."""
     code = (
         "import sys\nfrom omni_mj.cli import main\n"
         f"try: main.main()\nfinally: print('heavy:', *[m for m in {HEAVY} if m in sys.modules])"
@@ -52,7 +52,7 @@ def test_help_version_and_lists_import_nothing_heavy() -> None:
 def test_help_names_every_command_and_its_examples_parse(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Each command has help; what an example names is there, or the example before writes it."""
+    """Each command has help. The names in examples exist, or an earlier example writes them."""
     out = printed(capsys, "--help")
     assert printed(capsys) == out
     assert printed(capsys, "--version") == f"omni-mj {om.__version__}\n"
@@ -87,7 +87,7 @@ def test_help_names_every_command_and_its_examples_parse(
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "expected_error"),
     [
         (["comapre"], "did you mean 'compare'?"),
         (["rect"], "no such command 'rect'"),
@@ -104,17 +104,17 @@ def test_help_names_every_command_and_its_examples_parse(
         (["new", "scenario", "no/where"], "cannot write no"),
     ],
 )
-def test_what_is_mistyped_is_told_in_a_line(
-    words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+def test_mistyped_words_give_one_line(
+    words: list[str], expected_error: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert invoke(*words) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert says.casefold() in err.casefold()
+    assert expected_error.casefold() in err.casefold()
 
 
 def test_a_word_finds_the_lines_of_a_list(capsys: pytest.CaptureFixture[str]) -> None:
-    whole = printed(capsys, "list")
+    all_lists = printed(capsys, "list")
     for name in (
         "rect-noise",
         "comp-flc",
@@ -124,13 +124,13 @@ def test_a_word_finds_the_lines_of_a_list(capsys: pytest.CaptureFixture[str]) ->
         "V s/rad",
         "0.826",
     ):
-        assert name in whole
-    assert max(map(len, whole.splitlines())) <= 140
-    found = printed(capsys, "list", "settings", "FRICTION")
+        assert name in all_lists
+    assert max(map(len, all_lists.splitlines())) <= 140
+    matching_lines = printed(capsys, "list", "settings", "FRICTION")
     assert {"carpet.friction", "carpet.patches", "reference.assumed_friction"} <= set(
-        re.findall(r"^  (\S+)", found, re.MULTILINE)
+        re.findall(r"^  (\S+)", matching_lines, re.MULTILINE)
     )
-    assert "radio.delay_frames" not in found
+    assert "radio.delay_frames" not in matching_lines
     kinds = [
         line.split()[:3]
         for line in printed(capsys, "list", "faults", "push").splitlines()[1:]
@@ -168,7 +168,7 @@ def test_robots_changes_and_controllers_are_shown(
 def test_starters_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A scenario, also with what is commented out; a controller, by the command that it names; the default robot."""
+    """New scenarios, also with their commented lines, controllers and robots can be run."""
     monkeypatch.chdir(tmp_path)
     bare = ("--plant", "kinematic", "--no-figures", "--no-record", "--quiet")
     assert invoke("new", "scenario", "track.toml") == 0
@@ -191,8 +191,12 @@ def test_starters_run(
         capsys, "show", "my_first-one.py:MyFirstOne"
     )
     assert invoke(*drive, *SHORT, *bare, "--out", "out") == 0
-    found = strict(tmp_path / "out" / "summary.json")["scenarios"]["rect"]["results"]["MyFirstOne"]
-    assert 0 < found["error_m"]["position"]["max"]["mean"] < 0.2  # m: it follows a route of 0.22 m
+    matching_lines = strict(tmp_path / "out" / "summary.json")["scenarios"]["rect"]["results"][
+        "MyFirstOne"
+    ]
+    assert (
+        0 < matching_lines["error_m"]["position"]["max"]["mean"] < 0.2
+    )  # m: it follows a route of 0.22 m
 
     assert invoke("new", "robot", "mine") == 0
     assert om.load_robot("mine.toml").settings == om.load_robot("tigers-v2016").settings
@@ -209,10 +213,10 @@ def test_starters_run(
         ("> /dev/full", 1, "", "error: standard output: No space left on device\n"),
     ],
 )
-def test_output_that_goes_nowhere_is_no_fault_and_one_that_is_lost_is_said(
+def test_closed_output_is_no_error_and_lost_output_is(
     streams: str, code: int, out: str, err: str
 ) -> None:
-    """A reader that goes, streams that are closed, and a device that is full."""
+    """A reader that ends, closed streams, a full device."""
     command = f"set -o pipefail; {sys.executable} -m omni_mj list {streams}"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (code, err)
@@ -220,7 +224,7 @@ def test_output_that_goes_nowhere_is_no_fault_and_one_that_is_lost_is_said(
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "expected_error"),
     [
         (("alpha", "--set", "radio.delay=1"), "did you mean 'radio.delay_frames'"),
         (("alpha", "--robot", "nobody"), "unknown robot 'nobody'"),
@@ -236,10 +240,10 @@ def test_output_that_goes_nowhere_is_no_fault_and_one_that_is_lost_is_said(
     ],
 )
 def test_bad_input_of_studies_is_a_line_and_leaves_no_folder(
-    words: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: tuple[str, ...], expected_error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert invoke(*words, "--out", tmp_path / "out") == 2
     printed_error = capsys.readouterr().err
-    assert says in printed_error
+    assert expected_error in printed_error
     assert printed_error.count("\n") == 1
     assert not (tmp_path / "out").exists()

@@ -21,7 +21,8 @@ FILES = {
 }
 SCENARIOS = {
     "there": '[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.5\n',
-    "bend": '[reference]\nwaypoints = [[0, 0], [0.15, 0], [0.15, 0.15]]\n\n[radio]\ndelay_frames = 4\n',
+    "bend": "[reference]\nwaypoints = [[0, 0], [0.15, 0], [0.15, 0.15]]\n\n"
+    "[radio]\ndelay_frames = 4\n",
     "late": "[reference]\nwaypoints = [[0, 0], [0.1, 0]]\n\n[radio]\ndelay_frames = 9\n",
 }  # fmt: skip
 OWN = """
@@ -41,7 +42,7 @@ class Cheat(om.Controller):
 
 @pytest.fixture
 def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Return the options of a comparison of scenarios that are written, with a user's controller."""
+    """Write scenarios and a controller; return the options of a comparison of them."""
     monkeypatch.chdir(tmp_path)
     for name, text in SCENARIOS.items():
         Path(f"{name}.toml").write_text(text)
@@ -82,17 +83,18 @@ def test_it_leaves_the_same_numbers_and_figures_again_and_a_row_that_fails_is_a_
     assert invoke("compare", *words, "--quiet", "--trajectories", "--out", "second") == 1
     assert capsys.readouterr() == ("", errors)
     again = strict(Path("second/summary.json"))
-    for each in (result, again):
-        for entry in (each, *each["scenarios"].values()):
+    for summary in (result, again):
+        for entry in (summary, *summary["scenarios"].values()):
             assert entry.pop("wall_s") > 0
-        assert each.pop("created")
-        assert each.pop("repeat_command")
+        assert summary.pop("created")
+        assert summary.pop("repeat_command")
     assert result == again
     assert Path("first/compare.svg").read_bytes() == Path("second/compare.svg").read_bytes()
     for name, entry in result["scenarios"].items():
-        whole = SEEDS * (2 if name == "late" else 3)
+        n_rows = SEEDS * (2 if name == "late" else 3)
         assert (
-            pq.read_table(f"second/trajectories/{name}.parquet").num_rows == whole * entry["frames"]
+            pq.read_table(f"second/trajectories/{name}.parquet").num_rows
+            == n_rows * entry["frames"]
         )
 
 

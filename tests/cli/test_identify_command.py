@@ -1,4 +1,4 @@
-"""`omni-mj identify` as a user types it: files left, a log's gaps, our own recordings, moves to drive."""
+"""`omni-mj identify`: its files, gaps in logs, our own recordings, moves to drive."""
 
 import tomllib
 from pathlib import Path
@@ -38,7 +38,7 @@ def test_what_is_no_log_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[
     for name in ("log.txt", "log.parquet"):
         (tmp_path / name).write_text("time_s\n0\n")
     short = write_csv(tmp_path / "short.csv", {k: v[:100] for k, v in make_log().items()})
-    for words, says in (
+    for words, expected_error in (
         ((), "Missing argument"),
         ((tmp_path / "none.csv",), "there is no log"),
         ((tmp_path / "log.txt",), "a .csv or .parquet file"),
@@ -47,25 +47,25 @@ def test_what_is_no_log_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[
     ):
         assert invoke("identify", *words) == 2
         error = capsys.readouterr().err
-        assert says in error
+        assert expected_error in error
         assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 
 def test_gaps_and_lines_without_a_pose_are_passed_over(log: Path, tmp_path: Path) -> None:
-    """Half a second is missing, and one pose in ten: the latency is the same within five standard errors."""
+    """Half a second and one pose in ten are missing: same latency within five standard errors."""
     columns = make_log(wheels=False)
     lost = np.random.default_rng(0).random(len(columns["time_s"])) < 0.1
     columns |= {name: np.where(lost, np.nan, columns[name]) for name in POSE}
-    there = (columns["time_s"] < 3.1) | (columns["time_s"] > 3.6)
-    write_csv(log, {name: values[there] for name, values in columns.items()})
+    is_kept = (columns["time_s"] < 3.1) | (columns["time_s"] > 3.6)
+    write_csv(log, {name: values[is_kept] for name, values in columns.items()})
     assert invoke("identify", log, "--out", tmp_path / "out", "--quiet") == 0
     late = strict(tmp_path / "out" / "identify.json")["estimates"]["commands.latency_s"]
     assert late["value"] == pytest.approx(0.1, abs=5 * late["standard_error"])
 
 
 def test_our_own_recording_of_our_own_robot(tmp_path: Path) -> None:
-    """Eight seconds of the plant: creep stiffness within four standard errors, gains of wheels below 1."""
+    """Eight seconds give the creep stiffness within four standard errors."""
     route = {
         "waypoints": [[0, 0], [1.2, 0], [0.4, 0.7], [0.4, -0.5], [0, 0]],
         "max_acceleration_m_s2": 2.0,
@@ -82,11 +82,11 @@ def test_our_own_recording_of_our_own_robot(tmp_path: Path) -> None:
         )
         == 0
     )
-    found = strict(tmp_path / "out" / "identify.json")
-    creep = found["estimates"]["wheels.creep_stiffness"]
+    identified = strict(tmp_path / "out" / "identify.json")
+    creep = identified["estimates"]["wheels.creep_stiffness"]
     truth = rect.settings.drivetrain.creep_stiffness
     assert creep["value"] == pytest.approx(truth, abs=4 * creep["standard_error"])
-    assert found["estimates"]["wheels.gain_turning"]["value"] is None
+    assert identified["estimates"]["wheels.gain_turning"]["value"] is None
 
 
 def test_a_model_of_the_users_is_named_and_copied(log: Path, tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def limited(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
 def test_the_limit_is_a_command(
     limited: tuple[Path, str], tiny: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It prints a table, and leaves numbers, frames, the scenario and a picture."""
+    """It prints a table and saves numbers, frames, the scenario and a figure."""
     out, printed = limited
     assert [line.split("  ")[0] for line in printed.splitlines()[2:4]] == [
         "limit",
@@ -59,7 +59,7 @@ def test_the_limit_is_a_command(
 
 
 def test_bad_input_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for words, says in (
+    for words, expected_error in (
         (("rekt",), "did you mean 'rect'"),
         (("rect", "--robot", "tigers"), "unknown robot 'tigers'"),
         (("rect", "--iterations", 1), "iterations must be at least 2, got 1"),
@@ -68,5 +68,5 @@ def test_bad_input_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         ((), "Missing argument"),
     ):
         assert invoke("limit", *words, "--out", tmp_path / "bad") == 2
-        assert says in capsys.readouterr().err
+        assert expected_error in capsys.readouterr().err
     assert not (tmp_path / "bad").exists()

@@ -1,4 +1,4 @@
-"""Paths at which there is nothing, or nothing that is meant: one line, nothing left behind."""
+"""Missing and unsuitable paths give one line of error and leave no files."""
 
 import os
 from pathlib import Path
@@ -27,7 +27,7 @@ TAKE_PATHS = {  # what is called with a path, and a name's ending
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder with a link that leads to itself, a file and a named pipe that nobody writes to."""
+    """Return a folder with a circular link, a file and an unused named pipe."""
     monkeypatch.chdir(tmp_path)
     os.symlink("loop", "loop")
     Path("file").write_text("x")
@@ -39,19 +39,19 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_where_nothing_can_be_nothing_is(
     words: tuple[tuple[str, ...], str], folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Names that are too long, links in a circle, files and devices in place of folders, bytes that are no text."""
-    before = set(folder.rglob("*"))
-    given, ending = words
-    more = ("picture.png",) if given[0] in ("film", "screenshot") else ()
+    """Too long names, circular links, files and devices in place of folders, invalid text."""
+    old_paths = set(folder.rglob("*"))
+    command_words, ending = words
+    further_words = ("picture.png",) if command_words[0] in ("film", "screenshot") else ()
     for path in (NEVER, "a/" * 3000 + "a", "loop/a", "file/a", "/dev/null/a", "\udcff"):
-        assert invoke(*given, path + ending, *more) in (1, 2), path
+        assert invoke(*command_words, path + ending, *further_words) in (1, 2), path
         lines = capsys.readouterr().err.splitlines()
         assert lines
         assert all(line.startswith("error: ") for line in lines), lines
-        assert set(folder.rglob("*")) == before
+        assert set(folder.rglob("*")) == old_paths
 
 
 def test_devices_are_no_files(capsys: pytest.CaptureFixture[str]) -> None:
-    for given in (("identify",), ("run", "--scenario")):
-        assert invoke(*given, "/dev/zero") == 2
+    for command_words in (("identify",), ("run", "--scenario")):
+        assert invoke(*command_words, "/dev/zero") == 2
         assert capsys.readouterr().err.startswith("error: ")

@@ -28,7 +28,7 @@ FILES |= {"provenance.json", "sources"}
 
 
 def is_whole(folder: Path) -> bool:
-    """Return whether a folder's summary says that all of the run is there, and it is."""
+    """Return whether a folder contains a complete run, as its summary says."""
     summary = strict(folder / "summary.json")
     entry = summary["scenarios"]["rect"]
     with (folder / "trajectory.parquet").open("rb") as file:
@@ -95,21 +95,25 @@ def test_the_effective_scenario_repeats_the_run_bit_for_bit(
         )
         assert invoke("--scenario", a / "scenario.toml", *BARE, "--out", b) == 0
         assert {p.name for p in a.iterdir()} == FILES - {"recording.rrd", "figures"}
-        first, second = (pq.read_table(folder / "trajectory.parquet") for folder in (a, b))
-        assert first.num_rows > 0
+        frames_a, frames_b = (pq.read_table(folder / "trajectory.parquet") for folder in (a, b))
+        assert frames_a.num_rows > 0
         # Compared as bytes, since NaN is not equal to itself.
         bits = (
-            [c.combine_chunks().buffers()[-1] for c in table.columns] for table in (first, second)
+            [c.combine_chunks().buffers()[-1] for c in frames.columns]
+            for frames in (frames_a, frames_b)
         )
         assert next(bits) == next(bits)
         assert (a / "scenario.toml").read_text() == (b / "scenario.toml").read_text()
     assert capsys.readouterr() == ("", "")
 
 
-def test_faults_are_told_in_table_summary_report_and_recording(
+def test_faults_appear_in_table_summary_report_and_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    faults = '[[fault]]\nkind = "vision-loss"\nstart_s = 0.2\nduration_s = 0.1\n\n[[fault]]\nkind = "radio-delay"\nstart_s = 0.4\ndelay_frames = 9\n'
+    faults = (
+        '[[fault]]\nkind = "vision-loss"\nstart_s = 0.2\nduration_s = 0.1\n\n'
+        '[[fault]]\nkind = "radio-delay"\nstart_s = 0.4\ndelay_frames = 9\n'
+    )
     (tmp_path / "met.toml").write_text(
         'plant = "kinematic"\n[reference]\nwaypoints = [[0, 0], [0.2, 0]]\n\n' + faults
     )
@@ -130,8 +134,10 @@ def test_faults_are_told_in_table_summary_report_and_recording(
     printed = capsys.readouterr().out
     assert "largest error" in printed
     assert "radio-delay (delay_frames = 9), from 0.4 s on" in printed
-    told = [event["text"] for event in strict(out / "summary.json")["scenarios"]["met"]["events"]]
-    assert [each.split()[:2] for each in told if "vision" in each or "delay" in each] == [
+    event_texts = [
+        event["text"] for event in strict(out / "summary.json")["scenarios"]["met"]["events"]
+    ]
+    assert [text.split()[:2] for text in event_texts if "vision" in text or "delay" in text] == [
         ["begins:", "vision-loss"], ["ends:", "vision-loss"], ["begins:", "radio-delay"],
     ]  # fmt: skip
     assert "begins: radio-delay" in (out / "report.html").read_text()
@@ -152,7 +158,7 @@ def test_faults_are_told_in_table_summary_report_and_recording(
 def test_bad_input_is_a_line_each_that_says_what_is_allowed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for arguments, *says in (
+    for arguments, *expected_errors in (
         ("", "--scenario is missing"),
         ("--scenario rekt", "did you mean 'rect'"),
         ("--scenario missing.toml", "missing.toml"),
@@ -170,9 +176,9 @@ def test_bad_input_is_a_line_each_that_says_what_is_allowed(
         assert invoke("run", *arguments.split(), "--out", tmp_path / "run") == 2
         printed = capsys.readouterr()
         lines = printed.err.splitlines()
-        assert len(lines) == len(says), arguments
+        assert len(lines) == len(expected_errors), arguments
         assert all(line.startswith("error: ") for line in lines)
-        assert all(any(text in line for line in lines) for text in says), printed.err
+        assert all(any(text in line for line in lines) for text in expected_errors), printed.err
         assert printed.out == ""
         assert not (tmp_path / "run").exists(), "bad input must not leave a folder"
 
@@ -201,7 +207,7 @@ def keeps_what_it_recorded(out: Path, stderr: str) -> None:
 
 
 def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
-    """A process of its own, as in a terminal."""
+    """In a separate process, as in a terminal."""
     process = subprocess.Popen(
         [*PROGRAM, *ENDLESS, "--out", str(tmp_path / "out")],
         stderr=subprocess.PIPE,
@@ -230,7 +236,7 @@ def test_other_signals_keep_it_as_well(
 def test_a_killed_run_says_that_it_is_unfinished_and_can_be_made_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nobody is warned of SIGKILL: in the folder is a summary that says so, and nothing that looks whole."""
+    """After SIGKILL, the folder has a summary that says so and no complete files."""
     out = tmp_path / "out"
     process = subprocess.Popen([*PROGRAM, *ENDLESS, "--no-record", "--quiet", "--out", str(out)])
     assert appears(out / "scenario.toml")
@@ -274,17 +280,21 @@ def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "code", "says"),
+    ("error", "code", "expected_errors"),
     [
-        (KeyboardInterrupt(), 130, "interrupted; "),
+        (KeyboardInterrupt(), 130, "interrupted; the results so far"),
         (OSError(28, "no space"), 1, "cannot write to"),
     ],
 )
 def test_drawing_costs_no_numbers(
-    error: BaseException, code: int, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    code: int,
+    expected_errors: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    """The table is printed, and a line says where the numbers are."""
+) -> None:
+    """The table is printed, and a line names the folder of the numbers."""
 
     def fails(*_: object) -> None:
         raise error
@@ -293,7 +303,7 @@ def test_drawing_costs_no_numbers(
     assert invoke(*KINEMATIC, "--no-record", "--out", tmp_path / "out") == code
     printed = capsys.readouterr()
     assert "position" in printed.out
-    assert printed.err.startswith(f"error: {says}")
+    assert printed.err.startswith(f"error: {expected_errors}")
     assert printed.err.count("\n") == 1
     assert is_whole(tmp_path / "out")
 
@@ -301,7 +311,7 @@ def test_drawing_costs_no_numbers(
 def test_a_recording_leaves_the_disk_to_the_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Where there is no more room than they will need, it ends, and that is said once."""
+    """With too little disk space, the recording ends with one message."""
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(total=1e9, free=1e6))
     assert invoke(*KINEMATIC, "--quiet", "--no-figures", "--out", tmp_path / "out") == 1
     err = capsys.readouterr().err
@@ -317,35 +327,39 @@ def test_a_recording_leaves_the_disk_to_the_numbers(
 def test_a_folder_that_no_run_left_is_never_overwritten(
     tmp_path: Path, mark: str | None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Whatever its files are called, also if one is called as the one by which folders of runs are known."""
+    """Whatever the names of its files, also if one is called provenance.json."""
     (tmp_path / "figures").mkdir()
     for name in ("summary.json", "report.html", "figures/path.png"):
         (tmp_path / name).write_text("precious")
     if mark is not None:
         (tmp_path / "provenance.json").write_text(mark)
-    before = contents(tmp_path)
-    for more, says in ((), "--overwrite"), (("--overwrite",), "was not created by a run"):
-        assert invoke(*KINEMATIC, *BARE, "--out", tmp_path, *more) == 2
+    old_contents = contents(tmp_path)
+    for further_words, expected_errors in (
+        ((), "--overwrite"),
+        (("--overwrite",), "was not created by a run"),
+    ):
+        assert invoke(*KINEMATIC, *BARE, "--out", tmp_path, *further_words) == 2
         err = capsys.readouterr().err
-        assert says in err
+        assert expected_errors in err
         assert err.count("\n") == 1
-        assert contents(tmp_path) == before
+        assert contents(tmp_path) == old_contents
 
 
 def test_overwriting_removes_what_the_run_left(tmp_path: Path) -> None:
     """Its files and folders; bad input removes nothing, and a link's target stays."""
     (tmp_path / "mine.py").write_text(
-        "import omni_mj as om\n\n\nclass Mine(om.Controller):\n    def command(self, frame, observation):\n"
+        "import omni_mj as om\n\n\nclass Mine(om.Controller):\n"
+        "    def command(self, frame, observation):\n"
         "        return 0 * observation.pose\n"
     )
     out = tmp_path / "out"
     run = (*KINEMATIC, "--no-record", "--quiet", "--out", out)
     assert invoke(*run, "--controller", f"{tmp_path / 'mine.py'}:Mine") == 0
-    before = contents(out)
-    assert {"figures/path.png", "sources/mine.py", "report.html"} <= set(before)
+    old_contents = contents(out)
+    assert {"figures/path.png", "sources/mine.py", "report.html"} <= set(old_contents)
     for wrong in (("--set", "radio.delay=3"), ("--controller", "fcl"), ("--connect", "nowhere")):
         assert invoke(*run, "--overwrite", *wrong) == 2
-        assert contents(out) == before
+        assert contents(out) == old_contents
     (out / "old").mkdir()
     precious = {"notes.txt", "summary.json.bak", "old/summary.json"}
     for name in precious:
@@ -353,11 +367,11 @@ def test_overwriting_removes_what_the_run_left(tmp_path: Path) -> None:
     shutil.move(out / "sources", tmp_path / "elsewhere")
     (out / "sources").symlink_to(tmp_path / "elsewhere")
     assert invoke(*run, "--no-figures", "--overwrite") == 0
-    left = contents(out)
-    assert {name: left[name] for name in precious} == dict.fromkeys(precious, b"precious")
-    assert set(left) - precious == {n for n in before if not n.startswith("figures/")} - {
-        "sources/mine.py"
-    }
+    new_contents = contents(out)
+    assert {name: new_contents[name] for name in precious} == dict.fromkeys(precious, b"precious")
+    assert set(new_contents) - precious == {
+        n for n in old_contents if not n.startswith("figures/")
+    } - {"sources/mine.py"}
     assert (tmp_path / "elsewhere/mine.py").exists()
 
 

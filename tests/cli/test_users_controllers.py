@@ -1,4 +1,4 @@
-"""A user's own controller from the command line: it runs like any other, and its mistakes are lines."""
+"""A controller of the user runs like a built-in one; its errors give one line each."""
 
 from pathlib import Path
 
@@ -57,8 +57,8 @@ def add(name: str, body: str) -> str:
 def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allowed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Table, summary, recording and scenario name it; what it sent is what its own law says."""
-    given = (
+    """Table, summary, recording and scenario name it; its commands follow its control law."""
+    arguments = (
         "--controller",
         "flc",
         "--controller",
@@ -68,26 +68,28 @@ def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allo
         "--seeds",
         2,
     )
-    assert invoke(*RUN, *given) == 0
+    assert invoke(*RUN, *arguments) == 0
     assert "Mine" in capsys.readouterr().out
     assert list(strict(Path("out/summary.json"))["scenarios"]["rect"]["results"]) == ["flc", "Mine"]
     chunks = RrdReader(Path("out/recording.rrd")).stream().to_chunks()
     assert "/world/Mine/robot" in {chunk.entity_path for chunk in chunks}
-    table = pq.read_table("out/trajectory.parquet")
-    own = table.filter(pa.compute.equal(table["controller"].cast(pa.string()), "Mine"))
+    frames = pq.read_table("out/trajectory.parquet")
+    frames_of_mine = frames.filter(pa.compute.equal(frames["controller"].cast(pa.string()), "Mine"))
     for seed in (0, 1):
-        rows = own.filter(pa.compute.equal(own["seed"], seed)).sort_by("frame")
+        rows = frames_of_mine.filter(pa.compute.equal(frames_of_mine["seed"], seed)).sort_by(
+            "frame"
+        )
         for i, (axis, rate) in enumerate(
             (("x_m", "vx_m_s"), ("y_m", "vy_m_s"), ("heading_rad", "w_rad_s")), 1
         ):
-            ref, seen = rows[f"ref_{axis}"].to_numpy(), rows[f"predicted_{axis}"].to_numpy()
-            expected = np.append(np.diff(ref) / FRAME_S, 0.0) + 4.0 * (ref - seen)
+            ref, predicted = rows[f"ref_{axis}"].to_numpy(), rows[f"predicted_{axis}"].to_numpy()
+            expected = np.append(np.diff(ref) / FRAME_S, 0.0) + 4.0 * (ref - predicted)
             # Rounding of numbers of size 1; the loop's limits are far away.
             np.testing.assert_allclose(
                 rows[f"command_{rate}"].to_numpy(), expected, rtol=0, atol=1e-12
             )
             np.testing.assert_allclose(
-                rows[f"channel_error_{i}"].to_numpy(), ref - seen, rtol=0, atol=1e-12
+                rows[f"channel_error_{i}"].to_numpy(), ref - predicted, rtol=0, atol=1e-12
             )
 
     Path("out").rename("first")
@@ -108,7 +110,7 @@ def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allo
     assert om.load_scenario("first/scenario.toml", allow_code=True).labels == ("flc", "Mine")
     assert invoke(*again, "--allow-code") == 0
     assert Path("out/scenario.toml").read_text() == Path("first/scenario.toml").read_text()
-    np.testing.assert_array_equal(pq.read_table("out/trajectory.parquet")["x_m"], table["x_m"])
+    np.testing.assert_array_equal(pq.read_table("out/trajectory.parquet")["x_m"], frames["x_m"])
 
 
 FAILS = {
@@ -126,7 +128,7 @@ FAILS = {
 def test_a_controller_that_fails_is_a_line_and_the_others_go_on(
     body: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In frame 9: that many frames of it are kept, and what it was and why is in the summary."""
+    """It fails in frame 9: the earlier frames are saved, and the summary has the cause."""
     code = (
         f"    def command(self, frame, observation):\n        if frame == 9:\n            {body}\n"
     )
@@ -176,7 +178,7 @@ def test_mistakes_in_names_and_files_are_lines_and_leave_no_folder(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     Path("broken.py").write_text("import nothing_there\n")
-    for kind, says in (
+    for kind, expected_error in (
         ("mine.py:Mime", "it has Mine"),
         ("nowhere.py:Mine", "there is no file nowhere.py"),
         ("broken.py:Mine", "cannot be run: ModuleNotFoundError"),
@@ -186,7 +188,7 @@ def test_mistakes_in_names_and_files_are_lines_and_leave_no_folder(
         stdout, stderr = capsys.readouterr()
         assert stdout == ""
         assert len(stderr.splitlines()) == 2, "the delay as well"
-        assert says in stderr
+        assert expected_error in stderr
         assert not Path("out").exists()
     Path("toy.py").write_text("class Toy:\n    pass\n")
     assert invoke(*RUN, "--plant", "toy.py:Toy") == 2

@@ -1,4 +1,4 @@
-"""`omni-mj verify`: a run's folder says what it ran, wherever it is, and gives the same again or says why not."""
+"""`omni-mj verify`: runs repeat bit for bit, wherever their folder is, or the reason is named."""
 
 import json
 import os
@@ -78,7 +78,8 @@ import omni_mj as om
 
 class Dice(om.Controller):
     def command(self, frame, observation):
-        return 0 * observation.pose + (1e-3 * np.random.default_rng().random() if frame > 4 else 0)  # less than limits change
+        # Less than the change that the limits allow.
+        return 0 * observation.pose + (1e-3 * np.random.default_rng().random() if frame > 4 else 0)
 
 
 class Stopped(om.Controller):
@@ -95,14 +96,14 @@ MATERIALS = '<mujoco><asset><mesh name="cover" file="cover.obj"/></asset></mujoc
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a run of a user's controller, plant and robot, whose files have gone since."""
-    there = tmp_path_factory.mktemp("there")
-    (there / "mine.py").write_text(MINE)
-    (there / "toy.py").write_text(TOY)
+    source_folder = tmp_path_factory.mktemp("there")
+    (source_folder / "mine.py").write_text(MINE)
+    (source_folder / "toy.py").write_text(TOY)
     text = (
         om.load_robot("tigers-v2016").path.read_text().replace("arm_m = ", "arm_m = 0.09 # was ", 1)
     )
-    (there / "robot.toml").write_text(text)
-    given = (
+    (source_folder / "robot.toml").write_text(text)
+    arguments = (
         "--plant",
         "toy.py:Toy",
         "--robot",
@@ -121,17 +122,17 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "--scenario",
         "rect-noise",
         *SHORT,
-        *given,
+        *arguments,
         *more,
         *BARE,
     ]
     done = subprocess.run(
-        command, cwd=there, capture_output=True, text=True, timeout=60, check=False
+        command, cwd=source_folder, capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
     folder = tmp_path_factory.mktemp("elsewhere") / "moved"
-    shutil.move(there / "out", folder)
-    shutil.rmtree(there)
+    shutil.move(source_folder / "out", folder)
+    shutil.rmtree(source_folder)
     return folder
 
 
@@ -153,43 +154,43 @@ def test_a_folder_holds_what_was_run_and_repeats_without_the_users_files(
 ) -> None:
     """Files, hashes, parameters, versions, processor; and no path but in the command line."""
     record = strict(made / "provenance.json")
-    said = record["scenarios"]["rect-noise"]
-    assert said["controllers"][1]["parameters"] == {"share": 0.75}
-    files = [said["plant"], said["robot"], said["controllers"][1]]
-    assert [each["file"] for each in files] == [
+    description = record["scenarios"]["rect-noise"]
+    assert description["controllers"][1]["parameters"] == {"share": 0.75}
+    files = [description["plant"], description["robot"], description["controllers"][1]]
+    assert [copy["file"] for copy in files] == [
         "sources/toy.py",
         "sources/robot.toml",
         "sources/mine.py",
     ]
-    for each in files:
-        assert sha256((made / each["file"]).read_bytes()).hexdigest() == each["sha256"]
+    for copy in files:
+        assert sha256((made / copy["file"]).read_bytes()).hexdigest() == copy["sha256"]
     assert {"python", "mujoco", "numpy", "scipy", "rerun-sdk"} <= set(record["versions"])
     assert len(record["source"]) == 64
     assert record["machine"]["CPU"]
     for text in (os.path.expanduser("~"), os.uname().nodename, sys.prefix, str(Path.cwd())):
         assert text not in (made / "provenance.json").read_text()
-    before = sorted(made.rglob("*"))
+    previous = sorted(made.rglob("*"))
     monkeypatch.chdir(tmp_path)
     assert invoke("verify", made) == 0
     frames = pq.read_table(made / "trajectory.parquet").num_rows
     assert capsys.readouterr() == (f"repeats: 4 rows, {frames} frames identical bit for bit\n", "")
-    assert sorted(made.rglob("*")) == before, "it leaves nothing"
+    assert sorted(made.rglob("*")) == previous, "it leaves nothing"
 
 
 def test_a_value_that_differs_is_named_with_frame_and_channel(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """By its last bit, in the second seed of Mine; frame and row are found again by counting lines."""
-    table = pq.read_table(folder / "trajectory.parquet")
-    mine = np.array([str(each) == "Mine" for each in table["controller"]]) & (
-        table["seed"].to_numpy() == 1
+    """Change last bits in the second seed of Mine."""
+    frames = pq.read_table(folder / "trajectory.parquet")
+    mine = np.array([str(name) == "Mine" for name in frames["controller"]]) & (
+        frames["seed"].to_numpy() == 1
     )
     line = int(np.flatnonzero(mine)[7])
-    for name, later in (("command_vy_m_s", 0), ("x_m", 2)):
-        values = table[name].to_numpy().copy()
-        values[line + later] = np.nextafter(values[line + later], np.inf)
-        table = table.set_column(table.column_names.index(name), name, pa.array(values))
-    pq.write_table(table, folder / "trajectory.parquet")
+    for name, offset in (("command_vy_m_s", 0), ("x_m", 2)):
+        values = frames[name].to_numpy().copy()
+        values[line + offset] = np.nextafter(values[line + offset], np.inf)
+        frames = frames.set_column(frames.column_names.index(name), name, pa.array(values))
+    pq.write_table(frames, folder / "trajectory.parquet")
     assert invoke("verify", folder) == 1
     lines = capsys.readouterr().err.splitlines()
     assert "first in frame 7 of Mine, seed 1, slot 0: command_vy_m_s is " in lines[1]
@@ -211,7 +212,7 @@ def test_what_is_not_as_it_was_is_told(folder: Path, capsys: pytest.CaptureFixtu
         assert text in out
 
 
-def test_what_cannot_be_repeated_is_one_line_that_says_why(
+def test_runs_that_cannot_be_repeated_give_one_line(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def put(name: str, old: str, new: str) -> Callable[[], object]:
@@ -239,22 +240,22 @@ def test_what_cannot_be_repeated_is_one_line_that_says_why(
         (lambda: (folder / "summary.json").unlink(), "has no summary.json"),
         (lambda: (folder / "provenance.json").unlink(), "it has no provenance.json"),
     )
-    kept = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    for spoil, says in cases:
-        for path, data in kept.items():
+    contents = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    for spoil, expected_error in cases:
+        for path, data in contents.items():
             path.write_bytes(data)
         spoil()
-        assert invoke("verify", folder) == 2, says
+        assert invoke("verify", folder) == 2, expected_error
         printed = capsys.readouterr()
         assert printed.out == ""
-        assert says in printed.err
+        assert expected_error in printed.err
 
 
 def test_a_run_that_was_stopped_repeats_up_to_there_and_chance_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Ctrl-C comes in frame 20, and is pressed by nobody when it is repeated."""
-    before = signal.signal(
+    previous = signal.signal(
         signal.SIGINT, signal.default_int_handler
     )  # a background job's would be ignored
     (tmp_path / "odd.py").write_text(ODD)
@@ -262,7 +263,7 @@ def test_a_run_that_was_stopped_repeats_up_to_there_and_chance_does_not(
     monkeypatch.chdir(tmp_path)
     words = ("--scenario", "rect", "--plant", "kinematic", *BARE, "--controller")
     assert invoke("run", *words, "odd.py:Stopped", "--controller", "flc", "--out", "stopped") == 130
-    signal.signal(signal.SIGINT, before)
+    signal.signal(signal.SIGINT, previous)
     (tmp_path / "press").unlink()
     capsys.readouterr()
     assert invoke("verify", "stopped") == 0
@@ -275,7 +276,7 @@ def test_a_run_that_was_stopped_repeats_up_to_there_and_chance_does_not(
 
 
 def test_a_comparison_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each scenario with the seeds that it was run with: its frames, or else the summary's numbers."""
+    """The frames of each scenario are compared, or else the summary's numbers."""
     out = tmp_path / "out"
     words = (
         "--plant",
@@ -291,8 +292,8 @@ def test_a_comparison_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert invoke("compare", *words, "--seeds", 6, "--quiet", "--trajectories", "--out", out) == 0
     entries = strict(out / "summary.json")["scenarios"].values()
     rows, frames = (
-        sum(len(e["seeds"]) * (e["frames"] if each else 1) for e in entries)
-        for each in (False, True)
+        sum(len(e["seeds"]) * (e["frames"] if per_frame else 1) for e in entries)
+        for per_frame in (False, True)
     )
     assert invoke("verify", out) == 0
     assert (
@@ -313,7 +314,7 @@ def test_a_comparison_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 def model(folder: Path, meshes: str = "../meshes") -> Path:
-    """A model in a folder of its own, with a mesh beside that and an included file below it."""
+    """Write a model with a mesh in another folder and an included file; return its path."""
     more = '<geom type="mesh" mesh="cover" mass="0.01" pos="0 0 0.1"/>'
     text = written((60, 180, 300), more=more).replace(
         "<compiler ", f'<include file="parts/materials.xml"/><compiler meshdir="{meshes}" '
@@ -326,28 +327,29 @@ def model(folder: Path, meshes: str = "../meshes") -> Path:
     return file
 
 
-def test_a_users_model_is_kept_with_all_its_files_or_said_to_be_missing(
+def test_a_users_model_is_copied_with_all_its_files_or_named_as_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """All three of the robot's files as they are to each other, byte for byte; a mesh by its absolute path would not be
-    found elsewhere: that run is made, and does not repeat."""
-    there, elsewhere = tmp_path / "there", tmp_path / "elsewhere"
-    kept = {path.name: path.read_bytes() for path in (model(there), *there.rglob("*.*"))}
+    """All three files of the model are copied. A mesh with an absolute path is not repeatable."""
+    source_folder, moved_folder = tmp_path / "there", tmp_path / "elsewhere"
+    contents = {
+        path.name: path.read_bytes() for path in (model(source_folder), *source_folder.rglob("*.*"))
+    }
     words = ("run", "--scenario", "rect", *SHORT, "--controller", "comp-flc", *BARE, "--model")
-    monkeypatch.chdir(there)
+    monkeypatch.chdir(source_folder)
     assert invoke(*words, "robot/mine.xml", "--out", "out") == 0
     monkeypatch.chdir(tmp_path)
-    shutil.move(there / "out", elsewhere)
-    shutil.rmtree(there)
-    said = strict(elsewhere / "provenance.json")["scenarios"]["rect"]["model"]
-    for each in [said, *said["included"]]:
-        assert (elsewhere / each["file"]).read_bytes() == kept.pop(Path(each["file"]).name)
-    assert not kept
+    shutil.move(source_folder / "out", moved_folder)
+    shutil.rmtree(source_folder)
+    description = strict(moved_folder / "provenance.json")["scenarios"]["rect"]["model"]
+    for copy in [description, *description["included"]]:
+        assert (moved_folder / copy["file"]).read_bytes() == contents.pop(Path(copy["file"]).name)
+    assert not contents
     capsys.readouterr()
-    assert invoke("verify", elsewhere) == 0
+    assert invoke("verify", moved_folder) == 0
     assert capsys.readouterr().out.startswith("repeats: 1 rows, ")
-    (elsewhere / said["included"][0]["file"]).unlink()
-    assert invoke("verify", elsewhere) == 2
+    (moved_folder / description["included"][0]["file"]).unlink()
+    assert invoke("verify", moved_folder) == 2
     assert "is missing, or not what was run" in capsys.readouterr().err
     assert (
         invoke(
@@ -375,26 +377,29 @@ class Here(Mine):
     pass
 
 
-short = om.load_scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.1})
+reference = {"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.1}
+short = om.load_scenario("rect", plant="kinematic", reference=reference)
 om.run(short, ["flc", Mine], seeds=range(2)).save("good")
 om.run(short, [Here]).save("bad")
 """
 
 
 def test_results_from_python_repeat_or_say_what_is_missing(tmp_path: Path) -> None:
-    """Of Mine the module's file is copied; Here is in a program that would run anew; exec leaves no file."""
-    there = tmp_path / "there"
-    there.mkdir()
-    (there / "mine.py").write_text(MINE)
-    (there / "program.py").write_text(PROGRAM)
-    subprocess.run([sys.executable, "program.py"], cwd=there, check=True, timeout=60)
+    """Mine is copied with its module; Here is in the program itself; exec has no file."""
+    source_folder = tmp_path / "there"
+    source_folder.mkdir()
+    (source_folder / "mine.py").write_text(MINE)
+    (source_folder / "program.py").write_text(PROGRAM)
+    subprocess.run([sys.executable, "program.py"], cwd=source_folder, check=True, timeout=60)
     for name in ("good", "bad"):
-        shutil.move(there / name, tmp_path / name)
-    shutil.rmtree(there)
+        shutil.move(source_folder / name, tmp_path / name)
+    shutil.rmtree(source_folder)
     assert strict(tmp_path / "good" / "provenance.json")["command"] is None
-    found = om.verify(tmp_path / "good")
-    assert (found.repeats, found.rows) == (True, 4)
-    assert str(found).startswith(f"repeats: 4 rows, {found.frames} frames identical bit for bit")
+    verified = om.verify(tmp_path / "good")
+    assert (verified.repeats, verified.rows) == (True, 4)
+    assert str(verified).startswith(
+        f"repeats: 4 rows, {verified.frames} frames identical bit for bit"
+    )
     with pytest.raises(om.OmniError, match=r"^Here is not defined at the top level of a file"):
         om.verify(str(tmp_path / "bad"))
     short = om.load_scenario(

@@ -1,4 +1,4 @@
-"""What the tests of the command line share: commands in this process, signals that they get, and strict JSON."""
+"""Helpers of the tests of the command line: run commands, send signals, read strict JSON."""
 
 import io
 import json
@@ -18,18 +18,18 @@ from omni_mj.cli.main import cli
 
 
 def invoke(*args: object, command: click.Command = cli) -> int:
-    """The exit code of a command in this process, which is quicker than one of its own."""
+    """Run a command in this process, and return its exit code."""
     with pytest.raises(SystemExit) as end:
         console.run_command(command, list(map(str, args)))
     assert isinstance(end.value.code, int)
     return end.value.code
 
 
-def list_names(what: str) -> list[str]:
-    """Return the names that `omni-mj list` has of scenarios, robots and so on."""
+def list_names(title: str) -> list[str]:
+    """Return the names in a list of `omni-mj list`, such as scenarios or robots."""
     out = io.StringIO()
     with redirect_stdout(out):
-        assert invoke("list", what) == 0
+        assert invoke("list", title) == 0
     lines = out.getvalue().splitlines()[1:]
     return [
         line.split()[0] for line in lines if line.startswith("  ") and not line.startswith("   ")
@@ -37,7 +37,7 @@ def list_names(what: str) -> list[str]:
 
 
 def appears(path: Path) -> bool:
-    """Whether a file does, for which it is waited."""
+    """Wait for a file, and return whether it appears."""
     deadline = time.monotonic() + 60
     while not path.exists() and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -46,7 +46,7 @@ def appears(path: Path) -> bool:
 
 @contextmanager
 def signalled(number: int, path: Path) -> Iterator[None]:
-    """Send this process a signal once a file is there."""
+    """Send this process a signal once a file exists."""
 
     def send() -> None:
         if appears(path):
@@ -61,7 +61,7 @@ def signalled(number: int, path: Path) -> Iterator[None]:
 
 
 def strict(path: Path) -> Any:
-    """JSON without NaN and its like."""
+    """Return the content of a JSON file; fail on NaN and infinity."""
     return json.loads(
         path.read_text(), parse_constant=lambda name: pytest.fail(f"{name} in {path}")
     )

@@ -93,7 +93,8 @@ def comparison_summary(
     entry = {
         "description": "one | two", "plant": "mujoco", "robot": "tigers-v2016",
         "status": "done", "reason": None,
-        "frames": 60, "simulated_s": 1.0, "wall_s": 1.0, "settings": {}, "paper_table": 0, "paper": None,
+        "frames": 60, "simulated_s": 1.0, "wall_s": 1.0, "settings": {},
+        "paper_table": 0, "paper": None,
         "events": [], "failures": [], "results": results, "seeds": [0, 1, 2, 3],
     }  # fmt: skip
     head = {
