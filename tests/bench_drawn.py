@@ -18,7 +18,7 @@ import numpy as np
 
 import omni_mj as om
 from omni_mj.config.robot_files import find_builtin_robots as robots
-from omni_mj.results.result_tables import Table, format_table
+from omni_mj.results.text_table import Table, format_table
 
 SUBJECT = "adaptive-comp-flc"
 CONTROLLERS = (SUBJECT, "comp-flc", "comp-flc-lag")

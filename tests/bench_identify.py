@@ -26,7 +26,7 @@ from omni_mj.config.nominal_model import compute_creep_law
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import load_scenario
 from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
-from omni_mj.results.result_tables import DASH, Table, format_table
+from omni_mj.results.text_table import DASH, Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies import run_scenario
 from omni_mj.studies.identify import (

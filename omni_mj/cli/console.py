@@ -134,8 +134,8 @@ def make_frame_callback(
 
 def print_summary_sentence(summary: Mapping[str, Any]) -> None:
     """Print which controller was best, by how much, and why."""
-    from omni_mj.results.result_tables import TERMINAL_WIDTH
     from omni_mj.results.summary_sentence import summary_sentence
+    from omni_mj.results.text_table import TERMINAL_WIDTH
 
     if sentence := summary_sentence(summary):
         print(textwrap.fill(sentence, TERMINAL_WIDTH), end="\n\n")

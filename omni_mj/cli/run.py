@@ -178,7 +178,7 @@ def open_viewers(output_options: options.OutputOptions) -> list[str]:
 
 def _print_tables(result: "Result") -> None:
     """Print the result in one sentence, then the tables and the events of a run."""
-    from omni_mj.results import result_tables
+    from omni_mj.results import result_tables, text_table
 
     summary = result.summary()
     if not result.outcomes[0].entry["results"]:
@@ -191,7 +191,7 @@ def _print_tables(result: "Result") -> None:
     )
     for result_table in optional_tables:
         if result_table:
-            print(result_tables.format_table(result_table), end="\n\n")
+            print(text_table.format_table(result_table), end="\n\n")
     console.print_events(result.outcomes[0].entry)
 
 

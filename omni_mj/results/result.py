@@ -14,7 +14,8 @@ from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.files import write_text
 from omni_mj.results import summary
-from omni_mj.results.result_tables import format_table, results_table
+from omni_mj.results.result_tables import results_table
+from omni_mj.results.text_table import format_table
 from omni_mj.simulation.log import Log
 
 if TYPE_CHECKING:

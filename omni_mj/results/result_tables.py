@@ -1,8 +1,6 @@
-"""Tables of results as strings, for the terminal, Markdown, recordings and reports."""
+"""Tables of results: errors and settling times, limits reached, recovery from faults."""
 
-import textwrap
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -10,10 +8,8 @@ from typing import Any
 from omni_mj.results.metrics import EXCURSION, RECOVERED_M, RECOVERY, RECOVERY_WINDOW_S
 from omni_mj.results.saturation import DUTY, METRIC_LABELS
 from omni_mj.results.statistics import SeedStatistics
+from omni_mj.results.text_table import DASH, Table, drop_equal_columns, format_number
 
-DASH = "\N{EN DASH}"
-TERMINAL_WIDTH = 80
-MAX_LABEL_WIDTH = 40  # longer labels get a line of their own
 PAPER_PREFIX = "paper's "  # before the names of controllers whose errors the paper reports
 AXIS_COLUMNS = {  # axis -> heading, key in the summary, factor
     "x": ("x, cm", "error_m", 100.0),
@@ -23,17 +19,6 @@ AXIS_COLUMNS = {  # axis -> heading, key in the summary, factor
 }
 MIN_FRACTION = 0.05  # fraction of frames from which on a limit is worth a table
 Summary = Mapping[str, Any]
-Column = tuple[str, ...]  # heading and cells
-
-
-@dataclass(frozen=True)
-class Table:
-    """Headings and rows of strings. The first `left_columns` columns are aligned to the left."""
-
-    title: str
-    headings: list[str]
-    rows: list[list[str]]
-    left_columns: int
 
 
 def results_table(summary: Summary, effort: bool = False, paper: bool = True) -> Table:
@@ -133,67 +118,6 @@ def describe_plant(entry: Mapping[str, Any]) -> str:
     return f"{robot}on the {entry['plant']} plant"
 
 
-def drop_equal_columns(text_table: Table, kept_headings: Collection[str] = ()) -> Table:
-    """Return a table without columns that are empty or say the same of all controllers.
-
-    Args:
-        text_table: Table, whose left-aligned columns stay.
-        kept_headings: Headings of columns that stay even if all their cells are equal.
-    """
-    columns = []
-    for index, heading in enumerate(text_table.headings):
-        column_cells = [row[index] for row in text_table.rows]
-        values = [cell for cell in column_cells if cell not in ("", DASH)]
-        is_equal = len(values) > 1 and len(set(values)) == 1
-        is_informative = bool(values) and (heading in kept_headings or not is_equal)
-        if index < text_table.left_columns or is_informative:
-            columns.append(index)
-    headings = [text_table.headings[index] for index in columns]
-    rows = [[row[index] for index in columns] for row in text_table.rows]
-    return Table(text_table.title, headings, rows, text_table.left_columns)
-
-
-def format_table(text_table: Table, width: int = TERMINAL_WIDTH) -> str:
-    """Return a table as lines of plain text that fit the terminal.
-
-    Columns without any text are left out. If the table is too wide, units go to a second line of
-    the headings. Columns that still do not fit follow in another block below. Long labels of rows
-    get a line of their own.
-
-    Args:
-        text_table: Table to print. Units follow a comma in its headings.
-        width: Largest number of characters in a line.
-    """
-    columns: list[Column] = list(zip(text_table.headings, *text_table.rows, strict=True))
-    labels = columns[: text_table.left_columns]
-    values = [column for column in columns[text_table.left_columns :] if any(column[1:])]
-    n_headings = 1
-    if _width([*labels, *values]) > width:
-        n_headings = 2
-        labels, values = (
-            [_split_heading(column) for column in group] for group in (labels, values)
-        )
-    blocks: list[list[Column]] = [[]]
-    for column in values:
-        if blocks[-1] and _width([*labels, *blocks[-1], column]) > width:
-            blocks.append([])
-        blocks[-1].append(column)
-    title = "\n".join(textwrap.fill(line, width) for line in text_table.title.split("\n"))
-    body = "\n\n".join(_format_block(labels, block, n_headings) for block in blocks)
-    return f"{title}\n{body}"
-
-
-def format_markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table in Markdown with one line of headings."""
-    lines = [headings, ["---"] * len(headings), *rows]
-    return "\n".join("| " + " | ".join(map(escape_markdown_cell, line)) + " |" for line in lines)
-
-
-def escape_markdown_cell(text: str) -> str:
-    """Return a text without characters that would end a cell or line of a table in Markdown."""
-    return " ".join(text.replace("|", "\\|").split())
-
-
 def controller_label(
     summary: Summary, controller: str, result: Mapping[str, Any] | None = None
 ) -> str:
@@ -202,11 +126,6 @@ def controller_label(
     if result and result["n_failed"]:
         remarks.append(f"failed {result['n_failed']} of {len(result['effort_m_s2']['per_seed'])}")
     return f"{controller} ({', '.join(remarks)})" if remarks else controller
-
-
-def format_number(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
-    """Return factor times a number, never as -0; a dash for None."""
-    return DASH if value is None else f"{factor * value:z.{digits}f}"
 
 
 def format_mean(spread: SeedStatistics, factor: float = 1.0) -> str:
@@ -266,37 +185,3 @@ def _paper_rows(entry: Mapping[str, Any], axes: Sequence[str]) -> Iterator[list[
             for axis in axes
         ]
         yield [PAPER_PREFIX + controller, *errors]
-
-
-def _split_heading(column: Column) -> Column:
-    """Return a column whose heading has its unit in a second line."""
-    quantity, _, unit = column[0].partition(", ")
-    return (quantity, unit, *column[1:])
-
-
-def _width(columns: Sequence[Column]) -> int:
-    """Return the width of columns side by side, in characters."""
-    return sum(2 + _column_width(column) for column in columns) - 2
-
-
-def _column_width(column: Column) -> int:
-    """Return the width of a column without its long labels, in characters."""
-    return max((len(text) for text in column if len(text) <= MAX_LABEL_WIDTH), default=0)
-
-
-def _format_block(labels: Sequence[Column], values: Sequence[Column], n_headings: int) -> str:
-    """Return columns side by side, without the line of units if no column has one."""
-    columns = [*labels, *values]
-    widths = [_column_width(column) for column in columns]
-    lines = []
-    for label, *texts in zip(*columns, strict=True):
-        if len(label) > MAX_LABEL_WIDTH:
-            lines.append(textwrap.fill(label, TERMINAL_WIDTH))
-            label = ""
-        aligned = [
-            text.ljust(width) if i < len(labels) else text.rjust(width)
-            for i, (text, width) in enumerate(zip([label, *texts], widths, strict=True))
-        ]
-        lines.append("  ".join(aligned).rstrip())
-    is_unit_line_empty = n_headings == 2 and not lines[1]
-    return "\n".join(lines[:1] + lines[2:] if is_unit_line_empty else lines)

@@ -18,10 +18,10 @@ from omni_control.errors import OmniError
 from omni_mj.config.settings import list_settings
 from omni_mj.files import write_text
 from omni_mj.results import result_tables
-from omni_mj.results.result_tables import DASH, Table, format_number
 from omni_mj.results.saturation import METRIC_LABELS
 from omni_mj.results.summary import flatten, read_summary
 from omni_mj.results.summary_sentence import summary_sentence
+from omni_mj.results.text_table import DASH, Table, drop_equal_columns, format_number
 from omni_mj.studies.compare.compare_table import verdict_table
 
 # File names of figures in the order of the page; the first one shows the finding.
@@ -168,7 +168,7 @@ def _motor_table(entry: Summary) -> Table:
         "of all motors and seeds; 5th/50th/95th percentile of alpha in windows of 0.25 s (the paper"
         " reports 0.7 to 1)"
     )
-    return result_tables.drop_equal_columns(Table(title, headings, rows, 1), kept_headings=ALPHA)
+    return drop_equal_columns(Table(title, headings, rows, 1), kept_headings=ALPHA)
 
 
 def _settings_table(entries: Mapping[str, Summary]) -> Table:

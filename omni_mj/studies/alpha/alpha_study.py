@@ -34,7 +34,7 @@ from omni_mj.results.ramp_response import (
     measure_ramp_response,
 )
 from omni_mj.results.result import Result
-from omni_mj.results.result_tables import Table, format_table
+from omni_mj.results.text_table import Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.alpha.operating_conditions import (
     AXES,

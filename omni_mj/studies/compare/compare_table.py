@@ -4,18 +4,16 @@ from collections.abc import Iterable, Iterator
 from textwrap import fill
 from typing import Any
 
-from omni_mj.results.result_tables import (
+from omni_mj.results.result_tables import controller_label, format_mean, results_table
+from omni_mj.results.statistics import SIGNIFICANCE_LEVEL, STATISTIC_LABELS
+from omni_mj.results.text_table import (
     DASH,
     TERMINAL_WIDTH,
     Table,
-    controller_label,
     escape_markdown_cell,
     format_markdown,
-    format_mean,
     format_table,
-    results_table,
 )
-from omni_mj.results.statistics import SIGNIFICANCE_LEVEL, STATISTIC_LABELS
 
 Summary = dict[str, Any]
 WITHIN_CHANCE = "?"  # mark of a difference that chance may explain

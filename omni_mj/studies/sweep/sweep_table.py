@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from omni_mj.files import write_text
-from omni_mj.results.result_tables import Table, format_markdown, format_number, format_table
+from omni_mj.results.text_table import Table, format_markdown, format_number, format_table
 from omni_mj.studies.sweep.sweep_statistics import ERROR_COLUMNS, MAX_ERROR
 
 if TYPE_CHECKING:
