@@ -23,8 +23,8 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants import mujoco
-from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants import mujoco_plant
+from omni_mj.plants.mujoco_plant import MujocoPlant
 from omni_mj.simulation.simulation import Simulation
 
 ROUNDS = 3  # the fastest counts, because other work on the machine only adds time
@@ -271,7 +271,7 @@ def machine() -> dict[str, str | int | None]:
 
 def main() -> None:
     """Measure, print, and write bench.json."""
-    mujoco.MIN_ROBOTS_FOR_THREADS = sys.maxsize  # one thread
+    mujoco_plant.MIN_ROBOTS_FOR_THREADS = sys.maxsize  # one thread
     results: dict[str, dict[str, float]] = {}
 
     def show(title: str, values: dict[str, float]) -> None:

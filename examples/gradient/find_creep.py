@@ -13,11 +13,10 @@ import numpy as np
 
 import omni_mj as om
 from omni_mj.config.rows import Row
-from omni_mj.plants.planar import PlanarPlant
+from omni_mj.plants.planar_plant import PlanarPlant
+from omni_mj.robot.electronics import make_undisturbed_inputs
 from omni_mj.robot.firmware_state import FirmwareCommand
-from omni_mj.robot.onboard import make_undisturbed_inputs
-from omni_mj.robot.planar_frame import advance_frame
-from omni_mj.robot.planar_state import PlanarParameters, PlanarState
+from omni_mj.robot.planar_robot import PlanarParameters, PlanarState, advance_frame
 
 N_FRAMES = 60
 TRUE_STIFFNESS = 2.0

@@ -16,9 +16,9 @@ from omni_mj.config.validation import raise_errors
 
 ControllerSpec = str | type[Controller]  # a name, "file.py:Class", or a class
 PLANTS: dict[str, str] = {  # to add a plant, add a line here
-    "mujoco": "omni_mj.plants.mujoco:MujocoPlant",
-    "planar": "omni_mj.plants.planar:PlanarPlant",
-    "kinematic": "omni_mj.plants.kinematic:KinematicPlant",
+    "mujoco": "omni_mj.plants.mujoco_plant:MujocoPlant",
+    "planar": "omni_mj.plants.planar_plant:PlanarPlant",
+    "kinematic": "omni_mj.plants.kinematic_plant:KinematicPlant",
     "live": "omni_mj.live.live_loop:LivePlant",
 }
 _PLANT_METHODS = ("pose", "twist", "advance", "telemetry")  # of `omni_mj.plants.Plant`

@@ -5,7 +5,7 @@ carpet: the reference acceleration of the tangential directions also acts on the
 then approaches a lift of friction x b_t v / k (b_t, k: tangential damping and normal stiffness per
 mass). With a spring of 50 Hz, half damped, and friction that acts within 3.5 ms, the lift is 72 mm
 at 1.5 m/s. Therefore the friction coefficient of the contacts is very high, and the creep and
-sliding of the rubber happen on a hinge between hub and rim (`omni_mj.robot.carpet`).
+sliding of the rubber happen on a hinge between hub and rim (`omni_mj.robot.wheel_carpet_forces`).
 
 Normal to the carpet a contact is a spring and a damper, with a mass that keeps it soft enough for
 the solver,

@@ -1,6 +1,6 @@
 """Drag, creep and Coulomb's limit of the carpet, written to robots in MuJoCo's worlds.
 
-The laws are those of `omni_mj.robot.carpet`.
+The laws are those of `omni_mj.robot.wheel_carpet_forces`.
 """
 
 import numpy as np
@@ -9,14 +9,14 @@ from omni_control.kinematics import Array
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.mjdata_views import RobotViews
 from omni_mj.robot.array_ops import rotate
-from omni_mj.robot.carpet import (
+from omni_mj.robot.electronics import FrameInputs
+from omni_mj.robot.wheel_carpet_forces import (
     CarpetParameters,
     ChassisMotion,
     Drag,
     compute_drag,
     compute_torque_limit,
 )
-from omni_mj.robot.onboard import FrameInputs
 
 
 def scale_creep_for_mujoco(carpet: CarpetParameters, world: World) -> CarpetParameters:

@@ -19,7 +19,7 @@ from omni_mj.config.faults import Payload
 from omni_mj.config.rows import Row
 from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
 from omni_mj.network.random_streams import Noise, Stream
-from omni_mj.robot.carpet import stack_patches
+from omni_mj.robot.wheel_carpet_forces import stack_patches
 
 BLOCKED_HUB_NM = 100.0  # dry friction of a blocked hub: more than motor and carpet can overcome
 
@@ -57,14 +57,14 @@ class FaultEffects:
 
     Args:
         rows: Rows of the robots.
-        plant: Plant with an attribute `parameters`, which has fields `onboard` and `carpet`.
+        plant: Plant with an attribute `parameters`, which has fields `electronics` and `carpet`.
         bodies: Bodies of the robots.
 
     Attributes:
         push_force: Force on the chassis, world frame, (n, 2) N.
         gyro_bias: Added to the gyros, (n, 1) rad/s.
         current_setpoint: 0 A for motors whose drivers are off, NaN for others, (W, n).
-        inputs: Fields of `omni_mj.robot.onboard.FrameInputs` that faults set, by name.
+        inputs: Fields of `omni_mj.robot.electronics.FrameInputs` that faults set, by name.
     """
 
     def __init__(self, rows: Sequence[Row], plant: Any, bodies: ChangeableBodies) -> None:
@@ -106,7 +106,7 @@ class FaultEffects:
     def _change_parameters(self, active: ActiveFaults) -> None:
         """Apply faults of carpet, wheels and magnets to the plant's parameters."""
         carpet = self._nominal_parameters.carpet
-        onboard = self._nominal_parameters.onboard
+        electronics = self._nominal_parameters.electronics
         wheel_ones = self._wheel_ones
         patches = [list(row.settings.carpet.patches) for row in self._rows]
         for row, patch in active.of_kind(faults.FrictionPatch):
@@ -123,11 +123,11 @@ class FaultEffects:
             friction_factor=carpet.friction_factor * _combine(active, faults.WheelWorn, wheel_ones),
             missing_angle=2 * np.pi * n_missing / n_rollers,
         )
-        torque_constant = onboard.motors.cold_torque_constant
+        torque_constant = electronics.motors.cold_torque_constant
         torque_constant = torque_constant * _combine(active, faults.MotorDemagnetized, wheel_ones)
-        motors = onboard.motors._replace(cold_torque_constant=torque_constant)
+        motors = electronics.motors._replace(cold_torque_constant=torque_constant)
         self._plant.parameters = self._plant.parameters._replace(
-            carpet=carpet, onboard=onboard._replace(motors=motors)
+            carpet=carpet, electronics=electronics._replace(motors=motors)
         )
 
     def _change_bodies(self, active: ActiveFaults) -> None:

@@ -15,8 +15,8 @@ from omni_mj.config.settings import Settings, gather
 from omni_mj.mjcf.model_measurements import point_mass_inertia
 from omni_mj.mjcf.part_recognition import Ids
 from omni_mj.mjcf.world_builder import World
-from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies
+from omni_mj.plants.randomization import RobotVariation
 
 _MASS_FIELDS = "body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat"
 

@@ -93,6 +93,26 @@ def cos_sin_small(angle: Array) -> tuple[Array, Array]:
     return cosine, angle * (1 - square * (1 / 6 - square * (1 / 120 - square * (1 / 5040))))
 
 
+def solve_symmetric(a: Array, b: Array) -> Array:
+    """Solve a x = b by a = L D L' for symmetric positive definite matrices.
+
+    Args:
+        a: Matrices, (3, 3, n).
+        b: Right sides, (3, n).
+    """
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = a
+    x, y, z = b
+    l_yx = xy / xx
+    l_zx = xz / xx
+    yy = yy - l_yx * xy
+    yz = yz - l_yx * xz
+    l_zy = yz / yy
+    y = y - l_yx * x
+    z = (z - l_zx * x - l_zy * y) / (zz - l_zx * xz - l_zy * yz)
+    y = y / yy - l_zy * z
+    return namespace(x).stack([x / xx - l_yx * y - l_zx * z, y, z])
+
+
 def straight_through_floor(x: Array) -> Array:
     """Round down, with the derivative of the argument (straight-through estimator).
 

@@ -10,7 +10,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants.mujoco_plant import MujocoPlant
 
 STATE = ("qpos", "qvel", "ctrl", "xfrc_applied")
 FIELDS = ("dof_frictionloss", "dof_solimp", "dof_damping", "actuator_gainprm")

@@ -23,7 +23,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants.mujoco_plant import MujocoPlant
 
 
 def get_chassis(plant: MujocoPlant, row: int) -> tuple[float, NDArray, NDArray]:

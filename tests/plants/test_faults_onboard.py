@@ -17,7 +17,7 @@ from benches.plant import (
 from benches.plant import mujoco as plant_of
 
 from omni_mj.config.resolve import resolve_settings
-from omni_mj.plants.kinematic import KinematicPlant
+from omni_mj.plants.kinematic_plant import KinematicPlant
 
 
 def test_a_demagnetized_motor_turns_by_its_torque_constant() -> None:

@@ -36,7 +36,7 @@ from benches.steps import StepRecorder
 
 from omni_control.errors import OmniError
 from omni_mj.config.settings import Settings
-from omni_mj.plants.kinematic import KinematicPlant
+from omni_mj.plants.kinematic_plant import KinematicPlant
 
 # --- pushes ---
 

@@ -10,7 +10,7 @@ from scipy import stats
 
 from omni_mj.config.settings import Settings
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants.kinematic import KinematicPlant
+from omni_mj.plants.kinematic_plant import KinematicPlant
 
 
 def alphas(settings: list[Settings], seeds: list[int], frames: int) -> NDArray:

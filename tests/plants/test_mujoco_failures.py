@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants.mujoco_plant import MujocoPlant
 
 # With this friction a braking robot tips over its wheels; on the league's carpet they slide. The
 # current is not limited: with 9 A a robot only leans on the edge of its hull, at 31 degrees.

@@ -13,8 +13,8 @@ from scipy import stats
 
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants.kinematic import KinematicPlant
-from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants.kinematic_plant import KinematicPlant
+from omni_mj.plants.mujoco_plant import MujocoPlant
 from omni_mj.plants.telemetry import TELEMETRY_NAMES
 
 # --- kinematic ---

@@ -6,7 +6,7 @@ import numpy as np
 
 from omni_control.kinematics import Array, world_to_body, wrap_angle
 from omni_mj.config.rows import Row
-from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants.mujoco_plant import MujocoPlant
 
 AWAY_M = 10.0  # height of the first removed robot; each further one is a meter higher
 # Number of frames for which a robot stores its headings. It ignores older measurements.

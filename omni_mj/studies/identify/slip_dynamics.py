@@ -7,7 +7,7 @@ traction f_i:
     r_i - d_i nu = (z + |v_i| / (C N_i)) f_i,        |f_i| <= sqrt(mu^2 - b^2) N_i
     M nu' = sum f_i d_i - drag + slope,              nu: body twist
 
-C is the creep stiffness. The drag is that of `omni_mj.robot.carpet`: rolling resistance p N_i
+C is the creep stiffness. The drag is that of `omni_mj.robot.wheel_carpet_forces`: rolling resistance p N_i
 against the travel of a wheel, roller bearings b N_i along its axle, and three terms that grow with
 speed (see `RobotDynamics`). Normal forces change with the acceleration, because the center of mass
 is above the floor. If encoders are the input, r_i is the measured rim speed times a scale, and z is
@@ -31,7 +31,7 @@ from omni_control.kinematics import Array, body_to_world, world_to_body
 from omni_control.traction import GRAVITY, compute_load_distribution
 from omni_mj.config import nominal_model
 from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
-from omni_mj.robot.carpet import AT_REST_M_S
+from omni_mj.robot.wheel_carpet_forces import AT_REST_M_S
 from omni_mj.studies.identify.log_segments import LogSegments
 
 Parameters = dict[str, float]

@@ -140,8 +140,8 @@ def process_pool(count: int) -> Iterator[Executor]:
 def _initialize_process() -> None:
     """Use one thread, and leave Ctrl-C to the parent process."""
     from omni_mj.cli.console import quiet_mujoco
-    from omni_mj.plants import mujoco
+    from omni_mj.plants import mujoco_plant
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    mujoco.MIN_ROBOTS_FOR_THREADS = sys.maxsize
+    mujoco_plant.MIN_ROBOTS_FOR_THREADS = sys.maxsize
     quiet_mujoco()

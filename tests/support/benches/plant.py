@@ -13,8 +13,8 @@ from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import Plant
-from omni_mj.plants.mujoco import MujocoPlant
-from omni_mj.plants.planar import PlanarPlant
+from omni_mj.plants.mujoco_plant import MujocoPlant
+from omni_mj.plants.planar_plant import PlanarPlant
 
 # Data of the default robot, from its file only
 _SETTINGS = resolve_settings()
@@ -151,14 +151,14 @@ WHEELED_PLANTS = pytest.mark.parametrize(
 # Internal values of plants
 def estimated_heading(plant: MujocoPlant | PlanarPlant) -> NDArray:
     """Return the firmware's headings, (n,) rad."""
-    heading: NDArray = plant.onboard.firmware.heading
+    heading: NDArray = plant.electronics.firmware.heading
     return heading
 
 
 def encoder_angles(plant: MujocoPlant | PlanarPlant) -> NDArray:
     """Return angles by the encoders' last counts, (n, W) rad."""
-    counts: NDArray = plant.onboard.firmware.encoder_count
-    return (counts / plant.parameters.onboard.firmware.counts_per_rad).T
+    counts: NDArray = plant.electronics.firmware.encoder_count
+    return (counts / plant.parameters.electronics.firmware.counts_per_rad).T
 
 
 def read_sensors(plant: MujocoPlant) -> list[float]:
@@ -191,14 +191,14 @@ def changeable_values(plant: MujocoPlant) -> list[NDArray]:
         "opt.gravity",
     )
     p = plant.parameters
-    onboard = [
+    electronics = [
         p.carpet.friction,
         p.carpet.friction_factor.T,
         plant._views.center_of_mass.T,
-        p.onboard.motors.cold_torque_constant.T,
+        p.electronics.motors.cold_torque_constant.T,
     ]
     fields = [plant._batch.expand(name) for name in names]
-    return [np.array(values) for values in (*fields, *onboard)]
+    return [np.array(values) for values in (*fields, *electronics)]
 
 
 def set_twist(plant: PlanarPlant, twist: ArrayLike) -> None:

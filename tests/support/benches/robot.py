@@ -10,7 +10,14 @@ from omni_mj.config import robot_files
 from omni_mj.config.motor_settings import MotorSettings
 from omni_mj.config.robot_files import find_builtin_robots
 from omni_mj.config.settings import Settings
-from omni_mj.robot import battery, carpet, firmware, firmware_state, motors, onboard
+from omni_mj.robot import (
+    battery,
+    electronics,
+    firmware,
+    firmware_state,
+    motors,
+    wheel_carpet_forces,
+)
 from omni_mj.robot.backends import JaxBackend
 from omni_mj.simulation.simulation import Simulation
 
@@ -51,7 +58,9 @@ class Firmware:
         wheels = settings[0].wheels.kinematics
         magnet_factor = np.ones((len(wheels.azimuths), self.n))
         headings = np.full(self.n, heading)
-        p, state = onboard.make_onboard(settings, wheels, headings, magnet_factor, 30, has_faults)
+        p, state = electronics.make_electronics(
+            settings, wheels, headings, magnet_factor, 30, has_faults
+        )
         self._p, self._s = p.firmware, state.firmware
         self.winding = state.motors.winding
 
@@ -146,7 +155,7 @@ class Battery:
 
 def compute_drag(
     settings: list[Settings], velocity: ArrayLike, heading: float = 0.0, **options: Any
-) -> carpet.Drag:
+) -> wheel_carpet_forces.Drag:
     """Return the drag of robots that translate.
 
     Args:
@@ -161,12 +170,14 @@ def compute_drag(
     position = np.asarray(options.pop("position", np.zeros(2)), float)
     load = np.broadcast_to(options.pop("load", 1.0), shape).copy()
     angle = np.broadcast_to(options.pop("angle", 0.0), shape).copy()
-    p = carpet.make_carpet_parameters(settings, wheels, np.ones(shape), np.zeros(shape))
+    p = wheel_carpet_forces.make_carpet_parameters(
+        settings, wheels, np.ones(shape), np.zeros(shape)
+    )
     x, y = np.asarray(velocity, float)
     c, s = np.cos(heading), np.sin(heading)
     values = *position, c, s, c * x + s * y, c * y - s * x, 0.0
-    motion = carpet.ChassisMotion(*(np.full(n, value) for value in values))
-    return carpet.compute_drag(p._replace(**options), motion, load, angle)
+    motion = wheel_carpet_forces.ChassisMotion(*(np.full(n, value) for value in values))
+    return wheel_carpet_forces.compute_drag(p._replace(**options), motion, load, angle)
 
 
 def uses_jax(simulation: Simulation) -> bool:

@@ -121,7 +121,7 @@ class Field:
 
     def heading_estimates(self) -> np.ndarray:
         """What robots take their headings to be."""
-        return np.asarray(self.pitch.plant.onboard.firmware.heading)
+        return np.asarray(self.pitch.plant.electronics.firmware.heading)
 
     def voltage(self) -> float:
         """Largest voltage of the motors in the cycle just past."""

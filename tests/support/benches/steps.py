@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from benches.plant import CONTACTS
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants.mujoco import MujocoPlant
+from omni_mj.plants.mujoco_plant import MujocoPlant
 
 
 class StepRecorder:

@@ -1,23 +1,20 @@
-"""Batches of MuJoCo worlds with one model: checks of the rows, and construction."""
+"""Checks that a plant can simulate rows in one batch, from their start poses."""
 
-import copy
 from collections.abc import Sequence
 
 import mujoco
-from mujoco.batch import Batch
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.rows import Row
 from omni_mj.mjcf.settings_to_mjcf import RobotShape
-from omni_mj.mjcf.world_builder import World
 
 # Depth to which robots may overlap each other or a wall at the start: that of a hard contact
 _MAX_OVERLAP_M = 1e-3
 
 
-def check_rows(rows: Sequence[Row]) -> None:
-    """Check that all rows can share one model.
+def check_mujoco_rows(rows: Sequence[Row]) -> None:
+    """Check that all rows can share one model of the plant `mujoco`.
 
     Raises:
         OmniError: Rows differ in their model or the physics.
@@ -65,15 +62,24 @@ def check_start_poses(rows: Sequence[Row], model: mujoco.MjModel, positions: Arr
                 )
 
 
-def make_batch(world: World, n_worlds: int, n_threads: int = 1) -> Batch:
-    """Return a batch of copies of a world.
+def check_planar_rows(rows: Sequence[Row]) -> None:
+    """Check that the plant `planar` can simulate all rows in a batch.
 
-    Args:
-        world: World as built.
-        n_worlds: Number of copies.
-        n_threads: Threads that step them.
+    Raises:
+        OmniError: Robots share a world, have a custom model, or differ in their wheels.
     """
-    model = copy.copy(world.model)
-    # The battery limits voltages, also where braking motors lift its voltage.
-    model.actuator_ctrllimited[:] = 0
-    return Batch(model, n_worlds, n_threads)
+    for number, row in enumerate(rows):
+        if row.slot:
+            raise OmniError(
+                "the plant planar has one robot per world, because it does not simulate "
+                "collisions; use the plant mujoco"
+            )
+        if row.settings.model.file:
+            raise OmniError(
+                "the plant planar does not support custom models (model.file); use the plant mujoco"
+            )
+        if row.settings.wheels != rows[0].settings.wheels:
+            raise OmniError(
+                f"rows 0 and {number} differ in wheels: all rows of a batch on the plant planar "
+                "must have the same wheels"
+            )

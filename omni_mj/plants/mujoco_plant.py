@@ -1,34 +1,36 @@
 """The plant `mujoco`: robots of models/ in batches of worlds, driven by their firmware."""
 
+import copy
 import os
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants import world_batch
 from omni_mj.plants.carpet_forces import CarpetForces, scale_creep_for_mujoco
-from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.mjdata_views import RobotViews
+from omni_mj.plants.randomization import RobotVariation
+from omni_mj.plants.row_checks import check_mujoco_rows, check_start_poses
 from omni_mj.plants.telemetry import Telemetry
-from omni_mj.plants.wheeled_plant import WheeledPlant
+from omni_mj.plants.wheeled_plant_base import WheeledPlantBase
 from omni_mj.robot.array_ops import stack_records
-from omni_mj.robot.carpet import DRAG_CYCLES, CarpetParameters
-from omni_mj.robot.firmware import set_heading
-from omni_mj.robot.firmware_state import CYCLES
-from omni_mj.robot.onboard import (
+from omni_mj.robot.electronics import (
     CycleRecord,
-    OnboardParameters,
+    ElectronicsParameters,
     begin_frame,
     end_frame,
     receive_command,
     run_cycle,
 )
+from omni_mj.robot.firmware import set_heading
+from omni_mj.robot.firmware_state import CYCLES
+from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES, CarpetParameters
 
 # Robots from which several threads gain more in a step than they lose by waiting for each other
 MIN_ROBOTS_FOR_THREADS = 16
@@ -44,11 +46,11 @@ INSTABILITY_WARNINGS = [  # after which MuJoCo silently resets a simulation
 class MujocoParameters(NamedTuple):
     """Parameters of n robots on the plant `mujoco`."""
 
-    onboard: OnboardParameters
+    electronics: ElectronicsParameters
     carpet: CarpetParameters
 
 
-class MujocoPlant(WheeledPlant):
+class MujocoPlant(WheeledPlantBase):
     """Robots with roller wheels on carpet that collide with robots and walls of their world.
 
     Args:
@@ -74,7 +76,7 @@ class MujocoPlant(WheeledPlant):
         threads: int | None = None,
         with_hulls: bool | None = None,
     ) -> None:
-        world_batch.check_rows(rows)
+        check_mujoco_rows(rows)
         settings = [row.settings for row in rows]
         n = len(rows)
         robots_per_world = max(row.slot for row in rows) + 1
@@ -86,7 +88,10 @@ class MujocoPlant(WheeledPlant):
         )
         if threads is None:
             threads = 1 if n < MIN_ROBOTS_FOR_THREADS else os.cpu_count() or 1
-        self._batch = world_batch.make_batch(world, n_worlds, min(threads, n_worlds))
+        model = copy.copy(world.model)
+        # The battery limits voltages, also where braking motors lift its voltage.
+        model.actuator_ctrllimited[:] = 0
+        self._batch = Batch(model, n_worlds, min(threads, n_worlds))
         low, high = int(INSTABILITY_WARNINGS[0]), int(INSTABILITY_WARNINGS[-1])
         # Live counts of the warnings, (worlds, 3)
         self._warning_counts = np.asarray(self._batch.warning)[:, low : high + 1, 1]
@@ -100,7 +105,7 @@ class MujocoPlant(WheeledPlant):
         self._active_worlds: np.ndarray | None = None  # those to step; None for all
         self._reset_worlds(np.arange(n_worlds))
         if robots_per_world > 1 and with_hulls is None:
-            world_batch.check_start_poses(rows, world.model, self._batch.bind("qpos"))
+            check_start_poses(rows, world.model, self._batch.bind("qpos"))
         wheels = settings[0].wheels
         has_two_rollers = wheels.model == "two-rollers"
         self._roller_pitch = 2 * np.pi / wheels.rollers if has_two_rollers else None
@@ -115,12 +120,12 @@ class MujocoPlant(WheeledPlant):
 
     def _make_parameters(self) -> None:
         """Set parameters and initial state of the robots; encoders start at their counts now."""
-        onboard, state = self._initial_onboard
+        electronics, state = self._initial_electronics
         carpet = scale_creep_for_mujoco(self._nominal_carpet, self._world)
-        self.parameters = MujocoParameters(onboard, carpet)
+        self.parameters = MujocoParameters(electronics, carpet)
         _, wheel_angle = self._sensor_values
-        count = np.floor(wheel_angle * onboard.firmware.counts_per_rad)
-        self.onboard = state._replace(firmware=state.firmware._replace(encoder_count=count))
+        count = np.floor(wheel_angle * electronics.firmware.counts_per_rad)
+        self.electronics = state._replace(firmware=state.firmware._replace(encoder_count=count))
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -137,7 +142,7 @@ class MujocoPlant(WheeledPlant):
         views = self._views
         slip = abs(views.slip_speed.get()) * self.parameters.carpet.radius
         return self._make_telemetry(
-            self.onboard, views.wheel_angle.get(), views.wheel_speed.get(), slip
+            self.electronics, views.wheel_angle.get(), views.wheel_speed.get(), slip
         )
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
@@ -168,7 +173,7 @@ class MujocoPlant(WheeledPlant):
         if self._cycle:
             return {}
         self._record = stack_records(self._records)
-        self.onboard = end_frame(self.parameters.onboard, self.onboard, self._record)
+        self.electronics = end_frame(self.parameters.electronics, self.electronics, self._record)
         self._records.clear()
         self._heading += wrap_angle(self.compute_heading() - self._heading)
         has_toppled = (self._has_toppled() & ~self._failed).any()
@@ -185,13 +190,13 @@ class MujocoPlant(WheeledPlant):
         """Set the heading (rad) that a robot's firmware assumes, as if it was put down there."""
         mask = np.arange(len(self._rows)) == robot
         headings = np.full(len(self._rows), heading)
-        firmware = set_heading(self.onboard.firmware, mask, headings)
-        self.onboard = self.onboard._replace(firmware=firmware)
+        firmware = set_heading(self.electronics.firmware, mask, headings)
+        self.electronics = self.electronics._replace(firmware=firmware)
 
     def _receive(self, received: ReceivedCommand) -> None:
         """Pass commands to the firmware, and store vision's headings until the next frame."""
         command = self._make_command(received)
-        self.onboard = receive_command(self.parameters.onboard, self.onboard, command)
+        self.electronics = receive_command(self.parameters.electronics, self.electronics, command)
         heading, age = self._vision
         is_missing = np.isnan(received.heading)
         self._vision = (
@@ -203,10 +208,10 @@ class MujocoPlant(WheeledPlant):
         """Apply the changes from frame to frame: faults, disturbances, vision, motor heat."""
         # This may change parameters, so it comes before they are read.
         inputs = self._make_inputs(*self._vision, self._failed)
-        parameters = self.parameters.onboard
+        parameters = self.parameters.electronics
         _, wheel_angle = self._sensor_values
-        self.onboard = begin_frame(parameters, self.onboard, inputs, wheel_angle)
-        motors = self.onboard.motors
+        self.electronics = begin_frame(parameters, self.electronics, inputs, wheel_angle)
+        motors = self.electronics.motors
         self._views.resistance.set(motors.resistance)
         self._views.torque_constant.set(motors.back_emf_constant / parameters.motors.gear_ratio)
         self._vision = self._no_vision
@@ -214,19 +219,19 @@ class MujocoPlant(WheeledPlant):
     def _begin_cycle(self) -> None:
         """Run the firmware, and write voltages, forces on the chassis, and slip limits."""
         views = self._views
-        is_drag_due = self.onboard.cycle % DRAG_CYCLES == 0
+        is_drag_due = self.electronics.cycle % DRAG_CYCLES == 0
         gyro, wheel_angle = self._sensor_values
         wheel_speed = views.wheel_speed.get()
         load = views.load.get()
-        self.onboard, record = run_cycle(
-            self.parameters.onboard, self.onboard, gyro, wheel_angle, wheel_speed
+        self.electronics, record = run_cycle(
+            self.parameters.electronics, self.electronics, gyro, wheel_angle, wheel_speed
         )
         self._records.append(record)
         if is_drag_due:
             self._carpet_forces.update_drag(
-                self.parameters.carpet, self.onboard.inputs, load, wheel_angle
+                self.parameters.carpet, self.electronics.inputs, load, wheel_angle
             )
-        motors = self.onboard.motors
+        motors = self.electronics.motors
         # MuJoCo's dcmotor has a constant resistance R in place of R + X |w|. This is the voltage
         # that drives the same current through it.
         views.voltage.set(

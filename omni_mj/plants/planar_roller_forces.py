@@ -47,7 +47,7 @@ class WheelResponse(NamedTuple):
     # come down
     inverse_square: Array
     inverse_square_down: Array
-    rolling_loss: Array  # this and the following: see `omni_mj.robot.planar_state.BodyParameters`
+    rolling_loss: Array  # this and the following: see `BodyParameters`
     rolling_loss_fade: Array
     lift: Array
     lift_fade: Array

@@ -1,6 +1,6 @@
 """The plant `planar`: robots in the plane, on wheels that creep and slide.
 
-The equations are in `omni_mj.robot.planar_body` and docs/explanation/planar-plant.md.
+The equations are in `omni_mj.robot.planar_dynamics` and docs/explanation/planar-plant.md.
 """
 
 from collections.abc import Iterable, Sequence
@@ -8,30 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.faults import Payload
 from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies
-from omni_mj.plants.planar_parameters import PlanarBodyBuilder
+from omni_mj.plants.planar_body_parameters import PlanarBodyBuilder
+from omni_mj.plants.randomization import RobotVariation
+from omni_mj.plants.row_checks import check_planar_rows
 from omni_mj.plants.telemetry import Telemetry
-from omni_mj.plants.wheeled_plant import WheeledPlant
+from omni_mj.plants.wheeled_plant_base import WheeledPlantBase
 from omni_mj.robot.array_ops import rotate, select
 from omni_mj.robot.backends import JaxBackend, NumpyBackend
-from omni_mj.robot.planar_frame import advance_frame
-from omni_mj.robot.planar_state import (
-    BodyParameters,
-    BodyState,
-    FrameReport,
-    PlanarParameters,
-    PlanarState,
-)
+from omni_mj.robot.planar_dynamics import BodyParameters, BodyState
+from omni_mj.robot.planar_robot import FrameReport, PlanarParameters, PlanarState, advance_frame
 
 
-class PlanarPlant(WheeledPlant, ChangeableBodies):
+class PlanarPlant(WheeledPlantBase, ChangeableBodies):
     """Robots with roller wheels on carpet, each alone in its world, without a contact solver.
 
     Args:
@@ -44,7 +38,7 @@ class PlanarPlant(WheeledPlant, ChangeableBodies):
     """
 
     def __init__(self, rows: Sequence[Row], start_poses: Array) -> None:
-        _check_rows(rows)
+        check_planar_rows(rows)
         settings = [row.settings for row in rows]
         world = world_builder.build_world(settings[0])
         n = len(rows)
@@ -56,9 +50,9 @@ class PlanarPlant(WheeledPlant, ChangeableBodies):
         self._slope = np.zeros((n, 2))
         body = self._body_builder.build(self._payloads, self._slope)
         self._hub_is_blocked = np.zeros(body.hub_dry_friction.shape, bool)
-        onboard, onboard_state = self._initial_onboard
-        parameters = PlanarParameters(onboard, self._nominal_carpet, body)
-        state = PlanarState(onboard_state, make_body_at_rest(body, x, y, heading))
+        electronics, electronics_state = self._initial_electronics
+        parameters = PlanarParameters(electronics, self._nominal_carpet, body)
+        state = PlanarState(electronics_state, make_body_at_rest(body, x, y, heading))
         use_jax = settings[0].physics.backend == "jax"
         self._backend: JaxBackend | NumpyBackend = (
             JaxBackend(parameters, state) if use_jax else NumpyBackend(parameters, state)
@@ -84,9 +78,9 @@ class PlanarPlant(WheeledPlant, ChangeableBodies):
         return self._backend.state
 
     @property
-    def onboard(self) -> Any:
+    def electronics(self) -> Any:
         """State of firmware, motors and battery."""
-        return self._backend.state.onboard
+        return self._backend.state.electronics
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -100,7 +94,7 @@ class PlanarPlant(WheeledPlant, ChangeableBodies):
         """See `Plant`."""
         if self._report is None:
             zeros = np.zeros(self._hub_is_blocked.shape)
-            return self._make_telemetry(self.onboard, zeros, zeros, zeros)
+            return self._make_telemetry(self.electronics, zeros, zeros, zeros)
         return Telemetry(self._report.telemetry.T)
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
@@ -206,22 +200,3 @@ def make_body_at_rest(p: BodyParameters, x: Array, y: Array, heading: Array) -> 
         passed_rollers=wheel_zeros,
         tilting_moment=np.zeros((2, len(x))),
     )
-
-
-def _check_rows(rows: Sequence[Row]) -> None:
-    """Raise an `OmniError` for rows that this plant cannot simulate."""
-    for number, row in enumerate(rows):
-        if row.slot:
-            raise OmniError(
-                "the plant planar has one robot per world, because it does not simulate "
-                "collisions; use the plant mujoco"
-            )
-        if row.settings.model.file:
-            raise OmniError(
-                "the plant planar does not support custom models (model.file); use the plant mujoco"
-            )
-        if row.settings.wheels != rows[0].settings.wheels:
-            raise OmniError(
-                f"rows 0 and {number} differ in wheels: all rows of a batch on the plant planar "
-                "must have the same wheels"
-            )

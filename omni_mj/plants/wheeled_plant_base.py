@@ -1,4 +1,4 @@
-"""Base of the plants with wheels: firmware, variation, disturbances, faults, current setpoints."""
+"""Base class of the plants with wheels: firmware, variation, disturbances, faults, current setpoints."""
 
 from collections.abc import Sequence
 
@@ -7,24 +7,23 @@ import numpy as np
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.rows import Row
 from omni_mj.network.radio import ReceivedCommand, compute_max_delay_frames
-from omni_mj.plants.disturbances import Disturbances
-from omni_mj.plants.domain_randomization import RobotVariation
 from omni_mj.plants.fault_effects import ChangeableBodies, FaultEffects
+from omni_mj.plants.randomization import Disturbances, RobotVariation
 from omni_mj.plants.telemetry import Telemetry
-from omni_mj.robot.carpet import make_carpet_parameters
-from omni_mj.robot.firmware_state import FirmwareCommand
-from omni_mj.robot.onboard import (
+from omni_mj.robot.electronics import (
     CycleRecord,
+    ElectronicsParameters,
+    ElectronicsState,
     FrameInputs,
-    OnboardParameters,
-    OnboardState,
-    make_onboard,
+    make_electronics,
     stack_telemetry,
 )
+from omni_mj.robot.firmware_state import FirmwareCommand
+from omni_mj.robot.wheel_carpet_forces import make_carpet_parameters
 
 
-class WheeledPlant:
-    """Robots with roller wheels on carpet, driven by their firmware.
+class WheeledPlantBase:
+    """Base class of robots with roller wheels on carpet, driven by their firmware.
 
     Args:
         rows: Rows of the robots.
@@ -62,13 +61,15 @@ class WheeledPlant:
         max_latency = max(
             compute_max_delay_frames(row.settings.radio, row.settings.fault) for row in rows
         )
-        self._initial_onboard: tuple[OnboardParameters, OnboardState] = make_onboard(
-            settings,
-            kinematics,
-            heading,
-            _transpose(variation.magnet_factor),
-            n_frames=max(max_latency, self.min_heading_memory) + 1,
-            has_faults=any(row.faults for row in rows),
+        self._initial_electronics: tuple[ElectronicsParameters, ElectronicsState] = (
+            make_electronics(
+                settings,
+                kinematics,
+                heading,
+                _transpose(variation.magnet_factor),
+                n_frames=max(max_latency, self.min_heading_memory) + 1,
+                has_faults=any(row.faults for row in rows),
+            )
         )
         self._nominal_carpet = make_carpet_parameters(
             settings,
@@ -146,7 +147,7 @@ class WheeledPlant:
         return inputs._replace(**fault_inputs)
 
     def _make_telemetry(
-        self, state: OnboardState, wheel_angle: Array, wheel_speed: Array, slip: Array
+        self, state: ElectronicsState, wheel_angle: Array, wheel_speed: Array, slip: Array
     ) -> Telemetry:
         """Return telemetry of the frame just past, or of the start.
 

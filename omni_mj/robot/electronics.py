@@ -43,7 +43,7 @@ from omni_mj.robot.motors import (
 )
 
 
-class OnboardParameters(NamedTuple):
+class ElectronicsParameters(NamedTuple):
     """Parameters of firmware, motors and battery."""
 
     firmware: FirmwareParameters
@@ -71,7 +71,7 @@ class FrameInputs(NamedTuple):
     has_failed: Array = None
 
 
-class OnboardState(NamedTuple):
+class ElectronicsState(NamedTuple):
     """State of firmware, motors and battery."""
 
     cycle: Array  # number of cycles so far, ()
@@ -94,14 +94,14 @@ class CycleRecord(NamedTuple):
     battery_current: Array  # (n,) A
 
 
-def make_onboard(
+def make_electronics(
     settings: Sequence[Settings],
     kinematics: Kinematics,
     heading: Array,
     magnet_factor: Array,
     n_frames: int,
     has_faults: bool,
-) -> tuple[OnboardParameters, OnboardState]:
+) -> tuple[ElectronicsParameters, ElectronicsState]:
     """Return parameters and initial state of n robots.
 
     Args:
@@ -119,7 +119,7 @@ def make_onboard(
         gather(settings, f"motor.{name}_c") * np.ones_like(magnet_factor)
         for name in ("winding", "housing")
     )
-    state = OnboardState(
+    state = ElectronicsState(
         cycle=np.array(0),
         frame=np.array(0),
         firmware=make_firmware_state(firmware, heading, n_frames, has_faults),
@@ -128,7 +128,7 @@ def make_onboard(
         source=make_source(battery, battery_state, np.ones(len(settings))),
         inputs=make_undisturbed_inputs(len(settings)),
     )
-    return OnboardParameters(firmware, motors, battery), state
+    return ElectronicsParameters(firmware, motors, battery), state
 
 
 def make_undisturbed_inputs(n: int) -> FrameInputs:
@@ -138,15 +138,15 @@ def make_undisturbed_inputs(n: int) -> FrameInputs:
 
 
 def receive_command(
-    p: OnboardParameters, s: OnboardState, command: FirmwareCommand
-) -> OnboardState:
+    p: ElectronicsParameters, s: ElectronicsState, command: FirmwareCommand
+) -> ElectronicsState:
     """Pass a command to the firmware, which applies it from the next cycle on."""
     return s._replace(firmware=accept_command(p.firmware, s.firmware, s.cycle, command))
 
 
 def begin_frame(
-    p: OnboardParameters, s: OnboardState, inputs: FrameInputs, wheel_angle: Array
-) -> OnboardState:
+    p: ElectronicsParameters, s: ElectronicsState, inputs: FrameInputs, wheel_angle: Array
+) -> ElectronicsState:
     """Begin a frame: faults, heading correction by vision, derating, and the battery's source.
 
     Args:
@@ -177,8 +177,12 @@ def begin_frame(
 
 
 def run_cycle(
-    p: OnboardParameters, s: OnboardState, gyro: Array, wheel_angle: Array, wheel_speed: Array
-) -> tuple[OnboardState, CycleRecord]:
+    p: ElectronicsParameters,
+    s: ElectronicsState,
+    gyro: Array,
+    wheel_angle: Array,
+    wheel_speed: Array,
+) -> tuple[ElectronicsState, CycleRecord]:
     """Advance sensors, firmware, drivers, motor currents and battery by a cycle of the wheel loops.
 
     Args:
@@ -211,7 +215,9 @@ def run_cycle(
     return s._replace(cycle=s.cycle + 1, firmware=firmware, battery=battery), record
 
 
-def end_frame(p: OnboardParameters, s: OnboardState, record: CycleRecord) -> OnboardState:
+def end_frame(
+    p: ElectronicsParameters, s: ElectronicsState, record: CycleRecord
+) -> ElectronicsState:
     """Warm motors and discharge batteries by the records of a frame.
 
     Args:
@@ -228,7 +234,7 @@ def end_frame(p: OnboardParameters, s: OnboardState, record: CycleRecord) -> Onb
 
 
 def stack_telemetry(
-    s: OnboardState, record: CycleRecord, wheel_angle: Array, wheel_speed: Array, slip: Array
+    s: ElectronicsState, record: CycleRecord, wheel_angle: Array, wheel_speed: Array, slip: Array
 ) -> Array:
     """Return the columns of `omni_mj.plants.telemetry.Telemetry` as rows, (10 W + 4, n).
 

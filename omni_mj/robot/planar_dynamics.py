@@ -1,4 +1,4 @@
-"""A robot body in the plane on wheels that creep and slide (docs/explanation/planar-plant.md).
+"""Equations of motion in the plane, for a body on wheels that creep and slide (docs/explanation/planar-plant.md).
 
 **A wheel.** The hub turns at w with its motor, whose inertia over a step h is 1 / G. The rim turns
 at J v with the body's twist v, because contacts do not slide. Rubber lets hub and rim differ by the
@@ -24,6 +24,8 @@ yields to the sum and the moments of both, so that wheels keep only the part tha
 body takes away.
 """
 
+from typing import NamedTuple
+
 from omni_mj.robot.array_ops import (
     Array,
     any_true,
@@ -32,17 +34,11 @@ from omni_mj.robot.array_ops import (
     iterate_while,
     namespace,
     rotate,
+    solve_symmetric,
     sum_wheels,
 )
-from omni_mj.robot.carpet import (
-    CarpetParameters,
-    ChassisMotion,
-    compute_drag,
-    compute_torque_limit,
-)
 from omni_mj.robot.firmware_state import CYCLE_S
-from omni_mj.robot.onboard import FrameInputs
-from omni_mj.robot.planar_state import BodyParameters, BodyState, SlowForces
+from omni_mj.robot.wheel_carpet_forces import ChassisMotion, Drag, compute_torque_limit
 
 # A wheel that starts to slide may let others slide. More than two such passes are rare.
 MAX_SLIDING_PASSES = 3
@@ -51,42 +47,83 @@ MAX_SLIDING_PASSES = 3
 STICTION_RETENTION = 1 - 400.0 * CYCLE_S
 
 
-def compute_slow_forces(
-    p: BodyParameters, carpet: CarpetParameters, s: BodyState, inputs: FrameInputs
-) -> SlowForces:
-    """Compute drag, pushes, the force of a slope, and the forces of rollers on their wheels.
+class BodyParameters(NamedTuple):
+    """Bodies and wheels of n robots, (n,) unless another shape is given.
 
-    Args:
-        p: Parameters of the bodies.
-        carpet: Parameters of the carpet.
-        s: State.
-        inputs: Inputs of the frame, with the push forces.
+    Positions are in the body frame, from the center of mass.
     """
-    xp = namespace(s.x)
-    drag = compute_drag(carpet, compute_center_motion(p, s), s.load, s.encoder_angle)
-    abs_speed = abs(s.rim_speed)
-    # Rollers are spun up and braked along the axle, and pressed into the carpet as the wheel turns.
-    spun_up_fraction = 1 - xp.exp(-p.spin_up_speed / xp.maximum(abs_speed, 1.0))
-    axle_force = -(p.roller_drag + p.spin_up * abs_speed * spun_up_fraction) * drag.axle_speed
-    rolling_torque = -p.rolling_loss * s.rim_speed / (1 + p.rolling_loss_fade * abs_speed)
-    rim_force = rolling_torque / p.rolling_radius
-    roller_x, roller_y = rotate(axle_force, rim_force, carpet.axle_x, carpet.axle_y)
-    ground_x = drag.forward_force + sum_wheels(roller_x)
-    ground_y = drag.sideways_force + sum_wheels(roller_y)
-    push_x, push_y = rotate(inputs.push_force_x, inputs.push_force_y, s.cosine, -s.sine)
-    slope_x, slope_y = rotate(p.slope_force_x, p.slope_force_y, s.cosine, -s.sine)
-    moment = drag.moment + p.center_x * drag.sideways_force - p.center_y * drag.forward_force
-    moment = moment + sum_wheels(p.contact_x * roller_y - p.contact_y * roller_x)
-    moment = moment + p.push_x * push_y - p.push_y * push_x
-    tilting_x = p.mass_height * ground_x - p.push_height * push_x
-    tilting_y = p.mass_height * ground_y - p.push_height * push_y
-    return SlowForces(
-        drag=drag,
-        force=xp.stack([ground_x + push_x + slope_x, ground_y + push_y + slope_y, moment]),
-        tilting_moment=xp.stack([tilting_x, tilting_y]),
-        lift=p.lift * abs_speed * abs_speed / (1 + p.lift_fade * abs_speed),
-        ripple=p.ripple + p.ripple_growth * abs_speed,
-    )
+
+    contact_x: Array  # where wheels touch the carpet, (W, n) m
+    contact_y: Array
+    edge_x: Array  # from there to the next wheel's contact counter-clockwise, (W, n) m
+    edge_y: Array
+    jacobian: Array  # J: rim speed per twist of the body, (3, W, n) 1/m, 1/m, 1
+    mass_rate: Array  # M / h: mass matrix over a cycle, (3, 3, n) kg/s, kg m/s and kg m^2/s
+    # Part of M due to rims and rollers, columns of the two velocities, (3, 2, n) kg and kg m
+    rolling_mass: Array
+    hub_gain: Array  # G: speed that a hub gains per torque in a cycle, rad/s / (N m)
+    hub_viscous_friction: Array  # N m s/rad
+    hub_dry_friction: Array  # (W, n) N m
+    contact_compliance: Array  # slip speed over torque of the contacts, (W, n) rad/s / (N m)
+    rolling_radius: Array  # from the axle to the carpet, (W, n) m
+    # Force along the axle over speed, roller_drag + spin_up |w| (1 - exp(-spin_up_speed / |w|)),
+    # (W, n) N s/m
+    roller_drag: Array
+    spin_up: Array
+    # Wheel speed at which rollers take on most of the carpet's speed, (W, n) rad/s
+    spin_up_speed: Array
+    # Torque of rolling resistance, rolling_loss w / (1 + rolling_loss_fade |w|), (W, n) N m
+    rolling_loss: Array
+    rolling_loss_fade: Array
+    # Normal force that turning adds to a wheel, lift w^2 / (1 + lift_fade |w|), (W, n) N
+    lift: Array
+    lift_fade: Array
+    # Ripple of the normal force as rollers pass, (ripple + ripple_growth |w|) times
+    # `compute_ripple_wave`, (W, n) N
+    ripple: Array
+    ripple_growth: Array
+    rollers_per_speed: Array  # rollers that pass in a cycle per rim speed, s/rad
+    center_x: Array  # center of the wheels, m
+    center_y: Array
+    push_x: Array  # point at which push forces act, m
+    push_y: Array
+    mass_height: Array  # center of mass above the carpet, m
+    push_height: Array  # point at which push forces act above the center of mass, m
+    static_load: Array  # normal force of each wheel at rest, (W, n) N
+    # Normal forces of the wheels for a vertical force and two moments, (3, W, n) 1, 1/m, 1/m
+    load_distribution: Array
+    slope_force_x: Array  # gravity along the carpet, world frame, N
+    slope_force_y: Array
+
+
+class BodyState(NamedTuple):
+    """Bodies and wheels of n robots, (n,) unless another shape is given."""
+
+    x: Array  # center of mass, world frame, m
+    y: Array
+    heading: Array  # rad
+    cosine: Array  # of the heading
+    sine: Array
+    twist: Array  # body frame, (3, n) m/s, m/s, rad/s
+    gyro_rate: Array  # turn rate at the gyro, one cycle old, rad/s
+    hub_angle: Array  # (W, n) rad
+    encoder_angle: Array  # hub angle at the encoders, one cycle old, (W, n) rad
+    hub_speed: Array  # (W, n) rad/s
+    rim_speed: Array  # (W, n) rad/s
+    torque: Array  # t: of the rubber between hub and rim, (W, n) N m
+    load: Array  # normal force, (W, n) N
+    passed_rollers: Array  # rollers of each wheel that have passed so far, (W, n)
+    tilting_moment: Array  # about -y and x, summed over the cycles of a frame, (2, n) N m
+
+
+class SlowForces(NamedTuple):
+    """Forces computed every `DRAG_CYCLES` cycles; (n,) unless another shape is given."""
+
+    drag: Drag
+    force: Array  # F: all but the wheels' traction, and its moment, (3, n) N and N m
+    tilting_moment: Array  # of drag and pushes, (2, n) N m
+    lift: Array  # normal force that turning adds, (W, n) N
+    ripple: Array  # amplitude of the normal force's ripple, (W, n) N
 
 
 def compute_center_motion(p: BodyParameters, s: BodyState) -> ChassisMotion:
@@ -250,23 +287,3 @@ def compute_ripple_wave(turns: Array) -> Array:
     """Return 1/16 with a roller at the bottom and -1/16 between two: parabolas for a cosine."""
     phase = 0.25 - abs(turns - namespace(turns).round(turns))
     return phase * (0.5 - abs(phase))
-
-
-def solve_symmetric(a: Array, b: Array) -> Array:
-    """Solve a x = b by a = L D L' for symmetric positive definite matrices.
-
-    Args:
-        a: Matrices, (3, 3, n).
-        b: Right sides, (3, n).
-    """
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = a
-    x, y, z = b
-    l_yx = xy / xx
-    l_zx = xz / xx
-    yy = yy - l_yx * xy
-    yz = yz - l_yx * xz
-    l_zy = yz / yy
-    y = y - l_yx * x
-    z = (z - l_zx * x - l_zy * y) / (zz - l_zx * xz - l_zy * yz)
-    y = y / yy - l_zy * z
-    return namespace(x).stack([x / xx - l_yx * y - l_zx * z, y, z])

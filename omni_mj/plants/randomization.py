@@ -1,5 +1,11 @@
-"""Domain randomization: deviations of a robot from its nominal data, drawn from its seed.
+"""Randomization of robots with wheels: deviations drawn once, disturbances drawn in each frame.
 
+Each robot has its own random streams, which depend on its seed only. In each frame it gets push
+forces and an error of its gyro. Push forces are the disturbance of table 4 in the paper as a force:
+uniform within an amplitude, per axis and frame. The error of a gyro is a constant bias, drawn once,
+and white noise, both normal.
+
+**Domain randomization** draws deviations of a robot from its nominal data.
 Friction, magnets and mass are drawn as factors, the center of mass as an offset. They are normal
 numbers, truncated at 3 standard deviations, so that no wheel gets nonsense. Wear only takes away,
 and rings are changed when they are worn. At any time a wheel may be anywhere between new and due,
@@ -89,6 +95,51 @@ class RobotVariation:
         columns["mass_factor"] = self.mass_factor[:, 0]
         columns["com_offset_x_m"], columns["com_offset_y_m"] = self.center_offset.T
         return columns
+
+
+class Disturbances:
+    """Push forces and gyro errors of n robots.
+
+    Args:
+        rows: Rows of the robots.
+
+    Attributes:
+        gyro_bias: Constant error of the gyros, (n, 1) rad/s.
+    """
+
+    def __init__(self, rows: Sequence[Row]) -> None:
+        seeds = [row.noise_seed for row in rows]
+        self._max_force = gather(rows, "settings.disturbance.force_n")[:, None]
+        self._has_force = bool(self._max_force.any())
+        self._uniform_noise = Noise(
+            seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2))
+        )
+        bias_noise = Noise(
+            seeds, Stream.GYRO_BIAS, lambda rng, count: rng.standard_normal((count, 1))
+        )
+        bias_sigma = gather(rows, "settings.sensors.gyro_bias_rad_s")[:, None]
+        self.gyro_bias: Array = bias_sigma * bias_noise.next()
+        self._gyro_sigma = gather(rows, "settings.sensors.gyro_noise_rad_s")[:, None]
+        self._gyro_noise = Noise(
+            seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1))
+        )
+
+    def draw_push_force(self) -> Array:
+        """Draw the forces on the chassis in the next frame, world frame, (n, 2) N."""
+        if not self._has_force:
+            return np.zeros((len(self._max_force), 2))
+        return np.asarray(self._max_force * self._uniform_noise.next())
+
+    def draw_gyro_error(self, bias: Array) -> Array:
+        """Draw the errors of the gyros in the next frame.
+
+        Args:
+            bias: Constant part, (n, 1) rad/s; `gyro_bias` and that of faults.
+
+        Returns:
+            Errors, (n,) rad/s.
+        """
+        return np.asarray(bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
 
 
 def _to_truncated_normal(uniform: Array) -> Array:

@@ -29,11 +29,11 @@ from omni_mj.mjcf.contact_parameters import (
 )
 from omni_mj.mjcf.model_measurements import compute_composite_inertia
 from omni_mj.mjcf.world_builder import World
-from omni_mj.plants.domain_randomization import RobotVariation
-from omni_mj.plants.planar_wheel import SPEEDS_RAD_S, WheelResponse, interpolate_response
+from omni_mj.plants.planar_roller_forces import SPEEDS_RAD_S, WheelResponse, interpolate_response
+from omni_mj.plants.randomization import RobotVariation
 from omni_mj.robot.array_ops import sum_wheels
 from omni_mj.robot.firmware_state import CYCLE_S
-from omni_mj.robot.planar_state import BodyParameters
+from omni_mj.robot.planar_dynamics import BodyParameters
 
 # Damping of a roller's contact along the carpet
 CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFNESS_RATIO * FRICTION_RATE_HZ

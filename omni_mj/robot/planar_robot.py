@@ -1,0 +1,157 @@
+"""Robots of the plant `planar`, frame by frame: electronics, drag, and a body in the plane."""
+
+from typing import NamedTuple
+
+from omni_mj.robot.array_ops import Array, namespace, rotate, scan, sum_wheels
+from omni_mj.robot.electronics import (
+    CycleRecord,
+    ElectronicsParameters,
+    ElectronicsState,
+    FrameInputs,
+    begin_frame,
+    end_frame,
+    receive_command,
+    run_cycle,
+    stack_telemetry,
+)
+from omni_mj.robot.firmware_state import CYCLES, FirmwareCommand
+from omni_mj.robot.planar_dynamics import (
+    BodyParameters,
+    BodyState,
+    SlowForces,
+    advance_body,
+    compute_center_motion,
+)
+from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES, CarpetParameters, compute_drag
+
+
+class PlanarParameters(NamedTuple):
+    """Parameters of n robots on the plant `planar`."""
+
+    electronics: ElectronicsParameters
+    carpet: CarpetParameters
+    body: BodyParameters
+
+
+class PlanarState(NamedTuple):
+    """State of n robots on the plant `planar`."""
+
+    electronics: ElectronicsState
+    body: BodyState
+
+
+class FrameReport(NamedTuple):
+    """Motion and telemetry at the end of a frame, (n,) unless another shape is given."""
+
+    pose: Array  # of the center of the wheels, world frame, (3, n) m, m, rad
+    twist: Array  # world frame, (3, n) m/s, m/s, rad/s
+    topples: Array  # whether the robot would topple
+    telemetry: Array  # (10 W + 4, n), see `omni_mj.plants.telemetry.Telemetry`
+
+
+def advance_frame(
+    p: PlanarParameters, s: PlanarState, command: FirmwareCommand, inputs: FrameInputs
+) -> tuple[PlanarState, FrameReport]:
+    """Advance by a frame of 1/60 s, in 16 cycles of the wheel loops.
+
+    Args:
+        p: Parameters.
+        s: State.
+        command: Command that the robots receive at the beginning of the frame.
+        inputs: Other inputs of the frame.
+    """
+    xp = namespace(s.body.x)
+    electronics = receive_command(p.electronics, s.electronics, command)
+    electronics = begin_frame(p.electronics, electronics, inputs, s.body.encoder_angle)
+    cosine, sine = xp.cos(s.body.heading), xp.sin(s.body.heading)
+    body = s.body._replace(cosine=cosine, sine=sine, tilting_moment=s.body.tilting_moment * 0.0)
+
+    def advance_drag_cycles(s: PlanarState) -> tuple[PlanarState, CycleRecord]:
+        slow = compute_slow_forces(p.body, p.carpet, s.body, s.electronics.inputs)
+        return scan(lambda s: advance_cycle(p, s, slow), s, DRAG_CYCLES, cosine)
+
+    s = PlanarState(electronics, body)
+    s, nested = scan(advance_drag_cycles, s, CYCLES // DRAG_CYCLES, cosine)
+    record = CycleRecord(*(values.reshape((CYCLES, *values.shape[2:])) for values in nested))
+    s = PlanarState(end_frame(p.electronics, s.electronics, record), s.body)
+    return s, make_report(p, s, record)
+
+
+def compute_slow_forces(
+    p: BodyParameters, carpet: CarpetParameters, s: BodyState, inputs: FrameInputs
+) -> SlowForces:
+    """Compute drag, pushes, the force of a slope, and the forces of rollers on their wheels.
+
+    Args:
+        p: Parameters of the bodies.
+        carpet: Parameters of the carpet.
+        s: State.
+        inputs: Inputs of the frame, with the push forces.
+    """
+    xp = namespace(s.x)
+    drag = compute_drag(carpet, compute_center_motion(p, s), s.load, s.encoder_angle)
+    abs_speed = abs(s.rim_speed)
+    # Rollers are spun up and braked along the axle, and pressed into the carpet as the wheel turns.
+    spun_up_fraction = 1 - xp.exp(-p.spin_up_speed / xp.maximum(abs_speed, 1.0))
+    axle_force = -(p.roller_drag + p.spin_up * abs_speed * spun_up_fraction) * drag.axle_speed
+    rolling_torque = -p.rolling_loss * s.rim_speed / (1 + p.rolling_loss_fade * abs_speed)
+    rim_force = rolling_torque / p.rolling_radius
+    roller_x, roller_y = rotate(axle_force, rim_force, carpet.axle_x, carpet.axle_y)
+    ground_x = drag.forward_force + sum_wheels(roller_x)
+    ground_y = drag.sideways_force + sum_wheels(roller_y)
+    push_x, push_y = rotate(inputs.push_force_x, inputs.push_force_y, s.cosine, -s.sine)
+    slope_x, slope_y = rotate(p.slope_force_x, p.slope_force_y, s.cosine, -s.sine)
+    moment = drag.moment + p.center_x * drag.sideways_force - p.center_y * drag.forward_force
+    moment = moment + sum_wheels(p.contact_x * roller_y - p.contact_y * roller_x)
+    moment = moment + p.push_x * push_y - p.push_y * push_x
+    tilting_x = p.mass_height * ground_x - p.push_height * push_x
+    tilting_y = p.mass_height * ground_y - p.push_height * push_y
+    return SlowForces(
+        drag=drag,
+        force=xp.stack([ground_x + push_x + slope_x, ground_y + push_y + slope_y, moment]),
+        tilting_moment=xp.stack([tilting_x, tilting_y]),
+        lift=p.lift * abs_speed * abs_speed / (1 + p.lift_fade * abs_speed),
+        ripple=p.ripple + p.ripple_growth * abs_speed,
+    )
+
+
+def advance_cycle(
+    p: PlanarParameters, s: PlanarState, slow: SlowForces
+) -> tuple[PlanarState, CycleRecord]:
+    """Advance by a cycle of 1/960 s."""
+    body = s.body
+    electronics, record = run_cycle(
+        p.electronics, s.electronics, body.gyro_rate, body.encoder_angle, body.hub_speed
+    )
+    motor_torque = electronics.motors.back_emf_constant * record.current
+    return PlanarState(electronics, advance_body(p.body, body, slow, motor_torque)), record
+
+
+def make_report(p: PlanarParameters, s: PlanarState, record: CycleRecord) -> FrameReport:
+    """Return motion and telemetry at the end of a frame."""
+    body = s.body
+    xp = namespace(body.x)
+    motion = compute_center_motion(p.body, body)
+    velocity_x, velocity_y = rotate(
+        motion.forward_velocity, motion.sideways_velocity, body.cosine, body.sine
+    )
+    slip = abs(body.hub_speed - body.rim_speed) * p.carpet.radius
+    return FrameReport(
+        pose=xp.stack([motion.x, motion.y, body.heading]),
+        twist=xp.stack([velocity_x, velocity_y, motion.turn_rate]),
+        topples=is_toppling(p.body, body),
+        telemetry=stack_telemetry(s.electronics, record, body.hub_angle, body.hub_speed, slip),
+    )
+
+
+def is_toppling(p: BodyParameters, s: BodyState) -> Array:
+    """Return whether the zero-moment point, averaged over a frame, is outside the wheels' polygon.
+
+    The zero-moment point is the one where weight and horizontal forces have no tilting moment.
+    """
+    weight = sum_wheels(p.static_load) * CYCLES
+    moment_x, moment_y = s.tilting_moment
+    is_outside = p.edge_x * (moment_y + p.contact_y * weight) > p.edge_y * (
+        moment_x + p.contact_x * weight
+    )
+    return is_outside.any(0)
