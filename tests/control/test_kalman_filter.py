@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.control import Array, vision_filter
+from benches.control import Array, FilterStep, vision_filter
 from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, simulate_drift
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,7 +16,7 @@ def run_filter(measured: Array, displacement: Array, start: Array) -> dict[str, 
     kalman = vision_filter.KalmanFilter(start, T, NOISE)
     record: dict[str, list[Array]] = {name: [] for name in NAMES}
     for m, q in zip(measured, displacement, strict=True):
-        kalman.update(m, q)
+        kalman.update(m, q, FilterStep.to_present(len(m)))
         for name, values in record.items():
             values.append(getattr(kalman, name).copy())
     return {name: np.array(values) for name, values in record.items()}

@@ -4,7 +4,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from benches.control import CONTROLLERS, Array, CommandLimiter, KalmanFilter, make_controller
+from benches.control import (
+    CONTROLLERS,
+    Array,
+    CommandLimiter,
+    FilterStep,
+    KalmanFilter,
+    make_controller,
+)
 from closed_loop import Plant, T, run_team, to_measured_pose
 from team_setup import (
     MODES,
@@ -32,7 +39,8 @@ def run_loop_by_hand(controllers: Sequence[Controller], plant: Plant, noise: Arr
     for frame, error in enumerate(noise):
         measured = to_measured_pose(plant.pose + error)
         queue.append(sent)
-        estimate = kalman.update(measured, queue.get_delayed(model.latency_frames) * T)
+        displacement = queue.get_delayed(model.latency_frames) * T
+        estimate = kalman.update(measured, displacement, FilterStep.to_present(n))
         controller_commands, start = [], 0
         for controller in controllers:
             rows = slice(start, start := start + len(controller.predicted_pose))

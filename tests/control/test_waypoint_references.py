@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from benches.control import OmniError
+from benches.control import ARRIVAL_RADIUS_M, OmniError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_motion import (
@@ -123,10 +123,7 @@ def test_a_perfect_robot_passes_every_way_point_and_rests_on_the_last(
     overrun = limit.speed / weakest + limit.turn_rate / limit.turn_acceleration
     for frame in range(timed.frames + len(path) * math.ceil(overrun / T)):
         _, twist = iterated.at(frame, pose)
-        if (
-            reached < len(path)
-            and np.hypot(*(pose[0] - path[reached])[:2]) < iterated.arrival_radius
-        ):
+        if reached < len(path) and np.hypot(*(pose[0] - path[reached])[:2]) < ARRIVAL_RADIUS_M:
             reached += 1
         pose = pose + twist * T
     assert reached == len(path)

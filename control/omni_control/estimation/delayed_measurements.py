@@ -44,42 +44,31 @@ class FilterStep(NamedTuple):
         return FilterStep(self.frames_behind[rows], self.frozen[rows], self.capture_offset[rows])
 
 
-class FilterSchedule:
-    """Position of the filters of n robots in time.
+def plan_steps(
+    frames_behind: Array, age: Array, is_visible: NDArray[np.bool_], period: float
+) -> tuple[FilterStep, ...]:
+    """Return the steps of n filters in a frame. The last one takes the measurements.
+
+    A measurement may be older than its filter's time, as after a frame without a measurement.
+    The filter is then frozen, `capture_offset` is negative, and the measurement is compared
+    with the position of the robot at its capture.
 
     Args:
-        n: Number of robots.
+        frames_behind: Frames from each filter's time to the previous frame, (n,).
+        age: Time from the capture of each measurement to this frame, (n,) s.
+        is_visible: Robots with a measurement, (n,).
         period: Length of a frame, s.
-
-    Attributes:
-        frames_behind: Frames from each filter's time to the present, (n,).
     """
-
-    def __init__(self, n: int, period: float) -> None:
-        self._period, self.frames_behind = period, np.zeros(n)
-
-    def plan_steps(self, age: Array, is_visible: NDArray[np.bool_]) -> list[FilterStep]:
-        """Return the steps of this frame. The last one takes the measurements.
-
-        A measurement may be older than its filter's time, as after a frame without a measurement.
-        The filter is then frozen, `capture_offset` is negative, and the measurement is compared
-        with the position of the robot at its capture.
-
-        Args:
-            age: Time from the capture of each measurement to this frame, (n,) s.
-            is_visible: Robots with a measurement, (n,).
-        """
-        age_frames = np.minimum(age / self._period, MAX_FRAMES_BEHIND)
-        target = np.where(is_visible, np.ceil(age_frames - _ROUNDING), self.frames_behind)
-        frames_behind = np.minimum(target, self.frames_behind + 1)
-        n_steps = self.frames_behind + 1 - frames_behind
-        capture_offset = np.where(is_visible, (frames_behind - age_frames) * self._period, 0.0)
-        self.frames_behind = frames_behind
-        return [
-            FilterStep(
-                frames_behind + steps_to_go,
-                n_steps <= steps_to_go,
-                0 * capture_offset if steps_to_go else capture_offset,
-            )
-            for steps_to_go in range(max(int(n_steps.max()), 1) - 1, -1, -1)
-        ]
+    age_frames = np.minimum(age / period, MAX_FRAMES_BEHIND)
+    target = np.where(is_visible, np.ceil(age_frames - _ROUNDING), frames_behind)
+    target = np.minimum(target, frames_behind + 1)
+    n_steps = frames_behind + 1 - target
+    capture_offset = np.where(is_visible, (target - age_frames) * period, 0.0)
+    return tuple(
+        FilterStep(
+            target + steps_to_go,
+            n_steps <= steps_to_go,
+            0 * capture_offset if steps_to_go else capture_offset,
+        )
+        for steps_to_go in range(max(int(n_steps.max()), 1) - 1, -1, -1)
+    )

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omni_control.delay_compensation import CommandHistory
-from omni_control.estimation.delayed_measurements import FilterSchedule, FilterStep
+from omni_control.estimation.delayed_measurements import FilterStep, plan_steps
 from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.kinematics import Array, wrap_angle
 
@@ -46,7 +46,7 @@ class KalmanFilter:
     """
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
-        self._period, self._default_step = period, FilterStep.to_present(len(pose))
+        self._period = period
         sigma = np.maximum(np.broadcast_to(noise, pose.shape), CAMERA_RESOLUTION)
         self._measurement_variance = sigma**2
         self._drift_decay = math.exp(-period / DRIFT_TIME_S)
@@ -73,7 +73,7 @@ class KalmanFilter:
         self,
         measured_pose: Array,
         displacement: Array,
-        step: FilterStep | None = None,
+        step: FilterStep,
         capture_displacement: Array | float = 0.0,
     ) -> Array:
         """Predict the poses by the commands, correct them by measurements, and return them (n, 3).
@@ -81,11 +81,10 @@ class KalmanFilter:
         Args:
             measured_pose: Measured poses (n, 3); NaN where a robot was not seen.
             displacement: Commanded displacement since the last frame, (n, 3), m and rad.
-            step: Step of the filter. Default: to the next frame, with measurements captured there.
+            step: Step of the filter; its last one in this frame takes the measurements.
             capture_displacement: Commanded displacement from the end of the step to the capture of
                 the measurements, (n, 3).
         """
-        step = step or self._default_step
         process_noise = self._predict(displacement, step.frozen[:, None])
         offset = step.capture_offset[:, None]
         self._correct(measured_pose, offset, capture_displacement, process_noise)
@@ -96,20 +95,25 @@ class KalmanFilter:
         """Advance state and covariance by a frame; return the process noise of the poses (n, 3)."""
         period, decay = self._period, self._drift_decay
         process_noise = self._noise_scale * (GAIN_ERROR * displacement) ** 2
-        next_covariance = self._covariance + period * self._drift_variance
-        pose = self.pose + period * self.drift + displacement
-        drift = decay * self.drift
-        pose_growth = period * (self._covariance + next_covariance)
-        pose_variance = self._pose_variance + pose_growth + process_noise
-        covariance = decay * next_covariance
-        drift_variance = decay**2 * self._drift_variance + self._noise_scale * self._drift_noise
+        covariance = self._covariance + period * self._drift_variance
+        pose_growth = period * (self._covariance + covariance)
+        state = [
+            self.pose + period * self.drift + displacement,
+            decay * self.drift,
+            self._pose_variance + pose_growth + process_noise,
+            decay * covariance,
+            decay**2 * self._drift_variance + self._noise_scale * self._drift_noise,
+        ]
         if np.count_nonzero(frozen):
-            pose, drift = np.where(frozen, self.pose, pose), np.where(frozen, self.drift, drift)
-            pose_variance = np.where(frozen, self._pose_variance, pose_variance)
-            covariance = np.where(frozen, self._covariance, covariance)
-            drift_variance = np.where(frozen, self._drift_variance, drift_variance)
-        self.pose, self.drift, self._pose_variance = pose, drift, pose_variance
-        self._covariance, self._drift_variance = covariance, drift_variance
+            previous = (
+                self.pose,
+                self.drift,
+                self._pose_variance,
+                self._covariance,
+                self._drift_variance,
+            )
+            state = [np.where(frozen, *values) for values in zip(previous, state, strict=True)]
+        self.pose, self.drift, self._pose_variance, self._covariance, self._drift_variance = state
         return process_noise
 
     def _correct(
@@ -173,12 +177,11 @@ class VisionTracker:
     def __init__(
         self, pose: Array, noise: Array, latency: Array, period: float, gate: OutlierGate
     ) -> None:
-        n = len(latency)
         self.filter, self._gate = KalmanFilter(pose, period, noise), gate
         self._latency, self._period = latency, period
         # Looking up commands is faster for one latency than for an array.
         self._common_latency = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
-        self._schedule, self._default_step = FilterSchedule(n, period), FilterStep.to_present(n)
+        self._default_step = FilterStep.to_present(len(latency))
         self.memory_frames = math.ceil(latency.max()) + 1
         self.pose, self.twist = self.filter.pose, self.filter.twist
         self.steps: tuple[FilterStep, ...] = (self._default_step,)
@@ -193,18 +196,19 @@ class VisionTracker:
                 `MAX_FRAMES_BEHIND` of them.
         """
         accepted = self._gate.reject_outliers(measured_pose, age)
-        if np.count_nonzero(age) or np.count_nonzero(self._schedule.frames_behind):
+        if np.count_nonzero(age) or np.count_nonzero(self.steps[-1].frames_behind):
             self._update_delayed(accepted, age, sent)
         else:
             displacement = sent.get_delayed(self._common_latency) * self._period
-            self.pose = self.filter.update(accepted, displacement)
+            self.pose = self.filter.update(accepted, displacement, self._default_step)
             self.twist, self.steps = self.filter.twist, (self._default_step,)
         return accepted
 
     def _update_delayed(self, accepted: Array, age: Array, sent: CommandHistory) -> None:
         """Process a frame with late measurements, or with a filter behind the present."""
         latency, period = self._latency, self._period
-        self.steps = tuple(self._schedule.plan_steps(age, ~np.isnan(accepted[:, 0])))
+        is_visible = ~np.isnan(accepted[:, 0])
+        self.steps = plan_steps(self.steps[-1].frames_behind, age, is_visible, period)
         for step in self.steps:
             frames_behind, offset = step.frames_behind[:, None], step.capture_offset[:, None]
             displacement = sent.get_delayed(latency + frames_behind) * period
@@ -213,7 +217,7 @@ class VisionTracker:
             is_final = step is self.steps[-1]
             measured = accepted if is_final else np.full_like(accepted, np.nan)
             self.filter.update(measured, displacement, step, capture_displacement)
-        frames_behind, drift = self._schedule.frames_behind[:, None], self.filter.drift
+        drift = self.filter.drift
         fractions = sent.get_pending_fractions(
             latency + frames_behind
         ) - sent.get_pending_fractions(latency)

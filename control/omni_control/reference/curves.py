@@ -15,18 +15,13 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
+from omni_control.reference.sampled import SampledReference
 from omni_control.reference.speed_profiles import (
     ClosedPath,
     integrate_speed_profile,
     solve_speed_profile_on_wheels,
 )
-from omni_control.reference.time_scaling import (
-    PathTiming,
-    is_within_wheel_limits,
-    sample_path,
-    sample_path_on_wheels,
-)
-from omni_control.reference.timed import SampledReference
+from omni_control.reference.time_scaling import PathTiming, sample_path, slow_down_for_wheels
 from omni_control.traction import WheelLimits
 
 _N_CELLS = 1000  # per lap and aspect ratio: the longer a figure, the sharper its bends
@@ -105,23 +100,19 @@ class CurveReference(SampledReference):
             raise OmniError(f"the number of laps of a curve must be at least 1, not {laps}")
         path = partial(_get_poses, curve, tangent)
         poses = sample_path(path, _plan_timing(curve, limits, laps, tangent), limits, period)
-        wheels = limits.wheels
-        if wheels is not None and not is_within_wheel_limits(poses, wheels, period):
-            plan_timing = partial(_plan_timing_on_wheels, curve, limits, wheels, laps, tangent)
-            poses = sample_path_on_wheels(path, plan_timing, limits, wheels, period)
-        rest = np.repeat(poses[-1:], settle_frames, axis=0)
-        super().__init__(np.concatenate([poses, rest]), period)
+        plan_timing = partial(_plan_timing_on_wheels, curve, limits, laps, tangent)
+        poses = slow_down_for_wheels(poses, path, plan_timing, limits, period)
+        super().__init__(np.pad(poses, ((0, settle_frames), (0, 0)), "edge"), period)
 
 
 def _plan_timing(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> PathTiming:
     """Return the fastest timing of the laps within the limits of velocity and acceleration."""
     # The curve in the plane in which the limit of acceleration is a circle.
     isotropic = curve if tangent else replace(curve, width=limits.acceleration_ratio * curve.width)
-    n_cells = _N_CELLS * _round_aspect_ratio(isotropic)
-    u = np.linspace(0, 2 * np.pi, n_cells + 1)
-    arc_rate, curvature = _measure(isotropic, u)
-    step = u[1] * (arc_rate[:-1] + arc_rate[1:]) / 2
-    max_squared_speed = (limits.speed * (arc_rate / _measure(curve, u)[0])) ** 2
+    u = np.linspace(0, 2 * np.pi, _N_CELLS * _round_aspect_ratio(isotropic) + 1)
+    step, arc_rate, curvature = _measure(isotropic, u)
+    speed = limits.speed * (arc_rate / np.abs(_to_complex(curve(u, 1))))
+    max_squared_speed = speed**2
     squared_speed = integrate_speed_profile(
         step,
         np.maximum(np.abs(curvature), _STRAIGHT),
@@ -130,54 +121,62 @@ def _plan_timing(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -
         laps,
         tangent,
     )
-    return _make_timing(squared_speed, arc_rate, u[1], laps)
+    return _make_timing(squared_speed, arc_rate)
 
 
 def _plan_timing_on_wheels(
     curve: Curve,
     limits: MotionLimits,
-    wheels: WheelLimits,
     laps: int,
     tangent: bool,
+    wheels: WheelLimits,
     capacity: float,
 ) -> PathTiming:
     """Return the fastest timing of the laps that needs a fraction of the wheels' capacity."""
     n_cells = min(_N_PROGRAM_CELLS * _round_aspect_ratio(curve), _N_CELLS)
     u = np.linspace(0, 2 * np.pi, n_cells + 1)
-    arc_rate, curvature = _measure(curve, u)
-    step = u[1] * (arc_rate[:-1] + arc_rate[1:]) / 2
-    cell_curvature = (curvature[:-1] + curvature[1:]) / 2
+    step, arc_rate, curvature = _measure(curve, u)
+    turning = (curvature[:-1] + curvature[1:]) / 2
     tangents = _to_complex(curve((u[:-1] + u[1:]) / 2, 1))
-    towards = np.ones(n_cells) + 0j if tangent else tangents / np.abs(tangents)
-    direction = np.stack([towards.real, towards.imag], axis=1)
-    path = ClosedPath(step, direction, cell_curvature, np.diff(curvature) / step, tangent)
+    direction = np.ones(n_cells) + 0j if tangent else tangents / np.abs(tangents)
+    x, y = direction.real, direction.imag
+    path = ClosedPath(
+        step,
+        np.array([x, y, turning * tangent]),
+        np.array([-turning * y, turning * x, np.diff(curvature) / step * tangent]),
+    )
     squared_speed = solve_speed_profile_on_wheels(path, limits, wheels, capacity, laps)
-    return _make_timing(squared_speed, arc_rate, u[1], laps)
+    return _make_timing(squared_speed, arc_rate)
 
 
 def _round_aspect_ratio(curve: Curve) -> int:
     return math.ceil(max(curve.length / curve.width, curve.width / curve.length))
 
 
-def _make_timing(squared_speed: Array, arc_rate: Array, step: float, laps: int) -> PathTiming:
-    """Return the timing for squared speeds (laps * cells + 1,) at parameters a `step` apart.
+def _make_timing(squared_speed: Array, arc_rate: Array) -> PathTiming:
+    """Return the timing for squared speeds (laps * cells + 1,) of the robot, m^2/s^2.
 
     Args:
-        squared_speed: Squared speeds of the robot, m^2/s^2.
+        squared_speed: Squared speeds at the ends of equal cells of the parameter.
         arc_rate: Arc length per parameter in one lap, (cells + 1,) m.
-        step: Difference of parameters between cells.
-        laps: Number of laps.
     """
-    all_laps = np.append(np.tile(arc_rate[:-1], laps), arc_rate[0])
-    return PathTiming.from_rates(step, np.sqrt(squared_speed) / all_laps)
+    lap = arc_rate[:-1]
+    rate = np.sqrt(squared_speed) / np.resize(lap, squared_speed.shape)
+    return PathTiming(2 * np.pi / len(lap), rate)
 
 
-def _measure(curve: Curve, u: Array) -> tuple[Array, Array]:
-    """Return the arc length per parameter (n,), m, and the curvature (n,), 1/m, left positive."""
+def _measure(curve: Curve, u: Array) -> tuple[Array, Array, Array]:
+    """Return the lengths of cells, and quantities at their ends u (cells + 1,).
+
+    Returns:
+        Lengths (cells,) m; arc length per parameter (cells + 1,) m; and curvature (cells + 1,),
+        1/m, positive to the left.
+    """
     # Arrays of x and y would round differently than complex numbers, and change results.
     tangent = _to_complex(curve(u, 1))
     arc_rate = np.abs(tangent)
-    return arc_rate, (_to_complex(curve(u, 2)) / tangent).imag / arc_rate
+    curvature = (_to_complex(curve(u, 2)) / tangent).imag / arc_rate
+    return u[1] * (arc_rate[:-1] + arc_rate[1:]) / 2, arc_rate, curvature
 
 
 def _to_complex(points: Array) -> np.ndarray:

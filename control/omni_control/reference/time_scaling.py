@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,32 +15,28 @@ _N_WINDOWS = 24  # number of smoothing windows that are tried
 _MIN_REDUCTION = 1.005  # least factor by which the demand on wheels is reduced when it was too high
 
 
-@dataclass(frozen=True)
 class PathTiming:
     """Parameter u of a path over time; its rate is linear in time between samples.
 
     Args:
+        step: Difference of u between samples; the first is at u = 0.
+        rate: du/dt at the samples, (n,) 1/s.
+
+    Attributes:
         time: Times of the samples, (n,) s.
-        parameter: u at these times, (n,).
-        rate: du/dt at these times, (n,) 1/s.
     """
 
-    time: Array
-    parameter: Array
-    rate: Array
-
-    @classmethod
-    def from_rates(cls, step: float, rate: Array) -> "PathTiming":
-        """Return the timing for rates (n,) at parameters 0, `step`, 2 `step`, ..."""
-        time = np.append(0.0, np.cumsum(2 * step / (rate[:-1] + rate[1:])))
-        return cls(time, step * np.arange(len(rate), dtype=float), rate)
+    def __init__(self, step: float, rate: Array) -> None:
+        self._step, self._rate = step, rate
+        self.time = np.append(0.0, np.cumsum(2 * step / (rate[:-1] + rate[1:])))
 
     def get_parameter(self, time: Array) -> Array:
         """Return the parameters (frames,) at times (frames,)."""
         i = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
         elapsed, duration = time - self.time[i], self.time[i + 1] - self.time[i]
-        mean_rate = self.rate[i] + elapsed / duration * (self.rate[i + 1] - self.rate[i]) / 2
-        return self.parameter[i] + elapsed * mean_rate
+        rate, next_rate = self._rate[i], self._rate[i + 1]
+        mean_rate = rate + elapsed / duration * (next_rate - rate) / 2
+        return np.asarray(self._step * i + elapsed * mean_rate)
 
 
 def sample_path(
@@ -78,40 +73,39 @@ def sample_path(
     return fastest
 
 
-def sample_path_on_wheels(
+def slow_down_for_wheels(
+    poses: Array,
     path: Callable[[Array], Array],
-    plan_timing: Callable[[float], PathTiming],
+    plan_timing: Callable[[WheelLimits, float], PathTiming],
     limits: MotionLimits,
-    wheels: WheelLimits,
     period: float,
 ) -> Array:
     """Return poses (frames, 3) from rest to rest on a path within all limits, wheels included.
 
     Args:
+        poses: Poses (frames, 3) on the path within all limits but those of wheels. The result is
+            the same object if the wheels can drive them.
         path: Function from parameters (frames,) to poses (frames, 3).
-        plan_timing: Function from a fraction of the wheels' capacity to the fastest timing that
-            needs no more than it.
-        limits: Limits of velocity, acceleration and jerk.
-        wheels: Limits of the wheels.
+        plan_timing: Function from the limits of the wheels and a fraction of their capacity to the
+            fastest timing that needs no more than it.
+        limits: Limits of velocity, acceleration and jerk, and of the wheels.
         period: Length of a frame, s.
 
     Raises:
         OmniError: Friction hardly exceeds drag.
     """
-    capacity = 1.0
-    while capacity > wheels.max_drag_fraction:
-        poses = sample_path(path, plan_timing(capacity), limits, period)
-        utilization = max(wheels.compute_peak_utilization(poses, period))
-        if utilization <= 1 + ROUNDING:
-            return poses
-        # Smoothing and whole frames need more than the timing.
-        capacity /= max(utilization, _MIN_REDUCTION)
-    raise OmniError(f"with friction {wheels.friction:g} the wheels can hardly overcome drag")
-
-
-def is_within_wheel_limits(poses: Array, wheels: WheelLimits, period: float) -> bool:
-    """Return whether wheels can drive poses (frames, 3)."""
-    return max(wheels.compute_peak_utilization(poses, period)) <= 1 + ROUNDING
+    wheels, capacity = limits.wheels, math.inf
+    if wheels is None:
+        return poses
+    while (utilization := max(wheels.compute_peak_utilization(poses, period))) > 1 + ROUNDING:
+        # At first the full capacity. Smoothing and whole frames need more than the timing.
+        capacity = min(1.0, capacity / max(utilization, _MIN_REDUCTION))
+        if capacity <= wheels.max_drag_fraction:
+            raise OmniError(
+                f"with friction {wheels.friction:g} the wheels can hardly overcome drag"
+            )
+        poses = sample_path(path, plan_timing(wheels, capacity), limits, period)
+    return poses
 
 
 def _list_windows(limits: MotionLimits, period: float) -> list[int]:

@@ -1,139 +1,40 @@
-"""Interface of references, and references that are known in advance: one pose per frame."""
+"""Timed references through way-points: straight segments from rest to rest, in whole frames.
 
+If only velocity and acceleration are limited, `approach_pose` drives the segment: translation and
+heading each as fast as their own limits allow.
+
+If jerk is limited, both are as smooth as the time allows, in the shortest time in which all limits
+hold. A move of length d is a step of d smoothed by three moving averages. The first, over n_v
+frames, has the constant velocity d / n_v. The second, over n_a frames, changes velocity by
+d / (n_v n_a) per frame. The third, over n_j frames, changes acceleration by d / (n_v n_a n_j). If
+n_a >= n_j and n_v >= n_a + n_j, nothing overlaps, and these are the highest values. The move takes
+n_v + n_a + n_j frames. The fastest move with limited jerk, of up to seven phases, has this form
+(Biagiotti and Melchiorri 2012, FIR filters for online trajectory planning).
+
+If the wheels cannot do both at once, translation and heading are synchronized: the heading is
+linear along the segment. The acceleration that is left depends on the position alone, so that the
+fastest drive is an integral from each end.
+"""
+
+import math
+from bisect import bisect_left
 from collections.abc import Sequence
+from functools import partial, reduce
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
-from omni_control.errors import OmniError
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, world_to_body
+from omni_control.reference.iterated import approach_pose
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.reference.segments import plan_segments
+from omni_control.reference.sampled import SampledReference, as_poses
+from omni_control.reference.time_scaling import ROUNDING, PathTiming, slow_down_for_wheels
+from omni_control.traction import WheelLimits, max_over_neighbors
 
+_N_CELLS = 200  # of a segment on which wheels limit the drive
+_AT_REST = 1e-9  # m, rad and their rates; below it there is only rounding
 
-class Reference(Protocol):
-    """Desired poses and twists of robots over time."""
-
-    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
-        """Return the desired poses (n, 3) at a frame, and the twists (n, 3) to the next frame.
-
-        Args:
-            frame: Frame, one for all robots or one each (n,). It need not be whole: a robot may
-                look ahead by a latency of 6.4 frames. A reference that is planned anew in every
-                frame does not look ahead. It uses the frame only to recognize a repeated question.
-            pose: Poses of the robots at that frame, known or predicted, (n, 3). A reference known
-                in advance ignores them.
-        """
-        ...
-
-    def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
-        """Return the answers of `at` in successive frames to robots that follow the reference.
-
-        The reference is not changed: later answers are the same with a preview and without.
-
-        Args:
-            frame: First frame, as for `at`.
-            pose: Poses of the robots at that frame, known or predicted, (n, 3).
-            count: Number of frames.
-
-        Returns:
-            Poses and twists, (count, n, 3) each.
-        """
-        ...
-
-
-class SampledReference:
-    """Reference known in advance, the same for all robots.
-
-    Args:
-        poses: One per frame from the start on, (frames, 3).
-        period: Length of a frame, s.
-
-    Attributes:
-        poses: Read-only poses, which controllers share.
-
-    Raises:
-        OmniError: There are no poses, or one is not three finite numbers.
-    """
-
-    def __init__(self, poses: Array, period: float) -> None:
-        poses = np.array(poses, float)
-        if poses.ndim != 2 or poses.shape[1] != 3 or not len(poses) or not np.isfinite(poses).all():
-            raise OmniError("a reference needs poses (frames, 3) of finite numbers [x, y, heading]")
-        self._store(poses, period)
-
-    def _store(self, poses: Array, period: float) -> None:
-        """Store poses (frames, 3) or (frames, n, 3), and poses with twists (frames, 1 or n, 6)."""
-        self.poses, self.period = poses, period
-        self.poses.flags.writeable = False
-        twists = np.zeros_like(poses)
-        twists[:-1] = np.diff(poses, axis=0) / period
-        samples = np.concatenate([poses, twists], axis=-1) + 0.0  # turns -0.0 into 0.0
-        self._samples = samples.reshape(len(samples), -1, 6)
-        self._robots = np.arange(self._samples.shape[1])
-
-    @property
-    def frames(self) -> int:
-        """Number of frames, both ends included."""
-        return len(self.poses)
-
-    def with_initial_rest(self, frames: int) -> "SampledReference":
-        """Return the reference with additional frames of rest at its start."""
-        return SampledReference(np.pad(self.poses, ((frames, 0), (0, 0)), "edge"), self.period)
-
-    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
-        """Return poses and twists at a frame; see `Reference`.
-
-        Both are linear between frames. Before the first frame and after the last, robots rest.
-        """
-        if not isinstance(frame, float | int):
-            poses, twists = self.preview(frame, pose, 1)
-            return poses[0], twists[0]
-        # One frame for all robots is the usual case. Arrays of indices take four times as long.
-        frame = min(max(frame, 0), self.frames - 1)
-        index = int(frame)
-        start, end = self._samples[index], self._samples[min(index + 1, self.frames - 1)]
-        samples = start + (frame - index) * (end - start)
-        samples = np.repeat(samples, len(pose) // len(start), axis=0)
-        return samples[:, :3], samples[:, 3:]
-
-    def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
-        """Return poses and twists of successive frames; see `Reference`."""
-        final = self.frames - 1
-        frames = np.minimum(np.maximum(frame + np.arange(count)[:, None], 0), final)
-        index = frames.astype(int)
-        start = self._samples[index, self._robots]
-        end = self._samples[np.minimum(index + 1, final), self._robots]
-        samples = start + (frames - index)[..., None] * (end - start)
-        samples = np.repeat(samples, len(pose) // samples.shape[1], axis=1)
-        return samples[..., :3], samples[..., 3:]
-
-
-class PerRobotReference(SampledReference):
-    """References known in advance, a different one for each robot of a controller.
-
-    Args:
-        references: One for each of n robots, with frames of the same length.
-
-    Attributes:
-        poses: Read-only poses, (frames, n, 3). Shorter references rest at their end.
-
-    Raises:
-        OmniError: There are no references, or their frames differ in length.
-    """
-
-    def __init__(self, references: Sequence[SampledReference]) -> None:
-        if len({reference.period for reference in references}) != 1:
-            raise OmniError(
-                "robots that share a controller need references with frames of the same length"
-            )
-        frames = max(reference.frames for reference in references)
-        poses = [
-            np.pad(reference.poses, ((0, frames - reference.frames), (0, 0)), "edge")
-            for reference in references
-        ]
-        self._store(np.stack(poses, axis=1), references[0].period)
+Segment = tuple[tuple[float, ...], tuple[float, ...]]  # two poses [x, y, heading]
 
 
 class TimedReference(SampledReference):
@@ -158,28 +59,168 @@ class TimedReference(SampledReference):
         dwell_frames: int = 0,
         settle_frames: int = 0,
     ) -> None:
-        route = list(pairwise(map(tuple, validate_waypoints(waypoints).tolist())))
+        points = as_poses(waypoints)
+        route = list(pairwise(map(tuple, points.tolist())))
         segments = list(dict.fromkeys(route))  # laps repeat their segments
-        planned = dict(zip(segments, plan_segments(segments, limits, period), strict=True))
-        poses = [np.array(waypoints[:1], float)]
+        planned = dict(zip(segments, _plan_segments(segments, limits, period), strict=True))
+        poses = [points[:1]]
         for segment in route:
             poses += [planned[segment], np.tile(segment[1], (dwell_frames, 1))]
         settled = np.pad(np.concatenate(poses), ((0, settle_frames), (0, 0)), "edge")
         super().__init__(settled, period)
 
 
-def validate_waypoints(waypoints: Sequence[Sequence[float]]) -> Array:
-    """Return way-points as an array (points, 3).
+def _plan_segments(segments: Sequence[Segment], limits: MotionLimits, period: float) -> list[Array]:
+    """Return for each segment the poses (frames, 3) after its start, up to its end.
 
-    Raises:
-        OmniError: There are none, or one is not three finite numbers.
+    A segment ends with a frame of rest, or two if jerk is limited.
+
+    Args:
+        segments: Pairs of poses. All are planned together, with the results of planning each alone.
+        limits: Motion limits.
+        period: Length of a frame, s.
     """
-    if (
-        not len(waypoints)
-        or any(len(point) != 3 for point in waypoints)
-        or not np.isfinite(waypoints).all()
-    ):
-        raise OmniError(
-            "a reference needs at least one way-point, each three finite numbers [x, y, heading]"
-        )
-    return np.array(waypoints, float)
+    start, end = np.array(segments).reshape(-1, 2, 3).swapaxes(0, 1)
+    if limits.jerk or limits.turn_jerk:
+        trajectories = [
+            _plan_smooth(*ends, limits, period) for ends in zip(start, end, strict=True)
+        ]
+    else:
+        trajectories = _plan_fastest(start, end, limits, period)
+    return [
+        _slow_down_for_wheels(np.array(segment), poses, limits, period)[1:]
+        for segment, poses in zip(segments, trajectories, strict=True)
+    ]
+
+
+def _slow_down_for_wheels(
+    segment: Array, poses: Array, limits: MotionLimits, period: float
+) -> Array:
+    """Return the poses (frames, 3) of a segment (2, 3), slower if the wheels require it."""
+    start, end = segment
+    path = partial(_interpolate, start, end)
+    plan_timing = partial(_plan_timing_on_wheels, start, end, limits)
+    slower = slow_down_for_wheels(poses, path, plan_timing, limits, period)
+    if slower is poses:
+        return poses
+    rest_frames = 2 if limits.jerk or limits.turn_jerk else 1
+    return np.concatenate([slower, np.repeat(end[None], rest_frames, axis=0)])
+
+
+def _plan_fastest(start: Array, end: Array, limits: MotionLimits, period: float) -> list[Array]:
+    """Return n drives, each from a start to an end (n, 3), within velocity and acceleration."""
+    pose, twist, poses = start, np.zeros_like(start), [start]
+    arrival_frames = np.full(len(start), -1)
+    while True:
+        remaining = np.maximum(np.abs(end - pose).max(1), np.abs(twist).max(1))
+        arrival_frames[(arrival_frames < 0) & ~(remaining > _AT_REST)] = len(poses) - 1
+        if (arrival_frames >= 0).all():
+            break
+        twist = approach_pose(pose, twist, end, limits, period)
+        pose = pose + twist * period
+        poses.append(pose)
+    trajectories = np.array(poses)
+    return [
+        np.concatenate([trajectories[:frames, i], end[i : i + 1]])
+        for i, frames in enumerate(arrival_frames)
+    ]
+
+
+def _plan_smooth(start: Array, end: Array, limits: MotionLimits, period: float) -> Array:
+    """Return the drive (frames, 3) of the fewest frames in which smooth moves keep all limits."""
+    distance, turn = np.hypot(*(end - start)[:2]), abs(end[2] - start[2])
+    if not distance and not turn:
+        return start[None]
+    jerk = (limits.jerk or math.inf) * period**3
+    turn_jerk = (limits.turn_jerk or math.inf) * period**3
+
+    def drive(frames: int) -> Array | None:
+        translation = _smooth_step(distance, limits.speed * period, jerk, frames)
+        rotation = _smooth_step(turn, limits.turn_rate * period, turn_jerk, frames)
+        if translation is None or rotation is None:
+            return None
+        poses = _interpolate(start, end, np.array([translation, translation, rotation]))
+        return poses if limits.compute_time_scale(poses, period) <= 1 + ROUNDING else None
+
+    enough = 1
+    while (poses := drive(enough)) is None:
+        enough *= 2
+    candidates = range(enough)
+    shortest = bisect_left(
+        candidates, True, lo=enough // 2, key=lambda frames: drive(frames) is not None
+    )
+    return poses if shortest == enough else drive(shortest)  # type: ignore[return-value]
+
+
+def _smooth_step(distance: float, speed: float, jerk: float, frames: int) -> Array | None:
+    """Return the smoothest step (frames + 1,) from 0 to 1 in a number of frames.
+
+    Of the moving averages that keep the limits, those with the shortest n_j are the smoothest.
+
+    Args:
+        distance: Length of the move, m or rad.
+        speed: Highest change per frame.
+        jerk: Highest change of the acceleration per frame, per frame.
+        frames: Duration of the step.
+
+    Returns:
+        The step, or None if no moving averages of this duration keep the limits.
+    """
+    n_j = np.zeros(1, int) if math.isinf(jerk) else np.arange(1, max(frames // 4, 1) + 1)
+    min_n_v = max(math.ceil(distance / speed - ROUNDING), 1)
+    n_a = np.minimum((frames - 2 * n_j) // 2, frames - n_j - min_n_v)
+    n_v = frames - n_a - n_j
+    keeps_jerk = n_v * n_a * n_j >= distance / jerk * (1 - ROUNDING)
+    is_feasible = (n_a >= np.maximum(n_j, 1)) & keeps_jerk
+    if not is_feasible.any():
+        return None
+    i = is_feasible.argmax()
+    windows = [np.ones(max(length[i], 1)) for length in (n_v, n_a, n_j)]
+    velocity = reduce(np.convolve, windows)
+    progress = np.append(0.0, np.cumsum(velocity) / velocity.sum())
+    return np.pad(progress, (0, frames + 1 - len(progress)), mode="edge")
+
+
+def _plan_timing_on_wheels(
+    start: Array, end: Array, limits: MotionLimits, wheels: WheelLimits, capacity: float
+) -> PathTiming:
+    """Return the fastest timing that needs at most a fraction of the wheels' capacity.
+
+    Args:
+        start: First pose (3,).
+        end: Final pose (3,).
+        limits: Limits of velocity and acceleration.
+        wheels: Limits of the wheels.
+        capacity: Fraction of the friction, drag included, and of the rim speed that may be used.
+
+    Returns:
+        Timing of the progress from 0 to 1.
+    """
+    offset = np.tile(end - start, (_N_CELLS, 1))
+    heading = start[2] + offset[:, 2] * (np.arange(_N_CELLS) + 0.5) / _N_CELLS
+    twist = world_to_body(offset, heading)  # per progress
+    rows, drag = wheels.get_friction_constraints(twist)
+    body_demand = np.hypot(*limits.to_isotropic(offset[:, :2], heading).T) / limits.acceleration
+    turn_demand = np.abs(offset[:, 2]) / limits.turn_acceleration
+    demand = np.maximum(body_demand, turn_demand)[:, None]
+    wheel_demand = twist @ rows.T / (capacity - max_over_neighbors(drag, "edge"))
+    # Change of the squared rate from cell to cell, speeding up and braking.
+    gains, losses = (
+        2 / _N_CELLS / np.max(np.concatenate([demand, signed_demand], axis=1), axis=1)
+        for signed_demand in (wheel_demand, -wheel_demand)
+    )
+    min_duration = max(
+        np.hypot(*offset[0, :2]) / limits.speed,
+        abs(offset[0, 2]) / limits.turn_rate,
+        wheels.compute_rim_speeds(twist).max() / (capacity * wheels.max_rim_speed),
+    )
+    from_start = np.append(0, np.cumsum(gains))
+    from_end = np.append(0, np.cumsum(losses[::-1]))[::-1]
+    squared_rate = np.minimum(np.minimum(from_start, from_end), min_duration**-2.0)
+    return PathTiming(1 / _N_CELLS, np.sqrt(squared_rate))
+
+
+def _interpolate(start: Array, end: Array, progress: Array) -> Array:
+    """Return poses (frames, 3) for a progress from 0 to 1, (frames,) or (3, frames)."""
+    progress = np.atleast_2d(progress).T
+    return np.where(progress == 1, end, start + progress * (end - start))

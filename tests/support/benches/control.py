@@ -22,20 +22,23 @@ from omni_control.delay_compensation import CommandHistory, predict_displacement
 from omni_control.errors import OmniError
 from omni_control.estimation import vision_tracker as vision_filter
 from omni_control.estimation.alpha_estimator import AlphaEstimator
+from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.estimation.motion_model import (
+    COM_HEIGHT_M,
     CREEP,
     DISTURBANCE,
     INVERSE_GAIN,
     LAG,
     LATENCY,
     MotionModel,
+    WheelCompliance,
 )
 from omni_control.estimation.outlier_gate import MAX_REJECTIONS, MAX_REPEATS, OutlierGate
 from omni_control.estimation.robot_ekf import RobotEkf
 from omni_control.estimation.vision_tracker import KalmanFilter
-from omni_control.estimation.yaw_coupling import COM_HEIGHT_M, WheelCompliance
 from omni_control.fuzzy_rules import LABELS, FuzzyLaw, compute_memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import PerRobotReference, Reference
 from omni_control.reference.curves import CURVES, Curve, CurveReference
+from omni_control.reference.iterated import ARRIVAL_RADIUS_M
 from omni_control.traction import compute_max_acceleration, compute_traction_limits

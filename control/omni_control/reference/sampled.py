@@ -1,0 +1,146 @@
+"""Interface of references, and references that are known in advance: one pose per frame."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+
+
+class Reference(Protocol):
+    """Desired poses and twists of robots over time."""
+
+    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
+        """Return the desired poses (n, 3) at a frame, and the twists (n, 3) to the next frame.
+
+        Args:
+            frame: Frame, one for all robots or one each (n,). It need not be whole: a robot may
+                look ahead by a latency of 6.4 frames. A reference that is planned anew in every
+                frame does not look ahead. It uses the frame only to recognize a repeated question.
+            pose: Poses of the robots at that frame, known or predicted, (n, 3). A reference known
+                in advance ignores them.
+        """
+        ...
+
+    def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
+        """Return the answers of `at` in successive frames to robots that follow the reference.
+
+        The reference is not changed: later answers are the same with a preview and without.
+
+        Args:
+            frame: First frame, as for `at`.
+            pose: Poses of the robots at that frame, known or predicted, (n, 3).
+            count: Number of frames.
+
+        Returns:
+            Poses and twists, (count, n, 3) each.
+        """
+        ...
+
+
+class SampledReference:
+    """Reference known in advance, the same for all robots.
+
+    Args:
+        poses: One per frame from the start on, (frames, 3), or one per robot, (frames, n, 3).
+        period: Length of a frame, s.
+
+    Attributes:
+        poses: Read-only poses, which controllers share.
+
+    Raises:
+        OmniError: There are no poses, or one is not three finite numbers.
+    """
+
+    def __init__(self, poses: ArrayLike, period: float) -> None:
+        self.poses, self.period = as_poses(poses), period
+        twists = np.zeros_like(self.poses)
+        twists[:-1] = np.diff(self.poses, axis=0) / period
+        samples = np.concatenate([self.poses, twists], axis=-1) + 0.0  # turns -0.0 into 0.0
+        # Poses with twists, (frames, 1 or n, 6).
+        self._samples = samples.reshape(len(samples), -1, 6)
+        self._robots = np.arange(self._samples.shape[1])
+
+    @property
+    def frames(self) -> int:
+        """Number of frames, both ends included."""
+        return len(self.poses)
+
+    def with_initial_rest(self, frames: int) -> "SampledReference":
+        """Return the reference with additional frames of rest at its start."""
+        return SampledReference(np.pad(self.poses, ((frames, 0), (0, 0)), "edge"), self.period)
+
+    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
+        """Return poses and twists at a frame; see `Reference`.
+
+        Both are linear between frames. Before the first frame and after the last, robots rest.
+        """
+        if not isinstance(frame, float | int):
+            poses, twists = self.preview(frame, pose, 1)
+            return poses[0], twists[0]
+        # One frame for all robots is the usual case. Arrays of indices take four times as long.
+        frame = min(max(frame, 0), self.frames - 1)
+        index = int(frame)
+        start, end = self._samples[index], self._samples[min(index + 1, self.frames - 1)]
+        samples = start + (frame - index) * (end - start)
+        samples = np.repeat(samples, len(pose) // len(start), axis=0)
+        return samples[:, :3], samples[:, 3:]
+
+    def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
+        """Return poses and twists of successive frames; see `Reference`."""
+        final = self.frames - 1
+        frames = np.minimum(np.maximum(frame + np.arange(count)[:, None], 0), final)
+        index = frames.astype(int)
+        start = self._samples[index, self._robots]
+        end = self._samples[np.minimum(index + 1, final), self._robots]
+        samples = start + (frames - index)[..., None] * (end - start)
+        samples = np.repeat(samples, len(pose) // samples.shape[1], axis=1)
+        return samples[..., :3], samples[..., 3:]
+
+
+class PerRobotReference(SampledReference):
+    """References known in advance, a different one for each robot of a controller.
+
+    Args:
+        references: One for each of n robots, with frames of the same length.
+
+    Attributes:
+        poses: Read-only poses, (frames, n, 3). Shorter references rest at their end.
+
+    Raises:
+        OmniError: There are no references, or their frames differ in length.
+    """
+
+    def __init__(self, references: Sequence[SampledReference]) -> None:
+        if len({reference.period for reference in references}) != 1:
+            raise OmniError(
+                "robots that share a controller need references with frames of the same length"
+            )
+        frames = max(reference.frames for reference in references)
+        poses = [
+            np.pad(reference.poses, ((0, frames - reference.frames), (0, 0)), "edge")
+            for reference in references
+        ]
+        super().__init__(np.stack(poses, axis=1), references[0].period)
+
+
+def as_poses(poses: ArrayLike) -> Array:
+    """Return poses or way-points as a read-only array (..., 3).
+
+    Raises:
+        OmniError: There are none, or one is not three finite numbers.
+    """
+    try:
+        array = np.array(poses, float)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.ndim < 2 or not array.size or array.shape[-1] != 3 or not np.isfinite(array).all():
+        raise OmniError(
+            "a reference needs at least one pose or way-point, each three finite numbers "
+            "[x, y, heading]"
+        )
+    array.flags.writeable = False
+    return array
