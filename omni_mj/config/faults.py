@@ -147,7 +147,7 @@ class Payload(WheeledRobotFault):
 
     mass_kg: float = setting(..., "kg", "additional mass", 0, 20)
     height_m: float = setting(
-        0.0, "m", "its height above the carpet; 0: that of the chassis' center of mass", 0, 0.5
+        0.0, "m", "height above the carpet; 0: that of the chassis' center of mass", 0, 0.5
     )
 
 
@@ -178,13 +178,13 @@ class FrictionPatch(WheeledRobotFault):
     """A circular patch of other friction, above those in carpet.patches."""
 
     x_m: float = setting(
-        ..., "m", "x of its center, world frame", -MAX_COORDINATE_M, MAX_COORDINATE_M
+        ..., "m", "x of the center, world frame", -MAX_COORDINATE_M, MAX_COORDINATE_M
     )
     y_m: float = setting(
-        ..., "m", "y of its center, world frame", -MAX_COORDINATE_M, MAX_COORDINATE_M
+        ..., "m", "y of the center, world frame", -MAX_COORDINATE_M, MAX_COORDINATE_M
     )
-    radius_m: float = setting(..., "m", "its radius", 0.01, 20)
-    friction: float = setting(..., "", "friction coefficient on it", *FRICTION_RANGE)
+    radius_m: float = setting(..., "m", "radius", 0.01, 20)
+    friction: float = setting(..., "", "friction coefficient", *FRICTION_RANGE)
 
 
 class Alpha(Fault):
@@ -200,7 +200,7 @@ class Alpha(Fault):
 class MotorDemagnetized(WheelFault):
     """A motor with weak magnets: less torque per current, and less back-EMF per speed."""
 
-    factor: float = setting(..., "", "factor of its torque constant", 0.05, 2)
+    factor: float = setting(..., "", "factor of the torque constant", 0.05, 2)
 
 
 class MotorDead(WheelFault):
@@ -232,7 +232,7 @@ class EncoderDropout(WheelFault):
 class EncoderScale(WheelFault):
     """An encoder with other counts per turn than the firmware assumes."""
 
-    factor: float = setting(..., "", "factor of its counts", 0.1, 4)
+    factor: float = setting(..., "", "factor of the counts", 0.1, 4)
 
 
 class GyroBias(WheeledRobotFault):
@@ -307,7 +307,7 @@ class RadioDuplicates(Fault):
 
     probability: float = _probability("that a packet arrives again")
     delay_frames: int = setting(
-        ..., "frames", "delay of the copy; it is the last packet applied in its frame", 1, 120
+        ..., "frames", "delay of the copy, which is the last packet applied in its frame", 1, 120
     )
 
 
@@ -316,7 +316,11 @@ class RadioReorder(Fault):
 
     probability: float = _probability("that a packet is late")
     delay_frames: int = setting(
-        ..., "frames", "its additional delay; it is the last packet applied in its frame", 1, 120
+        ...,
+        "frames",
+        "additional delay; a late packet is the last one applied in its frame",
+        1,
+        120,
     )
 
 

@@ -53,11 +53,7 @@ class MotorSettings(SettingsModel):
         ..., "", "gear ratio: turns of the motor per turn of the wheel", 0.01, 1000
     )
     dry_friction_fraction: float = setting(
-        ...,
-        "",
-        "dry fraction of the no-load friction; the rest is proportional to speed (iron, windage)",
-        0,
-        1,
+        ..., "", "dry fraction of the no-load friction; the rest is viscous (iron, windage)", 0, 1
     )
 
     winding_c: float = setting(25.0, "deg C", "initial temperature of the windings", -20, 200)

@@ -30,21 +30,13 @@ class VisionSettings(SettingsModel):
         0.0, "", "probability that a packet (an image of one camera) is lost", 0, 0.95
     )
     cameras: int = setting(
-        1,
-        "",
-        "serve: number of cameras; 2 or 3 divide the length of the field, 4 its quadrants",
-        1,
-        4,
+        1, "", "serve: number of cameras; 2 or 3 divide the field's length, 4 its quadrants", 1, 4
     )
     overlap_m: float = setting(
         0.4, "m", "serve: width of the strips where the images of two cameras overlap", 0, 4
     )
     camera_offset_m: float = setting(
-        0.0,
-        "m",
-        "serve: standard deviation of a camera's calibration offset, per axis (observed: 0.02)",
-        0,
-        0.5,
+        0.0, "m", "serve: standard deviation of camera positions, per axis (observed: 0.02)", 0, 0.5
     )
     clock_offset_s: float = setting(
         0.0, "s", "serve: standard deviation of a camera's clock offset", 0, 10
@@ -58,11 +50,7 @@ class RadioSettings(SettingsModel):
         6, "frames", "dead time k_d from command to robot (paper: 0.1 s)", 0, 600
     )
     jitter_frames: int = setting(
-        0,
-        "frames",
-        "largest deviation of a packet's dead time, uniformly distributed; newest packet wins",
-        0,
-        600,
+        0, "frames", "largest deviation of dead time, uniform; the newest packet wins", 0, 600
     )
     loss_probability: float = setting(0.0, "", "probability that a packet is lost", 0, 0.95)
 

@@ -10,10 +10,7 @@ class CarpetSettings(SettingsModel):
     """The carpet under the rollers."""
 
     friction: float = setting(
-        0.8,
-        "",
-        "friction coefficient of wheels on carpet (as in the league's simulators)",
-        *FRICTION_RANGE,
+        0.8, "", "friction coefficient (as in the league's simulators)", *FRICTION_RANGE
     )
     rolling_resistance: float = setting(
         ..., "", "coefficient of rolling resistance of the pile: drag over normal force", 0, 1
@@ -103,7 +100,7 @@ class WorldSettings(SettingsModel):
     start_poses: Poses = setting(
         ((0.0, 0.0, 0.0),),
         "m, m, rad",
-        "start poses of its robots; each robot's reference is displaced by its start pose",
+        "start poses of the robots, by which their references are displaced",
         1,
         12,
     )

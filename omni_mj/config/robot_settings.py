@@ -34,14 +34,10 @@ class BodySettings(SettingsModel):
     )
     com_height_m: float = setting(..., "m", "height of the center of mass", 0.01, 0.15)
     yaw_inertia_kg_m2: float = setting(
-        ...,
-        "kg m^2",
-        "moment of inertia about the vertical axis through the center of mass",
-        1e-4,
-        1,
+        ..., "kg m^2", "moment of inertia about the vertical axis at the center of mass", 1e-4, 1
     )
     tilt_inertia_kg_m2: float = setting(
-        ..., "kg m^2", "moment of inertia about any horizontal axis through it", 1e-4, 1
+        ..., "kg m^2", "moment of inertia about any horizontal axis at the center of mass", 1e-4, 1
     )
 
 
@@ -106,11 +102,7 @@ class DrivetrainSettings(SettingsModel):
         ..., "N m s/rad", "viscous friction of a roller's bearing", 0, 2e-5
     )
     creep_stiffness: float = setting(
-        ...,
-        "",
-        "creep stiffness: traction over normal force per slip, below the friction limit",
-        0.1,
-        1e3,
+        ..., "", "creep stiffness: traction over normal force per slip, below friction", 0.1, 1e3
     )
 
 
@@ -150,7 +142,7 @@ class FirmwareSettings(SettingsModel):
     timeout_s: float = setting(
         0.0,
         "s",
-        "robots stop after this time without a command (league's simulators: 0.1); 0: never",
+        "stop after this time without a command (league's simulators: 0.1); 0: never",
         0,
         60,
     )

@@ -63,11 +63,7 @@ class ReferenceSettings(SettingsModel):
         5,
     )
     wheel_utilization: float = setting(
-        0.85,
-        "",
-        "largest fraction of the wheels' traction and speed that the reference may use",
-        0.1,
-        1,
+        0.85, "", "usable fraction of the wheels' traction and speed", 0.1, 1
     )
     initial_rest_s: float = setting(
         0.25, "s", "rest before the first move; no command acts before the dead time", 0, 60
@@ -158,9 +154,5 @@ class ControlSettings(SettingsModel):
         26.0, "rad/s", "limit of the commanded turn rate (ssl-simulation-setup)", 0.01, 100
     )
     max_turn_acceleration_rad_s2: float = setting(
-        50.8,
-        "rad/s^2",
-        "slew-rate limit of the commanded turn rate (ssl-simulation-setup)",
-        0.01,
-        1e4,
+        50.8, "rad/s^2", "slew-rate limit of the turn rate (ssl-simulation-setup)", 0.01, 1e4
     )
