@@ -1,5 +1,6 @@
 """`omni-mj compare`: run all controllers on all scenarios over many seeds."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ import click
 from omni_mj.cli import console, options, output_folders
 
 if TYPE_CHECKING:
+    from omni_mj.config.scenario import Scenario
     from omni_mj.results.result import Outcome, Result
 
 OUTPUTS = (
@@ -58,18 +60,14 @@ OUTPUTS = (
     is_flag=True,
     help="Save all frames as DIR/trajectories/<scenario>.parquet.",
 )
-@options.out_option("compare")
-@options.OVERWRITE
-@options.QUIET
+@options.study_output_options("compare")
 @options.collect_scenario_options
 def command(
     scenario_options: options.ScenarioOptions,
     names: tuple[str, ...],
     subject: str | None,
     trajectories: bool,
-    out: Path | None,
-    overwrite: bool,
-    quiet: bool,
+    output: options.StudyOutput,
 ) -> None:
     """Compare controllers on many scenarios and seeds.
 
@@ -87,34 +85,14 @@ def command(
         scenario_options.load_scenario(name) for name in names or compare.default_scenarios(plant)
     ]
     compare.check_scenarios(scenarios, subject)
-    folder = output_folders.prepare_folder(out, "compare", OUTPUTS, overwrite)
-    line = console.command_line()
-    with (
-        console.report_write_errors(folder),
-        console.Interrupts() as interrupts,
-        console.show_progress(quiet) as start_progress,
-    ):
-        output_folders.write_initial_files(folder, "compare", line, scenarios, trajectories)
-
-        def after_scenario(result: "Result", outcome: "Outcome") -> None:
-            _save_tables(result, folder)
-            result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
-
-        result = compare.compare(
-            scenarios,
-            controllers,
-            scenarios[0].seed_list,
-            subject,
-            start_progress=lambda title, n_frames: console.make_frame_callback(
-                interrupts.check, start_progress(title, n_frames)
-            ),
-            after_scenario=after_scenario,
-        )
+    folder = output_folders.prepare_folder(output.out, "compare", OUTPUTS, output.overwrite)
+    with console.Interrupts() as interrupts:
+        result = _run_comparison(scenarios, subject, folder, trajectories, interrupts, output.quiet)
     with console.report_write_errors(folder):
         _save_tables(result, folder)
         summary = result.summary()
         compare_figure.save_comparison_figure(summary, folder / "compare")
-    if not quiet:
+    if not output.quiet:
         console.print_summary_sentence(summary)
         compare_table.print_comparison(summary)
         print(f"{console.describe_outputs(folder, OUTPUTS)} after {result.wall_s:.0f} s")
@@ -129,6 +107,37 @@ def command(
         if entry["status"] == "failed"
     ]
     console.exit_if_failed(result.outcomes, errors)
+
+
+def _run_comparison(
+    scenarios: Sequence["Scenario"],
+    subject: str | None,
+    folder: Path,
+    trajectories: bool,
+    interrupts: console.Interrupts,
+    quiet: bool,
+) -> "Result":
+    """Run the scenarios, and save the results after each of them."""
+    from omni_mj.studies import compare
+
+    def after_scenario(result: "Result", outcome: "Outcome") -> None:
+        _save_tables(result, folder)
+        result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
+
+    with console.report_write_errors(folder), console.show_progress(quiet) as start_progress:
+        output_folders.write_initial_files(
+            folder, "compare", console.command_line(), scenarios, trajectories
+        )
+        return compare.compare(
+            scenarios,
+            scenarios[0].controllers,
+            scenarios[0].seed_list,
+            subject,
+            start_progress=lambda title, n_frames: console.make_frame_callback(
+                interrupts.check, start_progress(title, n_frames)
+            ),
+            after_scenario=after_scenario,
+        )
 
 
 def _save_tables(result: "Result", folder: Path) -> None:

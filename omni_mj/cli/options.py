@@ -173,3 +173,18 @@ def collect_options(
 
 collect_scenario_options = collect_options(ScenarioOptions, "scenario_options")
 collect_output_options = collect_options(OutputOptions, "output_options")
+
+
+@dataclass(frozen=True)
+class StudyOutput:
+    """Options for the results of a study."""
+
+    out: Path | None
+    overwrite: bool
+    quiet: bool
+
+
+def study_output_options(study: str) -> Callable[[Any], Any]:
+    """Return a decorator that adds --out, --overwrite and --quiet to a study's command."""
+    collect, out = collect_options(StudyOutput, "output"), out_option(study)
+    return lambda command: out(OVERWRITE(QUIET(collect(command))))

@@ -1,7 +1,7 @@
 """`omni-mj alpha`, `identify`, `limit`, `loop`, `slip`: studies of robots and controllers."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,29 +17,13 @@ OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "trajectory.parquet")
 FAST_WHEELS = "wheels.model=two-rollers"  # default of studies that drive many robots
 
 
-@dataclass(frozen=True)
-class StudyOutput:
-    """Options for the results of a study."""
-
-    out: Path | None
-    overwrite: bool
-    quiet: bool
-
-
-def study_output_options(study: str) -> Callable[[Any], Any]:
-    """Return a decorator that adds --out, --overwrite and --quiet to a study's command."""
-    collect = options.collect_options(StudyOutput, "output")
-    out = options.out_option(study)
-    return lambda command: out(options.OVERWRITE(options.QUIET(collect(command))))
-
-
 @click.command("alpha")
 @options.ROBOT
 @options.MODEL
 @options.SETTINGS
-@study_output_options("alpha")
+@options.study_output_options("alpha")
 @options.collect_scenario_options
-def alpha_command(scenario_options: options.ScenarioOptions, output: StudyOutput) -> None:
+def alpha_command(scenario_options: options.ScenarioOptions, output: options.StudyOutput) -> None:
     """Measure gain and lag of a robot's response to commands, and what causes them."""
     from omni_mj.studies.alpha import alpha_figure, measure_alpha
 
@@ -57,9 +41,9 @@ def alpha_command(scenario_options: options.ScenarioOptions, output: StudyOutput
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=options.FOLDER)
 @options.ROBOT
 @options.MODEL
-@study_output_options("identify")
+@options.study_output_options("identify")
 def identify_command(
-    logs: tuple[Path, ...], robot: str | None, model: str | None, output: StudyOutput
+    logs: tuple[Path, ...], robot: str | None, model: str | None, output: options.StudyOutput
 ) -> None:
     """Identify a robot's parameters from logs of its driving.
 
@@ -105,10 +89,13 @@ def identify_command(
     help="Largest number of learning iterations. Default: 16.",
 )
 @options.ALLOW_CODE
-@study_output_options("limit")
+@options.study_output_options("limit")
 @options.collect_scenario_options
 def limit_command(
-    scenario_options: options.ScenarioOptions, name: str, iterations: int, output: StudyOutput
+    scenario_options: options.ScenarioOptions,
+    name: str,
+    iterations: int,
+    output: options.StudyOutput,
 ) -> None:
     """Find the smallest error that is possible in a scenario.
 
@@ -157,9 +144,11 @@ def limit_command(
 @options.SEEDS
 @options.SETTINGS
 @options.ALLOW_CODE
-@study_output_options("loop")
+@options.study_output_options("loop")
 @options.collect_scenario_options
-def loop_command(scenario_options: options.ScenarioOptions, name: str, output: StudyOutput) -> None:
+def loop_command(
+    scenario_options: options.ScenarioOptions, name: str, output: options.StudyOutput
+) -> None:
     """Measure step responses and the gain, phase and delay margins of control loops."""
     from omni_mj.studies.loop import loop_figure, measure_loop
     from omni_mj.studies.study_runner import list_competitors
@@ -187,10 +176,10 @@ def loop_command(scenario_options: options.ScenarioOptions, name: str, output: S
 )
 @options.MODEL
 @options.SETTINGS
-@study_output_options("slip")
+@options.study_output_options("slip")
 @options.collect_scenario_options
 def slip_command(
-    scenario_options: options.ScenarioOptions, robots: Sequence[str], output: StudyOutput
+    scenario_options: options.ScenarioOptions, robots: Sequence[str], output: options.StudyOutput
 ) -> None:
     """Identify gain, slip and drag of robots by the method of TIGERs Mannheim."""
     from omni_mj.config.robot_files import DEFAULT_ROBOT
@@ -216,7 +205,7 @@ def _run_study(
     scenarios: Sequence[Scenario],
     measure: "Callable[[StartProgress], Any]",
     draw: Callable[[Any, Path], None],
-    output: StudyOutput,
+    output: options.StudyOutput,
 ) -> None:
     """Run a study, save and print its result, and exit with an error if it is not complete.
 
