@@ -29,7 +29,7 @@ def open_atomic(path: Path) -> Iterator[BinaryIO]:
             os.fsync(file.fileno())
         partial.replace(path)
     except OSError as error:
-        if error.filename == str(partial):
+        if error.filename in (None, str(partial)):
             error.filename = str(path)  # the name that the user knows
         raise
     finally:

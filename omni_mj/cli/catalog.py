@@ -4,7 +4,6 @@ import inspect
 import json
 import re
 import shutil
-import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
@@ -239,7 +238,7 @@ def _setting_entry(name: str, setting: "SettingInfo") -> list[str]:
 def _print_entries(entries: Entries) -> None:
     """Print names and, next to them, meanings and properties, wrapped."""
     indent = 4 + max(len(name) for name, *_ in entries)
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
+    width = shutil.get_terminal_size((PIPE_WIDTH, 0)).columns
     for name, *properties, meaning in entries:
         labels = zip(PROPERTY_LABELS, properties, strict=False)
         remark = "; ".join(f"{label} {text}" for label, text in labels if text)

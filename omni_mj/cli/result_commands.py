@@ -51,7 +51,7 @@ class FilmOptions:
 
 
 @click.command("report")
-@click.argument("folders", metavar="DIR...", nargs=-1, type=options.FOLDER)
+@click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=options.FOLDER)
 @click.option(
     "--out",
     type=options.FOLDER,
@@ -60,18 +60,13 @@ class FilmOptions:
 )
 def report_command(folders: tuple[Path, ...], out: Path | None) -> None:
     """Write a report about a run, or one that compares several runs."""
-    if not folders:
-        raise OmniError("report needs the folder of at least one run: omni-mj report runs/NAME...")
     if out is None:
         out = folders[0] / "report.html" if len(folders) == 1 else Path("comparison.html")
-    if out.suffix.lower() not in (".html", ".htm"):
+    if out.suffix != ".html":
         raise OmniError(f"--out {out} must be a file whose name ends in .html")
     from omni_mj.viz import report
 
-    try:
-        report.write_report(folders, out)
-    except OSError as error:
-        raise OmniError(f"cannot write --out {out}: {error.strerror}") from None
+    report.write_report(folders, out)
     print(f"report in {out}")
 
 

@@ -24,10 +24,6 @@ from omni_mj.viz.recording.robot_shapes import cover_materials
 from omni_mj.viz.recording.scene import HEIGHT_M, RADIUS_M
 
 SUFFIXES = (".gif", ".webp")
-RENDERER_ERROR = (
-    "MuJoCo cannot draw here: {reason}; without a display it needs EGL, on Debian libegl1 and "
-    "libgl1-mesa-dri"
-)
 GAP_PIXELS = 4  # between panels
 MAX_SEGMENTS = 300  # of a path
 ELEVATION_DEG = {"follow": -38.0, "plan": -90.0}  # view -> elevation of the camera's direction
@@ -137,7 +133,10 @@ class FilmRenderer:
             self._renderer = mujoco.Renderer(self._world.model, height, width, MAX_GEOMS)
         except Exception as error:  # the type depends on the platform's GL
             reason = error or type(error).__name__
-            raise OmniError(RENDERER_ERROR.format(reason=reason)) from None
+            raise OmniError(
+                f"MuJoCo cannot draw here: {reason}; without a display it needs EGL, on Debian "
+                "libegl1 and libgl1-mesa-dri"
+            ) from None
         self._follows_robot = view == "follow" and n_robots == 1
         self._camera = self._create_camera(view, height / width)
         self._line_width_m = LINE_WIDTH * self._camera.distance
@@ -227,18 +226,15 @@ def write_film(pictures: Iterable[Image.Image], out: Path, rate: float) -> None:
         rate: Pictures per second.
 
     Raises:
-        OmniError: The file cannot be written.
+        OSError: The file cannot be written.
     """
-    try:
-        with open_atomic(out) as file:
-            first_picture, *other_pictures = pictures
-            first_picture.save(
-                file,
-                out.suffix[1:],
-                save_all=True,
-                append_images=other_pictures,
-                loop=0,
-                duration=round(1000 / rate),
-            )
-    except OSError as error:
-        raise OmniError(f"{out}: {error.strerror or error}") from None
+    with open_atomic(out) as file:
+        first_picture, *other_pictures = pictures
+        first_picture.save(
+            file,
+            out.suffix[1:],
+            save_all=True,
+            append_images=other_pictures,
+            loop=0,
+            duration=round(1000 / rate),
+        )

@@ -71,16 +71,16 @@ class RecordedRobot:
         Args:
             axis: 0 for x, 1 for y.
         """
-        estimate = self["alpha_hat"][:, axis, None]
+        estimate = self["alpha_hat"][:, axis]
         # The value 1 is the default of controllers that estimate nothing, or nothing yet.
         estimate = np.where(estimate == 1, np.nan, estimate)
         has_sigma = SIGMA_CHANNEL in self.log.columns
-        sigma = self[SIGMA_CHANNEL][:, axis, None] if has_sigma else np.nan
+        sigma = self[SIGMA_CHANNEL][:, axis] if has_sigma else np.nan
         ratio = np.full_like(estimate, np.nan)
         if len(ratio) > ALPHA_WINDOW_FRAMES:
             position, command = self["pose"][:, axis], self["applied"][:, axis]
-            ratio[ALPHA_WINDOW_FRAMES:, 0] = driven_alpha(position, command)
-        return np.hstack([ratio, estimate - 2 * sigma, estimate + 2 * sigma, estimate])
+            ratio[ALPHA_WINDOW_FRAMES:] = driven_alpha(position, command)
+        return np.column_stack([ratio, estimate - 2 * sigma, estimate + 2 * sigma, estimate])
 
 
 def select_robots(log: Log, max_per_world: int | None = None) -> list[RecordedRobot]:

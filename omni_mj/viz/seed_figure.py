@@ -1,6 +1,8 @@
 """Figure of one scenario over all seeds: errors, effort and settling time of each controller."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
+from functools import reduce
+from operator import getitem
 from typing import Any
 
 import numpy as np
@@ -16,16 +18,13 @@ LINE_IN = 0.3  # height of a controller's line
 # Largest ratio of an axis's limits. Smaller errors, such as those of rounding, are not visible.
 MAX_RANGE = 1e4
 SETTLING_TIME = "settling time\nin s"
-# Label of a panel -> factor from SI units to the label's, and statistics of a controller's result
-PANELS: dict[str, tuple[float, Callable[[Summary], Summary]]] = {
-    "maximum position\nerror in cm": (100, lambda result: result["error_m"]["position"]["max"]),
-    "mean position\nerror in cm": (100, lambda result: result["error_m"]["position"]["mean"]),
-    "maximum heading\nerror in degrees": (
-        180 / np.pi,
-        lambda result: result["error_rad"]["heading"]["max"],
-    ),
-    "excess effort\nin m/s²": (1, lambda result: result["excess_effort_m_s2"]),
-    SETTLING_TIME: (1, lambda result: result["settle_s"]),
+# Label of a panel -> factor from SI units to the label's, and keys of the statistic in a result
+PANELS: dict[str, tuple[float, tuple[str, ...]]] = {
+    "maximum position\nerror in cm": (100, ("error_m", "position", "max")),
+    "mean position\nerror in cm": (100, ("error_m", "position", "mean")),
+    "maximum heading\nerror in degrees": (180 / np.pi, ("error_rad", "heading", "max")),
+    "excess effort\nin m/s²": (1, ("excess_effort_m_s2",)),
+    SETTLING_TIME: (1, ("settle_s",)),
 }
 
 
@@ -43,8 +42,8 @@ def draw_seed_statistics(
     results = entry["results"]
     figure.set_size_inches(9, 1.4 + LINE_IN * len(results))
     grid = figure.subplots(1, len(PANELS), sharey=True)
-    for axes, (label, (scale, select_spread)) in zip(grid, PANELS.items(), strict=True):
-        spreads = {name: select_spread(result) for name, result in results.items()}
+    for axes, (label, (scale, keys)) in zip(grid, PANELS.items(), strict=True):
+        spreads = {name: reduce(getitem, keys, result) for name, result in results.items()}
         means = _draw_means(axes, spreads, scale)
         axes.margins(x=0.08)
         if label != SETTLING_TIME and np.nanmin(means, initial=np.inf) > 0:

@@ -11,7 +11,7 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any
 
-Rgb = tuple[int, int, int]  # bytes
+Rgb = tuple[int, ...]  # three bytes
 STYLE_SHEET = Path(__file__).with_name("omni.mplstyle")
 REFERENCE = "#7F7F7F"
 BACKGROUND = "#C8C8C8"
@@ -70,11 +70,9 @@ def line_style(index: int) -> dict[str, Any]:
 
 def rgb(hex_color: str) -> Rgb:
     """Return a color like #D55E00 as three bytes."""
-    red, green, blue = bytes.fromhex(hex_color[1:])
-    return red, green, blue
+    return tuple(bytes.fromhex(hex_color[1:]))
 
 
 def mix_with_white(color: Rgb, fraction: float = 0.5) -> Rgb:
     """Return a color mixed with a fraction of white."""
-    red, green, blue = (round(byte + fraction * (255 - byte)) for byte in color)
-    return red, green, blue
+    return tuple(round(byte + fraction * (255 - byte)) for byte in color)

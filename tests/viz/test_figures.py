@@ -46,9 +46,9 @@ def test_curves_are_the_recorded_values() -> None:
 def test_alpha_is_the_achieved_fraction_and_estimates_have_a_two_sigma_band() -> None:
     """Robots that achieve 0.8 of their command have alpha 0.8 while they drive along that axis."""
     estimate = np.stack([np.full(3, 0.9), np.ones(3)])  # 1: no estimate
-    run = make_outcome(
-        ["estimator", "other"], 1, own={"alpha_sigma": np.full((2, 3), 0.05)}, alpha_hat=estimate
-    )
+    sigma = {"alpha_sigma": np.full((2, 3), 0.05)}
+    names = ["estimator", "other"]
+    run = make_outcome(names, 1, controller_channels=sigma, alpha_hat=estimate)
     axes = draw_figures(run, "alpha")["alpha"].axes
     assert [panel.get_title(loc="left") for panel in axes] == ["estimator, x", "estimator, y"]
     for panel, driven in zip(

@@ -14,7 +14,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from omni_mj.config.settings import FRAME_RATE_HZ, Settings
-from omni_mj.files import check_disk_space
 from omni_mj.results import events
 from omni_mj.simulation.log import Log
 from omni_mj.simulation.simulation import Simulation
@@ -85,7 +84,9 @@ class Recording(RerunStream):
 
     def _send_block(self) -> None:
         """Send the new frames of all robots."""
-        self._check_disk()
+        n_rows = sum(reference.frames for reference in self._simulation.references)
+        n_columns = sum(map(len, self._log.columns.values()))
+        self._check_disk(VALUE_BYTES * n_rows * n_columns)
         if not self._channels:
             self._begin()
         elif self._channels != list(self._log.columns):  # a controller records a new channel
@@ -100,13 +101,6 @@ class Recording(RerunStream):
             robot_events = events.row_events(self._log, robot.row, self._simulation.failures)
             self._send_events(robot, robot_events[self._n_events[i] :])
             self._n_events[i] = len(robot_events)
-
-    def _check_disk(self) -> None:
-        """Raise OmniError if the disk would not have enough room left for the trajectory table."""
-        if isinstance(self._target, Path):
-            rows = sum(reference.frames for reference in self._simulation.references)
-            columns = sum(map(len, self._log.columns.values()))
-            check_disk_space(self._target.parent, VALUE_BYTES * rows * columns)
 
     def _begin(self) -> None:
         """Open the stream and send everything that does not change."""
@@ -131,7 +125,7 @@ class Recording(RerunStream):
         recent = replace(robot, first_frame=begin)
         for plot in chain(*self._tabs.values()):
             entity = f"plots/{plot.path}/{robot.name}"
-            values = plot.values(recent)[frames - begin]
+            values = plot.compute(recent)[frames - begin]
             if entity not in self._open_series and not np.isnan(values).all():
                 self._open_series.add(entity)
                 self._stream.log(entity, plot.line_style(robot), static=True)
@@ -189,8 +183,7 @@ class ServedRecording(RerunStream):
 
     def _send_block(self, names: Sequence[str], log: Log) -> None:
         """Send poses and plots of the robots, and hide those that are no longer present."""
-        if isinstance(self._target, Path):
-            check_disk_space(self._target.parent, TABLE_BYTES)
+        self._check_disk(TABLE_BYTES)
         frames = log.first_frame + np.arange(log.length)
         hidden = robot_shapes.pose_columns(np.zeros((1, 3)), HIDDEN_HEIGHT_M)
         for name in self._present_robots - set(names):

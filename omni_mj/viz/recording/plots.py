@@ -1,7 +1,7 @@
 """Time series of a recording: the plots of each tab, and how their lines follow from the log."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -27,8 +27,9 @@ class Plot(NamedTuple):
         path: Path below plots/; the robots are below it.
         title: Quantity and unit.
         values: Function of a robot that returns values (frames, lines), NaN where there are none.
-        lines: Names of the lines; one empty name if there is only one line.
+            Default: the values of the channel.
         channel: Channel of the log that must contain numbers, otherwise the plot is left out.
+        lines: Names of the lines; one empty name if there is only one line.
         white: Fractions of white in the colors of the first lines, which are drawn thinner.
         range: Limits of the axis. Default: those of the data.
         n_wheels: Number of wheels if each has its own color; 0 if lines have the robot's color.
@@ -36,12 +37,16 @@ class Plot(NamedTuple):
 
     path: str
     title: str
-    values: Callable[[RecordedRobot], Array]
-    lines: tuple[str, ...] = ("",)
+    values: Callable[[RecordedRobot], Array] | None = None
     channel: str = "pose"
+    lines: tuple[str, ...] = ("",)
     white: tuple[float, ...] = ()
     range: tuple[float, float] | None = None
     n_wheels: int = 0
+
+    def compute(self, robot: RecordedRobot) -> Array:
+        """Return the values of a robot's lines, (frames, lines)."""
+        return self.values(robot) if self.values else robot[self.channel]
 
     def line_style(self, robot: RecordedRobot) -> rr.SeriesLines:
         """Return names, colors and widths of a robot's lines."""
@@ -103,7 +108,8 @@ def _velocity_plot(path: str, title: str, axis: int) -> Plot:
         achieved = np.diff(pose, prepend=pose[0]) / PERIOD_S
         return np.stack([robot["command"][:, axis], robot["applied"][:, axis], achieved], axis=1)
 
-    return Plot(path, title, values, ("sent", "received", "achieved"), white=(0.75, 0.45))
+    lines = ("sent", "received", "achieved")
+    return Plot(path, title, values, lines=lines, white=(0.75, 0.45))
 
 
 def _saturation_plots() -> list[Plot]:
@@ -113,19 +119,19 @@ def _saturation_plots() -> list[Plot]:
             "saturation/sliding",
             "sliding speed of the wheel that slides most (slip beyond creep), m/s",
             _sliding_speed,
-            channel="slip",
+            "slip",
         ),
-        _channel_plot(
-            "duty_peak",
+        Plot(
             "saturation/duty",
             "largest duty cycle of the motors",
+            channel="duty_peak",
             range=FRACTION_RANGE,
         ),
         Plot(
             "saturation/current",
             "fraction of time at the current limit, largest of the motors",
             lambda robot: robot["current_limited"].max(-1, keepdims=True),
-            channel="current_limited",
+            "current_limited",
             range=FRACTION_RANGE,
         ),
         Plot(
@@ -143,7 +149,7 @@ def _alpha_plot(axis_name: str, axis: int) -> Plot:
         f"alpha/{axis_name}",
         f"motor correction factor alpha in {axis_name}",
         lambda robot: robot.alpha(axis),
-        ("measured", "estimate - 2 sigma", "estimate + 2 sigma", "estimate"),
+        lines=("measured", "estimate - 2 sigma", "estimate + 2 sigma", "estimate"),
         white=(0.8, 0.6, 0.6),
         range=ALPHA_RANGE,
     )
@@ -160,14 +166,20 @@ def _wheel_tabs(log: Log) -> dict[str, list[Plot]]:
         twist = world_to_body(robot["applied"], robot["pose"][:, 2])
         return np.hstack([geometry.wheel_speeds(twist), robot["wheel_speed"]])
 
-    def wheel_plot(channel: str, title: str) -> Plot:
-        return _channel_plot(channel, f"wheel/{channel}", title, wheels, n_wheels=len(wheels))
-
-    speed_plot = wheel_plot("wheel_speed", "wheel speed, rad/s")._replace(
-        values=wheel_speeds,
+    n_wheels = len(wheels)
+    speed_plot = Plot(
+        "wheel/wheel_speed",
+        "wheel speed, rad/s",
+        wheel_speeds,
+        "wheel_speed",
         lines=tuple(f"{wheel} {kind}" for kind in ("commanded", "measured") for wheel in wheels),
-        white=(0.6,) * len(wheels),
+        white=(0.6,) * n_wheels,
+        n_wheels=n_wheels,
     )
+
+    def wheel_plot(channel: str, title: str) -> Plot:
+        return Plot(f"wheel/{channel}", title, None, channel, wheels, n_wheels=n_wheels)
+
     return {
         "wheels": [
             speed_plot,
@@ -177,16 +189,9 @@ def _wheel_tabs(log: Log) -> dict[str, list[Plot]]:
         ],
         "temperature and battery": [
             wheel_plot("winding", "winding temperature, °C"),
-            _channel_plot("battery", "battery", "battery voltage under load, V"),
+            Plot("battery", "battery voltage under load, V", channel="battery"),
         ],
     }
-
-
-def _channel_plot(
-    channel: str, path: str, title: str, lines: tuple[str, ...] = ("",), **options: Any
-) -> Plot:
-    """Return the plot of a channel's own values."""
-    return Plot(path, title, lambda robot: robot[channel], lines, channel, **options)
 
 
 def _controller_plot(channel: str, count: int) -> Plot:
@@ -194,7 +199,7 @@ def _controller_plot(channel: str, count: int) -> Plot:
     name = channel.removeprefix(CHANNEL_PREFIX)
     lines = tuple(str(i + 1) for i in range(count)) if count > 1 else ("",)
     path = f"channels/{rr.escape_entity_path_part(name)}"
-    return _channel_plot(channel, path, name, lines, white=tuple(np.linspace(0.6, 0, count)))
+    return Plot(path, name, None, channel, lines, white=tuple(np.linspace(0.6, 0, count)))
 
 
 def _sliding_speed(robot: RecordedRobot) -> Array:

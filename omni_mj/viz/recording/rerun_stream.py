@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.settings import PERIOD_S
+from omni_mj.files import check_disk_space
 from omni_mj.viz.recording.viewer import is_listening
 
 Frames = NDArray[np.int_]  # numbers of frames, (n,)
@@ -84,6 +85,11 @@ class RerunStream:
             self._stream.save(self._target, layout, write_footer=footer)
         else:
             self._stream.connect_grpc(self._target, default_blueprint=layout)
+
+    def _check_disk(self, table_bytes: float) -> None:
+        """Raise OmniError if the disk would not have enough room left for a trajectory table."""
+        if isinstance(self._target, Path):
+            check_disk_space(self._target.parent, table_bytes)
 
     def _try_sending(self, send: Callable[..., None], *arguments: object) -> None:
         """Call `send` with its arguments and flush, unless the stream has failed."""

@@ -42,16 +42,14 @@ def log_robot(
         settings: Settings of the robot.
     """
     world, data = _robot_at_origin(settings)
-    model, robot = world.model, world.robots[0]
+    robot, colors = world.robots[0], _geom_colors(world, cover_color)
     wheel_bodies = np.concatenate([robot.wheels, robot.rims, robot.rollers.ravel()])
-    chassis_bodies = np.flatnonzero(model.body_rootid == robot.chassis)
-    colors = _geom_colors(world, cover_color)
-    chassis = np.setdiff1d(chassis_bodies, wheel_bodies)
-    _log_bodies(stream, f"{entity}/chassis", model, data, chassis, np.zeros(3), colors)
+    robot_bodies = np.flatnonzero(world.model.body_rootid == robot.chassis)
+    chassis = np.setdiff1d(robot_bodies, wheel_bodies)
+    _log_bodies(stream, f"{entity}/chassis", data, chassis, np.zeros(3), colors)
     for i, joint in enumerate(robot.joints):
         wheel = np.append(robot.rollers[i], robot.wheels[i])
-        name = f"{entity}/wheel_{i + 1}"
-        _log_bodies(stream, name, model, data, wheel, data.xanchor[joint], colors)
+        _log_bodies(stream, f"{entity}/wheel_{i + 1}", data, wheel, data.xanchor[joint], colors)
 
 
 def send_poses(
@@ -101,28 +99,27 @@ def cover_materials(model: mujoco.MjModel) -> list[int]:
 def _log_bodies(
     stream: rr.RecordingStream,
     entity: str,
-    model: mujoco.MjModel,
     data: mujoco.MjData,
     bodies: Array,
     origin: Array,
     colors: np.ndarray,
 ) -> None:
     """Log the visible geoms of bodies, relative to an origin (3,) in m."""
+    model = data.model
     visible = np.isin(model.geom_bodyid, bodies) & (model.geom_group < VISIBLE_GROUPS)
     centers = data.geom_xpos - origin
     for name, shape in SHAPES.items():
         geom_type = getattr(mujoco.mjtGeom, f"mjGEOM_{name}")
-        geoms = np.flatnonzero((model.geom_type == geom_type) & visible)
-        if not geoms.size:
-            continue
-        shapes = shape(
-            model.geom_size[geoms],
-            centers=centers[geoms],
-            quaternions=data.geom_xquat[geoms][:, [1, 2, 3, 0]],  # MuJoCo: wxyz, rerun: xyzw
-            colors=colors[geoms],
-            fill_mode="solid",
-        )
-        stream.log(f"{entity}/{name.lower()}s", shapes, static=True)
+        geoms = (model.geom_type == geom_type) & visible
+        if geoms.any():
+            shapes = shape(
+                model.geom_size[geoms],
+                centers=centers[geoms],
+                quaternions=data.geom_xquat[geoms][:, [1, 2, 3, 0]],  # MuJoCo: wxyz, rerun: xyzw
+                colors=colors[geoms],
+                fill_mode="solid",
+            )
+            stream.log(f"{entity}/{name.lower()}s", shapes, static=True)
     for geom in np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & visible):
         mesh = model.mesh(model.geom_dataid[geom])
         vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
