@@ -7,10 +7,11 @@ over it. Rotor inertia and creep are neglected. Of a loop with integral action, 
 proportional gain counts.
 
 **Creep.** Wheel i has the rim direction d_i and the lever arm l, a row D_i = (d_i, l) of D. Its rim
-runs by s_i = |v_i| f_i / (N_i C) faster than the ground passes (`omni_mj.robot.wheel_carpet_forces`). With stiff
-wheel loops, rims can differ from the ground only as a rigid body can move, s = D e, where e = u - v
-is the twist by the encoders minus the twist of the body. In translation all |v_i| = |v|. The
-tractions f_i = N_i C s_i / |v| have the force and moment
+runs by s_i = |v_i| f_i / (N_i C) faster than the ground passes
+(`omni_mj.robot.wheel_carpet_forces`). With stiff wheel loops, rims can differ from the ground only
+as a rigid body can move, s = D e, where e = u - v is the twist by the encoders minus the twist of
+the body. In translation all |v_i| = |v|. The tractions f_i = N_i C s_i / |v| have the force and
+moment
 
     (F, M) = D^T f = (C / |v|) D^T N D e,        so        e = |v| / C (D^T N D)^-1 (F, M).
 
