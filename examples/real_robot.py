@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 
 from omni_control import MotionLimits, Team, TeamModel, TimedReference
-from omni_control.controllers import make_controller
+from omni_control.controllers.registry import make_controller
 from omni_control.kinematics import body_to_world, world_to_body
 
 model = TeamModel(period=1 / 60, delay_frames=6)  # the dead time is the most important number

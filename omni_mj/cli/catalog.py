@@ -65,7 +65,7 @@ def list_entries(title: str) -> Entries:
         case "robots":
             return _describe_files(robot_files.find_builtin_robots())
         case "controllers":
-            from omni_control.controllers import CONTROLLERS, find_missing_package
+            from omni_control.controllers.registry import CONTROLLERS, find_missing_package
 
             entries = []
             for name, reference in CONTROLLERS.items():
@@ -113,7 +113,7 @@ def describe(name: str, overrides: Sequence[str] = (), robot: str | None = None)
         OmniError: The name is unknown, the file is invalid, or `overrides` or `robot` are given for
             anything but a scenario.
     """
-    from omni_control.controllers import CONTROLLERS
+    from omni_control.controllers.registry import CONTROLLERS
     from omni_mj.config.plugins import is_class_reference
 
     scenarios, robots = toml_files.find_builtin_scenarios(), robot_files.find_builtin_robots()
@@ -177,7 +177,7 @@ def _describe_robot(name: str) -> str:
 
 def _describe_controller(name: str) -> str:
     """Return the docstring, the parameters and the source file of a controller."""
-    from omni_control.controllers import get_parameters
+    from omni_control.controllers.registry import get_parameters
     from omni_mj.config import plugins
 
     controller_class, label = plugins.find_controller(name), plugins.label_controller(name)

@@ -74,7 +74,7 @@ def command(
     Prints and saves position errors and settling times, and tests with --subject whether
     differences are significant. Without --controller, all installed controllers are compared.
     """
-    from omni_control.controllers import list_available_controllers
+    from omni_control.controllers.registry import list_available_controllers
     from omni_mj.studies import compare
     from omni_mj.studies.compare import compare_figure, compare_table
 

@@ -9,8 +9,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from omni_control.controllers import CONTROLLERS, load_controller_class, validate_parameters
 from omni_control.controllers.base import Controller, describe_error
+from omni_control.controllers.registry import (
+    CONTROLLERS,
+    load_controller_class,
+    validate_parameters,
+)
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_mj.config.validation import raise_errors
 

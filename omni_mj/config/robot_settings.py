@@ -12,7 +12,7 @@ from omni_control.kinematics import Kinematics
 from omni_mj.config import CYCLE_RATE_HZ
 from omni_mj.config.validation import Angles, SettingsModel, setting
 
-# Depth by which the weight presses rollers into the carpet (omni_mj.mjcf.contact_parameters,
+# Depth by which the weight presses rollers into the carpet (omni_mj.mjcf.rollers,
 # 2.65 kg on 4 wheels), rounded up.
 CONTACT_DEPTH_M = 7e-5
 

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from omni_control.controllers import CONTROLLERS
 from omni_control.controllers.base import Controller
+from omni_control.controllers.registry import CONTROLLERS
 from omni_control.errors import OmniError
 from omni_mj.config import distributions, fault_checks, faults, plugins, robot_files
 from omni_mj.config.resolve import Robot, resolve_settings

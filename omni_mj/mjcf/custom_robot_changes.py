@@ -6,7 +6,12 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.mjcf.model_measurements import WheelGeometry
-from omni_mj.mjcf.part_recognition import HINGE, RobotIndices, find_slip_hinges
+from omni_mj.mjcf.part_recognition import (
+    HINGE,
+    RobotIndices,
+    compute_initial_kinematics,
+    find_slip_hinges,
+)
 
 # Solver parameters of the friction of hinges, same as in models/ssl_robot.xml.
 HINGE_FRICTION = {
@@ -77,8 +82,7 @@ def prepare_hinges(
 
     Afterwards the axes of all wheel and slip hinges point to the robot's center.
     """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    data = compute_initial_kinematics(model)
     for joint, rim, phase, is_outward in zip(
         robot.joints, robot.rims, robot.phases, wheels.is_outward, strict=True
     ):

@@ -22,11 +22,16 @@ import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError, to_printable
+from omni_mj.config.robot_files import list_model_files
 from omni_mj.config.validation import raise_errors
 from omni_mj.mjcf import custom_robot_changes
-from omni_mj.mjcf.model_files import list_model_files
 from omni_mj.mjcf.model_measurements import WheelGeometry, compute_composite_inertia, measure_wheels
-from omni_mj.mjcf.part_recognition import RobotIndices, find_chassis_names, find_robots
+from omni_mj.mjcf.part_recognition import (
+    RobotIndices,
+    compute_initial_kinematics,
+    find_chassis_names,
+    find_robots,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +173,7 @@ def _has_uniform_rollers(model: mujoco.MjModel, robot: RobotIndices) -> bool:
     """Return whether two rollers of a wheel can represent all of them."""
     rollers = robot.rollers
     mass, inertia = model.body_mass[rollers], np.sort(model.body_inertia[rollers], axis=-1)
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    data = compute_initial_kinematics(model)
     axial_positions = np.einsum("wri,wi->wr", data.xpos[rollers], data.xaxis[robot.joints])
     has_equal_mass = np.ptp(mass) < 1e-6 and np.ptp(inertia, axis=(0, 1)).max() < 1e-9
     is_one_row = np.ptp(axial_positions, axis=1).max() < 1e-4

@@ -2,14 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.mjcf.part_recognition import Ids, RobotIndices
+from omni_mj.mjcf.part_recognition import Ids, RobotIndices, compute_initial_kinematics
 
 LENGTH_TOLERANCE_M = 5e-4  # of the geometry of equal wheels
 ANGLE_TOLERANCE_RAD = 0.01  # of axles that point at the robot's center, horizontally
@@ -38,15 +37,6 @@ class WheelGeometry:
     axle_height: float
 
 
-class _WheelLengths(NamedTuple):
-    """Lengths that must be the same for all wheels of a robot, m."""
-
-    arm: float
-    radius: float
-    roller_radius: float
-    axle_height: float
-
-
 def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, contact_geoms: Ids) -> WheelGeometry:
     """Return the geometry of a robot's wheels.
 
@@ -58,9 +48,8 @@ def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, contact_geoms: Id
     Raises:
         OmniError: The wheels are not equal, upright, or on one circle about the robot's center.
     """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    azimuths, is_outward, lengths = list[float](), list[bool](), list[_WheelLengths]()
+    data = compute_initial_kinematics(model)
+    azimuths, is_outward, lengths = list[float](), list[bool](), list[list[float]]()
     for joint, rollers in zip(robot.joints, robot.rollers, strict=True):
         anchor, axis = data.xanchor[joint], data.xaxis[joint]
         radial = np.array([*anchor[:2], 0.0])
@@ -76,21 +65,21 @@ def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, contact_geoms: Id
             )
         azimuth = np.degrees(np.arctan2(axle[1], axle[0])) % 360
         azimuths.append(float(np.round(azimuth, DIGITS)) % 360)
-        arm, radius, roller_radius = np.mean(
+        roller_lengths = np.mean(
             [
                 _measure_roller(model, data, int(roller), contact_geoms, anchor, axle)
                 for roller in rollers
             ],
             axis=0,
         )
-        lengths.append(_WheelLengths(arm, radius, roller_radius, anchor[2]))
+        lengths.append([*roller_lengths, anchor[2]])
     _check_equal_wheels(lengths)
     rounded = (float(np.round(value, DIGITS)) for value in np.mean(lengths, axis=0))
     return WheelGeometry(tuple(azimuths), tuple(is_outward), *rounded)
 
 
-def _check_equal_wheels(lengths: list[_WheelLengths]) -> None:
-    """Raise an OmniError if a length differs from wheel to wheel."""
+def _check_equal_wheels(lengths: list[list[float]]) -> None:
+    """Raise an OmniError if a length differs from wheel to wheel; lengths (wheels, 4), m."""
     names = "arms", "radii", "radii of rollers", "heights"
     for values, name in zip(np.transpose(lengths), names, strict=True):
         if np.ptp(values) > LENGTH_TOLERANCE_M:
@@ -172,8 +161,7 @@ def compute_composite_inertia(
 
     The bodies are in the model's initial configuration.
     """
-    data, indices = mujoco.MjData(model), list(bodies)
-    mujoco.mj_kinematics(model, data)
+    data, indices = compute_initial_kinematics(model), list(bodies)
     mass, positions = model.body_mass[indices], data.xipos[indices]
     center = mass @ positions / mass.sum()
     inertia = np.zeros((3, 3))

@@ -8,7 +8,6 @@ the wheels, and the gyro is a <gyro> sensor on a site of the chassis.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -73,18 +72,11 @@ class RobotIndices:
     phases: Array
 
 
-class _WheelRollers(NamedTuple):
-    """The rollers of a wheel, in the order in which they reach the bottom.
-
-    Attributes:
-        rim: Body that carries them.
-        bodies: Bodies of the rollers, (rollers,).
-        phase: Wheel angle at which the first one is at the bottom, rad.
-    """
-
-    rim: int
-    bodies: Ids
-    phase: float
+def compute_initial_kinematics(model: mujoco.MjModel) -> mujoco.MjData:
+    """Return the positions of all parts in the initial configuration of a model."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return data
 
 
 def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
@@ -95,16 +87,13 @@ def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
     Raises:
         OmniError: Parts are missing. One line per part, with the element that is needed.
     """
-    data, errors = mujoco.MjData(model), list[str]()
-    mujoco.mj_kinematics(model, data)
+    data = compute_initial_kinematics(model)
     motors = _find_wheel_motors(model, data)
     chassis_of_motor = model.body_rootid[model.jnt_bodyid[model.actuator_trnid[motors, 0]]]
-    robots = [
-        _find_robot(model, data, int(chassis), motors[chassis_of_motor == chassis], errors)
+    return tuple(
+        _find_robot(model, data, int(chassis), motors[chassis_of_motor == chassis])
         for chassis in np.unique(chassis_of_motor)
-    ]
-    raise_errors(dict.fromkeys(errors))
-    return tuple(robot for robot in robots if robot)
+    )
 
 
 def find_chassis_names(model: mujoco.MjModel) -> list[str]:
@@ -113,8 +102,7 @@ def find_chassis_names(model: mujoco.MjModel) -> list[str]:
     Raises:
         OmniError: There are none.
     """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    data = compute_initial_kinematics(model)
     joints = model.actuator_trnid[_find_wheel_motors(model, data), 0]
     chassis = np.unique(model.body_rootid[model.jnt_bodyid[joints]])
     return [model.body(body).name for body in chassis]
@@ -173,29 +161,30 @@ def _find_rollers(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Ids
 
 
 def _find_robot(
-    model: mujoco.MjModel, data: mujoco.MjData, chassis: int, motors: Ids, errors: list[str]
-) -> RobotIndices | None:
-    """Return the indices of a robot; None if parts are missing, with a line of errors for each."""
-    n_errors = len(errors)
+    model: mujoco.MjModel, data: mujoco.MjData, chassis: int, motors: Ids
+) -> RobotIndices:
+    """Return the indices of the robot with a chassis and motors.
+
+    Raises:
+        OmniError: Parts are missing. One line per part.
+    """
+    errors: list[str] = []
     joints = model.actuator_trnid[motors, 0]
     _check_chassis_and_joints(model, chassis, joints, errors)
-    wheels = [_order_rollers(model, data, int(joint), errors) for joint in joints]
+    rims, rollers, phases = zip(
+        *(_order_rollers(model, data, int(joint), errors) for joint in joints), strict=True
+    )
     gyro = _find_gyro(model, data, chassis, errors)
     encoders = [_find_encoder(model, int(joint), errors) for joint in joints]
-    counts = [len(wheel.bodies) for wheel in wheels]
-    rims = np.array([wheel.rim for wheel in wheels])
-    slip_hinges = [
-        slip_hinge
-        for joint, rim in zip(joints, rims, strict=True)
-        for slip_hinge in find_slip_hinges(model, joint, rim)
-    ]
+    counts = [len(wheel_rollers) for wheel_rollers in rollers]
+    slip_hinges = np.concatenate(
+        [find_slip_hinges(model, joint, rim) for joint, rim in zip(joints, rims, strict=True)]
+    ).astype(int)
     if len(set(counts)) > 1:
         errors.append(f"wheels with different numbers of rollers: {counts}")
     if 0 < len(slip_hinges) < len(joints):
         errors.append("some rims have a slip hinge, and some have none")
-    if len(errors) > n_errors:
-        return None
-    rollers = np.array([wheel.bodies for wheel in wheels])
+    raise_errors(errors)
     # The joints of a robot are consecutive.
     robot_joints = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == chassis)
     start, stop = robot_joints[0], robot_joints[-1] + 1
@@ -208,15 +197,15 @@ def _find_robot(
         wheel_qpos=model.jnt_qposadr[joints],
         wheel_dofs=model.jnt_dofadr[joints],
         wheels=model.jnt_bodyid[joints],
-        rims=rims,
-        slip_qpos=model.jnt_qposadr[np.array(slip_hinges, int)],
-        slip_dofs=model.jnt_dofadr[np.array(slip_hinges, int)],
-        rollers=rollers,
-        roller_dofs=model.body_dofadr[rollers],
+        rims=np.array(rims),
+        slip_qpos=model.jnt_qposadr[slip_hinges],
+        slip_dofs=model.jnt_dofadr[slip_hinges],
+        rollers=np.array(rollers),
+        roller_dofs=model.body_dofadr[np.array(rollers)],
         motors=motors,
         encoders=np.array(encoders),
         gyro=gyro,
-        phases=np.array([wheel.phase for wheel in wheels]),
+        phases=np.array(phases),
     )
 
 
@@ -238,8 +227,13 @@ def _check_chassis_and_joints(
 
 def _order_rollers(
     model: mujoco.MjModel, data: mujoco.MjData, joint: int, errors: list[str]
-) -> _WheelRollers:
-    """Return the rollers of the wheel on a hinge, in the order in which they reach the bottom."""
+) -> tuple[int, Ids, float]:
+    """Find the rollers of the wheel on a hinge.
+
+    Returns:
+        The rim that carries them, the rollers in the order in which they reach the bottom, and the
+        wheel angle at which the first one is there, rad.
+    """
     wheel, bodies = int(model.jnt_bodyid[joint]), _find_rollers(model, data, joint)
     name, axle = model.body(wheel).name, data.xaxis[joint]
     rims = np.unique(model.body_parentid[bodies])
@@ -255,7 +249,7 @@ def _order_rollers(
     angles = angles + (model.qpos0[model.jnt_qposadr[slip_hinges[0]]] if slip_hinges else 0.0)
     count = len(bodies)
     if count == RETAINED_ROLLERS:
-        return _WheelRollers(rim, bodies[np.argsort(np.abs(angles))], 0.0)
+        return rim, bodies[np.argsort(np.abs(angles))], 0.0
     pitch = 2 * np.pi / count
     # Circular mean of the angles modulo the pitch.
     phase = float(np.angle(np.exp(1j * angles * count).mean())) / count
@@ -264,7 +258,7 @@ def _order_rollers(
     positions %= count
     if spacing_error > _MAX_SPACING_ERROR_RAD or len(set(positions)) < count:
         errors.append(f"the {count} rollers of the wheel {name!r} must be evenly spaced")
-    return _WheelRollers(rim, bodies[np.argsort(positions)], phase)
+    return rim, bodies[np.argsort(positions)], phase
 
 
 def _find_encoder(model: mujoco.MjModel, joint: int, errors: list[str]) -> int:

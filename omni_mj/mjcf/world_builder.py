@@ -1,7 +1,7 @@
 """Builder of the world of the robots: the field, n robots with name prefixes, and their contacts.
 
 Contacts are set here. Rollers touch the field's geom `carpet` by explicit pairs (see
-`contact_parameters`). Hulls (the robot's geoms of the class `hull`) are disabled in the robot's
+`rollers`). Hulls (the robot's geoms of the class `hull`) are disabled in the robot's
 model. If a world has several robots, or on request, they are enabled. They then collide with each
 other and with every colliding geom of the field: walls, and the carpet under a fallen robot.
 """
@@ -19,10 +19,10 @@ from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.settings import Settings
-from omni_mj.mjcf import contact_parameters, part_recognition, two_roller_wheels
+from omni_mj.mjcf import part_recognition, rollers
 from omni_mj.mjcf.custom_robot_file import RobotSpec
 from omni_mj.mjcf.model_measurements import compute_support_distance
-from omni_mj.mjcf.part_recognition import Ids, RobotIndices
+from omni_mj.mjcf.part_recognition import Ids, RobotIndices, compute_initial_kinematics
 from omni_mj.mjcf.settings_to_mjcf import RobotShape, build_robot_spec
 
 SETTLING_S = 0.25
@@ -88,11 +88,11 @@ def _build_world(
     spec, contact_geoms = robot_spec.spec.copy(), robot_spec.contact_geoms
     robot_model = spec.compile()
     (single_robot,) = part_recognition.find_robots(robot_model)
-    contact = contact_parameters.make_roller_contact(
+    contact = rollers.make_roller_contact(
         robot_model, single_robot.rollers.ravel(), shape.body.mass_kg / len(single_robot.wheels)
     )
     if shape.wheels.model == "two-rollers":
-        two_roller_wheels.reduce_rollers(spec, robot_model, single_robot)
+        rollers.reduce_rollers(spec, robot_model, single_robot)
         remaining = {geom.name for geom in spec.geoms}
         contact_geoms = tuple(name for name in contact_geoms if name in remaining)
     for name in _WORLD_ATTRIBUTES:
@@ -104,14 +104,14 @@ def _build_world(
         _attach_robot(field, spec, f"robot_{slot + 1}/", contact_geoms, rims, contact)
     if n_robots == 1:  # with one robot there is one island; listing it costs 7 % of a step
         field.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
-    field.option.impratio = contact_parameters.FRICTION_STIFFNESS_RATIO
+    field.option.impratio = rollers.FRICTION_STIFFNESS_RATIO
     field.option.timestep = field.option.timestep / substeps
     try:
         model = field.compile()
     except ValueError as error:
         raise OmniError(f"{robot_spec.file}: {' '.join(str(error).split())}") from error
     robots = tuple(part_recognition.find_robots(model))
-    max_impedance = contact_parameters.MAX_IMPEDANCE
+    max_impedance = rollers.MAX_IMPEDANCE
     for robot in robots:  # backward Euler: a slip speed decays within a step
         model.dof_solref[robot.slip_dofs] = -1.0, -max_impedance / model.opt.timestep
         model.dof_solimp[robot.slip_dofs, :2] = max_impedance
@@ -168,18 +168,17 @@ def _attach_robot(
     field.attach(spec.copy(), frame=field.worldbody.add_frame(), prefix=prefix)
     for geom in contact_geoms:
         field.add_pair(geomname1="carpet", geomname2=prefix + geom, condim=3, **contact)
-    for rim in rims:
-        _add_load_sensor(field, prefix + rim)
-
-
-def _add_load_sensor(field: mujoco.MjSpec, rim: str) -> None:
-    """Add a sensor of the force between the carpet and the parts on a rim, world axes."""
-    sensor = field.add_sensor(name=f"load/{rim}")
-    sensor.type = mujoco.mjtSensor.mjSENS_CONTACT
-    sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_GEOM, "carpet"
-    sensor.reftype, sensor.refname = mujoco.mjtObj.mjOBJ_XBODY, rim
-    # Output: force only; reduction: sum over all contacts; one result.
-    sensor.intprm[:3] = 1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1
+    for rim in rims:  # force between the carpet and the parts on the rim, world axes
+        field.add_sensor(
+            name=f"load/{prefix}{rim}",
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            objtype=mujoco.mjtObj.mjOBJ_GEOM,
+            objname="carpet",
+            reftype=mujoco.mjtObj.mjOBJ_XBODY,
+            refname=prefix + rim,
+            # Output: force only; reduction: sum over all contacts; one result.
+            intprm=[1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1],
+        )
 
 
 def _find_load_addresses(model: mujoco.MjModel, robots: tuple[RobotIndices, ...]) -> Ids:
@@ -194,8 +193,7 @@ def _find_load_addresses(model: mujoco.MjModel, robots: tuple[RobotIndices, ...]
 
 def _compute_hull_radius(model: mujoco.MjModel, hull_geoms: Sequence[str]) -> float:
     """Return the radius of the circle about a robot's center that contains its hull, m."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    data = compute_initial_kinematics(model)
     directions = [
         np.array([np.cos(angle), np.sin(angle), 0.0])
         for angle in np.linspace(0, 2 * np.pi, HULL_DIRECTIONS)

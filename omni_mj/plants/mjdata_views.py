@@ -171,7 +171,7 @@ class RobotViews(ChangeableBodies):
         """Turn the rims of two-roller wheels back by whole pitches (rad) that they have passed.
 
         Call this after every step and before anything else reads the state; see
-        `omni_mj.mjcf.two_roller_wheels`.
+        `omni_mj.mjcf.rollers`.
         """
         slip_angle = self.slip_angle.get()
         n_pitches = np.floor((self.wheel_angle.get() + slip_angle) * (1 / pitch))

@@ -22,12 +22,12 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.faults import Payload
 from omni_mj.config.settings import Settings, gather
-from omni_mj.mjcf.contact_parameters import (
+from omni_mj.mjcf.model_measurements import compute_composite_inertia
+from omni_mj.mjcf.rollers import (
     ADDED_MASS_KG,
     FRICTION_RATE_HZ,
     FRICTION_STIFFNESS_RATIO,
 )
-from omni_mj.mjcf.model_measurements import compute_composite_inertia
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.planar_roller_forces import SPEEDS_RAD_S, WheelResponse, interpolate_response
 from omni_mj.plants.randomization import RobotVariation

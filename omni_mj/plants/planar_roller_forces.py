@@ -1,6 +1,6 @@
 """Wheels of the plant `planar`: mean forces of rollers on a carpet that yields.
 
-On the plant `mujoco` these forces come from contacts (`omni_mj.mjcf.contact_parameters`). Here they
+On the plant `mujoco` these forces come from contacts (`omni_mj.mjcf.rollers`). Here they
 are computed once for each wheel geometry and a number of normal forces. A roller is a barrel of the
 radius r and the half length sqrt(R r) on a wheel of the radius R. At the angle phi from the bottom
 it reaches below the axle as far as its support function says,
@@ -30,7 +30,7 @@ from scipy.optimize import brentq
 
 from omni_control.traction import GRAVITY
 from omni_mj.config.robot_settings import WheelSettings
-from omni_mj.mjcf.contact_parameters import STIFFNESS_N_M, compute_carpet_damping
+from omni_mj.mjcf.rollers import STIFFNESS_N_M, compute_carpet_damping
 from omni_mj.robot.array_ops import Array
 
 # Slow and fast speed of a wheel from which loss, lift and ripple are computed, rad/s

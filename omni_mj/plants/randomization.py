@@ -14,7 +14,7 @@ so its loss of radius is uniform.
 Wear takes rubber from the rollers. The axle is lowered by as much, so that every wheel carries the
 normal force that it carried when new. Otherwise two opposite wheels that have lost 0.13 mm would
 carry nothing, because the spring between roller and carpet yields by 0.07 mm only
-(`omni_mj.mjcf.contact_parameters`). A real pile yields by a millimeter or so, which is a guess.
+(`omni_mj.mjcf.rollers`). A real pile yields by a millimeter or so, which is a guess.
 """
 
 from collections.abc import Sequence

@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from omni_control.controllers import make_controller
 from omni_control.controllers.base import Controller, TeamModel
+from omni_control.controllers.registry import make_controller
 from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
 from omni_control.reference import PerRobotReference, Reference

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from omni_control.controllers import list_available_controllers
+from omni_control.controllers.registry import list_available_controllers
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.plugins import find_controller, label_controller

@@ -164,7 +164,7 @@ def test_without_piqp_one_line_explains_how_to_install_it() -> None:
         "install it with pip install 'omni-mj[mpc]'"
     ]
     others = hidden + (
-        "from omni_control.controllers import CONTROLLERS, list_available_controllers; "
+        "from omni_control.controllers.registry import CONTROLLERS, list_available_controllers; "
         "assert set(CONTROLLERS) - set(list_available_controllers()) == {'mpc'}; "
         + cli.format("'list'")
     )

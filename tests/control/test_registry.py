@@ -139,8 +139,8 @@ import sys
 from omni_control import *
 import omni_control, omni_control.errors
 assert set(omni_control.__all__) <= set(dir(omni_control)) and "Team" in globals()
-from omni_control.controllers import load_controller_class
-from omni_control.controllers import CONTROLLERS
+from omni_control.controllers.registry import load_controller_class
+from omni_control.controllers.registry import CONTROLLERS
 for name in CONTROLLERS: load_controller_class(name)
 heavy = {name.split(".")[0] for name in sys.modules} & {"scipy", "mujoco", "omni_mj", "matplotlib"}
 assert not heavy, heavy

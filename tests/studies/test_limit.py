@@ -10,7 +10,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.optimize import minimize
 
 import omni_mj as om
-from omni_control.controllers import CONTROLLERS
+from omni_control.controllers.registry import CONTROLLERS
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
 

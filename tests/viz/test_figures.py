@@ -17,7 +17,7 @@ from benches.figures import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omni_control.controllers import CONTROLLERS
+from omni_control.controllers.registry import CONTROLLERS
 
 USER_CONTROLLERS = ("mine", "yours")
 

@@ -31,7 +31,7 @@ CONTROLLERS: dict[str, str] = {
     "adaptive-comp-flc": "omni_control.controllers.adaptive:AdaptiveCompFlc",
     "p": "omni_control.controllers.baselines:Proportional",
     "smith": "omni_control.controllers.baselines:SmithPredictor",
-    "lqr": "omni_control.controllers.lqr:Lqr",
+    "lqr": "omni_control.controllers.baselines:Lqr",
     "mpc": "omni_control.controllers.mpc:Mpc",
     "oracle": "omni_control.controllers.adaptive:Oracle",
 }

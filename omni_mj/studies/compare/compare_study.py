@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
-from omni_control.controllers import list_available_controllers
 from omni_control.controllers.base import Controller
+from omni_control.controllers.registry import list_available_controllers
 from omni_control.errors import OmniError
 from omni_mj.config import fault_checks
 from omni_mj.config.scenario import Scenario, load_with_overrides

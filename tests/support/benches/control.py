@@ -2,22 +2,22 @@
 # ruff: noqa: F401
 
 from omni_control.command_limiter import CommandLimiter
-from omni_control.controllers import (
+from omni_control.controllers.adaptive import AdaptiveCompFlc, anticipate
+from omni_control.controllers.baselines import (
+    Lqr,
+    NominalRobot,
+    Proportional,
+    SmithPredictor,
+    compute_simc_gain,
+)
+from omni_control.controllers.mpc import CommandConstraints, solve_quadratic_programs
+from omni_control.controllers.registry import (
     CONTROLLERS,
     get_parameters,
     load_controller_class,
     make_controller,
     validate_parameters,
 )
-from omni_control.controllers.adaptive import AdaptiveCompFlc, anticipate
-from omni_control.controllers.baselines import (
-    NominalRobot,
-    Proportional,
-    SmithPredictor,
-    compute_simc_gain,
-)
-from omni_control.controllers.lqr import Lqr
-from omni_control.controllers.mpc import CommandConstraints, solve_quadratic_programs
 from omni_control.delay_compensation import CommandHistory, predict_displacement
 from omni_control.errors import OmniError
 from omni_control.estimation import vision_tracker as vision_filter
