@@ -20,7 +20,7 @@ LIMIT_LABELS = {
     CURRENT_LIMITED: "current limit",
     COMMAND_LIMITED: "command limit",
 }
-DUTY = "duty_mean"
+DUTY = "mean_duty"
 METRIC_LABELS = {f"{limit}_fraction": label for limit, label in LIMIT_LABELS.items()}
 METRIC_LABELS[DUTY] = "duty"
 CREEP_FRACTION = 0.98  # creep at Coulomb's limit is known to about 2 %
@@ -34,7 +34,7 @@ DEFINITIONS = {
         " voltage_saturated_fraction: peak_duty is 1. current_limited_fraction: the"
         " current_limited_fraction_* of a motor is above 0. command_limited_fraction: the command"
         " is at a limit of [control] for speed or acceleration, translation or rotation."
-        " duty_mean: mean of peak_duty over the frames. Statistics exclude seeds that failed"
+        " mean_duty: mean of peak_duty over the frames. Statistics exclude seeds that failed"
     )
 }
 

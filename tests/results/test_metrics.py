@@ -77,7 +77,7 @@ def test_failing_improves_no_metric() -> None:
     metrics = metrics_of(log, [failure(log, 1), failure(log, 2)])
     for name, values in metrics.items():
         # Of a log without motors
-        unknown = name.startswith("peak_") or name.endswith("_fraction") or name == "duty_mean"
+        unknown = name.startswith("peak_") or name.endswith("_fraction") or name == "mean_duty"
         assert np.isfinite(values[0]) or unknown, name
         assert np.isnan(values[1:]).all() if unknown else np.isposinf(values[1:]).all(), name
     no_frames = metrics_of(fill_log(rows(), 0))
