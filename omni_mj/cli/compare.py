@@ -133,9 +133,7 @@ def _run_comparison(
             scenarios[0].controllers,
             scenarios[0].seed_list,
             subject,
-            start_progress=lambda title, n_frames: console.make_frame_callback(
-                interrupts.check, start_progress(title, n_frames)
-            ),
+            start_progress=console.add_check(start_progress, interrupts.check),
             after_scenario=after_scenario,
         )
 

@@ -132,6 +132,13 @@ def make_frame_callback(
     return after_frame
 
 
+def add_check(
+    start_progress: Callable[[str, int], Callable[[int], None]], check: Callable[[], None]
+) -> Callable[[str, int], Callable[[int], None]]:
+    """Return a function like `start_progress` whose bars also call `check` after each frame."""
+    return lambda title, n_frames: make_frame_callback(check, start_progress(title, n_frames))
+
+
 def print_summary_sentence(summary: Mapping[str, Any]) -> None:
     """Print which controller was best, by how much, and why."""
     from omni_mj.results.summary_sentence import summary_sentence

@@ -199,12 +199,7 @@ def verify_command(folder: Path, quiet: bool) -> None:
     from omni_mj.results import verify
 
     with console.show_progress(quiet) as start_progress:
-        result = verify.verify(
-            folder,
-            lambda title, n_frames: console.make_frame_callback(
-                lambda: None, start_progress(title, n_frames)
-            ),
-        )
+        result = verify.verify(folder, console.add_check(start_progress, lambda: None))
     if not result.repeats:
         console.exit_with_error(f"{folder} {result}", console.FAILED)
     if not quiet:

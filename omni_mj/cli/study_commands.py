@@ -226,11 +226,7 @@ def _run_study(
         console.show_progress(output.quiet) as start_progress,
     ):
         output_folders.write_initial_files(folder, name, command, scenarios, frames=name == "limit")
-        result = measure(
-            lambda title, n_frames: console.make_frame_callback(
-                interrupts.check, start_progress(title, n_frames)
-            )
-        )
+        result = measure(console.add_check(start_progress, interrupts.check))
         result.repeat_command = command
     with console.report_write_errors(folder):
         result.save_files(folder)
