@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from omni_mj.cli import catalog
+from omni_mj.robot.robot_performance import load_robot
 from omni_mj.simulation.log import channel_columns
-from omni_mj.studies.robot_facts import load_robot
 
 HERE = Path(__file__).parent
 

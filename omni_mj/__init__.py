@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario, load_scenario
     from omni_mj.results.result import Result
     from omni_mj.results.verify import verify
+    from omni_mj.robot.robot_performance import load_robot
     from omni_mj.simulation.simulation import Simulation
-    from omni_mj.studies.alpha import measure_alpha
-    from omni_mj.studies.compare import compare
-    from omni_mj.studies.identify import identify
-    from omni_mj.studies.limit import find_limit
-    from omni_mj.studies.robot_facts import load_robot
+    from omni_mj.studies.alpha.alpha_study import measure_alpha
+    from omni_mj.studies.compare_study import compare
+    from omni_mj.studies.identify.identify_study import identify
+    from omni_mj.studies.limit.limit_study import find_limit
     from omni_mj.studies.run_scenario import run
-    from omni_mj.studies.slip import measure_slip
-    from omni_mj.studies.sweep import sweep
+    from omni_mj.studies.slip.slip_study import measure_slip
+    from omni_mj.studies.sweep.sweep_study import sweep
 
     __version__: str
 
@@ -40,15 +40,15 @@ _MODULES = {
     "Result": "omni_mj.results.result",
     "Scenario": "omni_mj.config.scenario",
     "Simulation": "omni_mj.simulation.simulation",
-    "compare": "omni_mj.studies.compare",
-    "find_limit": "omni_mj.studies.limit",
-    "identify": "omni_mj.studies.identify",
-    "load_robot": "omni_mj.studies.robot_facts",
+    "compare": "omni_mj.studies.compare_study",
+    "find_limit": "omni_mj.studies.limit.limit_study",
+    "identify": "omni_mj.studies.identify.identify_study",
+    "load_robot": "omni_mj.robot.robot_performance",
     "load_scenario": "omni_mj.config.scenario",
-    "measure_alpha": "omni_mj.studies.alpha",
-    "measure_slip": "omni_mj.studies.slip",
+    "measure_alpha": "omni_mj.studies.alpha.alpha_study",
+    "measure_slip": "omni_mj.studies.slip.slip_study",
     "run": "omni_mj.studies.run_scenario",
-    "sweep": "omni_mj.studies.sweep",
+    "sweep": "omni_mj.studies.sweep.sweep_study",
     "verify": "omni_mj.results.verify",
 }
 __all__ = [

@@ -29,16 +29,17 @@ from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
 from omni_mj.results.text_table import DASH, Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies import run_scenario
-from omni_mj.studies.identify import (
-    Estimate,
+from omni_mj.studies.identify import robot_file_writer
+from omni_mj.studies.identify.derived_parameters import Estimate
+from omni_mj.studies.identify.identify_study import (
+    RADIUS_ERROR,
+    ROLLING_RADIUS,
     IdentificationResult,
     identify,
     identify_logs,
-    robot_file_writer,
 )
-from omni_mj.studies.identify.identification import RADIUS_ERROR, ROLLING_RADIUS
 from omni_mj.studies.identify.robot_logs import read_logs
-from omni_mj.studies.study_runner import run_simulation
+from omni_mj.studies.run_scenario import run_simulation
 
 ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam-twente")
 # Omni3's encoder and gear; its wheels turn the other way than ours

@@ -75,16 +75,16 @@ def command(
     differences are significant. Without --controller, all installed controllers are compared.
     """
     from omni_control.controllers.registry import list_available_controllers
-    from omni_mj.studies import compare
-    from omni_mj.studies.compare import compare_figure, compare_table
+    from omni_mj.studies import compare_figure, compare_study, compare_table
 
     plant = scenario_options.plant or "mujoco"
     controllers = scenario_options.controllers or list_available_controllers()
     scenario_options = replace(scenario_options, controllers=controllers, plant=plant)
     scenarios = [
-        scenario_options.load_scenario(name) for name in names or compare.default_scenarios(plant)
+        scenario_options.load_scenario(name)
+        for name in names or compare_study.default_scenarios(plant)
     ]
-    compare.check_scenarios(scenarios, subject)
+    compare_study.check_scenarios(scenarios, subject)
     folder = output_folders.prepare_folder(output.out, "compare", OUTPUTS, output.overwrite)
     with console.Interrupts() as interrupts:
         result = _run_comparison(scenarios, subject, folder, trajectories, interrupts, output.quiet)
@@ -118,7 +118,7 @@ def _run_comparison(
     quiet: bool,
 ) -> "Result":
     """Run the scenarios, and save the results after each of them."""
-    from omni_mj.studies import compare
+    from omni_mj.studies import compare_study
 
     def after_scenario(result: "Result", outcome: "Outcome") -> None:
         _save_tables(result, folder)
@@ -128,7 +128,7 @@ def _run_comparison(
         output_folders.write_initial_files(
             folder, "compare", console.command_line(), scenarios, trajectories
         )
-        return compare.compare(
+        return compare_study.compare(
             scenarios,
             scenarios[0].controllers,
             scenarios[0].seed_list,
@@ -141,7 +141,7 @@ def _run_comparison(
 def _save_tables(result: "Result", folder: Path) -> None:
     """Write summary.json and compare.md."""
     from omni_mj.files import write_text
-    from omni_mj.studies.compare import compare_table
+    from omni_mj.studies import compare_table
 
     result.repeat_command = console.command_line()
     result.save_summary(folder)

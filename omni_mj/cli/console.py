@@ -103,16 +103,6 @@ def exit_if_failed(outcomes: Sequence["Outcome"], errors: Iterable[str] = ()) ->
         exit_with_error("\n".join(dict.fromkeys(lines)), FAILED)
 
 
-def quiet_mujoco() -> None:
-    """Turn off MuJoCo's warnings if it is loaded. Relevant ones become failures of rows."""
-    if "mujoco" in sys.modules:
-        import mujoco
-
-        log = mujoco.MjLogConfig.get()
-        log.logto_file = log.logto_console = False
-        log.set()
-
-
 def make_frame_callback(
     check: Callable[[], None], show: Callable[[int], None]
 ) -> Callable[[int], None]:
@@ -122,6 +112,7 @@ def make_frame_callback(
         check: Raises an exception if the run is to stop.
         show: Shows the progress, given the frame's number.
     """
+    from omni_mj.studies.run_scenario import quiet_mujoco
 
     def after_frame(frame: int) -> None:
         check()
@@ -225,7 +216,7 @@ class Interrupts:
 
     def check(self) -> None:
         """Raise `StoppedError` if a signal has arrived."""
-        from omni_mj.studies.study_runner import StoppedError
+        from omni_mj.studies.run_scenario import StoppedError
 
         if self._received:
             raise StoppedError(SIGNAL_REASONS[signal.Signals(self._received)])

@@ -121,7 +121,7 @@ def command(
 ) -> None:
     """Drive robots that SSL-Vision detects, and measure their latency and alpha."""
     from omni_mj.live import session
-    from omni_mj.studies.study_runner import StoppedError
+    from omni_mj.studies.run_scenario import StoppedError
 
     out, overwrite, dry_run = map(values.pop, ("out", "overwrite", "dry_run"))
     connection = session.ConnectionOptions(overrides=overrides, **values)
@@ -176,7 +176,7 @@ def _connect(
     """
     from omni_mj.live import session
     from omni_mj.live.sockets import MessageCounter
-    from omni_mj.studies.study_runner import StoppedError
+    from omni_mj.studies.run_scenario import StoppedError
 
     with console.Interrupts() as interrupts:
         try:

@@ -104,9 +104,8 @@ def run_and_save(
     """
     from omni_mj.files import write_text
     from omni_mj.studies import run_scenario
-    from omni_mj.studies.study_runner import count_frames, run_simulation
 
-    console.quiet_mujoco()
+    run_scenario.quiet_mujoco()
     scenario = simulation.scenario
     output_folders.write_initial_files(folder, study, console.command_line(), [scenario])
     write_text(folder / "scenario.toml", scenario.to_toml())
@@ -117,7 +116,7 @@ def run_and_save(
 
             recordings = [stack.enter_context(Recording(target, simulation)) for target in targets]
         start_progress = stack.enter_context(console.show_progress(quiet))
-        show = start_progress(scenario.name, count_frames(simulation))
+        show = start_progress(scenario.name, run_scenario.count_frames(simulation))
 
         def after_frame(frame: int) -> None:
             interrupts.check()
@@ -126,7 +125,7 @@ def run_and_save(
                 recording.update()
 
         try:
-            outcome = run_simulation(simulation, after_frame)
+            outcome = run_scenario.run_simulation(simulation, after_frame)
         finally:
             for recording in recordings:
                 recording.write()

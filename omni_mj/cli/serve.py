@@ -123,7 +123,7 @@ def command(
     from omni_mj.live.sockets import MessageCounter, parse_address
     from omni_mj.live.wire import VISION_PORT
     from omni_mj.results import provenance
-    from omni_mj.studies.study_runner import StoppedError
+    from omni_mj.studies.run_scenario import StoppedError, quiet_mujoco
 
     vision = parse_address(values["vision"], VISION_PORT, values["interface"])
     head = {option: values[option] for option in ("robot", "seed") if values[option] is not None}
@@ -135,7 +135,7 @@ def command(
     folder = None
     if out is not None:
         folder = output_folders.prepare_folder(out, scenario.name, OUTPUTS, overwrite)
-    console.quiet_mujoco()
+    quiet_mujoco()
     messages = MessageCounter(lambda text: None if quiet else click.echo(text, err=True))
     world = ServedWorld(scenario, poses, messages)
     ports = [values[f"{port}_port"] for port in ("control", "blue", "yellow")]

@@ -11,7 +11,7 @@ from omni_mj.cli import console, options, output_folders
 from omni_mj.config.scenario import Scenario
 
 if TYPE_CHECKING:
-    from omni_mj.studies.study_runner import StartProgress
+    from omni_mj.studies.run_scenario import StartProgress
 
 OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "trajectory.parquet")
 FAST_WHEELS = "wheels.model=two-rollers"  # default of studies that drive many robots
@@ -25,7 +25,8 @@ FAST_WHEELS = "wheels.model=two-rollers"  # default of studies that drive many r
 @options.collect_scenario_options
 def alpha_command(scenario_options: options.ScenarioOptions, output: options.StudyOutput) -> None:
     """Measure gain and lag of a robot's response to commands, and what causes them."""
-    from omni_mj.studies.alpha import alpha_figure, measure_alpha
+    from omni_mj.studies.alpha import alpha_figure
+    from omni_mj.studies.alpha.alpha_study import measure_alpha
 
     scenario = scenario_options.load_scenario("rect")
     _run_study(
@@ -52,7 +53,7 @@ def identify_command(
     """
     from omni_mj.config.robot_files import DEFAULT_ROBOT
     from omni_mj.results import provenance
-    from omni_mj.studies.identify import identify
+    from omni_mj.studies.identify.identify_study import identify
 
     result = identify(logs, robot or DEFAULT_ROBOT, model)
     outputs = ("identify.json", "robot.toml", *output_folders.PROVENANCE)
@@ -102,19 +103,19 @@ def limit_command(
     Without noise, commands are learned by repetition (iterative learning control). With noise, a
     linear quadratic regulator follows the learned run.
     """
-    from omni_mj.studies import limit as study
-    from omni_mj.studies.compare.compare_figure import save_comparison_figure
+    from omni_mj.studies.compare_figure import save_comparison_figure
+    from omni_mj.studies.limit.limit_study import LimitResult, check_limit, find_limit
 
     scenario = replace(scenario_options, seed=scenario_options.seed or 0).load_scenario(name)
-    study.check_limit(scenario, iterations)
+    check_limit(scenario, iterations)
 
-    def draw(result: study.LimitResult, stem: Path) -> None:
+    def draw(result: LimitResult, stem: Path) -> None:
         save_comparison_figure(result.summary(), stem)
 
     _run_study(
         "limit",
         [scenario],
-        lambda start_progress: study.find_limit(
+        lambda start_progress: find_limit(
             scenario, scenario.seed_list, iterations, start_progress=start_progress
         ),
         draw,
@@ -150,8 +151,9 @@ def loop_command(
     scenario_options: options.ScenarioOptions, name: str, output: options.StudyOutput
 ) -> None:
     """Measure step responses and the gain, phase and delay margins of control loops."""
-    from omni_mj.studies.loop import loop_figure, measure_loop
-    from omni_mj.studies.study_runner import list_competitors
+    from omni_mj.studies.loop import loop_figure
+    from omni_mj.studies.loop.loop_study import measure_loop
+    from omni_mj.studies.run_scenario import list_competitors
 
     controllers = scenario_options.controllers or list_competitors()
     scenario = replace(scenario_options, controllers=controllers).load_scenario(name, FAST_WHEELS)
@@ -183,7 +185,8 @@ def slip_command(
 ) -> None:
     """Identify gain, slip and drag of robots by the method of TIGERs Mannheim."""
     from omni_mj.config.robot_files import DEFAULT_ROBOT
-    from omni_mj.studies.slip import PUBLISHED, measure_slip, prepare_slip_scenario, slip_figure
+    from omni_mj.studies.slip import slip_figure
+    from omni_mj.studies.slip.slip_study import PUBLISHED, measure_slip, prepare_slip_scenario
 
     scenarios = [
         prepare_slip_scenario(

@@ -11,7 +11,7 @@ from omni_control.errors import OmniError
 from omni_mj.cli import console, options, output_folders
 
 if TYPE_CHECKING:
-    from omni_mj.studies.study_runner import AfterFrame
+    from omni_mj.studies.run_scenario import AfterFrame
     from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
 
 OUTPUTS = (
@@ -108,11 +108,12 @@ def _run_sweep(plan: "SweepPlan", folder: Path, quiet: bool, **run_options: Any)
         quiet: Whether nothing is printed.
         **run_options: Further arguments of `run_sweep`.
     """
-    from omni_mj.studies.sweep import sweep_figure, sweep_study, sweep_table
+    from omni_mj.studies.run_scenario import quiet_mujoco
+    from omni_mj.studies.sweep import sweep_figure, sweep_statistics, sweep_study
 
     with console.report_write_errors(folder):
         with console.Interrupts() as interrupts, console.show_progress(quiet) as start_progress:
-            console.quiet_mujoco()
+            quiet_mujoco()
             n_shards = len(sweep_study.remaining_shards(plan, folder))
             show = start_progress("sweep", plan.frames * n_shards)
             shard_numbers = count()
@@ -128,10 +129,10 @@ def _run_sweep(plan: "SweepPlan", folder: Path, quiet: bool, **run_options: Any)
             )
         progress = f"{result.n_done} of {len(plan.shards)} shards"
         if result.n_done:
-            sweep_table.save_sweep_table(result, folder / "sweep.md")
+            sweep_statistics.save_sweep_table(result.plan, result.summary, folder / "sweep.md")
             sweep_figure.save_sweep_figure(result, folder / "sweep.png")
             if not quiet:
-                print(sweep_table.format_sweep_tables(result))
+                print(sweep_statistics.format_sweep_tables(plan, result.summary))
                 print(f"repeat the worst run: {result.summary['worst'][0]['repeat_command']}")
                 print(f"{progress} done; {console.describe_outputs(folder, OUTPUTS)}")
     interrupts.exit_if_stopped(

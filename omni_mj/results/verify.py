@@ -16,7 +16,7 @@ from omni_mj.results import summary
 from omni_mj.results.provenance import FILE, FORMAT, describe_environment, sha256
 from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.study_runner import (
+from omni_mj.studies.run_scenario import (
     StartProgress,
     StoppedError,
     count_frames,

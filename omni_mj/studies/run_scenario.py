@@ -1,21 +1,46 @@
-"""Run one scenario with all its controllers and compare them."""
+"""Run one scenario with all its controllers and compare them; parts that all studies use."""
 
-from collections.abc import Iterable, Sequence
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 
 from omni_control.controllers.base import Controller
+from omni_control.controllers.registry import list_available_controllers
 from omni_control.errors import OmniError, suggest_names
+from omni_mj.config.plugins import find_controller, label_controller
 from omni_mj.config.reference_factory import build_timed_reference
 from omni_mj.config.scenario import Scenario, load_with_overrides
+from omni_mj.results import metrics, summary
 from omni_mj.results.result import Outcome, Result
 from omni_mj.robot.backends import choose_backend
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.study_runner import (
-    AfterFrame,
-    check_memory,
-    ignore_frame,
-    list_privileged,
-    run_simulation,
-)
+
+AfterFrame = Callable[[int], None]  # called with the number of each frame
+StartProgress = Callable[[str, int], AfterFrame]  # called with a title and the number of frames
+# Memory per robot and frame: log, reference, and temporary arrays of the metrics
+FRAME_BYTES = 1200
+
+
+class StoppedError(Exception):
+    """Raised by a callback between two frames to end a study; results so far are kept.
+
+    Attributes:
+        reason: Reason in one word, such as "interrupted".
+    """
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(reason)
+
+
+def ignore_frame(_: object) -> None:
+    """Do nothing after a frame."""
+
+
+def no_progress(title: str, frames: int) -> AfterFrame:
+    """Return `ignore_frame`, for studies whose progress is not shown."""
+    return ignore_frame
 
 
 def run(
@@ -62,6 +87,47 @@ def prepare_simulation(
     return Simulation(scenario)
 
 
+def run_simulation(simulation: Simulation, after_frame: AfterFrame = ignore_frame) -> Outcome:
+    """Run a simulation and compute the metrics of its rows.
+
+    Args:
+        simulation: At its start.
+        after_frame: Called with each frame's number; it may raise `StoppedError`.
+
+    Returns:
+        The outcome with its log, up to the last frame if the run was stopped.
+    """
+    start_time, stopped = time.perf_counter(), None
+    try:
+        simulation.run(after_frame)
+    except StoppedError as error:
+        stopped = error.reason
+    log, drawn = simulation.log, simulation.drawn_parameters
+    # Their order must not depend on how rows were split into batches.
+    failures = sorted(simulation.failures, key=lambda failure: (failure.time_s, failure.row))
+    measured = metrics.row_metrics(log, failures)
+    wall_s = time.perf_counter() - start_time
+    entry = summary.scenario_entry(
+        simulation.scenario, log, failures, measured, wall_s, stopped, drawn
+    )
+    return Outcome(simulation.scenario, entry, log.rows, failures, measured, log, drawn)
+
+
+def build_result(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:
+    """Return the result of one simulation."""
+    reason = outcome.entry["reason"]
+    return Result(
+        [outcome],
+        list(simulation.log.controllers),
+        list_privileged(simulation.scenario),
+        simulation.log.seeds,
+        subject,
+        wall_s=outcome.entry["wall_s"],
+        stopped=reason,
+        complete=reason is None,
+    )
+
+
 def resolve_scenario(
     scenario: Scenario | str,
     controllers: Sequence[str | type[Controller]] | None = None,
@@ -76,25 +142,6 @@ def resolve_scenario(
         seed_list = list_seeds(seeds)
         scenario = scenario.replace(seed=seed_list[0], seeds=len(seed_list))
     return scenario
-
-
-def check_subject(scenario: Scenario, subject: str | None) -> None:
-    """Raise OmniError if the subject of a verdict is not among the scenario's controllers."""
-    if subject not in (None, *scenario.labels):
-        choices = suggest_names(subject, scenario.labels)
-        raise OmniError(f"the subject {subject!r} is not among the controllers; {choices}")
-
-
-def choose_shared_backend(scenario: Scenario, robots: int) -> Scenario:
-    """Return the scenario with the backend for this many robots, if its backend is "auto".
-
-    Simulations of one study share a backend, because backends differ in the last bits.
-    """
-    settings = scenario.settings
-    if settings.physics.backend != "auto":
-        return scenario
-    backend = choose_backend("auto", scenario.plant, robots, build_timed_reference(settings).frames)
-    return scenario.replace(settings=settings.replace(physics={"backend": backend}))
 
 
 def list_seeds(seeds: int | Iterable[int]) -> list[int]:
@@ -114,16 +161,67 @@ def list_seeds(seeds: int | Iterable[int]) -> list[int]:
     return seed_list
 
 
-def build_result(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:
-    """Return the result of one simulation."""
-    reason = outcome.entry["reason"]
-    return Result(
-        [outcome],
-        list(simulation.log.controllers),
-        list_privileged(simulation.scenario),
-        simulation.log.seeds,
-        subject,
-        wall_s=outcome.entry["wall_s"],
-        stopped=reason,
-        complete=reason is None,
+def choose_shared_backend(scenario: Scenario, robots: int) -> Scenario:
+    """Return the scenario with the backend for this many robots, if its backend is "auto".
+
+    Simulations of one study share a backend, because backends differ in the last bits.
+    """
+    settings = scenario.settings
+    if settings.physics.backend != "auto":
+        return scenario
+    backend = choose_backend("auto", scenario.plant, robots, build_timed_reference(settings).frames)
+    return scenario.replace(settings=settings.replace(physics={"backend": backend}))
+
+
+def check_subject(scenario: Scenario, subject: str | None) -> None:
+    """Raise OmniError if the subject of a verdict is not among the scenario's controllers."""
+    if subject not in (None, *scenario.labels):
+        choices = suggest_names(subject, scenario.labels)
+        raise OmniError(f"the subject {subject!r} is not among the controllers; {choices}")
+
+
+def check_memory(robots: int, frames: int) -> None:
+    """Raise OmniError if robots that are simulated together need more memory than is free.
+
+    Without `/proc/meminfo` nothing is checked.
+    """
+    try:
+        free_b = 1024 * int(Path("/proc/meminfo").read_text().split("MemAvailable:")[1].split()[0])
+    except (OSError, IndexError):
+        return
+    needed_b = robots * frames * FRAME_BYTES
+    if needed_b > free_b:
+        raise OmniError(
+            f"{robots} robots at once for {frames} frames take about {needed_b / 1e9:.2g} GB of "
+            f"memory, and {free_b / 1e9:.2g} GB are free; "
+            "run fewer at a time, or a shorter scenario"
+        )
+
+
+def count_frames(simulation: Simulation) -> int:
+    """Return the number of frames of a simulation from start to end."""
+    return max(reference.frames for reference in simulation.references)
+
+
+def list_privileged(scenario: Scenario) -> list[str]:
+    """Return the labels of the scenario's controllers that know the true state."""
+    return [
+        label_controller(kind) for kind in scenario.controllers if find_controller(kind).knows_truth
+    ]
+
+
+def list_competitors() -> tuple[str, ...]:
+    """Return the package's controllers except those that know the true state."""
+    return tuple(
+        name for name in list_available_controllers() if not find_controller(name).knows_truth
     )
+
+
+def quiet_mujoco() -> None:
+    """Turn off MuJoCo's warnings if it is loaded. Relevant ones become failures of rows."""
+    if "mujoco" in sys.modules:
+        import mujoco
+
+        log = mujoco.MjLogConfig.get()
+        log.logto_file = log.logto_console = False
+        log.set()

@@ -20,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
-from omni_mj.studies.compare import compare_table
+from omni_mj.studies import compare_table
 
 FRAMES, SEEDS = 60, 4
 

@@ -59,7 +59,7 @@ def test_public_names_are_not_replaced_by_modules() -> None:
         "omni_mj.run",
         "omni_mj.config.scenario",
         "omni_mj.studies.run_scenario",
-        "omni_mj.studies.compare",
+        "omni_mj.studies.compare_study",
     ):
         importlib.import_module(module)
     for name in (

@@ -19,7 +19,7 @@ from synthetic_logs import (
 )
 
 import omni_mj as om
-from omni_mj.studies.identify import IdentificationResult
+from omni_mj.studies.identify.identify_study import IdentificationResult
 
 OTHER: dict[str, Any] = {
     "radio": {"delay_frames": 5},

@@ -16,7 +16,7 @@ from omni_mj.studies.alpha.operating_conditions import (
 from omni_mj.viz import plotting, style
 
 if TYPE_CHECKING:
-    from omni_mj.studies.alpha import AlphaResult, AlphaStudy
+    from omni_mj.studies.alpha.alpha_study import AlphaResult, AlphaStudy
 
 QUANTITIES = {
     "steady_gain": "steady gain - 1",

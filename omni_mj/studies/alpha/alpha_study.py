@@ -51,14 +51,8 @@ from omni_mj.studies.alpha.operating_conditions import (
     apply_condition,
     shapley_values,
 )
-from omni_mj.studies.run_scenario import resolve_scenario
-from omni_mj.studies.study_runner import (
-    StartProgress,
-    no_progress,
-    open_loop_outcome,
-    open_loop_settings,
-    send_twists,
-)
+from omni_mj.studies.open_loop import open_loop_outcome, open_loop_settings, send_twists
+from omni_mj.studies.run_scenario import StartProgress, no_progress, resolve_scenario
 
 DEFINITIONS = {
     "steady_gain": "achieved / commanded speed in the last 0.5 s at constant speed",

@@ -2,8 +2,13 @@
 
 In each trial several rows track commands that are optimized from the best run so far. They need
 feedback, because rolling contacts do not repeat exactly. Other rows track the best run with random
-changes of its commands. The differences between rows identify the model (`deviation_model`) from
-which the next commands are optimized (`command_optimizer`).
+changes of its commands. The differences between rows identify a model of the deviations
+(`run_deviation_model`), from which the next commands are optimized: with the errors e of the best
+run, its commands u, and the deviations dp = G du, the optimal change minimizes
+
+    |e + G du|^2 + rho |du|^2    subject to    |u + du| <= v,   |change of u + du in a frame| <= a T
+
+The limits v and a apply to lengths of vectors in the plane.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,18 +17,26 @@ from itertools import product
 from typing import Literal
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from omni_control.controllers.base import Controller, Observation
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_control.reference import MotionLimits
 from omni_mj.config import reference_factory
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import PERIOD_S
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.limit.command_optimizer import optimize_commands
-from omni_mj.studies.limit.deviation_model import DeviationModel
-from omni_mj.studies.limit.lqr_tracking import FeedbackSettings, LqrTracker
-from omni_mj.studies.study_runner import AfterFrame, StartProgress
+from omni_mj.studies.limit.run_deviation_model import SCALE, DeviationModel
+from omni_mj.studies.limit.run_tracker import FeedbackSettings, RunTracker
+from omni_mj.studies.run_scenario import AfterFrame, StartProgress
+
+# Optimization: iterations of ADMM, relaxation (Boyd et al., section 3.4.3), and rho in s^2
+ADMM_ITERATIONS, RELAXATION, RHO = 400, 1.6, 2e-8
+# Penalties of ADMM on commands and their changes; they only affect the speed of convergence
+COMMAND_PENALTY, CHANGE_PENALTY = 2e-5, 2e-4
 
 Statistic = Literal["max", "mean"]
 STATISTICS: tuple[Statistic, ...] = ("max", "mean")
@@ -148,7 +161,7 @@ def learn_run(
         optimized, predicted = optimize_commands(model, limits, best.errors[:, 0], best.sent[:, 0])
         commands = best.sent + fractions * (optimized[:, None] - best.sent)
         poses = best.poses + fractions * (predicted[:, None] - best.errors)
-        tracker = LqrTracker(model, commands, poses, scenario, feedback)
+        tracker = RunTracker(model, commands, poses, scenario, feedback)
         exploration = _random_changes(random, n_frames, len(feedback))
         changes = iter(np.where(fractions == 0, exploration, 0.0))
         runs = run_function(
@@ -163,6 +176,59 @@ def learn_run(
         idle_trials = idle_trials + 1 if is_idle else 0
         best = runs.best if improvement > 0 else best
     return best, model
+
+
+def optimize_commands(
+    model: DeviationModel, limits: MotionLimits, errors: Array, commands: Array
+) -> tuple[Array, Array]:
+    """Return the commands that minimize the errors of a run.
+
+    The alternating direction method of multipliers (ADMM; S. Boyd et al., Distributed optimization
+    and statistical learning via ADMM, 2011, chapter 5) splits the problem of this module into a
+    sparse linear system with constant coefficients and projections in closed form.
+
+    Args:
+        model: Deviations from the run.
+        limits: Limits of the commands.
+        errors: Poses of the run minus the reference, (F, 3).
+        commands: Its sent commands, (F, 3).
+
+    Returns:
+        The optimal commands (F, 3), and the predicted errors (F, 3).
+    """
+    size = errors.size
+    motion, inputs = model.operators()
+    weights = sp.diags(np.tile(SCALE**2, len(errors)))
+    differences = sp.eye(size) - sp.eye(size, k=-3)  # from frame to frame
+    constrained = sp.vstack([sp.eye(size), differences])
+    penalty = sp.hstack([COMMAND_PENALTY * weights, CHANGE_PENALTY * differences.T @ weights])
+    no_cost = sp.csc_matrix((size, size))
+    cost = sp.block_diag([RHO * weights + penalty @ constrained, weights, no_cost])
+    constraint = sp.hstack([-inputs, motion])
+    solve = splu(sp.bmat([[cost, constraint.T], [constraint, None]]).tocsc()).solve
+    start = constrained @ commands.ravel()
+    projection, dual, right_side = start, np.zeros(2 * size), np.zeros(5 * size)
+    right_side[size : 2 * size] = -weights @ errors.ravel()
+    for _ in range(ADMM_ITERATIONS):
+        right_side[:size] = penalty @ (projection - dual - start)
+        solution = solve(right_side)
+        updated = start + constrained @ solution[:size]
+        relaxed = RELAXATION * updated + (1 - RELAXATION) * projection + dual
+        projection = _project(relaxed, limits)
+        dual = relaxed - projection
+    command_change = solution[:size].reshape(-1, 3)
+    deviation = solution[size : 2 * size].reshape(-1, 3)
+    return commands + command_change, errors + deviation
+
+
+def _project(vectors: Array, limits: MotionLimits) -> Array:
+    """Return commands and their changes per frame, stacked in (6F,), within the limits."""
+    plane = np.array([[limits.speed], [limits.acceleration * PERIOD_S]])
+    turn = np.array([limits.turn_rate, limits.turn_acceleration * PERIOD_S])[:, None, None]
+    vectors = vectors.reshape(2, -1, 3)
+    length = np.maximum(np.hypot(vectors[..., 0], vectors[..., 1]), 1e-12)
+    short = vectors[..., :2] * np.minimum(1.0, plane / length)[..., None]
+    return np.concatenate([short, np.clip(vectors[..., 2:], -turn, turn)], axis=2).ravel()
 
 
 def _initial_run(scenario: Scenario, after_frame: AfterFrame) -> Runs:

@@ -21,7 +21,6 @@ from omni_mj.results.result_tables import describe_plant, format_mean
 from omni_mj.results.statistics import STATISTIC_LABELS, mean_position_error
 from omni_mj.results.text_table import Table, format_table
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.limit.deviation_model import DeviationModel
 from omni_mj.studies.limit.iterative_learning import (
     STATISTICS,
     Runs,
@@ -30,13 +29,15 @@ from omni_mj.studies.limit.iterative_learning import (
     learn_run,
     run_function,
 )
-from omni_mj.studies.limit.lqr_tracking import FeedbackSettings, LqrTracker
-from omni_mj.studies.run_scenario import choose_shared_backend, resolve_scenario
-from omni_mj.studies.study_runner import (
+from omni_mj.studies.limit.run_deviation_model import DeviationModel
+from omni_mj.studies.limit.run_tracker import FeedbackSettings, RunTracker
+from omni_mj.studies.run_scenario import (
     StartProgress,
     StoppedError,
+    choose_shared_backend,
     list_competitors,
     no_progress,
+    resolve_scenario,
     run_simulation,
 )
 
@@ -184,7 +185,7 @@ def _learn_and_compare(
     run, model = learn_run(noiseless, iterations, result.history, start_progress)
     feedback = _tune_feedback(scenario, run, model, start_progress)
     seeds, names = scenario.seed_list, list_competitors()
-    tracker = LqrTracker(model, run.sent, run.poses, scenario, [feedback] * len(seeds))
+    tracker = RunTracker(model, run.sent, run.poses, scenario, [feedback] * len(seeds))
     commands = iter(run.sent)
     controllers: list[str | type[Controller]] = [
         controller_from_function(LIMIT, tracker),
@@ -212,7 +213,7 @@ def _tune_feedback(
     """Return the settings with the least errors on the tuning seeds."""
     seeds = [scenario.seed + TUNING_SEED_OFFSET + i for i in range(TUNING_SEEDS)]
     feedback = [settings for settings in TUNING_GRID for _ in seeds]
-    tracker = LqrTracker(model, run.sent, run.poses, scenario, feedback)
+    tracker = RunTracker(model, run.sent, run.poses, scenario, feedback)
     after_frame = start_progress("feedback", model.frames)
     runs = run_function(scenario, seeds * len(TUNING_GRID), tracker, after_frame)
     errors = [runs.error(name).reshape(len(TUNING_GRID), -1).mean(1) for name in STATISTICS]

@@ -20,7 +20,8 @@ from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.study_runner import AfterFrame, resting_reference, send_twists
+from omni_mj.studies.open_loop import resting_reference, send_twists
+from omni_mj.studies.run_scenario import AfterFrame
 
 # Case -> whether robots drive; axis of step and disturbance: 0 forward, 1 sideways
 CASES = {

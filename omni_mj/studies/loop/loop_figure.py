@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from omni_mj.studies.loop.loop_experiment import FREQUENCIES, STEP_M
-from omni_mj.studies.loop.stability_margins import interpolate_gains
+from omni_mj.studies.loop.loop_metrics import interpolate_gains
 from omni_mj.viz import plotting, style
 
 if TYPE_CHECKING:
-    from omni_mj.studies.loop import LoopMeasurement, LoopResult
+    from omni_mj.studies.loop.loop_study import LoopMeasurement, LoopResult
 
 COLUMN_IN, PANELS_IN = 3.4, (2.6, 2.2, 2.2, 3.4)  # width of a case, heights of its panels
 LABELS = (

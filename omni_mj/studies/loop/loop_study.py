@@ -1,6 +1,6 @@
 """Loop study: step response and stability margins of control loops, measured on the plant.
 
-`loop_experiment` runs the robots, `step_response` and `stability_margins` evaluate the record.
+`loop_experiment` runs the robots, `loop_metrics` evaluates the record.
 """
 
 import time
@@ -19,20 +19,21 @@ from omni_mj.results.statistics import finite_or_none
 from omni_mj.results.text_table import Table, format_number, format_table
 from omni_mj.studies.loop import loop_experiment as experiments
 from omni_mj.studies.loop.loop_experiment import CASES, FREQUENCIES, STEP_M, LoopExperiment
-from omni_mj.studies.loop.stability_margins import (
+from omni_mj.studies.loop.loop_metrics import (
     Gains,
     StabilityMargins,
+    StepMetrics,
     compute_margins,
+    compute_step_metrics,
     estimate_loop_gain,
 )
-from omni_mj.studies.loop.step_response import StepMetrics, compute_step_metrics
-from omni_mj.studies.run_scenario import resolve_scenario
-from omni_mj.studies.study_runner import (
+from omni_mj.studies.open_loop import open_loop_outcome
+from omni_mj.studies.run_scenario import (
     StartProgress,
     list_competitors,
     list_privileged,
     no_progress,
-    open_loop_outcome,
+    resolve_scenario,
 )
 
 DEFINITIONS = {

@@ -11,7 +11,7 @@ from omni_mj.studies.slip.slip_fits import SlipFit, simulate_slip
 from omni_mj.viz import plotting, style
 
 if TYPE_CHECKING:
-    from omni_mj.studies.slip import SlipResult
+    from omni_mj.studies.slip.slip_study import SlipResult
 
 # Axis -> style index, marker, dashes
 LINES: dict[str, tuple[int, str, Any]] = {

@@ -19,7 +19,8 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.plants.mujoco_plant import MujocoPlant
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.study_runner import AfterFrame, open_loop_settings, send_twists
+from omni_mj.studies.open_loop import open_loop_settings, send_twists
+from omni_mj.studies.run_scenario import AfterFrame
 
 AXES = ("forward", "sideways", "turning")
 SPEEDS_M_S = (0.5, 1.0, 1.25, 1.5)

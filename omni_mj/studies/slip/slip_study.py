@@ -25,7 +25,9 @@ from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.results.result import Outcome, Result
 from omni_mj.results.statistics import finite_or_none
 from omni_mj.results.text_table import Table, format_number, format_table
-from omni_mj.studies.compare import check_scenarios
+from omni_mj.studies.compare_study import check_scenarios
+from omni_mj.studies.open_loop import open_loop_outcome
+from omni_mj.studies.run_scenario import StartProgress, no_progress
 from omni_mj.studies.slip.slip_fits import SlipFit, fit_moves
 from omni_mj.studies.slip.slip_moves import (
     Move,
@@ -33,7 +35,6 @@ from omni_mj.studies.slip.slip_moves import (
     longest_move,
     record_moves,
 )
-from omni_mj.studies.study_runner import StartProgress, no_progress, open_loop_outcome
 
 # Name -> title, unit, decimal places, and the published value of each robot of `ROBOTS`
 QUANTITIES: dict[str, tuple[str, str, int, tuple[float, ...]]] = {

@@ -16,7 +16,7 @@ from omni_mj.studies.sweep.sweep_statistics import MAX_ERROR
 from omni_mj.viz import plotting, style
 
 if TYPE_CHECKING:
-    from omni_mj.studies.sweep import SweepResult
+    from omni_mj.studies.sweep.sweep_study import SweepResult
 
 ERROR_LABEL = "median of the maximum position error in cm"
 RATE_LABEL = "robots that failed in %"

@@ -18,8 +18,7 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import list_settings
 from omni_mj.config.validation import format_value
 from omni_mj.simulation.simulation import batch_key, seeds_share_batch
-from omni_mj.studies.run_scenario import choose_shared_backend
-from omni_mj.studies.study_runner import check_memory
+from omni_mj.studies.run_scenario import check_memory, choose_shared_backend
 
 Value = int | float | str | bool
 BATCH_SIZE = 128  # robots that are simulated together

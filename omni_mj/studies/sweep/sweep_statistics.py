@@ -1,4 +1,7 @@
-"""Statistics of a sweep: failure rates, errors, rank correlations, and the worst runs."""
+"""Statistics of a sweep, and their tables.
+
+These are failure rates, errors, rank correlations, and the worst runs.
+"""
 
 import shlex
 from itertools import groupby
@@ -8,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_mj.config.plugins import format_controller_spec
+from omni_mj.files import write_text
 from omni_mj.results.statistics import CONFIDENCE, finite_or_none
+from omni_mj.results.text_table import Table, format_markdown, format_number, format_table
 from omni_mj.studies.sweep.sweep_plan import SweepPlan
 
 if TYPE_CHECKING:
@@ -17,6 +22,7 @@ if TYPE_CHECKING:
 MAX_ERROR = "position_max_m"
 ERROR_COLUMNS = (MAX_ERROR, "position_mean_m")
 N_WORST = 3
+MAX_LINES = 60  # of a table on a terminal
 
 
 def summarize_points(all_rows: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
@@ -125,3 +131,81 @@ def worst_runs(all_rows: "pa.Table", plan: SweepPlan, folder: Path) -> list[dict
         run[MAX_ERROR] = finite_or_none(row[MAX_ERROR])
         runs.append(run | {"repeat_command": shlex.join(command)})
     return runs
+
+
+def format_sweep_tables(plan: SweepPlan, summary: dict[str, Any]) -> str:
+    """Return the tables as text; of a large sweep only the lines with the most failures."""
+    points = summary["points"]
+    if len(points) > MAX_LINES:
+        points = sorted(points, key=_badness)[:MAX_LINES]
+    return "\n\n".join(map(format_table, _list_tables(plan, summary, points)))
+
+
+def save_sweep_table(plan: SweepPlan, summary: dict[str, Any], path: Path) -> None:
+    """Write the complete tables as Markdown."""
+    blocks = [
+        f"{table.title}\n\n{format_markdown(table.headings, table.rows)}\n"
+        for table in _list_tables(plan, summary, summary["points"])
+    ]
+    write_text(path, "\n".join(blocks))
+
+
+def _list_tables(
+    plan: SweepPlan, summary: dict[str, Any], points: list[dict[str, Any]]
+) -> list[Table]:
+    """Return the table of points, and that of correlations if there is one."""
+    return [_point_table(plan, summary, points), *_correlation_tables(summary)]
+
+
+def _badness(point: dict[str, Any]) -> tuple[float, float]:
+    """Return a sort key: most failures first, then largest errors."""
+    return -point["failure_rate"], -(point[MAX_ERROR]["p90"] or 1e9)
+
+
+def _point_table(plan: SweepPlan, summary: dict[str, Any], points: list[dict[str, Any]]) -> Table:
+    """Return failure rates and maximum position errors with 95 % intervals."""
+    names = list(plan.axes)
+    n_all = len(summary["points"])
+    counts = sorted({point["n_robots"] for point in points})
+    robots = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
+    title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, "
+    title += f"{robots} robots per line: maximum error"
+    if not summary["complete"]:
+        title += f", {summary['n_done']} of {summary['n_shards']} shards"
+    if len(points) < n_all:
+        title += f"; the worst {len(points)} of {n_all} lines"
+    headings = [*names, "controller", "failed, %", "95 %", "error, cm", "95 %"]
+    headings += ["p90, cm"]
+    return Table(title, headings, [_point_row(point, names) for point in points], len(names) + 1)
+
+
+def _point_row(point: dict[str, Any], names: list[str]) -> list[str]:
+    """Return the cells of a point and controller."""
+    errors = {
+        key: "∞" if error_m is None else f"{100 * error_m:.2f}"
+        for key, error_m in point[MAX_ERROR].items()
+    }
+    has_interval = point[MAX_ERROR]["low"] is not None
+    return [
+        *(_format_value(point[name]) for name in names),
+        point["controller"],
+        f"{100 * point['failure_rate']:.3g}",
+        f"{100 * point['failure_low']:.0f} to {100 * point['failure_high']:.0f}",
+        errors["median"],
+        f"{errors['low']} to {errors['high']}" if has_interval else "",
+        errors["p90"],
+    ]
+
+
+def _format_value(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _correlation_tables(summary: dict[str, Any]) -> list[Table]:
+    """Return a table of rank correlations, or none if there are no numbers to correlate."""
+    rows = [
+        [line["controller"], line["setting"], *(format_number(line[e]) for e in ERROR_COLUMNS)]
+        for line in summary["correlations"]
+    ]
+    title = "settings that affect the position error: Spearman's rank correlation"
+    return [Table(title, ["controller", "setting", "maximum", "mean"], rows, 2)] if rows else []

@@ -21,8 +21,7 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.files import write_text
 from omni_mj.results.metrics import row_metrics
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.run_scenario import resolve_scenario
-from omni_mj.studies.study_runner import AfterFrame, StoppedError, ignore_frame
+from omni_mj.studies.run_scenario import AfterFrame, StoppedError, ignore_frame, resolve_scenario
 from omni_mj.studies.sweep.sweep_plan import BATCH_SIZE, Shard, SweepPlan, check_axes
 from omni_mj.studies.sweep.sweep_statistics import (
     rank_correlations,

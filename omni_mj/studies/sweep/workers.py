@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from omni_control.errors import OmniError
 from omni_mj.results.provenance import source_digest
 from omni_mj.results.summary import package_versions
+from omni_mj.studies.run_scenario import quiet_mujoco
 from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
 
 if TYPE_CHECKING:
@@ -139,7 +140,6 @@ def process_pool(count: int) -> Iterator[Executor]:
 
 def _initialize_process() -> None:
     """Use one thread, and leave Ctrl-C to the parent process."""
-    from omni_mj.cli.console import quiet_mujoco
     from omni_mj.plants import mujoco_plant
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -22,7 +22,7 @@ from rerun.chunk import RrdReader
 from omni_control.controllers.base import Controller
 from omni_mj.config import scenario
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.study_runner import run_simulation
+from omni_mj.studies.run_scenario import run_simulation
 from omni_mj.viz.recording import Recording, rerun_stream
 
 set_flush_timeout = partial(

@@ -12,15 +12,14 @@ from omni_mj.config.nominal_model import compute_creep_law, compute_normal_force
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.results.ramp_response import RESPONSE_FIELDS
 from omni_mj.results.result import Outcome
-from omni_mj.studies.alpha import AlphaResult, AlphaStudy
 from omni_mj.studies.alpha import operating_conditions as conditions
+from omni_mj.studies.alpha.alpha_study import AlphaResult, AlphaStudy
 from omni_mj.studies.identify.robot_logs import read_logs
-from omni_mj.studies.limit.command_optimizer import optimize_commands
-from omni_mj.studies.limit.deviation_model import DeviationModel
-from omni_mj.studies.limit.iterative_learning import Runs, learn_run
+from omni_mj.studies.limit.iterative_learning import Runs, learn_run, optimize_commands
 from omni_mj.studies.limit.limit_study import remove_noise
-from omni_mj.studies.limit.lqr_tracking import POSE, FeedbackSettings, LqrTracker, regulator_gains
-from omni_mj.studies.loop import LoopResult, loop_experiment, measure_loop
+from omni_mj.studies.limit.run_deviation_model import DeviationModel
+from omni_mj.studies.limit.run_tracker import POSE, FeedbackSettings, RunTracker, regulator_gains
+from omni_mj.studies.loop import loop_experiment
 from omni_mj.studies.loop.loop_experiment import (
     FREQUENCIES,
     STEP_FRAMES,
@@ -28,14 +27,16 @@ from omni_mj.studies.loop.loop_experiment import (
     WARM_UP_FRAMES,
     LoopExperiment,
 )
-from omni_mj.studies.loop.stability_margins import compute_margins
-from omni_mj.studies.loop.step_response import compute_step_metrics
-from omni_mj.studies.slip import PUBLISHED
+from omni_mj.studies.loop.loop_metrics import compute_margins, compute_step_metrics
+from omni_mj.studies.loop.loop_study import LoopResult, measure_loop
+from omni_mj.studies.run_scenario import StoppedError, ignore_frame
 from omni_mj.studies.slip import slip_fits as fits
 from omni_mj.studies.slip import slip_moves as moves
 from omni_mj.studies.slip.slip_moves import Move, straight_move
-from omni_mj.studies.study_runner import StoppedError, ignore_frame
-from omni_mj.studies.sweep import SweepPlan, SweepResult, check_axes, parse_axis, sweep, workers
+from omni_mj.studies.slip.slip_study import PUBLISHED
+from omni_mj.studies.sweep import workers
+from omni_mj.studies.sweep.sweep_plan import SweepPlan, check_axes, parse_axis
+from omni_mj.studies.sweep.sweep_study import SweepResult, sweep
 
 
 def deviations(model: DeviationModel, commands: Array) -> Array:
@@ -65,7 +66,7 @@ def predicted_poses(
     """
     zero = np.zeros_like(poses)
     feedback = [FeedbackSettings(0.1, noise)] * poses.shape[1]
-    tracker = LqrTracker(
+    tracker = RunTracker(
         DeviationModel.prior(len(poses), delay, 0.0), zero, zero, scenario, feedback
     )
     for k in range(len(poses) - delay):

@@ -1,4 +1,4 @@
-"""Local linear model: how a robot deviates from a recorded run if its commands change.
+"""Linear model of how a robot deviates from a recorded run if its commands change.
 
 Near a run, a change du of the commands changes the robot's velocity v and pose p by
 

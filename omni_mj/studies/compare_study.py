@@ -13,17 +13,15 @@ from omni_mj.config.toml_files import find_builtin_scenarios
 from omni_mj.config.validation import collect_errors, raise_errors
 from omni_mj.results.result import Outcome, Result
 from omni_mj.studies.run_scenario import (
-    check_subject,
-    list_seeds,
-    prepare_simulation,
-    resolve_scenario,
-)
-from omni_mj.studies.study_runner import (
     StartProgress,
     StoppedError,
+    check_subject,
     count_frames,
     list_privileged,
+    list_seeds,
     no_progress,
+    prepare_simulation,
+    resolve_scenario,
     run_simulation,
 )
 

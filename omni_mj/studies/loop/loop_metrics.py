@@ -1,8 +1,8 @@
-"""Loop gain and stability margins, estimated from a disturbance of the command.
+"""Metrics of a control loop: those of its step response, and its stability margins.
 
-The disturbance d is added to the controller's command u, so the robot is sent u + d. In a linear
-loop of controller C and plant P, u = -C P (u + d). At each frequency the loop gain is
-L = C P = -u / (u + d), and the response to d is d / (1 + L).
+The loop gain is estimated from a disturbance d, which is added to the controller's command u. The
+robot is sent u + d. In a linear loop of controller C and plant P, u = -C P (u + d). At each
+frequency the loop gain is L = C P = -u / (u + d), and the response to d is d / (1 + L).
 """
 
 from typing import NamedTuple
@@ -11,10 +11,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
+from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.studies.loop.loop_experiment import FREQUENCIES, HARMONICS, PERIOD_FRAMES
 
 Gains = NDArray[np.complex128]
+COARSE_BAND_M, FINE_BAND = 0.005, 0.02  # settling bands: distance, and fraction of the step
+STEADY_FRAMES = FRAME_RATE_HZ // 2  # at the end, for the steady-state error
 _N_INTERPOLATED = 2000  # frequencies between the lowest and the highest
+
+
+class StepMetrics(NamedTuple):
+    """Metrics of a step response; NaN for an event that does not occur in the record.
+
+    Attributes:
+        rise_time_s: Time from 10 % to 90 % of the step.
+        overshoot: Largest excess over the step, fraction of the step.
+        settling_5_mm_s: Time from which on the error stays below 5 mm.
+        settling_2_percent_s: Time from which on the error stays below 2 % of the step.
+        steady_state_error_m: Mean error of the last half second.
+    """
+
+    rise_time_s: float = np.nan
+    overshoot: float = np.nan
+    settling_5_mm_s: float = np.nan
+    settling_2_percent_s: float = np.nan
+    steady_state_error_m: float = np.nan
 
 
 class StabilityMargins(NamedTuple):
@@ -34,6 +55,25 @@ class StabilityMargins(NamedTuple):
     delay_s: float = np.nan
     gain: float = np.nan
     sensitivity: float = np.nan
+
+
+def compute_step_metrics(response: Array, step: float) -> StepMetrics:
+    """Return the metrics of a step response.
+
+    Args:
+        response: Displacement since the step, (frames,) m; the reference steps in the first frame.
+        step: Size of the step, m.
+    """
+    if not np.isfinite(response).all():
+        return StepMetrics()
+    fraction, error = response / step, np.abs(response - step)
+    return StepMetrics(
+        rise_time_s=_crossing_time(fraction, 0.9) - _crossing_time(fraction, 0.1),
+        overshoot=max(float(fraction.max()) - 1, 0.0),
+        settling_5_mm_s=_settling_time(error, COARSE_BAND_M),
+        settling_2_percent_s=_settling_time(error, FINE_BAND * abs(step)),
+        steady_state_error_m=float(step - response[-STEADY_FRAMES:].mean()),
+    )
 
 
 def estimate_loop_gain(command: Array, disturbance: Array) -> Gains:
@@ -85,6 +125,25 @@ def compute_margins(gains: Gains) -> StabilityMargins:
         gain=_min_or_nan(1 / magnitude[at_180_degrees]),
         sensitivity=float((1 / np.abs(1 + curve)).max()),
     )
+
+
+def _crossing_time(fraction: Array, level: float) -> float:
+    """Return the time of the first crossing of a level, interpolated between frames, s."""
+    above = np.flatnonzero(fraction >= level)
+    if not above.size:
+        return np.nan
+    frame = int(above[0])
+    if frame == 0:
+        return 0.0
+    excess = float((fraction[frame] - level) / (fraction[frame] - fraction[frame - 1]))
+    return PERIOD_S * (frame - excess)
+
+
+def _settling_time(error: Array, band: float) -> float:
+    """Return the time from which on the error stays within a band, s; NaN if it does not."""
+    outside = np.flatnonzero(error > band)
+    frame = int(outside[-1]) + 1 if outside.size else 0
+    return PERIOD_S * frame if frame < len(error) else np.nan
 
 
 def _min_or_nan(values: Array) -> float:

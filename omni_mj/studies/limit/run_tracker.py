@@ -8,8 +8,7 @@ the firmware has an error c, and its gyro a bias b that is partly known. Both fo
 
 where e(k) is the heading that was sent minus the heading held at that time. They act as changes of
 the command: a rotation by -c, and the turn rate -b / (1 + turn gain). So does the gain by which the
-speeds of the kinematic plant differ from commands. A linear quadratic
-regulator acts on the deviation predicted at the end of the dead time, which is optimal for a robot
+speeds of the kinematic plant differ from commands. A linear quadratic regulator acts on the deviation predicted at the end of the dead time, which is optimal for a robot
 with dead time (D. L. Kleinman, IEEE Trans. Automatic Control 14, 1969).
 """
 
@@ -22,7 +21,7 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.faults import WHEELED_PLANTS
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
-from omni_mj.studies.limit.deviation_model import SCALE, DeviationModel
+from omni_mj.studies.limit.run_deviation_model import SCALE, DeviationModel
 
 # Indices of the state. Drift is the lasting part of the velocity error.
 POSE, VELOCITY, DRIFT = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -52,7 +51,7 @@ class FeedbackSettings(NamedTuple):
     noise_factor: float = 1.0
 
 
-class LqrTracker:
+class RunTracker:
     """Tracker of n robots near n recorded runs, called once per frame.
 
     Args:
