@@ -14,7 +14,7 @@ from benches.plant import (
     noiseless,
     ramp,
 )
-from benches.steps import StepRecorder
+from benches.step_recorder import StepRecorder
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from benches.plant import GRAVITY, OUTWARD, RADIUS_M, TANGENTS, mujoco, noiseless
 from benches.robot import DEFAULT_MOTOR
-from benches.steps import StepRecorder
+from benches.step_recorder import StepRecorder
 from numpy.typing import NDArray
 
 from omni_mj.config.resolve import resolve_settings

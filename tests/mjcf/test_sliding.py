@@ -13,7 +13,7 @@ from benches.plant import (
     mujoco,
     noiseless,
 )
-from benches.steps import StepRecorder
+from benches.step_recorder import StepRecorder
 from numpy.typing import NDArray
 
 from omni_mj.config.settings import Settings

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from benches.plant import FRAME_S, ROLLERS, STIFF, constant, drive, noiseless, ramp
 from benches.plant import mujoco as plant_of
-from benches.steps import StepRecorder
+from benches.step_recorder import StepRecorder
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array

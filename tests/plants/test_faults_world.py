@@ -32,7 +32,7 @@ from benches.plant import (
     with_faults,
 )
 from benches.plant import mujoco as plant_of
-from benches.steps import StepRecorder
+from benches.step_recorder import StepRecorder
 
 from omni_control.errors import OmniError
 from omni_mj.config.settings import Settings

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.simulating import COMPENSATED, FLC, batch, run_to_end
+from benches.short_simulations import COMPENSATED, FLC, batch, run_to_end
 from numpy.typing import NDArray
 
 CONTROLLERS = ("flc", "comp-flc", "adaptive-comp-flc")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from benches.simulating import Simulation, scenario
+from benches.short_simulations import Simulation, scenario
 from numpy.typing import NDArray
 
 GAPS = ("vision.miss_probability=0.02", "vision.miss_frames=10")

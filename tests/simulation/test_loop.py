@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.simulating import (
+from benches.short_simulations import (
     COMPENSATED,
     DISTURBED,
     FLC,

@@ -5,7 +5,7 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
-from benches.simulating import FAST, PLANTS, Grid, Simulation, scenario
+from benches.short_simulations import FAST, PLANTS, Grid, Simulation, scenario
 
 from omni_control import Controller, Observation, TeamModel
 from omni_control.kinematics import Array

@@ -4,7 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benches.simulating import FAST, PLANTS, assert_rows_equal, isolate_row, simulation, variants
+from benches.short_simulations import (
+    FAST,
+    PLANTS,
+    assert_rows_equal,
+    isolate_row,
+    simulation,
+    variants,
+)
 
 ROUTE = ("reference.waypoints=[[0,0],[0.25,0]]", "reference.settle_s=0.1", *FAST)
 

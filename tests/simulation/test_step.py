@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.simulating import DISTURBED, IDEAL, PLANTS, Grid, Log, run, simulation
+from benches.short_simulations import DISTURBED, IDEAL, PLANTS, Grid, Log, run, simulation
 
 LONG = 600  # frames, more than a log has room for at first
 RANDOM = (*DISTURBED, "radio.jitter_frames=4")
