@@ -32,11 +32,11 @@ def compute_traction_limits(
 ) -> tuple[float, float]:
     """Return the highest accelerations (forward, sideways) for speeding up and braking, m/s^2.
 
-    Between these axes friction allows less than the ellipse of `MotionLimits`: see
-    `compute_max_acceleration`.
+    Between these axes friction allows less than the ellipse of `MotionLimits`. Motors are assumed
+    to be strong enough, and drag is neglected.
 
     Args:
-        kinematics: Geometry of the wheels.
+        kinematics: Geometry of the wheels; the center of mass is above their middle.
         friction: Coefficient of friction between rollers and carpet.
         com_height: Height of the center of mass above the carpet, m. Acceleration shifts load
             from wheel to wheel; 0 neglects that.
@@ -44,33 +44,11 @@ def compute_traction_limits(
     Raises:
         OmniError: The robot does not stand on these wheels.
     """
-    forward, backward, to_left, to_right = (
-        compute_max_acceleration(kinematics, friction, direction, com_height)
-        for direction in (0.0, math.pi, math.pi / 2, -math.pi / 2)
+    wheels = WheelLimits(kinematics, friction, gyration_radius=1.0, com_height=com_height)
+    forward, backward, to_left, to_right = map(
+        wheels.compute_max_acceleration, (0.0, math.pi, math.pi / 2, -math.pi / 2)
     )
     return min(forward, backward), min(to_left, to_right)
-
-
-def compute_max_acceleration(
-    kinematics: Kinematics, friction: float, direction: float, com_height: float = 0.0
-) -> float:
-    """Return the highest acceleration in a direction without turning, m/s^2; 0 if there is none.
-
-    The center of mass is above the middle of the wheels. Motors are assumed to be strong enough,
-    and drag is neglected.
-
-    Args:
-        kinematics: Geometry of the wheels.
-        friction: Coefficient of friction between rollers and carpet.
-        direction: Angle from the body's x axis, rad.
-        com_height: Height of the center of mass above the carpet, m.
-
-    Raises:
-        OmniError: The robot does not stand on these wheels.
-    """
-    wheels = WheelLimits(kinematics, friction, gyration_radius=1.0, com_height=com_height)
-    unit = np.array([[math.cos(direction), math.sin(direction), 0.0]])
-    return float(1 / wheels.compute_friction_utilization(unit, np.zeros((1, 3))).max())
 
 
 @dataclass(frozen=True)
@@ -141,6 +119,15 @@ class WheelLimits:
         """Return the needed fraction of friction (n,) for body accelerations and twists (n, 3)."""
         rows, drag = self.get_friction_constraints(twist)
         return np.asarray((acceleration @ rows.T + drag).max(1))
+
+    def compute_max_acceleration(self, direction: float) -> float:
+        """Return the highest acceleration from rest without turning, m/s^2; 0 if there is none.
+
+        Args:
+            direction: Angle from the body's x axis, rad.
+        """
+        unit = np.array([[math.cos(direction), math.sin(direction), 0.0]])
+        return float(1 / self.compute_friction_utilization(unit, np.zeros((1, 3))).max())
 
     def get_friction_constraints(self, twist: Array) -> tuple[Array, Array]:
         """Return the faces of the zonotope as linear constraints on body accelerations.
@@ -270,6 +257,6 @@ def max_over_neighbors(drag: Array, ends: Literal["edge", "wrap"]) -> Array:
         drag: Fraction of friction that drag takes in each cell, (cells, faces).
         ends: "edge" for a path with ends, "wrap" for a closed path.
     """
-    padded = np.pad(drag, ((_NEIGHBORS, _NEIGHBORS), (0, 0)), mode=ends)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBORS + 1, axis=0)
-    return np.asarray(windows.max(-1))
+    padded = np.pad(drag, ((_NEIGHBORS, _NEIGHBORS), (0, 0)), ends)
+    shifted = [padded[i : i + len(drag)] for i in range(2 * _NEIGHBORS + 1)]
+    return np.asarray(np.max(shifted, axis=0))

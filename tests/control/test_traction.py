@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from benches.control import compute_max_acceleration, compute_traction_limits
+from benches.control import compute_traction_limits
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omni_control import Kinematics, OmniError
+from omni_control import Kinematics, OmniError, WheelLimits
 
 ARM, RADIUS, G = 0.08, 0.0285, 9.81
 AZIMUTHS = (60.0, 135.0, 225.0, 300.0)
@@ -30,7 +30,7 @@ def test_limits_of_the_default_wheels_have_closed_forms(friction: float, height:
     level = friction * G * (math.sqrt(6) + math.sqrt(2)) / (2 + 2 * math.sqrt(2))
     shift = friction * (math.sqrt(3) - math.sqrt(2)) * height / ARM / (1 + math.sqrt(2))
     tipping = G * ARM / 2 / max(height, 1e-3)  # braking over the front wheels
-    backward = compute_max_acceleration(ROBOT, friction, math.pi, height)
+    backward = WheelLimits(ROBOT, friction, 1.0, height).compute_max_acceleration(math.pi)
     assert forward == pytest.approx(min(level / (1 + shift), tipping), rel=1e-6)
     assert sideways == pytest.approx(friction * G / 2, rel=1e-6)
     assert backward == pytest.approx(min(level / (1 - shift), tipping), rel=1e-6)

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benches.control import compute_max_acceleration
 from hypothesis import given
 from hypothesis import strategies as st
 from random_motion import TIGERS, G, solve_max_scale, vectors, wheels
@@ -27,7 +26,7 @@ def test_the_largest_feasible_acceleration_needs_all_friction(
 def test_the_limits_of_driving_forward_and_of_turning_have_closed_forms() -> None:
     """Without drag, and with a moment of mu m g arm where all wheels slide in one direction."""
     robot = replace(TIGERS, rolling_resistance=0.0, roller_friction=0.0)
-    forward = compute_max_acceleration(robot.kinematics, 0.45, 0.0, 0.045)
+    forward = WheelLimits(robot.kinematics, 0.45, 1.0, 0.045).compute_max_acceleration(0.0)
     turning = 0.45 * G * 0.083 / 0.0695**2
     for acceleration in ([forward, 0, 0], [0, 0, turning]):
         utilization = robot.compute_friction_utilization(np.array([acceleration]), np.zeros((1, 3)))

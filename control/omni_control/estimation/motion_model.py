@@ -71,12 +71,16 @@ class MotionModel:
         self._friction_ratios = np.array([1.0, ratio, turn_friction])
         self._compliance = WheelCompliance(wheels, GYRO_RESIDUAL if model.geometry else 0.0)
 
-        self.prior = np.zeros(SIZE)
-        self.prior[INVERSE_GAIN] = 1 / np.array([*(model.alpha or UNKNOWN_ALPHA), YAW_ALPHA])
-        self.prior[LATENCY] = model.delay_frames
-        self.prior[CREEP] = model.creep_s2_m
-        self.prior[LAG] = max(FORWARD_LAG * model.lag_s, MIN_LAG_S)
-        self.prior[FRICTION] = FORWARD_FRICTION * model.drag_m_s
+        self.prior = np.array(
+            [
+                *INVERSE_GAIN.start * [0.0],
+                *(1 / np.array([*(model.alpha or UNKNOWN_ALPHA), YAW_ALPHA])),
+                model.delay_frames,
+                model.creep_s2_m,
+                max(FORWARD_LAG * model.lag_s, MIN_LAG_S),
+                FORWARD_FRICTION * model.drag_m_s,
+            ]
+        )
 
     def compute_time_constants(self, state: Array, rim_speed: Array) -> Array:
         """Return the time constants of the velocity (..., n, 3), s.

@@ -13,9 +13,7 @@ from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.estimation.motion_model import (
     COUPLING,
     CREEP,
-    DISTURBANCE,
     FORWARD_GAIN,
-    INVERSE_GAIN,
     LATENCY,
     MIN_LAG_S,
     POSE,
@@ -109,23 +107,27 @@ class RobotEkf:
         self.state, self.covariance = np.zeros((n, SIZE)), np.zeros((n, SIZE, SIZE))
         self.mean_nis = np.ones(n)
         # Running means of the squared command, and of the command times the velocity.
-        self._command_power, self._response_power = np.zeros((2, n))
+        self._powers = np.zeros((2, n))
         self._silent_frames = np.zeros(n)  # frames without a response
         self._started = False
 
     def _make_prior_covariance(self, learns: bool) -> Array:
         """Return the covariance (18, 18) of disturbances and parameters; 0 without learning."""
-        model, sigma, correlation = self.model, np.zeros(SIZE), np.eye(SIZE)
-        correlation[FORWARD_GAIN, SIDEWAYS_GAIN] = GAIN_CORRELATION
-        correlation[SIDEWAYS_GAIN, FORWARD_GAIN] = GAIN_CORRELATION
-        if learns:
-            gain_sigma, *relative = KNOWN_SIGMA if model.alpha else UNKNOWN_SIGMA
-            nominal = model.creep_s2_m, model.lag_s, model.drag_m_s
-            sigma[DISTURBANCE], sigma[COUPLING] = DISTURBANCE_SIGMA, COUPLING_SIGMA
-            sigma[INVERSE_GAIN] = gain_sigma, gain_sigma, YAW_GAIN_SIGMA
-            sigma[LATENCY] = LATENCY_SIGMA
-            scaled = relative * self.dynamics.prior[CREEP:]
-            sigma[CREEP:] = np.where(np.equal(nominal, 0), ZERO_SIGMA, scaled)
+        model, correlation = self.model, np.eye(SIZE)
+        forward_sideways = [FORWARD_GAIN, SIDEWAYS_GAIN]
+        correlation[forward_sideways, forward_sideways[::-1]] = GAIN_CORRELATION
+        gain_sigma, *relative = KNOWN_SIGMA if model.alpha else UNKNOWN_SIGMA
+        is_unknown = np.equal([model.creep_s2_m, model.lag_s, model.drag_m_s], 0)
+        sigma = np.zeros(SIZE)
+        sigma[UNMEASURED] = [
+            *DISTURBANCE_SIGMA,
+            *2 * [COUPLING_SIGMA],
+            *2 * [gain_sigma],
+            YAW_GAIN_SIGMA,
+            LATENCY_SIGMA,
+            *np.where(is_unknown, ZERO_SIGMA, relative * self.dynamics.prior[CREEP:]),
+        ]
+        sigma *= learns
         return correlation * np.outer(sigma, sigma)
 
     @property
@@ -141,16 +143,14 @@ class RobotEkf:
             self.state[:, POSE] = observation.pose
             self.covariance[:] = self._prior_covariance
             self.covariance[:, POSE, POSE] = self._vision_covariance
-        steps = observation.filter_steps or (FilterStep.to_present(len(self.state)),)
-        for step in steps:
+        for step in observation.filter_steps or (FilterStep.to_present(len(self.state)),):
             command = self._advance(observation.sent_commands, step)
-        self._correct(observation.measured_pose, steps[-1].capture_offset[:, None], command)
+        self._frames_behind = step.frames_behind
+        self._correct(observation.measured_pose, step.capture_offset[:, None], command)
 
     def predict(self, observation: Observation) -> Array:
         """Return the states (n, 18) at the time when the command of this frame begins to act."""
-        latency, sent = self.latency, observation.sent_commands
-        if observation.filter_steps:
-            latency = latency + observation.filter_steps[-1].frames_behind
+        latency, sent = self.latency + self._frames_behind, observation.sent_commands
         count = int(np.ceil(latency.max()))
         state = self.state
         fractions = sent.get_pending_fractions(latency[:, None], count)[..., 0]
@@ -267,9 +267,9 @@ class RobotEkf:
         """Count the frames in which robots do not respond to the commands (n, 3) that act."""
         rim_scale = np.array([1.0, 1.0, self.dynamics.arm])
         commanded, velocity = command * rim_scale, self.state[:, VELOCITY] * rim_scale
-        self._command_power += ((commanded**2).sum(1) - self._command_power) / RESPONSE_FRAMES
-        response = (commanded * velocity).sum(1)
-        self._response_power += (response - self._response_power) / RESPONSE_FRAMES
-        is_commanded = self._command_power > EVIDENT_M_S**2
-        is_silent = is_commanded & (self._response_power < MIN_RESPONSE * self._command_power)
+        powers = (commanded * np.array([commanded, velocity])).sum(2)
+        self._powers += (powers - self._powers) / RESPONSE_FRAMES
+        command_power, response_power = self._powers
+        is_silent = response_power < MIN_RESPONSE * command_power
+        is_silent &= command_power > EVIDENT_M_S**2
         self._silent_frames = np.where(is_silent, self._silent_frames + 1, 0)

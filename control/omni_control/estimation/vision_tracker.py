@@ -21,8 +21,7 @@ from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.kinematics import Array, wrap_angle
 
 GAIN_ERROR = 0.06  # standard deviation of the displacement in a frame over the commanded one
-# Random walk of the drift, m/s and rad/s per square root of a second.
-DRIFT_M_S1_5, DRIFT_RAD_S1_5 = 0.1, 0.5
+DRIFT_RATES = 0.1, 0.1, 0.5  # random walk of the drift, m/s and rad/s per square root of a second
 DRIFT_TIME_S = 0.5
 SCALE_MEMORY = 0.97  # decay per frame of what the scale of the process noise has learned
 MAX_NIS = 9.0  # 3 sigma
@@ -50,9 +49,8 @@ class KalmanFilter:
         sigma = np.maximum(np.broadcast_to(noise, pose.shape), CAMERA_RESOLUTION)
         self._measurement_variance = sigma**2
         self._drift_decay = math.exp(-period / DRIFT_TIME_S)
-        drift_rates = np.array([DRIFT_M_S1_5, DRIFT_M_S1_5, DRIFT_RAD_S1_5])
-        self._drift_noise = drift_rates**2 * period
-        self.pose, self.drift, self.twist = pose.copy(), np.zeros_like(pose), np.zeros_like(pose)
+        self._drift_noise = np.square(DRIFT_RATES) * period
+        self.pose, (self.drift, self.twist) = pose.copy(), np.zeros((2, *pose.shape))
         # The axes are independent, so that three numbers per axis hold its 2x2 covariance.
         self._pose_variance = self._measurement_variance.copy()
         self._covariance, self._drift_variance = np.zeros((2, *pose.shape))

@@ -56,6 +56,11 @@ def integrate_speed_profile(
     # Weight of the acceleration across the path, which limits turn into that along it.
     side_weight = limits.acceleration_ratio if tangent else 1.0
     cell_curvature = (curvature[:-1] + curvature[1:]) / 2
+    side_curvature = side_weight * cell_curvature
+    # From one end of a cell to the other, the angle of the acceleration changes by up to twice the
+    # angle by which the path turns, times `side_weight`. The square of the turn rate changes by up
+    # to twice that angle times the turn acceleration.
+    double_turn = 2 * cell_curvature * step
 
     # Facing along the path, the turn acceleration is k times the acceleration along it plus k'/k
     # times that across it. Its limits cut a strip out of the circle of radius a in which the
@@ -66,48 +71,38 @@ def integrate_speed_profile(
     corner = np.arccos(strip) - np.arctan2(cell_curvature, slope)
     max_lateral = a * np.cos(np.maximum(corner, 0))
 
-    max_z = np.minimum(max_lateral / (side_weight * cell_curvature), max_squared_speed)
+    max_z = np.minimum(max_lateral / side_curvature, max_squared_speed)
     max_z = np.tile(np.minimum(max_z, (turn_rate / cell_curvature) ** 2), laps)
     max_z = np.concatenate([[0], np.minimum(max_z[:-1], max_z[1:]), [0]])
-    forward = _accelerate(max_z, step, curvature, a, side_weight, turn_acceleration)
-    backward = _accelerate(
-        forward[::-1], step[::-1], curvature[::-1], a, side_weight, turn_acceleration
+    cells = np.stack(
+        [side_curvature / a, side_weight * double_turn, turn_acceleration * double_turn]
     )
-    return backward[::-1]
+    forward = _accelerate(max_z, cells, curvature)
+    return _accelerate(forward[::-1], cells[:, ::-1], curvature[::-1])[::-1]
 
 
-def _accelerate(
-    max_z: Array,
-    step: Array,
-    curvature: Array,
-    acceleration: float,
-    side_weight: float,
-    turn_acceleration: float,
-) -> Array:
-    """Return the squared speeds (laps * cells + 1,) up to a bound that can be reached from before.
+def _accelerate(max_z: Array, cells: Array, curvature: Array) -> Array:
+    """Return the highest squared speeds (laps * cells + 1,) that acceleration can reach.
 
-    From one end of a cell to the other, the angle of the acceleration changes by up to twice the
-    angle by which the path turns, times `side_weight`. The square of the turn rate changes by up to
-    twice that angle times the turn acceleration.
+    Args:
+        max_z: Upper bounds of the squared speeds.
+        cells: For each cell (3, cells): the sine of the acceleration's angle from the path over
+            the squared speed, s^2/m^2; the largest change of this angle, rad; and the largest gain
+            of the squared turn rate, rad^2/s^2.
+        curvature: Absolute curvature at the ends of the cells, (cells + 1,) 1/m.
     """
-    cell_curvature = (curvature[:-1] + curvature[1:]) / 2
-    turn = 2 * cell_curvature * step
-    lap = np.stack(
-        [
-            side_weight * cell_curvature / acceleration,
-            side_weight * turn,
-            (curvature[:-1] / curvature[1:]) ** 2,
-            turn_acceleration * turn / curvature[1:] ** 2,
-        ],
-        axis=1,
-    ).tolist()
+    scales, rotations, turn_gains = cells
+    decays, gains = (curvature[:-1] / curvature[1:]) ** 2, turn_gains / curvature[1:] ** 2
+    lap = np.stack([scales, rotations, decays, gains], axis=1).tolist()
     z = float(max_z[0])
     squared_speeds = [z]
     right_angle = math.pi / 2
-    # Python's floats, since each cell depends on the one before. `min` of three takes twice as long.
+    # Python's floats, since each cell depends on the one before. With `min` of the three speeds,
+    # the loop would take half as long again.
     bounds = zip(max_z[1:].tolist(), cycle(lap), strict=False)
     for bound_z, (scale, rotation, decay, gain) in bounds:
-        angle = math.asin(scale * z) + rotation if scale * z < 1 else right_angle
+        sine = scale * z
+        angle = math.asin(sine) + rotation if sine < 1 else right_angle
         on_circle = (math.sin(angle) if angle < right_angle else 1.0) / scale
         z = decay * z + gain
         if on_circle < z:

@@ -20,7 +20,6 @@ import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from functools import partial, reduce
-from itertools import pairwise
 
 import numpy as np
 
@@ -33,8 +32,6 @@ from omni_control.traction import WheelLimits, max_over_neighbors
 
 _N_CELLS = 200  # of a segment on which wheels limit the drive
 _AT_REST = 1e-9  # m, rad and their rates; below it there is only rounding
-
-Segment = tuple[tuple[float, ...], tuple[float, ...]]  # two poses [x, y, heading]
 
 
 class TimedReference(SampledReference):
@@ -60,44 +57,43 @@ class TimedReference(SampledReference):
         settle_frames: int = 0,
     ) -> None:
         points = as_poses(waypoints)
-        route = list(pairwise(map(tuple, points.tolist())))
-        segments = list(dict.fromkeys(route))  # laps repeat their segments
-        planned = dict(zip(segments, _plan_segments(segments, limits, period), strict=True))
+        # Laps repeat their segments.
+        segments, indices = np.unique(
+            np.stack([points[:-1], points[1:]], axis=1), axis=0, return_inverse=True
+        )
+        planned = _plan_segments(segments, limits, period)
         poses = [points[:1]]
-        for segment in route:
-            poses += [planned[segment], np.tile(segment[1], (dwell_frames, 1))]
+        for i in indices.ravel():
+            poses += [planned[i], np.repeat(segments[i, 1:], dwell_frames, axis=0)]
         settled = np.pad(np.concatenate(poses), ((0, settle_frames), (0, 0)), "edge")
         super().__init__(settled, period)
 
 
-def _plan_segments(segments: Sequence[Segment], limits: MotionLimits, period: float) -> list[Array]:
+def _plan_segments(segments: Array, limits: MotionLimits, period: float) -> list[Array]:
     """Return for each segment the poses (frames, 3) after its start, up to its end.
 
     A segment ends with a frame of rest, or two if jerk is limited.
 
     Args:
-        segments: Pairs of poses. All are planned together, with the results of planning each alone.
+        segments: Pairs of poses (segments, 2, 3). All are planned together, with the results of
+            planning each alone.
         limits: Motion limits.
         period: Length of a frame, s.
     """
-    start, end = np.array(segments).reshape(-1, 2, 3).swapaxes(0, 1)
     if limits.jerk or limits.turn_jerk:
-        trajectories = [
-            _plan_smooth(*ends, limits, period) for ends in zip(start, end, strict=True)
-        ]
+        trajectories = [_plan_smooth(start, end, limits, period) for start, end in segments]
     else:
-        trajectories = _plan_fastest(start, end, limits, period)
+        trajectories = _plan_fastest(segments[:, 0], segments[:, 1], limits, period)
     return [
-        _slow_down_for_wheels(np.array(segment), poses, limits, period)[1:]
-        for segment, poses in zip(segments, trajectories, strict=True)
+        _slow_down_for_wheels(start, end, poses, limits, period)[1:]
+        for (start, end), poses in zip(segments, trajectories, strict=True)
     ]
 
 
 def _slow_down_for_wheels(
-    segment: Array, poses: Array, limits: MotionLimits, period: float
+    start: Array, end: Array, poses: Array, limits: MotionLimits, period: float
 ) -> Array:
-    """Return the poses (frames, 3) of a segment (2, 3), slower if the wheels require it."""
-    start, end = segment
+    """Return the poses (frames, 3) of a segment, slower if the wheels require it."""
     path = partial(_interpolate, start, end)
     plan_timing = partial(_plan_timing_on_wheels, start, end, limits)
     slower = slow_down_for_wheels(poses, path, plan_timing, limits, period)

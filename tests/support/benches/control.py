@@ -41,4 +41,4 @@ from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_b
 from omni_control.reference import PerRobotReference, Reference
 from omni_control.reference.curves import CURVES, Curve, CurveReference
 from omni_control.reference.iterated import ARRIVAL_RADIUS_M
-from omni_control.traction import compute_max_acceleration, compute_traction_limits
+from omni_control.traction import compute_traction_limits
