@@ -10,11 +10,10 @@ from omni_control.errors import OmniError, suggest_names
 from omni_mj.cli import catalog, options
 from omni_mj.files import write_text
 
-SUFFIXES = {"scenario": ".toml", "controller": ".py", "robot": ".toml"}
-RUN_ARGUMENTS = {  # kind of a new file -> arguments of omni-mj run that use it
-    "scenario": "--scenario {path}",
-    "controller": "--scenario rect --controller comp-flc --controller {path}:{name}",
-    "robot": "--scenario rect --robot {path}",
+KINDS = {  # kind of a new file -> suffix, and arguments of omni-mj run that use the file
+    "scenario": (".toml", "--scenario {path}"),
+    "controller": (".py", "--scenario rect --controller comp-flc --controller {path}:{name}"),
+    "robot": (".toml", "--scenario rect --robot {path}"),
 }
 
 
@@ -57,7 +56,7 @@ def schema_command() -> None:
 
 
 @click.command("new")
-@click.argument("kind", type=click.Choice(list(SUFFIXES)))
+@click.argument("kind", type=click.Choice(list(KINDS)))
 @click.argument("name")
 @click.option("--overwrite", is_flag=True, help="Replace an existing file of that name.")
 def new_command(kind: str, name: str, overwrite: bool) -> None:
@@ -65,7 +64,8 @@ def new_command(kind: str, name: str, overwrite: bool) -> None:
 
     It can be run at once. Its comments explain what to change.
     """
-    path = Path(name if name.endswith(SUFFIXES[kind]) else name + SUFFIXES[kind])
+    suffix, arguments = KINDS[kind]
+    path = Path(name.removesuffix(suffix) + suffix)
     if not re.fullmatch(r"[A-Za-z][\w-]*", path.stem, re.ASCII):
         raise OmniError(
             f"the name of a {kind} must be a letter followed by letters, digits, _ or -, "
@@ -78,8 +78,7 @@ def new_command(kind: str, name: str, overwrite: bool) -> None:
         write_text(path, _starter_text(kind, path.stem, class_name))
     except OSError as error:
         raise OmniError(f"cannot write {path}: {error.strerror}") from None
-    arguments = RUN_ARGUMENTS[kind].format(path=path, name=class_name)
-    print(f"wrote {path}; run it: omni-mj run {arguments}")
+    print(f"wrote {path}; run it: omni-mj run {arguments.format(path=path, name=class_name)}")
 
 
 def _starter_text(kind: str, name: str, class_name: str) -> str:

@@ -152,8 +152,8 @@ class FilmRenderer:
 
     def _create_camera(self, view: str, aspect_ratio: float) -> mujoco.MjvCamera:
         """Return a camera whose picture contains the whole route, or one near the robot."""
-        points = [track.references[..., :2].reshape(-1, 2) for track in self._tracks]
-        route = np.concatenate(points)
+        poses = [track.references.reshape(-1, 3) for track in self._tracks]
+        route = np.concatenate(poses)[:, :2]
         low, high = route.min(0) - MARGIN_M, route.max(0) + MARGIN_M
         camera = mujoco.MjvCamera()
         camera.azimuth, camera.elevation = 90.0, ELEVATION_DEG[view]
@@ -202,8 +202,8 @@ class FilmRenderer:
             self._add_line(track.poses[: frame + 1, slot, :2], (*color, 1.0))
             # The reference is a ring above the robot with a line that shows its heading.
             angles = heading + np.linspace(0, 2 * np.pi, 25)
-            ring = np.column_stack([x + RADIUS_M * np.cos(angles), y + RADIUS_M * np.sin(angles)])
-            self._add_line(np.concatenate([[[x, y]], ring]), REFERENCE_RGBA, HEIGHT_M)
+            ring = [x, y] + RADIUS_M * np.column_stack([np.cos(angles), np.sin(angles)])
+            self._add_line(np.vstack([[x, y], ring]), REFERENCE_RGBA, HEIGHT_M)
 
     def _add_line(self, points: Array, rgba: tuple[float, ...], height: float = 0.0) -> None:
         """Add a line through points (n, 2) at a height in m to the scene."""

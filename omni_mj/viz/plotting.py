@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from textwrap import wrap
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -36,19 +36,15 @@ def figure_file(stem: Path, title: str = "", svg: bool = False, **options: Any) 
     with rc_context(fname=style.STYLE_SHEET):
         figure = Figure(**options)
         yield figure
-        figure.suptitle(wrap_title(title or figure.get_suptitle(), figure), x=0.01, ha="left")
+        width = round(LETTERS_PER_INCH * figure.get_figwidth())
+        lines = (title or figure.get_suptitle()).splitlines()
+        wrapped_lines = [fill(line, width, break_on_hyphens=False) for line in lines]
+        figure.suptitle("\n".join(wrapped_lines), x=0.01, ha="left")
         for suffix in ("png", "svg") if svg else ("png",):
             # Equal figures give equal files, so an SVG file has no date.
             metadata = {"Date": None} if suffix == "svg" else None
             with open_atomic(stem.with_suffix(f".{suffix}")) as file:
                 figure.savefig(file, format=suffix, metadata=metadata)
-
-
-def wrap_title(title: str, figure: Figure) -> str:
-    """Return a title with lines broken to the width of a figure."""
-    width = round(LETTERS_PER_INCH * figure.get_figwidth())
-    paragraphs = [wrap(line, width, break_on_hyphens=False) for line in title.splitlines()]
-    return "\n".join(line for paragraph in paragraphs for line in paragraph)
 
 
 def create_time_axes(

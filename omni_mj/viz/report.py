@@ -26,13 +26,15 @@ from omni_mj.studies.compare_table import verdict_table
 
 # File names of figures in the order of the page; the first one shows the finding.
 FIGURES = ("compare", "seeds", "error", "path", "command", "alpha")
-PEAKS = {"peak_voltage_v": "peak, V", "peak_current_a": "peak, A"}  # of the motors
+PEAKS = {  # largest value of all motors -> heading
+    "peak_voltage_v": "peak, V",
+    "peak_current_a": "peak, A",
+    "peak_winding_temperature_c": "winding, °C",
+}
 ALPHA = ("alpha x", "alpha y")
-TEMPERATURE = "peak_winding_temperature_c"
-MIN_HEATING_K = 10.0  # rise of a winding's temperature from which the table shows it
 Summary = dict[str, Any]
 ENVIRONMENT = jinja2.Environment(  # compiles a template once
-    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+    loader=jinja2.PackageLoader("omni_mj.viz"),
     autoescape=True,
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,
@@ -144,12 +146,8 @@ def _encode_images(folder: Path) -> dict[str, str]:
 
 def _motor_table(entry: Summary) -> Table:
     """Return effort, limits reached, peaks of the motors and alpha of each controller."""
-    ambient_c = entry["settings"]["motor"]["ambient_c"]
-    temperatures = [result[TEMPERATURE] for result in entry["results"].values()]
-    is_hot = any(value is not None and value > ambient_c + MIN_HEATING_K for value in temperatures)
-    peaks = PEAKS | ({TEMPERATURE: "winding, °C"} if is_hot else {})
     limits = [f"{label}, %" for label in METRIC_LABELS.values()]
-    headings = ["controller", "effort, m/s²", *limits, *peaks.values(), *ALPHA]
+    headings = ["controller", "effort, m/s²", *limits, *PEAKS.values(), *ALPHA]
     rows = []
     for controller, result in entry["results"].items():
         fractions = [result["saturation"][name]["median"] for name in METRIC_LABELS]
@@ -159,7 +157,7 @@ def _motor_table(entry: Summary) -> Table:
                 controller,
                 format_number(result["effort_m_s2"]["median"]),
                 *(format_number(fraction, 100, 1) for fraction in fractions),
-                *(format_number(result[name]) for name in peaks),
+                *(format_number(result[name]) for name in PEAKS),
                 *("/".join(map(format_number, percentiles)) for percentiles in alphas),
             ]
         )

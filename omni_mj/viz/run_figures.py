@@ -89,7 +89,9 @@ def draw_errors(robots: Robots, failed: Collection[str], figure: Figure) -> None
     labels = ["|error| in x, cm", "|error| in y, cm", "|heading error|, deg"]
     largest = max(np.abs(robot.pose_error()[:, 2]).max() for robot in robots)
     labels = labels if largest > MIN_HEADING_ERROR_DEG else labels[:2]
-    for axes in _draw_columns(robots, failed, figure, labels, _absolute_error):
+    for axes in _draw_columns(
+        robots, failed, figure, labels, lambda robot: abs(robot.pose_error())
+    ):
         axes.set_ylim(bottom=0)
     plotting.add_legend(figure, figure.axes)
 
@@ -192,11 +194,6 @@ def distance_to_path(path: Array, points: Array) -> Array:
     dense_path = np.column_stack([np.interp(steps, arc, coordinate) for coordinate in path.T])
     distance: Array = KDTree(dense_path).query(points)[0]
     return distance
-
-
-def _absolute_error(robot: RecordedRobot) -> Array:
-    """Return the absolute pose error, (frames, 3) cm, cm, deg."""
-    return np.abs(robot.pose_error())
 
 
 def _draw_columns(

@@ -46,8 +46,10 @@ def draw_seed_statistics(
         spreads = {name: reduce(getitem, keys, result) for name, result in results.items()}
         means = _draw_means(axes, spreads, scale)
         axes.margins(x=0.08)
-        if label != SETTLING_TIME and np.nanmin(means, initial=np.inf) > 0:
-            _use_log_scale(axes, means)
+        if label != SETTLING_TIME and np.isfinite(means).any() and np.nanmin(means) > 0:
+            largest = axes.dataLim.x1
+            axes.set_xlim(max(np.nanmin(means) / 2, largest / MAX_RANGE), 1.15 * largest)
+            plotting.use_log_scale(axes.xaxis)
         axes.set_xlabel(label)
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
@@ -76,11 +78,3 @@ def _draw_means(axes: Axes, spreads: dict[str, Summary], scale: float) -> Array:
             **style.line_style(indices[name]) | {"linestyle": "none", "label": name},
         )
     return means
-
-
-def _use_log_scale(axes: Axes, means: Array) -> None:
-    """Make the axis of positive means logarithmic, with limits at most `MAX_RANGE` apart."""
-    if np.isfinite(means).any():
-        largest = axes.dataLim.x1
-        axes.set_xlim(max(np.nanmin(means) / 2, largest / MAX_RANGE), 1.15 * largest)
-        plotting.use_log_scale(axes.xaxis)

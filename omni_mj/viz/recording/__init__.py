@@ -65,9 +65,7 @@ class Recording(RerunStream):
         self._robots = select_robots(self._log)
         references = [simulation.references[robot.row] for robot in self._robots]
         self._references = [reference.poses for reference in dict.fromkeys(references)]
-        _, size_m = scene.measure_scene(self._references)
-        n_controllers = len({robot.layer for robot in self._robots})
-        self._flag_heights = scene.choose_flag_heights(n_controllers, size_m)
+        self._flag_heights = scene.choose_flag_heights(self._robots, self._references)
         self._n_events = [0] * len(self._robots)  # sent so far
 
     def update(self) -> None:
@@ -126,11 +124,12 @@ class Recording(RerunStream):
         for plot in chain(*self._tabs.values()):
             entity = f"plots/{plot.path}/{robot.name}"
             values = plot.compute(recent)[frames - begin]
-            if entity not in self._open_series and not np.isnan(values).all():
+            if entity not in self._open_series:
+                if np.isnan(values).all():
+                    continue
                 self._open_series.add(entity)
                 self._stream.log(entity, plot.line_style(robot), static=True)
-            if entity in self._open_series:
-                self._stream.send_columns(entity, time_columns(frames), scalar_columns(values))
+            self._stream.send_columns(entity, time_columns(frames), scalar_columns(values))
 
     def _send_events(self, robot: RecordedRobot, new_events: Sequence[events.Event]) -> None:
         """Send new events of a robot."""

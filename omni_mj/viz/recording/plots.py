@@ -74,7 +74,7 @@ def create_tabs(log: Log) -> dict[str, list[Plot]]:
             _velocity_plot("velocity/turn", "turn rate, rad/s", 2),
         ],
         "saturation": _saturation_plots(),
-        "alpha": [_alpha_plot("x", 0), _alpha_plot("y", 1)],
+        "alpha": [_alpha_plot(0), _alpha_plot(1)],
         **_wheel_tabs(log),
         "channels": [
             _controller_plot(channel, len(columns))
@@ -143,8 +143,9 @@ def _saturation_plots() -> list[Plot]:
     ]
 
 
-def _alpha_plot(axis_name: str, axis: int) -> Plot:
-    """Return the plot of the measured motor correction factor and its estimate."""
+def _alpha_plot(axis: int) -> Plot:
+    """Return the plot of the measured motor correction factor along an axis and its estimate."""
+    axis_name = "xy"[axis]
     return Plot(
         f"alpha/{axis_name}",
         f"motor correction factor alpha in {axis_name}",

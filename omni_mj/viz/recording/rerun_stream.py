@@ -13,7 +13,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.files import check_disk_space
@@ -99,8 +98,7 @@ class RerunStream:
             send(*arguments)
             _flush(self._stream)
         except Exception as error:  # rerun does not document its exceptions
-            is_ours = isinstance(error, OmniError)
-            self._fail(str(error) if is_ours else f"{type(error).__name__}: {error}")
+            self._fail(str(error) or type(error).__name__)
 
     def _fail(self, failure: str) -> None:
         """Give up, because data does not arrive."""

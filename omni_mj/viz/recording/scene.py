@@ -80,9 +80,13 @@ def measure_scene(references: Sequence[Array]) -> tuple[Array, float]:
     return (low + high) / 2, MARGIN_M + float(np.hypot(*(high - low)))
 
 
-def choose_flag_heights(n_controllers: int, scene_size_m: float) -> list[float]:
+def choose_flag_heights(
+    robots: Sequence[RecordedRobot], references: Sequence[Array]
+) -> list[float]:
     """Return the height at which each controller's position error is drawn, m."""
-    step = min(FLAG_STEP, MAX_FLAG_HEIGHT / n_controllers) * scene_size_m
+    n_controllers = 1 + robots[-1].layer
+    _, size_m = measure_scene(references)
+    step = min(FLAG_STEP, MAX_FLAG_HEIGHT / n_controllers) * size_m
     return [HEIGHT_M + (k + 0.5) * step for k in range(n_controllers)]
 
 
@@ -123,7 +127,7 @@ def _send_error(
     entity, time = f"world/{robot.name}/error", time_columns(frames)
     strips = np.stack(corners, axis=1, dtype=np.float32)
     stream.send_columns(entity, time, rr.LineStrips3D.columns(strips=strips))
-    errors_cm = (100 * np.linalg.norm(error, axis=1)).tolist()
+    errors_cm = 100 * np.linalg.norm(error, axis=1)
     labels = [f"{robot.name}  {error_cm:.1f} cm" for error_cm in errors_cm]
     label = rr.Points3D.columns(positions=tip, labels=labels)
     stream.send_columns(f"{entity}/label", time, label)

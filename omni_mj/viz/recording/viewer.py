@@ -52,8 +52,7 @@ class Viewer:
     """
 
     def __init__(self, *options: str, file: Path | None = None) -> None:
-        with socket.socket() as free_socket:
-            free_socket.bind(("127.0.0.1", 0))
+        with socket.create_server(("127.0.0.1", 0)) as free_socket:
             port = str(free_socket.getsockname()[1])
         self.url = f"rerun+http://127.0.0.1:{port}/proxy"
         command = [sys.executable, "-m", "rerun", *options, "--bind", "127.0.0.1", "--port", port]
@@ -99,9 +98,8 @@ class Viewer:
 def is_listening(url: str) -> bool:
     """Return whether a process listens at a URL like rerun+http://127.0.0.1:9876/proxy."""
     address = urlsplit(url)
-    host_and_port = (address.hostname or "", address.port or 0)
     try:
-        socket.create_connection(host_and_port, CONNECT_TIMEOUT_S).close()
+        socket.create_connection((address.hostname, address.port), CONNECT_TIMEOUT_S).close()
         return True
     except OSError:
         return False

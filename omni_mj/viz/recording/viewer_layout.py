@@ -38,7 +38,10 @@ def create_layout(
     field_contents = ["$origin/**"]
     for robot in robots:
         field_contents += [f"- {robot}/vision/**", f"- {robot}/predicted/**"]
-    field = _scene_view(FIELD_TITLE, field_contents, _field_eye(references), robots)
+    # The eye sees all references from the side.
+    (x, y), size_m = measure_scene(references)
+    field_eye = [x, y - 0.53 * size_m, 0.53 * size_m], [x, y, 0.08 * size_m]
+    field = _scene_view(FIELD_TITLE, field_contents, field_eye, robots)
     close_ups = []
     for name, robot in zip(names, robots, strict=True):
         contents = ["world/field/**", "world/reference", f"{robot}/**", f"- {robot}/error/**"]
@@ -62,12 +65,6 @@ def create_layout(
     return rrb.Blueprint(
         rrb.Horizontal(left_column, rrb.Tabs(*right_views)), time_panel, collapse_panels=True
     )
-
-
-def _field_eye(references: Sequence[Array]) -> Eye:
-    """Return an eye that sees all references from the side."""
-    (x, y), size_m = measure_scene(references)
-    return [x, y - 0.53 * size_m, 0.53 * size_m], [x, y, 0.08 * size_m]
 
 
 def _scene_view(
