@@ -18,7 +18,6 @@ from omni_control.controllers.base import (
     RECORDED_ATTRIBUTES,
     Controller,
     Observation,
-    TeamModel,
     collect_channels,
     describe_error,
 )
@@ -77,8 +76,14 @@ class Team:
         self._rows = _assign_rows(self._sizes, rows, self.n)
         self._on_failure = on_failure
 
-        models = self._models_of_robots()
-        period = models[0].period
+        period = self.controllers[0].model.period
+        if any(c.model.period != period for c in self.controllers):
+            raise OmniError(
+                "the models of a team's controllers must have frames of the same length"
+            )
+        models = np.empty(self.n, object)
+        for controller, controller_rows in zip(self.controllers, self._rows, strict=True):
+            models[controller_rows] = controller.model
         delays = np.array([model.delay_frames for model in models])
         self._delay_frames = int(delays[0]) if (delays == delays[0]).all() else delays
         noise = np.array([model.vision_noise for model in models])
@@ -225,21 +230,6 @@ class Team:
         return {
             name: self._merge_channel(name) for name in names if name not in RECORDED_ATTRIBUTES
         }
-
-    def _models_of_robots(self) -> list[TeamModel]:
-        """Return the model of each robot.
-
-        Raises:
-            OmniError: Frame lengths differ.
-        """
-        models = np.empty(self.n, object)
-        for controller, rows in zip(self.controllers, self._rows, strict=True):
-            models[rows] = controller.model
-        if len({model.period for model in models}) > 1:
-            raise OmniError(
-                "the models of a team's controllers must have frames of the same length"
-            )
-        return list(models)
 
     def _call_controller(self, i: int) -> Array:
         """Return the commands of controller i, (rows, 3); zero for rows that fail."""

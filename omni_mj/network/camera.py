@@ -14,7 +14,6 @@ import numpy as np
 from omni_control.delay_compensation import RowSelection
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.faults import (
-    Fault,
     VisionBias,
     VisionClockDrift,
     VisionDelay,
@@ -25,7 +24,7 @@ from omni_mj.config.faults import (
 )
 from omni_mj.config.network_settings import VisionSettings
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, gather
-from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
+from omni_mj.network.fault_schedule import ActiveFaults, FaultsByRow, FaultSchedule
 from omni_mj.network.random_streams import Noise, Seed, Stream, make_uniform_noise
 
 _TIME_TOLERANCE_S = 1e-9  # for the comparison of times
@@ -47,7 +46,7 @@ class Camera:
         self,
         settings: Sequence[VisionSettings],
         seeds: Sequence[Seed],
-        faults: Sequence[Sequence[Fault]] = (),
+        faults: FaultsByRow = (),
     ) -> None:
         sigmas = "position_noise_m", "position_noise_m", "heading_noise_rad"
         self._sigma = np.stack([gather(settings, name) for name in sigmas], axis=1)
@@ -124,7 +123,7 @@ class ImageTiming:
         self,
         settings: Sequence[VisionSettings],
         seeds: Sequence[Seed],
-        faults: Sequence[Sequence[Fault]],
+        faults: FaultsByRow,
     ) -> None:
         self._nominal_delay_s = gather(settings, "delay_s")
         self._jitter_s = gather(settings, "jitter_s")
@@ -204,7 +203,7 @@ class Cameras:
         self,
         settings: Sequence[VisionSettings],
         seeds: Sequence[Seed],
-        faults: Sequence[Sequence[Fault]],
+        faults: FaultsByRow,
     ) -> None:
         rates = [row.rate_hz for row in settings]
         self._groups: list[tuple[RowSelection, _CamerasWithSameRate]] = []
@@ -240,7 +239,7 @@ class _CamerasWithSameRate:
         self,
         settings: Sequence[VisionSettings],
         seeds: Sequence[Seed],
-        faults: Sequence[Sequence[Fault]],
+        faults: FaultsByRow,
     ) -> None:
         self._camera = Camera(settings, seeds, faults)
         self._timing = ImageTiming(settings, seeds, faults)

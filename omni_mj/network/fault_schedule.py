@@ -7,27 +7,18 @@ from typing import TypeVar
 from omni_mj.config.faults import Fault
 
 Kind = TypeVar("Kind", bound=Fault)
+FaultsByRow = Sequence[Sequence[Fault]]
 
 
 @dataclass(frozen=True)
 class ActiveFaults:
-    """The active faults as pairs (row, fault), sorted by row, then by their order in the scenario.
-
-    Attributes:
-        faults: All active faults.
-        new_faults: Those that have started since the last change.
-    """
+    """The active faults as pairs (row, fault), sorted by row, then by their order in the scenario."""
 
     faults: Sequence[tuple[int, Fault]]
-    new_faults: Sequence[tuple[int, Fault]] = ()
 
     def of_kind(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
         """Return the active faults of a kind."""
         return ((row, fault) for row, fault in self.faults if isinstance(fault, kind))
-
-    def started(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
-        """Return the new faults of a kind."""
-        return ((row, fault) for row, fault in self.new_faults if isinstance(fault, kind))
 
 
 class FaultSchedule:
@@ -38,7 +29,7 @@ class FaultSchedule:
         kinds: Kinds of faults to schedule; others are ignored.
     """
 
-    def __init__(self, faults: Sequence[Sequence[Fault]], *kinds: type[Fault]) -> None:
+    def __init__(self, faults: FaultsByRow, *kinds: type[Fault]) -> None:
         self._spans = [
             (row, fault, *fault.frame_span)
             for row, row_faults in enumerate(faults)
@@ -47,7 +38,6 @@ class FaultSchedule:
         ]
         change_frames = {frame for *_, start, end in self._spans for frame in (start, end)}
         self._changes = sorted(change_frames, reverse=True)
-        self._last_frame = -1
 
     def update(self, frame: int) -> ActiveFaults | None:
         """Return the faults that are active in a frame, or None if nothing has changed.
@@ -59,11 +49,6 @@ class FaultSchedule:
             return None
         while self._changes and self._changes[-1] <= frame:
             self._changes.pop()
-        last_frame, self._last_frame = self._last_frame, frame
-        active = [
-            (row, fault, start) for row, fault, start, end in self._spans if start <= frame < end
-        ]
         return ActiveFaults(
-            [(row, fault) for row, fault, _ in active],
-            [(row, fault) for row, fault, start in active if start > last_frame],
+            [(row, fault) for row, fault, start, end in self._spans if start <= frame < end]
         )

@@ -1,6 +1,5 @@
 """Model of the radio link: commands arrive after a dead time, with jitter, losses and faults."""
 
-import sys
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -17,7 +16,7 @@ from omni_mj.config.faults import (
 )
 from omni_mj.config.network_settings import RadioSettings
 from omni_mj.config.settings import gather
-from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
+from omni_mj.network.fault_schedule import ActiveFaults, FaultsByRow, FaultSchedule
 from omni_mj.network.random_streams import Seed, Stream, make_uniform_noise
 
 
@@ -104,7 +103,7 @@ class Radio:
         self,
         settings: Sequence[RadioSettings],
         seeds: Sequence[Seed],
-        faults: Sequence[Sequence[Fault]] = (),
+        faults: FaultsByRow = (),
         ticks_per_frame: int = 1,
         initial_packet: Sequence[float] = (0.0, 0.0, 0.0, np.nan),
     ) -> None:
@@ -187,20 +186,10 @@ class Radio:
             self._packets[robots] = packets
             self._sent_ticks[robots] = delivery.sent_tick
             is_new[robots] = True
-        self.skip_ticks()
+        self._tick += 1
+        if self._tick % self._ticks_per_frame == 0:
+            self._begin_frame()
         return self._packets.copy(), is_new, tick - self._sent_ticks
-
-    @property
-    def ticks_to_next_arrival(self) -> int:
-        """Number of ticks until a packet arrives, if nothing more is sent."""
-        return min(self._deliveries) - self._tick if self._deliveries else sys.maxsize
-
-    def skip_ticks(self, ticks: int = 1) -> None:
-        """End ticks in which no packet arrives."""
-        for _ in range(ticks):
-            self._tick += 1
-            if self._tick % self._ticks_per_frame == 0:
-                self._begin_frame()
 
     def _schedule_delivery(
         self, packets: Array, mask: np.ndarray, arrival: np.ndarray, is_last: bool

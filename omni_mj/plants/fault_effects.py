@@ -141,8 +141,9 @@ class FaultEffects:
         if faults.MotorBlocked in self._fault_types:
             turns = _combine(active, faults.MotorBlocked, self._wheel_ones, _zero)
             self._bodies.block_hubs(turns == 0)
-        for row, kidnap in active.started(faults.Kidnap):
-            self._bodies.displace_robot(row, kidnap.displacement)
+        for row, kidnap in active.of_kind(faults.Kidnap):
+            if kidnap.frame_span[0] == self._frame - 1:
+                self._bodies.displace_robot(row, kidnap.displacement)
 
     def _change_inputs(self, active: ActiveFaults) -> None:
         """Apply faults of sensors, drivers, processors and supplies, and push forces."""

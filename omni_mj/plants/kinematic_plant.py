@@ -83,9 +83,10 @@ class KinematicPlant:
         self._fault_alpha = np.full((len(self._pose), 1), np.nan)
         for row, fault in active.of_kind(Alpha):
             self._fault_alpha[row] = fault.alpha
-        for row, kidnap in active.started(Kidnap):
-            self._pose = self._pose.copy()
-            self._pose[row] += kidnap.displacement
+        for row, kidnap in active.of_kind(Kidnap):
+            if kidnap.frame_span[0] == self._frame - 1:
+                self._pose = self._pose.copy()
+                self._pose[row] += kidnap.displacement
 
 
 class _AlphaQuantiles:

@@ -7,7 +7,7 @@ world frame (figure 4 of the paper). The `TeamModel` is known in advance.
 import inspect
 import math
 import traceback
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
@@ -69,7 +69,7 @@ class TeamModel:
     heading_gain: float = 3.0
     alpha_window_frames: int = 15
     geometry: Kinematics | None = None
-    limits: MotionLimits = field(default=COMMAND_LIMITS)
+    limits: MotionLimits = COMMAND_LIMITS
 
     def __post_init__(self) -> None:
         """Check all numbers. `FuzzyLaw` also checks the ranges of the fuzzy controller."""

@@ -90,7 +90,7 @@ class Mpc(AdaptiveCompFlc):
         pose_error = state[:, POSE] - poses[1]
         velocity_error = state[:, VELOCITY] - velocities[0]
         free_errors, sensitivity = self._predict_errors(
-            self._linearize(poses[1:, :, :2], velocities, headings), pose_error, velocity_error
+            *self._linearize(poses[1:, :, :2], velocities, headings), pose_error, velocity_error
         )
 
         weighted = (sensitivity * self._error_weights[:, None]).swapaxes(1, 2)
@@ -111,13 +111,19 @@ class Mpc(AdaptiveCompFlc):
         command[:, 2] -= self.model.heading_gain * wrap_angle(pose_error[:, 2])
         return command
 
-    def _linearize(self, positions: Array, velocities: Array, headings: Array) -> "_ErrorDynamics":
-        """Return the error dynamics of n robots on the reference.
+    def _linearize(
+        self, positions: Array, velocities: Array, headings: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return the linear dynamics of the errors of n robots, state [e_p, e_v, 1].
 
         Args:
             positions: Positions of the reference at the frame boundaries, (N + 1, n, 2) m.
             velocities: Velocities of the reference there, (N + 1, n, 3) m/s.
             headings: Expected headings in the middle of each frame, (N, n) rad.
+
+        Returns:
+            Transition matrices (N, n, 5, 5), effects of corrections on [e_p, e_v] (N, n, 4, 2), and
+            map from the last velocity to its remaining displacement, (n, 2, 2) s.
         """
         ekf, period, n = self.filter, self.model.period, headings.shape[1]
         start = world_to_body(velocities[:-1], headings)
@@ -144,20 +150,23 @@ class Mpc(AdaptiveCompFlc):
         transition[..., :2, 4] = residual
         position_effect = rotate_scales((period - coast_time) / inverse_gain)
         velocity_effect = rotate_scales((1 - decay) / inverse_gain)
-        return _ErrorDynamics(
-            transition,
-            np.concatenate([position_effect, velocity_effect], axis=-2),
-            rotate_scales(lag)[-1],
-        )
+        correction_effect = np.concatenate([position_effect, velocity_effect], axis=-2)
+        return transition, correction_effect, rotate_scales(lag)[-1]
 
     @staticmethod
     def _predict_errors(
-        dynamics: "_ErrorDynamics", pose_error: Array, velocity_error: Array
+        transition: Array,
+        correction_effect: Array,
+        stopping_time: Array,
+        pose_error: Array,
+        velocity_error: Array,
     ) -> tuple[Array, Array]:
         """Return the errors without corrections, and their sensitivity to corrections.
 
         Args:
-            dynamics: Error dynamics.
+            transition: See `_linearize`.
+            correction_effect: See `_linearize`.
+            stopping_time: See `_linearize`.
             pose_error: Initial pose minus reference, (n, 3).
             velocity_error: Initial velocity minus reference, (n, 3).
 
@@ -173,26 +182,12 @@ class Mpc(AdaptiveCompFlc):
         states[0, :, 2:4, -1] = velocity_error[:, :2]
         states[..., 4, -1] = 1.0
         for k in range(HORIZON_FRAMES):
-            np.matmul(dynamics.transition[k], states[k], out=states[k + 1])
-            states[k + 1, :, :4, 2 * k : 2 * k + 2] = dynamics.correction_effect[k]
-        final_positions = states[-1, :, :2] + dynamics.stopping_time @ states[-1, :, 2:4]
+            np.matmul(transition[k], states[k], out=states[k + 1])
+            states[k + 1, :, :4, 2 * k : 2 * k + 2] = correction_effect[k]
+        final_positions = states[-1, :, :2] + stopping_time @ states[-1, :, 2:4]
         positions = np.concatenate([states[1:, :, :2], final_positions[None]]).swapaxes(0, 1)
         errors = positions.reshape(n, 2 * HORIZON_FRAMES + 2, -1)
         return errors[:, :, -1], errors[:, :, :-1]
-
-
-class _ErrorDynamics(NamedTuple):
-    """Linear dynamics of the errors of n robots in N frames, state [e_p, e_v, 1].
-
-    Attributes:
-        transition: Transition matrices, (N, n, 5, 5).
-        correction_effect: Effect of a correction on [e_p, e_v], (N, n, 4, 2).
-        stopping_time: Map from the last velocity to its remaining displacement, (n, 2, 2) s.
-    """
-
-    transition: Array
-    correction_effect: Array
-    stopping_time: Array
 
 
 class CommandConstraints(NamedTuple):

@@ -132,14 +132,11 @@ class ServedWorld:
         frame, with robots at rest.
         """
         received, plant = None, self.plant
-        if self._radio.ticks_to_next_arrival:
-            self._radio.skip_ticks()
-        else:
-            packets, is_new, _ = self._radio.deliver()
-            if is_new.any():
-                self.applied = received = decode_packets(
-                    packets, is_new, self.cycle + plant.cycles_left
-                )
+        packets, is_new, _ = self._radio.deliver()
+        if is_new.any():
+            self.applied = received = decode_packets(
+                packets, is_new, self.cycle + plant.cycles_left
+            )
         if not plant.cycles_left:
             self._last_poses = self.poses()
         for robot, cause in plant.advance_cycles(1, received).items():
