@@ -183,6 +183,8 @@ def report_write_errors(folder: Path) -> Iterator[None]:
     except KeyboardInterrupt:
         reason = SIGNAL_REASONS[signal.SIGINT]
         exit_with_error(f"{reason}; the results so far are in {folder}", 128 + signal.SIGINT)
+    except BrokenPipeError:  # of standard output, see `run_command`
+        raise
     except OSError as error:
         reason = error.strerror or str(error)
         exit_with_error(f"cannot write to {folder}: {reason}; the results so far are there", FAILED)

@@ -25,7 +25,8 @@ def results_table(summary: Summary, effort: bool = False, paper: bool = True) ->
     """Return the errors and settling times of all controllers in all scenarios.
 
     Errors are "maximum/mean" over the frames; of several seeds, the medians. The paper's errors
-    follow in rows of their own. Errors in x and y have columns only if the paper reports them. A
+    follow in rows of their own. Changes of the position error are relative to the first controller,
+    the baseline. Errors in x and y have columns only if the paper reports them. A
     column whose cells are all equal is left out.
 
     Args:
@@ -37,9 +38,8 @@ def results_table(summary: Summary, effort: bool = False, paper: bool = True) ->
     several = len(summary["scenarios"]) > 1
     has_paper = paper and any(entry["paper"] for entry in entries.values())
     axes = [axis for axis in AXIS_COLUMNS if has_paper or axis not in ("x", "y")]
-    baseline = next((next(iter(entry["results"])) for entry in entries.values()), "")
     headings = [*["scenario"] * several, "controller", *(AXIS_COLUMNS[axis][0] for axis in axes)]
-    headings += [*["excess effort, m/s²"] * effort, "settled, s", f"vs {baseline}, %"]
+    headings += [*["excess effort, m/s²"] * effort, "settled, s", "change, %"]
     rows = []
     for name, entry in entries.items():
         lines = list(_controller_rows(summary, entry, axes, effort))
@@ -147,7 +147,7 @@ def _controller_rows(
             row.append(_max_and_mean(result[key][axis], factor))
         if effort:
             row.append(format_number(result["excess_effort_m_s2"]["median"]))
-        change = "" if result is baseline else _change_percent(result, baseline)
+        change = _change_percent(result, baseline) if len(entry["results"]) > 1 else ""
         yield [*row, _settling_time(result), change]
 
 
@@ -160,19 +160,26 @@ def _settling_time(result: Mapping[str, Any]) -> str:
 
 
 def _change_percent(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> str:
-    """Return the changes of the maximum and mean position error against the baseline."""
+    """Return the changes of the maximum and mean position error from the baseline's."""
+    if result is baseline:
+        return "baseline"
     changes = []
     for statistic in ("max", "mean"):
         new, old = (
             compared["error_m"]["position"][statistic]["median"] for compared in (result, baseline)
         )
         changes.append(DASH if new is None or not old else f"{100 * (new / old - 1):+.0f}")
-    return "/".join(changes)
+    return _join(changes)
 
 
 def _max_and_mean(error: Mapping[str, Any], factor: float) -> str:
     """Return the maximum and mean of an error, medians over the seeds."""
-    return "/".join(format_number(error[name]["median"], factor) for name in ("max", "mean"))
+    return _join([format_number(error[name]["median"], factor) for name in ("max", "mean")])
+
+
+def _join(texts: list[str]) -> str:
+    """Return texts with slashes between them, or a dash if all are dashes."""
+    return DASH if set(texts) == {DASH} else "/".join(texts)
 
 
 def _paper_rows(entry: Mapping[str, Any], axes: Sequence[str]) -> Iterator[list[str]]:
