@@ -14,7 +14,8 @@ from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.frame_clock import LOST_S, SILENT_S, FrameClock
 from omni_mj.live.team_radio import TeamRadio, VelocityCommand
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants import Plant, Telemetry
+from omni_mj.plants import Plant
+from omni_mj.plants.telemetry import Telemetry
 from omni_mj.simulation.log import Log
 from omni_mj.simulation.simulation import CameraModel, RadioModel, Simulation
 

@@ -6,8 +6,6 @@ from omni_control.kinematics import Array, Kinematics
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.telemetry import Telemetry
 
-__all__ = ["Plant", "Telemetry"]
-
 
 class Plant(Protocol):
     """n robots, constructed from their rows and start poses (n, 3): `MujocoPlant(rows, poses)`.

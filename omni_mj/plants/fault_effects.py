@@ -6,10 +6,9 @@ depend on faults of others in its batch. Forces, payloads, slopes and biases of 
 up, factors multiply, and of several values that replace a setting the last one counts.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from operator import add, attrgetter, mul
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -24,10 +23,9 @@ from omni_mj.robot.wheel_carpet_forces import stack_patches
 BLOCKED_HUB_NM = 100.0  # dry friction of a blocked hub: more than motor and carpet can overcome
 
 
-class ChangeableBodies(ABC):
+class ChangeableBodies(Protocol):
     """Bodies of n robots that faults can change."""
 
-    @abstractmethod
     def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
         """Replace all payloads of all robots.
 
@@ -35,7 +33,6 @@ class ChangeableBodies(ABC):
             payloads: Rows and their payloads.
         """
 
-    @abstractmethod
     def set_slope(self, slope: Array) -> None:
         """Tilt the carpets.
 
@@ -43,11 +40,9 @@ class ChangeableBodies(ABC):
             slope: Fractions of gravity along the world's x and y, positive downhill, (n, 2).
         """
 
-    @abstractmethod
     def block_hubs(self, is_blocked: np.ndarray) -> None:
         """Block the hubs of the masked wheels (W, n), and free all others."""
 
-    @abstractmethod
     def displace_robot(self, robot: int, displacement: tuple[float, float, float]) -> None:
         """Move a robot by a displacement in the world, m, m, rad, and bring it to rest."""
 
@@ -117,7 +112,11 @@ class FaultEffects:
         n_rollers = np.array([row.settings.wheels.rollers for row in self._rows])
         carpet = carpet._replace(
             friction=_combine(
-                active, faults.Friction, carpet.friction, attrgetter("friction"), _replace
+                active,
+                faults.Friction,
+                carpet.friction,
+                attrgetter("friction"),
+                lambda _, friction: friction,
             ),
             patches=stack_patches(patches, self._max_patches),
             friction_factor=carpet.friction_factor * _combine(active, faults.WheelWorn, wheel_ones),
@@ -136,7 +135,13 @@ class FaultEffects:
             self._bodies.set_payloads(active.of_kind(Payload))
         if faults.Tilt in self._fault_types:
             self._bodies.set_slope(
-                _combine(active, faults.Tilt, self._zero_vectors, _compute_slope, add)
+                _combine(
+                    active,
+                    faults.Tilt,
+                    self._zero_vectors,
+                    lambda tilt: np.sin(np.radians(tilt.angle_deg)) * _unit_vector(tilt),
+                    add,
+                )
             )
         if faults.MotorBlocked in self._fault_types:
             turns = _combine(active, faults.MotorBlocked, self._wheel_ones, _zero)
@@ -150,7 +155,11 @@ class FaultEffects:
         robot_ones = self._robot_ones
         wheel_ones = self._wheel_ones
         self.push_force = _combine(
-            active, faults.Push, self._zero_vectors, _compute_push_force, add
+            active,
+            faults.Push,
+            self._zero_vectors,
+            lambda push: push.force_n * _unit_vector(push),
+            add,
         )
         self.gyro_bias = _combine(
             active, faults.GyroBias, 0 * robot_ones[:, None], attrgetter("bias_rad_s"), add
@@ -182,7 +191,7 @@ def _combine(
     """Combine the nominal value of each robot or wheel with those of the active faults of a kind.
 
     Args:
-        active: ActiveFaults faults.
+        active: Active faults.
         kind: Class of the faults that count.
         nominal: Values without faults, of robots (n, ...) or wheels (W, n).
         get_value: Returns the value of a fault. Default: its attribute `factor`.
@@ -195,24 +204,12 @@ def _combine(
     return result
 
 
-def _replace(_: Any, new: Any) -> Any:
-    """Return the new value."""
-    return new
-
-
 def _zero(_: Any) -> float:
     """Return 0: the factor of a fault that switches something off."""
     return 0.0
 
 
-def _compute_push_force(fault: Any) -> Array:
-    return np.asarray(fault.force_n * _unit_vector(fault.direction_deg))
-
-
-def _compute_slope(fault: Any) -> Array:
-    return np.asarray(np.sin(np.radians(fault.angle_deg)) * _unit_vector(fault.direction_deg))
-
-
-def _unit_vector(direction_deg: float) -> Array:
-    angle = np.radians(direction_deg)
+def _unit_vector(fault: Any) -> Array:
+    """Return the direction of a push or slope, (2,)."""
+    angle = np.radians(fault.direction_deg)
     return np.array([np.cos(angle), np.sin(angle)])

@@ -17,6 +17,8 @@ from omni_mj.mjcf.part_recognition import Ids
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies
 from omni_mj.plants.randomization import RobotVariation
+from omni_mj.robot.array_ops import rotate
+from omni_mj.robot.wheel_carpet_forces import ChassisMotion, Drag, compute_torque_limit
 
 _MASS_FIELDS = "body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat"
 
@@ -185,6 +187,40 @@ class RobotViews(ChangeableBodies):
         new_following = np.where(n_pitches == -1, bottom, 0.0)
         self.roller_speeds[0].set(np.where(n_pitches == 0, bottom, new_bottom))
         self.roller_speeds[1].set(np.where(n_pitches == 0, following, new_following))
+
+    # Forces of the carpet, by the laws of `omni_mj.robot.wheel_carpet_forces`
+
+    def read_motion(self) -> ChassisMotion:
+        """Return the motion of the centers of the wheels, for robots that stand upright."""
+        x, y, _, w, _, _, z = self.pose.get()
+        velocity = self.velocity.get()
+        cosine = w * w - z * z
+        sine = 2 * w * z
+        body_velocity = rotate(velocity[:2], cosine, -sine)
+        return ChassisMotion(x, y, cosine, sine, body_velocity, velocity[5])
+
+    def write_drag(self, drag: Drag, motion: ChassisMotion, push_force: Array) -> None:
+        """Write drag and push forces (2, n) in N, world frame, to the chassis."""
+        x, y = rotate(drag.force, motion.cosine, motion.sine)
+        forward, sideways = drag.force
+        push_x, push_y = push_force
+        center_x, center_y, height = self.center_of_mass
+        moment = drag.moment - center_x * sideways + center_y * forward
+        self.wrench.set(
+            np.stack([x + push_x, y + push_y, 0 * moment, height * y, -height * x, moment])
+        )
+
+    def write_slip_limits(self, drag: Drag, load: Array) -> None:
+        """Write Coulomb's limits and impedances of creep to the slip hinges.
+
+        Args:
+            drag: Newest drag, with a slip compliance of Q / A.
+            load: Normal forces, (W, n) N.
+        """
+        limit, positive_load = compute_torque_limit(drag.torque_per_load, load)
+        self.slip_limit.set(limit)
+        # d = A / (A + Q)
+        self.slip_impedance.set(positive_load / (positive_load + drag.slip_compliance))
 
     # Faults change robots from the values that they had before the first fault.
 

@@ -13,7 +13,6 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants.carpet_forces import CarpetForces, scale_creep_for_mujoco
 from omni_mj.plants.mjdata_views import RobotViews
 from omni_mj.plants.randomization import RobotVariation
 from omni_mj.plants.row_checks import check_mujoco_rows, check_start_poses
@@ -30,7 +29,7 @@ from omni_mj.robot.electronics import (
 )
 from omni_mj.robot.firmware import set_heading
 from omni_mj.robot.firmware_state import CYCLES
-from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES, CarpetParameters
+from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES, CarpetParameters, Drag, compute_drag
 
 # Robots from which several threads gain more in a step than they lose by waiting for each other
 MIN_ROBOTS_FOR_THREADS = 16
@@ -92,9 +91,9 @@ class MujocoPlant(WheeledPlantBase):
         # The battery limits voltages, also where braking motors lift its voltage.
         model.actuator_ctrllimited[:] = 0
         self._batch = Batch(model, n_worlds, min(threads, n_worlds))
-        low, high = int(INSTABILITY_WARNINGS[0]), int(INSTABILITY_WARNINGS[-1])
+        warnings = slice(INSTABILITY_WARNINGS[0], INSTABILITY_WARNINGS[-1] + 1)
         # Live counts of the warnings, (worlds, 3)
-        self._warning_counts = np.asarray(self._batch.warning)[:, low : high + 1, 1]
+        self._warning_counts = np.asarray(self._batch.warning)[:, warnings, 1]
         variation = RobotVariation.draw(rows)
         self._views = RobotViews(self._batch, world)
         self._views.write_variation(settings, variation)
@@ -110,7 +109,7 @@ class MujocoPlant(WheeledPlantBase):
         has_two_rollers = wheels.model == "two-rollers"
         self._roller_pitch = 2 * np.pi / wheels.rollers if has_two_rollers else None
         self._make_parameters()
-        self._carpet_forces = CarpetForces(self._views)
+        self._drag: Drag
         self._cycle = 0  # in the frame
         self._records = list[CycleRecord]()
         # Headings of vision that arrived in this frame, rad, and their ages in frames, (n,)
@@ -121,7 +120,12 @@ class MujocoPlant(WheeledPlantBase):
     def _make_parameters(self) -> None:
         """Set parameters and initial state of the robots; encoders start at their counts now."""
         electronics, state = self._initial_electronics
-        carpet = scale_creep_for_mujoco(self._nominal_carpet, self._world)
+        carpet = self._nominal_carpet
+        model = self._world.model
+        inverse_inertia = model.dof_invweight0[self._world.robots[0].slip_dofs][:, None]
+        # Slip hinges have the compliance Q / A.
+        compliance = carpet.creep_compliance / (model.opt.timestep * inverse_inertia)
+        carpet = carpet._replace(creep_compliance=compliance)
         self.parameters = MujocoParameters(electronics, carpet)
         _, wheel_angle = self._sensor_values
         count = np.floor(wheel_angle * electronics.firmware.counts_per_rad)
@@ -228,16 +232,16 @@ class MujocoPlant(WheeledPlantBase):
         )
         self._records.append(record)
         if is_drag_due:
-            self._carpet_forces.update_drag(
-                self.parameters.carpet, self.electronics.inputs, load, wheel_angle
-            )
+            motion = views.read_motion()
+            self._drag = compute_drag(self.parameters.carpet, motion, load, wheel_angle)
+            views.write_drag(self._drag, motion, self.electronics.inputs.push_force)
         motors = self.electronics.motors
         # MuJoCo's dcmotor has a constant resistance R in place of R + X |w|. This is the voltage
         # that drives the same current through it.
         views.voltage.set(
             motors.back_emf_constant * wheel_speed + record.current * motors.resistance
         )
-        self._carpet_forces.set_slip_limits(load)
+        views.write_slip_limits(self._drag, load)
 
     def _after_step(self, is_first: bool, is_last: bool) -> None:
         """Read sensors and update slip hinges after the first or last physics step of a cycle."""
@@ -248,7 +252,7 @@ class MujocoPlant(WheeledPlantBase):
         if self._roller_pitch is not None:
             self._views.wrap_rollers(self._roller_pitch)
         if not is_last:
-            self._carpet_forces.set_slip_limits(self._views.load.get())
+            self._views.write_slip_limits(self._drag, self._views.load.get())
 
     def _read_sensors(self) -> None:
         """Store gyro, (n,) rad/s, and encoders, (W, n) rad."""

@@ -29,11 +29,11 @@ from omni_mj.mjcf.rollers import (
     FRICTION_STIFFNESS_RATIO,
 )
 from omni_mj.mjcf.world_builder import World
-from omni_mj.plants.planar_roller_forces import SPEEDS_RAD_S, WheelResponse, interpolate_response
+from omni_mj.plants.planar_roller_forces import SPEEDS_RAD_S, interpolate_response
 from omni_mj.plants.randomization import RobotVariation
 from omni_mj.robot.array_ops import sum_wheels
 from omni_mj.robot.firmware_state import CYCLE_S
-from omni_mj.robot.planar_dynamics import BodyParameters
+from omni_mj.robot.planar_dynamics import BodyParameters, RollerResponse
 
 # Damping of a roller's contact along the carpet
 CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFNESS_RATIO * FRICTION_RATE_HZ
@@ -79,7 +79,7 @@ class PlanarBodyBuilder:
         self._settings = settings
         self._wear = variation.wear
         self._axle = kinematics.axles.T[:2, :, None] * np.ones(len(settings))
-        self._contact = kinematics.arm * self._axle[0], kinematics.arm * self._axle[1]
+        self._arm = kinematics.arm
         self._wheel_order = np.argsort(kinematics.azimuths)  # counter-clockwise
         gear_ratio = gather(settings, "motor.gear_ratio")
         rotor_inertia = gather(settings, "motor.rotor_inertia_kg_m2") * gear_ratio**2
@@ -134,63 +134,51 @@ class PlanarBodyBuilder:
             slope: Fractions of gravity along the world's x and y, positive downhill, (n, 2).
         """
         robots = self._add_payloads(payloads)
-        contact_x = self._contact[0] - robots.center[:, 0]
-        contact_y = self._contact[1] - robots.center[:, 1]
+        contact = self._arm * self._axle - robots.center[:, :2].T[:, None]
+        contact_x, contact_y = contact
         weight = robots.mass * self._gravity
-        load_distribution = _distribute_load(contact_x, contact_y)
+        load_distribution = _distribute_load(contact)
         normal_fraction = np.sqrt(np.maximum(1 - (slope**2).sum(1), 0.0))
         load = load_distribution[0] * weight * normal_fraction
-        wheel = interpolate_response(self._settings[0].wheels, load)
-        wheel = wheel._replace(rolling_radius=wheel.rolling_radius - self._wear.T)
+        response = interpolate_response(self._settings[0].wheels, load)
+        response = response._replace(rolling_radius=response.rolling_radius - self._wear.T)
         axle_x, axle_y = self._axle
         jacobian = (
             np.stack([-axle_y, axle_x, contact_x * axle_x + contact_y * axle_y])
-            / wheel.rolling_radius
+            / response.rolling_radius
         )
         axle_jacobian = np.stack([axle_x, axle_y, contact_x * axle_y - contact_y * axle_x])
-        rolling_mass = self._compute_rolling_mass(jacobian, axle_jacobian, wheel)
+        rolling_mass = self._compute_rolling_mass(jacobian, axle_jacobian, response)
         body_mass = np.zeros_like(rolling_mass)
         body_mass[0, 0] = body_mass[1, 1] = robots.mass
         body_mass[2, 2] = robots.inertia
-        edge_x, edge_y = self._compute_edges(contact_x, contact_y)
+        order = self._wheel_order
+        edge = np.zeros_like(contact)
+        edge[:, order] = contact[:, np.roll(order, -1)] - contact[:, order]
         n_rollers = self._settings[0].wheels.rollers
-        contact_damping = CONTACT_DAMPING_N_S_M * wheel.standing_rollers
-        push_point = self._chassis.center - robots.center
-        slope_force = weight[:, None] * slope
-        roller_drag, spin_up, spin_up_speed = self._compute_roller_drag(wheel)
+        contact_damping = CONTACT_DAMPING_N_S_M * response.standing_rollers
+        roller_drag, spin_up, spin_up_speed = self._compute_roller_drag(response)
         return BodyParameters(
-            contact_x=contact_x,
-            contact_y=contact_y,
-            edge_x=edge_x,
-            edge_y=edge_y,
+            contact=contact,
+            edge=edge,
             jacobian=jacobian,
             mass_rate=(body_mass + rolling_mass) / CYCLE_S,
             rolling_mass=rolling_mass[:, :2],
             hub_gain=CYCLE_S / self._hub_inertia,
             hub_viscous_friction=gather(self._settings, "motor.wheel_viscous_friction_nm_s"),
             hub_dry_friction=gather(self._settings, "hub_friction_nm") * np.ones_like(load),
-            contact_compliance=1 / (contact_damping * wheel.rolling_radius**2),
-            rolling_radius=wheel.rolling_radius,
+            contact_compliance=1 / (contact_damping * response.rolling_radius**2),
             roller_drag=roller_drag,
             spin_up=spin_up,
             spin_up_speed=spin_up_speed,
-            rolling_loss=wheel.rolling_loss,
-            rolling_loss_fade=wheel.rolling_loss_fade,
-            lift=wheel.lift,
-            lift_fade=wheel.lift_fade,
-            ripple=wheel.ripple,
-            ripple_growth=wheel.ripple_growth,
+            response=response,
             rollers_per_speed=np.full(len(weight), CYCLE_S * n_rollers / (2 * np.pi)),
-            center_x=-robots.center[:, 0],
-            center_y=-robots.center[:, 1],
-            push_x=push_point[:, 0],
-            push_y=push_point[:, 1],
+            center=-robots.center[:, :2].T,
+            push_point=(self._chassis.center - robots.center).T,
             mass_height=robots.center[:, 2],
-            push_height=push_point[:, 2],
             static_load=load,
             load_distribution=load_distribution,
-            slope_force_x=slope_force[:, 0],
-            slope_force_y=slope_force[:, 1],
+            slope_force=weight * slope.T,
         )
 
     def _add_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> RigidBodies:
@@ -205,20 +193,20 @@ class PlanarBodyBuilder:
         return robots
 
     def _compute_rolling_mass(
-        self, jacobian: Array, axle_jacobian: Array, wheel: WheelResponse
+        self, jacobian: Array, axle_jacobian: Array, response: RollerResponse
     ) -> Array:
         """Return the mass matrix of rims and of rollers that turn along the axles, (3, 3, n).
 
         Args:
             jacobian: Rim speed per twist, (3, W, n).
             axle_jacobian: Speed along the axle per twist, (3, W, n).
-            wheel: Response of the wheels.
+            response: Response of the wheels.
         """
         rims = self._rim_inertia * jacobian[:, None] * jacobian
-        roller_mass = self._roller_inertia * wheel.standing_rollers * wheel.inverse_square
+        roller_mass = self._roller_inertia * response.standing_rollers * response.inverse_square
         return sum_wheels(rims + roller_mass * axle_jacobian[:, None] * axle_jacobian)
 
-    def _compute_roller_drag(self, wheel: WheelResponse) -> tuple[Array, Array, Array]:
+    def _compute_roller_drag(self, response: RollerResponse) -> tuple[Array, Array, Array]:
         """Return roller_drag, spin_up and spin_up_speed of `BodyParameters`; see the module."""
         bearing_damping = gather(self._settings, "drivetrain.roller_damping_nm_s")
         # Time in which a bearing brakes its roller until it comes down again, s
@@ -228,37 +216,28 @@ class PlanarBodyBuilder:
             self._roller_inertia - bearing_damping / FRICTION_RATE_HZ
         ) * braked_fraction
         n_rollers = self._settings[0].wheels.rollers
-        inverse_square, inverse_square_down = wheel.inverse_square, wheel.inverse_square_down
+        inverse_square, inverse_square_down = response.inverse_square, response.inverse_square_down
         return (
-            bearing_damping * wheel.standing_rollers * inverse_square,
+            bearing_damping * response.standing_rollers * inverse_square,
             spin_up_inertia * (inverse_square + inverse_square_down) / 2 * n_rollers / (2 * np.pi),
             SPIN_RATE_HZ
-            * wheel.standing_rollers
+            * response.standing_rollers
             * (inverse_square / inverse_square_down) ** 2
             * 2
             * np.pi
             / n_rollers,
         )
 
-    def _compute_edges(self, contact_x: Array, contact_y: Array) -> Array:
-        """Return the edges of the wheels' polygon, each from its wheel's contact, (2, W, n) m."""
-        contact = np.stack([contact_x, contact_y])
-        edges = np.zeros_like(contact)
-        order = self._wheel_order
-        edges[:, order] = contact[:, np.roll(order, -1)] - contact[:, order]
-        return edges
 
-
-def _distribute_load(contact_x: Array, contact_y: Array) -> Array:
+def _distribute_load(contact: Array) -> Array:
     """Return normal forces that are linear in position, for a unit force and two unit moments.
 
     Args:
-        contact_x: Positions of the wheels' contacts, (W, n) m.
-        contact_y: See `contact_x`.
+        contact: Positions of the wheels' contacts, (2, W, n) m.
 
     Returns:
         Normal forces, (3, W, n) 1, 1/m, 1/m.
     """
-    sums = np.stack([np.ones_like(contact_x), contact_x, contact_y])
-    gram = sum_wheels(sums[:, None] * sums).transpose(2, 0, 1)
-    return np.linalg.solve(gram, sums.transpose(2, 0, 1)).transpose(1, 2, 0)
+    coordinates = np.concatenate([np.ones_like(contact[:1]), contact])
+    gram = sum_wheels(coordinates[:, None] * coordinates).transpose(2, 0, 1)
+    return np.linalg.solve(gram, coordinates.transpose(2, 0, 1)).transpose(1, 2, 0)

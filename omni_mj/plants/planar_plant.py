@@ -80,7 +80,7 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
     @property
     def electronics(self) -> Any:
         """State of firmware, motors and battery."""
-        return self._backend.state.electronics
+        return self.state.electronics
 
     def pose(self) -> Array:
         """See `Plant`."""
@@ -124,13 +124,14 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         old = self.parameters.body
         new = self._rebuild_bodies()
         # Shift of the center of mass, body frame
-        shift_x = old.center_x - new.center_x
-        shift_y = old.center_y - new.center_y
-        state: Any = self._backend.state
+        shift = old.center - new.center
+        state = self.state
         body = state.body
         forward, sideways, turn_rate = body.twist
-        world_x, world_y = rotate(shift_x, shift_y, body.cosine, body.sine)
-        twist = np.stack([forward - turn_rate * shift_y, sideways + turn_rate * shift_x, turn_rate])
+        world_x, world_y = rotate(shift, body.cosine, body.sine)
+        twist = np.stack(
+            [forward - turn_rate * shift[1], sideways + turn_rate * shift[0], turn_rate]
+        )
         body = body._replace(x=body.x + world_x, y=body.y + world_y, twist=twist)
         self._backend.state = state._replace(body=body)
 
@@ -160,7 +161,7 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
 
     def _stop_robots(self, mask: np.ndarray, pose: Array) -> None:
         """Put the masked robots (n,) to rest at their rows of a pose array (n, 3)."""
-        state: Any = self._backend.state
+        state = self.state
         body = make_body_at_rest(self.parameters.body, *pose.T)
         body = body._replace(hub_angle=state.body.hub_angle, encoder_angle=state.body.encoder_angle)
         body = BodyState(*(np.where(np.isfinite(values), values, 0.0) for values in body))
@@ -182,7 +183,7 @@ def make_body_at_rest(p: BodyParameters, x: Array, y: Array, heading: Array) -> 
     sine = np.sin(heading)
     zeros = np.zeros_like(x)
     wheel_zeros = np.zeros_like(p.static_load)
-    center_x, center_y = rotate(p.center_x, p.center_y, cosine, sine)
+    center_x, center_y = rotate(p.center, cosine, sine)
     return BodyState(
         x=x - center_x,
         y=y - center_y,

@@ -23,7 +23,6 @@ Loss and lift fade where the wheel turns fast. The normal force ripples by the f
 """
 
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -32,30 +31,14 @@ from omni_control.traction import GRAVITY
 from omni_mj.config.robot_settings import WheelSettings
 from omni_mj.mjcf.rollers import STIFFNESS_N_M, compute_carpet_damping
 from omni_mj.robot.array_ops import Array
+from omni_mj.robot.planar_dynamics import RollerResponse
 
 # Slow and fast speed of a wheel from which loss, lift and ripple are computed, rad/s
 SPEEDS_RAD_S = 50.0, 100.0
 _LOADS_N = 2.0 ** np.arange(-2, 6, 0.25)  # normal forces of the table that is interpolated
 
 
-class WheelResponse(NamedTuple):
-    """Mean effect of rollers on wheels under given normal forces, (W, n)."""
-
-    rolling_radius: Array  # m
-    standing_rollers: Array  # mean number of rollers on the carpet
-    # 1 / q^2 with the distance q of a roller's axis from the carpet, 1/m^2: mean, and where rollers
-    # come down
-    inverse_square: Array
-    inverse_square_down: Array
-    rolling_loss: Array  # this and the following: see `BodyParameters`
-    rolling_loss_fade: Array
-    lift: Array
-    lift_fade: Array
-    ripple: Array
-    ripple_growth: Array
-
-
-def interpolate_response(wheels: WheelSettings, load: Array) -> WheelResponse:
+def interpolate_response(wheels: WheelSettings, load: Array) -> RollerResponse:
     """Return the response of wheels, interpolated over the logarithm of the normal force.
 
     Args:
@@ -65,16 +48,16 @@ def interpolate_response(wheels: WheelSettings, load: Array) -> WheelResponse:
     log_load = np.log(np.maximum(load, _LOADS_N[0]))
     log_loads = np.log(_LOADS_N)
     fields = _tabulate_response(wheels).T
-    return WheelResponse(*(np.interp(log_load, log_loads, values) for values in fields))
+    return RollerResponse(*(np.interp(log_load, log_loads, values) for values in fields))
 
 
 @lru_cache(maxsize=16)
 def _tabulate_response(wheels: WheelSettings) -> Array:
-    """Return the fields of `WheelResponse` at each normal force of the table, (forces, fields)."""
+    """Return the fields of `RollerResponse` at each normal force of the table, (forces, fields)."""
     return np.array([_compute_response(wheels, load) for load in _LOADS_N])
 
 
-def _compute_response(wheels: WheelSettings, load: float) -> WheelResponse:
+def _compute_response(wheels: WheelSettings, load: float) -> RollerResponse:
     """Return the response of one wheel under a normal force in N; see the module."""
     wheel_radius = wheels.radius_m
     roller_radius = wheels.roller_radius_m
@@ -117,7 +100,7 @@ def _compute_response(wheels: WheelSettings, load: float) -> WheelResponse:
     turning_ripple = turning_forces[0] @ harmonic
     ripple = np.pi**3 * rest_ripple.real
     growth = np.pi**3 * (abs(turning_ripple) - abs(rest_ripple)) / SPEEDS_RAD_S[0]
-    return WheelResponse(
+    return RollerResponse(
         float(rolling_radius),
         rollers_per_point * is_standing.sum(),
         inverse_squares.mean(),

@@ -114,15 +114,10 @@ class Disturbances:
         self._uniform_noise = Noise(
             seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2))
         )
-        bias_noise = Noise(
-            seeds, Stream.GYRO_BIAS, lambda rng, count: rng.standard_normal((count, 1))
-        )
         bias_sigma = gather(rows, "settings.sensors.gyro_bias_rad_s")[:, None]
-        self.gyro_bias: Array = bias_sigma * bias_noise.next()
+        self.gyro_bias: Array = bias_sigma * Noise(seeds, Stream.GYRO_BIAS, _draw_normal).next()
         self._gyro_sigma = gather(rows, "settings.sensors.gyro_noise_rad_s")[:, None]
-        self._gyro_noise = Noise(
-            seeds, Stream.GYRO_NOISE, lambda rng, count: rng.standard_normal((count, 1))
-        )
+        self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, _draw_normal)
 
     def draw_push_force(self) -> Array:
         """Draw the forces on the chassis in the next frame, world frame, (n, 2) N."""
@@ -140,6 +135,11 @@ class Disturbances:
             Errors, (n,) rad/s.
         """
         return np.asarray(bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
+
+
+def _draw_normal(rng: np.random.Generator, count: int) -> Array:
+    """Draw standard normal numbers, (count, 1)."""
+    return rng.standard_normal((count, 1))
 
 
 def _to_truncated_normal(uniform: Array) -> Array:

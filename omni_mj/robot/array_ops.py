@@ -10,12 +10,12 @@ numbers of robots.
 """
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 Array = Any  # of numpy or of JAX
-Tree = TypeVar("Tree")
+State = TypeVar("State", bound=NamedTuple)
 
 MIN_SQUARE = 1e-24  # under a square root, so that its derivative stays finite at zero
 
@@ -36,23 +36,14 @@ def any_true(mask: Array) -> bool:
     return not is_numpy(mask) or bool(np.count_nonzero(mask))
 
 
-def tree_map(function: Callable[..., Any], tree: Any, *other_trees: Any) -> Any:
-    """Apply a function to the arrays of nested tuples of equal structure; None stays None."""
-    if isinstance(tree, tuple):
-        fields = [
-            tree_map(function, *subtrees) for subtrees in zip(tree, *other_trees, strict=True)
-        ]
-        return type(tree)(*fields) if hasattr(tree, "_fields") else tuple(fields)
-    return None if tree is None else function(tree, *other_trees)
-
-
-def select(condition: Array, new: Tree, old: Tree) -> Tree:
+def select(condition: Array, new: State, old: State) -> State:
     """Return the `new` state for robots where a condition (n,) holds, and the `old` elsewhere."""
     if is_numpy(condition) and np.count_nonzero(condition) == condition.size:
         return new
     xp = namespace(condition)
-    result: Tree = tree_map(lambda a, b: xp.where(condition, a, b), new, old)
-    return result
+    return type(new)(
+        *(a if a is b else xp.where(condition, a, b) for a, b in zip(new, old, strict=True))
+    )
 
 
 def clip(x: Array, low: Array, high: Array) -> Array:
@@ -75,8 +66,18 @@ def safe_sqrt(square: Array) -> Array:
     return xp.sqrt(xp.maximum(square, MIN_SQUARE))
 
 
-def rotate(x: Array, y: Array, cosine: Array, sine: Array) -> tuple[Array, Array]:
-    """Rotate vectors (x, y) by the angle with this cosine and sine."""
+def rotate(vector: Array, cosine: Array, sine: Array) -> tuple[Array, Array]:
+    """Rotate vectors by the angle with this cosine and sine.
+
+    Args:
+        vector: Both components, as an array (2, ...) or a pair of arrays.
+        cosine: Of the angle.
+        sine: See `cosine`.
+
+    Returns:
+        Both components.
+    """
+    x, y = vector
     return cosine * x - sine * y, sine * x + cosine * y
 
 
@@ -170,5 +171,5 @@ def iterate_while(
 
 
 def stack_records(records: list[Any]) -> Any:
-    """Stack records of equal structure along a new first axis."""
-    return tree_map(lambda *values: np.array(values), records[0], *records[1:])
+    """Stack records, which are NamedTuples of arrays, along a new first axis."""
+    return type(records[0])(*map(np.array, zip(*records, strict=True)))

@@ -58,8 +58,7 @@ class FrameInputs(NamedTuple):
     vision_heading: Array
     heading_age: Array  # frames since that heading was sent
     gyro_error: Array  # noise and bias, rad/s
-    push_force_x: Array  # force on the chassis, world frame, N
-    push_force_y: Array
+    push_force: Array  # on the chassis, world frame, (2, n) N
     battery_voltage_factor: Array  # fraction of the battery's voltage that its contacts pass
     gyro_scale: Array = None  # shown over true turn rate; None if no robot has faults
     encoder_scale: Array = None  # shown over true angle, (W, n); None as gyro_scale
@@ -134,7 +133,7 @@ def make_electronics(
 def make_undisturbed_inputs(n: int) -> FrameInputs:
     """Return the inputs of a frame without vision, pushes and errors of sensors, for n robots."""
     zeros = np.zeros(n)
-    return FrameInputs(np.full(n, np.nan), np.zeros(n, int), zeros, zeros, zeros, np.ones(n))
+    return FrameInputs(np.full(n, np.nan), np.zeros(n, int), zeros, np.zeros((2, n)), np.ones(n))
 
 
 def receive_command(

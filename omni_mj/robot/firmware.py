@@ -199,14 +199,7 @@ def run_wheel_loops(
     if is_due is not None and not any_true(is_due):
         return s
     new = _run_loops(p, s, cycle, gyro, angle)
-    if is_due is None:
-        return new
-    names = (
-        *("heading", "cosine", "sine", "encoder_count"),
-        *("error_integral", "speed_error", "duty"),
-    )
-    new_values, old_values = (tuple(getattr(state, name) for name in names) for state in (new, s))
-    return s._replace(**dict(zip(names, select(is_due, new_values, old_values), strict=True)))
+    return new if is_due is None else select(is_due, new, s)
 
 
 def _run_loops(
@@ -220,7 +213,7 @@ def _run_loops(
     xp = namespace(gyro)
     turn_rate = gyro - s.gyro_bias
     turn = turn_rate * p.period
-    cosine, sine = rotate(s.cosine, s.sine, *cos_sin_small(turn))
+    cosine, sine = rotate((s.cosine, s.sine), *cos_sin_small(turn))
     is_halted = cycle >= s.halt_cycle
     desired_speed = _compute_desired_speeds(p, s, (cosine, sine), turn_rate, is_halted)
     count = count_encoders(p, s, angle)

@@ -136,7 +136,12 @@ def make_firmware_state(
     """
     wheel_zeros = np.zeros_like(p.wheel_per_forward)
     zeros = np.zeros_like(heading)
-    all_false = np.zeros(len(heading), bool)
+    fault_memory: dict[str, Array] = {}
+    if has_faults:
+        names = "is_off", "lacks_heading", "ignores_commands"
+        fault_memory = dict.fromkeys(names, np.zeros(len(heading), bool))
+        fault_memory["encoder_scale"] = np.ones_like(wheel_zeros)
+        fault_memory["encoder_offset"] = wheel_zeros
     return FirmwareState(
         heading=heading.copy(),
         cosine=np.cos(heading),
@@ -152,9 +157,5 @@ def make_firmware_state(
         error_integral=None if p.ki is None else wheel_zeros,
         speed_error=None if p.ki is None else wheel_zeros,
         duty=wheel_zeros,
-        encoder_scale=np.ones_like(wheel_zeros) if has_faults else None,
-        encoder_offset=wheel_zeros if has_faults else None,
-        is_off=all_false if has_faults else None,
-        lacks_heading=all_false if has_faults else None,
-        ignores_commands=all_false if has_faults else None,
+        **fault_memory,
     )

@@ -47,16 +47,35 @@ MAX_SLIDING_PASSES = 3
 STICTION_RETENTION = 1 - 400.0 * CYCLE_S
 
 
+class RollerResponse(NamedTuple):
+    """Mean effect of rollers on wheels that turn at w, (W, n)."""
+
+    rolling_radius: Array  # from the axle to the carpet, m
+    standing_rollers: Array  # mean number of rollers on the carpet
+    # 1 / q^2 with the distance q of a roller's axis from the carpet, 1/m^2: mean, and where rollers
+    # come down
+    inverse_square: Array
+    inverse_square_down: Array
+    # Torque of rolling resistance, rolling_loss w / (1 + rolling_loss_fade |w|), N m
+    rolling_loss: Array
+    rolling_loss_fade: Array
+    # Normal force that turning adds to a wheel, lift w^2 / (1 + lift_fade |w|), N
+    lift: Array
+    lift_fade: Array
+    # Ripple of the normal force as rollers pass, (ripple + ripple_growth |w|) times
+    # `compute_ripple_wave`, N
+    ripple: Array
+    ripple_growth: Array
+
+
 class BodyParameters(NamedTuple):
     """Bodies and wheels of n robots, (n,) unless another shape is given.
 
     Positions are in the body frame, from the center of mass.
     """
 
-    contact_x: Array  # where wheels touch the carpet, (W, n) m
-    contact_y: Array
-    edge_x: Array  # from there to the next wheel's contact counter-clockwise, (W, n) m
-    edge_y: Array
+    contact: Array  # where wheels touch the carpet, (2, W, n) m
+    edge: Array  # from there to the next wheel's contact counter-clockwise, (2, W, n) m
     jacobian: Array  # J: rim speed per twist of the body, (3, W, n) 1/m, 1/m, 1
     mass_rate: Array  # M / h: mass matrix over a cycle, (3, 3, n) kg/s, kg m/s and kg m^2/s
     # Part of M due to rims and rollers, columns of the two velocities, (3, 2, n) kg and kg m
@@ -65,35 +84,21 @@ class BodyParameters(NamedTuple):
     hub_viscous_friction: Array  # N m s/rad
     hub_dry_friction: Array  # (W, n) N m
     contact_compliance: Array  # slip speed over torque of the contacts, (W, n) rad/s / (N m)
-    rolling_radius: Array  # from the axle to the carpet, (W, n) m
     # Force along the axle over speed, roller_drag + spin_up |w| (1 - exp(-spin_up_speed / |w|)),
     # (W, n) N s/m
     roller_drag: Array
     spin_up: Array
     # Wheel speed at which rollers take on most of the carpet's speed, (W, n) rad/s
     spin_up_speed: Array
-    # Torque of rolling resistance, rolling_loss w / (1 + rolling_loss_fade |w|), (W, n) N m
-    rolling_loss: Array
-    rolling_loss_fade: Array
-    # Normal force that turning adds to a wheel, lift w^2 / (1 + lift_fade |w|), (W, n) N
-    lift: Array
-    lift_fade: Array
-    # Ripple of the normal force as rollers pass, (ripple + ripple_growth |w|) times
-    # `compute_ripple_wave`, (W, n) N
-    ripple: Array
-    ripple_growth: Array
+    response: RollerResponse
     rollers_per_speed: Array  # rollers that pass in a cycle per rim speed, s/rad
-    center_x: Array  # center of the wheels, m
-    center_y: Array
-    push_x: Array  # point at which push forces act, m
-    push_y: Array
+    center: Array  # center of the wheels, (2, n) m
+    push_point: Array  # where push forces act, (3, n) m
     mass_height: Array  # center of mass above the carpet, m
-    push_height: Array  # point at which push forces act above the center of mass, m
     static_load: Array  # normal force of each wheel at rest, (W, n) N
     # Normal forces of the wheels for a vertical force and two moments, (3, W, n) 1, 1/m, 1/m
     load_distribution: Array
-    slope_force_x: Array  # gravity along the carpet, world frame, N
-    slope_force_y: Array
+    slope_force: Array  # gravity along the carpet, world frame, (2, n) N
 
 
 class BodyState(NamedTuple):
@@ -129,14 +134,13 @@ class SlowForces(NamedTuple):
 def compute_center_motion(p: BodyParameters, s: BodyState) -> ChassisMotion:
     """Return the motion of the center of the wheels, from that of the center of mass."""
     forward, sideways, turn_rate = s.twist
-    center_x, center_y = rotate(p.center_x, p.center_y, s.cosine, s.sine)
+    world_x, world_y = rotate(p.center, s.cosine, s.sine)
     return ChassisMotion(
-        x=s.x + center_x,
-        y=s.y + center_y,
+        x=s.x + world_x,
+        y=s.y + world_y,
         cosine=s.cosine,
         sine=s.sine,
-        forward_velocity=forward - turn_rate * p.center_y,
-        sideways_velocity=sideways + turn_rate * p.center_x,
+        velocity=(forward - turn_rate * p.center[1], sideways + turn_rate * p.center[0]),
         turn_rate=turn_rate,
     )
 
@@ -166,15 +170,15 @@ def advance_body(
     passed_rollers = s.passed_rollers + p.rollers_per_speed * rim_speed
     turn = CYCLE_S * twist[2]
     cos_turn, sin_turn = cos_sin_small(turn)
-    world_x, world_y = rotate(twist[0], twist[1], s.cosine, s.sine)
-    cosine, sine = rotate(s.cosine, s.sine, cos_turn, sin_turn)
+    world_x, world_y = rotate(twist[:2], s.cosine, s.sine)
+    cosine, sine = rotate((s.cosine, s.sine), cos_turn, sin_turn)
     return BodyState(
         x=s.x + CYCLE_S * world_x,
         y=s.y + CYCLE_S * world_y,
         heading=s.heading + turn,
         cosine=cosine,
         sine=sine,
-        twist=xp.stack([*rotate(twist[0], twist[1], cos_turn, -sin_turn), twist[2]]),
+        twist=xp.stack([*rotate(twist[:2], cos_turn, -sin_turn), twist[2]]),
         gyro_rate=turn_rate,
         hub_angle=s.hub_angle + CYCLE_S * hub_speed,
         encoder_angle=s.hub_angle,
@@ -274,8 +278,7 @@ def compute_wheel_loads(p: BodyParameters, added_load: Array, tilting: Array) ->
         added_load: Lift and ripple of turning wheels, (W, n) N.
         tilting: Moments that tilt the robot about -y and x, (2, n) N m.
     """
-    moment_x = sum_wheels(p.contact_x * added_load) + tilting[0]
-    moment_y = sum_wheels(p.contact_y * added_load) + tilting[1]
+    moment_x, moment_y = sum_wheels(p.contact * added_load) + tilting
     unit_force, unit_moment_x, unit_moment_y = p.load_distribution
     yielding = (
         unit_force * sum_wheels(added_load) + unit_moment_x * moment_x + unit_moment_y * moment_y

@@ -90,28 +90,32 @@ def compute_slow_forces(
     """
     xp = namespace(s.x)
     drag = compute_drag(carpet, compute_center_motion(p, s), s.load, s.encoder_angle)
+    response = p.response
     abs_speed = abs(s.rim_speed)
     # Rollers are spun up and braked along the axle, and pressed into the carpet as the wheel turns.
     spun_up_fraction = 1 - xp.exp(-p.spin_up_speed / xp.maximum(abs_speed, 1.0))
     axle_force = -(p.roller_drag + p.spin_up * abs_speed * spun_up_fraction) * drag.axle_speed
-    rolling_torque = -p.rolling_loss * s.rim_speed / (1 + p.rolling_loss_fade * abs_speed)
-    rim_force = rolling_torque / p.rolling_radius
-    roller_x, roller_y = rotate(axle_force, rim_force, carpet.axle_x, carpet.axle_y)
-    ground_x = drag.forward_force + sum_wheels(roller_x)
-    ground_y = drag.sideways_force + sum_wheels(roller_y)
-    push_x, push_y = rotate(inputs.push_force_x, inputs.push_force_y, s.cosine, -s.sine)
-    slope_x, slope_y = rotate(p.slope_force_x, p.slope_force_y, s.cosine, -s.sine)
-    moment = drag.moment + p.center_x * drag.sideways_force - p.center_y * drag.forward_force
-    moment = moment + sum_wheels(p.contact_x * roller_y - p.contact_y * roller_x)
-    moment = moment + p.push_x * push_y - p.push_y * push_x
-    tilting_x = p.mass_height * ground_x - p.push_height * push_x
-    tilting_y = p.mass_height * ground_y - p.push_height * push_y
+    rolling_torque = (
+        -response.rolling_loss * s.rim_speed / (1 + response.rolling_loss_fade * abs_speed)
+    )
+    rim_force = rolling_torque / response.rolling_radius
+    roller_x, roller_y = rotate((axle_force, rim_force), *carpet.axle)
+    forward, sideways = drag.force
+    ground_x = forward + sum_wheels(roller_x)
+    ground_y = sideways + sum_wheels(roller_y)
+    push_x, push_y = rotate(inputs.push_force, s.cosine, -s.sine)
+    slope_x, slope_y = rotate(p.slope_force, s.cosine, -s.sine)
+    moment = drag.moment + p.center[0] * sideways - p.center[1] * forward
+    moment = moment + sum_wheels(p.contact[0] * roller_y - p.contact[1] * roller_x)
+    moment = moment + p.push_point[0] * push_y - p.push_point[1] * push_x
+    tilting_x = p.mass_height * ground_x - p.push_point[2] * push_x
+    tilting_y = p.mass_height * ground_y - p.push_point[2] * push_y
     return SlowForces(
         drag=drag,
         force=xp.stack([ground_x + push_x + slope_x, ground_y + push_y + slope_y, moment]),
         tilting_moment=xp.stack([tilting_x, tilting_y]),
-        lift=p.lift * abs_speed * abs_speed / (1 + p.lift_fade * abs_speed),
-        ripple=p.ripple + p.ripple_growth * abs_speed,
+        lift=response.lift * abs_speed * abs_speed / (1 + response.lift_fade * abs_speed),
+        ripple=response.ripple + response.ripple_growth * abs_speed,
     )
 
 
@@ -132,9 +136,7 @@ def make_report(p: PlanarParameters, s: PlanarState, record: CycleRecord) -> Fra
     body = s.body
     xp = namespace(body.x)
     motion = compute_center_motion(p.body, body)
-    velocity_x, velocity_y = rotate(
-        motion.forward_velocity, motion.sideways_velocity, body.cosine, body.sine
-    )
+    velocity_x, velocity_y = rotate(motion.velocity, body.cosine, body.sine)
     slip = abs(body.hub_speed - body.rim_speed) * p.carpet.radius
     return FrameReport(
         pose=xp.stack([motion.x, motion.y, body.heading]),
@@ -150,8 +152,6 @@ def is_toppling(p: BodyParameters, s: BodyState) -> Array:
     The zero-moment point is the one where weight and horizontal forces have no tilting moment.
     """
     weight = sum_wheels(p.static_load) * CYCLES
-    moment_x, moment_y = s.tilting_moment
-    is_outside = p.edge_x * (moment_y + p.contact_y * weight) > p.edge_y * (
-        moment_x + p.contact_x * weight
-    )
-    return is_outside.any(0)
+    moment_x, moment_y = s.tilting_moment[:, None] + p.contact * weight
+    edge_x, edge_y = p.edge
+    return (edge_x * moment_y > edge_y * moment_x).any(0)

@@ -63,19 +63,17 @@ class CarpetParameters(NamedTuple):
     patches: Array
     rolling_resistance: Array  # p: rolling resistance over normal force
     nap: Array  # relative rise of p straight against the fibers; None if no fibers lean
-    fiber_x: Array  # direction straight against the fibers, world frame
-    fiber_y: Array
+    fiber_direction: Array  # straight against the fibers, world frame, (2, n)
     friction_factor: Array  # friction of each wheel over the carpet's, (W, n)
     # Angle over which rollers are missing, from a wheel's angle 0 on, (W, n) rad; None if nowhere
     missing_angle: Array
     roller_friction: Array  # b: friction of the rollers' bearings over normal force
     # 1 / (R^2 C), (W, n): slip speed, rad/s, for 1 N m of torque, 1 N of normal force and 1 m/s. On
-    # the plant mujoco it is scaled to Q / A; see `omni_mj.plants.carpet_forces`.
+    # the plant mujoco it is scaled to Q / A.
     creep_compliance: Array
     radius: Array  # of the wheels, (W, n) m
     arm: Array  # from the center of the wheels to where they touch, m
-    axle_x: Array  # directions of the axles, body frame, (W, n)
-    axle_y: Array
+    axle: Array  # directions of the axles, body frame, (2, W, n)
 
 
 class ChassisMotion(NamedTuple):
@@ -85,16 +83,14 @@ class ChassisMotion(NamedTuple):
     y: Array
     cosine: Array  # of the heading
     sine: Array
-    forward_velocity: Array  # body frame, m/s
-    sideways_velocity: Array
+    velocity: tuple[Array, Array]  # forward and sideways, m/s
     turn_rate: Array  # rad/s
 
 
 class Drag(NamedTuple):
     """Drag of carpet and bearings, and limits of traction, until they are computed again."""
 
-    forward_force: Array  # body frame, (n,) N
-    sideways_force: Array
+    force: tuple[Array, Array]  # forward and sideways, (n,) N each
     moment: Array  # about the center of the wheels, (n,) N m
     # Slip speed over torque, times normal force: |v| times `creep_compliance`, (W, n)
     slip_compliance: Array
@@ -118,22 +114,19 @@ def make_carpet_parameters(
         gather(settings, f"carpet.{name}") for name in names
     )
     radius = kinematics.radius - wear
-    axle_x, axle_y, _ = kinematics.axles.T[..., None] * np.ones(len(settings))
     return CarpetParameters(
         friction=friction,
         patches=stack_patches([s.carpet.patches for s in settings]),
         rolling_resistance=rolling_resistance,
         nap=nap if nap.any() else None,
-        fiber_x=np.cos(np.radians(direction)),
-        fiber_y=np.sin(np.radians(direction)),
+        fiber_direction=np.stack([np.cos(np.radians(direction)), np.sin(np.radians(direction))]),
         friction_factor=friction_factor,
         missing_angle=None,
         roller_friction=gather(settings, "drivetrain.roller_friction"),
         creep_compliance=1 / (radius**2 * gather(settings, "drivetrain.creep_stiffness")),
         radius=radius,
         arm=np.full(len(settings), kinematics.arm),
-        axle_x=axle_x,
-        axle_y=axle_y,
+        axle=kinematics.axles.T[:2, :, None] * np.ones(len(settings)),
     )
 
 
@@ -167,9 +160,10 @@ def compute_drag(
         wheel_angle: Angles, (W, n) rad; used for wheels that lack rollers.
     """
     xp = namespace(load)
-    forward, sideways = motion.forward_velocity, motion.sideways_velocity
-    axle_speed = forward * p.axle_x + sideways * p.axle_y
-    rim_speed = sideways * p.axle_x - forward * p.axle_y + p.arm * motion.turn_rate
+    forward, sideways = motion.velocity
+    axle_x, axle_y = p.axle
+    axle_speed = forward * axle_x + sideways * axle_y
+    rim_speed = sideways * axle_x - forward * axle_y + p.arm * motion.turn_rate
     friction = _compute_friction(p, motion, wheel_angle)
     speed = safe_sqrt(axle_speed * axle_speed + rim_speed * rim_speed)
     inverse_speed = 1 / xp.maximum(speed, AT_REST_M_S)
@@ -184,9 +178,9 @@ def compute_drag(
     )
     rolling_resistance = p.rolling_resistance
     if p.nap is not None:
-        fiber_x, fiber_y = rotate(p.fiber_x, p.fiber_y, motion.cosine, -motion.sine)
-        travel_x = axle_direction * p.axle_x - rim_direction * p.axle_y
-        travel_y = axle_direction * p.axle_y + rim_direction * p.axle_x
+        fiber_x, fiber_y = rotate(p.fiber_direction, motion.cosine, -motion.sine)
+        travel_x = axle_direction * axle_x - rim_direction * axle_y
+        travel_y = axle_direction * axle_y + rim_direction * axle_x
         rolling_resistance = p.rolling_resistance * (
             1 + p.nap * (travel_x * fiber_x + travel_y * fiber_y)
         )
@@ -194,8 +188,10 @@ def compute_drag(
     rim_force = load * (rolling_resistance * rim_direction)
     rim_friction = safe_sqrt(friction * friction - bearing_drag * bearing_drag)
     return Drag(
-        forward_force=-sum_wheels(axle_force * p.axle_x - rim_force * p.axle_y),
-        sideways_force=-sum_wheels(axle_force * p.axle_y + rim_force * p.axle_x),
+        force=(
+            -sum_wheels(axle_force * axle_x - rim_force * axle_y),
+            -sum_wheels(axle_force * axle_y + rim_force * axle_x),
+        ),
         moment=-p.arm * sum_wheels(rim_force),
         slip_compliance=p.creep_compliance * speed,
         torque_per_load=p.radius * rim_friction,
@@ -208,7 +204,7 @@ def _compute_friction(p: CarpetParameters, motion: ChassisMotion, wheel_angle: A
     xp = namespace(wheel_angle)
     friction = p.friction * p.friction_factor
     if p.patches is not None:
-        wheel_x, wheel_y = rotate(p.arm * p.axle_x, p.arm * p.axle_y, motion.cosine, motion.sine)
+        wheel_x, wheel_y = rotate(p.arm * p.axle, motion.cosine, motion.sine)
         wheel_x = motion.x + wheel_x
         wheel_y = motion.y + wheel_y
         for x, y, radius, patch_friction in p.patches:

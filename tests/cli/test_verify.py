@@ -43,7 +43,7 @@ class Mine(om.Controller):
 TOY = """
 import numpy as np
 
-from omni_mj.plants import Telemetry
+from omni_mj.plants.telemetry import Telemetry
 
 
 class Toy:

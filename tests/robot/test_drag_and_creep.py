@@ -34,12 +34,8 @@ def test_drag_of_the_pile_depends_on_the_angle_to_its_fibers(
         load=load,
     )
     expected = -26 * np.array([0.1 * (1 + nap * np.cos(direction - np.radians(fibers))), 0.2])
-    np.testing.assert_allclose(
-        forces.forward_force, expected * np.cos(direction - heading), atol=1e-12
-    )
-    np.testing.assert_allclose(
-        forces.sideways_force, expected * np.sin(direction - heading), atol=1e-12
-    )
+    np.testing.assert_allclose(forces.force[0], expected * np.cos(direction - heading), atol=1e-12)
+    np.testing.assert_allclose(forces.force[1], expected * np.sin(direction - heading), atol=1e-12)
 
 
 def unit_vector(angle: float) -> np.ndarray:
@@ -56,7 +52,7 @@ def test_bearings_brake_along_axles_and_reduce_the_friction_circle() -> None:
     )
     azimuths = np.radians(resolve_settings().wheels.azimuths_deg)
     forces = compute_drag([chosen], [1.0, 0.0])
-    assert forces.forward_force[0] == pytest.approx(-b * np.abs(np.cos(azimuths)).sum())
+    assert forces.force[0][0] == pytest.approx(-b * np.abs(np.cos(azimuths)).sum())
     np.testing.assert_allclose(forces.torque_per_load, RADIUS_M * np.sqrt(mu**2 - b**2))
     at_rest = compute_drag([chosen], [0.0, 0.0])
     np.testing.assert_allclose(at_rest.torque_per_load, RADIUS_M * mu, rtol=1e-9)

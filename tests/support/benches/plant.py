@@ -215,8 +215,10 @@ def remove_roller_losses(plant: PlanarPlant) -> None:
     """Remove drag, rolling loss, lift and ripple of the rollers."""
     body = plant.parameters.body
     zero = np.zeros_like(body.roller_drag)
-    names = "roller_drag", "spin_up", "rolling_loss", "lift", "ripple", "ripple_growth"
-    plant.parameters = plant.parameters._replace(body=body._replace(**dict.fromkeys(names, zero)))
+    names = "rolling_loss", "lift", "ripple", "ripple_growth"
+    response = body.response._replace(**dict.fromkeys(names, zero))
+    body = body._replace(roller_drag=zero, spin_up=zero, response=response)
+    plant.parameters = plant.parameters._replace(body=body)
 
 
 def mass_matrices(plant: PlanarPlant) -> tuple[NDArray, NDArray]:

@@ -176,7 +176,8 @@ def compute_drag(
     x, y = np.asarray(velocity, float)
     c, s = np.cos(heading), np.sin(heading)
     values = *position, c, s, c * x + s * y, c * y - s * x, 0.0
-    motion = wheel_carpet_forces.ChassisMotion(*(np.full(n, value) for value in values))
+    *pose, forward, sideways, turn_rate = (np.full(n, value) for value in values)
+    motion = wheel_carpet_forces.ChassisMotion(*pose, (forward, sideways), turn_rate)
     return wheel_carpet_forces.compute_drag(p._replace(**options), motion, load, angle)
 
 
