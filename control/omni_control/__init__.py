@@ -25,24 +25,16 @@ if TYPE_CHECKING:
     from omni_control.team import Team
     from omni_control.traction import WheelLimits
 
-_MODULES = {
-    "CURVES": "reference",
-    "CommandHistory": "delay_compensation",
-    "Controller": "controllers.base",
-    "ControllerError": "errors",
-    "CurveReference": "reference",
-    "IteratedReference": "reference",
-    "Kinematics": "kinematics",
-    "MotionLimits": "reference",
-    "OmniError": "errors",
-    "Reference": "reference",
-    "SampledReference": "reference",
-    "Observation": "controllers.base",
-    "Team": "team",
-    "TimedReference": "reference",
-    "TeamModel": "controllers.base",
-    "WheelLimits": "traction",
-}
+# Modules with public names, in the order of their imports.
+_MODULES = (
+    "errors",
+    "kinematics",
+    "traction",
+    "reference",
+    "delay_compensation",
+    "controllers.base",
+    "team",
+)
 
 __all__ = [
     "CURVES",
@@ -66,9 +58,12 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """Import a public name when it is used."""
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    if name in __all__:
+        for module_name in _MODULES:
+            module = import_module(f"{__name__}.{module_name}")
+            if hasattr(module, name):
+                return getattr(module, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

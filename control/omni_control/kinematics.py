@@ -13,7 +13,7 @@ World frame: field center, x towards the goal, y left, heading counter-clockwise
 A pose is [x, y, heading] in m, m, rad; a twist is [vx, vy, w] in m/s, m/s, rad/s.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -48,7 +48,7 @@ def world_to_body(twist: ArrayLike, heading: ArrayLike) -> Array:
     return body_to_world(twist, -np.asarray(heading, float))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Kinematics:
     """Geometry of the wheels, and conversion between body twist and wheel speeds.
 
@@ -60,25 +60,17 @@ class Kinematics:
         radius: Wheel radius r, m.
     """
 
-    azimuths: Array
+    azimuths: Array = field(compare=False)
     arm: float
     radius: float
+    _compared_azimuths: tuple[float, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Replace the azimuths by a read-only copy."""
         azimuths = np.array(self.azimuths, float)
         azimuths.flags.writeable = False
         object.__setattr__(self, "azimuths", azimuths)
-
-    def __eq__(self, geometry: object) -> bool:
-        return isinstance(geometry, Kinematics) and self._key == geometry._key
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    @property
-    def _key(self) -> tuple[float, ...]:
-        return (*self.azimuths.tolist(), self.arm, self.radius)
+        object.__setattr__(self, "_compared_azimuths", tuple(azimuths.tolist()))
 
     @cached_property
     def matrix(self) -> Array:

@@ -239,7 +239,13 @@ class Team:
         selection = observation.select(rows, self._memory_frames[i], controller.model.delay_frames)
         robots, name = np.arange(self.n)[rows], type(controller).__name__
         try:
-            commands = _get_commands(controller, self.frame, selection)
+            commands = np.asarray(controller.command(self.frame, selection))
+            if commands.shape != selection.pose.shape or commands.dtype.kind == "c":
+                raise OmniError(
+                    f"commands must be numbers {selection.pose.shape}, got {commands.dtype} of "
+                    f"shape {commands.shape}"
+                )
+            commands = commands.astype(float, copy=False)
             self._channels[i] = collect_channels(controller, len(commands))
         except Exception as error:
             description = describe_error(type(controller), error)
@@ -274,17 +280,6 @@ class Team:
                 merged[rows, : channels[name].shape[1]] = channels[name]
         merged[self.failed] = np.nan
         return merged
-
-
-def _get_commands(controller: Controller, frame: int, observation: Observation) -> Array:
-    """Return a controller's commands, with the shape of the poses, not necessarily finite."""
-    commands = np.asarray(controller.command(frame, observation))
-    shape = observation.pose.shape
-    if commands.shape != shape or commands.dtype.kind == "c":
-        raise OmniError(
-            f"commands must be numbers {shape}, got {commands.dtype} of shape {commands.shape}"
-        )
-    return commands.astype(float, copy=False)
 
 
 def _assign_rows(

@@ -25,7 +25,7 @@ from omni_mj.config.faults import (
 from omni_mj.config.network_settings import VisionSettings
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, gather
 from omni_mj.network.fault_schedule import ActiveFaults, FaultsByRow, FaultSchedule
-from omni_mj.network.random_streams import Noise, Seed, Stream, make_uniform_noise
+from omni_mj.network.random_streams import Noise, Seed, Stream
 
 _TIME_TOLERANCE_S = 1e-9  # for the comparison of times
 
@@ -52,12 +52,10 @@ class Camera:
         self._sigma = np.stack([gather(settings, name) for name in sigmas], axis=1)
         self._miss_probability = gather(settings, "miss_probability")
         self._miss_frames = gather(settings, "miss_frames")
-        self._pose_noise = Noise(
-            seeds, Stream.VISION_NOISE, lambda rng, count: rng.standard_normal((count, 3))
-        )
-        self._miss_noise = make_uniform_noise(seeds, Stream.VISION_MISSES)
+        self._pose_noise = Noise(seeds, Stream.VISION_NOISE, 3, "standard_normal")
+        self._miss_noise = Noise(seeds, Stream.VISION_MISSES)
         # Drawn for each image, also without faults, so that a fault does not affect another.
-        self._fault_noise = make_uniform_noise(seeds, Stream.CAMERA_FAULTS, 2)
+        self._fault_noise = Noise(seeds, Stream.CAMERA_FAULTS, 2)
         self._schedule = FaultSchedule(faults, VisionLoss, VisionFreeze, VisionWrongId, VisionBias)
         n = len(seeds)
         # Remaining images without a detection; negative before the first image.
@@ -128,9 +126,9 @@ class ImageTiming:
         self._nominal_delay_s = gather(settings, "delay_s")
         self._jitter_s = gather(settings, "jitter_s")
         self._loss_probability = gather(settings, "loss_probability")
-        self._jitter_noise = make_uniform_noise(seeds, Stream.CAMERA_JITTER)
-        self._loss_noise = make_uniform_noise(seeds, Stream.CAMERA_LOSSES)
-        self._fault_noise = make_uniform_noise(seeds, Stream.CAMERA_LATE)
+        self._jitter_noise = Noise(seeds, Stream.CAMERA_JITTER)
+        self._loss_noise = Noise(seeds, Stream.CAMERA_LOSSES)
+        self._fault_noise = Noise(seeds, Stream.CAMERA_LATE)
         self._schedule = FaultSchedule(faults, VisionClockDrift, VisionJitter, VisionDelay)
         self._delay_s = self._nominal_delay_s
         # The clock's lag at time t is offset + drift t.

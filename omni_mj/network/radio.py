@@ -17,7 +17,7 @@ from omni_mj.config.faults import (
 from omni_mj.config.network_settings import RadioSettings
 from omni_mj.config.settings import gather
 from omni_mj.network.fault_schedule import ActiveFaults, FaultsByRow, FaultSchedule
-from omni_mj.network.random_streams import Seed, Stream, make_uniform_noise
+from omni_mj.network.random_streams import Noise, Seed, Stream
 
 
 class ReceivedCommand(NamedTuple):
@@ -114,10 +114,10 @@ class Radio:
         self._loss_probability = gather(settings, "loss_probability")
         # Drawn for each packet or frame, also without faults, so that a fault does not affect
         # another.
-        self._jitter_noise = make_uniform_noise(seeds, Stream.RADIO_JITTER)
-        self._loss_noise = make_uniform_noise(seeds, Stream.RADIO_LOSSES)
-        self._burst_noise = make_uniform_noise(seeds, Stream.RADIO_BURSTS)
-        self._fault_noise = make_uniform_noise(seeds, Stream.RADIO_FAULTS, 4)
+        self._jitter_noise = Noise(seeds, Stream.RADIO_JITTER)
+        self._loss_noise = Noise(seeds, Stream.RADIO_LOSSES)
+        self._burst_noise = Noise(seeds, Stream.RADIO_BURSTS)
+        self._fault_noise = Noise(seeds, Stream.RADIO_FAULTS, 4)
         self._schedule = FaultSchedule(
             faults, RadioDelay, RadioLoss, RadioBurstLoss, RadioDuplicates, RadioReorder
         )

@@ -1,7 +1,8 @@
 """Streams of random numbers that depend only on a row's seed, not on the batch it runs in."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from enum import IntEnum
+from typing import Literal
 
 import numpy as np
 
@@ -40,31 +41,28 @@ class Noise:
     Args:
         seeds: Seed of each row.
         stream: Purpose of the numbers.
-        sample: Draws `count` successive values (count, k) from a generator. Two draws must yield
-            the same values as one draw of their total length.
+        size: Quantity of numbers per row and step, k.
+        distribution: Method of numpy's generator: uniform in [0, 1), or normal.
     """
 
     def __init__(
         self,
         seeds: Sequence[Seed],
         stream: Stream,
-        sample: Callable[[np.random.Generator, int], Array],
+        size: int = 1,
+        distribution: Literal["random", "standard_normal"] = "random",
     ) -> None:
         indices = {seed: index for index, seed in enumerate(dict.fromkeys(seeds))}
         self._generator_of_row = [indices[seed] for seed in seeds]
         self._generators = [np.random.default_rng([int(stream), *seed]) for seed in indices]
-        self._sample, self._position = sample, BLOCK_LENGTH
+        self._size, self._distribution, self._position = size, distribution, BLOCK_LENGTH
 
     def next(self) -> Array:
         """Return the next value of each row, (n, k)."""
         if self._position == BLOCK_LENGTH:
-            blocks = [self._sample(rng, BLOCK_LENGTH) for rng in self._generators]
+            shape = BLOCK_LENGTH, self._size
+            blocks = [getattr(rng, self._distribution)(shape) for rng in self._generators]
             self._block = np.stack([blocks[index] for index in self._generator_of_row], axis=1)
             self._position = 0
         self._position += 1
         return self._block[self._position - 1]
-
-
-def make_uniform_noise(seeds: Sequence[Seed], stream: Stream, size: int = 1) -> Noise:
-    """Return a stream of uniform numbers in [0, 1), `size` of them per row and step."""
-    return Noise(seeds, stream, lambda rng, count: rng.random((count, size)))

@@ -79,7 +79,7 @@ class FaultEffects:
         self._dropout_noise = Noise(
             [row.noise_seed for row in rows],
             Stream.ENCODER_FAULTS,
-            lambda rng, count: rng.random((count, n_wheels)),
+            n_wheels,
         )
         self._max_patches = max(
             len(row.settings.carpet.patches)

@@ -32,9 +32,7 @@ class KinematicPlant:
         self._quantiles = _AlphaQuantiles(
             gather(rows, "settings.kinematic.alpha_correlation_time_s")[:, None], seeds
         )
-        self._disturbance_noise = Noise(
-            seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2))
-        )
+        self._disturbance_noise = Noise(seeds, Stream.DISTURBANCE, 2)
         self._amplitude = gather(rows, "settings.disturbance.velocity_m_s")[:, None]
         self._pose = np.array(start_poses, float)
         self._twist = np.zeros(self._pose.shape)
@@ -65,7 +63,7 @@ class KinematicPlant:
         self._apply_faults()
         if self._fault_alpha is not None:
             alpha = np.where(np.isnan(self._fault_alpha), alpha, self._fault_alpha)
-        self._disturbance[:, :2] = self._amplitude * self._disturbance_noise.next()
+        self._disturbance[:, :2] = self._amplitude * (2 * self._disturbance_noise.next() - 1)
         self._twist = alpha * received.command + self._disturbance
         self._pose = self._pose + PERIOD_S * self._twist
         return {}
@@ -102,10 +100,8 @@ class _AlphaQuantiles:
     """
 
     def __init__(self, correlation_time_s: Array, seeds: Sequence[Seed]) -> None:
-        self._uniform = Noise(seeds, Stream.ALPHA, lambda rng, count: rng.random((count, 3)))
-        self._normal = Noise(
-            seeds, Stream.ALPHA, lambda rng, count: rng.standard_normal((count, 3))
-        )
+        self._uniform = Noise(seeds, Stream.ALPHA, 3)
+        self._normal = Noise(seeds, Stream.ALPHA, 3, "standard_normal")
         self._is_correlated = correlation_time_s > 0
         # Correlation from frame to frame; 0 for times far below a frame
         self._correlation = np.exp(-PERIOD_S / np.maximum(correlation_time_s, 1e-6))

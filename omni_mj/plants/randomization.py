@@ -65,9 +65,7 @@ class RobotVariation:
         n_wheels = len(rows[0].settings.wheels.azimuths_deg)
         n_draws = 3 + 3 * n_wheels
         seeds = [row.noise_seed for row in rows]
-        uniform = Noise(
-            seeds, Stream.VARIATION, lambda rng, count: rng.random((count, n_draws))
-        ).next()
+        uniform = Noise(seeds, Stream.VARIATION, n_draws).next()
         is_varied = np.any(list(deviations.values()))
         normal = _to_truncated_normal(uniform) if is_varied else np.zeros_like(uniform)
         body, friction, motors, wear = np.split(np.arange(n_draws), 3 + n_wheels * np.arange(3))
@@ -111,19 +109,19 @@ class Disturbances:
         seeds = [row.noise_seed for row in rows]
         self._max_force = gather(rows, "settings.disturbance.force_n")[:, None]
         self._has_force = bool(self._max_force.any())
-        self._uniform_noise = Noise(
-            seeds, Stream.DISTURBANCE, lambda rng, count: rng.uniform(-1, 1, (count, 2))
-        )
+        self._uniform_noise = Noise(seeds, Stream.DISTURBANCE, 2)
         bias_sigma = gather(rows, "settings.sensors.gyro_bias_rad_s")[:, None]
-        self.gyro_bias: Array = bias_sigma * Noise(seeds, Stream.GYRO_BIAS, _draw_normal).next()
+        self.gyro_bias: Array = (
+            bias_sigma * Noise(seeds, Stream.GYRO_BIAS, 1, "standard_normal").next()
+        )
         self._gyro_sigma = gather(rows, "settings.sensors.gyro_noise_rad_s")[:, None]
-        self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, _draw_normal)
+        self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, 1, "standard_normal")
 
     def draw_push_force(self) -> Array:
         """Draw the forces on the chassis in the next frame, world frame, (n, 2) N."""
         if not self._has_force:
             return np.zeros((len(self._max_force), 2))
-        return np.asarray(self._max_force * self._uniform_noise.next())
+        return np.asarray(self._max_force * (2 * self._uniform_noise.next() - 1))
 
     def draw_gyro_error(self, bias: Array) -> Array:
         """Draw the errors of the gyros in the next frame.
@@ -135,11 +133,6 @@ class Disturbances:
             Errors, (n,) rad/s.
         """
         return np.asarray(bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
-
-
-def _draw_normal(rng: np.random.Generator, count: int) -> Array:
-    """Draw standard normal numbers, (count, 1)."""
-    return rng.standard_normal((count, 1))
 
 
 def _to_truncated_normal(uniform: Array) -> Array:

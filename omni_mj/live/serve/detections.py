@@ -67,9 +67,7 @@ class FieldCamera:
         self._number, self._vision, self._frame = number, rows[0].settings.vision, 0
         self._seeds: list[Seed] = [(rows[0].seed, SEED_OFFSET + number)]
         self.set_robots(rows, 0)
-        clock = Noise(
-            self._seeds, Stream.CAMERA_CLOCK, lambda rng, count: rng.standard_normal((count, 4))
-        )
+        clock = Noise(self._seeds, Stream.CAMERA_CLOCK, 4, "standard_normal")
         offset_x, offset_y, clock_offset, phase = clock.next()[0].tolist()
         self._offset = self._vision.camera_offset_m * np.array([offset_x, offset_y, 0.0])
         self._clock_offset_s = self._vision.clock_offset_s * clock_offset
