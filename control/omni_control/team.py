@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_control.command_limiter import CommandLimiter
 from omni_control.controllers.base import (
     RECORDED_ATTRIBUTES,
     Controller,
@@ -27,6 +26,7 @@ from omni_control.estimation.delayed_measurements import MAX_FRAMES_BEHIND
 from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.estimation.vision_tracker import VisionTracker
 from omni_control.kinematics import Array
+from omni_control.reference.motion_limits import CommandLimiter
 
 FailureHandler = Callable[[NDArray[np.intp], ControllerError], None]
 

@@ -134,18 +134,19 @@ def _compute_max_rim_speed(settings: Settings) -> float:
 def _plan_timed_reference(
     settings: ReferenceSettings, limits: MotionLimits, start_pose: StartPose
 ) -> SampledReference:
-    settle_frames = _count_frames(settings.settle_s)
     if settings.shape in CURVES:
         curve = CURVES[settings.shape](settings.length_m, settings.width_m)
         is_tangent = settings.heading == "tangent"
         moving: SampledReference = CurveReference(
-            curve, limits, PERIOD_S, settings.laps, is_tangent, settle_frames
+            curve, limits, PERIOD_S, settings.laps, is_tangent
         )
     else:
         dwell_frames = _count_frames(settings.dwell_s)
         waypoints = _list_waypoints(settings)
-        moving = TimedReference(waypoints, limits, PERIOD_S, dwell_frames, settle_frames)
-    reference = moving.with_initial_rest(_count_frames(settings.initial_rest_s))
+        moving = TimedReference(waypoints, limits, PERIOD_S, dwell_frames)
+    reference = moving.with_rest(
+        _count_frames(settings.initial_rest_s), _count_frames(settings.settle_s)
+    )
     if start_pose == ORIGIN:
         return reference
     return SampledReference(_displace_poses(reference.poses, start_pose), PERIOD_S)

@@ -10,7 +10,7 @@ from omni_control import IteratedReference, MotionLimits, Team, TeamModel, Timed
 LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0]]
 LEAD, SECOND = 15, 60
-ROUTE = TimedReference(PATH, LIMITS, T, settle_frames=SECOND).with_initial_rest(LEAD)
+ROUTE = TimedReference(PATH, LIMITS, T).with_rest(LEAD, SECOND)
 RIGHT = {"lag_s": 0.0267, "creep_s2_m": 0.06, "drag_m_s": 0.0375, "alpha": (0.92, 0.87)}
 NONE = {"lag_s": 0.01, "creep_s2_m": 1e-6, "drag_m_s": 0.04, "alpha": None}
 UNKNOWN = {"lag_s": 0.0, "creep_s2_m": 0.0, "drag_m_s": 0.0}
@@ -94,7 +94,7 @@ def test_adaptation_stops_for_a_robot_that_does_not_respond() -> None:
 def test_frozen_vision_does_not_reverse_the_heading(name: str) -> None:
     """Vision is frozen for 1.4 s at a corner; the robots then turn by more than a right angle."""
     square = [[0.0, 0.0, 0.0], [0.6, 0.0, 1.5], [0.6, 0.6, 3.0], [0.0, 0.6, 4.5]]
-    route = TimedReference(square, MotionLimits(1.5, 1.5, 6.0, 12.0), T, settle_frames=2 * SECOND)
+    route = TimedReference(square, MotionLimits(1.5, 1.5, 6.0, 12.0), T).with_rest(0, 2 * SECOND)
     corner = next(
         k for k in range(5, route.frames) if np.hypot(*(route.poses[k] - square[1])[:2]) < 1e-9
     )

@@ -119,7 +119,7 @@ def test_headings_take_the_short_way() -> None:
 def test_the_oracle_is_never_worse_than_with_noise() -> None:
     """The oracle is better than the same controller with vision noise: mean and rms, each robot."""
     n, rng = 12, np.random.default_rng(0)
-    path = TIMED.with_initial_rest(15)
+    path = TIMED.with_rest(15)
     alpha = rng.uniform(0.7, 1, (n, 3))
     noise = rng.normal(0, 1, (path.frames, n, 3)) * (0.0013, 0.0013, 0.01)
     error = {}

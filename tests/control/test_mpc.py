@@ -129,7 +129,7 @@ def test_commands_satisfy_the_limits() -> None:
     limits = MotionLimits(1.0, 4.7, 26.0, 50.8)
     reference = TimedReference(
         [[0, 0, 0], [1.5, 0, 0], [1.5, 1.0, 0]], MotionLimits(1.2, 4.5), T
-    ).with_initial_rest(15)
+    ).with_rest(15)
     model = TeamModel(T, 4, lag_s=0.02, position_noise_m=0, heading_noise_rad=0, limits=limits)
     accelerations, speeds = [], []
 

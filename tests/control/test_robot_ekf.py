@@ -11,10 +11,11 @@ from benches.control import (
     INVERSE_GAIN,
     LAG,
     LATENCY,
+    SIZE,
     Array,
     MotionModel,
     RobotEkf,
-    WheelCompliance,
+    YawCoupling,
     anticipate,
 )
 from closed_loop import NOISE, WHEELS, CreepingPlant, T
@@ -182,21 +183,23 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
             total += ((rim.conjugate() * deficit).real + 0.083 * turn_deficit) / compliance
         return total
 
+    state = np.zeros((1, SIZE))
+    state[:, [LAG, CREEP]] = lag, creep
     vectors = (
         np.array([[z.real, z.imag, turn]])
         for z, turn in ((velocity, turn_rate), (acceleration, 0.0), (deficit, 0.0))
     )
-    result = WheelCompliance(WHEELS, 1.0).compute_turn_rate(
-        *vectors, np.array([lag]), np.array([creep])
-    )
+    result = YawCoupling(WHEELS, 1.0).compute_turn_rate(state, *vectors)
     assert result[0] == pytest.approx(-brentq(moment, -100, 100, xtol=1e-12), abs=1e-9)
 
 
 def test_wheels_at_right_angles_cause_no_turning_at_a_steady_speed() -> None:
     square = Kinematics(np.radians([45.0, 135.0, 225.0, 315.0]), 0.083, 0.0285)
     velocity, deficit = np.array([[0.7, 0.4, 0]]), np.array([[0.4, 1, 0]])
-    turn_rate = WheelCompliance(square, 1.0).compute_turn_rate(
-        velocity, np.zeros((1, 3)), deficit, np.array([0.02]), np.array([0.05])
+    state = np.zeros((1, SIZE))
+    state[:, [LAG, CREEP]] = 0.02, 0.05
+    turn_rate = YawCoupling(square, 1.0).compute_turn_rate(
+        state, velocity, np.zeros((1, 3)), deficit
     )
     assert turn_rate[0] == pytest.approx(0, abs=1e-12)
 

@@ -45,7 +45,7 @@ def test_a_timed_reference_rests_on_every_way_point(
 
     A robot that starts on the first pose and follows the twists is on the reference in every frame.
     """
-    reference = TimedReference(path, limit, T, dwell, settle)
+    reference = TimedReference(path, limit, T, dwell).with_rest(0, settle)
     assert (reference.poses[0] == path[0]).all()
     frame = 0
     for previous, waypoint in pairwise(path):

@@ -11,7 +11,7 @@ Per axis i of the body (forward, sideways, turning), with u the acting command a
     b    disturbance: whatever else acts like a command (a collision, a slope, a biased gyro)
 
 The velocity deficit u - v turns the robot in two ways. Wheels yield under traction, each to a
-different degree (`WheelCompliance`). A weak or sliding wheel and an eccentric center of mass add
+different degree (`YawCoupling`). A weak or sliding wheel and an eccentric center of mass add
 the coupling k, which acts like a turn rate -k (u - v).
 
 A command acts `latency` frames after it was sent. Of creep, lag and friction only the forward
@@ -69,7 +69,7 @@ class MotionModel:
         mean_direction = np.abs(rim_directions[:, 0]).mean()
         turn_friction = GYRO_RESIDUAL / self.arm * forward / mean_direction
         self._friction_ratios = np.array([1.0, ratio, turn_friction])
-        self._compliance = WheelCompliance(wheels, GYRO_RESIDUAL if model.geometry else 0.0)
+        self._yaw_coupling = YawCoupling(wheels, GYRO_RESIDUAL if model.geometry else 0.0)
 
         self.prior = np.array(
             [
@@ -109,7 +109,9 @@ class MotionModel:
         drive = world_to_body(command + state[..., DISTURBANCE], heading)
         time_constant = self.compute_time_constants(state, self._compute_rim_speeds(velocity))
         acceleration = (drive / inverse_gain - velocity) / time_constant
-        drive[..., 2] += self._compute_yaw_coupling(state, velocity, acceleration, drive - velocity)
+        drive[..., 2] += self._yaw_coupling.compute_turn_rate(
+            state, velocity, acceleration, drive - velocity
+        )
         decay = np.exp(-duration / time_constant)
         frictionless = velocity + (1 - decay) * (drive / inverse_gain - velocity)
         final = (drive - self._compute_friction(state, frictionless)) / inverse_gain
@@ -140,22 +142,15 @@ class MotionModel:
         friction = self._compute_friction(state, (velocity + next_velocity) / 2)
         command = final * state[..., INVERSE_GAIN] + friction
         deficit, acceleration = command - velocity, (next_velocity - velocity) / self._period
-        command[..., 2] -= self._compute_yaw_coupling(state, velocity, acceleration, deficit)
+        command[..., 2] -= self._yaw_coupling.compute_turn_rate(
+            state, velocity, acceleration, deficit
+        )
         return body_to_world(command, heading)
 
     def _compute_rim_speeds(self, velocity: Array) -> Array:
         """Return the rim speed that counts for each axis, (..., n, 3) m/s."""
         speed = np.hypot(velocity[..., 0], velocity[..., 1])
         return np.stack([speed, speed, np.hypot(speed, self.arm * velocity[..., 2])], axis=-1)
-
-    def _compute_yaw_coupling(
-        self, state: Array, velocity: Array, acceleration: Array, deficit: Array
-    ) -> Array:
-        """Return the turn rates (..., n) that driving adds; see `WheelCompliance`."""
-        turn_rate = self._compliance.compute_turn_rate(
-            velocity, acceleration, deficit, state[..., LAG], state[..., CREEP]
-        )
-        return turn_rate - (state[..., COUPLING] * deficit[..., :2]).sum(-1)
 
     def _compute_friction(self, state: Array, velocity: Array) -> Array:
         """Return the speeds (..., n, 3) that dry friction costs at body velocities (..., n, 3)."""
@@ -164,24 +159,24 @@ class MotionModel:
         return np.asarray(self._friction_ratios * state[..., FRICTION, None] * direction)
 
 
-class WheelCompliance:
-    """Turn rate that compliant wheels cause, because they do not all yield alike under traction.
+class YawCoupling:
+    """Turn rate that driving causes: compliant wheels, and the couplings of the state.
 
-    A wheel k yields along its rim by its traction over a stiffness c_k. Two effects add up: the lag of
-    its speed loop, and creep, which is in proportion to the speed of the wheel and inversely to its
-    load (Pacejka, Tire and Vehicle Dynamics, brush model). In units that cancel
+    A wheel k yields along its rim by its traction over a stiffness c_k. Two effects add up: the lag
+    of its speed loop, and creep, which is in proportion to the speed of the wheel and inversely to
+    its load (Pacejka, Tire and Vehicle Dynamics, brush model). In units that cancel
 
         1 / c_k = tau + T |V_k| / n_k,    V_k = v + w l d_k,    n_k = load over the mean load
 
-    with lag tau and creep T of driving forward, and the rim's direction d_k. A velocity deficit e and a
-    turn rate deficit e_w cause a moment l sum c_k (d_k . e + l e_w). So e turns the robot like a
-    commanded turn rate of
+    with lag tau and creep T of driving forward, and the rim's direction d_k. A velocity deficit e
+    and a turn rate deficit e_w cause a moment l sum c_k (d_k . e + l e_w). So e turns the robot
+    like a commanded turn rate of
 
         r sum c_k (d_k . e) / (l sum c_k)
 
     where r is the fraction that a gyro loop leaves. The sum is not zero, for three reasons: rim
-    directions need not add up to zero; wheels that turning makes faster yield more; and acceleration
-    unloads the wheels on the side towards which it points.
+    directions need not add up to zero; wheels that turning makes faster yield more; and
+    acceleration unloads the wheels on the side towards which it points.
 
     Args:
         geometry: Geometry of the wheels.
@@ -197,16 +192,15 @@ class WheelCompliance:
         self._arm, self._lever = geometry.arm, gyro_residual / geometry.arm
 
     def compute_turn_rate(
-        self, velocity: Array, acceleration: Array, deficit: Array, lag: Array, creep: Array
+        self, state: Array, velocity: Array, acceleration: Array, deficit: Array
     ) -> Array:
         """Return the turn rates (..., n) that act on robots like commands, rad/s.
 
         Args:
+            state: States (..., n, 18), for lag, creep, and couplings.
             velocity: Body velocities (..., n, 3).
             acceleration: Body accelerations (..., n, 3).
             deficit: Commanded minus actual body velocities (..., n, 3).
-            lag: Lag of the wheel loops forward, (..., n) s.
-            creep: Creep forward, (..., n) s^2/m.
         """
         # Sums instead of matrix products, which BLAS may round differently in a larger batch.
         rim_x, rim_y = self._rim_directions
@@ -217,7 +211,8 @@ class WheelCompliance:
         wheel_speed = np.hypot(
             velocity[..., :1] + rim_spin * rim_x, velocity[..., 1:2] + rim_spin * rim_y
         )
-        stiffness = 1 / (lag[..., None] + creep[..., None] * wheel_speed / load)
+        lag, creep = state[..., LAG, None], state[..., CREEP, None]
+        stiffness = 1 / (lag + creep * wheel_speed / load)
         traction = stiffness * (deficit[..., :1] * rim_x + deficit[..., 1:2] * rim_y)
         turn_rate: Array = self._lever * traction.sum(-1) / stiffness.sum(-1)
-        return turn_rate
+        return turn_rate - (state[..., COUPLING] * deficit[..., :2]).sum(-1)

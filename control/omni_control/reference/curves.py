@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
 from omni_control.reference.sampled import SampledReference
@@ -36,25 +35,15 @@ class Curve:
     x = length / 2 sin u,  y = width / 2 sin(cycles u + phase)
 
     Args:
-        length, width: Extent in x and y, m.
+        length, width: Extent in x and y, above 0 m.
         cycles: Oscillations in y for one in x.
         phase: Phase of y at u = 0, rad.
-
-    Raises:
-        OmniError: Length or width is not a positive number.
     """
 
     length: float
     width: float
     cycles: int
     phase: float
-
-    def __post_init__(self) -> None:
-        """Check the extents."""
-        for name in ("length", "width"):
-            value = getattr(self, name)
-            if not 0 < value < np.inf:
-                raise OmniError(f"Curve.{name} must be a positive number of m, got {value}")
 
     def __call__(self, u: Array, derivative: int = 0) -> Array:
         """Return the points (n, 2) at parameters (n,), or a derivative of them by u, m."""
@@ -81,10 +70,6 @@ class CurveReference(SampledReference):
         laps: Number of laps, at least one.
         tangent: Whether the robot faces along its path, within its limits of turning. Otherwise its
             heading is 0.
-        settle_frames: Additional frames of rest at the end.
-
-    Raises:
-        OmniError: There is less than one lap.
     """
 
     def __init__(
@@ -94,23 +79,20 @@ class CurveReference(SampledReference):
         period: float,
         laps: int = 1,
         tangent: bool = False,
-        settle_frames: int = 0,
     ) -> None:
-        if laps < 1:
-            raise OmniError(f"the number of laps of a curve must be at least 1, not {laps}")
         path = partial(_get_poses, curve, tangent)
         poses = sample_path(path, _plan_timing(curve, limits, laps, tangent), limits, period)
         plan_timing = partial(_plan_timing_on_wheels, curve, limits, laps, tangent)
         poses = slow_down_for_wheels(poses, path, plan_timing, limits, period)
-        super().__init__(np.pad(poses, ((0, settle_frames), (0, 0)), "edge"), period)
+        super().__init__(poses, period)
 
 
 def _plan_timing(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> PathTiming:
     """Return the fastest timing of the laps within the limits of velocity and acceleration."""
     # The curve in the plane in which the limit of acceleration is a circle.
     isotropic = curve if tangent else replace(curve, width=limits.acceleration_ratio * curve.width)
-    u = np.linspace(0, 2 * np.pi, _N_CELLS * _round_aspect_ratio(isotropic) + 1)
-    step, arc_rate, curvature = _measure(isotropic, u)
+    n_cells = _N_CELLS * _round_aspect_ratio(isotropic)
+    u, step, arc_rate, curvature = _measure_cells(isotropic, n_cells)
     speed = limits.speed * (arc_rate / np.abs(_to_complex(curve(u, 1))))
     max_squared_speed = speed**2
     squared_speed = integrate_speed_profile(
@@ -134,8 +116,7 @@ def _plan_timing_on_wheels(
 ) -> PathTiming:
     """Return the fastest timing of the laps that needs a fraction of the wheels' capacity."""
     n_cells = min(_N_PROGRAM_CELLS * _round_aspect_ratio(curve), _N_CELLS)
-    u = np.linspace(0, 2 * np.pi, n_cells + 1)
-    step, arc_rate, curvature = _measure(curve, u)
+    u, step, arc_rate, curvature = _measure_cells(curve, n_cells)
     turning = (curvature[:-1] + curvature[1:]) / 2
     tangents = _to_complex(curve((u[:-1] + u[1:]) / 2, 1))
     direction = np.ones(n_cells) + 0j if tangent else tangents / np.abs(tangents)
@@ -165,18 +146,19 @@ def _make_timing(squared_speed: Array, arc_rate: Array) -> PathTiming:
     return PathTiming(2 * np.pi / len(lap), rate)
 
 
-def _measure(curve: Curve, u: Array) -> tuple[Array, Array, Array]:
-    """Return the lengths of cells, and quantities at their ends u (cells + 1,).
+def _measure_cells(curve: Curve, n_cells: int) -> tuple[Array, Array, Array, Array]:
+    """Return the geometry of a curve, divided into cells of equal ranges of the parameter.
 
     Returns:
-        Lengths (cells,) m; arc length per parameter (cells + 1,) m; and curvature (cells + 1,),
-        1/m, positive to the left.
+        Parameters u at the ends of the cells, (cells + 1,); lengths of the cells, (cells,) m; and,
+        at the ends, the arc length per parameter, m, and the curvature, 1/m, positive to the left.
     """
+    u = np.linspace(0, 2 * np.pi, n_cells + 1)
     # Arrays of x and y would round differently than complex numbers, and change results.
     tangent = _to_complex(curve(u, 1))
     arc_rate = np.abs(tangent)
     curvature = (_to_complex(curve(u, 2)) / tangent).imag / arc_rate
-    return u[1] * (arc_rate[:-1] + arc_rate[1:]) / 2, arc_rate, curvature
+    return u, u[1] * (arc_rate[:-1] + arc_rate[1:]) / 2, arc_rate, curvature
 
 
 def _to_complex(points: Array) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Limits of a motion: velocity, acceleration and jerk (section 3-A of the paper).
+"""Limits of motions and commands: velocity, acceleration and jerk (section 3-A of the paper).
 
 A robot accelerates differently forward and sideways (section 3-A: "not the same because of the
 robot's structure"). In between, the highest acceleration lies on an ellipse about the axes of its
@@ -7,6 +7,7 @@ body. In stretched coordinates the ellipse is a circle, and one limit holds for 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -168,6 +169,34 @@ class MotionLimits:
         return self.acceleration * ratio[:, None]
 
 
+class CommandLimiter:
+    """Limits the commands of n robots and the change of their commands from frame to frame.
+
+    Translation is limited by its norm, rotation by its absolute value.
+
+    Args:
+        limits: Limits of each of the n robots.
+        period: Length of a frame T, s.
+    """
+
+    def __init__(self, limits: Sequence[MotionLimits], period: float) -> None:
+        speed, turn_rate, acceleration, turn_acceleration = np.array(
+            [[s.speed, s.turn_rate, s.acceleration, s.turn_acceleration] for s in limits]
+        ).T[..., None]
+        self._max_command = speed, turn_rate
+        self._max_change = acceleration * period, turn_acceleration * period
+
+    def __call__(self, command: Array, last_command: Array) -> Array:
+        """Return the commands (n, 3) within the limits.
+
+        Args:
+            command: Desired commands [vx, vy, w], (n, 3), m/s and rad/s.
+            last_command: Commands sent in the previous frame, (n, 3).
+        """
+        change = _clip_translation_and_rotation(command, *self._max_command) - last_command
+        return last_command + _clip_translation_and_rotation(change, *self._max_change)
+
+
 def _max_norms(vectors: Array) -> tuple[float, float]:
     """Return the largest norm of the translation and of the rotation of vectors (n, 3)."""
     translation = np.hypot(vectors[:, 0], vectors[:, 1])
@@ -176,3 +205,13 @@ def _max_norms(vectors: Array) -> tuple[float, float]:
 
 def _compute_bearing(vector: Array) -> Array:
     return np.arctan2(vector[:, 1], vector[:, 0])
+
+
+def _clip_translation_and_rotation(
+    vectors: Array, max_translation: Array, max_rotation: Array
+) -> Array:
+    """Return vectors (n, 3), clipped to limits (n, 1) of the norm of [x, y] and of |z|."""
+    clipped = np.minimum(np.maximum(vectors, -max_rotation), max_rotation)
+    norm = np.hypot(vectors[:, :1], vectors[:, 1:2])
+    clipped[:, :2] = vectors[:, :2] * (max_translation / np.maximum(norm, max_translation))
+    return clipped

@@ -69,9 +69,10 @@ class SampledReference:
         """Number of frames, both ends included."""
         return len(self.poses)
 
-    def with_initial_rest(self, frames: int) -> "SampledReference":
-        """Return the reference with additional frames of rest at its start."""
-        return SampledReference(np.pad(self.poses, ((frames, 0), (0, 0)), "edge"), self.period)
+    def with_rest(self, initial_frames: int, final_frames: int = 0) -> "SampledReference":
+        """Return the reference with additional frames of rest at its start and at its end."""
+        rest = (initial_frames, final_frames), (0, 0)
+        return SampledReference(np.pad(self.poses, rest, "edge"), self.period)
 
     def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
         """Return poses and twists at a frame; see `Reference`.

@@ -42,7 +42,6 @@ class TimedReference(SampledReference):
         limits: Motion limits.
         period: Length of a frame, s.
         dwell_frames: Additional frames of rest at each way-point after the start.
-        settle_frames: Additional frames of rest at the end.
 
     Raises:
         OmniError: There are no way-points, or one is not three finite numbers.
@@ -54,7 +53,6 @@ class TimedReference(SampledReference):
         limits: MotionLimits,
         period: float,
         dwell_frames: int = 0,
-        settle_frames: int = 0,
     ) -> None:
         points = as_poses(waypoints)
         # Laps repeat their segments.
@@ -65,8 +63,7 @@ class TimedReference(SampledReference):
         poses = [points[:1]]
         for i in indices.ravel():
             poses += [planned[i], np.repeat(segments[i, 1:], dwell_frames, axis=0)]
-        settled = np.pad(np.concatenate(poses), ((0, settle_frames), (0, 0)), "edge")
-        super().__init__(settled, period)
+        super().__init__(np.concatenate(poses), period)
 
 
 def _plan_segments(segments: Array, limits: MotionLimits, period: float) -> list[Array]:
@@ -139,13 +136,12 @@ def _plan_smooth(start: Array, end: Array, limits: MotionLimits, period: float) 
         return poses if limits.compute_time_scale(poses, period) <= 1 + ROUNDING else None
 
     enough = 1
-    while (poses := drive(enough)) is None:
+    while drive(enough) is None:
         enough *= 2
-    candidates = range(enough)
     shortest = bisect_left(
-        candidates, True, lo=enough // 2, key=lambda frames: drive(frames) is not None
+        range(enough), True, lo=enough // 2, key=lambda frames: drive(frames) is not None
     )
-    return poses if shortest == enough else drive(shortest)  # type: ignore[return-value]
+    return drive(shortest)  # type: ignore[return-value]
 
 
 def _smooth_step(distance: float, speed: float, jerk: float, frames: int) -> Array | None:

@@ -1,7 +1,6 @@
 """A bench of a team's parts: the internal names of `omni_control` that its tests use."""
 # ruff: noqa: F401
 
-from omni_control.command_limiter import CommandLimiter
 from omni_control.controllers.adaptive import AdaptiveCompFlc, anticipate
 from omni_control.controllers.baselines import (
     Lqr,
@@ -30,8 +29,9 @@ from omni_control.estimation.motion_model import (
     INVERSE_GAIN,
     LAG,
     LATENCY,
+    SIZE,
     MotionModel,
-    WheelCompliance,
+    YawCoupling,
 )
 from omni_control.estimation.outlier_gate import MAX_REJECTIONS, MAX_REPEATS, OutlierGate
 from omni_control.estimation.robot_ekf import RobotEkf
@@ -41,4 +41,5 @@ from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_b
 from omni_control.reference import PerRobotReference, Reference
 from omni_control.reference.curves import CURVES, Curve, CurveReference
 from omni_control.reference.iterated import ARRIVAL_RADIUS_M
+from omni_control.reference.motion_limits import CommandLimiter
 from omni_control.traction import compute_traction_limits
