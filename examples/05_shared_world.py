@@ -16,4 +16,4 @@ log = sim.run()
 
 error = np.linalg.norm((log.channel("pose") - log.channel("ref"))[..., :2], axis=-1)
 for row, max_error in zip(sim.rows, error.max(0), strict=True):
-    print(f"world {row.world}, slot {row.slot}: maximum error {100 * max_error:.2f} cm")
+    print(f"world {row.world_index}, slot {row.slot}: maximum error {100 * max_error:.2f} cm")

@@ -114,7 +114,7 @@ def describe(name: str, overrides: Sequence[str] = (), robot: str | None = None)
             anything but a scenario.
     """
     from omni_control.controllers.registry import CONTROLLERS
-    from omni_mj.config.plugins import is_class_reference
+    from omni_mj.config.plugins import is_class_path
 
     scenarios, robots = toml_files.find_builtin_scenarios(), robot_files.find_builtin_robots()
     is_file = name.endswith(".toml")
@@ -122,7 +122,7 @@ def describe(name: str, overrides: Sequence[str] = (), robot: str | None = None)
         kind, describe_entry = "robot", _describe_robot
     elif name in scenarios or is_file:
         return _describe_scenario(name, overrides, robot)
-    elif name in CONTROLLERS or is_class_reference(name):
+    elif name in CONTROLLERS or is_class_path(name):
         kind, describe_entry = "controller", _describe_controller
     else:
         suggestion = suggest_names(name, [*scenarios, *robots, *CONTROLLERS])

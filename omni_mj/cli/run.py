@@ -130,7 +130,7 @@ def run_and_save(
             for recording in recordings:
                 recording.write()
         result = run_scenario.build_result(simulation, outcome)
-        allow_code = ["--allow-code"] * scenario.references_code
+        allow_code = ["--allow-code"] * scenario.names_user_code
         words = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml"), *allow_code]
         result.repeat_command = shlex.join(words) if study == "run" else console.command_line()
         result.save_files(folder)

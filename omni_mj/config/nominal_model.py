@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 # Fields of [control] that are derived here.
 ASSUMPTIONS = (
     "assumed_lag_s",
-    "assumed_drag_m_s",
+    "assumed_friction_loss_m_s",
     "assumed_creep_s2_m",
     "assumed_creep_sideways_s2_m",
     "assumed_alpha_forward",
@@ -63,7 +63,7 @@ ASSUMPTIONS = (
 # overshoots, so alpha is unknown, too.
 INTEGRAL_ACTION_ASSUMPTIONS = {
     "assumed_lag_s": 0.02,
-    "assumed_drag_m_s": 0.04,
+    "assumed_friction_loss_m_s": 0.04,
     "assumed_alpha_forward": 0.0,
     "assumed_alpha_sideways": 0.0,
 }
@@ -108,7 +108,7 @@ def derive_assumptions(
         inverse_gain += scale * (1 / law.gain[:2] - 1 + without_creep)
     values = {
         "assumed_lag_s": round(float(compute_lag(settings).mean()), 4),
-        "assumed_drag_m_s": round(float(compute_drag(settings).mean()), 3),
+        "assumed_friction_loss_m_s": round(float(compute_friction_loss(settings).mean()), 3),
         "assumed_creep_s2_m": creep,
         "assumed_creep_sideways_s2_m": round(scale * float(law.time[1]), 4),
         "assumed_alpha_forward": round(float(1 / inverse_gain[0]), 3),
@@ -141,7 +141,7 @@ def compute_lag(settings: "Settings") -> Array:
     return np.asarray(settings.body.mass_kg / compute_speed_stiffness(settings))
 
 
-def compute_drag(settings: "Settings") -> Array:
+def compute_friction_loss(settings: "Settings") -> Array:
     """Return the speed that dry friction costs forward and sideways, (2,), m/s.
 
     The friction is the rolling resistance of the carpet, the friction of gears and motors, tau / r

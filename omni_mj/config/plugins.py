@@ -43,7 +43,7 @@ def find_controller(spec: ControllerSpec) -> type[Controller]:
     name = str(spec)
     if name in CONTROLLERS:
         return load_controller_class(name)
-    if not is_class_reference(name):
+    if not is_class_path(name):
         hint = suggest_names(name, sorted(CONTROLLERS))
         raise OmniError(f"unknown controller {name!r}; {hint}, or a class of yours: file.py:Class")
     return load_class(
@@ -66,7 +66,7 @@ def find_plant(name: str) -> type[Any]:
         module, _, class_name = PLANTS[name].partition(":")
         plant_class: type[Any] = getattr(import_module(module), class_name)
         return plant_class
-    if not is_class_reference(name):
+    if not is_class_path(name):
         hint = suggest_names(name, PLANTS)
         raise OmniError(f"unknown plant {name!r}; {hint}, or a class of yours: file.py:Class")
     user_class = load_class(
@@ -105,7 +105,7 @@ def format_controller_spec(spec: ControllerSpec) -> str:
     return f"{file}:{spec.__qualname__}"
 
 
-def check_controller_parameters(
+def validate_controller_parameters(
     parameters: Mapping[str, Mapping[str, Any]], controllers: Iterable[ControllerSpec]
 ) -> dict[str, dict[str, Any]]:
     """Return validated parameters of controllers. An int becomes a float where one is needed.
@@ -132,7 +132,7 @@ def check_controller_parameters(
     return result
 
 
-def is_class_reference(name: str) -> bool:
+def is_class_path(name: str) -> bool:
     """Return whether a name has the form `file.py:Class`. The file need not exist."""
     file, colon, _ = name.rpartition(":")
     return bool(colon) and file.endswith(".py")

@@ -123,7 +123,7 @@ class FirmwareSettings(SettingsModel):
     kp: float = setting(0.3, "V s/rad", "proportional gain of a wheel loop", 0, 100)
     ki: float = setting(0.0, "V/rad", "integral gain of a wheel loop", 0, 1000)
     kd: float = setting(0.0, "V s^2/rad", "derivative gain of a wheel loop", 0, 1)
-    feed_forward: float = setting(
+    feedforward: float = setting(
         1.0, "", "feedforward gain: fraction of the desired speed's back-EMF", 0, 2
     )
     nominal_voltage_v: float = setting(

@@ -12,7 +12,7 @@ class Row:
     """One robot.
 
     Attributes:
-        world: Number of its world. Rows of one world interact, and are consecutive.
+        world_index: Index of its world. Rows of one world interact, and are consecutive.
         slot: Index of the robot in its world.
         controller: Label of its controller.
         seed: Seed of its random numbers, and of its world.
@@ -20,7 +20,7 @@ class Row:
         robot: Name or file of the robot.
     """
 
-    world: int
+    world_index: int
     slot: int
     controller: str
     seed: int

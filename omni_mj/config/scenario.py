@@ -69,12 +69,10 @@ class Scenario(SettingsModel):
         return tuple(plugins.label_controller(spec) for spec in self.controllers)
 
     @property
-    def references_code(self) -> bool:
+    def names_user_code(self) -> bool:
         """Whether its file names code: a controller or plant in a user's file."""
         specs = (*self.controllers, self.plant)
-        return any(
-            plugins.is_class_reference(plugins.format_controller_spec(spec)) for spec in specs
-        )
+        return any(plugins.is_class_path(plugins.format_controller_spec(spec)) for spec in specs)
 
     @property
     def seed_list(self) -> list[int]:
@@ -124,7 +122,7 @@ class Scenario(SettingsModel):
         for label, values in parameters.items():
             blocks.append((f"[controller.{format_toml_key(label)}]", values))
         blocks += [("[[fault]]", values) for values in fault_tables]
-        lines = [f"{name} = {format_toml_value(head[name])}" for name in HEAD_FIELDS]
+        lines = [f"{name} = {format_toml_value(head[name])}" for name in TOP_LEVEL_FIELDS]
         for heading, values in blocks:
             lines += ["", heading]
             lines += [
@@ -189,14 +187,14 @@ class Scenario(SettingsModel):
                 fault_checks.check_plant_supports(settings.fault, head["plant"])
         if "controllers" in head:
             with collect_errors(errors):
-                parameters = plugins.check_controller_parameters(parameters, head["controllers"])
+                parameters = plugins.validate_controller_parameters(parameters, head["controllers"])
         raise_errors(errors)
         if parameters == settings.controller:
             return settings
         return settings.replace(controller=parameters)
 
 
-HEAD_FIELDS = tuple(
+TOP_LEVEL_FIELDS = tuple(
     name for name in Scenario.model_fields if name not in ("settings", "distributions")
 )
 
@@ -273,7 +271,7 @@ def load_with_overrides(
     known_names = {**Settings.model_fields, **Scenario.model_fields}
     for key, value in data.items():
         is_section = key in known_names or isinstance(value, (Mapping, SettingsModel))
-        target = settings_sections if is_section and key not in HEAD_FIELDS else fields
+        target = settings_sections if is_section and key not in TOP_LEVEL_FIELDS else fields
         target[key] = value
     with collect_errors(errors):
         fields["settings"], fields["distributions"] = distributions.split_distributions(
@@ -299,7 +297,7 @@ def _check_no_code(data: Mapping[str, Any], head: Mapping[str, Any]) -> None:
         "yourself by --plant or --controller, or allow it by --allow-code "
         "(in Python: allow_code=True)"
         for spec in specs
-        if isinstance(spec, str) and plugins.is_class_reference(spec)
+        if isinstance(spec, str) and plugins.is_class_path(spec)
     )
 
 
@@ -328,6 +326,6 @@ def build_json_schema() -> dict[str, Any]:
         "title": "a scenario of omni-mj",
         "type": "object",
         "additionalProperties": False,
-        "properties": {name: scenario["properties"][name] for name in HEAD_FIELDS} | sections,
+        "properties": {name: scenario["properties"][name] for name in TOP_LEVEL_FIELDS} | sections,
         "$defs": definitions,
     }

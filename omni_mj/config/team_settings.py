@@ -103,7 +103,7 @@ class ControlSettings(SettingsModel):
         0,
         1,
     )
-    assumed_drag_m_s: float = setting(
+    assumed_friction_loss_m_s: float = setting(
         ...,
         "m/s",
         "wheeled plants: assumed speed loss by dry friction; default: from the gains; 0: unknown",

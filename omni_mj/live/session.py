@@ -240,7 +240,7 @@ def _find_radio(name: str) -> type[TeamRadio]:
     Raises:
         OmniError: There is no such class.
     """
-    if not plugins.is_class_reference(name):
+    if not plugins.is_class_path(name):
         raise OmniError(f"--radio must be file.py:Class, got {name!r}")
     return plugins.load_class(
         name,

@@ -55,7 +55,7 @@ def check_start_poses(rows: Sequence[Row], model: mujoco.MjModel, positions: Arr
         for contact in data.contact:
             if contact.dist < -_MAX_OVERLAP_M:
                 body, other_body = (model.geom(geom).name for geom in contact.geom)
-                world_number = rows[world * len(rows) // len(positions)].world
+                world_number = rows[world * len(rows) // len(positions)].world_index
                 raise OmniError(
                     f"world {world_number}: {body!r} and {other_body!r} start in each other, "
                     f"{-1e3 * contact.dist:.0f} mm deep; move their start poses apart"

@@ -111,7 +111,7 @@ def make_firmware_parameters(
         kp=values("kp"),
         ki=values("ki") if has_integral else None,
         kd=values("kd") if has_integral else None,
-        feedforward=values("feed_forward") * back_emf_constant,
+        feedforward=values("feedforward") * back_emf_constant,
         nominal_back_emf_constant=back_emf_constant,
         nominal_resistance=gather(settings, "motor.resistance_ohm"),
         nominal_voltage=values("nominal_voltage_v"),

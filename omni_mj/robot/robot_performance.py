@@ -28,10 +28,10 @@ def load_robot(name_or_path: str | Path) -> Robot:
                                     `carpet.friction`
         tipping_limit_m_s2          acceleration, in the worst direction, that lifts a wheel
         lag_forward_s               time constant of the closed speed loop at low speed
-        drag_forward_m_s            speed lost to dry friction
+        friction_loss_forward_m_s   speed lost to dry friction
 
-    `settings.control` holds the model that the robot's team assumes: lag_s, drag_m_s, creep_s2_m,
-    alpha_forward and others.
+    `settings.control` holds the model that the robot's team assumes: assumed_lag_s,
+    assumed_friction_loss_m_s, assumed_creep_s2_m, assumed_alpha_forward and others.
 
     Args:
         name_or_path: Name of a built-in robot, or the path of a .toml file.
@@ -67,7 +67,7 @@ def _derive_facts(settings: Settings) -> Mapping[str, float]:
             kinematics, settings.carpet.friction, body.com_height_m
         ),
         "lag_{}_s": nominal_model.compute_lag(settings),
-        "drag_{}_m_s": nominal_model.compute_drag(settings),
+        "friction_loss_{}_m_s": nominal_model.compute_friction_loss(settings),
     }
     facts = {"mass_kg": body.mass_kg, "tipping_limit_m_s2": tipping_limit}
     for name, (forward, sideways) in axis_facts.items():

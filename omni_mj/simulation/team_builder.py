@@ -93,7 +93,7 @@ def build_team_model(settings: Settings, geometry: Kinematics, has_wheels: bool)
         period=PERIOD_S,
         delay_frames=max(settings.radio.delay_frames + control.delay_error_frames, 0),
         lag_s=control.assumed_lag_s if has_wheels else NEGLIGIBLE,
-        drag_m_s=control.assumed_drag_m_s if has_wheels else NEGLIGIBLE,
+        friction_loss_m_s=control.assumed_friction_loss_m_s if has_wheels else NEGLIGIBLE,
         creep_s2_m=control.assumed_creep_s2_m if has_wheels else NEGLIGIBLE,
         creep_sideways_s2_m=control.assumed_creep_sideways_s2_m if has_wheels else NEGLIGIBLE,
         alpha=alpha if has_wheels and min(alpha) > 0 else None,

@@ -93,8 +93,10 @@ def select_robots(log: Log, max_per_world: int | None = None) -> list[RecordedRo
     robots: list[RecordedRobot] = []
     indices = style.style_indices(row.controller for row in log.rows)
     for layer, (controller, style_index) in enumerate(indices.items()):
-        world = log.rows[log.first_row_of(controller)].world
-        rows = [row for row in log.rows_of(controller).tolist() if log.rows[row].world == world]
+        world = log.rows[log.first_row_of(controller)].world_index
+        rows = [
+            row for row in log.rows_of(controller).tolist() if log.rows[row].world_index == world
+        ]
         rows = rows[:max_per_world]
         for k, row in enumerate(rows):
             name = controller if len(rows) == 1 else f"{controller}/{log.rows[row].slot}"

@@ -35,8 +35,8 @@ class Cheat(om.Controller):
     def command(self, frame, observation):
         if self.model.delay_frames == 9:
             raise RuntimeError("no such delay")
-        target, feed_forward = self.reference.at(frame, observation.pose)
-        return feed_forward + 4 * (target - observation.pose)
+        target, feedforward = self.reference.at(frame, observation.pose)
+        return feedforward + 4 * (target - observation.pose)
 """
 
 

@@ -33,9 +33,9 @@ class Mine(om.Controller):
 
     def command(self, frame, observation):
         self.predicted_pose = observation.pose
-        target, feed_forward = self.reference.at(frame, observation.pose)
+        target, feedforward = self.reference.at(frame, observation.pose)
         self.channels = {"error": target - observation.pose}
-        return feed_forward + self.gain * (target - observation.pose)
+        return feedforward + self.gain * (target - observation.pose)
 '''
 
 

@@ -37,8 +37,8 @@ class Mine(om.Controller):
     share: float = 1.0
 
     def command(self, frame, observation):
-        target, feed_forward = self.reference.at(frame, observation.pose)
-        return feed_forward + 4.0 * self.share * (target - observation.pose)
+        target, feedforward = self.reference.at(frame, observation.pose)
+        return feedforward + 4.0 * self.share * (target - observation.pose)
 '''
 TOY = """
 import numpy as np

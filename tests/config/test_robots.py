@@ -280,11 +280,13 @@ def test_assumptions_match_the_simulated_robot(name: str) -> None:
     assert assumed.assumed_lag_s == pytest.approx(
         (facts["lag_forward_s"] + facts["lag_sideways_s"]) / 2, rel=0.25
     )
-    assert assumed.assumed_drag_m_s == pytest.approx(
-        (facts["drag_forward_m_s"] + facts["drag_sideways_m_s"]) / 2, abs=1e-3
+    assert assumed.assumed_friction_loss_m_s == pytest.approx(
+        (facts["friction_loss_forward_m_s"] + facts["friction_loss_sideways_m_s"]) / 2, abs=1e-3
     )
     reached = np.diag(simulate(name, np.tile(np.eye(3)[:2], (90, 1, 1))).plant.twist()[:, :2])
-    reached = reached / (1 - np.array([facts["drag_forward_m_s"], facts["drag_sideways_m_s"]]))
+    reached = reached / (
+        1 - np.array([facts["friction_loss_forward_m_s"], facts["friction_loss_sideways_m_s"]])
+    )
     assert (assumed.assumed_alpha_forward, assumed.assumed_alpha_sideways) == pytest.approx(
         tuple(reached), abs=0.015
     )
@@ -305,8 +307,8 @@ def test_assumptions_follow_the_robot_file_and_ignore_the_scenario(
     robot_file.write_text(text + "\n[control]\nassumed_lag_s = 0.07\n")
     assert om.load_robot(robot_file).settings.control.assumed_lag_s == 0.07
     assert (
-        om.load_robot(robot_file).settings.control.assumed_drag_m_s
-        == robot.control.assumed_drag_m_s
+        om.load_robot(robot_file).settings.control.assumed_friction_loss_m_s
+        == robot.control.assumed_friction_loss_m_s
     )
     assert (
         om.load_scenario(

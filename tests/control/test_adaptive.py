@@ -11,9 +11,9 @@ LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0]]
 LEAD, SECOND = 15, 60
 ROUTE = TimedReference(PATH, LIMITS, T).with_rest(LEAD, SECOND)
-RIGHT = {"lag_s": 0.0267, "creep_s2_m": 0.06, "drag_m_s": 0.0375, "alpha": (0.92, 0.87)}
-NONE = {"lag_s": 0.01, "creep_s2_m": 1e-6, "drag_m_s": 0.04, "alpha": None}
-UNKNOWN = {"lag_s": 0.0, "creep_s2_m": 0.0, "drag_m_s": 0.0}
+RIGHT = {"lag_s": 0.0267, "creep_s2_m": 0.06, "friction_loss_m_s": 0.0375, "alpha": (0.92, 0.87)}
+NONE = {"lag_s": 0.01, "creep_s2_m": 1e-6, "friction_loss_m_s": 0.04, "alpha": None}
+UNKNOWN = {"lag_s": 0.0, "creep_s2_m": 0.0, "friction_loss_m_s": 0.0}
 
 
 def team(name: str, delay: int = 6, route: Reference = ROUTE, n: int = 1, **known: object) -> Team:

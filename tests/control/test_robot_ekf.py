@@ -27,13 +27,19 @@ from scipy.optimize import brentq
 from omni_control import CommandHistory, Kinematics, Observation, TeamModel
 
 MODEL = TeamModel(
-    T, 6, lag_s=0.0267, creep_s2_m=0.06, drag_m_s=0.0375, alpha=(0.92, 0.87), geometry=WHEELS
+    T,
+    6,
+    lag_s=0.0267,
+    creep_s2_m=0.06,
+    friction_loss_m_s=0.0375,
+    alpha=(0.92, 0.87),
+    geometry=WHEELS,
 )
 FRICTIONLESS = TeamModel(
-    T, 6, lag_s=0.0267, creep_s2_m=0.06, drag_m_s=0.0, alpha=(0.92, 0.87), geometry=WHEELS
+    T, 6, lag_s=0.0267, creep_s2_m=0.06, friction_loss_m_s=0.0, alpha=(0.92, 0.87), geometry=WHEELS
 )
 # Without geometry, driving does not turn the robot.
-UNCOUPLED = TeamModel(T, 6, lag_s=0.04, creep_s2_m=0.06, drag_m_s=0.0, alpha=(0.9, 0.8))
+UNCOUPLED = TeamModel(T, 6, lag_s=0.04, creep_s2_m=0.06, friction_loss_m_s=0.0, alpha=(0.9, 0.8))
 number = st.floats(-1, 1)
 
 

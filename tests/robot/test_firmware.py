@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.settings import Settings
 
-PURE: dict[str, Any] = {"turn_rate_gain": 0.0, "feed_forward": 0.0, "kp": 0.1}
+PURE: dict[str, Any] = {"turn_rate_gain": 0.0, "feedforward": 0.0, "kp": 0.1}
 
 
 def settings(**firmware: Any) -> Settings:

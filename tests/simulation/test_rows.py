@@ -146,7 +146,7 @@ def test_robots_of_one_world_drive_beside_each_other(plant: str) -> None:
     )
     log = together.run()
     assert not together.failures
-    assert [(row.world, row.slot, row.seed) for row in together.rows] == [
+    assert [(row.world_index, row.slot, row.seed) for row in together.rows] == [
         (0, 0, 0),
         (0, 1, 0),
         (1, 0, 1),

@@ -38,7 +38,7 @@ class TeamModel:
         delay_frames: Nominal dead time k_d from command to robot, frames.
         lag_s: Time constant of the robots' wheel loops, s; 0: unknown.
         position_noise_m, heading_noise_rad: Standard deviation of a vision measurement, per axis.
-        drag_m_s: Speed that a robot loses to dry friction, m/s; 0: unknown.
+        friction_loss_m_s: Speed that a robot loses to dry friction, m/s; 0: unknown.
         creep_s2_m: Creep of the wheels per forward acceleration, relative to the speed, s^2/m;
             0: unknown.
         creep_sideways_s2_m: Same for sideways acceleration, s^2/m. Default: computed from
@@ -60,7 +60,7 @@ class TeamModel:
     lag_s: float = 0.02
     position_noise_m: float = 0.0013
     heading_noise_rad: float = 0.01
-    drag_m_s: float = 0.04
+    friction_loss_m_s: float = 0.04
     creep_s2_m: float = 0.05
     creep_sideways_s2_m: float | None = None
     alpha: tuple[float, float] | None = None

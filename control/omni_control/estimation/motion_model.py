@@ -78,7 +78,7 @@ class MotionModel:
                 model.delay_frames,
                 model.creep_s2_m,
                 max(FORWARD_LAG * model.lag_s, MIN_LAG_S),
-                FORWARD_FRICTION * model.drag_m_s,
+                FORWARD_FRICTION * model.friction_loss_m_s,
             ]
         )
 

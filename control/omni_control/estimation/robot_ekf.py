@@ -117,7 +117,7 @@ class RobotEkf:
         forward_sideways = [FORWARD_GAIN, SIDEWAYS_GAIN]
         correlation[forward_sideways, forward_sideways[::-1]] = GAIN_CORRELATION
         gain_sigma, *relative = KNOWN_SIGMA if model.alpha else UNKNOWN_SIGMA
-        is_unknown = np.equal([model.creep_s2_m, model.lag_s, model.drag_m_s], 0)
+        is_unknown = np.equal([model.creep_s2_m, model.lag_s, model.friction_loss_m_s], 0)
         sigma = np.zeros(SIZE)
         sigma[UNMEASURED] = [
             *DISTURBANCE_SIGMA,

@@ -17,7 +17,7 @@ FIELDS = {
     "wheels.roller_friction": ("drivetrain", "roller_friction"),
     "commands.latency_s": ("radio", "delay_frames"),
     "commands.lag_forward_s": ("control", "assumed_lag_s"),
-    "commands.friction_forward_m_s": ("control", "assumed_drag_m_s"),
+    "commands.friction_forward_m_s": ("control", "assumed_friction_loss_m_s"),
     "commands.creep_forward_s2_m": ("control", "assumed_creep_s2_m"),
     "commands.creep_sideways_s2_m": ("control", "assumed_creep_sideways_s2_m"),
     "commands.gain_forward": ("control", "assumed_alpha_forward"),

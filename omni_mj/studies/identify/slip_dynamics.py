@@ -164,7 +164,7 @@ class RobotDynamics:
         constant, gain = motor.wheel_back_emf_v_s, firmware.kp + motor.wheel_back_emf_v_s
         softness = nominal_model.compute_rim_compliance(settings)
         return nominal | {
-            "scale": 1 - (1 - firmware.feed_forward) * constant / gain,
+            "scale": 1 - (1 - firmware.feedforward) * constant / gain,
             "compliance_s": settings.body.mass_kg * softness,
             "dry_friction_m_s": settings.hub_friction_nm / self.wheel_radius * softness,
             "turn_rate_gain": firmware.turn_rate_gain,

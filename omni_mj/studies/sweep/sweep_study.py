@@ -176,7 +176,7 @@ def create_simulation(plan: SweepPlan, shard: Shard) -> Simulation:
     for point, seed in shard.runs:
         scenario = scenarios[point]
         for row in build_rows(scenario.labels, [seed], scenario.settings_for_seed, scenario.robot):
-            world = rows[-1].world + (row.slot == 0) if rows else 0
+            world = rows[-1].world_index + (row.slot == 0) if rows else 0
             rows.append(Row(world, row.slot, row.controller, row.seed, row.settings, row.robot))
     return Simulation(scenarios[shard.runs[0][0]], rows=rows)
 

@@ -28,7 +28,7 @@ ROUTE = {"waypoints": [[0, 0], [0.5, 0.3], [0.5, 0.0]], "settle_s": 0.3}
 # Assumptions about robots that follow commands exactly; alpha is unknown, as for equation 7
 EXACT = {
     "assumed_lag_s": 0.0,
-    "assumed_drag_m_s": 0.0,
+    "assumed_friction_loss_m_s": 0.0,
     "assumed_creep_s2_m": 0.0,
     "assumed_alpha_forward": 0.0,
     "assumed_alpha_sideways": 0.0,

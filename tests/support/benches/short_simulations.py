@@ -138,7 +138,7 @@ def isolate_row(simulated: Simulation, row: int) -> Simulation:
     """Return a simulation of one of the rows by itself."""
     row_settings = simulated.rows[row]
     return Simulation(
-        simulated.scenario, [row_settings.controller], rows=[replace(row_settings, world=0)]
+        simulated.scenario, [row_settings.controller], rows=[replace(row_settings, world_index=0)]
     )
 
 
