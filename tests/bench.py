@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benches.plant import receive_at_once
 from mujoco import MjData, mj_step
 from mujoco.batch import Batch
 
@@ -90,7 +91,7 @@ def report(robots: int, wheels: str) -> dict[str, float]:
     recorded.plant._batch = recorder
     log = recorded.run()
     assert not recorded.failures
-    commands = [ReceivedCommand.without_delay(command) for command in log.channel("applied")]
+    commands = [receive_at_once(command) for command in log.channel("applied")]
 
     def prepare_bare() -> Callable[[], object]:
         step, ctrl = (
@@ -125,7 +126,7 @@ def report_planar(robots: int) -> dict[str, float]:
         for backend in BACKENDS
     }
     log = Simulation(chosen["numpy"]).run()
-    commands = [ReceivedCommand.without_delay(command) for command in log.channel("applied")]
+    commands = [receive_at_once(command) for command in log.channel("applied")]
 
     simulated = len(commands) * PERIOD_S * robots
     times = measure_fastest(_make_tasks(chosen, commands), ROUNDS)

@@ -6,7 +6,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -114,7 +113,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         self._observations = np.zeros((num_envs, size), np.float32)
         self._terminated, self._truncated = np.ones((2, num_envs), bool)
         self._batches: list[EpisodeBatch] = []
-        self._generators: list[np.random.Generator | None] = [None] * num_envs
+        self._generators = [np.random.default_rng() for _ in range(num_envs)]
 
     def reset(
         self,
@@ -149,18 +148,16 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
                 f"actions must be finite numbers {(self.num_envs, 3)}, got shape {actions.shape}"
             )
         had_ended = self._terminated | self._truncated
-        reward, position_error, heading_error = np.zeros((3, self.num_envs))
+        results = np.zeros((5, self.num_envs))
         self._batches = [batch for batch in self._batches if self._is_running(batch).any()]
         for batch in self._batches:
             is_running, robots = self._is_running(batch), batch.robots
-            result = self._step_batch(batch, actions[robots])
-            for values, row_values in zip(
-                (reward, position_error, heading_error, self._terminated, self._truncated),
-                result,
-                strict=True,
-            ):
-                values[robots[is_running]] = row_values[is_running]
+            batch_results = self._step_batch(batch, actions[robots])
+            results[:, robots[is_running]] = batch_results[:, is_running]
             self._update_observations(batch, is_running)
+        reward, position_error, heading_error = results[:3]
+        self._terminated |= results[3] > 0
+        self._truncated |= results[4] > 0
         info: dict[str, Any] = {}
         if not had_ended.all():
             info = {"position_error_m": position_error, "heading_error_rad": heading_error}
@@ -170,9 +167,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
         return self._observations.copy(), reward, terminated, truncated, info
 
-    def _step_batch(
-        self, batch: EpisodeBatch, actions: Array
-    ) -> tuple[Array, Array, Array, Bools, Bools]:
+    def _step_batch(self, batch: EpisodeBatch, actions: Array) -> Array:
         """Advance a batch by a frame.
 
         Args:
@@ -180,7 +175,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
             actions: Actions of its rows, (n, 3).
 
         Returns:
-            Reward, position error (m), heading error (rad), terminated and truncated, (n,) each.
+            Reward, position error (m), heading error (rad), terminated and truncated, (5, n).
         """
         simulation = batch.simulation
         command = observations.decode_action(actions, simulation.observe(), batch.limits)
@@ -198,7 +193,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         remaining_frames = batch.last_frame - simulation.frame
         cost += np.where(terminated, max_cost * remaining_frames, 0.0)
         truncated = (simulation.frame >= batch.last_frame) & ~terminated
-        return -cost, position_error, heading_error, terminated, truncated
+        return np.array([-cost, position_error, heading_error, terminated, truncated])
 
     def _start_episodes(
         self, robots: NDArray[np.intp], seeds: Sequence[int | None]
@@ -211,10 +206,12 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
             batch.robots[np.isin(batch.robots, robots)] = -1
         groups: dict[object, dict[int, Row]] = {}
         for i in robots.tolist():
-            generator, seed = self._generators[i], seeds[i]
-            if seed is not None or generator is None:
-                self._generators[i] = generator = seeding.np_random(seed)[0]
-            used_seeds[i] = seed = int(generator.integers(MAX_SEED)) if seed is None else seed
+            seed = seeds[i]
+            if seed is None:
+                seed = int(self._generators[i].integers(MAX_SEED))
+            else:
+                self._generators[i] = np.random.default_rng(seed)
+            used_seeds[i] = seed
             settings = self.scenario.settings_for_seed(seed)
             rows = groups.setdefault(batch_key(self.scenario.plant, settings), {})
             rows[i] = Row(

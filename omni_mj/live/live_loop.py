@@ -156,7 +156,7 @@ class Live(Simulation):
                     for number, values in zip(self.ids, columns, strict=True)
                 ]
             )
-        return ReceivedCommand.without_delay(command, heading)
+        return ReceivedCommand(command, heading, np.zeros(len(command), int))
 
     def stop(self) -> None:
         """Command all robots to stop. Repeat it, because packets may be lost."""

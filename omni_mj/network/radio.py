@@ -40,13 +40,6 @@ class ReceivedCommand(NamedTuple):
     in_body_frame: np.ndarray | None = None
     rim_speeds: Array | None = None
 
-    @classmethod
-    def without_delay(cls, command: Array, heading: Array | None = None) -> "ReceivedCommand":
-        """Return commands (n, 3) that arrive at once, with headings (n,) or NaN."""
-        n = len(command)
-        heading = np.full(n, np.nan) if heading is None else heading
-        return cls(command, heading, np.zeros(n, int), np.ones(n, bool))
-
 
 def compute_max_delay_frames(settings: RadioSettings, faults: Sequence[Fault]) -> int:
     """Return the longest time that a packet can take, frames."""

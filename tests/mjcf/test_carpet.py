@@ -15,11 +15,11 @@ from benches.plant import (
     drive,
     noiseless,
     read_sensors,
+    receive_at_once,
 )
 from benches.plant import mujoco as plant_of
 
 from omni_mj.mjcf import world_builder
-from omni_mj.network.radio import ReceivedCommand
 
 # A stiff wheel loop, so that the firmware does not hide the contact.
 SHARP = {"firmware": STIFF}
@@ -78,7 +78,7 @@ def test_sensors_lag_by_a_cycle_at_any_time_step(substeps: int) -> None:
     for _ in range(6 * plant.cycles_per_frame):
         commanded = plant.telemetry()
         true.append([*commanded.wheel_angle[0], plant.twist()[0, 2]])
-        plant.advance_cycles(1, ReceivedCommand.without_delay(np.array([[0.5, 0.2, 3.0]])))
+        plant.advance_cycles(1, receive_at_once(np.array([[0.5, 0.2, 3.0]])))
         measured.append(read_sensors(plant))
     # The gyro feels the chassis's own axis, which tilts by less than a milliradian.
     np.testing.assert_allclose(np.array(measured)[:, :4], np.array(true)[:, :4], rtol=0, atol=1e-12)

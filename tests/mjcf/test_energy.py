@@ -5,11 +5,10 @@ from typing import Any
 import mujoco as mj
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, GRAVITY, MASS_KG, mujoco, noiseless
+from benches.plant import FRAME_S, GRAVITY, MASS_KG, mujoco, noiseless, receive_at_once
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mujoco_plant import MujocoPlant
 
 STATE = ("qpos", "qvel", "ctrl", "xfrc_applied")
@@ -108,10 +107,7 @@ def test_energy_audit_of_a_driven_robot(friction: float, substeps: int) -> None:
         # full motion.
         time = frame * FRAME_S
         twist = [1.8 * np.sin(4.5 * time), 0.8 * np.sin(3.0 * time), 4.0 * np.sin(6.0 * time)]
-        assert (
-            plant.advance(ReceivedCommand.without_delay(np.array([twist]), plant.pose()[:, 2]))
-            == {}
-        )
+        assert plant.advance(receive_at_once(np.array([twist]), plant.pose()[:, 2])) == {}
         currents.append(plant._record.current[:, :, 0])
         if frame == 0:
             constant = (

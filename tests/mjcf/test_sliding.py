@@ -12,12 +12,12 @@ from benches.plant import (
     constant,
     mujoco,
     noiseless,
+    receive_at_once,
 )
 from benches.step_recorder import StepRecorder
 from numpy.typing import NDArray
 
 from omni_mj.config.settings import Settings
-from omni_mj.network.radio import ReceivedCommand
 
 FORWARD, LEFT, DIAGONAL, TURN = np.array([[1, 0, 0], [0, 1, 0], [0.7, 0.7, 0], [0, 0, 12.0]])
 MODELS = ("rollers", "two-rollers")
@@ -129,9 +129,7 @@ def stands(height: float, friction: float) -> bool:
     )
     plant = mujoco([settings])
     return not any(
-        plant.advance(
-            ReceivedCommand.without_delay(3 * direction * FORWARD[None], plant.pose()[:, 2])
-        )
+        plant.advance(receive_at_once(3 * direction * FORWARD[None], plant.pose()[:, 2]))
         for direction in fraction
     )
 

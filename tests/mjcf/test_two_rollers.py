@@ -5,14 +5,13 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, ROLLERS, STIFF, constant, drive, noiseless, ramp
+from benches.plant import FRAME_S, ROLLERS, STIFF, constant, drive, noiseless, ramp, receive_at_once
 from benches.plant import mujoco as plant_of
 from benches.step_recorder import StepRecorder
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
 from omni_mj.mjcf import world_builder
-from omni_mj.network.radio import ReceivedCommand
 
 FAST = {"model": "two-rollers"}
 EITHER = (noiseless(), noiseless(wheels=FAST))
@@ -87,9 +86,7 @@ def test_both_wheel_models_drive_the_same_rectangle(turn: float) -> None:
         for desired, ahead in zip(route, speed, strict=True):
             path.append(plant.pose()[0])
             plant.advance(
-                ReceivedCommand.without_delay(
-                    (ahead + 3.0 * (desired - path[-1]))[None], plant.pose()[:, 2]
-                )
+                receive_at_once((ahead + 3.0 * (desired - path[-1]))[None], plant.pose()[:, 2])
             )
             slip.append(plant.telemetry().slip)
         paths.append(np.array(path))

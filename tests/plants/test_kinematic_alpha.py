@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, SIGMAS, rows, with_settings
+from benches.plant import FRAME_S, SIGMAS, receive_at_once, rows, with_settings
 from numpy.typing import NDArray
 from scipy import stats
 
 from omni_mj.config.settings import Settings
-from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.kinematic_plant import KinematicPlant
 
 
@@ -19,7 +18,7 @@ def alphas(settings: list[Settings], seeds: list[int], frames: int) -> NDArray:
     plant = KinematicPlant(rows(settings, seeds), np.zeros((n, 3)))
     result = np.empty((frames, n, 3))
     for frame in range(frames):
-        plant.advance(ReceivedCommand.without_delay(np.ones((n, 3))))
+        plant.advance(receive_at_once(np.ones((n, 3))))
         result[frame] = plant.twist()
     return result
 

@@ -7,11 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 from benches.plant import mujoco as plant_of
-from benches.plant import noiseless, rows, with_settings
+from benches.plant import noiseless, receive_at_once, rows, with_settings
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
-from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mujoco_plant import MujocoPlant
 
 # With this friction a braking robot tips over its wheels; on the league's carpet they slide. The
@@ -35,9 +34,7 @@ def run(
     for frame in range(frames):
         speed = np.minimum(max_speed, frame * 0.08) if frame < BRAKES else -max_speed
         command = np.stack([speed, 0 * speed, 0 * speed], axis=1)
-        for row, cause in plant.advance(
-            ReceivedCommand.without_delay(command, plant.pose()[:, 2])
-        ).items():
+        for row, cause in plant.advance(receive_at_once(command, plant.pose()[:, 2])).items():
             assert row not in failed, "reported once"
             failed[row] = frame, cause
         poses.append(plant.pose())

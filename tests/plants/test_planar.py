@@ -21,6 +21,7 @@ from benches.plant import (
     noiseless,
     planar,
     ramp,
+    receive_at_once,
     remove_roller_losses,
     set_twist,
     wheel_loads,
@@ -31,7 +32,6 @@ from scipy.integrate import solve_ivp
 import omni_mj as om
 from omni_control.errors import OmniError
 from omni_mj.config.resolve import resolve_settings
-from omni_mj.network.radio import ReceivedCommand
 
 STIFFNESS = 2.5
 NO_FRICTION = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
@@ -143,14 +143,14 @@ def test_a_robot_that_would_topple_stops_and_does_not_change_others() -> None:
     failures: dict[int, str] = {}
     for _ in range(10):
         failures |= plant.advance(
-            ReceivedCommand.without_delay(np.array([[0.0, 0, 0], [0.5, 0, 0]]), plant.pose()[:, 2])
+            receive_at_once(np.array([[0.0, 0, 0], [0.5, 0, 0]]), plant.pose()[:, 2])
         )
     assert list(failures) == [0]
     assert "topple" in failures[0]
     assert not plant.twist()[0].any()
     single = planar([noiseless()])
     for _ in range(10):
-        single.advance(ReceivedCommand.without_delay(np.array([[0.5, 0, 0]]), single.pose()[:, 2]))
+        single.advance(receive_at_once(np.array([[0.5, 0, 0]]), single.pose()[:, 2]))
     np.testing.assert_array_equal(plant.pose()[1], single.pose()[0])
 
 

@@ -4,7 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, SIGMAS, constant, drive, noiseless, rows, with_settings
+from benches.plant import (
+    FRAME_S,
+    SIGMAS,
+    constant,
+    drive,
+    noiseless,
+    receive_at_once,
+    rows,
+    with_settings,
+)
 from benches.plant import mujoco as plant_of
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
@@ -12,7 +21,6 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from omni_mj.config.resolve import resolve_settings
-from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.kinematic_plant import KinematicPlant
 from omni_mj.plants.mujoco_plant import MujocoPlant
 from omni_mj.plants.telemetry import TELEMETRY_NAMES
@@ -84,8 +92,8 @@ def test_returned_poses_and_twists_do_not_change_afterwards(
 ) -> None:
     plant = kind(rows([resolve_settings()]), np.zeros((1, 3)))
     pose, twist = plant.pose(), plant.twist()
-    plant.advance(ReceivedCommand.without_delay(np.ones((1, 3)), np.zeros(1)))
-    plant.advance(ReceivedCommand.without_delay(np.ones((1, 3)), np.zeros(1)))
+    plant.advance(receive_at_once(np.ones((1, 3)), np.zeros(1)))
+    plant.advance(receive_at_once(np.ones((1, 3)), np.zeros(1)))
     for old, new in ((pose, plant.pose()), (twist, plant.twist())):
         assert (old == 0).all()
         assert (new != 0).all()
@@ -100,9 +108,7 @@ def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
     for frame in range(frames):
         old_twist = plant.twist()
         plant.advance(
-            ReceivedCommand.without_delay(
-                np.tile([0.5 + 0.3 * math.sin(frame / 10), 0.5, 3.0], (2, 1))
-            )
+            receive_at_once(np.tile([0.5 + 0.3 * math.sin(frame / 10), 0.5, 3.0], (2, 1)))
         )
         integral += (old_twist + plant.twist()) / 2 * FRAME_S
     displacement = plant.pose() - start
@@ -113,10 +119,10 @@ def test_the_mujoco_plants_twist_is_the_rate_of_its_pose_in_the_world() -> None:
 
 def test_returned_telemetry_does_not_change_afterwards() -> None:
     plant = plant_of([resolve_settings()])
-    plant.advance(ReceivedCommand.without_delay(0.1 * np.ones((1, 3)), np.zeros(1)))
+    plant.advance(receive_at_once(0.1 * np.ones((1, 3)), np.zeros(1)))
     telemetry = plant.telemetry()
     columns = telemetry.columns.copy()
-    plant.advance(ReceivedCommand.without_delay(-np.ones((1, 3)), np.zeros(1)))
+    plant.advance(receive_at_once(-np.ones((1, 3)), np.zeros(1)))
     new_telemetry = plant.telemetry()
     np.testing.assert_array_equal(telemetry.columns, columns)
     for name in TELEMETRY_NAMES:

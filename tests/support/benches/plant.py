@@ -78,6 +78,14 @@ def mujoco(
     return MujocoPlant(rows(settings, seeds, **options), poses, threads)
 
 
+def receive_at_once(command: NDArray, heading: NDArray | None = None) -> ReceivedCommand:
+    """Return commands (n, 3) that arrive without delay, with headings (n,) or NaN."""
+    n = len(command)
+    return ReceivedCommand(
+        command, np.full(n, np.nan) if heading is None else heading, np.zeros(n, int)
+    )
+
+
 def drive(plant: Plant, commands: NDArray, age: NDArray | int = 0) -> NDArray:
     """Return poses (frames + 1, n, 3) under commands (frames, n, 3); no robot may fail.
 
