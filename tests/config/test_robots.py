@@ -262,7 +262,7 @@ def test_closed_form_of_lag_and_drag_matches_simulation() -> None:
         ("forward", "sideways"), measure_lag_and_drag("tigers-v2020"), strict=True
     ):
         assert facts[f"lag_{side}_s"] == pytest.approx(lag, rel=0.2)
-        assert facts[f"drag_{side}_m_s"] == pytest.approx(drag, rel=0.25)
+        assert facts[f"friction_loss_{side}_m_s"] == pytest.approx(drag, rel=0.25)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
