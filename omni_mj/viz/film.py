@@ -20,7 +20,7 @@ from omni_mj.files import open_atomic
 from omni_mj.mjcf import world_builder
 from omni_mj.results.summary import read_summary
 from omni_mj.viz import style
-from omni_mj.viz.recording.robot_shapes import cover_materials
+from omni_mj.viz.recording.robot_shapes import cover_materials, points_above
 from omni_mj.viz.recording.scene import HEIGHT_M, RADIUS_M
 
 SUFFIXES = (".gif", ".webp")
@@ -209,8 +209,7 @@ class FilmRenderer:
         """Add a line through points (n, 2) at a height in m to the scene."""
         points = points[:: 1 + len(points) // MAX_SEGMENTS]
         scene, capsule, zero = self._renderer.scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3)
-        corners = np.column_stack([points, np.full(len(points), height)])
-        for start, end in pairwise(corners):
+        for start, end in pairwise(points_above(points, height)):
             geom, color = scene.geoms[scene.ngeom], np.array(rgba, np.float32)
             mujoco.mjv_initGeom(geom, capsule, zero, zero, np.eye(3).ravel(), color)
             mujoco.mjv_connector(geom, capsule, self._line_width_m / 2, start, end)

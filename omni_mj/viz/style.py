@@ -7,7 +7,7 @@ grayscale, line style and marker identify the controller.
 """
 
 from collections.abc import Iterable
-from itertools import cycle
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -40,12 +40,9 @@ BUILT_IN_CONTROLLERS = (
 def style_indices(controllers: Iterable[str]) -> dict[str, int]:
     """Return the style index of each controller of a run, for `color` and `line_style`."""
     names = dict.fromkeys(controllers)
-    fixed = {
-        name: BUILT_IN_CONTROLLERS.index(name) for name in names if name in BUILT_IN_CONTROLLERS
-    }
-    n_fixed = len(BUILT_IN_CONTROLLERS)
-    order = [*range(n_fixed, len(COLORS)), *range(n_fixed)]
-    free = cycle(index for index in order if index not in fixed.values())
+    fixed = {name: i for i, name in enumerate(BUILT_IN_CONTROLLERS) if name in names}
+    indices = count(len(BUILT_IN_CONTROLLERS))
+    free = (index for index in indices if index % len(COLORS) not in fixed.values())
     return {name: fixed[name] if name in fixed else next(free) for name in names}
 
 

@@ -19,13 +19,7 @@ from omni_mj.simulation.log import Log
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.viz.recorded_robots import RecordedRobot, select_robots
 from omni_mj.viz.recording import plots, robot_shapes, scene
-from omni_mj.viz.recording.rerun_stream import (
-    TIME,
-    Frames,
-    RerunStream,
-    scalar_columns,
-    time_columns,
-)
+from omni_mj.viz.recording.rerun_stream import TIME, Frames, RerunStream
 from omni_mj.viz.recording.viewer_layout import create_layout
 
 FILE_BLOCK_FRAMES = 5 * FRAME_RATE_HZ  # the most that a killed process loses
@@ -129,7 +123,7 @@ class Recording(RerunStream):
                     continue
                 self._open_series.add(entity)
                 self._stream.log(entity, plot.line_style(robot), static=True)
-            self._stream.send_columns(entity, time_columns(frames), scalar_columns(values))
+            self._stream.send_frames(entity, frames, rr.Scalars.columns(scalars=values))
 
     def _send_events(self, robot: RecordedRobot, new_events: Sequence[events.Event]) -> None:
         """Send new events of a robot."""
@@ -139,7 +133,7 @@ class Recording(RerunStream):
                 color=[robot.color] * len(new_events),
             )
             frames = np.array([event.frame for event in new_events])
-            self._stream.send_columns(f"events/{robot.name}", time_columns(frames), columns)
+            self._stream.send_frames(f"events/{robot.name}", frames, columns)
 
 
 class ServedRecording(RerunStream):
@@ -186,7 +180,7 @@ class ServedRecording(RerunStream):
         frames = log.first_frame + np.arange(log.length)
         hidden = robot_shapes.pose_columns(np.zeros((1, 3)), HIDDEN_HEIGHT_M)
         for name in self._present_robots - set(names):
-            self._stream.send_columns(f"world/{name}", time_columns(frames[:1]), hidden)
+            self._stream.send_frames(f"world/{name}", frames[:1], hidden)
         self._present_robots = set(names)
         for row, name in enumerate(names):
             entity = f"world/{name}"
@@ -197,5 +191,5 @@ class ServedRecording(RerunStream):
             pose, angles = log.channel("pose")[:, row], log.channel("wheel_angle")[:, row]
             robot_shapes.send_poses(self._stream, entity, frames, pose, angles, self._settings)
             for channel in SERVED_PLOT_TITLES:
-                values = scalar_columns(log.channel(channel)[:, row])
-                self._stream.send_columns(f"plots/{channel}/{name}", time_columns(frames), values)
+                values = rr.Scalars.columns(scalars=log.channel(channel)[:, row])
+                self._stream.send_frames(f"plots/{channel}/{name}", frames, values)

@@ -1,4 +1,4 @@
-"""A rerun stream to a file or a viewer, and the columns that are sent through it."""
+"""A rerun stream to a file or a viewer, through which data of frames is sent."""
 
 import atexit
 import ctypes
@@ -13,7 +13,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from omni_control.kinematics import Array
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.files import check_disk_space
 from omni_mj.viz.recording.viewer import is_listening
@@ -23,15 +22,14 @@ FRAME, TIME = "frame", "time"  # names of the timelines
 FLUSH_TIMEOUT_S = 30.0  # for one block of about 1 MB
 
 
-def time_columns(frames: Frames) -> list[rr.TimeColumn]:
-    """Return the index columns of data for the given frames."""
-    return [rr.TimeColumn(FRAME, sequence=frames), rr.TimeColumn(TIME, duration=frames * PERIOD_S)]
+class FrameStream(rr.RecordingStream):
+    """A stream whose data has two timelines: the number of the frame, and its time."""
 
-
-def scalar_columns(values: Array) -> rr.ComponentColumnList:
-    """Return the columns of a plot's values (frames, lines)."""
-    lengths = np.full(len(values), values.shape[1])
-    return rr.Scalars.columns(scalars=values.ravel()).partition(lengths)
+    def send_frames(self, entity: str, frames: Frames, columns: rr.ComponentColumnList) -> None:
+        """Send data of an entity, one row per frame."""
+        number = rr.TimeColumn(FRAME, sequence=frames)
+        time = rr.TimeColumn(TIME, duration=frames * PERIOD_S)
+        self.send_columns(entity, [number, time], columns)
 
 
 class RerunStream:
@@ -51,9 +49,7 @@ class RerunStream:
         # Data is sent when it is flushed and never by the clock. Otherwise equal runs would differ
         # in the order of chunks.
         config = rr.ChunkBatcherConfig.NEVER()
-        self._stream = rr.RecordingStream(
-            "omni-mj", recording_id=uuid.uuid4(), batcher_config=config
-        )
+        self._stream = FrameStream("omni-mj", recording_id=uuid.uuid4(), batcher_config=config)
         self._stream.set_log_time_enabled(False)
         if isinstance(target, str) and not is_listening(target):
             self._fail("the viewer does not answer")

@@ -12,7 +12,7 @@ from omni_control.kinematics import Array
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
 from omni_mj.viz import style
-from omni_mj.viz.recording.rerun_stream import Frames, time_columns
+from omni_mj.viz.recording.rerun_stream import Frames, FrameStream
 
 # MuJoCo's viewer shows geoms of groups 0 to 2. The collision hulls have higher groups.
 VISIBLE_GROUPS = 3
@@ -30,9 +30,7 @@ SHAPES: dict[str, Callable[..., Any]] = {
 SHAPES["CAPSULE"] = SHAPES["CYLINDER"]
 
 
-def log_robot(
-    stream: rr.RecordingStream, entity: str, cover_color: style.Rgb, settings: Settings
-) -> None:
+def log_robot(stream: FrameStream, entity: str, cover_color: style.Rgb, settings: Settings) -> None:
     """Log chassis and wheels of a robot once, as static shapes.
 
     Args:
@@ -53,7 +51,7 @@ def log_robot(
 
 
 def send_poses(
-    stream: rr.RecordingStream,
+    stream: FrameStream,
     entity: str,
     frames: Frames,
     pose: Array,
@@ -72,13 +70,12 @@ def send_poses(
         settings: Settings of the robot.
         height: Height above the carpet, m.
     """
-    time = time_columns(frames)
-    stream.send_columns(entity, time, pose_columns(pose, height))
+    stream.send_frames(entity, frames, pose_columns(pose, height))
     world, data = _robot_at_origin(settings)
     for i, joint in enumerate(world.robots[0].joints):
         hub = np.broadcast_to(data.xanchor[joint], (len(wheel_angles), 3))
         turns = _transform_columns(hub, np.nan_to_num(wheel_angles[:, i]), data.xaxis[joint])
-        stream.send_columns(f"{entity}/wheel_{i + 1}", time, turns)
+        stream.send_frames(f"{entity}/wheel_{i + 1}", frames, turns)
 
 
 def pose_columns(pose: Array, height: float = 0.0) -> rr.ComponentColumnList:
@@ -97,7 +94,7 @@ def cover_materials(model: mujoco.MjModel) -> list[int]:
 
 
 def _log_bodies(
-    stream: rr.RecordingStream,
+    stream: FrameStream,
     entity: str,
     data: mujoco.MjData,
     bodies: Array,

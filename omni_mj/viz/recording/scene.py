@@ -9,7 +9,7 @@ from omni_control.kinematics import Array
 from omni_mj.mjcf import field
 from omni_mj.viz import style
 from omni_mj.viz.recorded_robots import RecordedRobot
-from omni_mj.viz.recording.rerun_stream import Frames, time_columns
+from omni_mj.viz.recording.rerun_stream import Frames, FrameStream
 from omni_mj.viz.recording.robot_shapes import log_robot, points_above, pose_columns, send_poses
 
 CARPET_COLOR, LINE_COLOR, GOAL_COLOR = (33, 66, 45), (150, 175, 158), (190, 190, 190)
@@ -29,7 +29,7 @@ LAYER_M = 5e-4
 ESTIMATES = {"vision": ("measured", HEIGHT_M), "predicted": ("predicted", 0.0)}
 
 
-def log_static(stream: rr.RecordingStream, robots: Sequence[RecordedRobot]) -> None:
+def log_static(stream: FrameStream, robots: Sequence[RecordedRobot]) -> None:
     """Log everything that does not change except references: field, shapes, colors, widths."""
     stream.log("world", rr.ViewCoordinates.FLU, static=True)
     log_field(stream)
@@ -46,14 +46,14 @@ def log_static(stream: rr.RecordingStream, robots: Sequence[RecordedRobot]) -> N
             stream.log(f"{entity}/{name}", appearance, static=True)
 
 
-def log_references(stream: rr.RecordingStream, references: Sequence[Array]) -> None:
+def log_references(stream: FrameStream, references: Sequence[Array]) -> None:
     """Log reference paths, (frames, 3) each, on the carpet."""
     strips = [points_above(reference, REFERENCE_HEIGHT_M) for reference in references]
     lines = rr.LineStrips3D(strips, colors=[REFERENCE_COLOR], radii=_screen_points(0.7))
     stream.log("world/reference", lines, static=True)
 
 
-def log_field(stream: rr.RecordingStream) -> None:
+def log_field(stream: FrameStream) -> None:
     """Log carpet, lines and goals."""
     carpet = [[*np.array(field.SURFACE_M) / 2, 0.01]]
     goal_centers, goal_half_sizes = field.get_goal_walls()
@@ -91,7 +91,7 @@ def choose_flag_heights(
 
 
 def send_robot(
-    stream: rr.RecordingStream, robot: RecordedRobot, frames: Frames, flag_height_m: float
+    stream: FrameStream, robot: RecordedRobot, frames: Frames, flag_height_m: float
 ) -> None:
     """Send everything that a robot shows in the scene.
 
@@ -104,36 +104,33 @@ def send_robot(
     entity, pose, height = f"world/{robot.name}", robot["pose"], robot.layer * LAYER_M
     angles = robot["wheel_angle"][frames]
     send_poses(stream, f"{entity}/robot", frames, pose[frames], angles, robot.settings, height)
-    time = time_columns(frames)
     # Each frame has a segment from the frame before. The viewer shows those up to its time cursor.
     starts = points_above(pose[np.maximum(frames - 1, 0)], PATH_HEIGHT_M + height)
     ends = points_above(pose[frames], PATH_HEIGHT_M + height)
     segments = np.stack([starts, ends], axis=1, dtype=np.float32)
-    stream.send_columns(f"{entity}/path", time, rr.LineStrips3D.columns(strips=segments))
+    stream.send_frames(f"{entity}/path", frames, rr.LineStrips3D.columns(strips=segments))
     target = rr.Points3D.columns(positions=points_above(robot["ref"][frames], TARGET_HEIGHT_M))
-    stream.send_columns(f"{entity}/target", time, target)
+    stream.send_frames(f"{entity}/target", frames, target)
     _send_error(stream, robot, frames, flag_height_m)
     _send_estimates(stream, robot, frames)
 
 
-def _send_error(
-    stream: rr.RecordingStream, robot: RecordedRobot, frames: Frames, height: float
-) -> None:
+def _send_error(stream: FrameStream, robot: RecordedRobot, frames: Frames, height: float) -> None:
     """Send the enlarged position error as a flag: a pole at the reference, the error at its top."""
     reference, pose = robot["ref"][frames, :2], robot["pose"][frames, :2]
     error = pose - reference
     tip = points_above(reference + ERROR_SCALE * error, height)
     corners = [points_above(reference, 0.0), points_above(reference, height), tip]
-    entity, time = f"world/{robot.name}/error", time_columns(frames)
+    entity = f"world/{robot.name}/error"
     strips = np.stack(corners, axis=1, dtype=np.float32)
-    stream.send_columns(entity, time, rr.LineStrips3D.columns(strips=strips))
+    stream.send_frames(entity, frames, rr.LineStrips3D.columns(strips=strips))
     errors_cm = 100 * np.linalg.norm(error, axis=1)
     labels = [f"{robot.name}  {error_cm:.1f} cm" for error_cm in errors_cm]
     label = rr.Points3D.columns(positions=tip, labels=labels)
-    stream.send_columns(f"{entity}/label", time, label)
+    stream.send_frames(f"{entity}/label", frames, label)
 
 
-def _send_estimates(stream: rr.RecordingStream, robot: RecordedRobot, frames: Frames) -> None:
+def _send_estimates(stream: FrameStream, robot: RecordedRobot, frames: Frames) -> None:
     """Send the measured pose as a ring and the predicted pose as a wireframe cylinder."""
     for channel, (label, bottom) in ESTIMATES.items():
         values = robot[channel][frames]
@@ -142,7 +139,7 @@ def _send_estimates(stream: rr.RecordingStream, robot: RecordedRobot, frames: Fr
             continue
         known = frames[is_known]
         entity = f"world/{robot.name}/{channel}"
-        stream.send_columns(entity, time_columns(known), pose_columns(values[is_known]))
+        stream.send_frames(entity, known, pose_columns(values[is_known]))
         envelope = rr.Cylinders3D.columns(
             lengths=[HEIGHT_M - bottom],
             radii=[RADIUS_M],
@@ -152,7 +149,7 @@ def _send_estimates(stream: rr.RecordingStream, robot: RecordedRobot, frames: Fr
             fill_mode=["majorwireframe"],
             labels=[label],
         )
-        stream.send_columns(f"{entity}/shape", time_columns(known[:1]), envelope)
+        stream.send_frames(f"{entity}/shape", known[:1], envelope)
 
 
 def _screen_points(size: float) -> float:

@@ -9,7 +9,7 @@ from omni_control.kinematics import Array
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.viz.recording.plots import ONE_ROBOT_TABS, Plot
 from omni_mj.viz.recording.rerun_stream import FRAME, TIME
-from omni_mj.viz.recording.scene import ERROR_SCALE, measure_scene
+from omni_mj.viz.recording.scene import ERROR_SCALE, ESTIMATES, measure_scene
 
 LEGEND_LINES = 3  # that fit into a plot of normal height
 LEGEND_FRACTION = 0.4  # of a run's time, left free on the right for the legend
@@ -35,13 +35,11 @@ def create_layout(
     # The first robot is often the baseline; the second one is more interesting.
     active_robot = min(1, len(names) - 1)
     robots = [f"world/{name}" for name in names]
-    field_contents = ["$origin/**"]
-    for robot in robots:
-        field_contents += [f"- {robot}/vision/**", f"- {robot}/predicted/**"]
+    hidden = [f"- {robot}/{channel}/**" for robot in robots for channel in ESTIMATES]
     # The eye sees all references from the side.
     (x, y), size_m = measure_scene(references)
     field_eye = [x, y - 0.53 * size_m, 0.53 * size_m], [x, y, 0.08 * size_m]
-    field = _scene_view(FIELD_TITLE, field_contents, field_eye, robots)
+    field = _scene_view(FIELD_TITLE, ["$origin/**", *hidden], field_eye, robots)
     close_ups = []
     for name, robot in zip(names, robots, strict=True):
         contents = ["world/field/**", "world/reference", f"{robot}/**", f"- {robot}/error/**"]
