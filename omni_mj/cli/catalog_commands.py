@@ -89,8 +89,6 @@ def _starter_text(kind: str, name: str, class_name: str) -> str:
         from omni_mj.config import robot_files
         from omni_mj.config.resolve import resolve_settings
 
-        default_robot = robot_files.DEFAULT_ROBOT
-        text += catalog.format_sections(
-            resolve_settings({}, default_robot), robot_files.read_robot_sections(default_robot)
-        )
+        fields = robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT)
+        text += catalog.format_sections(resolve_settings({}), fields)
     return text

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-import pyarrow as pa
 import pyarrow.compute as pc
 from PIL import Image, ImageDraw, ImageFont
 
@@ -81,23 +80,15 @@ def load_tracks(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings
     tracks = []
     for name in controllers or known:
         rows = table.filter((pc.field("controller") == name) & is_first_seed)
-        poses, references, wheel_angles = np.split(_stack_robots(rows, columns), (3, 6), axis=2)
+        values = np.nan_to_num(np.column_stack([rows[column].to_numpy() for column in columns]))
+        robots = np.split(values, 1 + np.flatnonzero(np.diff(rows["slot"].to_numpy())))
+        n_frames = max(map(len, robots))
+        # A robot that failed has fewer frames; it keeps its last pose.
+        robots = [np.pad(robot, [(0, n_frames - len(robot)), (0, 0)], "edge") for robot in robots]
+        poses, references, wheel_angles = np.split(np.stack(robots, axis=1), (3, 6), axis=2)
         color = style.color(indices[name])
         tracks.append(FilmTrack(name, color, poses, references, wheel_angles))
     return settings, tracks
-
-
-def _stack_robots(rows: pa.Table, columns: Sequence[str]) -> Array:
-    """Return columns of a trajectory table as an array (frames, robots, columns), 0 for NaN.
-
-    A robot that failed has fewer frames; it keeps its last pose.
-    """
-    values = np.nan_to_num(np.column_stack([rows[column].to_numpy() for column in columns]))
-    slot_changes = np.flatnonzero(np.diff(rows["slot"].to_numpy())) + 1
-    robots = np.split(values, slot_changes)
-    n_frames = max(map(len, robots))
-    padded = [np.pad(robot, [(0, n_frames - len(robot)), (0, 0)], "edge") for robot in robots]
-    return np.stack(padded, axis=1)
 
 
 class FilmRenderer:

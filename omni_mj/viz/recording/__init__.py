@@ -163,14 +163,12 @@ class ServedRecording(RerunStream):
     def _begin(self) -> None:
         """Open the stream and log the field."""
         field = rrb.Spatial3DView(origin="world", name="field", line_grid=False)
-        plots = rrb.Tabs(
-            *(
-                rrb.TimeSeriesView(origin=f"plots/{channel}", name=title)
-                for channel, title in SERVED_PLOT_TITLES.items()
-            )
-        )
+        plot_views = [
+            rrb.TimeSeriesView(origin=f"plots/{channel}", name=title)
+            for channel, title in SERVED_PLOT_TITLES.items()
+        ]
         time = rrb.TimePanel(timeline=TIME, play_state="following", state="collapsed")
-        columns = rrb.Horizontal(field, plots, column_shares=[3, 2])
+        columns = rrb.Horizontal(field, rrb.Tabs(*plot_views), column_shares=[3, 2])
         self._open(rrb.Blueprint(columns, time, collapse_panels=True), footer=False)
         scene.log_field(self._stream)
 

@@ -55,16 +55,18 @@ def log_references(stream: FrameStream, references: Sequence[Array]) -> None:
 
 def log_field(stream: FrameStream) -> None:
     """Log carpet, lines and goals."""
-    carpet = [[*np.array(field.SURFACE_M) / 2, 0.01]]
-    goal_centers, goal_half_sizes = field.get_goal_walls()
-    for name, half_sizes, centers, color in (
-        ("carpet", carpet, [[0, 0, -0.011]], CARPET_COLOR),
-        ("goals", goal_half_sizes, goal_centers, GOAL_COLOR),
-    ):
-        boxes = rr.Boxes3D(
-            half_sizes=half_sizes, centers=centers, colors=[color], fill_mode="solid"
-        )
-        stream.log(f"world/field/{name}", boxes, static=True)
+    carpet = rr.Boxes3D(
+        half_sizes=[*np.array(field.SURFACE_M) / 2, 0.01],
+        centers=[0, 0, -0.011],
+        colors=[CARPET_COLOR],
+        fill_mode="solid",
+    )
+    stream.log("world/field/carpet", carpet, static=True)
+    centers, half_sizes = field.get_goal_walls()
+    goals = rr.Boxes3D(
+        half_sizes=half_sizes, centers=centers, colors=[GOAL_COLOR], fill_mode="solid"
+    )
+    stream.log("world/field/goals", goals, static=True)
     angle = np.linspace(0, 2 * np.pi, 73)
     circle = field.CIRCLE_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
     lines = [circle, *np.reshape([*field.get_field_lines().values()], (-1, 2, 2))]
@@ -75,7 +77,7 @@ def log_field(stream: FrameStream) -> None:
 
 def measure_scene(references: Sequence[Array]) -> tuple[Array, float]:
     """Return the center (2,) and the diagonal of the area around references (frames, 3), m."""
-    points = np.concatenate([reference[:, :2] for reference in references])
+    points = np.concatenate(references)[:, :2]
     low, high = points.min(0), points.max(0)
     return (low + high) / 2, MARGIN_M + float(np.hypot(*(high - low)))
 
@@ -133,13 +135,12 @@ def _send_error(stream: FrameStream, robot: RecordedRobot, frames: Frames, heigh
 def _send_estimates(stream: FrameStream, robot: RecordedRobot, frames: Frames) -> None:
     """Send the measured pose as a ring and the predicted pose as a wireframe cylinder."""
     for channel, (label, bottom) in ESTIMATES.items():
-        values = robot[channel][frames]
-        is_known = ~np.isnan(values[:, 0])
-        if not is_known.any():
+        poses = robot[channel]
+        known = frames[~np.isnan(poses[frames, 0])]
+        if not known.size:
             continue
-        known = frames[is_known]
         entity = f"world/{robot.name}/{channel}"
-        stream.send_frames(entity, known, pose_columns(values[is_known]))
+        stream.send_frames(entity, known, pose_columns(poses[known]))
         envelope = rr.Cylinders3D.columns(
             lengths=[HEIGHT_M - bottom],
             radii=[RADIUS_M],

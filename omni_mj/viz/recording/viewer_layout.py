@@ -43,8 +43,7 @@ def create_layout(
     close_ups = []
     for name, robot in zip(names, robots, strict=True):
         contents = ["world/field/**", "world/reference", f"{robot}/**", f"- {robot}/error/**"]
-        view = _scene_view(name, contents, CLOSE_UP_EYE, [robot], f"{robot}/robot")
-        close_ups.append(view)
+        close_ups.append(_scene_view(name, contents, CLOSE_UP_EYE, [robot], f"{robot}/robot"))
     left_column = rrb.Vertical(
         field, rrb.Tabs(*close_ups, active_tab=active_robot), row_shares=[4, 3]
     )
@@ -111,7 +110,7 @@ def _stack_plots(
             origin=f"plots/{plot.path}{suffix}",
             name=plot.title,
             axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start, end)),
-            axis_y=rrb.ScalarAxis(range=plot.range) if plot.range else None,
+            axis_y=rrb.ScalarAxis(range=plot.range),
             plot_legend=rrb.PlotLegend(corner="RightTop", visible=not i),
         )
         for i, plot in enumerate(plots)
