@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from omni_control.errors import OmniError
     from omni_mj.config.scenario import Scenario, load_scenario
     from omni_mj.results.result import Result
-    from omni_mj.results.verify import verify
     from omni_mj.robot.robot_performance import load_robot
     from omni_mj.simulation.simulation import Simulation
     from omni_mj.studies.alpha.alpha_study import measure_alpha
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from omni_mj.studies.run_scenario import run
     from omni_mj.studies.slip.slip_study import measure_slip
     from omni_mj.studies.sweep.sweep_study import sweep
+    from omni_mj.studies.verify_run import verify
 
     __version__: str
 
@@ -49,7 +49,7 @@ _MODULES = {
     "measure_slip": "omni_mj.studies.slip.slip_study",
     "run": "omni_mj.studies.run_scenario",
     "sweep": "omni_mj.studies.sweep.sweep_study",
-    "verify": "omni_mj.results.verify",
+    "verify": "omni_mj.studies.verify_run",
 }
 __all__ = [
     "Controller",

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from omni_control.errors import OmniError, to_printable
-from omni_mj.files import open_atomic
+from omni_mj.atomic_files import open_atomic
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -47,7 +47,7 @@ def write_tables(arrow_tables: "Iterable[pa.Table]", path: Path) -> None:
     The file appears complete or not at all.
 
     Raises:
-        OSError: See `omni_mj.files.open_atomic`.
+        OSError: See `omni_mj.atomic_files.open_atomic`.
     """
     import pyarrow.parquet as pq
 

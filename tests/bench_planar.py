@@ -31,7 +31,7 @@ from omni_mj.config import scenario
 from omni_mj.config.robot_files import find_builtin_robots as builtin_robots
 from omni_mj.config.toml_files import find_builtin_scenarios as builtin_scenarios
 from omni_mj.results.metrics import row_metrics
-from omni_mj.results.statistics import confidence_interval
+from omni_mj.results.seed_statistics import confidence_interval
 from omni_mj.simulation.simulation import Simulation
 
 CONTROLLERS = "comp-flc", "adaptive-comp-flc", "lqr"

@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from omni_control.errors import OmniError, suggest_names
+from omni_mj.atomic_files import write_text
 from omni_mj.cli import catalog, options
-from omni_mj.files import write_text
 
 KINDS = {  # kind of a new file -> suffix, and arguments of omni-mj run that use the file
     "scenario": (".toml", "--scenario {path}"),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from omni_mj.cli import console, options, output_folders
+from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
@@ -86,7 +87,7 @@ def command(
     ]
     compare_study.check_scenarios(scenarios, subject)
     folder = output_folders.prepare_folder(output.out, "compare", OUTPUTS, output.overwrite)
-    with console.Interrupts() as interrupts:
+    with Interrupts() as interrupts:
         result = _run_comparison(scenarios, subject, folder, trajectories, interrupts, output.quiet)
     with console.report_write_errors(folder):
         _save_tables(result, folder)
@@ -114,7 +115,7 @@ def _run_comparison(
     subject: str | None,
     folder: Path,
     trajectories: bool,
-    interrupts: console.Interrupts,
+    interrupts: Interrupts,
     quiet: bool,
 ) -> "Result":
     """Run the scenarios, and save the results after each of them."""
@@ -133,14 +134,14 @@ def _run_comparison(
             scenarios[0].controllers,
             scenarios[0].seed_list,
             subject,
-            start_progress=console.add_check(start_progress, interrupts.check),
+            start_progress=interrupts.add_check(start_progress),
             after_scenario=after_scenario,
         )
 
 
 def _save_tables(result: "Result", folder: Path) -> None:
     """Write summary.json and compare.md."""
-    from omni_mj.files import write_text
+    from omni_mj.atomic_files import write_text
     from omni_mj.studies import compare_table
 
     result.repeat_command = console.command_line()

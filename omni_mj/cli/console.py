@@ -1,9 +1,8 @@
-"""Terminal output of the commands: errors of one line each, progress bars, signals, exit codes."""
+"""Terminal output of the commands: errors of one line each, progress bars, exit codes."""
 
 import io
 import os
 import shlex
-import signal
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,12 +17,7 @@ from omni_control.errors import OmniError, to_printable
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome, Result
 
-BAD_INPUT, FAILED = 2, 1  # exit codes
-SIGNAL_REASONS = {  # signal -> why the command stopped
-    signal.SIGINT: "interrupted",
-    signal.SIGTERM: "terminated",
-    signal.SIGHUP: "stopped by its closed terminal",
-}
+BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130  # exit codes
 MAX_EVENTS = 5
 MAX_MESSAGE_LENGTH = 4000
 
@@ -51,7 +45,7 @@ def run_command(command: click.Command, arguments: list[str]) -> NoReturn:
         code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=line)
         print(end="", flush=True)
     except click.exceptions.Abort:
-        exit_with_error("interrupted", 130)
+        exit_with_error("interrupted", INTERRUPTED)
     except OmniError as error:
         exit_with_error(str(error), BAD_INPUT)
     except click.ClickException as error:
@@ -101,33 +95,6 @@ def exit_if_failed(outcomes: Sequence["Outcome"], errors: Iterable[str] = ()) ->
     lines = [" ".join(line.split()) for line in (*failures, *errors)]
     if lines:
         exit_with_error("\n".join(dict.fromkeys(lines)), FAILED)
-
-
-def make_frame_callback(
-    check: Callable[[], None], show: Callable[[int], None]
-) -> Callable[[int], None]:
-    """Return a function to call after each frame, with its number.
-
-    Args:
-        check: Raises an exception if the run is to stop.
-        show: Shows the progress, given the frame's number.
-    """
-    from omni_mj.studies.run_scenario import quiet_mujoco
-
-    def after_frame(frame: int) -> None:
-        check()
-        if frame == 0:
-            quiet_mujoco()
-        show(frame)
-
-    return after_frame
-
-
-def add_check(
-    start_progress: Callable[[str, int], Callable[[int], None]], check: Callable[[], None]
-) -> Callable[[str, int], Callable[[int], None]]:
-    """Return a function like `start_progress` whose bars also call `check` after each frame."""
-    return lambda title, n_frames: make_frame_callback(check, start_progress(title, n_frames))
 
 
 def print_summary_sentence(summary: Mapping[str, Any]) -> None:
@@ -181,8 +148,7 @@ def report_write_errors(folder: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        reason = SIGNAL_REASONS[signal.SIGINT]
-        exit_with_error(f"{reason}; the results so far are in {folder}", 128 + signal.SIGINT)
+        exit_with_error(f"interrupted; the results so far are in {folder}", INTERRUPTED)
     except BrokenPipeError:  # of standard output, see `run_command`
         raise
     except OSError as error:
@@ -202,50 +168,3 @@ def print_events(entry: Mapping[str, Any]) -> None:
         print(f"note: {event['time_s']:.2f} s, {source}: {event['text']}")
     if (n_more := len(events) - MAX_EVENTS) > 0:
         print(f"note: {n_more} more events are in summary.json")
-
-
-class Interrupts:
-    """Signals that stop a command between two frames, so that no file is cut off.
-
-    While it is entered, it stores the first signal of `SIGNAL_REASONS` that arrives. Signals that
-    are ignored, as in a background job, stay ignored. A second signal ends the program at once,
-    except SIGHUP, which both the shell and the system may send when a terminal closes.
-    """
-
-    def __init__(self) -> None:
-        self._received: int = 0
-        self._old_handlers: dict[int, Any] = {}
-
-    def check(self) -> None:
-        """Raise `StoppedError` if a signal has arrived."""
-        from omni_mj.studies.run_scenario import StoppedError
-
-        if self._received:
-            raise StoppedError(SIGNAL_REASONS[signal.Signals(self._received)])
-
-    def exit_if_stopped(self, reason: str | None, message: str) -> None:
-        """Exit with the code of the signal if it stopped the run.
-
-        Args:
-            reason: Why the result says that the run stopped, or None.
-            message: What is printed after the reason.
-        """
-        if reason:
-            exit_with_error(f"{reason}; {message}", 128 + self._received)
-
-    def __enter__(self) -> "Interrupts":
-        signals = [
-            number for number in SIGNAL_REASONS if signal.getsignal(number) != signal.SIG_IGN
-        ]
-        self._old_handlers = {number: signal.signal(number, self._store) for number in signals}
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        for number, handler in self._old_handlers.items():
-            signal.signal(number, handler)
-
-    def _store(self, number: int, frame: object) -> None:
-        self._received = number
-        self.__exit__()
-        if number == signal.SIGHUP:
-            signal.signal(number, signal.SIG_IGN)

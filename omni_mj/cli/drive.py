@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from omni_mj.cli import console, options, output_folders, run
+from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
@@ -167,7 +168,7 @@ def _load_scenario(
 @contextmanager
 def _connect(
     connection: "ConnectionOptions", stop_message: str
-) -> Iterator[tuple["FrameClock", console.Interrupts]]:
+) -> Iterator[tuple["FrameClock", Interrupts]]:
     """Listen to vision until the end of the block.
 
     Args:
@@ -178,7 +179,7 @@ def _connect(
     from omni_mj.live.sockets import MessageCounter
     from omni_mj.studies.run_scenario import StoppedError
 
-    with console.Interrupts() as interrupts:
+    with Interrupts() as interrupts:
         try:
             messages = MessageCounter(lambda text: click.echo(f"note: {text}", err=True))
             with session.open_vision(connection, messages, interrupts.check) as frame_clock:
@@ -196,7 +197,7 @@ def _drive(
     quiet: bool,
 ) -> None:
     """Drive the robots, save the results and print them with the measured latency."""
-    from omni_mj.files import write_text
+    from omni_mj.atomic_files import write_text
     from omni_mj.live import latency_fit, session
 
     def show(text: str) -> None:

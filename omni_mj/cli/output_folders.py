@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from omni_control.errors import OmniError
-from omni_mj.files import read_json
+from omni_mj.atomic_files import read_json
 
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario

@@ -10,6 +10,7 @@ import click
 
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options
+from omni_mj.cli.interrupts import Interrupts
 
 VIEWS = ("follow", "plan")  # of a film
 
@@ -196,10 +197,10 @@ def screenshot_command(
 @options.QUIET
 def verify_command(folder: Path, quiet: bool) -> None:
     """Repeat the run in a folder, and compare the results bit for bit."""
-    from omni_mj.results import verify
+    from omni_mj.studies import verify_run
 
     with console.show_progress(quiet) as start_progress:
-        result = verify.verify(folder, console.add_check(start_progress, lambda: None))
+        result = verify_run.verify(folder, Interrupts().add_check(start_progress))
     if not result.repeats:
         console.exit_with_error(f"{folder} {result}", console.FAILED)
     if not quiet:

@@ -10,6 +10,7 @@ import click
 
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options, output_folders
+from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Result
@@ -64,7 +65,7 @@ def command(
     if output_options.record:
         targets.append(folder / "recording.rrd")
     with console.report_write_errors(folder):
-        with console.Interrupts() as interrupts:  # signals stop the run between two frames
+        with Interrupts() as interrupts:  # signals stop the run between two frames
             result = run_and_save(simulation, folder, targets, interrupts, quiet)
         show_result(result, folder, output_options, quiet)
         exit_unless_complete(result, folder, interrupts)
@@ -88,7 +89,7 @@ def run_and_save(
     simulation: "Simulation",
     folder: Path,
     targets: Sequence[Path | str],
-    interrupts: console.Interrupts,
+    interrupts: Interrupts,
     quiet: bool,
     study: str = "run",
 ) -> "Result":
@@ -102,7 +103,7 @@ def run_and_save(
         quiet: Whether the progress bar is hidden.
         study: Name of the command.
     """
-    from omni_mj.files import write_text
+    from omni_mj.atomic_files import write_text
     from omni_mj.studies import run_scenario
 
     run_scenario.quiet_mujoco()
@@ -155,7 +156,7 @@ def show_result(
             _print_files(result, folder)
 
 
-def exit_unless_complete(result: "Result", folder: Path, interrupts: console.Interrupts) -> None:
+def exit_unless_complete(result: "Result", folder: Path, interrupts: Interrupts) -> None:
     """Exit with an error if the run was stopped or a row failed."""
     interrupts.exit_if_stopped(result.stopped, f"the frames so far are in {folder}")
     console.exit_if_failed(result.outcomes)

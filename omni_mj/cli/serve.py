@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from omni_mj.cli import console, options, output_folders, run
+from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
     from omni_mj.live.serve.server import Server
@@ -116,7 +117,7 @@ def command(
     **values: Any,
 ) -> None:
     """Simulate robots for software that uses the league's protocols."""
-    from omni_mj.files import write_text
+    from omni_mj.atomic_files import write_text
     from omni_mj.live.serve import initial_setup
     from omni_mj.live.serve.served_world import ServedWorld
     from omni_mj.live.serve.server import Server
@@ -142,7 +143,7 @@ def command(
     server = Server(world, ports, vision, values["interface"], values["speed"], values["lockstep"])
     with ExitStack() as stack:
         stack.callback(server.close)
-        interrupts = stack.enter_context(console.Interrupts())
+        interrupts = stack.enter_context(Interrupts())
         if folder is not None:
             stack.enter_context(console.report_write_errors(folder))
             # First of all, because --overwrite recognizes our folders by this file.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from omni_mj.cli import console, options, output_folders
+from omni_mj.cli.interrupts import Interrupts
 from omni_mj.config.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -225,11 +226,11 @@ def _run_study(
     command = console.command_line()
     with (
         console.report_write_errors(folder),
-        console.Interrupts() as interrupts,
+        Interrupts() as interrupts,
         console.show_progress(output.quiet) as start_progress,
     ):
         output_folders.write_initial_files(folder, name, command, scenarios, frames=name == "limit")
-        result = measure(console.add_check(start_progress, interrupts.check))
+        result = measure(interrupts.add_check(start_progress))
         result.repeat_command = command
     with console.report_write_errors(folder):
         result.save_files(folder)

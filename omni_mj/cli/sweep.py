@@ -9,6 +9,7 @@ import click
 
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options, output_folders
+from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
     from omni_mj.studies.run_scenario import AfterFrame
@@ -112,7 +113,7 @@ def _run_sweep(plan: "SweepPlan", folder: Path, quiet: bool, **run_options: Any)
     from omni_mj.studies.sweep import sweep_figure, sweep_statistics, sweep_study
 
     with console.report_write_errors(folder):
-        with console.Interrupts() as interrupts, console.show_progress(quiet) as start_progress:
+        with Interrupts() as interrupts, console.show_progress(quiet) as start_progress:
             quiet_mujoco()
             n_shards = len(sweep_study.remaining_shards(plan, folder))
             show = start_progress("sweep", plan.frames * n_shards)
@@ -120,9 +121,7 @@ def _run_sweep(plan: "SweepPlan", folder: Path, quiet: bool, **run_options: Any)
 
             def before_shard(_: "Shard") -> "AfterFrame":
                 first_frame = next(shard_numbers) * plan.frames
-                return console.make_frame_callback(
-                    interrupts.check, lambda frame: show(first_frame + frame)
-                )
+                return interrupts.make_frame_callback(lambda frame: show(first_frame + frame))
 
             result = sweep_study.run_sweep(
                 plan, folder, before_shard=before_shard, check=interrupts.check, **run_options

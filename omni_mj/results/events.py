@@ -5,15 +5,11 @@ An event depends on no later frame, so that events can be shown while a run cont
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from omni_mj.config.settings import PERIOD_S
-from omni_mj.simulation.log import Log
-
-if TYPE_CHECKING:
-    from omni_mj.simulation.simulation import Failure
+from omni_mj.simulation.log import Failure, Log
 
 STOPPED, TEMPERATURE, BATTERY, FAULT = "stopped", "temperature", "battery", "fault"  # kinds
 
@@ -41,14 +37,14 @@ class Event:
     slot: int = 0
 
 
-def find_events(log: Log, failures: "Iterable[Failure]" = ()) -> list[Event]:
+def find_events(log: Log, failures: Iterable[Failure] = ()) -> list[Event]:
     """Return the events of all rows in order of time."""
     failures = list(failures)
     events = [event for row in range(len(log.rows)) for event in row_events(log, row, failures)]
     return sorted(events, key=lambda event: (event.frame, event.kind != STOPPED))
 
 
-def row_events(log: Log, row: int, failures: "Iterable[Failure]" = ()) -> list[Event]:
+def row_events(log: Log, row: int, failures: Iterable[Failure] = ()) -> list[Event]:
     """Return the events of a row in order of time. Further frames of the log only add events."""
     occurrences = [
         (round(failure.time_s / PERIOD_S), STOPPED, f"stopped: {failure.cause}")

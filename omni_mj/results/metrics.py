@@ -1,7 +1,6 @@
 """Metrics of each row: tracking errors, effort, settling time, peaks, recovery from faults."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,10 +8,7 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.results.saturation import saturation_metrics
-from omni_mj.simulation.log import Log
-
-if TYPE_CHECKING:
-    from omni_mj.simulation.simulation import Failure
+from omni_mj.simulation.log import Failure, Log
 
 # Components of the tracking error. "position" is the distance in the plane. "along_track" and
 # "cross_track" are its parts along and across the direction of the reference.
@@ -33,7 +29,7 @@ RECOVERED_M = 0.02
 EXCURSION, RECOVERY = "excursion_m", "recovery_s"
 
 
-def row_metrics(log: Log, failures: "Iterable[Failure]" = ()) -> dict[str, Array]:
+def row_metrics(log: Log, failures: Iterable[Failure] = ()) -> dict[str, Array]:
     """Return the metrics of each row, name -> shape (n,).
 
     Names: `x_max_m`, `position_mean_m`, `cross_track_p99_m`, `heading_rms_rad` and so on,

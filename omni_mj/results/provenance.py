@@ -15,10 +15,10 @@ from typing import Any
 
 import omni_control
 from omni_control.controllers.registry import CONTROLLERS, get_parameters
+from omni_mj.atomic_files import write_text
 from omni_mj.config import plugins, robot_files
 from omni_mj.config.robot_files import read_model_files
 from omni_mj.config.scenario import Scenario
-from omni_mj.files import write_text
 from omni_mj.results.summary import package_versions
 
 FORMAT = 2  # of provenance.json

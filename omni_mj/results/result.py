@@ -10,18 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_control.errors import OmniError
+from omni_mj.atomic_files import write_text
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
-from omni_mj.files import write_text
 from omni_mj.results import summary
 from omni_mj.results.result_tables import results_table
 from omni_mj.results.text_table import format_table
-from omni_mj.simulation.log import Log
+from omni_mj.simulation.log import Failure, Log
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-    from omni_mj.simulation.simulation import Failure
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class Outcome:
     scenario: Scenario
     entry: summary.Entry
     rows: Sequence[Row] = ()
-    failures: "Sequence[Failure]" = ()
+    failures: Sequence[Failure] = ()
     metrics: Mapping[str, np.ndarray] = field(default_factory=dict)
     log: Log | None = None
     drawn_parameters: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -82,7 +80,7 @@ class Result:
     complete: bool = False
 
     @property
-    def failures(self) -> "list[Failure]":
+    def failures(self) -> list[Failure]:
         """All rows that were stopped before their end."""
         return [failure for outcome in self.outcomes for failure in outcome.failures]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from omni_mj.results.metrics import EXCURSION, RECOVERED_M, RECOVERY, RECOVERY_WINDOW_S
 from omni_mj.results.saturation import DUTY, METRIC_LABELS
-from omni_mj.results.statistics import SeedStatistics
+from omni_mj.results.seed_statistics import SeedStatistics
 from omni_mj.results.text_table import DASH, Table, drop_equal_columns, format_number
 
 PAPER_PREFIX = "paper's "  # before the names of controllers whose errors the paper reports

@@ -26,17 +26,6 @@ METRIC_LABELS[DUTY] = "duty"
 CREEP_FRACTION = 0.98  # creep at Coulomb's limit is known to about 2 %
 SLIDING_MARGIN_M_S = 0.02  # slip above the largest creep from which on a wheel slides
 ROUNDING = 1e-9  # relative rounding error of a command that was scaled to a limit
-DEFINITIONS = {
-    "saturation": (
-        "Fractions of the frames. sliding_fraction: the slip_*_m_s of a wheel is above"
-        f" {CREEP_FRACTION:g} |v| carpet.friction / drivetrain.creep_stiffness +"
-        f" {SLIDING_MARGIN_M_S:g} m/s, where v is the velocity of the wheel's center."
-        " voltage_saturated_fraction: peak_duty is 1. current_limited_fraction: the"
-        " current_limited_fraction_* of a motor is above 0. command_limited_fraction: the command"
-        " is at a limit of [control] for speed or acceleration, translation or rotation."
-        " mean_duty: mean of peak_duty over the frames. Statistics exclude seeds that failed"
-    )
-}
 
 
 def excess_slip(pose: Array, slip: Array, settings: Settings) -> Array:

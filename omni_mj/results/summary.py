@@ -6,24 +6,21 @@ from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_mj.atomic_files import read_json
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
-from omni_mj.files import read_json
-from omni_mj.results import events, metrics, paper_tables, saturation, statistics
+from omni_mj.results import events, metrics, paired_comparison, paper_tables, saturation
 from omni_mj.results.alpha_windows import alpha_percentiles
-from omni_mj.results.definitions import DEFINITIONS
 from omni_mj.results.metrics import AXES, EXCURSION, RECOVERY, STATISTICS, UNITS
-from omni_mj.results.statistics import SeedStatistics, finite_or_none, seed_statistics
-from omni_mj.simulation.log import Log
-
-if TYPE_CHECKING:
-    from omni_mj.simulation.simulation import Failure
+from omni_mj.results.seed_statistics import SeedStatistics, finite_or_none, seed_statistics
+from omni_mj.results.summary_definitions import DEFINITIONS
+from omni_mj.simulation.log import Failure, Log
 
 FORMAT = 5  # of summary.json
 UNFINISHED = "unfinished (still running, or killed)"  # reason while a study is not complete
@@ -68,7 +65,7 @@ def empty_entry(scenario: Scenario) -> Entry:
 def scenario_entry(
     scenario: Scenario,
     log: Log,
-    failures: "Iterable[Failure]",
+    failures: Iterable[Failure],
     row_metrics: Mapping[str, Array],
     wall_s: float,
     stopped: str | None,
@@ -111,7 +108,7 @@ def scenario_entry(
 
 
 def controller_results(
-    log: Log, failures: "Iterable[Failure]", row_metrics: Mapping[str, Array]
+    log: Log, failures: Iterable[Failure], row_metrics: Mapping[str, Array]
 ) -> dict[str, Any]:
     """Return the results of each controller over its rows, by the controllers' labels."""
     failed = {failure.row for failure in failures}
@@ -149,7 +146,7 @@ def build_summary(entries: Mapping[str, Entry], head: Mapping[str, Any]) -> dict
         entries: Scenario -> its entry. All were run with the same controllers.
         head: Keys of summary.json about the study as a whole.
     """
-    verdicts = statistics.judge_subject(entries, head["privileged"], head["subject"])
+    verdicts = paired_comparison.judge_subject(entries, head["privileged"], head["subject"])
     scenarios = {name: {**entry, "verdict": verdicts[name]} for name, entry in entries.items()}
     return {
         "format": FORMAT,

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from omni_mj.results.statistics import paired_difference
+from omni_mj.results.paired_comparison import paired_difference
 
 Results = Mapping[str, Mapping[str, Any]]  # controller -> its results in summary.json
 

@@ -1,6 +1,7 @@
 """The log of a simulation: all channels of each row and frame, in memory and as Arrow tables."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,6 +61,28 @@ def channel_columns(n_wheels: int) -> dict[str, tuple[str, ...]]:
         "battery": ("battery_voltage_v",),
         "slip": tuple(f"slip_{i}_m_s" for i in wheel_numbers),
     }
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Failure that stopped a row before its end.
+
+    Attributes:
+        row: Index of the row.
+        controller: Label of its controller.
+        seed: Its seed.
+        time_s: Time of the failure, s.
+        cause: Description of the cause.
+    """
+
+    row: int
+    controller: str
+    seed: int
+    time_s: float
+    cause: str
+
+    def __str__(self) -> str:
+        return f"{self.controller}, seed {self.seed}: {self.cause} at {self.time_s:.3f} s"
 
 
 class Log:

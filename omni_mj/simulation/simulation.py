@@ -5,7 +5,7 @@ simulated together, as rows of arrays. `Simulation.run` repeats `observe` and `s
 """
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import attrgetter
 from typing import Protocol
 
@@ -24,7 +24,7 @@ from omni_mj.network.camera import Cameras
 from omni_mj.network.radio import Radio, ReceivedCommand
 from omni_mj.plants import Plant
 from omni_mj.robot.backends import choose_backend
-from omni_mj.simulation.log import Log
+from omni_mj.simulation.log import Failure, Log
 from omni_mj.simulation.team_builder import ReferenceFactory, build_team
 
 # Sections of the settings that rows of one plant instance must share, because its model depends on
@@ -63,28 +63,6 @@ class RadioModel(Protocol):
             heading: Estimated headings, shape (n,), rad.
         """
         ...
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Failure that stopped a row before its end.
-
-    Attributes:
-        row: Index of the row.
-        controller: Label of its controller.
-        seed: Its seed.
-        time_s: Time of the failure, s.
-        cause: Description of the cause.
-    """
-
-    row: int
-    controller: str
-    seed: int
-    time_s: float
-    cause: str
-
-    def __str__(self) -> str:
-        return f"{self.controller}, seed {self.seed}: {self.cause} at {self.time_s:.3f} s"
 
 
 class Simulation:

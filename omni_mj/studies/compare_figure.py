@@ -9,8 +9,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
+from omni_mj.results.paired_comparison import mean_position_error
 from omni_mj.results.result_tables import describe_plant
-from omni_mj.results.statistics import mean_position_error
 from omni_mj.results.text_table import DASH
 from omni_mj.viz import plotting
 from omni_mj.viz.seed_figure import draw_seed_statistics

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator
 from textwrap import fill
 from typing import Any
 
+from omni_mj.results.paired_comparison import SIGNIFICANCE_LEVEL, STATISTIC_LABELS
 from omni_mj.results.result_tables import controller_label, format_mean, results_table
-from omni_mj.results.statistics import SIGNIFICANCE_LEVEL, STATISTIC_LABELS
 from omni_mj.results.text_table import (
     DASH,
     TERMINAL_WIDTH,

@@ -15,8 +15,8 @@ from typing import Any
 import jinja2
 
 from omni_control.errors import OmniError
+from omni_mj.atomic_files import write_text
 from omni_mj.config.settings import list_settings
-from omni_mj.files import write_text
 from omni_mj.results import result_tables
 from omni_mj.results.saturation import METRIC_LABELS
 from omni_mj.results.summary import flatten, read_summary

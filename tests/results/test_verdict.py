@@ -12,9 +12,10 @@ from benches.logs import (
     failure,
     fill_log,
     judge_subject,
+    paired_comparison,
     results,
     rows,
-    statistics,
+    seed_statistics,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -45,12 +46,14 @@ def verdict(of: dict[str, Any], privileged: list[str], subject: str | None) -> A
 def test_intervals_and_pairs_are_those_of_students_t(values: list[float]) -> None:
     """Intervals and tests agree with scipy up to rounding of 1e-9."""
     n, ours = len(values), np.array(values)
-    spread = statistics.seed_statistics(ours)
+    spread = seed_statistics.seed_statistics(ours)
     half = scipy.stats.t.ppf(0.975, n - 1) * scipy.stats.sem(ours)
     assert spread["mean"] == pytest.approx(ours.sum() / n, abs=1e-9)
     assert spread["ci95_half_width"] == pytest.approx(half, abs=1e-9)
     theirs = ours + 0.003 + 0.01 * np.sin(np.arange(n))
-    difference, width, p = statistics.paired_difference(spread, statistics.seed_statistics(theirs))
+    difference, width, p = paired_comparison.paired_difference(
+        spread, seed_statistics.seed_statistics(theirs)
+    )
     test = scipy.stats.ttest_rel(ours, theirs)
     assert difference is not None
     assert width is not None
@@ -71,7 +74,7 @@ def test_a_spread_counts_what_failed_or_never_settled() -> None:
         (math.inf, math.inf): ([None, None], None, None, None, None, None),
         (2.0,): ([2.0], 2.0, 2.0, 2.0, 2.0, None),
     }.items():
-        assert statistics.seed_statistics(np.array(values)) == dict(
+        assert seed_statistics.seed_statistics(np.array(values)) == dict(
             zip(keys, expected, strict=True)
         ), values
 
@@ -85,7 +88,9 @@ def test_holm_is_the_closure_of_bonferroni(p: list[float]) -> None:
     expected = [
         max(value for subset, value in of_set.items() if i in subset) for i in range(len(p))
     ]
-    assert statistics.holm_adjusted(np.array(p)).tolist() == pytest.approx(expected, rel=1e-12)
+    assert paired_comparison.holm_adjusted(np.array(p)).tolist() == pytest.approx(
+        expected, rel=1e-12
+    )
 
 
 def test_a_subject_beats_those_whose_error_is_above_its_own() -> None:

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, world_to_body
+from omni_mj.atomic_files import write_text
 from omni_mj.config import robot_files
 from omni_mj.config.scenario import Scenario, load_scenario
-from omni_mj.files import write_text
 from omni_mj.results.text_table import DASH, Table, format_table
 from omni_mj.studies.identify import log_checks, robot_file_writer
 from omni_mj.studies.identify.derived_parameters import (

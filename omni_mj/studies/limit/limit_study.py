@@ -16,9 +16,9 @@ from omni_mj.config import distributions
 from omni_mj.config.plant_settings import RandomizationSettings
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
+from omni_mj.results.paired_comparison import STATISTIC_LABELS, mean_position_error
 from omni_mj.results.result import Outcome, Result
 from omni_mj.results.result_tables import describe_plant, format_mean
-from omni_mj.results.statistics import STATISTIC_LABELS, mean_position_error
 from omni_mj.results.text_table import Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.iterative_learning import (

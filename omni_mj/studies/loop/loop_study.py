@@ -15,7 +15,7 @@ from omni_control.kinematics import Array
 from omni_mj.config import distributions
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.result import Result
-from omni_mj.results.statistics import finite_or_none
+from omni_mj.results.seed_statistics import finite_or_none
 from omni_mj.results.text_table import Table, format_number, format_table
 from omni_mj.studies.loop import loop_experiment as experiments
 from omni_mj.studies.loop.loop_experiment import CASES, FREQUENCIES, STEP_M, LoopExperiment

@@ -23,7 +23,7 @@ from omni_mj.config import distributions
 from omni_mj.config.resolve import Robot
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.results.result import Outcome, Result
-from omni_mj.results.statistics import finite_or_none
+from omni_mj.results.seed_statistics import finite_or_none
 from omni_mj.results.text_table import Table, format_number, format_table
 from omni_mj.studies.compare_study import check_scenarios
 from omni_mj.studies.open_loop import open_loop_outcome

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from omni_mj.atomic_files import write_text
 from omni_mj.config.plugins import format_controller_spec
-from omni_mj.files import write_text
-from omni_mj.results.statistics import CONFIDENCE, finite_or_none
+from omni_mj.results.seed_statistics import CONFIDENCE, finite_or_none
 from omni_mj.results.text_table import Table, format_markdown, format_number, format_table
 from omni_mj.studies.sweep.sweep_plan import SweepPlan
 

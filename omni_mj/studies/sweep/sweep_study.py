@@ -16,9 +16,9 @@ import numpy as np
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj import parquet
+from omni_mj.atomic_files import write_text
 from omni_mj.config.rows import Row, build_rows
 from omni_mj.config.scenario import Scenario
-from omni_mj.files import write_text
 from omni_mj.results.metrics import row_metrics
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.run_scenario import AfterFrame, StoppedError, ignore_frame, resolve_scenario

@@ -11,14 +11,20 @@ import omni_mj as om
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings
-from omni_mj.results import events, paper_tables, saturation, statistics, summary
+from omni_mj.results import (
+    events,
+    paired_comparison,
+    paper_tables,
+    saturation,
+    seed_statistics,
+    summary,
+)
 from omni_mj.results.alpha_windows import alpha_windows
 from omni_mj.results.metrics import row_metrics, tracking_errors
+from omni_mj.results.paired_comparison import judge_subject
 from omni_mj.results.result import Outcome
 from omni_mj.results.result_tables import recovery_table, results_table
-from omni_mj.results.statistics import judge_subject
-from omni_mj.simulation.log import Log
-from omni_mj.simulation.simulation import Failure
+from omni_mj.simulation.log import Failure, Log
 
 
 def rows(

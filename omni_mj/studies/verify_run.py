@@ -10,8 +10,8 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj import parquet
+from omni_mj.atomic_files import read_json
 from omni_mj.config.scenario import Scenario, load_with_overrides
-from omni_mj.files import read_json
 from omni_mj.results import summary
 from omni_mj.results.provenance import FILE, FORMAT, describe_environment, sha256
 from omni_mj.results.result import Outcome

@@ -1,6 +1,6 @@
 """Definitions of the numbers in summary.json, for the file itself, the report and compare.md."""
 
-from omni_mj.results import alpha_windows, metrics, saturation, statistics
+from omni_mj.results import alpha_windows, metrics, paired_comparison, saturation, seed_statistics
 
 DEFINITIONS = {
     "error": (
@@ -16,9 +16,8 @@ DEFINITIONS = {
     ),
     "statistics over seeds": (
         "per_seed has each seed's value; median, min, max and mean are over the seeds."
-        " ci95_half_width is half the width of the"
-        f" {100 * statistics.CONFIDENCE:g} % confidence interval of the mean by Student's t, which"
-        " a single seed does not have"
+        f" ci95_half_width is half the width of the {100 * seed_statistics.CONFIDENCE:g} %"
+        " confidence interval of the mean by Student's t; a single seed has none"
     ),
     "failures": (
         "Rows that were stopped before their end. Their errors, efforts and settling times count as"
@@ -65,6 +64,35 @@ DEFINITIONS = {
         f" {100 * metrics.RECOVERED_M:g} cm to the end of the same period. Zero for a robot whose"
         " error is never larger, infinite for one that does not recover"
     ),
-    **saturation.DEFINITIONS,
-    **statistics.DEFINITIONS,
+    "saturation": (
+        "Fractions of the frames. sliding_fraction: the slip_*_m_s of a wheel is above"
+        f" {saturation.CREEP_FRACTION:g} |v| carpet.friction / drivetrain.creep_stiffness +"
+        f" {saturation.SLIDING_MARGIN_M_S:g} m/s, where v is the velocity of the wheel's center."
+        " voltage_saturated_fraction: peak_duty is 1. current_limited_fraction: the"
+        " current_limited_fraction_* of a motor is above 0. command_limited_fraction: the command"
+        " is at a limit of [control] for speed or acceleration, translation or rotation."
+        " mean_duty: mean of peak_duty over the frames. Statistics exclude seeds that failed"
+    ),
+    "verdict": (
+        "Comparison of the subject's position error, mean over the seeds, with that of every other"
+        " controller that is not privileged. A controller with a failed seed has no mean, and is"
+        " worse than all that have one"
+    ),
+    "p": (
+        "Two-sided p-value of Student's paired t-test: each seed's noise is the same for all"
+        " controllers, so that two are compared by their differences seed by seed."
+        f" ci95_half_width_m is half the width of the {100 * seed_statistics.CONFIDENCE:g} %"
+        " confidence interval of the mean difference. Neither is corrected for the number of"
+        " verdicts. Both are null if there is a single seed or a seed failed"
+    ),
+    "p_adjusted": (
+        "p by Holm's method over all verdicts that have one: all completed scenarios, all"
+        " competitors, maximum and mean error. significant: whether it is at most"
+        f" {100 * paired_comparison.SIGNIFICANCE_LEVEL:g} %, which limits the probability that any"
+        " significant difference is due to chance"
+    ),
+    "privileged": (
+        "Controller that is given the true state in place of vision. It does not compete, and its"
+        " error is no bound for other controllers; omni-mj limit finds such a bound"
+    ),
 }

@@ -1,4 +1,4 @@
-"""Statistics over seeds: means, confidence intervals, paired tests, verdicts on a controller."""
+"""Paired comparison of controllers seed by seed: differences, t-tests, verdicts."""
 
 from collections.abc import Collection, Mapping
 from math import inf
@@ -7,92 +7,18 @@ from typing import Any
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.results.seed_statistics import (
+    CONFIDENCE,
+    SeedStatistics,
+    confidence_interval,
+    finite_or_none,
+)
 
-CONFIDENCE = 0.95
 SIGNIFICANCE_LEVEL = 1 - CONFIDENCE
 # Statistics of the position error that verdicts are about.
 STATISTIC_LABELS = {"max": "maximum", "mean": "mean"}
-SeedStatistics = dict[str, Any]
 Results = Mapping[str, Any]  # controller -> its results in a summary
 Entry = Mapping[str, Any]  # of one scenario in a summary
-
-DEFINITIONS = {
-    "verdict": (
-        "Comparison of the subject's position error, mean over the seeds, with that of every other"
-        " controller that is not privileged. A controller with a failed seed has no mean, and is"
-        " worse than all that have one"
-    ),
-    "p": (
-        "Two-sided p-value of Student's paired t-test: each seed's noise is the same for all"
-        " controllers, so that two are compared by their differences seed by seed."
-        f" ci95_half_width_m is half the width of the {100 * CONFIDENCE:g} % interval of the mean"
-        " difference. Neither is corrected for the number of verdicts. A single seed or a failed"
-        " seed gives none"
-    ),
-    "p_adjusted": (
-        "p by Holm's method over all verdicts that have one: all completed scenarios, all"
-        " competitors, maximum and mean error. significant: whether it is at most"
-        f" {100 * SIGNIFICANCE_LEVEL:g} %, which limits the probability that any significant"
-        " difference is due to chance"
-    ),
-    "privileged": (
-        "Controller that is given the true state in place of vision. It does not compete, and its"
-        " error is no bound for other controllers; omni-mj limit finds such a bound"
-    ),
-}
-
-
-def confidence_interval(values: Array) -> tuple[Array, Array]:
-    """Return the mean over the last axis, and half the width of its 95 % confidence interval.
-
-    The interval follows from Student's t distribution.
-
-    Args:
-        values: Independent samples, shape (..., samples), at least one.
-
-    Returns:
-        Two arrays of shape (...). The half width of a single sample is NaN.
-    """
-    n = values.shape[-1]
-    mean: Array = values.mean(-1)
-    if n == 1:
-        return mean, np.full_like(mean, np.nan)
-    from scipy.special import stdtrit  # imported here, because runs of one seed do not need it
-
-    return mean, stdtrit(n - 1, (1 + CONFIDENCE) / 2) * values.std(-1, ddof=1) / np.sqrt(n)
-
-
-def seed_statistics(values: Array) -> SeedStatistics:
-    """Return each seed's value, and statistics over the seeds.
-
-    Args:
-        values: Shape (seeds,). Infinite for a seed that failed or never settled: of three seeds
-            with one such value, there is a median but no mean. NaN for a seed without a value,
-            which leaves no statistics.
-
-    Returns:
-        `per_seed`, `median`, `min`, `max`, `mean`, `ci95_half_width`; None for values that are not
-            finite. A single seed has no interval.
-    """
-    with np.errstate(invalid="ignore"):  # infinity minus infinity
-        mean, half_width = confidence_interval(values)
-        median = np.median(values)
-    statistics = {
-        "median": median,
-        "min": values.min(),
-        "max": values.max(),
-        "mean": mean,
-        "ci95_half_width": half_width,
-    }
-    per_seed = [finite_or_none(value) for value in values]
-    return {"per_seed": per_seed} | {
-        name: finite_or_none(value) for name, value in statistics.items()
-    }
-
-
-def finite_or_none(value: Any) -> float | None:
-    """Return a number for JSON: None if it is not finite."""
-    return float(value) if np.isfinite(value) else None
 
 
 def paired_difference(

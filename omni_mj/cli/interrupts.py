@@ -1,0 +1,82 @@
+"""Ctrl-C and other signals, which stop a command between two frames."""
+
+import signal
+from typing import TYPE_CHECKING, Any
+
+from omni_mj.cli import console
+
+if TYPE_CHECKING:
+    from omni_mj.studies.run_scenario import AfterFrame, StartProgress
+
+SIGNAL_REASONS = {  # signal -> why the command stopped
+    signal.SIGINT: "interrupted",
+    signal.SIGTERM: "terminated",
+    signal.SIGHUP: "stopped by its closed terminal",
+}
+
+
+class Interrupts:
+    """Signals that stop a command between two frames, so that no file is cut off.
+
+    While it is entered, it stores the first signal of `SIGNAL_REASONS` that arrives. Signals that
+    are ignored, as in a background job, stay ignored. A second signal ends the program at once,
+    except SIGHUP, which both the shell and the system may send when a terminal closes.
+    """
+
+    def __init__(self) -> None:
+        self._received: int = 0
+        self._old_handlers: dict[int, Any] = {}
+
+    def check(self) -> None:
+        """Raise `StoppedError` if a signal has arrived."""
+        from omni_mj.studies.run_scenario import StoppedError
+
+        if self._received:
+            raise StoppedError(SIGNAL_REASONS[signal.Signals(self._received)])
+
+    def make_frame_callback(self, show: "AfterFrame") -> "AfterFrame":
+        """Return a function that checks for signals and shows the progress after each frame.
+
+        Args:
+            show: Shows the progress, given the frame's number.
+        """
+        from omni_mj.studies.run_scenario import quiet_mujoco
+
+        def after_frame(frame: int) -> None:
+            self.check()
+            if frame == 0:
+                quiet_mujoco()
+            show(frame)
+
+        return after_frame
+
+    def add_check(self, start_progress: "StartProgress") -> "StartProgress":
+        """Return a function like `start_progress` whose bars also check for signals."""
+        return lambda title, n_frames: self.make_frame_callback(start_progress(title, n_frames))
+
+    def exit_if_stopped(self, reason: str | None, message: str) -> None:
+        """Exit with the code of the signal if it stopped the run.
+
+        Args:
+            reason: Why the result says that the run stopped, or None.
+            message: What is printed after the reason.
+        """
+        if reason:
+            console.exit_with_error(f"{reason}; {message}", 128 + self._received)
+
+    def __enter__(self) -> "Interrupts":
+        signals = [
+            number for number in SIGNAL_REASONS if signal.getsignal(number) != signal.SIG_IGN
+        ]
+        self._old_handlers = {number: signal.signal(number, self._store) for number in signals}
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for number, handler in self._old_handlers.items():
+            signal.signal(number, handler)
+
+    def _store(self, number: int, frame: object) -> None:
+        self._received = number
+        self.__exit__()
+        if number == signal.SIGHUP:
+            signal.signal(number, signal.SIG_IGN)
