@@ -97,8 +97,8 @@ class WheelLimits:
         """Fraction of their friction that drag takes at most; an upper bound, a few % too high."""
         return float(self._max_drag.max())
 
-    def compute_peak_utilization(self, poses: Array, period: float) -> tuple[float, float]:
-        """Return the largest fractions of friction and of rim speed that a trajectory needs.
+    def compute_peak_utilization(self, poses: Array, period: float) -> float:
+        """Return the largest fraction of friction or of rim speed that a trajectory needs.
 
         Args:
             poses: One per frame, (frames, 3), from rest to rest. Accelerations are their second
@@ -113,7 +113,7 @@ class WheelLimits:
         acceleration = world_to_body(np.diff(velocity, axis=0) / period, heading)
         twist = world_to_body((velocity[1:] + velocity[:-1]) / 2, heading)
         friction = self.compute_friction_utilization(acceleration, twist).max()
-        return float(friction), float(rim_speeds.max(initial=0) / self.max_rim_speed)
+        return float(max(friction, rim_speeds.max(initial=0) / self.max_rim_speed))
 
     def compute_friction_utilization(self, acceleration: Array, twist: Array) -> Array:
         """Return the needed fraction of friction (n,) for body accelerations and twists (n, 3)."""

@@ -1,5 +1,7 @@
 """Online estimate of the motor correction factor alpha (equation 8 of the paper)."""
 
+from collections import deque
+
 import numpy as np
 
 from omni_control.delay_compensation import CommandHistory
@@ -36,9 +38,8 @@ class AlphaEstimator:
 
     def __init__(self, n: int, window_frames: int, delay_frames: int, period: float) -> None:
         self.value = np.ones((n, 2))
-        self._window_frames, self._delay_frames = window_frames, delay_frames
-        self._period = period
-        self._positions: list[Array] = []
+        self._delay_frames, self._period = delay_frames, period
+        self._positions: deque[Array] = deque(maxlen=window_frames + 1)
 
     def update(self, position: Array, sent: CommandHistory) -> Array:
         """Return the new estimate of alpha along x and y, (n, 2).
@@ -48,8 +49,6 @@ class AlphaEstimator:
             sent: Commands sent before this frame.
         """
         self._positions.append(position.copy())
-        if len(self._positions) > self._window_frames + 1:
-            del self._positions[0]
         achieved = position - self._positions[0]
         count = len(self._positions) - 1
         commands = sent.get_latest(count, skip=self._delay_frames)[..., :2]

@@ -25,8 +25,8 @@ class FilterStep(NamedTuple):
         frames_behind: Frames from the end of the step to the present, (n,); meaningless for a
             frozen filter.
         frozen: Filters that do not move in this step, (n,).
-        capture_offset: Time from the end of the step to the capture of the measurement, (n,) s;
-            negative if the capture came first, 0 in all steps of a frame but the last.
+        capture_offset: Time from the end of this frame's last step to the capture of the
+            measurement, (n,) s; negative if the capture came first.
     """
 
     frames_behind: Array
@@ -65,10 +65,6 @@ def plan_steps(
     n_steps = frames_behind + 1 - target
     capture_offset = np.where(is_visible, (target - age_frames) * period, 0.0)
     return tuple(
-        FilterStep(
-            target + steps_to_go,
-            n_steps <= steps_to_go,
-            0 * capture_offset if steps_to_go else capture_offset,
-        )
+        FilterStep(target + steps_to_go, n_steps <= steps_to_go, capture_offset)
         for steps_to_go in range(max(int(n_steps.max()), 1) - 1, -1, -1)
     )

@@ -11,7 +11,6 @@ from omni_control.controllers.base import Observation, TeamModel
 from omni_control.delay_compensation import CommandHistory
 from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.estimation.motion_model import (
-    COUPLING,
     CREEP,
     FORWARD_GAIN,
     LATENCY,
@@ -88,16 +87,19 @@ class RobotEkf:
     def __init__(
         self, model: TeamModel, n: int, noise: tuple[float, float, float], learns: bool = True
     ) -> None:
-        self.period, self.model, self.dynamics = model.period, model, MotionModel(model)
+        self.period, self.dynamics = model.period, MotionModel(model)
         prior = self.dynamics.prior[PARAMETERS]
-        self._lower_bounds = np.minimum(LOWER_BOUNDS, prior)
-        self._upper_bounds = np.maximum(UPPER_BOUNDS, prior)
-        latency = LATENCY - COUPLING.start
-        self._lower_bounds[latency] = max(model.delay_frames + MIN_LATENCY_CHANGE, 0)
-        self._upper_bounds[latency] = model.delay_frames + MAX_LATENCY_CHANGE
+        lower_bounds, upper_bounds = (
+            np.minimum(LOWER_BOUNDS, prior),
+            np.maximum(UPPER_BOUNDS, prior),
+        )
+        latency = LATENCY - PARAMETERS.start
+        lower_bounds[latency] = max(model.delay_frames + MIN_LATENCY_CHANGE, 0)
+        upper_bounds[latency] = model.delay_frames + MAX_LATENCY_CHANGE
+        self._bounds = lower_bounds, upper_bounds
         times = np.array([*DISTURBANCE_TIME_S, *9 * [PARAMETER_TIME_S]])
         self._decay = np.append(np.ones(6), np.exp(-self.period / times))
-        self._prior_covariance = self._make_prior_covariance(learns)
+        self._prior_covariance = learns * self._make_prior_covariance(model)
         renewal = np.sqrt(1 - self._decay**2)
         self._renewed_covariance = self._prior_covariance * np.outer(renewal, renewal)
         self._vision_covariance = np.diag(np.maximum(noise, [1e-4, 1e-4, 1e-3])) ** 2
@@ -111,9 +113,9 @@ class RobotEkf:
         self._silent_frames = np.zeros(n)  # frames without a response
         self._started = False
 
-    def _make_prior_covariance(self, learns: bool) -> Array:
-        """Return the covariance (18, 18) of disturbances and parameters; 0 without learning."""
-        model, correlation = self.model, np.eye(SIZE)
+    def _make_prior_covariance(self, model: TeamModel) -> Array:
+        """Return the covariance (18, 18) of disturbances and parameters."""
+        correlation = np.eye(SIZE)
         forward_sideways = [FORWARD_GAIN, SIDEWAYS_GAIN]
         correlation[forward_sideways, forward_sideways[::-1]] = GAIN_CORRELATION
         gain_sigma, *relative = KNOWN_SIGMA if model.alpha else UNKNOWN_SIGMA
@@ -127,7 +129,6 @@ class RobotEkf:
             LATENCY_SIGMA,
             *np.where(is_unknown, ZERO_SIGMA, relative * self.dynamics.prior[CREEP:]),
         ]
-        sigma *= learns
         return correlation * np.outer(sigma, sigma)
 
     @property
@@ -162,8 +163,7 @@ class RobotEkf:
     def _advance(self, sent: CommandHistory, step: FilterStep) -> Array:
         """Predict states and covariance over a step; return the commands (n, 3) that acted."""
         command, next_state, transition = self._linearize(sent, step.frames_behind)
-        velocity_change = (next_state - self.state)[:, TRANSLATION_VELOCITY]
-        speed_change = np.hypot(*velocity_change.T)
+        speed_change = np.hypot(*(next_state - self.state)[:, TRANSLATION_VELOCITY].T)
         self._limit_learning(transition, speed_change)
         transition *= self._decay[:, None]
         predicted = self._decay * next_state + (1 - self._decay) * self.dynamics.prior
@@ -253,14 +253,11 @@ class RobotEkf:
             corrected_covariance[i, :2], corrected_covariance[i, :, :2] = 0.0, 0.0
             corrected_covariance[i, :2, :2] = self._vision_covariance[:2, :2]
             corrected_covariance[i, [3, 4], [3, 4]] += (distance[i] / self.period) ** 2
-        parameters = corrected[:, PARAMETERS]
-        corrected[:, PARAMETERS] = np.clip(parameters, self._lower_bounds, self._upper_bounds)
-        self.state, self.covariance = (
-            corrected,
-            (corrected_covariance + corrected_covariance.swapaxes(1, 2)) / 2,
-        )
+        corrected[:, PARAMETERS] = np.clip(corrected[:, PARAMETERS], *self._bounds)
+        self.state = corrected
+        self.covariance = (corrected_covariance + corrected_covariance.swapaxes(1, 2)) / 2
         change = (np.minimum(nis, MAX_NIS) - self.mean_nis) / NIS_FRAMES
-        self.mean_nis = np.where(is_visible, self.mean_nis + change, self.mean_nis)
+        self.mean_nis = self.mean_nis + is_visible * change
         self._count_silent_frames(command)
 
     def _count_silent_frames(self, command: Array) -> None:
@@ -272,4 +269,4 @@ class RobotEkf:
         command_power, response_power = self._powers
         is_silent = response_power < MIN_RESPONSE * command_power
         is_silent &= command_power > EVIDENT_M_S**2
-        self._silent_frames = np.where(is_silent, self._silent_frames + 1, 0)
+        self._silent_frames = (self._silent_frames + 1) * is_silent

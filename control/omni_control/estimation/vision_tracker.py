@@ -46,13 +46,12 @@ class KalmanFilter:
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
         self._period = period
-        sigma = np.maximum(np.broadcast_to(noise, pose.shape), CAMERA_RESOLUTION)
-        self._measurement_variance = sigma**2
+        self._measurement_variance = np.maximum(noise, CAMERA_RESOLUTION) ** 2
         self._drift_decay = math.exp(-period / DRIFT_TIME_S)
         self._drift_noise = np.square(DRIFT_RATES) * period
         self.pose, (self.drift, self.twist) = pose.copy(), np.zeros((2, *pose.shape))
         # The axes are independent, so that three numbers per axis hold its 2x2 covariance.
-        self._pose_variance = self._measurement_variance.copy()
+        self._pose_variance = np.zeros_like(pose) + self._measurement_variance
         self._covariance, self._drift_variance = np.zeros((2, *pose.shape))
         self._noise_scale = np.ones_like(pose)
         self._innovation, self._innovation_variance = np.full((2, *pose.shape), np.nan)

@@ -140,9 +140,9 @@ def approach_pose(
         offset_xy, twist[:, :2], limits.speed, braking, max_gain, period
     )
     norm = _norm(limits.to_isotropic(change, heading))
-    braking, turn_step = limits.turn_acceleration, limits.turn_acceleration * period
+    turn_step = limits.turn_acceleration * period
     turn_change = _compute_velocity_change(
-        offset[:, 2:], twist[:, 2:], limits.turn_rate, braking, turn_step, period
+        offset[:, 2:], twist[:, 2:], limits.turn_rate, limits.turn_acceleration, turn_step, period
     )
     scaled_change = [
         change * (step / np.maximum(norm, step)),

@@ -122,8 +122,7 @@ class PerRobotReference(SampledReference):
             )
         frames = max(reference.frames for reference in references)
         poses = [
-            np.pad(reference.poses, ((0, frames - reference.frames), (0, 0)), "edge")
-            for reference in references
+            reference.with_rest(0, frames - reference.frames).poses for reference in references
         ]
         super().__init__(np.stack(poses, axis=1), references[0].period)
 

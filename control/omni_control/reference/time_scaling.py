@@ -97,7 +97,7 @@ def slow_down_for_wheels(
     wheels, capacity = limits.wheels, math.inf
     if wheels is None:
         return poses
-    while (utilization := max(wheels.compute_peak_utilization(poses, period))) > 1 + ROUNDING:
+    while (utilization := wheels.compute_peak_utilization(poses, period)) > 1 + ROUNDING:
         # At first the full capacity. Smoothing and whole frames need more than the timing.
         capacity = min(1.0, capacity / max(utilization, _MIN_REDUCTION))
         if capacity <= wheels.max_drag_fraction:

@@ -194,13 +194,11 @@ def _plan_timing_on_wheels(
     rows, drag = wheels.get_friction_constraints(twist)
     body_demand = np.hypot(*limits.to_isotropic(offset[:, :2], heading).T) / limits.acceleration
     turn_demand = np.abs(offset[:, 2]) / limits.turn_acceleration
-    demand = np.maximum(body_demand, turn_demand)[:, None]
+    demand = np.maximum(body_demand, turn_demand)
     wheel_demand = twist @ rows.T / (capacity - max_over_neighbors(drag, "edge"))
     # Change of the squared rate from cell to cell, speeding up and braking.
-    gains, losses = (
-        2 / _N_CELLS / np.max(np.concatenate([demand, signed_demand], axis=1), axis=1)
-        for signed_demand in (wheel_demand, -wheel_demand)
-    )
+    gains = 2 / _N_CELLS / np.maximum(demand, wheel_demand.max(1))
+    losses = 2 / _N_CELLS / np.maximum(demand, -wheel_demand.min(1))
     min_duration = max(
         np.hypot(*offset[0, :2]) / limits.speed,
         abs(offset[0, 2]) / limits.turn_rate,
