@@ -185,7 +185,7 @@ def _connect(
             with session.open_vision(connection, messages, interrupts.check) as frame_clock:
                 yield frame_clock, interrupts
         except StoppedError as stopped:
-            interrupts.exit_if_stopped(stopped.reason, stop_message)
+            interrupts.exit_if_stopped(str(stopped), stop_message)
 
 
 def _drive(

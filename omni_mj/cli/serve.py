@@ -160,7 +160,7 @@ def command(
         try:
             server.run(interrupts.check, values["duration_s"])
         except StoppedError as error:
-            reason = error.reason
+            reason = str(error)
     if not quiet:
         counts = [f"  {count:8d}  {kind}" for kind, count in sorted(server.messages.items())]
         click.echo("\n".join([f"{world.time_s:.1f} s simulated", *counts]))

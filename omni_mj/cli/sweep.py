@@ -1,7 +1,6 @@
 """`omni-mj sweep`: run a scenario under many settings and seeds, and report failure rates."""
 
 from contextlib import nullcontext
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +11,7 @@ from omni_mj.cli import console, options, output_folders
 from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
-    from omni_mj.studies.run_scenario import AfterFrame
-    from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
+    from omni_mj.studies.sweep.sweep_plan import SweepPlan
 
 OUTPUTS = (
     "sweep.json",
@@ -115,20 +113,13 @@ def _run_sweep(plan: "SweepPlan", folder: Path, quiet: bool, **run_options: Any)
     with console.report_write_errors(folder):
         with Interrupts() as interrupts, console.show_progress(quiet) as start_progress:
             quiet_mujoco()
-            n_shards = len(sweep_study.remaining_shards(plan, folder))
-            show = start_progress("sweep", plan.frames * n_shards)
-            shard_numbers = count()
-
-            def before_shard(_: "Shard") -> "AfterFrame":
-                first_frame = next(shard_numbers) * plan.frames
-                return interrupts.make_frame_callback(lambda frame: show(first_frame + frame))
-
+            start_progress = interrupts.add_check(start_progress)
             result = sweep_study.run_sweep(
-                plan, folder, before_shard=before_shard, check=interrupts.check, **run_options
+                plan, folder, start_progress=start_progress, **run_options
             )
         progress = f"{result.n_done} of {len(plan.shards)} shards"
         if result.n_done:
-            sweep_statistics.save_sweep_table(result.plan, result.summary, folder / "sweep.md")
+            sweep_statistics.save_sweep_table(plan, result.summary, folder / "sweep.md")
             sweep_figure.save_sweep_figure(result, folder / "sweep.png")
             if not quiet:
                 print(sweep_statistics.format_sweep_tables(plan, result.summary))

@@ -12,8 +12,8 @@ from zlib import crc32
 
 import numpy as np
 
-from omni_control.errors import OmniError, suggest_names
-from omni_mj.config.settings import Settings, list_settings
+from omni_control.errors import OmniError
+from omni_mj.config.settings import Settings, find_setting
 from omni_mj.config.validation import format_value
 
 KINDS = {  # kind of distribution -> its parameters, for messages
@@ -171,10 +171,7 @@ def replace_values(settings: Settings, values: Mapping[str, Value]) -> Settings:
 
 def _parse_distribution(name: str, fields: Mapping[str, Any]) -> Distribution:
     """Return the distribution of a setting, given by fields such as {uniform = [0.4, 0.9]}."""
-    settings = {setting.full_name: setting for setting in list_settings()}
-    if name not in settings:
-        raise OmniError(f"unknown setting {name}; {suggest_names(name, settings)}")
-    setting = settings[name]
+    setting = find_setting(name)
     kind, values = next(iter(fields.items()), ("", ()))
     if len(fields) != 1 or kind not in KINDS:
         value = format_value(dict(fields))

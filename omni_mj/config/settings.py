@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field, SerializeAsAny, field_validator
 
+from omni_control.errors import OmniError, suggest_names
 from omni_control.kinematics import Array
 from omni_mj.config import CYCLE_RATE_HZ as CYCLE_RATE_HZ
 from omni_mj.config import FRAME_RATE_HZ as FRAME_RATE_HZ
@@ -142,6 +143,18 @@ def list_settings() -> list[SettingInfo]:
         for field, info in section_class.describe_fields().items():
             settings.append(info._replace(default=robot_values.get(field, info.default)))
     return settings
+
+
+def find_setting(name: str) -> SettingInfo:
+    """Return the declaration of a setting, given by `section.field`.
+
+    Raises:
+        OmniError: There is no such setting.
+    """
+    settings = {setting.full_name: setting for setting in list_settings()}
+    if name not in settings:
+        raise OmniError(f"unknown setting {name}; {suggest_names(name, settings)}")
+    return settings[name]
 
 
 def gather(settings: Sequence[Any], name: str) -> Array:

@@ -61,6 +61,14 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise ValueError("lists or tables are nested too deeply") from None
 
 
+def parse_value(text: str) -> Any:
+    """Return a value written as in TOML, or the text itself."""
+    try:
+        return parse_toml(f"value = {text}")["value"]
+    except ValueError:
+        return text.strip()
+
+
 def read_scenario_file(name_or_path: str) -> tuple[dict[str, Any], str]:
     """Return the values in a scenario file, and the name of the scenario by its file.
 
@@ -94,17 +102,13 @@ def apply_override(data: dict[str, Any], override: str) -> None:
             f"cannot read --set {to_printable(override)}; write section.field=value, such as "
             "radio.delay_frames=3"
         )
-    try:
-        value = parse_toml(f"value = {value_text}")["value"]
-    except ValueError:
-        value = value_text.strip()
     for section in sections:
         data = data.setdefault(section, {})
         if not isinstance(data, dict):
             raise OmniError(
                 f"cannot set {to_printable(key)}: {to_printable(section)} is not a section"
             )
-    data[name] = value
+    data[name] = parse_value(value_text)
 
 
 def format_toml_value(value: Any) -> str:

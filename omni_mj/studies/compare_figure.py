@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
 from omni_mj.results.paired_comparison import mean_position_error
-from omni_mj.results.result_tables import describe_plant
 from omni_mj.results.text_table import DASH
 from omni_mj.viz import plotting
 from omni_mj.viz.seed_figure import draw_seed_statistics
@@ -49,7 +48,7 @@ def draw_heat_map(entries: dict[str, Summary], privileged: list[str], figure: Fi
         figure: Empty figure.
     """
     controllers = list(dict.fromkeys(name for e in entries.values() for name in e["results"]))
-    baseline = next((name for name in BASELINES if name in controllers), controllers[0])
+    baseline = next(name for name in (*BASELINES, *controllers) if name in controllers)
     errors = _maximum_errors(entries, controllers)
     with np.errstate(invalid="ignore"):  # infinite over infinite, where both failed
         ratios = errors / errors[:, [controllers.index(baseline)]]
@@ -57,7 +56,7 @@ def draw_heat_map(entries: dict[str, Summary], privileged: list[str], figure: Fi
     figure.set_size_inches(3.2 + width * len(controllers), 1.7 + height * len(entries))
     axes = figure.subplots()
     image = axes.imshow(
-        np.where(np.isfinite(ratios), ratios, np.nan),
+        np.ma.masked_invalid(ratios),
         cmap="RdBu_r",
         norm=LogNorm(1 / MAX_RATIO, MAX_RATIO),
         aspect="auto",
@@ -69,11 +68,10 @@ def draw_heat_map(entries: dict[str, Summary], privileged: list[str], figure: Fi
     axes.set_yticks(range(len(entries)), list(entries))
     axes.tick_params(length=0, labeltop=True, labelbottom=False)
     axes.grid(visible=False)
-    axes.spines[:].set_visible(False)
-    color_bar = figure.colorbar(image, ax=axes, label=f"error / error of {baseline}")
-    color_bar.set_ticks(TICKS, labels=[f"{tick:g}" for tick in TICKS], minor=False)
-    color_bar.minorticks_off()
-    figure.suptitle(_title(entries))
+    label = f"error / error of {baseline}"
+    figure.colorbar(image, ax=axes, label=label, ticks=TICKS, format="{x:g}").minorticks_off()
+    n_seeds = max(len(entry["seeds"]) for entry in entries.values())
+    figure.suptitle(f"Maximum position error in cm, {n_seeds} seeds; bold: least error")
 
 
 def _maximum_errors(entries: dict[str, Summary], controllers: list[str]) -> Array:
@@ -97,7 +95,7 @@ def _write_errors(axes: Axes, errors: Array, ratios: Array, is_privileged: np.nd
         else:
             label = DASH if np.isnan(error) else "failed"
         is_dark = abs(np.log(ratios[i, j])) > np.log(DARK_RATIO)
-        is_best = error == lowest_errors[i] < np.inf and not is_privileged[j]
+        is_best = error == lowest_errors[i] and not is_privileged[j]
         axes.text(
             j,
             i,
@@ -107,13 +105,3 @@ def _write_errors(axes: Axes, errors: Array, ratios: Array, is_privileged: np.nd
             color="white" if is_dark else "black",
             weight="bold" if is_best else "normal",
         )
-
-
-def _title(entries: dict[str, Summary]) -> str:
-    """Return the title: what the numbers are, where, and over how many seeds."""
-    plants = {describe_plant(entry) for entry in entries.values()}
-    plant = f", {plants.pop()}" if len(plants) == 1 else ""
-    counts = sorted({len(entry["seeds"]) for entry in entries.values()})
-    seeds = " to ".join(map(str, counts))
-    over = "one seed" if seeds == "1" else f"mean of {seeds} seeds"
-    return f"Maximum position error in cm{plant}, {over}; bold: least error"

@@ -81,7 +81,7 @@ def compare(
             after_scenario(result, outcome)
         result.complete = True
     except StoppedError as error:
-        result.stopped = error.reason
+        result.stopped = str(error)
     result.wall_s = time.perf_counter() - start_time
     return result
 

@@ -62,7 +62,7 @@ def send_twists(
             simulation.step(twist)
             after_frame(frame)
     except StoppedError as error:
-        return error.reason
+        return str(error)
     return None
 
 

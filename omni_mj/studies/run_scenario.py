@@ -25,13 +25,8 @@ FRAME_BYTES = 1200
 class StoppedError(Exception):
     """Raised by a callback between two frames to end a study; results so far are kept.
 
-    Attributes:
-        reason: Reason in one word, such as "interrupted".
+    Its text is the reason in one word, such as "interrupted".
     """
-
-    def __init__(self, reason: str) -> None:
-        self.reason = reason
-        super().__init__(reason)
 
 
 def ignore_frame(_: object) -> None:
@@ -101,7 +96,7 @@ def run_simulation(simulation: Simulation, after_frame: AfterFrame = ignore_fram
     try:
         simulation.run(after_frame)
     except StoppedError as error:
-        stopped = error.reason
+        stopped = str(error)
     log, drawn = simulation.log, simulation.drawn_parameters
     # Their order must not depend on how rows were split into batches.
     failures = sorted(simulation.failures, key=lambda failure: (failure.time_s, failure.row))

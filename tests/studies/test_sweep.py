@@ -107,30 +107,33 @@ def test_results_do_not_depend_on_batch_size(
 def test_stopped_sweep_continues_without_repeating_shards(
     complete_sweep: bench.SweepResult, tmp_path: Path
 ) -> None:
-    completed: list[int] = []
+    frames: list[int] = []
 
-    def three_at_most(shard: Any) -> object:
-        if len(completed) == 3:
-            raise bench.StoppedError("enough")
-        completed.append(shard.number)
+    def stop_after_three(title: str, n_frames: int) -> Callable[[int], None]:
+        frames.append(n_frames)
+
+        def after_frame(frame: int) -> None:
+            if len(list(folder.glob("shards/*.parquet"))) == 3:
+                raise bench.StoppedError("enough")
+
+        return after_frame
+
+    def count_frames(title: str, n_frames: int) -> Callable[[int], None]:
+        frames.append(n_frames)
         return bench.ignore_frame
 
     folder = tmp_path / "sweep"
-    partial = run_sweep(folder, batch_size=4, before_shard=three_at_most)
+    partial = run_sweep(folder, batch_size=4, start_progress=stop_after_three)
     assert (partial.n_done, partial.stopped, partial.complete) == (3, "enough", False)
     assert partial.rows().num_rows == sum(
         len(NAMES) * len(shard.runs) for shard in partial.plan.shards[:3]
     )
     assert json.loads((folder / "summary.json").read_text())["complete"] is False
-    rest: list[int] = []
-    done = run_sweep(
-        folder,
-        batch_size=4,
-        before_shard=lambda shard: rest.append(shard.number) or bench.ignore_frame,
-    )
-    assert sorted(completed + rest) == [shard.number for shard in done.plan.shards]
+    done = run_sweep(folder, batch_size=4, start_progress=count_frames)
     assert bits(done.rows()) == bits(complete_sweep.rows())
-    run_sweep(folder, batch_size=4, before_shard=lambda shard: pytest.fail("nothing is left"))
+    run_sweep(folder, batch_size=4, start_progress=count_frames)
+    n_shards = len(done.plan.shards)
+    assert frames == [done.plan.frames * count for count in (n_shards, n_shards - 3, 0)]
 
 
 def test_killed_process_loses_no_finished_shard(
@@ -193,21 +196,24 @@ def test_cluster_with_a_killed_worker_and_processes_give_the_same(
     """Kill a worker when two of twelve shards are done and others are running."""
     from distributed import Client
 
-    done: list[int] = []
+    frames = set()
     address, processes = cluster
 
-    def kill_one(shard: Any) -> Callable[[int], None]:
-        done.append(shard.number)
-        if len(done) == 2:
+    def kill_one(frame: int) -> None:
+        frames.add(frame)
+        if len(frames) == 3:
             processes[0].kill()
-        return bench.ignore_frame
 
     with Client(address) as client:
         executor = client.get_executor(pure=False)
         result = run_sweep(
-            tmp_path / "cluster", batch_size=2, executor=executor, before_shard=kill_one
+            tmp_path / "cluster",
+            batch_size=2,
+            executor=executor,
+            start_progress=lambda title, n_frames: kill_one,
         )
-    assert sorted(done) == [shard.number for shard in result.plan.shards] == list(range(12))
+    assert len(result.plan.shards) == 12
+    assert frames == {count * result.plan.frames - 1 for count in range(13)}
     assert bits(result.rows()) == bits(complete_sweep.rows())
     assert bits(run_sweep(tmp_path / "jobs", batch_size=8, jobs=2).rows()) == bits(
         complete_sweep.rows()
@@ -280,7 +286,7 @@ def test_wheel_models_do_not_share_a_shard() -> None:
     """On the MuJoCo plant a shard has one wheel model only."""
     vary = {"wheels.model": ["rollers", "two-rollers"], "carpet.friction": [0.5, 0.8]}
     plan = bench.SweepPlan(
-        om.load_scenario("rect", controllers=["p"], seeds=2), bench.check_axes(vary)
+        om.load_scenario("rect", controllers=["p"], seeds=2), bench.check_axes(vary.items())
     )
     assert [len(shard.runs) for shard in plan.shards] == [4, 4]
     for shard in plan.shards:

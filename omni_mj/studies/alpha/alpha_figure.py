@@ -1,12 +1,13 @@
 """Figure of the alpha study: contribution of each cause; gain and lag under each condition."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
+from omni_mj.studies.alpha.alpha_study import AlphaResult, AlphaStudy
 from omni_mj.studies.alpha.operating_conditions import (
     CONDITION_LABELS,
     DIRECTIONS,
@@ -14,9 +15,6 @@ from omni_mj.studies.alpha.operating_conditions import (
     WORN_TEXT,
 )
 from omni_mj.viz import plotting, style
-
-if TYPE_CHECKING:
-    from omni_mj.studies.alpha.alpha_study import AlphaResult, AlphaStudy
 
 QUANTITIES = {
     "steady_gain": "steady gain - 1",
@@ -30,7 +28,7 @@ BAR_WIDTH = 0.27  # if causes are 1 apart
 MAX_LINEAR_RATIO = 30  # of the largest and smallest value on a linear axis
 
 
-def save_alpha_figure(result: "AlphaResult", stem: Path) -> None:
+def save_alpha_figure(result: AlphaResult, stem: Path) -> None:
     """Draw the contributions of causes above the responses under each condition.
 
     Args:
@@ -59,7 +57,7 @@ def save_alpha_figure(result: "AlphaResult", stem: Path) -> None:
         plotting.add_legend(figure, figure.axes)
 
 
-def _draw_causes(study: "AlphaStudy", name: str, axes: Axes) -> None:
+def _draw_causes(study: AlphaStudy, name: str, axes: Axes) -> None:
     """Draw the contribution of each cause to a quantity, next to that of the wheel loop alone."""
     is_lag = name == "lag_s"
     wheel_loop = getattr(study.wheel_loop, name) - (0.0 if is_lag else 1.0)
@@ -73,7 +71,7 @@ def _draw_causes(study: "AlphaStudy", name: str, axes: Axes) -> None:
     axes.set_title(QUANTITIES[name])
 
 
-def _draw_conditions(study: "AlphaStudy", names: list[str], figure: Figure | SubFigure) -> None:
+def _draw_conditions(study: AlphaStudy, names: list[str], figure: Figure | SubFigure) -> None:
     """Draw a pair of panels, gain above lag, for each condition."""
     grid = figure.subplots(2, COLUMNS, sharex="col", sharey="row")
     grid[0, 0].set_ylabel("gain")
@@ -84,7 +82,7 @@ def _draw_conditions(study: "AlphaStudy", names: list[str], figure: Figure | Sub
         axes.set_axis_off()
 
 
-def _draw_condition(study: "AlphaStudy", name: str, gain: Axes, lag: Axes) -> None:
+def _draw_condition(study: AlphaStudy, name: str, gain: Axes, lag: Axes) -> None:
     """Draw gain and lag over the values of a condition, a color for each direction."""
     values, response = study.condition_values[name], study.by_condition[name]
     for i, (direction, marker) in enumerate(zip(DIRECTIONS, MARKERS, strict=True)):

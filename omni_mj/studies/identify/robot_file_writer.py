@@ -62,38 +62,30 @@ def _format_change(name: str, estimate: Estimate) -> str:
 
 
 def apply_changes(start: str, changes: Mapping[tuple[str, str], str], logs: Sequence[str]) -> str:
-    """Return the text of a robot's file with changes; the rest, with its comments, is unchanged.
+    """Return the text of a robot's file with changes; replaced lines become comments.
 
     Args:
         start: Text of the start robot's file.
         changes: Values as TOML, by section and field.
         logs: Names of the logs, for the first line.
     """
-    start_sections, section = tomllib.loads(start), ""
+    section = ""
     names = " ".join(", ".join(logs).split())
     lines = [f"# omni-mj identify: numbers marked as identified are from {names}"]
     for line in start.splitlines():
         key = re.match(r"\s*([\w-]+)\s*=", line)
-        if key and (change := changes.get((section, key[1]))):
-            old_value = line.split("#")[0].split("=")[1].strip()
-            line = f"{key[1]} = {change}; was {old_value}"
+        if key and (section, key[1]) in changes:
+            line = f"# {line}"
         if not line.startswith("#:schema"):
             lines.append(line)
         if header := re.match(r"\s*\[\s*([\w.-]+)\s*\]", line):
             section = header[1]
-            new_fields = _section_lines(changes, section)
-            lines += [
-                new for field, new in new_fields.items() if field not in start_sections[section]
-            ]
-    for name in sorted({section for section, _ in changes} - set(start_sections)):
-        lines += ["", f"[{name}]", *_section_lines(changes, name).values()]
+            lines += _section_lines(changes, section)
+    for name in sorted({section for section, _ in changes} - set(tomllib.loads(start))):
+        lines += ["", f"[{name}]", *_section_lines(changes, name)]
     return "\n".join([*lines, ""])
 
 
-def _section_lines(changes: Mapping[tuple[str, str], str], name: str) -> dict[str, str]:
-    """Return the lines of a section's changes by field."""
-    return {
-        field: f"{field} = {value}"
-        for (section, field), value in changes.items()
-        if section == name
-    }
+def _section_lines(changes: Mapping[tuple[str, str], str], name: str) -> list[str]:
+    """Return the lines of a section's changes."""
+    return [f"{field} = {value}" for (section, field), value in changes.items() if section == name]

@@ -10,19 +10,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count, takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.csv
 from scipy.interpolate import BSpline, make_interp_spline
 
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_mj import parquet
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-    Columns = dict[str, pa.ChunkedArray]
+Columns = dict[str, pa.ChunkedArray]
 
 POSE_COLUMNS = ("x_m", "y_m", "heading_rad")
 VISION_COLUMNS = ("vision_x_m", "vision_y_m", "vision_heading_rad")
@@ -104,7 +102,7 @@ def integrate_inputs(time: Array, inputs: Array) -> BSpline:
     return make_interp_spline(ends, np.concatenate([np.zeros_like(total[:1]), total]), k=1)
 
 
-def _robot_names(columns: "Columns", lines: int) -> np.ndarray:
+def _robot_names(columns: Columns, lines: int) -> np.ndarray:
     """Return controller, seed and slot of each line as text; empty without such columns."""
     keys = [columns[key].to_pylist() for key in ("controller", "seed", "slot") if key in columns]
     names = [" ".join(map(str, values)) for values in zip(*keys, strict=True)]
@@ -141,7 +139,7 @@ def _clean(log: RobotLog) -> RobotLog:
     return replace(log, time=time, pose=pose, inputs=inputs)
 
 
-def _wheel_columns(columns: "Columns") -> tuple[bool, list[str]]:
+def _wheel_columns(columns: Columns) -> tuple[bool, list[str]]:
     """Return whether the wheels' columns are angles, and the names of these columns."""
     for pattern in WHEEL_PATTERNS:
         if names := list(takewhile(columns.__contains__, map(pattern.format, count(1)))):
@@ -166,14 +164,12 @@ def _mean_speeds(time: Array, values: Array, is_angle: bool) -> Array:
     return np.concatenate([means, means[-1:]])
 
 
-def _read_columns(path: Path) -> "Columns":
+def _read_columns(path: Path) -> Columns:
     """Return the columns of a CSV or Parquet file by their names in lower case.
 
     Raises:
         OmniError: The file does not exist, or is not a table.
     """
-    import pyarrow as pa
-
     readers = {".csv": _read_csv, ".parquet": parquet.read_table}
     if path.suffix.lower() not in readers:
         raise OmniError(f"{path}: a log is a .csv or .parquet file with named columns")
@@ -187,34 +183,29 @@ def _read_columns(path: Path) -> "Columns":
     return dict(zip(names, arrow_table.columns, strict=True))
 
 
-def _read_csv(path: Path) -> "pa.Table":
+def _read_csv(path: Path) -> pa.Table:
     """Read a CSV file separated by commas, semicolons or tabs.
 
     With semicolons or tabs the decimal separator may be a comma.
     """
-    import pyarrow as pa
-    import pyarrow.csv
-
     with path.open(encoding="utf-8", errors="replace") as text:
         header, row = text.readline(), text.readline()
     separator = max(",;\t", key=header.count)
     decimal_point = "," if separator != "," and "," in row else "."
     with pa.OSFile(os.fsencode(path)) as file:  # as in `omni_mj.parquet`
-        return pyarrow.csv.read_csv(
+        return pa.csv.read_csv(
             file,
             parse_options=pa.csv.ParseOptions(delimiter=separator),
             convert_options=pa.csv.ConvertOptions(decimal_point=decimal_point),
         )
 
 
-def _to_numbers(path: Path, columns: "Columns", names: Sequence[str]) -> Array:
+def _to_numbers(path: Path, columns: Columns, names: Sequence[str]) -> Array:
     """Return columns as numbers, (F, names).
 
     Raises:
         OmniError: A column holds something else.
     """
-    import pyarrow as pa
-
     values = [np.zeros((len(columns["time_s"]), 0))]
     for name in names:
         try:

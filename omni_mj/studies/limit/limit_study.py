@@ -137,7 +137,7 @@ def find_limit(
         _learn_and_compare(result, scenario, iterations, start_progress)
         result.complete = True
     except StoppedError as error:
-        result.stopped = error.reason
+        result.stopped = str(error)
     result.wall_s = time.perf_counter() - start_time
     return result
 

@@ -1,17 +1,15 @@
 """Figure of the loop study: step response, Bode plot and Nyquist plot of each case."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from omni_mj.studies.loop.loop_experiment import FREQUENCIES, STEP_M
 from omni_mj.studies.loop.loop_metrics import interpolate_gains
+from omni_mj.studies.loop.loop_study import LoopMeasurement, LoopResult
 from omni_mj.viz import plotting, style
-
-if TYPE_CHECKING:
-    from omni_mj.studies.loop.loop_study import LoopMeasurement, LoopResult
 
 COLUMN_IN, PANELS_IN = 3.4, (2.6, 2.2, 2.2, 3.4)  # width of a case, heights of its panels
 LABELS = (
@@ -27,7 +25,7 @@ TICKS_RAD_S = (2, 5, 10, 20)
 GUIDE = {"color": style.REFERENCE, "lw": 1, "zorder": 1}  # line style of levels and of the circle
 
 
-def save_loop_figure(result: "LoopResult", stem: Path) -> None:
+def save_loop_figure(result: LoopResult, stem: Path) -> None:
     """Draw all loops into `stem`.png and `stem`.svg, a column per case."""
     size = (COLUMN_IN * max(len(result.loops), 2), sum(PANELS_IN))
     title = f"Step responses and loop gains of controllers: {result.title}"
@@ -44,9 +42,7 @@ def save_loop_figure(result: "LoopResult", stem: Path) -> None:
         plotting.add_legend(figure, grid[0])
 
 
-def _draw_loop(
-    panels: np.ndarray, loop: "LoopMeasurement", label: str, line: dict[str, Any]
-) -> None:
+def _draw_loop(panels: np.ndarray, loop: LoopMeasurement, label: str, line: dict[str, Any]) -> None:
     """Draw one controller into the four panels of a case, unless its robot failed."""
     step, gain, phase, nyquist = panels
     response = loop.step_response

@@ -31,11 +31,11 @@ class StepMetrics(NamedTuple):
         steady_state_error_m: Mean error of the last half second.
     """
 
-    rise_time_s: float = np.nan
-    overshoot: float = np.nan
-    settling_5_mm_s: float = np.nan
-    settling_2_percent_s: float = np.nan
-    steady_state_error_m: float = np.nan
+    rise_time_s: float
+    overshoot: float
+    settling_5_mm_s: float
+    settling_2_percent_s: float
+    steady_state_error_m: float
 
 
 class StabilityMargins(NamedTuple):
@@ -50,11 +50,11 @@ class StabilityMargins(NamedTuple):
         sensitivity: Ms, largest |1 / (1 + L)|: largest amplification of a disturbance.
     """
 
-    crossover_rad_s: float = np.nan
-    phase_deg: float = np.nan
-    delay_s: float = np.nan
-    gain: float = np.nan
-    sensitivity: float = np.nan
+    crossover_rad_s: float
+    phase_deg: float
+    delay_s: float
+    gain: float
+    sensitivity: float
 
 
 def compute_step_metrics(response: Array, step: float) -> StepMetrics:
@@ -65,7 +65,7 @@ def compute_step_metrics(response: Array, step: float) -> StepMetrics:
         step: Size of the step, m.
     """
     if not np.isfinite(response).all():
-        return StepMetrics()
+        return StepMetrics(*[np.nan] * 5)
     fraction, error = response / step, np.abs(response - step)
     return StepMetrics(
         rise_time_s=_crossing_time(fraction, 0.9) - _crossing_time(fraction, 0.1),
@@ -111,7 +111,7 @@ def interpolate_gains(frequencies: Array, gains: Gains) -> tuple[Array, Gains]:
 def compute_margins(gains: Gains) -> StabilityMargins:
     """Return the stability margins of a loop with gains (harmonics,) at `FREQUENCIES`."""
     if not np.isfinite(gains).all():
-        return StabilityMargins()
+        return StabilityMargins(*[np.nan] * 5)
     fine, curve = interpolate_gains(FREQUENCIES, gains)
     magnitude = np.abs(curve)
     half_turns = np.floor((np.unwrap(np.angle(curve)) / np.pi + 1) / 2)

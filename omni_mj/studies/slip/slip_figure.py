@@ -1,17 +1,15 @@
 """Figure of the slip study: speed of the body over that of the wheels, and their ratio."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.studies.slip.slip_fits import SlipFit, simulate_slip
+from omni_mj.studies.slip.slip_study import SlipResult
 from omni_mj.viz import plotting, style
-
-if TYPE_CHECKING:
-    from omni_mj.studies.slip.slip_study import SlipResult
 
 # Axis -> style index, marker, dashes
 LINES: dict[str, tuple[int, str, Any]] = {
@@ -23,7 +21,7 @@ MIN_WHEEL_SPEED_M_S = 0.2  # of samples whose ratio is drawn
 ACCELERATIONS = np.array([-2.5, 2.5])  # ends of the fitted lines, m/s^2
 
 
-def save_slip_figure(result: "SlipResult", stem: Path) -> None:
+def save_slip_figure(result: SlipResult, stem: Path) -> None:
     """Draw the samples and the fitted model of each robot into `stem`.png."""
     robots = result.robots
     with plotting.figure_file(stem, TITLE, figsize=(10, 3.6 * len(robots))) as figure:

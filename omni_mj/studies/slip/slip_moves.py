@@ -100,14 +100,12 @@ class MoveRecord:
     stopped: str | None
 
 
-def straight_move(
-    axis: str, speed: float, rolls_out: bool, acceleration: float = ACCELERATION_M_S2
-) -> Move:
+def straight_move(axis: str, speed: float, rolls_out: bool) -> Move:
     """Return a move over the whole track, or to the point where the motors are switched off."""
-    end_s = ROLL_OUT_DISTANCE_S if rolls_out else abs(speed) / acceleration / 2
-    distance = TRACK_M - end_s * abs(speed)
-    hold_s = distance / abs(speed) - abs(speed) / acceleration / 2
-    return Move(axis, speed, acceleration, hold_s, rolls_out)
+    half_ramp_s = abs(speed) / ACCELERATION_M_S2 / 2
+    end_s = ROLL_OUT_DISTANCE_S if rolls_out else half_ramp_s
+    hold_s = (TRACK_M - end_s * abs(speed)) / abs(speed) - half_ramp_s
+    return Move(axis, speed, ACCELERATION_M_S2, hold_s, rolls_out)
 
 
 def identification_moves() -> list[Move]:

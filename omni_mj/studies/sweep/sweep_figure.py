@@ -2,21 +2,19 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, StrMethodFormatter
+from matplotlib.ticker import LogLocator
 
 from omni_control.kinematics import Array
 from omni_mj.studies.sweep.sweep_statistics import MAX_ERROR
+from omni_mj.studies.sweep.sweep_study import SweepResult
 from omni_mj.viz import plotting, style
-
-if TYPE_CHECKING:
-    from omni_mj.studies.sweep.sweep_study import SweepResult
 
 ERROR_LABEL = "median of the maximum position error in cm"
 RATE_LABEL = "robots that failed in %"
@@ -24,7 +22,7 @@ INTERVAL_OFFSET = 0.03  # of the axis, between the intervals of controllers at o
 MAX_TICKS = 8
 
 
-def save_sweep_figure(result: "SweepResult", path: Path) -> None:
+def save_sweep_figure(result: SweepResult, path: Path) -> None:
     """Draw a sweep over its first two settings into a PNG file; nothing without settings.
 
     If further settings vary, their worst values are drawn. A mean would need weights that nobody
@@ -44,7 +42,7 @@ def save_sweep_figure(result: "SweepResult", path: Path) -> None:
             _draw_maps(figure, result)
 
 
-def _draw_lines(figure: Figure, result: "SweepResult") -> None:
+def _draw_lines(figure: Figure, result: SweepResult) -> None:
     """Draw median errors above failure rates, both with 95 % intervals."""
     figure.set_size_inches(8, 5.5)
     error, rate = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
@@ -71,7 +69,7 @@ def _draw_lines(figure: Figure, result: "SweepResult") -> None:
     plotting.add_legend(figure, [error])
 
 
-def _draw_maps(figure: Figure, result: "SweepResult") -> None:
+def _draw_maps(figure: Figure, result: SweepResult) -> None:
     """Draw a column of heat maps per controller: errors, and failure rates if any robot failed."""
     (row_name, row_values), (column_name, column_values), *_ = result.plan.axes.items()
     names = result.plan.scenario.labels
@@ -93,8 +91,9 @@ def _draw_maps(figure: Figure, result: "SweepResult") -> None:
             axes.set(title=names[i], xlabel=column_name, ylabel=row_name)
             axes.label_outer()
         ticks = LogLocator(subs=(1, 2, 5)) if label == ERROR_LABEL else None
-        bar = figure.colorbar(image, ax=list(row), label=label, fraction=0.05, ticks=ticks)
-        bar.formatter = StrMethodFormatter("{x:g}")
+        bar = figure.colorbar(
+            image, ax=list(row), label=label, fraction=0.05, ticks=ticks, format="{x:g}"
+        )
         bar.minorticks_off()
     _set_ticks(grid[0, 0].xaxis, column_values)
     _set_ticks(grid[0, 0].yaxis, row_values)
@@ -117,7 +116,7 @@ def _finite_or_nan(values: Array) -> Array:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _collect(result: "SweepResult", *path: str) -> Array:
+def _collect(result: SweepResult, *path: str) -> Array:
     """Return a statistic of each point and controller times 100, (points, controllers).
 
     It is infinite if robots failed, and NaN if it is missing.

@@ -2,7 +2,6 @@
 
 import json
 import re
-import tomllib
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -11,11 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from omni_control.errors import OmniError, suggest_names
+from omni_control.errors import OmniError
 from omni_mj.config.distributions import replace_values
 from omni_mj.config.reference_factory import build_timed_reference
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import list_settings
+from omni_mj.config.settings import find_setting
+from omni_mj.config.toml_files import parse_value
 from omni_mj.config.validation import format_value
 from omni_mj.simulation.simulation import batch_key, seeds_share_batch
 from omni_mj.studies.run_scenario import check_memory, choose_shared_backend
@@ -25,18 +25,19 @@ BATCH_SIZE = 128  # robots that are simulated together
 MAX_VALUES = 1000  # of an axis
 
 
-def check_axes(
-    vary: Mapping[str, Iterable[Any]] | Iterable[tuple[str, Iterable[Any]]],
-) -> dict[str, tuple[Value, ...]]:
+def check_axes(vary: Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[Value, ...]]:
     """Return the axes of a sweep if they are valid: section.field -> values in their order.
+
+    Args:
+        vary: Settings `section.field` and their values.
 
     Raises:
         OmniError: A setting does not exist, has no values, too many, or one twice, or is varied
             twice.
     """
     axes: dict[str, tuple[Value, ...]] = {}
-    for name, values in vary.items() if isinstance(vary, Mapping) else vary:
-        setting_type = _setting_type(name)
+    for name, values in vary:
+        setting_type = find_setting(name).kind
         plain = [value.item() if isinstance(value, np.generic) else value for value in values]
         if setting_type is float:
             plain = [float(value) if type(value) is int else value for value in plain]
@@ -59,8 +60,8 @@ def parse_axis(text: str) -> tuple[str, Iterable[Any]]:
         OmniError: The text cannot be parsed, or there is no such setting.
     """
     name, _, values = (word.strip() for word in text.partition("="))
-    setting_type = _setting_type(name)
-    parsed = [_parse_value(word.strip()) for word in re.split("[:,]", values)]
+    setting_type = find_setting(name).kind
+    parsed = [parse_value(word) for word in re.split("[:,]", values)]
     if ":" not in values:
         return name, parsed
     try:
@@ -183,23 +184,3 @@ class SweepPlan:
         content = {"axes": self.axes, "batch_size": self.batch_size}
         sweep_json = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
         return {"sweep.json": sweep_json, "scenario.toml": self.scenario.to_toml()}
-
-
-def _setting_type(name: str) -> Any:
-    """Return the type of a setting's values.
-
-    Raises:
-        OmniError: There is no such setting.
-    """
-    types = {setting.full_name: setting.kind for setting in list_settings()}
-    if name not in types:
-        raise OmniError(f"unknown setting {name}; {suggest_names(name, list(types))}")
-    return types[name]
-
-
-def _parse_value(text: str) -> Any:
-    """Return a value written as in TOML, or the text itself."""
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except ValueError:
-        return text

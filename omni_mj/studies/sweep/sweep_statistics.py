@@ -6,9 +6,11 @@ These are failure rates, errors, rank correlations, and the worst runs.
 import shlex
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+from scipy.stats import binomtest, quantile_test, spearmanr
 
 from omni_mj.atomic_files import write_text
 from omni_mj.config.plugins import format_controller_spec
@@ -16,16 +18,13 @@ from omni_mj.results.seed_statistics import CONFIDENCE, finite_or_none
 from omni_mj.results.text_table import Table, format_markdown, format_number, format_table
 from omni_mj.studies.sweep.sweep_plan import SweepPlan
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
 MAX_ERROR = "position_max_m"
 ERROR_COLUMNS = (MAX_ERROR, "position_mean_m")
 N_WORST = 3
 MAX_LINES = 60  # of a table on a terminal
 
 
-def summarize_points(all_rows: "pa.Table", axes: list[str]) -> list[dict[str, Any]]:
+def summarize_points(all_rows: pa.Table, axes: list[str]) -> list[dict[str, Any]]:
     """Return the statistics of each point and controller.
 
     Failure rates have Wilson's 95 % interval, which is also valid for 0 of n failures. Medians have
@@ -51,10 +50,8 @@ def summarize_points(all_rows: "pa.Table", axes: list[str]) -> list[dict[str, An
     return statistics
 
 
-def _failure_rate(rows: "pa.Table") -> dict[str, Any]:
+def _failure_rate(rows: pa.Table) -> dict[str, Any]:
     """Return the number of robots that failed, and the failure rate with its interval."""
-    from scipy.stats import binomtest
-
     n_failed = rows.num_rows - rows["cause"].null_count
     interval = binomtest(n_failed, rows.num_rows).proportion_ci(CONFIDENCE, method="wilson")
     return {
@@ -68,8 +65,6 @@ def _failure_rate(rows: "pa.Table") -> dict[str, Any]:
 
 def _error_statistics(errors: np.ndarray) -> dict[str, float | None]:
     """Return median, its interval, and 90th percentile; None if infinite or unknown."""
-    from scipy.stats import quantile_test
-
     interval = quantile_test(errors, p=0.5).confidence_interval(CONFIDENCE)
     with np.errstate(invalid="ignore"):  # infinity minus infinity
         median = np.median(errors)
@@ -78,13 +73,11 @@ def _error_statistics(errors: np.ndarray) -> dict[str, float | None]:
     return {name: finite_or_none(value) for name, value in statistics.items()}
 
 
-def rank_correlations(all_rows: "pa.Table") -> list[dict[str, Any]]:
+def rank_correlations(all_rows: pa.Table) -> list[dict[str, Any]]:
     """Return Spearman's correlation of each varied or drawn number with each controller's errors.
 
     A robot that failed ranks last. The correlation is None if all errors are equal.
     """
-    from scipy.stats import spearmanr
-
     correlations = []
     controllers = all_rows["controller"].to_numpy(zero_copy_only=False)
     for controller in all_rows["controller"].unique().to_pylist():
@@ -104,7 +97,7 @@ def rank_correlations(all_rows: "pa.Table") -> list[dict[str, Any]]:
     return correlations
 
 
-def worst_runs(all_rows: "pa.Table", plan: SweepPlan, folder: Path) -> list[dict[str, Any]]:
+def worst_runs(all_rows: pa.Table, plan: SweepPlan, folder: Path) -> list[dict[str, Any]]:
     """Return the worst runs, with a command that repeats each.
 
     Runs that failed come first, then those with the largest errors.

@@ -2,16 +2,17 @@
 
 import gc
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
@@ -21,7 +22,14 @@ from omni_mj.config.rows import Row, build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.metrics import row_metrics
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.run_scenario import AfterFrame, StoppedError, ignore_frame, resolve_scenario
+from omni_mj.studies.run_scenario import (
+    AfterFrame,
+    StartProgress,
+    StoppedError,
+    ignore_frame,
+    no_progress,
+    resolve_scenario,
+)
 from omni_mj.studies.sweep.sweep_plan import BATCH_SIZE, Shard, SweepPlan, check_axes
 from omni_mj.studies.sweep.sweep_statistics import (
     rank_correlations,
@@ -30,11 +38,7 @@ from omni_mj.studies.sweep.sweep_statistics import (
 )
 from omni_mj.studies.sweep.workers import process_pool, run_shards
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
 ROWS, SHARDS = "rows.parquet", "shards"
-BeforeShard = Callable[[Shard], AfterFrame]
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ class SweepResult:
         """Whether all shards are done."""
         return self.n_done == len(self.plan.shards)
 
-    def rows(self) -> "pa.Table":
+    def rows(self) -> pa.Table:
         """Return a row per robot, sorted by point, controller, seed and slot; see `run_shard`."""
         path = self.folder / ROWS
         return parquet.read_table(path) if path.is_file() else _merge_shards(self.plan, self.folder)
@@ -100,14 +104,14 @@ def sweep(
         out: Folder of the sweep. If it holds a part of the same sweep, the rest is run.
         batch_size: Largest number of robots that are simulated together. Memory grows with it, not
             with the number of runs.
-        run_options: `jobs`, `executor` and `before_shard` of `run_sweep`.
+        run_options: `jobs`, `executor` and `start_progress` of `run_sweep`.
 
     Raises:
         OmniError: A name is unknown or a value not valid, the sweep does not fit into memory, or
             the folder holds another sweep.
     """
     scenario = resolve_scenario(scenario, controllers, seeds)
-    return run_sweep(SweepPlan(scenario, check_axes(vary), batch_size), out, **run_options)
+    return run_sweep(SweepPlan(scenario, check_axes(vary.items()), batch_size), out, **run_options)
 
 
 def run_sweep(
@@ -116,8 +120,7 @@ def run_sweep(
     *,
     jobs: int = 1,
     executor: Executor | None = None,
-    before_shard: BeforeShard = lambda shard: ignore_frame,
-    check: Callable[[], None] = lambda: None,
+    start_progress: StartProgress = no_progress,
 ) -> SweepResult:
     """Run the shards of a plan that are not stored in its folder yet.
 
@@ -126,38 +129,43 @@ def run_sweep(
         out: Its folder.
         jobs: Number of local processes.
         executor: Executor that runs shards instead, such as that of a Dask cluster.
-        before_shard: Called with each shard. It returns a function that is called with each frame's
-            number and may raise `StoppedError`. If other processes run the shards, both are called
-            once when a shard is done.
-        check: Called a few times per second while other processes run shards; it may raise
-            `StoppedError`.
+        start_progress: Called with a title and the number of frames of all shards. It returns a
+            function that is called with each frame's number and may raise `StoppedError`. If other
+            processes run the shards, it is called a few times per second.
 
     Raises:
         OmniError: See `sweep`.
     """
-    folder, stopped = Path(out), None
+    folder, stopped, n_stored = Path(out), None, 0
     plan.check(jobs)
     _prepare_folder(plan, folder)
-    remaining = remaining_shards(plan, folder)
+    remaining = _remaining_shards(plan, folder)
+    after_sweep_frame = start_progress("sweep", plan.frames * len(remaining))
+
+    def after_frame(frame: int) -> None:
+        after_sweep_frame(n_stored * plan.frames + frame)
+
     try:
         with nullcontext(executor) if executor or jobs == 1 else process_pool(jobs) as workers:
+            tables: Iterator[tuple[Shard, pa.Table]]
             if workers is None:
-                for shard in remaining:
-                    rows = run_shard(plan, shard, before_shard(shard))
-                    parquet.write_tables([rows], _shard_file(folder, shard))
+                tables = ((shard, run_shard(plan, shard, after_frame)) for shard in remaining)
             else:
-                for shard, rows in run_shards(workers, run_shard, plan, remaining, check):
-                    parquet.write_tables([rows], _shard_file(folder, shard))
-                    before_shard(shard)(plan.frames - 1)
+                check = partial(after_frame, -1)
+                tables = run_shards(workers, run_shard, plan, remaining, check)
+            for shard, rows in tables:
+                parquet.write_tables([rows], _shard_file(folder, shard))
+                n_stored += 1
+                after_frame(-1)
     except StoppedError as error:
-        stopped = error.reason
-    n_done = len(plan.shards) - len(remaining_shards(plan, folder))
+        stopped = str(error)
+    n_done = len(plan.shards) - len(_remaining_shards(plan, folder))
     result = SweepResult(plan, n_done, stopped, folder)
     _write_result(result)
     return result
 
 
-def remaining_shards(plan: SweepPlan, folder: Path) -> list[Shard]:
+def _remaining_shards(plan: SweepPlan, folder: Path) -> list[Shard]:
     """Return the shards that are not stored in the folder yet."""
     if (folder / ROWS).exists():
         return []
@@ -181,7 +189,7 @@ def create_simulation(plan: SweepPlan, shard: Shard) -> Simulation:
     return Simulation(scenarios[shard.runs[0][0]], rows=rows)
 
 
-def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_frame) -> "pa.Table":
+def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_frame) -> pa.Table:
     """Simulate a shard and compute the metrics of its rows.
 
     Args:
@@ -195,8 +203,6 @@ def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_fr
         `failed_at_s`, `cause`, the settings that were drawn, and the numbers of
         `metrics.row_metrics`. Errors are infinite for a robot that failed.
     """
-    import pyarrow as pa
-
     # The previous shard is kept alive by reference cycles and would double the memory.
     gc.collect()
     simulation = create_simulation(plan, shard)
@@ -250,14 +256,12 @@ def _write_result(result: SweepResult) -> None:
         (folder / SHARDS).rmdir()
 
 
-def _merge_shards(plan: SweepPlan, folder: Path) -> "pa.Table":
+def _merge_shards(plan: SweepPlan, folder: Path) -> pa.Table:
     """Return the rows of all stored shards, sorted by point, controller, seed and slot.
 
     Raises:
         OmniError: No shard is stored.
     """
-    import pyarrow as pa
-
     paths = (_shard_file(folder, shard) for shard in plan.shards)
     shard_rows = [parquet.read_table(path) for path in paths if path.exists()]
     if not shard_rows:

@@ -8,7 +8,9 @@ from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, w
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pyarrow as pa
 
 from omni_control.errors import OmniError
 from omni_mj.results.provenance import source_digest
@@ -16,12 +18,9 @@ from omni_mj.results.summary import package_versions
 from omni_mj.studies.run_scenario import quiet_mujoco
 from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
 POLL_S = 0.2  # interval of calls to `check`
 SCHEDULER_TIMEOUT_S = 10.0
-RunShard = Callable[[SweepPlan, Shard], "pa.Table"]
+RunShard = Callable[[SweepPlan, Shard], pa.Table]
 
 
 def run_shards(
@@ -30,7 +29,7 @@ def run_shards(
     plan: SweepPlan,
     shards: Sequence[Shard],
     check: Callable[[], None],
-) -> "Iterator[tuple[Shard, pa.Table]]":
+) -> Iterator[tuple[Shard, pa.Table]]:
     """Run shards in other processes and yield each shard's table as soon as it is done.
 
     Args:
@@ -68,7 +67,7 @@ def run_shards(
 
 def _run_on_worker(
     run_shard: RunShard, plan: SweepPlan, shard: Shard, expected: dict[str, str]
-) -> "pa.Table":
+) -> pa.Table:
     """Return a shard's table if this worker has the expected versions.
 
     Raises:
