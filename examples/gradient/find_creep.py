@@ -14,8 +14,7 @@ import numpy as np
 import omni_mj as om
 from omni_mj.config.rows import Row
 from omni_mj.plants.planar_plant import PlanarPlant
-from omni_mj.robot.electronics import make_undisturbed_inputs
-from omni_mj.robot.firmware_state import FirmwareCommand
+from omni_mj.robot.firmware_state import FirmwareCommand, make_undisturbed_inputs
 from omni_mj.robot.planar_robot import PlanarParameters, PlanarState, advance_frame
 
 N_FRAMES = 60
@@ -37,10 +36,9 @@ def drive(parameters: PlanarParameters, state: PlanarState, stiffness: float) ->
     carpet = carpet._replace(creep_compliance=1 / (carpet.radius**2 * stiffness))
     parameters = parameters._replace(carpet=carpet)
     inputs = jax.tree.map(jnp.asarray, make_undisturbed_inputs(1))
-    zero = jnp.zeros(1)
 
     def step(state: PlanarState, speed: jax.Array) -> tuple[PlanarState, None]:
-        command = FirmwareCommand(speed[None], zero, zero, jnp.ones(1, bool))
+        command = FirmwareCommand(jnp.array([[speed], [0.0], [0.0]]), jnp.ones(1, bool))
         state, _ = advance_frame(parameters, state, command, inputs)
         return state, None
 

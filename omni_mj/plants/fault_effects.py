@@ -59,7 +59,7 @@ class FaultEffects:
         push_force: Force on the chassis, world frame, (n, 2) N.
         gyro_bias: Added to the gyros, (n, 1) rad/s.
         current_setpoint: 0 A for motors whose drivers are off, NaN for others, (W, n).
-        inputs: Fields of `omni_mj.robot.electronics.FrameInputs` that faults set, by name.
+        inputs: Fields of `omni_mj.robot.firmware_state.FrameInputs` that faults set, by name.
     """
 
     def __init__(self, rows: Sequence[Row], plant: Any, bodies: ChangeableBodies) -> None:

@@ -105,7 +105,7 @@ class _AlphaQuantiles:
         self._is_correlated = correlation_time_s > 0
         # Correlation from frame to frame; 0 for times far below a frame
         self._correlation = np.exp(-PERIOD_S / np.maximum(correlation_time_s, 1e-6))
-        self._process: Array | None = None
+        self._process = self._normal.next()
 
     def draw(self) -> Array:
         """Return the numbers of the next frame, (n, 3)."""
@@ -114,11 +114,7 @@ class _AlphaQuantiles:
             return uniform
         from scipy.special import ndtr
 
-        normal = self._normal.next()
-        if self._process is None:
-            self._process = normal
-        else:
-            self._process = (
-                self._correlation * self._process + np.sqrt(1 - self._correlation**2) * normal
-            )
-        return np.where(self._is_correlated, ndtr(self._process), uniform)
+        quantiles = np.where(self._is_correlated, ndtr(self._process), uniform)
+        innovation = np.sqrt(1 - self._correlation**2) * self._normal.next()
+        self._process = self._correlation * self._process + innovation
+        return quantiles

@@ -114,7 +114,9 @@ class RobotViews(ChangeableBodies):
         """
         hubs = self._ids("wheel_dofs")
         rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
-        self._view_model("dof_frictionloss", hubs).set(gather(settings, "hub_friction_nm"))
+        self._hub_friction = self._view_model("dof_frictionloss", hubs)
+        self._nominal_hub_friction = gather(settings, "hub_friction_nm")
+        self._hub_friction.set(self._nominal_hub_friction)
         self._view_model("dof_damping", hubs).set(
             gather(settings, "motor.wheel_viscous_friction_nm_s")
         )
@@ -164,8 +166,8 @@ class RobotViews(ChangeableBodies):
             self._view_model(name, self._chassis) for name in _MASS_FIELDS[:4]
         )
         added_mass = mass.get() * (factor - 1)
-        mass.set(mass.get() + added_mass)
-        subtree_mass.set(subtree_mass.get() + added_mass)
+        for view in (mass, subtree_mass):
+            view.set(view.get() + added_mass)
         center.set(center.get() + np.concatenate([shift, 0 * factor]))
         inertia.set(inertia.get() * factor)
 
@@ -230,12 +232,6 @@ class RobotViews(ChangeableBodies):
         views = [self._view_model(name, self._chassis) for name in _MASS_FIELDS]
         return [(view, view.get()) for view in views]
 
-    @cached_property
-    def _hub_friction(self) -> tuple[EntryView, Array]:
-        """Dry friction of hubs, and its nominal values, (W, n) N m."""
-        view = self._view_model("dof_frictionloss", self._ids("wheel_dofs"))
-        return view, view.get()
-
     def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
         """See `ChangeableBodies`."""
         nominal = [values for _, values in self._unloaded_chassis]
@@ -273,8 +269,7 @@ class RobotViews(ChangeableBodies):
 
     def block_hubs(self, is_blocked: np.ndarray) -> None:
         """See `ChangeableBodies`."""
-        view, nominal = self._hub_friction
-        view.set(np.where(is_blocked, BLOCKED_HUB_NM, nominal))
+        self._hub_friction.set(np.where(is_blocked, BLOCKED_HUB_NM, self._nominal_hub_friction))
 
     def displace_robot(self, robot: int, displacement: tuple[float, float, float]) -> None:
         """See `ChangeableBodies`. Tilt and height of the robot stay."""

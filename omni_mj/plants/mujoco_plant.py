@@ -15,7 +15,7 @@ from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mjdata_views import RobotViews
 from omni_mj.plants.randomization import RobotVariation
-from omni_mj.plants.row_checks import check_mujoco_rows, check_start_poses
+from omni_mj.plants.row_checks import MODEL_SETTINGS, check_equal_settings, check_start_poses
 from omni_mj.plants.telemetry import Telemetry
 from omni_mj.plants.wheeled_plant_base import WheeledPlantBase
 from omni_mj.robot.array_ops import stack_records
@@ -75,7 +75,7 @@ class MujocoPlant(WheeledPlantBase):
         threads: int | None = None,
         with_hulls: bool | None = None,
     ) -> None:
-        check_mujoco_rows(rows)
+        check_equal_settings(rows, MODEL_SETTINGS)
         settings = [row.settings for row in rows]
         n = len(rows)
         robots_per_world = max(row.slot for row in rows) + 1
@@ -106,8 +106,9 @@ class MujocoPlant(WheeledPlantBase):
         if robots_per_world > 1 and with_hulls is None:
             check_start_poses(rows, world.model, self._batch.bind("qpos"))
         wheels = settings[0].wheels
-        has_two_rollers = wheels.model == "two-rollers"
-        self._roller_pitch = 2 * np.pi / wheels.rollers if has_two_rollers else None
+        self._roller_pitch: float | None = None
+        if wheels.model == "two-rollers":
+            self._roller_pitch = 2 * np.pi / wheels.rollers
         self._make_parameters()
         self._drag: Drag
         self._cycle = 0  # in the frame
@@ -180,10 +181,7 @@ class MujocoPlant(WheeledPlantBase):
         self.electronics = end_frame(self.parameters.electronics, self.electronics, self._record)
         self._records.clear()
         self._heading += wrap_angle(self.compute_heading() - self._heading)
-        has_toppled = (self._has_toppled() & ~self._failed).any()
-        if has_toppled or np.count_nonzero(self._warning_counts):
-            return self._stop_failed_rows()
-        return {}
+        return self._stop_failed_rows()
 
     def compute_heading(self) -> Array:
         """Return headings by the quaternions, also of tilted robots, (n,) rad in (-pi, pi]."""
@@ -276,26 +274,21 @@ class MujocoPlant(WheeledPlantBase):
         self._batch.forward(worlds)
         self._read_sensors()
 
-    def _has_toppled(self) -> np.ndarray:
-        """Return whether robots are tilted by more than 45 degrees, (n,)."""
-        _, x, y, _ = self._views.pose.get()[3:]
-        return np.asarray(x * x + y * y > TOPPLED_SINE_SQUARED)
-
     def _stop_failed_rows(self) -> dict[int, str]:
         """Stop the rows that became unstable or toppled, and return them with the causes."""
-        failures: dict[int, str] = {}
-        for warning, counts in zip(INSTABILITY_WARNINGS, self._warning_counts.T, strict=True):
-            is_unstable = np.repeat(counts > 0, self._robots_per_world) & ~self._failed
-            cause = f"became unstable (MuJoCo: {warning.name})"
-            failures = dict.fromkeys(np.flatnonzero(is_unstable).tolist(), cause) | failures
-        unstable_rows = list(failures)
-        toppled_rows = np.flatnonzero(self._has_toppled() & ~self._failed)
-        failures |= {row: "toppled over" for row in toppled_rows.tolist() if row not in failures}
-        if failures:
-            self._stop_rows(list(failures), unstable_rows)
-        return failures
+        _, x, y, _ = self._views.pose.get()[3:]
+        has_toppled = (x * x + y * y > TOPPLED_SINE_SQUARED) & ~self._failed
+        if not (has_toppled.any() or np.count_nonzero(self._warning_counts)):
+            return {}
+        is_unstable = np.repeat(self._warning_counts > 0, self._robots_per_world, axis=0)
+        symptoms = np.column_stack([is_unstable, has_toppled])
+        causes = [f"became unstable (MuJoCo: {warning.name})" for warning in INSTABILITY_WARNINGS]
+        causes.append("toppled over")
+        rows = np.flatnonzero(symptoms.any(1) & ~self._failed)
+        self._stop_rows(rows, rows[is_unstable[rows].any(1)])
+        return {row: causes[symptoms[row].argmax()] for row in rows.tolist()}
 
-    def _stop_rows(self, rows: list[int], unstable_rows: list[int]) -> None:
+    def _stop_rows(self, rows: np.ndarray, unstable_rows: np.ndarray) -> None:
         """Switch rows off, and stop stepping worlds in which all rows are off.
 
         Args:
@@ -303,8 +296,8 @@ class MujocoPlant(WheeledPlantBase):
             unstable_rows: Those of them that became unstable; their worlds are reset first.
         """
         self._failed[rows] = True
-        if unstable_rows:
-            self._reset_worlds(np.unique(np.array(unstable_rows) // self._robots_per_world))
+        if len(unstable_rows):
+            self._reset_worlds(np.unique(unstable_rows // self._robots_per_world))
         is_over = self._failed.reshape(-1, self._robots_per_world).all(1)
         self._batch.bind("qvel")[is_over] = 0.0
         self._active_worlds = np.flatnonzero(~is_over)

@@ -112,11 +112,7 @@ class PlanarBodyBuilder:
                 f"not {mass.min():g}"
             )
         robots = RigidBodies(mass, np.column_stack([center_x, np.zeros(n), height]), inertia)
-        wheels = RigidBodies(
-            np.full(n, wheels_mass),
-            np.tile(wheels_center, (n, 1)),
-            np.full(n, wheels_inertia[2, 2]),
-        )
+        wheels = RigidBodies(np.full(n, wheels_mass), wheels_center, wheels_inertia[2, 2])
         # The chassis is the robot less its wheels.
         chassis = robots.combine(RigidBodies(-wheels.mass, wheels.center, -wheels.inertia))
         factor = variation.mass_factor[:, 0]

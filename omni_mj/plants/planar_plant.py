@@ -22,7 +22,11 @@ from omni_mj.plants.wheeled_plant_base import WheeledPlantBase
 from omni_mj.robot.array_ops import rotate, select
 from omni_mj.robot.backends import JaxBackend, NumpyBackend
 from omni_mj.robot.planar_dynamics import BodyParameters, BodyState
-from omni_mj.robot.planar_robot import FrameReport, PlanarParameters, PlanarState, advance_frame
+from omni_mj.robot.planar_robot import PlanarParameters, PlanarState, advance_frame
+
+# Causes of failures
+UNSTABLE = "became unstable: its pose is not a number"
+WOULD_TOPPLE = "would topple over, which the plant planar does not simulate"
 
 
 class PlanarPlant(WheeledPlantBase, ChangeableBodies):
@@ -53,15 +57,15 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         electronics, electronics_state = self._initial_electronics
         parameters = PlanarParameters(electronics, self._nominal_carpet, body)
         state = PlanarState(electronics_state, make_body_at_rest(body, x, y, heading))
-        use_jax = settings[0].physics.backend == "jax"
         self._backend: JaxBackend | NumpyBackend = (
-            JaxBackend(parameters, state) if use_jax else NumpyBackend(parameters, state)
-        )
+            JaxBackend if settings[0].physics.backend == "jax" else NumpyBackend
+        )(parameters, state)
         self._start_faults(self)
         self._failed = np.zeros(n, bool)
         self._pose = np.array(start_poses, float)
         self._twist = np.zeros((n, 3))
-        self._report: FrameReport | None = None
+        zeros = np.zeros(self._hub_is_blocked.shape)
+        self._telemetry = self._make_telemetry(electronics_state, zeros, zeros, zeros)
 
     @property
     def parameters(self) -> Any:
@@ -92,30 +96,26 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
 
     def telemetry(self) -> Telemetry:
         """See `Plant`."""
-        if self._report is None:
-            zeros = np.zeros(self._hub_is_blocked.shape)
-            return self._make_telemetry(self.electronics, zeros, zeros, zeros)
-        return Telemetry(self._report.telemetry.T)
+        return self._telemetry
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
         inputs = self._make_inputs(received.heading, received.age, self._failed)
         report = self._backend.run(advance_frame, self._make_command(received), inputs)
         previous_pose = self._pose
-        self._report = report
+        self._telemetry = Telemetry(report.telemetry.T)
         self._pose = report.pose.T
         self._twist = report.twist.T
         is_unstable = ~np.isfinite(self._pose.sum(1))
-        if not (is_unstable.any() or report.topples.any() or self._failed.any()):
+        has_failed = self._failed | is_unstable | report.topples
+        if not has_failed.any():
             return {}
-        toppled_rows = np.flatnonzero(report.topples & ~self._failed).tolist()
-        unstable_rows = np.flatnonzero(is_unstable & ~self._failed).tolist()
-        failures = dict.fromkeys(
-            toppled_rows, "would topple over, which the plant planar does not simulate"
-        )
-        failures |= dict.fromkeys(unstable_rows, "became unstable: its pose is not a number")
-        self._failed = self._failed | is_unstable | report.topples
-        self._stop_robots(self._failed, previous_pose)
+        failures = {
+            row: UNSTABLE if is_unstable[row] else WOULD_TOPPLE
+            for row in np.flatnonzero(has_failed & ~self._failed).tolist()
+        }
+        self._failed = has_failed
+        self._stop_robots(has_failed, previous_pose)
         return failures
 
     def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:

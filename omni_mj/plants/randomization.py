@@ -59,29 +59,28 @@ class RobotVariation:
             "mass_std",
             "com_offset_std_m",
         )
-        deviations = {
-            name: gather(rows, f"settings.randomization.{name}")[:, None] for name in names
-        }
+        deviations = [gather(rows, f"settings.randomization.{name}")[:, None] for name in names]
+        friction_std, max_wear, magnet_std, mass_std, center_std = deviations
         n_wheels = len(rows[0].settings.wheels.azimuths_deg)
         n_draws = 3 + 3 * n_wheels
         seeds = [row.noise_seed for row in rows]
         uniform = Noise(seeds, Stream.VARIATION, n_draws).next()
-        is_varied = np.any(list(deviations.values()))
+        is_varied = np.any(deviations)
         normal = _to_truncated_normal(uniform) if is_varied else np.zeros_like(uniform)
         body, friction, motors, wear = np.split(np.arange(n_draws), 3 + n_wheels * np.arange(3))
         return cls(
-            friction_factor=1 + deviations["wheel_friction_std"] * normal[:, friction],
-            wear=deviations["max_wear_m"] * uniform[:, wear],
-            magnet_factor=1 + deviations["torque_constant_std"] * normal[:, motors],
-            mass_factor=1 + deviations["mass_std"] * normal[:, body[:1]],
-            center_offset=deviations["com_offset_std_m"] * normal[:, body[1:]],
+            friction_factor=1 + friction_std * normal[:, friction],
+            wear=max_wear * uniform[:, wear],
+            magnet_factor=1 + magnet_std * normal[:, motors],
+            mass_factor=1 + mass_std * normal[:, body[:1]],
+            center_offset=center_std * normal[:, body[1:]],
         )
 
     def to_columns(self) -> dict[str, Array]:
         """Return the deviations of each row as name -> (n,); empty if no robot deviates."""
         factors = self.friction_factor, self.magnet_factor, self.mass_factor
-        has_factors = any((factor != 1).any() for factor in factors)
-        if not (has_factors or self.wear.any() or self.center_offset.any()):
+        deviations = *(factor - 1 for factor in factors), self.wear, self.center_offset
+        if not any(deviation.any() for deviation in deviations):
             return {}
         columns = dict[str, Array]()
         for name, values in (

@@ -1,35 +1,43 @@
 """Checks that a plant can simulate rows in one batch, from their start poses."""
 
 from collections.abc import Sequence
+from operator import attrgetter
 
 import mujoco
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.rows import Row
-from omni_mj.mjcf.settings_to_mjcf import RobotShape
 
 # Depth to which robots may overlap each other or a wall at the start: that of a hard contact
 _MAX_OVERLAP_M = 1e-3
+# Settings on which the model of the plant `mujoco` depends
+MODEL_SETTINGS = (
+    "body",
+    "wheels",
+    "physics",
+    "model",
+    "motor.gear_ratio",
+    "motor.rotor_inertia_kg_m2",
+)
 
 
-def check_mujoco_rows(rows: Sequence[Row]) -> None:
-    """Check that all rows can share one model of the plant `mujoco`.
+def check_equal_settings(rows: Sequence[Row], names: Sequence[str]) -> None:
+    """Check that some settings are the same in all rows.
+
+    Args:
+        rows: Rows of a batch.
+        names: Names of settings or of their sections.
 
     Raises:
-        OmniError: Rows differ in their model or the physics.
+        OmniError: Rows differ.
     """
-    reference = rows[0].settings
     for number, row in enumerate(rows):
         differences = [
             name
-            for name in ("body", "wheels", "physics")
-            if getattr(row.settings, name) != getattr(reference, name)
+            for name in names
+            if attrgetter(name)(row.settings) != attrgetter(name)(rows[0].settings)
         ]
-        if not differences and RobotShape.from_settings(row.settings) != RobotShape.from_settings(
-            reference
-        ):
-            differences = ["motor.gear_ratio or motor.rotor_inertia_kg_m2"]
         if differences:
             raise OmniError(
                 f"rows 0 and {number} differ in {' and '.join(differences)}: "
@@ -68,7 +76,7 @@ def check_planar_rows(rows: Sequence[Row]) -> None:
     Raises:
         OmniError: Robots share a world, have a custom model, or differ in their wheels.
     """
-    for number, row in enumerate(rows):
+    for row in rows:
         if row.slot:
             raise OmniError(
                 "the plant planar has one robot per world, because it does not simulate "
@@ -78,8 +86,4 @@ def check_planar_rows(rows: Sequence[Row]) -> None:
             raise OmniError(
                 "the plant planar does not support custom models (model.file); use the plant mujoco"
             )
-        if row.settings.wheels != rows[0].settings.wheels:
-            raise OmniError(
-                f"rows 0 and {number} differ in wheels: all rows of a batch on the plant planar "
-                "must have the same wheels"
-            )
+    check_equal_settings(rows, ["wheels"])

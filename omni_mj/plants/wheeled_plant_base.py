@@ -14,11 +14,10 @@ from omni_mj.robot.electronics import (
     CycleRecord,
     ElectronicsParameters,
     ElectronicsState,
-    FrameInputs,
     make_electronics,
     stack_telemetry,
 )
-from omni_mj.robot.firmware_state import FirmwareCommand
+from omni_mj.robot.firmware_state import FirmwareCommand, FrameInputs
 from omni_mj.robot.wheel_carpet_forces import make_carpet_parameters
 
 
@@ -66,7 +65,7 @@ class WheeledPlantBase:
                 settings,
                 kinematics,
                 heading,
-                _transpose(variation.magnet_factor),
+                np.ascontiguousarray(variation.magnet_factor.T),
                 n_frames=max(max_latency, self.min_heading_memory) + 1,
                 has_faults=any(row.faults for row in rows),
             )
@@ -74,8 +73,8 @@ class WheeledPlantBase:
         self._nominal_carpet = make_carpet_parameters(
             settings,
             kinematics,
-            _transpose(variation.friction_factor),
-            _transpose(variation.wear),
+            np.ascontiguousarray(variation.friction_factor.T),
+            np.ascontiguousarray(variation.wear.T),
         )
 
     def _start_faults(self, bodies: ChangeableBodies) -> None:
@@ -101,11 +100,9 @@ class WheeledPlantBase:
         if received.rim_speeds is not None:
             assert self.geometry is not None
             wheel_speeds = received.rim_speeds.T / self.geometry.radius
-        velocity_x, velocity_y, turn_rate = np.array(received.command, float).T
+        velocity = np.array(received.command, float).T
         is_new = np.ones(len(self._rows), bool) if received.is_new is None else received.is_new
-        return FirmwareCommand(
-            velocity_x, velocity_y, turn_rate, is_new, received.in_body_frame, wheel_speeds
-        )
+        return FirmwareCommand(velocity, is_new, received.in_body_frame, wheel_speeds)
 
     def _make_inputs(
         self, vision_heading: Array, heading_age: np.ndarray, has_failed: np.ndarray
@@ -127,12 +124,11 @@ class WheeledPlantBase:
             push_force = push_force + faults.push_force
             gyro_bias = gyro_bias + faults.gyro_bias
             fault_inputs = faults.inputs
-            if current_setpoint is None:
-                current_setpoint = faults.current_setpoint
-            else:
-                current_setpoint = np.where(
-                    np.isnan(faults.current_setpoint), current_setpoint, faults.current_setpoint
-                )
+            current_setpoint = np.where(
+                np.isnan(faults.current_setpoint),
+                np.nan if current_setpoint is None else current_setpoint,
+                faults.current_setpoint,
+            )
         push_force = np.where(has_failed[:, None], 0.0, push_force)
         inputs = FrameInputs(
             vision_heading=vision_heading,
@@ -157,8 +153,3 @@ class WheeledPlantBase:
             slip: Speed at which rims slide, (W, n) m/s.
         """
         return Telemetry(stack_telemetry(state, self._record, wheel_angle, wheel_speed, slip).T)
-
-
-def _transpose(values: Array) -> Array:
-    """Return a contiguous copy of (n, W) as (W, n)."""
-    return np.array(values.T, order="C")

@@ -26,11 +26,14 @@ from omni_mj.robot.firmware import (
     switch_processors,
 )
 from omni_mj.robot.firmware_state import (
+    CYCLES,
     FirmwareCommand,
     FirmwareParameters,
     FirmwareState,
+    FrameInputs,
     make_firmware_parameters,
     make_firmware_state,
+    make_undisturbed_inputs,
 )
 from omni_mj.robot.motors import (
     MotorParameters,
@@ -51,30 +54,10 @@ class ElectronicsParameters(NamedTuple):
     battery: BatteryParameters
 
 
-class FrameInputs(NamedTuple):
-    """Inputs of a frame other than the command, (n,) unless another shape is given."""
-
-    # Vision's heading that arrived since the frame before, rad; NaN where none did
-    vision_heading: Array
-    heading_age: Array  # frames since that heading was sent
-    gyro_error: Array  # noise and bias, rad/s
-    push_force: Array  # on the chassis, world frame, (2, n) N
-    battery_voltage_factor: Array  # fraction of the battery's voltage that its contacts pass
-    gyro_scale: Array = None  # shown over true turn rate; None if no robot has faults
-    encoder_scale: Array = None  # shown over true angle, (W, n); None as gyro_scale
-    # Current that drivers hold, (W, n) A; NaN where the firmware drives; None if it always does
-    current_setpoint: Array = None
-    ignores_commands: Array = None  # whether the robot does; None as gyro_scale
-    processor_is_off: Array = None  # None as gyro_scale
-    # Whether the robot has failed, so that its drivers short the motors; None if no robot has
-    has_failed: Array = None
-
-
 class ElectronicsState(NamedTuple):
     """State of firmware, motors and battery."""
 
     cycle: Array  # number of cycles so far, ()
-    frame: Array  # number of frames so far, ()
     firmware: FirmwareState
     motors: MotorState
     battery: BatteryState
@@ -120,7 +103,6 @@ def make_electronics(
     )
     state = ElectronicsState(
         cycle=np.array(0),
-        frame=np.array(0),
         firmware=make_firmware_state(firmware, heading, n_frames, has_faults),
         motors=make_motor_state(motors, winding, housing),
         battery=battery_state,
@@ -128,12 +110,6 @@ def make_electronics(
         inputs=make_undisturbed_inputs(len(settings)),
     )
     return ElectronicsParameters(firmware, motors, battery), state
-
-
-def make_undisturbed_inputs(n: int) -> FrameInputs:
-    """Return the inputs of a frame without vision, pushes and errors of sensors, for n robots."""
-    zeros = np.zeros(n)
-    return FrameInputs(np.full(n, np.nan), np.zeros(n, int), zeros, np.zeros((2, n)), np.ones(n))
 
 
 def receive_command(
@@ -157,17 +133,11 @@ def begin_frame(
     firmware = s.firmware
     if inputs.encoder_scale is not None:
         firmware = set_encoder_scale(firmware, inputs.encoder_scale, wheel_angle)
-    ignores_commands = inputs.ignores_commands
     if inputs.processor_is_off is not None:
-        firmware = switch_processors(
-            p.firmware, firmware, s.cycle, ignores_commands, inputs.processor_is_off, wheel_angle
-        )
-    firmware = correct_heading(
-        p.firmware, firmware, s.frame, inputs.vision_heading, inputs.heading_age, ignores_commands
-    )
+        firmware = switch_processors(p.firmware, firmware, s.cycle, inputs, wheel_angle)
+    firmware = correct_heading(p.firmware, firmware, s.cycle // CYCLES, inputs)
     motors = make_motor_state(p.motors, s.motors.winding, s.motors.housing)
     return s._replace(
-        frame=s.frame + 1,
         firmware=derate_motors(p.firmware, firmware, motors.winding),
         motors=motors,
         source=make_source(p.battery, s.battery, inputs.battery_voltage_factor),

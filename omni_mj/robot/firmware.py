@@ -25,7 +25,12 @@ from omni_mj.robot.array_ops import (
     select,
     straight_through_floor,
 )
-from omni_mj.robot.firmware_state import FirmwareCommand, FirmwareParameters, FirmwareState
+from omni_mj.robot.firmware_state import (
+    FirmwareCommand,
+    FirmwareParameters,
+    FirmwareState,
+    FrameInputs,
+)
 
 DERATING_BAND_K = 10.0  # derating begins this far below the winding's temperature limit
 
@@ -34,15 +39,15 @@ def accept_command(
     p: FirmwareParameters, s: FirmwareState, cycle: Array, command: FirmwareCommand
 ) -> FirmwareState:
     """Store a command that applies from this cycle on, and restart the timeout."""
-    xp = namespace(command.velocity_x)
-    x, y = command.velocity_x, command.velocity_y
+    xp = namespace(command.velocity)
+    x, y, turn_rate = command.velocity
     halt_cycle = xp.where(command.is_new, cycle + p.timeout_cycles, s.halt_cycle)
     if s.ignores_commands is not None:
         halt_cycle = xp.where(s.ignores_commands, xp.minimum(halt_cycle, cycle), halt_cycle)
     return s._replace(
         speeds_at_0_deg=x * p.wheel_per_forward + y * p.wheel_per_sideways,
         speeds_at_90_deg=y * p.wheel_per_forward - x * p.wheel_per_sideways,
-        turn_rate=command.turn_rate * (1 + p.turn_rate_gain),
+        turn_rate=turn_rate * (1 + p.turn_rate_gain),
         halt_cycle=halt_cycle,
         in_body_frame=command.in_body_frame,
         wheel_speeds=command.wheel_speeds,
@@ -65,8 +70,7 @@ def switch_processors(
     p: FirmwareParameters,
     s: FirmwareState,
     cycle: Array,
-    ignores_commands: Array,
-    is_off: Array,
+    inputs: FrameInputs,
     angle: Array,
 ) -> FirmwareState:
     """Switch processors off or on, and let some robots ignore commands.
@@ -77,14 +81,15 @@ def switch_processors(
         p: Parameters.
         s: State.
         cycle: Number of cycles before this one.
-        ignores_commands: Robots that ignore commands and halt, (n,).
-        is_off: Robots whose loops do not run and whose duties are zero, (n,).
+        inputs: Inputs of the frame. The loops of robots whose processors are off do not run, and
+            their duties are zero.
         angle: Angles of the wheels, (W, n) rad.
     """
+    is_off = inputs.processor_is_off
     xp = namespace(is_off)
     restarts = s.is_off & ~is_off
     lacks_heading = (s.lacks_heading | restarts) & ~is_off
-    ignores_commands = ignores_commands | is_off | lacks_heading
+    ignores_commands = inputs.ignores_commands | is_off | lacks_heading
 
     def clear_memory(memory: Array) -> Array:
         return None if memory is None else xp.where(restarts, 0.0, memory)
@@ -115,12 +120,7 @@ def set_heading(s: FirmwareState, mask: Array, heading: Array) -> FirmwareState:
 
 
 def correct_heading(
-    p: FirmwareParameters,
-    s: FirmwareState,
-    frame: Array,
-    vision_heading: Array,
-    heading_age: Array,
-    ignores_commands: Array,
+    p: FirmwareParameters, s: FirmwareState, frame: Array, inputs: FrameInputs
 ) -> FirmwareState:
     """Correct heading and gyro bias by vision (complementary filter), at the beginning of a frame.
 
@@ -131,22 +131,22 @@ def correct_heading(
         p: Parameters.
         s: State.
         frame: Number of frames before this one.
-        vision_heading: Headings that arrived since the frame before, (n,) rad; NaN where none did.
-        heading_age: Frames since they were sent, (n,).
-        ignores_commands: See `switch_processors`.
+        inputs: Inputs of the frame.
     """
-    xp, n_frames = namespace(vision_heading), len(s.past_headings)
+    vision_heading = inputs.vision_heading
+    xp = namespace(vision_heading)
+    n_frames = len(s.past_headings)
     if s.lacks_heading is not None:
         initializes = s.lacks_heading & ~xp.isnan(vision_heading)
         s = set_heading(s, initializes, vision_heading)
         s = s._replace(
             lacks_heading=s.lacks_heading & ~initializes,
-            ignores_commands=xp.where(initializes, ignores_commands, s.ignores_commands),
+            ignores_commands=xp.where(initializes, inputs.ignores_commands, s.ignores_commands),
         )
         vision_heading = xp.where(initializes | s.is_off, np.nan, vision_heading)
     is_current_frame = xp.arange(n_frames)[:, None] == frame % n_frames
     past_headings = xp.where(is_current_frame, s.heading, s.past_headings)
-    sent_frame = (frame - heading_age) % n_frames
+    sent_frame = (frame - inputs.heading_age) % n_frames
     heading_then = past_headings[sent_frame, xp.arange(len(vision_heading))]
     error = xp.where(xp.isnan(vision_heading), heading_then, vision_heading) - heading_then
     error = error - 2 * np.pi * xp.ceil(error / (2 * np.pi) - 0.5)

@@ -1,4 +1,4 @@
-"""Parameters, commands and state of the firmware; its functions are in `omni_mj.robot.firmware`."""
+"""Parameters, commands, inputs and state of the firmware; see `omni_mj.robot.firmware`."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -44,15 +44,32 @@ class FirmwareParameters(NamedTuple):
 class FirmwareCommand(NamedTuple):
     """Commands that the radio delivers, (n,) unless another shape is given."""
 
-    velocity_x: Array  # m/s
-    velocity_y: Array  # m/s
-    turn_rate: Array  # rad/s
+    velocity: Array  # and turn rate, (3, n) m/s, m/s, rad/s
     is_new: Array  # whether it arrived in this frame
     # Whether the velocity is in the body frame; None if all are in the world frame
     in_body_frame: Array = None
     # Speeds of the wheels in place of the velocity, (W, n) rad/s; NaN where there is none, None if
     # there are none at all
     wheel_speeds: Array = None
+
+
+class FrameInputs(NamedTuple):
+    """Inputs of a frame other than the command, (n,) unless another shape is given."""
+
+    # Vision's heading that arrived since the frame before, rad; NaN where none did
+    vision_heading: Array
+    heading_age: Array  # frames since that heading was sent
+    gyro_error: Array  # noise and bias, rad/s
+    push_force: Array  # on the chassis, world frame, (2, n) N
+    battery_voltage_factor: Array  # fraction of the battery's voltage that its contacts pass
+    gyro_scale: Array = None  # shown over true turn rate; None if no robot has faults
+    encoder_scale: Array = None  # shown over true angle, (W, n); None as gyro_scale
+    # Current that drivers hold, (W, n) A; NaN where the firmware drives; None if it always does
+    current_setpoint: Array = None
+    ignores_commands: Array = None  # whether the robot does; None as gyro_scale
+    processor_is_off: Array = None  # None as gyro_scale
+    # Whether the robot has failed, so that its drivers short the motors; None if no robot has
+    has_failed: Array = None
 
 
 class FirmwareState(NamedTuple):
@@ -82,6 +99,12 @@ class FirmwareState(NamedTuple):
     # Whether the processor has restarted and waits for a heading from vision; None as the scale
     lacks_heading: Array = None
     ignores_commands: Array = None  # None as the scale
+
+
+def make_undisturbed_inputs(n: int) -> FrameInputs:
+    """Return the inputs of a frame without vision, pushes and errors of sensors, for n robots."""
+    zeros = np.zeros(n)
+    return FrameInputs(np.full(n, np.nan), np.zeros(n, int), zeros, np.zeros((2, n)), np.ones(n))
 
 
 def make_firmware_parameters(

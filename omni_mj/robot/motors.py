@@ -13,6 +13,7 @@ housing, weaken with the housing's temperature.
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +59,6 @@ def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) ->
     """
     sheets = [s.motor for s in settings]
     gear_ratio = gather(sheets, "gear_ratio")
-    thermal_steps = {sheet: solve_thermal_nodes(sheet, PERIOD_S) for sheet in set(sheets)}
     return MotorParameters(
         gear_ratio=gear_ratio,
         cold_resistance=gather(sheets, "resistance_ohm"),
@@ -70,7 +70,7 @@ def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) ->
         copper_coefficient=gather(sheets, "winding_resistance_per_k"),
         magnet_coefficient=gather(sheets, "torque_constant_per_k"),
         ambient=gather(sheets, "ambient_c"),
-        thermal_step=np.stack([thermal_steps[sheet] for sheet in sheets], axis=-1),
+        thermal_step=np.stack([solve_thermal_nodes(sheet) for sheet in sheets], axis=-1),
     )
 
 
@@ -81,18 +81,18 @@ def make_motor_state(p: MotorParameters, winding: Array, housing: Array) -> Moto
     return MotorState(winding, housing, resistance, torque_constant * p.gear_ratio)
 
 
-def solve_thermal_nodes(s: MotorSettings, period: float) -> Array:
-    """Solve C dT/dt = -G T + Q for winding and housing over a period, by its two modes.
+@cache
+def solve_thermal_nodes(s: MotorSettings) -> Array:
+    """Solve C dT/dt = -G T + Q for winding and housing over a frame, by its two modes.
 
     Scaling with the roots of the heat capacities C makes the matrix symmetric.
 
     Args:
         s: Motor with its thermal resistances and heat capacities.
-        period: Time over which the heat Q into the nodes is constant, s.
 
     Returns:
         Matrix (2, 4) that maps temperatures of winding and housing over ambient before, K, and the
-        heat into winding and housing, W, to these temperatures after the period, K.
+        heat into winding and housing, W, to these temperatures after the frame, K.
     """
     winding_w_k = 1 / s.winding_housing_k_w
     housing_w_k = 1 / s.housing_ambient_k_w
@@ -101,8 +101,8 @@ def solve_thermal_nodes(s: MotorSettings, period: float) -> Array:
     )
     root = np.sqrt([s.winding_j_k, s.housing_j_k])
     rates, modes = np.linalg.eigh(conductances / np.outer(root, root))
-    remaining = modes * np.exp(-rates * period) @ modes.T * (root / root[:, None])
-    received = modes * (-np.expm1(-rates * period) / rates) @ modes.T / np.outer(root, root)
+    remaining = modes * np.exp(-rates * PERIOD_S) @ modes.T * (root / root[:, None])
+    received = modes * (-np.expm1(-rates * PERIOD_S) / rates) @ modes.T / np.outer(root, root)
     return np.hstack([remaining, received])
 
 

@@ -7,14 +7,13 @@ from omni_mj.robot.electronics import (
     CycleRecord,
     ElectronicsParameters,
     ElectronicsState,
-    FrameInputs,
     begin_frame,
     end_frame,
     receive_command,
     run_cycle,
     stack_telemetry,
 )
-from omni_mj.robot.firmware_state import CYCLES, FirmwareCommand
+from omni_mj.robot.firmware_state import CYCLES, FirmwareCommand, FrameInputs
 from omni_mj.robot.planar_dynamics import (
     BodyParameters,
     BodyState,

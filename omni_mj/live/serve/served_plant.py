@@ -81,7 +81,7 @@ class ServedPlant(MujocoPlant):
             values[:, robot] = value
             array.set(values)
 
-    def _stop_rows(self, rows: list[int], unstable_rows: list[int]) -> None:
+    def _stop_rows(self, rows: np.ndarray, unstable_rows: np.ndarray) -> None:
         """Switch robots off. The caller replaces an unstable world."""
         self._failed[rows] = True
-        self.is_unstable |= bool(unstable_rows)
+        self.is_unstable |= bool(len(unstable_rows))

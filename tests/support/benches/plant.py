@@ -185,7 +185,7 @@ def wheel_loads(plant: MujocoPlant | PlanarPlant) -> NDArray:
 
 def stop_robot(plant: MujocoPlant, robot: int) -> None:
     """Stop a robot as if it had failed."""
-    plant._stop_rows([robot], [])
+    plant._stop_rows(np.array([robot]), np.zeros(0, int))
 
 
 def changeable_values(plant: MujocoPlant) -> list[NDArray]:

@@ -44,8 +44,8 @@ def make_command(
     x: float = 0.0, y: float = 0.0, turn: float = 0.0, n: int = 1, **fields: Any
 ) -> firmware_state.FirmwareCommand:
     """Return one command for n robots, with other fields of `FirmwareCommand` by name."""
-    values = [np.full(n, value) for value in (x, y, turn)]
-    return firmware_state.FirmwareCommand(*values, np.ones(n, bool))._replace(**fields)
+    velocity = np.array([[x], [y], [turn]]) * np.ones(n)
+    return firmware_state.FirmwareCommand(velocity, np.ones(n, bool))._replace(**fields)
 
 
 class Firmware:
@@ -82,16 +82,16 @@ class Firmware:
         self, vision_heading: ArrayLike = np.nan, age: int = 0, off: bool | None = None
     ) -> None:
         """Begin a frame with a heading of vision, and with processors on or off."""
-        ignores_commands = np.zeros(self.n, bool)
+        inputs = firmware_state.make_undisturbed_inputs(self.n)._replace(
+            vision_heading=np.full(self.n, vision_heading),
+            heading_age=np.full(self.n, age),
+            ignores_commands=np.zeros(self.n, bool),
+            processor_is_off=np.full(self.n, off),
+        )
         if off is not None:
             angle = np.zeros_like(self._s.duty)
-            self._s = firmware.switch_processors(
-                self._p, self._s, self.cycle, ignores_commands, np.full(self.n, off), angle
-            )
-        headings, ages = np.full(self.n, vision_heading), np.full(self.n, age)
-        self._s = firmware.correct_heading(
-            self._p, self._s, self.frame, headings, ages, ignores_commands
-        )
+            self._s = firmware.switch_processors(self._p, self._s, self.cycle, inputs, angle)
+        self._s = firmware.correct_heading(self._p, self._s, self.frame, inputs)
         self._s = firmware.derate_motors(self._p, self._s, self.winding)
         self.frame += 1
 
