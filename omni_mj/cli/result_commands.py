@@ -158,7 +158,7 @@ def film_command(
 
 @click.command("screenshot")
 @click.argument("recording", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("out", type=options.FOLDER)
 @click.option(
     "--time",
     "time_s",

@@ -90,7 +90,7 @@ def select_robots(log: Log, max_per_world: int | None = None) -> list[RecordedRo
         log: Log of the run.
         max_per_world: Number of robots per controller. Default: all.
     """
-    robots: list[RecordedRobot] = []
+    robots = []
     indices = style.style_indices(row.controller for row in log.rows)
     for layer, (controller, style_index) in enumerate(indices.items()):
         world = log.rows[log.first_row_of(controller)].world_index

@@ -59,13 +59,13 @@ def save_run_figures(outcome: Outcome, folder: Path, svg: bool = False) -> None:
             draw(figure)
 
 
-def choose_figures(outcome: Outcome) -> dict[str, Callable[[Figure], None]]:
+def choose_figures(outcome: Outcome) -> dict[str, partial[None]]:
     """Return, by file name, a function that draws each figure for which an outcome has data."""
     assert outcome.log
     robots = [robot for robot in select_robots(outcome.log, 1) if robot.length]
     failed_rows = {failure.row for failure in outcome.failures}
     failed = {robot.name for robot in robots if robot.row in failed_rows}
-    figures: dict[str, Callable[[Figure], None]] = {
+    figures = {
         "error": partial(draw_errors, robots, failed),
         "path": partial(draw_paths, robots, failed),
         "command": partial(draw_commands, robots, failed),
@@ -192,8 +192,7 @@ def distance_to_path(path: Array, points: Array) -> Array:
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
     steps = np.linspace(0, arc[-1], 1 + int(arc[-1] / PATH_STEP_M))
     dense_path = np.column_stack([np.interp(steps, arc, coordinate) for coordinate in path.T])
-    distance: Array = KDTree(dense_path).query(points)[0]
-    return distance
+    return np.asarray(KDTree(dense_path).query(points)[0])
 
 
 def _draw_columns(
@@ -214,7 +213,7 @@ def _draw_columns(
         labels: Labels of the panels, one per column.
         values: Function of a robot that returns an array (frames, columns).
     """
-    panels: list[Axes] = list(plotting.create_time_axes(figure, len(labels), 1, 1.8)[:, 0])
+    panels = list(plotting.create_time_axes(figure, len(labels), 1, 1.8)[:, 0])
     successful = [values(robot) for robot in robots if robot.name not in failed]
     limits = np.concatenate(successful or [np.zeros((1, 3))])
     for column, axes in enumerate(panels):

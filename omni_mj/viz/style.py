@@ -22,7 +22,7 @@ COLORS = (
 MARKERS = "os^DvPX*ph<>"
 LARGE_MARKERS = "PX*"  # which look smaller than others of the same size
 # Lengths of dashes and gaps in line widths; empty for a solid line.
-DASHES: tuple[tuple[float, ...], ...] = ((), (4, 1.5), (6, 1.5, 1, 1.5), (1.2, 1.2), (9, 2))
+DASHES = ((), (4, 1.5), (6, 1.5, 1, 1.5), (1.2, 1.2), (9, 2))
 BUILT_IN_CONTROLLERS = (
     "flc",
     "comp-flc",

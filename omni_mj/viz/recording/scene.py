@@ -42,14 +42,16 @@ def log_static(stream: FrameStream, robots: Sequence[RecordedRobot]) -> None:
             ("error", rr.LineStrips3D, robot.color, 1.6),
             ("error/label", rr.Points3D, style.mix_with_white(robot.color), 4.0),
         ):
-            appearance = archetype.from_fields(colors=[color], radii=_screen_points(radius))
+            # A negative radius is in points of the screen.
+            appearance = archetype.from_fields(colors=[color], radii=-radius)
             stream.log(f"{entity}/{name}", appearance, static=True)
 
 
 def log_references(stream: FrameStream, references: Sequence[Array]) -> None:
     """Log reference paths, (frames, 3) each, on the carpet."""
     strips = [points_above(reference, REFERENCE_HEIGHT_M) for reference in references]
-    lines = rr.LineStrips3D(strips, colors=[REFERENCE_COLOR], radii=_screen_points(0.7))
+    # A negative radius is in points of the screen.
+    lines = rr.LineStrips3D(strips, colors=[REFERENCE_COLOR], radii=-0.7)
     stream.log("world/reference", lines, static=True)
 
 
@@ -146,13 +148,8 @@ def _send_estimates(stream: FrameStream, robot: RecordedRobot, frames: Frames) -
             radii=[RADIUS_M],
             centers=[[0, 0, (HEIGHT_M + bottom) / 2]],
             colors=[style.mix_with_white(robot.color)],
-            line_radii=[_screen_points(1.2)],
+            line_radii=[-1.2],  # points of the screen
             fill_mode=["majorwireframe"],
             labels=[label],
         )
         stream.send_frames(f"{entity}/shape", known[:1], envelope)
-
-
-def _screen_points(size: float) -> float:
-    """Return a radius in points of the screen, for which rerun takes a negative number."""
-    return -size
