@@ -12,7 +12,14 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, computed_field
 
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
-from omni_mj.config.validation import FRICTION_RANGE, MAX_COORDINATE_M, SettingsModel, setting
+from omni_mj.config.validation import (
+    MAX_COORDINATE_M,
+    MAX_FRICTION,
+    MIN_FRICTION,
+    REQUIRED,
+    SettingsModel,
+    setting,
+)
 
 WHEELED_PLANTS = ("mujoco", "planar")
 KINEMATIC_PLANTS = ("kinematic",)
@@ -22,20 +29,24 @@ RobotIds = Annotated[tuple[Annotated[int, Field(ge=0, le=MAX_ROBOT_ID)], ...], F
 
 
 class Fault(SettingsModel):
-    """A fault with a start and a duration.
+    """A fault with a start and a duration. Subclasses whose names end in "Fault" are no kinds.
 
     Attributes:
-        plants: Plants that support it; None if it acts between robot and team, on every plant.
+        plants: Plants that support it. None: all, because it acts between robot and team.
     """
 
     plants: ClassVar[tuple[str, ...] | None] = None
 
     start_s: float = setting(
-        ..., "s", "start, from the start of the run; rounded to a frame", 0, 36_000
+        REQUIRED, "start, from the start of the run; rounded to a frame", "s", low=0, high=36_000
     )
-    duration_s: float = setting(0.0, "s", "duration; 0: until the end of the run", 0, 36_000)
+    duration_s: float = setting(
+        0.0, "duration; 0: until the end of the run", "s", low=0, high=36_000
+    )
     robots: RobotIds = setting(
-        (), "", "slots of the affected robots (serve: their ids in the team); empty: all", 0, 12
+        (),
+        "slots of the affected robots (omni-mj serve: their ids in the team); empty: all",
+        max_length=12,
     )
 
     def __init_subclass__(cls, **arguments: Any) -> None:
@@ -69,18 +80,19 @@ class Fault(SettingsModel):
 
     @property
     def frame_span(self) -> tuple[int, float]:
-        """First frame, and first frame after the end; infinite without a duration."""
+        """Index of the first frame, and of the first frame after the end (infinite: no end)."""
         start = round(self.start_s * FRAME_RATE_HZ)
         if not self.duration_s:
             return start, math.inf
         return start, start + round(self.duration_s * FRAME_RATE_HZ)
 
     def affects(self, robot: int) -> bool:
-        """Return whether it affects the robot in a slot."""
+        """Return whether the fault affects a robot, given as in `robots`."""
         return not self.robots or robot in self.robots
 
     def find_contradictions(self) -> Iterator[str]:
-        """Yield a message if it is shorter than a frame."""
+        """Yield a message if the fault is shorter than a frame."""
+        # The factor allows for rounding, such as 0.01666 for 1/60.
         if 0 < self.duration_s < 0.999 * PERIOD_S:
             yield (
                 f"duration_s must be 0 or at least a frame, {PERIOD_S:.4f} s, "
@@ -89,7 +101,7 @@ class Fault(SettingsModel):
 
 
 def select_faults_of_robot(faults: Iterable[Fault], robot: int) -> tuple[Fault, ...]:
-    """Return the faults that affect the robot in a slot."""
+    """Return the faults that affect a robot, given as in `Fault.robots`."""
     return tuple(fault for fault in faults if fault.affects(robot))
 
 
@@ -108,12 +120,12 @@ class WheelFault(WheeledRobotFault):
     """A fault of one wheel, or of its motor or encoder."""
 
     wheel: int = setting(
-        ..., "", "number of the wheel, from 1 at the front left, counter-clockwise", 1, 8
+        REQUIRED, "number of the wheel, from 1 at the front left, counter-clockwise", low=1, high=8
     )
 
 
-def _probability(doc: str, default: Any = ...) -> Any:
-    return setting(default, "", f"probability {doc}", 0, 1)
+def _probability_setting(doc: str, default: Any = REQUIRED) -> Any:
+    return setting(default, f"probability {doc}", low=0, high=1)
 
 
 # Faults of the world.
@@ -122,9 +134,13 @@ def _probability(doc: str, default: Any = ...) -> Any:
 class Push(WheeledRobotFault):
     """An external force on the chassis at its center of mass."""
 
-    force_n: float = setting(..., "N", "force", 0, 1000)
+    force_n: float = setting(REQUIRED, "force", "N", low=0, high=1000)
     direction_deg: float = setting(
-        0.0, "deg", "direction of the force, from the world's x axis to its y axis", -360, 360
+        0.0,
+        "direction of the force, from the world's x axis to its y axis",
+        "deg",
+        low=-360,
+        high=360,
     )
 
 
@@ -132,9 +148,9 @@ class Kidnap(Fault):
     """An instant displacement of the robot, at rest; its gyro and encoders do not measure it."""
 
     plants = WHEELED_PLANTS + KINEMATIC_PLANTS
-    x_m: float = setting(0.0, "m", "displacement along the world's x axis", -10, 10)
-    y_m: float = setting(0.0, "m", "displacement along the world's y axis", -10, 10)
-    heading_deg: float = setting(0.0, "deg", "rotation", -180, 180)
+    x_m: float = setting(0.0, "displacement along the world's x axis", "m", low=-10, high=10)
+    y_m: float = setting(0.0, "displacement along the world's y axis", "m", low=-10, high=10)
+    heading_deg: float = setting(0.0, "rotation", "deg", low=-180, high=180)
 
     @property
     def displacement(self) -> tuple[float, float, float]:
@@ -145,53 +161,60 @@ class Kidnap(Fault):
 class Payload(WheeledRobotFault):
     """An additional point mass above or below the chassis' center of mass."""
 
-    mass_kg: float = setting(..., "kg", "additional mass", 0, 20)
+    mass_kg: float = setting(REQUIRED, "additional mass", "kg", low=0, high=20)
     height_m: float = setting(
-        0.0, "m", "height above the carpet; 0: that of the chassis' center of mass", 0, 0.5
+        0.0,
+        "height of the mass above the carpet; 0: at the chassis' center of mass",
+        "m",
+        low=0,
+        high=0.5,
     )
 
 
 class Tilt(WheeledRobotFault):
     """A sloping carpet: gravity has a component along it, for all robots of the world."""
 
-    angle_deg: float = setting(..., "deg", "slope", 0, 30)
+    angle_deg: float = setting(REQUIRED, "slope", "deg", low=0, high=30)
     direction_deg: float = setting(
-        0.0, "deg", "direction downhill, from the world's x axis to its y axis", -360, 360
+        0.0, "direction downhill, from the world's x axis to its y axis", "deg", low=-360, high=360
     )
 
     def find_contradictions(self) -> Iterator[str]:
-        """Yield a message if it names robots."""
+        """Yield a message if the fault names robots."""
         yield from super().find_contradictions()
         if self.robots:
             yield "robots must be left out of a tilt: all robots of a world stand on one carpet"
 
 
 class Friction(WheeledRobotFault):
-    """Another friction coefficient of the carpet outside of patches."""
+    """Another friction coefficient of the carpet, outside of its patches."""
 
     friction: float = setting(
-        ..., "", "friction coefficient, in place of carpet.friction", *FRICTION_RANGE
+        REQUIRED,
+        "friction coefficient, in place of carpet.friction",
+        low=MIN_FRICTION,
+        high=MAX_FRICTION,
     )
 
 
 class FrictionPatch(WheeledRobotFault):
-    """A circular patch of other friction, above those in carpet.patches."""
+    """A circular patch of other friction; it covers those in carpet.patches."""
 
     x_m: float = setting(
-        ..., "m", "x of the center, world frame", -MAX_COORDINATE_M, MAX_COORDINATE_M
+        REQUIRED, "x of the center, world frame", "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M
     )
     y_m: float = setting(
-        ..., "m", "y of the center, world frame", -MAX_COORDINATE_M, MAX_COORDINATE_M
+        REQUIRED, "y of the center, world frame", "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M
     )
-    radius_m: float = setting(..., "m", "radius", 0.01, 20)
-    friction: float = setting(..., "", "friction coefficient", *FRICTION_RANGE)
+    radius_m: float = setting(REQUIRED, "radius", "m", low=0.01, high=20)
+    friction: float = setting(REQUIRED, "friction coefficient", low=MIN_FRICTION, high=MAX_FRICTION)
 
 
 class Alpha(Fault):
-    """Another gain alpha of equation 7, on all axes."""
+    """Another alpha (equation 7) on all axes."""
 
     plants = KINEMATIC_PLANTS
-    alpha: float = setting(..., "", "alpha, in place of random values", 0, 2)
+    alpha: float = setting(REQUIRED, "alpha, in place of random values", low=0, high=2)
 
 
 # Faults of the robot.
@@ -200,11 +223,11 @@ class Alpha(Fault):
 class MotorDemagnetized(WheelFault):
     """A motor with weak magnets: less torque per current, and less back-EMF per speed."""
 
-    factor: float = setting(..., "", "factor of the torque constant", 0.05, 2)
+    factor: float = setting(REQUIRED, "factor of the torque constant", low=0.05, high=2)
 
 
 class MotorDead(WheelFault):
-    """A motor without current, as with a driver that is off: its wheel is dragged along."""
+    """A motor without current, as if its driver were off: the moving robot turns the wheel."""
 
 
 class MotorBlocked(WheelFault):
@@ -214,37 +237,37 @@ class MotorBlocked(WheelFault):
 class WheelWorn(WheelFault):
     """A wheel with worn rubber: less friction at the same radius."""
 
-    factor: float = setting(..., "", "factor of the carpet's friction", 0.01, 2)
+    factor: float = setting(REQUIRED, "factor of the carpet's friction", low=0.01, high=2)
 
 
 class WheelMissingRollers(WheelFault):
     """A wheel with missing rollers: no grip once per turn, while the gap is at the carpet."""
 
-    rollers: int = setting(1, "", "number of missing rollers, side by side", 1, 8)
+    rollers: int = setting(1, "number of missing adjacent rollers", low=1, high=8)
 
 
 class EncoderDropout(WheelFault):
     """An encoder that misses all counts of some frames: a loose or broken contact."""
 
-    probability: float = _probability("per frame", 1.0)
+    probability: float = _probability_setting("per frame", 1.0)
 
 
 class EncoderScale(WheelFault):
-    """An encoder with other counts per turn than the firmware assumes."""
+    """An encoder whose counts per turn differ from those that the firmware assumes."""
 
-    factor: float = setting(..., "", "factor of the counts", 0.1, 4)
+    factor: float = setting(REQUIRED, "factor of the counts", low=0.1, high=4)
 
 
 class GyroBias(WheeledRobotFault):
     """A gyro bias, in addition to sensors.gyro_bias_rad_s."""
 
-    bias_rad_s: float = setting(..., "rad/s", "bias", -10, 10)
+    bias_rad_s: float = setting(REQUIRED, "bias", "rad/s", low=-10, high=10)
 
 
 class GyroScale(WheeledRobotFault):
-    """A gyro with another sensitivity than the firmware assumes."""
+    """A gyro whose sensitivity differs from the one that the firmware assumes."""
 
-    factor: float = setting(..., "", "factor of the gyro's signal; 0: no signal", 0, 4)
+    factor: float = setting(REQUIRED, "factor of the gyro's signal; 0: no signal", low=0, high=4)
 
 
 class FirmwareTimeout(WheeledRobotFault):
@@ -254,20 +277,18 @@ class FirmwareTimeout(WheeledRobotFault):
 class BrownOut(WheeledRobotFault):
     """A supply voltage dip at the motors; the processor keeps running."""
 
-    factor: float = setting(..., "", "factor of the battery's voltage", 0.05, 1)
+    factor: float = setting(REQUIRED, "factor of the battery's voltage", low=0.05, high=1)
 
 
 class Reboot(WheeledRobotFault):
-    """A restart of the firmware, completed when the fault ends; until then no loop runs.
+    """A restart of the firmware. No control loop runs during the fault.
 
-    It forgets heading, gyro bias and the state of its loops. It stands until the first packet, and
-    takes the heading of vision in that packet for its own.
+    The firmware loses its heading, the gyro bias and the state of its loops. After the fault, the
+    robot stands still until the first packet. The heading by vision in that packet becomes its own.
     """
 
     motors: Literal["coast", "brake"] = setting(
-        "coast",
-        "",
-        "until then: coast: drivers off, wheels roll; brake: drivers short the windings",
+        "coast", "motor drivers during the fault: off (coast), or shorting the windings (brake)"
     )
 
 
@@ -275,15 +296,17 @@ class Reboot(WheeledRobotFault):
 
 
 class RadioDelay(Fault):
-    """Another dead time of packets sent during the fault; the team does not know."""
+    """Another dead time of packets sent during the fault, which the team does not know."""
 
-    delay_frames: int = setting(..., "frames", "dead time, in place of radio.delay_frames", 0, 600)
+    delay_frames: int = setting(
+        REQUIRED, "dead time, in place of radio.delay_frames", "frames", low=0, high=600
+    )
 
 
 class RadioLoss(Fault):
     """Packets that are lost independently."""
 
-    probability: float = _probability(
+    probability: float = _probability_setting(
         "that a packet is lost, in addition to radio.loss_probability", 1.0
     )
 
@@ -295,32 +318,38 @@ class RadioBurstLoss(Fault):
     a state with losses.
     """
 
-    mean_burst_frames: float = setting(..., "frames", "mean duration of a burst", 1, 600)
-    burst_fraction: float = setting(
-        ..., "", "fraction of time in bursts, in the long run", 0.001, 0.5
+    mean_burst_frames: float = setting(
+        REQUIRED, "mean duration of a burst", "frames", low=1, high=600
     )
-    probability: float = _probability("that a packet in a burst is lost", 1.0)
+    burst_fraction: float = setting(
+        REQUIRED, "fraction of time in bursts, in the long run", low=0.001, high=0.5
+    )
+    probability: float = _probability_setting("that a packet in a burst is lost", 1.0)
 
 
 class RadioDuplicates(Fault):
-    """Packets that arrive twice; a robot applies the copy until the next packet comes."""
+    """Packets that arrive twice. A robot applies the copy until the next packet arrives."""
 
-    probability: float = _probability("that a packet arrives again")
+    probability: float = _probability_setting("that a packet arrives again")
     delay_frames: int = setting(
-        ..., "frames", "delay of the copy, which is the last packet applied in its frame", 1, 120
+        REQUIRED,
+        "delay of the copy, which is applied after other packets of its frame",
+        "frames",
+        low=1,
+        high=120,
     )
 
 
 class RadioReorder(Fault):
-    """Packets that arrive after newer ones; a robot applies them until the next packet comes."""
+    """Packets that arrive after newer ones. A robot applies them until the next packet arrives."""
 
-    probability: float = _probability("that a packet is late")
+    probability: float = _probability_setting("that a packet is late")
     delay_frames: int = setting(
-        ...,
+        REQUIRED,
+        "additional delay; a late packet is applied after other packets of its frame",
         "frames",
-        "additional delay; a late packet is the last one applied in its frame",
-        1,
-        120,
+        low=1,
+        high=120,
     )
 
 
@@ -335,35 +364,45 @@ class VisionFreeze(Fault):
 class VisionWrongId(Fault):
     """Detections of another robot, at rest elsewhere, with the id of this one."""
 
-    x_m: float = setting(..., "m", "x of the other robot", -MAX_COORDINATE_M, MAX_COORDINATE_M)
-    y_m: float = setting(..., "m", "y of the other robot", -MAX_COORDINATE_M, MAX_COORDINATE_M)
-    heading_deg: float = setting(0.0, "deg", "heading of the other robot", -360, 360)
-    probability: float = _probability("per image", 1.0)
+    x_m: float = setting(
+        REQUIRED, "x of the other robot", "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M
+    )
+    y_m: float = setting(
+        REQUIRED, "y of the other robot", "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M
+    )
+    heading_deg: float = setting(0.0, "heading of the other robot", "deg", low=-360, high=360)
+    probability: float = _probability_setting("per image", 1.0)
 
 
 class VisionBias(Fault):
     """A biased measurement: a displaced or badly calibrated camera, or a reversed heading."""
 
-    x_m: float = setting(0.0, "m", "error along the world's x axis", -1, 1)
-    y_m: float = setting(0.0, "m", "error along the world's y axis", -1, 1)
-    heading_deg: float = setting(0.0, "deg", "error of the heading", -180, 180)
-    probability: float = _probability("per image", 1.0)
+    x_m: float = setting(0.0, "error along the world's x axis", "m", low=-1, high=1)
+    y_m: float = setting(0.0, "error along the world's y axis", "m", low=-1, high=1)
+    heading_deg: float = setting(0.0, "error of the heading", "deg", low=-180, high=180)
+    probability: float = _probability_setting("per image", 1.0)
 
 
 class VisionClockDrift(Fault):
-    """A drifting camera clock: the stated age of images is too high, by a growing error.
+    """A drifting camera clock. The age of images by their timestamps is too high, more and more.
 
-    The team extrapolates measurements too far. The clock is corrected when the fault ends.
+    So the team extrapolates measurements too far. The clock is corrected when the fault ends.
     """
 
-    drift_ms_per_s: float = setting(..., "ms/s", "drift; below 0: ages too low", -100, 100)
+    drift_ms_per_s: float = setting(
+        REQUIRED, "drift; below 0: ages too low", "ms/s", low=-100, high=100
+    )
 
 
 class VisionJitter(Fault):
-    """Random additional latency of images; their timestamps are correct."""
+    """A random additional latency of images. Their timestamps are correct."""
 
     jitter_s: float = setting(
-        ..., "s", "largest additional latency, uniform, in addition to vision.jitter_s", 0, 1
+        REQUIRED,
+        "largest additional latency, uniform, in addition to vision.jitter_s",
+        "s",
+        low=0,
+        high=1,
     )
 
 
@@ -371,5 +410,5 @@ class VisionDelay(Fault):
     """Another latency of the camera."""
 
     delay_s: float = setting(
-        ..., "s", "latency from exposure to arrival, in place of vision.delay_s", 0, 1
+        REQUIRED, "latency from exposure to arrival, in place of vision.delay_s", "s", low=0, high=1
     )

@@ -7,39 +7,61 @@ from omni_mj.config.validation import SettingsModel, setting
 
 
 class VisionSettings(SettingsModel):
-    """Cameras. Noise and misses are those of the "Realistic" profile of the ER-Force simulator."""
+    """Cameras. By default, noise and misses are as in the "Realistic" profile of ER-Force's simulator."""
 
     position_noise_m: float = setting(
-        0.0013, "m", "standard deviation of the measured position, per axis", 0, 1
+        0.0013, "standard deviation of the measured position, per axis", "m", low=0, high=1
     )
     heading_noise_rad: float = setting(
-        0.01, "rad", "standard deviation of the measured heading", 0, 1
+        0.01, "standard deviation of the measured heading", "rad", low=0, high=1
     )
     miss_probability: float = setting(
-        0.02, "", "probability, per frame, that detection of a robot is lost", 0, 0.9
+        0.02,
+        "probability per frame that a robot stops being detected for miss_frames",
+        low=0,
+        high=0.9,
     )
-    miss_frames: int = setting(1, "frames", "duration of a lost detection", 1, 600)
+    miss_frames: int = setting(
+        1, "number of frames in which the robot is then not detected", "frames", low=1, high=600
+    )
     rate_hz: float = setting(
-        float(FRAME_RATE_HZ), "Hz", "frame rate of a camera, which has its own clock", 10, 960
+        float(FRAME_RATE_HZ),
+        "frame rate of a camera; its images need not coincide with the team's frames",
+        "Hz",
+        low=10,
+        high=960,
     )
-    delay_s: float = setting(0.0, "s", "latency from exposure to arrival of the packet", 0, 1)
+    delay_s: float = setting(
+        0.0, "latency from exposure to arrival of the packet", "s", low=0, high=1
+    )
     jitter_s: float = setting(
-        0.0, "s", "largest additional latency of a packet, uniformly distributed", 0, 1
+        0.0, "largest additional latency of a packet, uniformly distributed", "s", low=0, high=1
     )
     loss_probability: float = setting(
-        0.0, "", "probability that a packet (an image of one camera) is lost", 0, 0.95
+        0.0, "probability that a packet (an image of one camera) is lost", low=0, high=0.95
     )
     cameras: int = setting(
-        1, "", "serve: number of cameras; 2 or 3 divide the field's length, 4 its quadrants", 1, 4
+        1,
+        "serve: number of cameras; 2 or 3 divide the field's length, 4 its quadrants",
+        low=1,
+        high=4,
     )
     overlap_m: float = setting(
-        0.4, "m", "serve: width of the strips where the images of two cameras overlap", 0, 4
+        0.4,
+        "serve: width of the strips where the images of two cameras overlap",
+        "m",
+        low=0,
+        high=4,
     )
     camera_offset_m: float = setting(
-        0.0, "m", "serve: standard deviation of camera positions, per axis (observed: 0.02)", 0, 0.5
+        0.0,
+        "serve: standard deviation of camera positions, per axis (observed: 0.02)",
+        "m",
+        low=0,
+        high=0.5,
     )
     clock_offset_s: float = setting(
-        0.0, "s", "serve: standard deviation of a camera's clock offset", 0, 10
+        0.0, "serve: standard deviation of a camera's clock offset", "s", low=0, high=10
     )
 
 
@@ -47,17 +69,25 @@ class RadioSettings(SettingsModel):
     """The radio link from the team's computer to the robot."""
 
     delay_frames: int = setting(
-        6, "frames", "dead time k_d from command to robot (paper: 0.1 s)", 0, 600
+        6,
+        "dead time k_d: from sending a command to its first effect (paper: 0.1 s)",
+        "frames",
+        low=0,
+        high=600,
     )
     jitter_frames: int = setting(
-        0, "frames", "largest deviation of dead time, uniform; the newest packet wins", 0, 600
+        0,
+        "largest deviation of the dead time, uniformly distributed; robots apply the newest packet",
+        "frames",
+        low=0,
+        high=600,
     )
-    loss_probability: float = setting(0.0, "", "probability that a packet is lost", 0, 0.95)
+    loss_probability: float = setting(0.0, "probability that a packet is lost", low=0, high=0.95)
 
     def find_contradictions(self) -> Iterator[str]:
-        """Yield a message if packets would arrive before they are sent."""
+        """Yield a message if the jitter would let packets arrive before they are sent."""
         if self.jitter_frames > self.delay_frames:
             yield (
-                "radio.jitter_frames must not be above radio.delay_frames: no packet arrives "
-                "before it is sent"
+                "radio.jitter_frames must not be above radio.delay_frames: packets would arrive "
+                "before they are sent"
             )

@@ -3,77 +3,107 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from omni_mj.config.validation import FRICTION_RANGE, CarpetPatches, Poses, SettingsModel, setting
+from omni_mj.config.validation import (
+    FROM_ROBOT,
+    MAX_FRICTION,
+    MIN_FRICTION,
+    CarpetPatches,
+    Poses,
+    SettingsModel,
+    setting,
+)
 
 
 class CarpetSettings(SettingsModel):
     """The carpet under the rollers."""
 
     friction: float = setting(
-        0.8, "", "friction coefficient (as in the league's simulators)", *FRICTION_RANGE
+        0.8,
+        "friction coefficient (as in the league's simulators)",
+        low=MIN_FRICTION,
+        high=MAX_FRICTION,
     )
     rolling_resistance: float = setting(
-        ..., "", "coefficient of rolling resistance of the pile: drag over normal force", 0, 1
+        FROM_ROBOT,
+        "coefficient of rolling resistance: drag of the pile over normal force",
+        low=0,
+        high=1,
     )
     nap: float = setting(
         0.0,
-        "",
         "directional nap: drag is rolling_resistance (1 + nap cos(direction - nap_direction_deg))",
-        0,
-        1,
+        low=0,
+        high=1,
     )
     nap_direction_deg: float = setting(
-        0.0, "deg", "direction of travel straight against the fibers, world frame", -360, 360
+        0.0,
+        "direction of travel straight against the fibers, world frame",
+        "deg",
+        low=-360,
+        high=360,
     )
     patches: CarpetPatches = setting(
         (),
+        "circles [x, y, radius, friction] of other friction; where they overlap, the last one counts",
         "m, m, m, 1",
-        "circles [x, y, radius, friction] of other friction; the last one wins where they overlap",
-        0,
-        50,
+        max_length=50,
     )
 
 
 class RandomizationSettings(SettingsModel):
-    """Domain randomization, drawn per seed and robot. Normal numbers are cut at 3 deviations."""
+    """Domain randomization, drawn per seed and robot. Normal draws are cut at 3 deviations."""
 
     wheel_friction_std: float = setting(
-        0.0, "", "relative standard deviation of each wheel's friction", 0, 0.3
+        0.0, "relative standard deviation of each wheel's friction", low=0, high=0.3
     )
     max_wear_m: float = setting(
-        0.0, "m", "largest loss of each wheel's roller radius, uniformly distributed", 0, 0.001
+        0.0,
+        "largest wear of each wheel's roller radius, uniformly distributed",
+        "m",
+        low=0,
+        high=0.001,
     )
     torque_constant_std: float = setting(
-        0.0, "", "relative standard deviation of each motor's torque constant", 0, 0.3
+        0.0, "relative standard deviation of each motor's torque constant", low=0, high=0.3
     )
     mass_std: float = setting(
-        0.0, "", "relative standard deviation of the mass on the wheels (batteries, covers)", 0, 0.3
+        0.0,
+        "relative standard deviation of the mass without wheels (batteries, covers)",
+        low=0,
+        high=0.3,
     )
     com_offset_std_m: float = setting(
-        0.0, "m", "standard deviation of that mass's center, forward and sideways", 0, 0.01
+        0.0,
+        "standard deviation of the center of that mass, forward and sideways",
+        "m",
+        low=0,
+        high=0.01,
     )
 
 
 class DisturbanceSettings(SettingsModel):
-    """A disturbance that is uniform within its amplitude, drawn per frame and axis (table 4)."""
+    """A disturbance, uniformly distributed in +-amplitude, drawn per frame and axis (table 4)."""
 
     velocity_m_s: float = setting(
-        0.0, "m/s", "kinematic plant: amplitude of the velocity added to equation 7", 0, 10
+        0.0, "kinematic plant: amplitude of the velocity added to equation 7", "m/s", low=0, high=10
     )
     force_n: float = setting(
-        0.0, "N", "wheeled plants: amplitude of the force on the chassis", 0, 1000
+        0.0, "wheeled plants: amplitude of the force on the chassis", "N", low=0, high=1000
     )
 
 
 class KinematicSettings(SettingsModel):
-    """The plant of the paper, equation 7."""
+    """The kinematic plant of the paper: velocity = alpha times command (equation 7)."""
 
     alpha_low: float = setting(
-        0.7, "", "lower bound of alpha, uniformly distributed per axis (paper, section 2)", 0, 2
+        0.7,
+        "lower bound of alpha, which is uniformly distributed, per axis (paper, section 2)",
+        low=0,
+        high=2,
     )
-    alpha_high: float = setting(1.0, "", "upper bound of alpha", 0, 2)
+    alpha_high: float = setting(1.0, "upper bound of alpha", low=0, high=2)
     alpha_correlation_time_s: float = setting(
-        0.0, "s", "correlation time of alpha; 0: drawn anew in every frame", 0, 1e6
+        0.0, "correlation time of alpha; 0: drawn anew in every frame", "s", low=0, high=1e6
     )
 
     def find_contradictions(self) -> Iterator[str]:
@@ -83,14 +113,15 @@ class KinematicSettings(SettingsModel):
 
 
 class PhysicsSettings(SettingsModel):
-    """The integration."""
+    """Time integration of the physics, and the library that computes it."""
 
-    substeps: int = setting(1, "", "physics steps per cycle of the wheel loops (1/960 s)", 1, 100)
+    substeps: int = setting(
+        1, "physics steps per cycle of the wheel loops (1/960 s)", low=1, high=100
+    )
     backend: Literal["auto", "numpy", "jax"] = setting(
         "auto",
-        "",
-        "array library of the robots' equations: numpy, or JAX (extra fast), which rounds "
-        "differently; auto: the faster",
+        "array library for the equations of robots; jax needs the extra `fast` and rounds "
+        "differently; auto: the faster one",
     )
 
 
@@ -99,8 +130,8 @@ class WorldSettings(SettingsModel):
 
     start_poses: Poses = setting(
         ((0.0, 0.0, 0.0),),
+        "start poses of the robots: offsets of their references and initial poses",
         "m, m, rad",
-        "start poses of the robots, by which their references are displaced",
-        1,
-        12,
+        min_length=1,
+        max_length=12,
     )

@@ -3,59 +3,80 @@
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from omni_control.kinematics import Kinematics
 from omni_mj.config import CYCLE_RATE_HZ
-from omni_mj.config.validation import Angles, SettingsModel, setting
+from omni_mj.config.validation import FROM_ROBOT, Angles, SettingsModel, setting
 
-# Depth by which the weight presses rollers into the carpet (omni_mj.mjcf.rollers,
-# 2.65 kg on 4 wheels), rounded up.
+# Depth by which the weight of 2.65 kg on 4 wheels presses rollers into the carpet, rounded up
+# (contact stiffness: omni_mj.mjcf.rollers).
 CONTACT_DEPTH_M = 7e-5
 
 
 class ModelSettings(SettingsModel):
-    """The MJCF of a custom robot, which defines `body`, `wheels` and gear."""
+    """A custom robot in MJCF, MuJoCo's XML format. It defines `body`, `wheels` and the gear."""
 
     file: str = setting(
-        "", "", "path of the MJCF of a custom robot, which defines geometry and masses"
+        "", "path of the MJCF file of a custom robot, which defines geometry and masses"
     )
 
 
 class BodySettings(SettingsModel):
     """The whole robot, including wheels."""
 
-    mass_kg: float = setting(..., "kg", "mass", 0.5, 20)
+    mass_kg: float = setting(FROM_ROBOT, "mass", "kg", low=0.5, high=20)
     com_x_m: float = setting(
-        ..., "m", "position of the center of mass, forward of the wheels' center", -0.1, 0.1
+        FROM_ROBOT,
+        "forward position of the center of mass, from the center of the wheel contacts",
+        "m",
+        low=-0.1,
+        high=0.1,
     )
-    com_height_m: float = setting(..., "m", "height of the center of mass", 0.01, 0.15)
+    com_height_m: float = setting(
+        FROM_ROBOT, "height of the center of mass", "m", low=0.01, high=0.15
+    )
     yaw_inertia_kg_m2: float = setting(
-        ..., "kg m^2", "moment of inertia about the vertical axis at the center of mass", 1e-4, 1
+        FROM_ROBOT,
+        "moment of inertia about the vertical axis at the center of mass",
+        "kg m^2",
+        low=1e-4,
+        high=1,
     )
     tilt_inertia_kg_m2: float = setting(
-        ..., "kg m^2", "moment of inertia about any horizontal axis at the center of mass", 1e-4, 1
+        FROM_ROBOT,
+        "moment of inertia about any horizontal axis at the center of mass",
+        "kg m^2",
+        low=1e-4,
+        high=1,
     )
 
 
 class WheelSettings(SettingsModel):
-    """Omnidirectional wheels: layout, dimensions and model."""
+    """Omnidirectional wheels: layout, dimensions and contact model."""
 
     model: Literal["rollers", "two-rollers"] = setting(
         "rollers",
-        "",
-        "rollers: all rollers of a wheel; two-rollers: only those at the carpet, faster",
+        "simulated rollers of a wheel: all (rollers), or the two at the carpet (two-rollers, "
+        "faster)",
     )
-    azimuths_deg: Annotated[Angles, Field(min_length=3, max_length=8)] = setting(
-        ..., "deg", "directions of the wheels from the center, counter-clockwise from forward"
+    azimuths_deg: Angles = setting(
+        FROM_ROBOT,
+        "directions of the wheels from the center, counter-clockwise from forward",
+        "deg",
+        min_length=3,
+        max_length=8,
     )
-    arm_m: float = setting(..., "m", "distance of the wheel contacts from the center", 0.02, 0.5)
-    radius_m: float = setting(..., "m", "wheel radius", 0.01, 0.2)
-    rollers: int = setting(..., "", "number of rollers of a wheel", 8, 40)
-    roller_radius_m: float = setting(..., "m", "largest radius of a roller", 0.002, 0.05)
+    arm_m: float = setting(
+        FROM_ROBOT, "distance of the wheel contacts from the center", "m", low=0.02, high=0.5
+    )
+    radius_m: float = setting(FROM_ROBOT, "wheel radius", "m", low=0.01, high=0.2)
+    rollers: int = setting(FROM_ROBOT, "number of rollers of a wheel", low=8, high=40)
+    roller_radius_m: float = setting(
+        FROM_ROBOT, "largest radius of a roller", "m", low=0.002, high=0.05
+    )
 
     @property
     def kinematics(self) -> Kinematics:
@@ -63,7 +84,11 @@ class WheelSettings(SettingsModel):
         return Kinematics(np.radians(self.azimuths_deg) % (2 * np.pi), self.arm_m, self.radius_m)
 
     def find_contradictions(self) -> Iterator[str]:
-        """Yield a message if the rollers do not fit into a wheel or do not close it."""
+        """Yield a message if rollers do not fit into a wheel, or do not close its circumference.
+
+        A roller is a barrel. Its axle is a chord of the wheel, at the distance R - r from the
+        center. Its profile is an arc of the wheel's circumference.
+        """
         radius, roller, count = self.radius_m, self.roller_radius_m, self.rollers
         if 2 * roller >= radius:
             yield (
@@ -71,21 +96,23 @@ class WheelSettings(SettingsModel):
                 f"wheels.radius_m = {radius:g}; it must be below half of that"
             )
             return
-        # At its ends, half a pitch away, the radius of a barrel roller is R cos(pi/n) - (R - r).
-        needed = math.pi / math.acos(1 - roller / radius)
-        if count <= needed:
+        # At the ends of one of n rollers, at the angle pi / n from its middle, the barrel's radius
+        # R cos(pi / n) - (R - r) must be positive.
+        n_needed = math.pi / math.acos(1 - roller / radius)
+        if count <= n_needed:
             yield (
                 f"wheels.rollers = {count} of wheels.roller_radius_m = {roller:g} do not close a "
                 f"wheel of wheels.radius_m = {radius:g}: their ends do not meet; it takes "
-                f"{math.floor(needed) + 1} at least, or thicker ones"
+                f"{math.floor(n_needed) + 1} at least, or thicker ones"
             )
         elif self.model == "two-rollers":
+            # The two rollers at the carpet are less than 2 pi / n from the lowest point.
             clearance = radius - compute_roller_depth(radius, roller, math.tau / count)
             if clearance < CONTACT_DEPTH_M:
                 yield (
                     f"wheels.rollers = {count} is too many for wheels.model = two-rollers: with "
                     f"wheels.roller_radius_m = {roller:g} more than two of a wheel touch the "
-                    "carpet; take rollers"
+                    "carpet; take wheels.model = rollers"
                 )
 
 
@@ -93,16 +120,22 @@ class DrivetrainSettings(SettingsModel):
     """The drivetrain between motor and carpet: gear, roller bearings and rubber."""
 
     gear_friction_nm: float = setting(
-        ..., "N m", "dry friction torque of a gear, at the wheel", 0, 1
+        FROM_ROBOT, "dry friction torque of a gear, at the wheel", "N m", low=0, high=1
     )
     roller_friction: float = setting(
-        ..., "", "dry friction of a roller's bearing: force at its rim over normal force", 0, 1
+        FROM_ROBOT,
+        "dry friction of a roller's bearing: force at its rim over normal force",
+        low=0,
+        high=1,
     )
     roller_damping_nm_s: float = setting(
-        ..., "N m s/rad", "viscous friction of a roller's bearing", 0, 2e-5
+        FROM_ROBOT, "viscous friction of a roller's bearing", "N m s/rad", low=0, high=2e-5
     )
     creep_stiffness: float = setting(
-        ..., "", "creep stiffness: traction over normal force per slip, below friction", 0.1, 1e3
+        FROM_ROBOT,
+        "slope of traction over normal force against slip, as long as friction does not limit it",
+        low=0.1,
+        high=1e3,
     )
 
 
@@ -110,44 +143,61 @@ class FirmwareSettings(SettingsModel):
     """Control loops on the robot: a PID loop per wheel, a turn-rate loop and a heading filter.
 
     By default the wheel loops are proportional with feedforward, as in the firmware of TIGERs
-    (k_i = 0) and RoboJackets. Gains refer to the wheel, not to the motor.
+    (k_i = 0) and RoboJackets. Gains refer to speeds of the wheel, not of the motor.
     """
 
     rate_hz: int = setting(
         CYCLE_RATE_HZ,
+        f"rate of the wheel and turn-rate loops; must divide {CYCLE_RATE_HZ}",
         "Hz",
-        "rate of the wheel and turn-rate loops; must divide 960",
-        60,
-        CYCLE_RATE_HZ,
+        low=60,
+        high=CYCLE_RATE_HZ,
     )
-    kp: float = setting(0.3, "V s/rad", "proportional gain of a wheel loop", 0, 100)
-    ki: float = setting(0.0, "V/rad", "integral gain of a wheel loop", 0, 1000)
-    kd: float = setting(0.0, "V s^2/rad", "derivative gain of a wheel loop", 0, 1)
+    kp: float = setting(0.3, "proportional gain of a wheel loop", "V s/rad", low=0, high=100)
+    ki: float = setting(0.0, "integral gain of a wheel loop", "V/rad", low=0, high=1000)
+    kd: float = setting(0.0, "derivative gain of a wheel loop", "V s^2/rad", low=0, high=1)
     feedforward: float = setting(
-        1.0, "", "feedforward gain: fraction of the desired speed's back-EMF", 0, 2
+        1.0,
+        "feedforward gain: feedforward voltage over the back-EMF at the desired speed",
+        low=0,
+        high=2,
     )
     nominal_voltage_v: float = setting(
-        ..., "V", "battery voltage that the firmware assumes for its duty cycles", 1, 60
+        FROM_ROBOT,
+        "battery voltage by which the firmware converts voltages to duty cycles",
+        "V",
+        low=1,
+        high=60,
     )
     turn_rate_gain: float = setting(
-        1.0, "", "proportional gain of the turn-rate loop on the gyro", 0, 10
+        1.0, "proportional gain of the turn-rate loop, which uses the gyro", low=0, high=10
     )
     heading_gain: float = setting(
-        2.0, "1/s", "heading filter: heading correction per difference from vision", 0, 30
+        2.0,
+        "heading filter: rate of heading correction per difference from vision",
+        "1/s",
+        low=0,
+        high=30,
     )
     gyro_bias_gain: float = setting(
-        0.5, "1/s^2", "heading filter: gyro bias correction per difference from vision", 0, 100
+        0.5,
+        "heading filter: rate of gyro bias correction per difference from vision",
+        "1/s^2",
+        low=0,
+        high=100,
     )
-    current_limit_a: float = setting(..., "A", "current limit of a motor driver", 0.1, 1e3)
+    current_limit_a: float = setting(
+        FROM_ROBOT, "current limit of a motor driver", "A", low=0.1, high=1e3
+    )
     timeout_s: float = setting(
         0.0,
+        "time without a command after which a robot stops (league's simulators: 0.1); 0: never",
         "s",
-        "stop after this time without a command (league's simulators: 0.1); 0: never",
-        0,
-        60,
+        low=0,
+        high=60,
     )
     thermal_derating: bool = setting(
-        False, "", "limit the current of a motor whose winding nears its maximum temperature"
+        False, "limit the current of a motor whose winding nears its maximum temperature"
     )
 
     def find_contradictions(self) -> Iterator[str]:
@@ -164,13 +214,16 @@ class SensorSettings(SettingsModel):
     """Encoders and gyro."""
 
     encoder_counts: int = setting(
-        ..., "", "encoder counts per revolution of a motor, all four edges", 1, 1_000_000
+        FROM_ROBOT,
+        "encoder counts per revolution of a motor, all four edges",
+        low=1,
+        high=1_000_000,
     )
     gyro_noise_rad_s: float = setting(
-        0.005, "rad/s", "standard deviation of the gyro, averaged over a frame", 0, 10
+        0.005, "standard deviation of the gyro, averaged over a frame", "rad/s", low=0, high=10
     )
     gyro_bias_rad_s: float = setting(
-        0.01, "rad/s", "standard deviation of the gyro bias, drawn once per seed", 0, 10
+        0.01, "standard deviation of the gyro bias, drawn once per seed", "rad/s", low=0, high=10
     )
 
 
@@ -178,23 +231,27 @@ class BatterySettings(SettingsModel):
     """A lithium polymer battery."""
 
     charge: float = setting(
-        0.5, "", "initial state of charge: 1 full (4.2 V a cell), 0.5 nominal (3.7 V)", 0, 1
+        0.5, "initial state of charge: 1 full (4.2 V a cell), 0.5 nominal (3.7 V)", low=0, high=1
     )
-    series_cells: int = setting(..., "", "number of cells in series", 1, 6)
-    capacity_ah: float = setting(..., "Ah", "capacity", 0.01, 100)
+    series_cells: int = setting(FROM_ROBOT, "number of cells in series", low=1, high=6)
+    capacity_ah: float = setting(FROM_ROBOT, "capacity", "Ah", low=0.01, high=100)
     resistance_ohm: float = setting(
-        ..., "ohm", "internal resistance, including wires and connectors", 0, 1
+        FROM_ROBOT, "internal resistance, including wires and connectors", "ohm", low=0, high=1
     )
     cut_off_v: float = setting(
-        ..., "V", "cut-off voltage: below it for a second, the battery switches off", 0, 60
+        FROM_ROBOT,
+        "cut-off voltage: below it for a second, the battery switches off",
+        "V",
+        low=0,
+        high=60,
     )
 
 
 def compute_roller_depth(radius: float, roller_radius: float, angle: float) -> float:
     """Return how far a roller reaches below the wheel's axle, m.
 
-    Rollers are ellipsoids about a chord of the wheel, with the semi-axes r across and sqrt(R r)
-    along the chord. The curvature of their profile is that of the wheel, 1/R.
+    In MuJoCo, rollers are ellipsoids instead of barrels. The semi-axes are r across the axle and
+    sqrt(R r) along it. So the curvature of their profile in the middle is that of the wheel, 1/R.
 
     Args:
         radius: Radius R of the wheel, m.

@@ -41,23 +41,23 @@ class Scenario(SettingsModel):
     unknown_name = "unknown name"
 
     name: Annotated[str, Field(pattern=r"^[\w-][\w.-]*$", max_length=MAX_NAME_LENGTH)] = setting(
-        "scenario", "", "name in tables and folders: letters, digits and ._-"
+        "scenario", "name in tables and folders: letters, digits and ._-"
     )
     description: Annotated[str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]*$", max_length=500)] = (
-        setting("", "", "description in one line")
+        setting("", "description in one line")
     )
     paper_table: Literal[0, 3, 4] = setting(
-        0, "", "number of the paper's table with the same experiment: 3 or 4; 0: none"
+        0, "number of the paper's table with the same experiment: 3 or 4; 0: none"
     )
-    plant: str = setting("mujoco", "", "plant: a name of `omni-mj list plants`, or file.py:Class")
+    plant: str = setting("mujoco", "plant: a name of `omni-mj list plants`, or file.py:Class")
     robot: str = setting(
-        robot_files.DEFAULT_ROBOT, "", "name of a robot, or path of a robot's .toml file"
+        robot_files.DEFAULT_ROBOT, "name of a robot, or path of a robot's .toml file"
     )
     controllers: tuple[str | type[Controller], ...] = setting(
-        ("flc", "comp-flc"), "", "names of controllers, or file.py:Class", 1
+        ("flc", "comp-flc"), "names of controllers, or file.py:Class", min_length=1
     )
-    seed: int = setting(0, "", "first seed of the random numbers", 0, 2**63 - 1 - MAX_SEEDS)
-    seeds: int = setting(1, "", "number of consecutive seeds", 1, MAX_SEEDS)
+    seed: int = setting(0, "first seed of the random numbers", low=0, high=2**63 - 1 - MAX_SEEDS)
+    seeds: int = setting(1, "number of consecutive seeds", low=1, high=MAX_SEEDS)
     settings: Settings = Field(_EMPTY, validate_default=True)
     distributions: Mapping[str, Any] = Field(
         _EMPTY, description="distributions of settings that are drawn for each seed"

@@ -164,4 +164,4 @@ def gather(settings: Sequence[Any], name: str) -> Array:
 
 
 for _section, _class in get_section_classes().items():
-    _class.section = f"{_section}."
+    _class.section_prefix = f"{_section}."

@@ -1,4 +1,4 @@
-"""Base class of settings: frozen pydantic models that report all wrong values at once."""
+"""Base class of settings: immutable pydantic models that report all wrong values at once."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,44 +19,60 @@ from pydantic_core import ErrorDetails
 
 from omni_control.errors import OmniError, suggest_names, to_printable
 
-MAX_COORDINATE_M = 100.0  # of a pose
-FRICTION_RANGE = 0.01, 5.0  # smallest and largest coefficient of friction
+REQUIRED: Any = ...  # in place of a default: the value must be given
+FROM_ROBOT: Any = ...  # in place of a default: the robot's file gives the value, or implies it
+MAX_COORDINATE_M = 100.0  # of a position
+MIN_FRICTION, MAX_FRICTION = 0.01, 5.0  # coefficients of friction
 MAX_VALUE_LENGTH = 200  # characters of a wrong value in a message
 
 
 def setting(
-    default: Any, unit: str, doc: str, low: float | None = None, high: float | None = None
+    default: Any,
+    doc: str,
+    unit: str = "",
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    min_length: int | None = None,
+    max_length: int | None = None,
 ) -> Any:
-    """Declare a field with its unit, meaning and range.
+    """Declare a field with its meaning, unit and range.
 
     Args:
-        default: Default value, or `...` if the field is required.
-        unit: Unit; empty if dimensionless.
+        default: Default value, `REQUIRED` or `FROM_ROBOT`.
         doc: Meaning, as shown by `omni-mj list settings`.
-        low: Smallest value, or smallest length of a list.
-        high: Largest value, or largest length of a list.
+        unit: Unit. Default: dimensionless.
+        low: Smallest value. Default: unlimited.
+        high: Largest value. Default: unlimited.
+        min_length: Smallest number of items in a list. Default: 0.
+        max_length: Largest number of items in a list. Default: unlimited.
     """
-    names = ("min_length", "max_length") if isinstance(default, tuple) else ("ge", "le")
-    arguments: dict[str, Any] = {"default": default}
-    for name, limit in zip(names, (low, high), strict=True):
-        if limit is not None:
-            arguments[name] = limit
-    if low is None:
-        allowed = ""
-    elif high is None:
-        allowed = f"at least {low:.15g}"
-    else:
-        allowed = f"{low:.15g} to {high:.15g}"
-    return Field(description=doc, json_schema_extra={"unit": unit, "allowed": allowed}, **arguments)
+    lower_limit = min_length if low is None else low
+    upper_limit = max_length if high is None else high
+    allowed = ""
+    if lower_limit is not None:
+        allowed = f"at least {lower_limit:.15g}"
+    if upper_limit is not None:
+        prefix = "at most" if lower_limit is None else f"{lower_limit:.15g} to"
+        allowed = f"{prefix} {upper_limit:.15g}"
+    return Field(
+        default=default,
+        description=doc,
+        json_schema_extra={"unit": unit, "allowed": allowed},
+        ge=low,
+        le=high,
+        min_length=min_length,
+        max_length=max_length,
+    )
 
 
 class SettingInfo(NamedTuple):
-    """The declaration of a field.
+    """The declaration of a setting.
 
     Attributes:
-        full_name: Name with its section, as for --set.
+        full_name: Name with its section, such as "radio.delay_frames".
         kind: int, float, bool, str, or tuple for a list.
-        default: Default value; None if the field is required.
+        default: Default value; None if the value must be given or comes from the robot.
         unit: Unit; empty if dimensionless.
         doc: Meaning.
         allowed: Allowed values, such as '0 to 600', 'at least 2' or 'timed, iterated'.
@@ -91,12 +107,12 @@ class SettingInfo(NamedTuple):
 
 
 class SettingsModel(BaseModel):
-    """A frozen model that raises one `OmniError` with a line for each wrong value."""
+    """An immutable model. Wrong values raise one `OmniError` whose message has a line for each."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True
     )
-    section: ClassVar[str] = ""  # prefix of field names in messages: "radio."
+    section_prefix: ClassVar[str] = ""  # of field names in messages: "radio."
     unknown_name: ClassVar[str] = "unknown setting"  # start of the message for an unknown name
 
     def __init__(self, /, **values: Any) -> None:
@@ -109,7 +125,7 @@ class SettingsModel(BaseModel):
         raise_errors(line for detail in details for line in self._format_error(detail))
 
     def find_contradictions(self) -> Iterable[str]:
-        """Return a message for each contradiction between values."""
+        """Return a message for each contradiction between values; overridden by subclasses."""
         return ()
 
     @model_validator(mode="after")
@@ -133,18 +149,18 @@ class SettingsModel(BaseModel):
     def describe_fields(cls) -> dict[str, SettingInfo]:
         """Return the declarations of all fields by name."""
         return {
-            name: SettingInfo.from_field(cls.section + name, field)
+            name: SettingInfo.from_field(cls.section_prefix + name, field)
             for name, field in cls.model_fields.items()
         }
 
     @classmethod
     def _format_error(cls, error: ErrorDetails) -> Iterator[str]:
-        """Yield the lines of a message for an error of pydantic."""
+        """Yield the lines of the message for one of pydantic's errors."""
         kind = error["type"]
         name, *indices = error["loc"] or ("",)
         fields = cls.describe_fields()
-        full_name = cls.section + str(name) + "".join(f"[{index}]" for index in indices)
-        if kind == "value_error":  # an OmniError of this package
+        full_name = cls.section_prefix + str(name) + "".join(f"[{index}]" for index in indices)
+        if kind == "value_error":  # raised by a validator of this package
             yield from str(error["ctx"]["error"]).splitlines()
         elif kind == "extra_forbidden":
             hint = suggest_names(full_name, [field.full_name for field in fields.values()])
@@ -163,10 +179,10 @@ class SettingsModel(BaseModel):
 
 
 def raise_errors(messages: Iterable[str]) -> None:
-    """Raise one error with a line for each different message, if there are any.
+    """Raise one error for all messages, without duplicates. Do nothing if there are none.
 
     Raises:
-        OmniError: There is a message.
+        OmniError: There is a message. The error's text has one line per message.
     """
     if lines := dict.fromkeys(messages):
         raise OmniError("\n".join(lines))
@@ -174,7 +190,7 @@ def raise_errors(messages: Iterable[str]) -> None:
 
 @contextmanager
 def collect_errors(messages: list[str]) -> Iterator[None]:
-    """Append the message of an `OmniError`, which ends the block, to a list."""
+    """End the `with` block at an `OmniError`, and append its message to a list."""
     try:
         yield
     except OmniError as error:
@@ -182,7 +198,7 @@ def collect_errors(messages: list[str]) -> Iterator[None]:
 
 
 def format_value(value: object) -> str:
-    """Return a wrong value as one printable line of limited length."""
+    """Return a wrong value as one printable line of limited length, for messages."""
     try:
         return to_printable(repr(value), MAX_VALUE_LENGTH)
     except (ValueError, RecursionError):  # an int of thousands of digits, deeply nested lists
@@ -190,9 +206,9 @@ def format_value(value: object) -> str:
 
 
 def merge_sections(sections: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return sections with changes.
+    """Return sections of settings with changes.
 
-    A mapping replaces fields of a section. Any other value replaces the whole section.
+    A mapping changes only the fields that it names. Any other value replaces the whole section.
     """
     result = dict(sections)
     for name, change in changes.items():
@@ -204,16 +220,17 @@ def merge_sections(sections: Mapping[str, Any], changes: Mapping[str, Any]) -> d
 
 
 def _from_numpy(value: Any) -> Any:
-    """Convert numbers and arrays of numpy to Python numbers and lists."""
+    """Convert a NumPy number or array to a Python number or list; keep any other value."""
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
 
 
 def _append_heading(pose: Any) -> Any:
-    """Complete a pose [x, y] with the heading 0."""
+    """Append the heading 0 to a pose [x, y]; keep any other value."""
     return (*pose, 0.0) if isinstance(pose, (list, tuple)) and len(pose) == 2 else pose
 
 
-_LIST = Field(strict=False)  # accepts lists for tuples, because TOML has lists only
+# TOML has lists, and immutable settings need tuples: convert lists to tuples.
+_LIST = Field(strict=False)
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 Pose = Annotated[tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(_append_heading), _LIST]
 Poses = Annotated[tuple[Pose, ...], _LIST]
@@ -222,7 +239,7 @@ CarpetPatch = Annotated[
         Coordinate,
         Coordinate,
         Annotated[float, Field(gt=0, le=MAX_COORDINATE_M)],
-        Annotated[float, Field(ge=FRICTION_RANGE[0], le=FRICTION_RANGE[1])],
+        Annotated[float, Field(ge=MIN_FRICTION, le=MAX_FRICTION)],
     ],
     _LIST,
 ]
