@@ -88,8 +88,7 @@ def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
         OmniError: Parts are missing. One line per part, with the element that is needed.
     """
     data = compute_initial_kinematics(model)
-    motors = _find_wheel_motors(model, data)
-    chassis_of_motor = model.body_rootid[model.jnt_bodyid[model.actuator_trnid[motors, 0]]]
+    motors, chassis_of_motor = _find_wheel_motors(model, data)
     return tuple(
         _find_robot(model, data, int(chassis), motors[chassis_of_motor == chassis])
         for chassis in np.unique(chassis_of_motor)
@@ -102,10 +101,8 @@ def find_chassis_names(model: mujoco.MjModel) -> list[str]:
     Raises:
         OmniError: There are none.
     """
-    data = compute_initial_kinematics(model)
-    joints = model.actuator_trnid[_find_wheel_motors(model, data), 0]
-    chassis = np.unique(model.body_rootid[model.jnt_bodyid[joints]])
-    return [model.body(body).name for body in chassis]
+    _, chassis_of_motor = _find_wheel_motors(model, compute_initial_kinematics(model))
+    return [model.body(chassis).name for chassis in np.unique(chassis_of_motor)]
 
 
 def find_slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
@@ -120,8 +117,8 @@ def find_slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
     return [joint for joint in range(start, start + count) if joint != wheel]
 
 
-def _find_wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> Ids:
-    """Return the <dcmotor>s that drive wheels.
+def _find_wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Ids, Ids]:
+    """Return the <dcmotor>s that drive wheels, and the chassis of each.
 
     Raises:
         OmniError: There are none, or a hinge with rollers has none.
@@ -148,7 +145,7 @@ def _find_wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> Ids:
                 f"write {_DCMOTOR_EXAMPLE}"
             )
     raise_errors(errors)
-    return motors
+    return motors, model.body_rootid[wheels]
 
 
 def _find_rollers(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Ids:

@@ -127,7 +127,7 @@ def _build_world(
         robots,
         rest_qpos,
         shape.wheels.kinematics,
-        _find_load_addresses(model, robots),
+        np.array([[_find_load(model, rim) for rim in robot.rims] for robot in robots]),
         _compute_hull_radius(robot_model, robot_spec.hull_geoms),
     )
 
@@ -181,14 +181,9 @@ def _attach_robot(
         )
 
 
-def _find_load_addresses(model: mujoco.MjModel, robots: tuple[RobotIndices, ...]) -> Ids:
-    """Return the addresses of the vertical loads of each robot's wheels, (robots, wheels)."""
-    return np.array(
-        [
-            [model.sensor(f"load/{model.body(rim).name}").adr[0] + 2 for rim in robot.rims]
-            for robot in robots
-        ]
-    )
+def _find_load(model: mujoco.MjModel, rim: int) -> int:
+    """Return the address in sensordata of the vertical force on a rim."""
+    return int(model.sensor(f"load/{model.body(rim).name}").adr[0]) + 2
 
 
 def _compute_hull_radius(model: mujoco.MjModel, hull_geoms: Sequence[str]) -> float:

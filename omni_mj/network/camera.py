@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omni_control.delay_compensation import RowSelection
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.faults import (
     VisionBias,
@@ -203,17 +202,14 @@ class Cameras:
         seeds: Sequence[Seed],
         faults: FaultsByRow,
     ) -> None:
-        rates = [row.rate_hz for row in settings]
-        self._groups: list[tuple[RowSelection, _CamerasWithSameRate]] = []
-        for rate in dict.fromkeys(rates):
-            indices = [i for i, row_rate in enumerate(rates) if row_rate == rate]
+        rates = gather(settings, "rate_hz")
+        self._groups: list[tuple[list[int], _CamerasWithSameRate]] = []
+        for rate in np.unique(rates):
+            rows = np.flatnonzero(rates == rate).tolist()
             cameras = _CamerasWithSameRate(
-                [settings[i] for i in indices],
-                [seeds[i] for i in indices],
-                [faults[i] for i in indices],
+                [settings[i] for i in rows], [seeds[i] for i in rows], [faults[i] for i in rows]
             )
-            is_complete = len(indices) == len(rates)
-            self._groups.append((slice(None) if is_complete else np.array(indices), cameras))
+            self._groups.append((rows, cameras))
         self.measurement_age: Array | None = None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:

@@ -43,12 +43,14 @@ class ReceivedCommand(NamedTuple):
 
 def compute_max_delay_frames(settings: RadioSettings, faults: Sequence[Fault]) -> int:
     """Return the longest time that a packet can take, frames."""
-    delays = [fault.delay_frames for fault in faults if isinstance(fault, RadioDelay)]
-    extra_delays = [
-        fault.delay_frames for fault in faults if isinstance(fault, (RadioDuplicates, RadioReorder))
-    ]
-    max_delay = max(settings.delay_frames, *delays, 0)
-    return max_delay + settings.jitter_frames + max(extra_delays, default=0)
+    delays = [settings.delay_frames]
+    extra_delays = [0]
+    for fault in faults:
+        if isinstance(fault, RadioDelay):
+            delays.append(fault.delay_frames)
+        elif isinstance(fault, (RadioDuplicates, RadioReorder)):
+            extra_delays.append(fault.delay_frames)
+    return max(delays) + settings.jitter_frames + max(extra_delays)
 
 
 class _Delivery(NamedTuple):

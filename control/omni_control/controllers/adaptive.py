@@ -66,9 +66,7 @@ class InverseFlc(Controller):
             state: Predicted states (n, 18) at the time when the commands will act.
         """
         period, ekf = self.model.period, self.filter
-        poses, twists = self.preview_reference(frame + ekf.latency, HORIZON_FRAMES)
-        velocities, headings = self.interpolate_reference(poses, twists, state)
-        planned = ekf.dynamics.invert(ekf.state, velocities[:-1], velocities[1:], headings)
+        poses, velocities, headings, planned = self.plan_commands(frame, HORIZON_FRAMES, state)
         error = poses[1] - state[:, POSE]
         velocity_error = velocities[0] - state[:, VELOCITY]
         extrapolated_error = error[:, :2] + self._compute_lead(
@@ -84,7 +82,30 @@ class InverseFlc(Controller):
         command[:, 2] = planned[0, :, 2] + self.model.heading_gain * wrap_angle(error[:, 2])
         return command - ekf.state[:, DISTURBANCE]
 
-    def preview_reference(self, frame: Array, count: int) -> tuple[Array, Array]:
+    def plan_commands(
+        self, frame: int, count: int, state: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return the reference, and the commands with which the model follows it.
+
+        Args:
+            frame: Frame number k.
+            count: Number of commands.
+            state: Predicted states (n, 18) at the time when the first command will act.
+
+        Returns:
+            Poses of the reference (count + 2, n, 3), from the frame before the commands act;
+            its velocities at the boundaries of their frames, (count + 1, n, 3); headings of the
+            robots expected in the middle of each, (count, n); and the commands, (count, n, 3).
+        """
+        ekf = self.filter
+        poses, twists = self._preview_reference(frame + ekf.latency, count)
+        velocities = (twists[:-1] + twists[1:]) / 2
+        mid_headings = poses[1:-1, :, 2] + twists[1:-1, :, 2] * (self.model.period / 2)
+        headings = mid_headings + (state[:, 2] - poses[1, :, 2])
+        planned = ekf.dynamics.invert(ekf.state, velocities[:-1], velocities[1:], headings)
+        return poses, velocities, headings, planned
+
+    def _preview_reference(self, frame: Array, count: int) -> tuple[Array, Array]:
         """Return poses and twists (2 + count, n, 3) of the reference from `frame` - 1 on.
 
         An iterated reference is planned anew in every frame. Its state before `frame` is its
@@ -100,23 +121,6 @@ class InverseFlc(Controller):
         last_twist = self._last_twist[None]
         _, self._last_twist = self.reference.at(frame, self.predicted_pose)
         return np.concatenate([poses[:1], poses]), np.concatenate([last_twist, twists])
-
-    def interpolate_reference(
-        self, poses: Array, twists: Array, state: Array
-    ) -> tuple[Array, Array]:
-        """Return velocities of the reference at the frame boundaries, and expected headings.
-
-        Args:
-            poses: Poses of the reference (frames, n, 3), from the frame before the commands act.
-            twists: Twists of the reference, (frames, n, 3).
-            state: Predicted states (n, 18) at the time when the commands will act.
-
-        Returns:
-            Velocities (frames - 1, n, 3), and headings of the robots in the middle of all frames
-            except the first and the last, (frames - 2, n).
-        """
-        mid_headings = poses[1:-1, :, 2] + twists[1:-1, :, 2] * (self.model.period / 2)
-        return (twists[:-1] + twists[1:]) / 2, mid_headings + (state[:, 2] - poses[1, :, 2])
 
     def _compute_lead(self, velocity: Array, velocity_error: Array, heading: Array) -> Array:
         """Return the lead T e' of the position error (n, 2), m, world frame.

@@ -73,14 +73,10 @@ class TeamModel:
 
     def __post_init__(self) -> None:
         """Check all numbers. `FuzzyLaw` also checks the ranges of the fuzzy controller."""
-        values = [
-            (name, value)
-            for name, value in vars(self).items()
-            if isinstance(value, int | float | np.integer)
-        ]
-        values += [("alpha", value) for value in self.alpha or ()]
         errors = []
-        for name, value in values:
+        for name, value in [*vars(self).items(), *(("alpha", value) for value in self.alpha or ())]:
+            if not isinstance(value, int | float | np.integer):
+                continue
             is_positive, is_integer = name in _POSITIVE_FIELDS, name in _INTEGER_FIELDS
             in_range = 0 < value < math.inf if is_positive else 0 <= value < math.inf
             if not in_range or (is_integer and value % 1):

@@ -84,9 +84,7 @@ class Mpc(AdaptiveCompFlc):
     def track(self, frame: int, observation: Observation, state: Array) -> Array:
         """See `InverseFlc`."""
         ekf, limits = self.filter, self.model.limits
-        poses, twists = self.preview_reference(frame + ekf.latency, HORIZON_FRAMES)
-        velocities, headings = self.interpolate_reference(poses, twists, state)
-        planned = ekf.dynamics.invert(ekf.state, velocities[:-1], velocities[1:], headings)
+        poses, velocities, headings, planned = self.plan_commands(frame, HORIZON_FRAMES, state)
         pose_error = state[:, POSE] - poses[1]
         velocity_error = state[:, VELOCITY] - velocities[0]
         free_errors, sensitivity = self._predict_errors(
