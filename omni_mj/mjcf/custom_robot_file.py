@@ -42,13 +42,16 @@ class RobotSpec:
         file: Name of its source file.
         spec: Specification of the robot alone; copy it before changes.
         contact_geoms: Names of the rollers' geoms that touch the carpet.
-        hull_geoms: Names of the geoms with which robots collide.
     """
 
     file: str
     spec: mujoco.MjSpec
     contact_geoms: tuple[str, ...]
-    hull_geoms: tuple[str, ...]
+
+    @property
+    def hull_geoms(self) -> tuple[str, ...]:
+        """Names of the geoms with which robots collide, those of the class `hull`."""
+        return tuple(geom.name for geom in self.spec.geoms if geom.classname.name == "hull")
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,15 +126,9 @@ def _read(path: Path, file: str, change_times: tuple[int, ...]) -> CustomRobotSp
         file,
         spec,
         contact_geoms,
-        list_hull_geoms(spec),
         _compute_implied_settings(model, robot, wheels),
         _has_uniform_rollers(model, robot),
     )
-
-
-def list_hull_geoms(spec: mujoco.MjSpec) -> tuple[str, ...]:
-    """Return the names of the geoms of the class `hull`."""
-    return tuple(geom.name for geom in spec.geoms if geom.classname.name == "hull")
 
 
 def _compute_implied_settings(

@@ -66,10 +66,7 @@ def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, contact_geoms: Id
         azimuth = np.degrees(np.arctan2(axle[1], axle[0])) % 360
         azimuths.append(float(np.round(azimuth, DIGITS)) % 360)
         roller_lengths = np.mean(
-            [
-                _measure_roller(model, data, int(roller), contact_geoms, anchor, axle)
-                for roller in rollers
-            ],
+            [_measure_roller(data, int(roller), contact_geoms, anchor, axle) for roller in rollers],
             axis=0,
         )
         lengths.append([*roller_lengths, anchor[2]])
@@ -88,7 +85,6 @@ def _check_equal_wheels(lengths: list[list[float]]) -> None:
 
 
 def _measure_roller(
-    model: mujoco.MjModel,
     data: mujoco.MjData,
     roller: int,
     contact_geoms: Ids,
@@ -98,33 +94,32 @@ def _measure_roller(
     """Return arm and radius of the wheel at a roller, and the radius of the roller, m.
 
     Args:
-        model: Compiled model.
-        data: Its kinematic state.
+        data: Kinematic state of the robot.
         roller: Body of the roller.
         contact_geoms: Geoms of rollers that touch the carpet.
         anchor: Center of the wheel, (3,) m.
         axle: Outward unit vector along the axle, (3,).
     """
+    model = data.model
     hinge = data.xanchor[model.body_jntadr[roller]] - anchor
     spoke = hinge - (hinge @ axle) * axle
     length = float(np.linalg.norm(spoke))
     geoms = contact_geoms[model.geom_bodyid[contact_geoms] == roller]
     radius = (
-        max(compute_support_distance(model, data, int(geom), spoke / length) for geom in geoms)
+        max(compute_support_distance(data, int(geom), spoke / length) for geom in geoms)
         - anchor @ spoke / length
     )
     arm = (anchor + (hinge @ axle) * axle)[:2] @ axle[:2]
     return float(arm), radius, radius - length
 
 
-def compute_support_distance(
-    model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: Array
-) -> float:
+def compute_support_distance(data: mujoco.MjData, geom: int, direction: Array) -> float:
     """Return the largest extent of a geom along a unit vector (3,) from the world's origin, m.
 
     Raises:
         OmniError: The type of the geom is not supported.
     """
+    model = data.model
     local_direction = direction @ data.geom_xmat[geom].reshape(3, 3)
     a, b, c = model.geom_size[geom]
     kind = _GEOM(model.geom_type[geom])

@@ -88,9 +88,9 @@ def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
         OmniError: Parts are missing. One line per part, with the element that is needed.
     """
     data = compute_initial_kinematics(model)
-    motors, chassis_of_motor = _find_wheel_motors(model, data)
+    motors, chassis_of_motor = _find_wheel_motors(data)
     return tuple(
-        _find_robot(model, data, int(chassis), motors[chassis_of_motor == chassis])
+        _find_robot(data, int(chassis), motors[chassis_of_motor == chassis])
         for chassis in np.unique(chassis_of_motor)
     )
 
@@ -101,7 +101,7 @@ def find_chassis_names(model: mujoco.MjModel) -> list[str]:
     Raises:
         OmniError: There are none.
     """
-    _, chassis_of_motor = _find_wheel_motors(model, compute_initial_kinematics(model))
+    _, chassis_of_motor = _find_wheel_motors(compute_initial_kinematics(model))
     return [model.body(chassis).name for chassis in np.unique(chassis_of_motor)]
 
 
@@ -117,16 +117,17 @@ def find_slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
     return [joint for joint in range(start, start + count) if joint != wheel]
 
 
-def _find_wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Ids, Ids]:
+def _find_wheel_motors(data: mujoco.MjData) -> tuple[Ids, Ids]:
     """Return the <dcmotor>s that drive wheels, and the chassis of each.
 
     Raises:
         OmniError: There are none, or a hinge with rollers has none.
     """
+    model = data.model
     is_dc = model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR
     motors = np.flatnonzero(is_dc & (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT))
     motors = np.array(
-        [m for m in motors if _find_rollers(model, data, model.actuator_trnid[m, 0]).size], int
+        [m for m in motors if _find_rollers(data, model.actuator_trnid[m, 0]).size], int
     )
     if not motors.size:
         hint = "" if is_dc.all() else f"; other actuators do not count: write {_DCMOTOR_EXAMPLE}"
@@ -139,7 +140,7 @@ def _find_wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Ids,
     for joint in np.flatnonzero(model.jnt_type == HINGE).tolist():
         body = model.jnt_bodyid[joint]
         is_known = body in wheels or model.body_parentid[body] in wheels
-        if not is_known and _find_rollers(model, data, joint).size >= MIN_COUNT:
+        if not is_known and _find_rollers(data, joint).size >= MIN_COUNT:
             errors.append(
                 f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: "
                 f"write {_DCMOTOR_EXAMPLE}"
@@ -148,30 +149,29 @@ def _find_wheel_motors(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Ids,
     return motors, model.body_rootid[wheels]
 
 
-def _find_rollers(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Ids:
+def _find_rollers(data: mujoco.MjData, joint: int) -> Ids:
     """Return the bodies with one hinge across that of a wheel, on the wheel's body or one on it."""
-    wheel, parent, axes = model.jnt_bodyid[joint], model.body_parentid, data.xaxis
+    model, axes = data.model, data.xaxis
+    wheel, parent = model.jnt_bodyid[joint], model.body_parentid
     is_hinged = (model.body_jntnum == 1) & (model.jnt_type[model.body_jntadr] == HINGE)
     is_across = np.abs(axes[model.body_jntadr] @ axes[joint]) < _MAX_ROLLER_ALIGNMENT
     is_on_wheel = (parent == wheel) | (parent[parent] == wheel)
     return np.flatnonzero(is_hinged & is_across & is_on_wheel)
 
 
-def _find_robot(
-    model: mujoco.MjModel, data: mujoco.MjData, chassis: int, motors: Ids
-) -> RobotIndices:
+def _find_robot(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
     """Return the indices of the robot with a chassis and motors.
 
     Raises:
         OmniError: Parts are missing. One line per part.
     """
-    errors: list[str] = []
+    model, errors = data.model, list[str]()
     joints = model.actuator_trnid[motors, 0]
     _check_chassis_and_joints(model, chassis, joints, errors)
     rims, rollers, phases = zip(
-        *(_order_rollers(model, data, int(joint), errors) for joint in joints), strict=True
+        *(_order_rollers(data, int(joint), errors) for joint in joints), strict=True
     )
-    gyro = _find_gyro(model, data, chassis, errors)
+    gyro = _find_gyro(data, chassis, errors)
     encoders = [_find_encoder(model, int(joint), errors) for joint in joints]
     counts = [len(wheel_rollers) for wheel_rollers in rollers]
     slip_hinges = np.concatenate(
@@ -222,16 +222,15 @@ def _check_chassis_and_joints(
         errors.append("two <dcmotor>s drive one hinge; leave one")
 
 
-def _order_rollers(
-    model: mujoco.MjModel, data: mujoco.MjData, joint: int, errors: list[str]
-) -> tuple[int, Ids, float]:
+def _order_rollers(data: mujoco.MjData, joint: int, errors: list[str]) -> tuple[int, Ids, float]:
     """Find the rollers of the wheel on a hinge.
 
     Returns:
         The rim that carries them, the rollers in the order in which they reach the bottom, and the
         wheel angle at which the first one is there, rad.
     """
-    wheel, bodies = int(model.jnt_bodyid[joint]), _find_rollers(model, data, joint)
+    model = data.model
+    wheel, bodies = int(model.jnt_bodyid[joint]), _find_rollers(data, joint)
     name, axle = model.body(wheel).name, data.xaxis[joint]
     rims = np.unique(model.body_parentid[bodies])
     if len(rims) > 1:
@@ -270,8 +269,9 @@ def _find_encoder(model: mujoco.MjModel, joint: int, errors: list[str]) -> int:
     return int(model.sensor_adr[np.argmax(is_encoder)])
 
 
-def _find_gyro(model: mujoco.MjModel, data: mujoco.MjData, chassis: int, errors: list[str]) -> int:
+def _find_gyro(data: mujoco.MjData, chassis: int, errors: list[str]) -> int:
     """Return the address in sensordata of the turn rate of a gyro, or -1 and an error."""
+    model = data.model
     gyros = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_GYRO)
     sites = model.sensor_objid[gyros]
     on_chassis = np.flatnonzero(model.site_bodyid[sites] == chassis)

@@ -20,7 +20,7 @@ from omni_mj.config.robot_files import find_robot_mjcf
 from omni_mj.config.robot_settings import BodySettings, ModelSettings, WheelSettings
 from omni_mj.config.settings import Settings
 from omni_mj.config.validation import raise_errors
-from omni_mj.mjcf.custom_robot_file import RobotSpec, list_hull_geoms
+from omni_mj.mjcf.custom_robot_file import RobotSpec
 from omni_mj.mjcf.model_measurements import (
     compute_composite_inertia,
     point_mass_inertia,
@@ -93,7 +93,7 @@ def _build_default_robot(shape: RobotShape) -> RobotSpec:
     for key in list(spec.keys):  # their size is not that of a world
         spec.delete(key)
     rollers = tuple(geom.name for geom in spec.geoms if geom.parent.name.startswith("roller_"))
-    return RobotSpec(path.name, spec, rollers, list_hull_geoms(spec))
+    return RobotSpec(path.name, spec, rollers)
 
 
 def _write_wheels(root: Element, shape: RobotShape) -> None:

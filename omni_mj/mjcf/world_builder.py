@@ -119,9 +119,7 @@ def _build_world(
         rest_qpos = _settle(model)
     else:
         single_world = _build_world(robot_spec, shape, 1, substeps, False)
-        rest_qpos = model.qpos0.copy()
-        for robot in robots:
-            rest_qpos[robot.qpos] = single_world.rest_qpos[single_world.robots[0].qpos]
+        rest_qpos = np.tile(single_world.rest_qpos, n_robots)
     return World(
         model,
         robots,
@@ -194,7 +192,7 @@ def _compute_hull_radius(model: mujoco.MjModel, hull_geoms: Sequence[str]) -> fl
         for angle in np.linspace(0, 2 * np.pi, HULL_DIRECTIONS)
     ]
     distances = (
-        compute_support_distance(model, data, model.geom(name).id, direction)
+        compute_support_distance(data, model.geom(name).id, direction)
         for name in hull_geoms
         for direction in directions
     )
