@@ -4,6 +4,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PROTO := omni_mj/live/wire/league
 LESSONS := dead-time alpha-and-slip identify
 
 # What was tested, each file by its hash, and then this checkout, which has none; nothing else is fetched.
@@ -65,7 +66,9 @@ wheel: $(VENV)/.installed-release
 # The Python module of the league's messages, from their .proto file. Its version must not exceed that of the installed protobuf.
 proto: $(VENV)/.installed
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --target build/protoc grpcio-tools==1.85.1 grpcio
-	PYTHONPATH=build/protoc $(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. omni_mj/live/wire/league.proto
+	PYTHONPATH=build/protoc $(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. $(PROTO).proto
+	sed -i "s/AddSerializedFile(b'/AddSerializedFile(\\n    b'/" $(PROTO)_pb2.py
+	sed -E -i "/^    b'/s/(\\\\x[0-9a-f]{2}|\\\\[^x]|[^\\\\']){24}/&'\\n    b'/g" $(PROTO)_pb2.py
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

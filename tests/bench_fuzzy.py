@@ -1,4 +1,4 @@
-"""`make bench`: how many times faster than scikit-fuzzy the fuzzy controller is, both doing the same 25 rules."""
+"""`make bench`: speed of the fuzzy controller over that of scikit-fuzzy with the same rules."""
 
 import time
 import warnings
@@ -46,7 +46,8 @@ def main() -> None:
     print(f"one over each of {MANY} in an array    {scikit / many:8.0f}")
     print(f"each in an array over the same         {scikit_array / many:8.0f}")
     print(
-        f"outputs differ by at most {apart:.0e} m/s; {1e3 * scikit:.1f} ms, {1e6 * one:.1f} us, {1e6 * many:.2f} us"
+        f"outputs differ by at most {apart:.0e} m/s; times: {1e3 * scikit:.1f} ms, "
+        f"{1e6 * one:.1f} us, {1e6 * many:.2f} us"
     )
 
 

@@ -1,8 +1,8 @@
-"""`make bench`: frames of robots per CPU-second through the environments of Gymnasium, at 1, 64 and 1,024 robots.
+"""`make bench`: robot frames per CPU-second of the Gymnasium environments.
 
     python tests/bench_gym.py [--robots 1 64 1024] [--plant kinematic planar mujoco]
 
-What a frame takes is everything: the plant, camera, filter, limits and radio, observations and rewards.
+A frame includes the plant, camera, filter, limits, radio, observations and rewards.
 """
 
 import argparse

@@ -122,7 +122,7 @@ def describe(summary: Mapping[str, Any]) -> list[str]:
                 " ".join(f"{value:.2f}" for value in values) for values in identified.values()
             )
             phrases.append(
-                f"identified (forward, sideways, turning): latency {latencies} frames, alpha {alphas}"
+                f"identified latency {latencies} frames, alpha {alphas} (forward, sideways, turn)"
             )
         lines.append(f"robot {robot['id']}: {'; '.join(phrases) or 'did not move'}")
     return lines

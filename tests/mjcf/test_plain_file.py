@@ -54,7 +54,8 @@ def expected() -> list[str]:
         f'frictionloss="{written(dry)}" damping="{written(motor.wheel_viscous_friction_nm_s)}"',
         f'frictionloss="{written(at_rest)}"',
         f'damping="{written(settings.drivetrain.roller_damping_nm_s)}"',
-        f'motorconst="{written(motor.torque_constant_nm_a)}" resistance="{written(motor.resistance_ohm)}" '
+        f'motorconst="{written(motor.torque_constant_nm_a)}" '
+        f'resistance="{written(motor.resistance_ohm)}" '
         f'gear="{written(motor.gear_ratio)}"',
         f'armature="{written(motor.rotor_inertia_kg_m2)}"',
         f'solref="{written(pair["solref"])}"',

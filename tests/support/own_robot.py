@@ -1,4 +1,4 @@
-"""What the tests of users' models share: an MJCF written by hand, with what varies from hand to hand."""
+"""MJCF of a custom robot for tests, with parameters for what users may write differently."""
 
 from collections.abc import Sequence
 from math import sqrt
@@ -73,14 +73,15 @@ def written(
     names = [f"drive_{chr(ord('a') + i)}" for i in range(len(azimuths))]
     wheels = "".join(
         WHEEL.format(
-            azimuth=azimuth, name=name, arm=arm, height=radius - raised, axis=1 if outward else -1, rollers=rollers,
-            pitch=360 / rollers, spoke=radius - roller,
+            azimuth=azimuth, name=name, arm=arm, height=radius - raised, axis=1 if outward else -1,
+            rollers=rollers, pitch=360 / rollers, spoke=radius - roller,
         )
         for azimuth, name in zip(azimuths, names, strict=True)
     )  # fmt: skip
     return ROBOT.format(
         roller=roller, half=sqrt(radius * roller), roller_kg=ROLLER_KG, gear=gear, base=raised,
         plate=0.05 - raised, mass=mass, wheels=wheels, more=more,
-        motors=extra_motors + "".join(f'<dcmotor name="m_{name}" joint="{name}"/>' for name in names),
+        motors=extra_motors
+        + "".join(f'<dcmotor name="m_{name}" joint="{name}"/>' for name in names),
         encoders="".join(f'<jointpos name="e_{name}" joint="{name}"/>' for name in names),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The paper's fuzzy controller as a user of scikit-fuzzy writes it; reference of tests and benchmark."""
+"""The paper's fuzzy controller in scikit-fuzzy: the reference of tests and benchmark."""
 
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,7 @@ def triangles(universe: np.ndarray) -> np.ndarray:
 def controller(
     points: int, error_range_m: float, speed_range_m_s: float
 ) -> "ControlSystemSimulation":
-    """25 rules for two inputs, e_x and e_y, and two outputs, v_x and v_y, on universes of so many points."""
+    """Return the 25 rules, inputs e_x and e_y, outputs v_x and v_y, on universes of `points`."""
     from skfuzzy import control
 
     relative = np.linspace(-1, 1, points)
