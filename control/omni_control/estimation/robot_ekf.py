@@ -89,24 +89,24 @@ class RobotEkf:
     ) -> None:
         self.period, self.dynamics = model.period, MotionModel(model)
         prior = self.dynamics.prior[PARAMETERS]
-        lower_bounds, upper_bounds = (
-            np.minimum(LOWER_BOUNDS, prior),
-            np.maximum(UPPER_BOUNDS, prior),
-        )
+        lower_bounds = np.minimum(LOWER_BOUNDS, prior)
+        upper_bounds = np.maximum(UPPER_BOUNDS, prior)
         latency = LATENCY - PARAMETERS.start
         lower_bounds[latency] = max(model.delay_frames + MIN_LATENCY_CHANGE, 0)
         upper_bounds[latency] = model.delay_frames + MAX_LATENCY_CHANGE
         self._bounds = lower_bounds, upper_bounds
         times = np.array([*DISTURBANCE_TIME_S, *9 * [PARAMETER_TIME_S]])
         self._decay = np.append(np.ones(6), np.exp(-self.period / times))
-        self._prior_covariance = learns * self._make_prior_covariance(model)
+        covariance = learns * self._make_prior_covariance(model)
         renewal = np.sqrt(1 - self._decay**2)
-        self._renewed_covariance = self._prior_covariance * np.outer(renewal, renewal)
+        self._renewed_covariance = covariance * np.outer(renewal, renewal)
         self._vision_covariance = np.diag(np.maximum(noise, [1e-4, 1e-4, 1e-3])) ** 2
+        covariance[POSE, POSE] = self._vision_covariance
+        self.state = np.tile(self.dynamics.prior, (n, 1))
+        self.covariance = np.tile(covariance, (n, 1, 1))
         step = JACOBIAN_STEP * np.eye(SIZE)
         self._perturbations = np.concatenate([0 * step[:1], step, -step])[:, None]
         self.memory_frames = model.delay_frames + MAX_LATENCY_CHANGE + 8
-        self.state, self.covariance = np.zeros((n, SIZE)), np.zeros((n, SIZE, SIZE))
         self.mean_nis = np.ones(n)
         # Running means of the squared command, and of the command times the velocity.
         self._powers = np.zeros((2, n))
@@ -140,10 +140,7 @@ class RobotEkf:
         """Predict over the filter steps of a frame, then correct the states by its vision."""
         if not self._started:
             self._started = True
-            self.state[:] = self.dynamics.prior
             self.state[:, POSE] = observation.pose
-            self.covariance[:] = self._prior_covariance
-            self.covariance[:, POSE, POSE] = self._vision_covariance
         for step in observation.filter_steps or (FilterStep.to_present(len(self.state)),):
             command = self._advance(observation.sent_commands, step)
         self._frames_behind = step.frames_behind

@@ -5,11 +5,10 @@ as the limits of speed and acceleration allow and stops there exactly, in whole 
 needs the present velocity only, so that it also recovers from disturbances.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
@@ -20,8 +19,7 @@ from omni_control.reference.sampled import as_poses
 ARRIVAL_RADIUS_M, ARRIVAL_ANGLE_RAD = 0.02, 0.1
 
 
-@dataclass(frozen=True)
-class _Plan:
+class _Plan(NamedTuple):
     """Last answer to n robots, and the start of the next one.
 
     Args:
@@ -52,7 +50,7 @@ class IteratedReference:
     direction. Jerk is not limited, since the reference answers disturbances immediately.
 
     Args:
-        waypoints: Poses [x, y, heading], at least one.
+        waypoints: Poses [x, y, heading], (points, 3).
         limits: Limits of velocity and acceleration.
         period: Length of a frame, s.
         n: Number of robots; each makes its own progress.
@@ -64,7 +62,7 @@ class IteratedReference:
 
     def __init__(
         self,
-        waypoints: Sequence[Sequence[float]],
+        waypoints: ArrayLike,
         limits: MotionLimits,
         period: float,
         n: int,
@@ -109,7 +107,7 @@ class IteratedReference:
         has_arrived = is_near & (np.abs(offset[:, 2]) < ARRIVAL_ANGLE_RAD)
         waypoint = np.minimum(plan.waypoint + has_arrived, len(self.waypoints) - 1)
         if plan.rest_frames:
-            return replace(plan, frame=frame, pose=plan.next_pose, rest_frames=plan.rest_frames - 1)
+            return plan._replace(frame=frame, pose=plan.next_pose, rest_frames=plan.rest_frames - 1)
         return _Plan(frame, plan.next_pose, twist, pose + twist * self.period, waypoint, 0)
 
 

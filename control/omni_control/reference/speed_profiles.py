@@ -16,8 +16,8 @@ has the highest z everywhere, and none takes less time (as a convex program, Ver
 """
 
 import math
-from dataclasses import dataclass
 from itertools import cycle
+from typing import NamedTuple
 
 import numpy as np
 
@@ -113,8 +113,7 @@ def _accelerate(max_z: Array, cells: Array, curvature: Array) -> Array:
     return np.array(squared_speeds)
 
 
-@dataclass(frozen=True)
-class ClosedPath:
+class ClosedPath(NamedTuple):
     """Cells of a closed path.
 
     The body acceleration is `twist` z'/2 + `twist_slope` z, with z the squared speed.

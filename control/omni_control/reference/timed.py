@@ -18,10 +18,10 @@ fastest drive is an integral from each end.
 
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
 from functools import partial, reduce
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from omni_control.kinematics import Array, world_to_body
 from omni_control.reference.iterated import approach_pose
@@ -38,7 +38,7 @@ class TimedReference(SampledReference):
     """Fastest path through way-points within the limits, with a stop at each.
 
     Args:
-        waypoints: Poses [x, y, heading], at least one; the first is the start.
+        waypoints: Poses [x, y, heading], (points, 3); the first is the start.
         limits: Motion limits.
         period: Length of a frame, s.
         dwell_frames: Additional frames of rest at each way-point after the start.
@@ -49,7 +49,7 @@ class TimedReference(SampledReference):
 
     def __init__(
         self,
-        waypoints: Sequence[Sequence[float]],
+        waypoints: ArrayLike,
         limits: MotionLimits,
         period: float,
         dwell_frames: int = 0,
