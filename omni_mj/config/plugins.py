@@ -1,4 +1,4 @@
-"""Controllers and plants by name: the package's, or classes in a user's file, `file.py:Class`."""
+"""Find controllers and plants by name or by the class path of a user's class, `file.py:Class`."""
 
 import inspect
 import sys
@@ -18,14 +18,14 @@ from omni_control.controllers.registry import (
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_mj.config.validation import raise_errors
 
-ControllerSpec = str | type[Controller]  # a name, "file.py:Class", or a class
+ControllerSpec = str | type[Controller]  # a name, a class path "file.py:Class", or a class
 PLANTS: dict[str, str] = {  # to add a plant, add a line here
     "mujoco": "omni_mj.plants.mujoco_plant:MujocoPlant",
     "planar": "omni_mj.plants.planar_plant:PlanarPlant",
     "kinematic": "omni_mj.plants.kinematic_plant:KinematicPlant",
     "live": "omni_mj.live.live_loop:LivePlant",
 }
-_PLANT_METHODS = ("pose", "twist", "advance", "telemetry")  # of `omni_mj.plants.Plant`
+_PLANT_METHODS = ("pose", "twist", "advance", "telemetry")  # required; see `omni_mj.plants.Plant`
 _USER_MODULE_PREFIX = "omni_user_"
 
 
@@ -56,8 +56,10 @@ def find_controller(spec: ControllerSpec) -> type[Controller]:
 def find_plant(name: str) -> type[Any]:
     """Return the class of a plant.
 
+    A user's class is wrapped: an exception in one of its methods becomes an `OmniError`.
+
     Args:
-        name: Name of a plant, or `file.py:Class`; see `omni_mj.plants.Plant`.
+        name: Name of a plant, or `file.py:Class` of a class like `omni_mj.plants.Plant`.
 
     Raises:
         OmniError: There is no such plant, or the class lacks a method of plants.
@@ -80,7 +82,7 @@ def find_plant(name: str) -> type[Any]:
 
 
 def _guard_method(plant_class: type[Any], method: str) -> Callable[..., Any]:
-    """Wrap a method of a user's plant. Exceptions become one line with their place in the file."""
+    """Return a method of a user's plant that turns exceptions into an `OmniError` of one line."""
 
     def guarded(*arguments: Any, **keywords: Any) -> Any:
         try:
@@ -93,12 +95,12 @@ def _guard_method(plant_class: type[Any], method: str) -> Callable[..., Any]:
 
 
 def label_controller(spec: ControllerSpec) -> str:
-    """Return the name of a controller in tables and files: for a user's class, the class name."""
+    """Return the label of a controller in tables and files: its name, or the name of its class."""
     return spec.rpartition(":")[2] if isinstance(spec, str) else spec.__name__
 
 
 def format_controller_spec(spec: ControllerSpec) -> str:
-    """Return the name of a controller in a scenario file: for a class, its file and name."""
+    """Return a controller as in a scenario file: its name or, for a class, its class path."""
     if isinstance(spec, str):
         return spec
     file = getattr(sys.modules.get(spec.__module__), "__file__", None) or spec.__module__
@@ -111,12 +113,12 @@ def validate_controller_parameters(
     """Return validated parameters of controllers. An int becomes a float where one is needed.
 
     Args:
-        parameters: Values by label of controller and name of parameter.
+        parameters: Label of controller -> name of parameter -> value.
         controllers: Controllers of the scenario.
 
     Raises:
-        OmniError: There is no such controller or parameter, or a value has another type; a line for
-            each.
+        OmniError: There is no such controller or parameter, or a value has another type. The
+            message has one line per error.
     """
     specs = {label_controller(spec): spec for spec in controllers}
     errors: list[str] = []
@@ -133,7 +135,7 @@ def validate_controller_parameters(
 
 
 def is_class_path(name: str) -> bool:
-    """Return whether a name has the form `file.py:Class`. The file need not exist."""
+    """Return whether a name is a class path, `file.py:Class`. The file need not exist."""
     file, colon, _ = name.rpartition(":")
     return bool(colon) and file.endswith(".py")
 
@@ -142,9 +144,9 @@ def load_class(name: str, requirement: str, is_suitable: Callable[[type], bool])
     """Run a user's file and return a class in it.
 
     Args:
-        name: `file.py:Class`.
-        requirement: What the class must be, for messages: "derived from ...".
-        is_suitable: Whether a class meets the requirement.
+        name: Class path, `file.py:Class`.
+        requirement: Requirement of the class, for messages: "derived from ...".
+        is_suitable: Returns whether a class meets the requirement.
 
     Raises:
         OmniError: There is no such file or suitable class, or the file cannot be run.
@@ -170,12 +172,12 @@ def _run_file(file: Path, modified_ns: int) -> ModuleType:
     """Run a Python file as a module. The modification time keys the cache."""
     module = ModuleType(_USER_MODULE_PREFIX + file.stem)
     module.__file__ = str(file)
-    sys.modules[module.__name__] = module  # dataclasses look up annotations here
+    sys.modules[module.__name__] = module  # where dataclasses resolve annotations
     try:
         exec(compile(file.read_bytes(), file, "exec"), vars(module))
     except (Exception, SystemExit) as error:
         reason = f"{type(error).__name__}: {to_printable(str(error))}"
         if isinstance(error, ModuleNotFoundError):
-            reason += "; your own modules must be on PYTHONPATH"
+            reason += "; folders of your own modules must be in PYTHONPATH"
         raise OmniError(f"{file} cannot be run: {reason}") from error
     return module

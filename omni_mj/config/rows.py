@@ -1,4 +1,4 @@
-"""Rows of a simulation: each is one robot with its world, controller, seed and settings."""
+"""Rows of a simulation: one robot each, with its world, controller, seed and settings."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from omni_mj.config.settings import Settings
 
 @dataclass(frozen=True)
 class Row:
-    """One robot.
+    """One simulated robot, and so one index of all arrays of shape (n, ...).
 
     Attributes:
-        world_index: Index of its world. Rows of one world interact, and are consecutive.
+        world_index: Index of its world. Robots of one world interact. Their rows are consecutive.
         slot: Index of the robot in its world.
         controller: Label of its controller.
-        seed: Seed of its random numbers, and of its world.
+        seed: Seed of the world's random numbers.
         settings: Settings of the robot.
         robot: Name or file of the robot.
     """
@@ -29,7 +29,10 @@ class Row:
 
     @property
     def noise_seed(self) -> tuple[int, ...]:
-        """Seed of its random numbers. Robots of one world have different noise."""
+        """Seed of the robot's noise: the world's seed, with the slot unless it is 0.
+
+        So robots of a world have different noise, and the first one has that of a robot alone.
+        """
         return (self.seed, self.slot) if self.slot else (self.seed,)
 
     @property
@@ -39,7 +42,7 @@ class Row:
 
     @property
     def start_pose(self) -> tuple[float, float, float]:
-        """Pose [x, y, heading], m and rad, by which its reference and its start are displaced."""
+        """Offset [x, y, heading], m and rad, applied to its reference and its initial pose."""
         return self.settings.world.start_poses[self.slot]
 
 
@@ -54,14 +57,14 @@ def build_rows(
     Args:
         controllers: Labels of the controllers.
         seeds: Seeds of the random numbers.
-        settings_for_seed: Returns the settings of a seed's rows.
+        settings_for_seed: Function from a seed to the settings of its rows.
         robot: Name or file of the robot.
     """
     settings_by_seed = {seed: settings_for_seed(seed) for seed in seeds}
     worlds = [(controller, seed) for controller in controllers for seed in settings_by_seed]
     rows = []
-    for world, (controller, seed) in enumerate(worlds):
+    for world_index, (controller, seed) in enumerate(worlds):
         settings = settings_by_seed[seed]
         for slot in range(len(settings.world.start_poses)):
-            rows.append(Row(world, slot, controller, seed, settings, robot))
+            rows.append(Row(world_index, slot, controller, seed, settings, robot))
     return rows

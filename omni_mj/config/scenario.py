@@ -1,4 +1,4 @@
-"""Scenarios: what is run. They are made from TOML files with overrides, or in Python."""
+"""Scenarios: descriptions of experiments, from TOML files with overrides or from Python."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -28,14 +28,18 @@ from omni_mj.config.validation import (
     setting,
 )
 
-_EMPTY: Any = {}
 MAX_SEEDS = 100_000
+# Any text without control or other invisible characters (Unicode category C) and without
+# separators of lines (Zl) and paragraphs (Zp).
+ONE_LINE_PATTERN = r"^[^\p{C}\p{Zl}\p{Zp}]*$"
+_EMPTY: Any = {}  # default of mappings, never changed
 
 
 class Scenario(SettingsModel):
-    """What is run: settings, plant, robot, controllers and seeds.
+    """An experiment: settings, plant, robot, controllers and seeds.
 
-    Settings may be given as sections by name. Values that are left out are those of the robot.
+    Settings may be given as sections by name. Missing values come from the robot's file, or are
+    defaults.
     """
 
     unknown_name = "unknown name"
@@ -43,8 +47,8 @@ class Scenario(SettingsModel):
     name: Annotated[str, Field(pattern=r"^[\w-][\w.-]*$", max_length=MAX_NAME_LENGTH)] = setting(
         "scenario", "name in tables and folders: letters, digits and ._-"
     )
-    description: Annotated[str, Field(pattern=r"^[^\p{C}\p{Zl}\p{Zp}]*$", max_length=500)] = (
-        setting("", "description in one line")
+    description: Annotated[str, Field(pattern=ONE_LINE_PATTERN, max_length=500)] = setting(
+        "", "description in one line"
     )
     paper_table: Literal[0, 3, 4] = setting(
         0, "number of the paper's table with the same experiment: 3 or 4; 0: none"
@@ -56,8 +60,13 @@ class Scenario(SettingsModel):
     controllers: tuple[str | type[Controller], ...] = setting(
         ("flc", "comp-flc"), "names of controllers, or file.py:Class", min_length=1
     )
-    seed: int = setting(0, "first seed of the random numbers", low=0, high=2**63 - 1 - MAX_SEEDS)
-    seeds: int = setting(1, "number of consecutive seeds", low=1, high=MAX_SEEDS)
+    seed: int = setting(
+        0,
+        "first seed of the random numbers; others: seed + 1, seed + 2, ...",
+        low=0,
+        high=2**63 - 1 - MAX_SEEDS,
+    )
+    seeds: int = setting(1, "number of seeds", low=1, high=MAX_SEEDS)
     settings: Settings = Field(_EMPTY, validate_default=True)
     distributions: Mapping[str, Any] = Field(
         _EMPTY, description="distributions of settings that are drawn for each seed"
@@ -70,17 +79,17 @@ class Scenario(SettingsModel):
 
     @property
     def names_user_code(self) -> bool:
-        """Whether its file names code: a controller or plant in a user's file."""
+        """Whether a controller or the plant is a class in a user's file."""
         specs = (*self.controllers, self.plant)
         return any(plugins.is_class_path(plugins.format_controller_spec(spec)) for spec in specs)
 
     @property
     def seed_list(self) -> list[int]:
-        """All seeds."""
+        """All seeds: `seeds` consecutive integers from `seed`."""
         return [self.seed + i for i in range(self.seeds)]
 
     def settings_for_seed(self, seed: int) -> Settings:
-        """Return the settings of a seed, with values drawn from distributions.
+        """Return the settings for a seed, with values drawn from the distributions.
 
         Raises:
             OmniError: A drawn value is not allowed.
@@ -91,17 +100,17 @@ class Scenario(SettingsModel):
         """Return a validated copy with other values.
 
         Raises:
-            OmniError: A value is not allowed, or another robot is given without settings.
+            OmniError: A value is not allowed, or `robot` is changed without `settings`.
         """
         if values.get("robot", self.robot) != self.robot and "settings" not in values:
             raise OmniError(
-                "another robot has other settings: give robot= to load_scenario(...), or settings= "
-                "as well"
+                "another robot has other settings: give robot= to load_scenario(...), or give "
+                "settings= as well"
             )
         return super().replace(**values)
 
     def settings_to_dict(self) -> dict[str, Any]:
-        """Return the settings by section, as in a file, with distributions in place of values."""
+        """Return the settings by section as in a file: drawn values as distributions."""
         sections = self.settings.to_dict()
         for name, distribution in self.distributions.items():
             section, field = name.split(".")
@@ -109,12 +118,12 @@ class Scenario(SettingsModel):
         return sections
 
     def to_toml(self) -> str:
-        """Return the effective scenario with all settings. Reading it back gives an equal one.
+        """Return the scenario with all settings as TOML. A scenario read from it is equal.
 
-        A controller that was given as a class is named by its file.
+        A controller that was given as a class becomes its class path, `file.py:Class`.
         """
         specs = [plugins.format_controller_spec(spec) for spec in self.controllers]
-        head = dict(self) | {"controllers": specs}
+        top_level = dict(self) | {"controllers": specs}
         sections = self.settings_to_dict()
         parameters = sections.pop("controller")
         fault_tables = sections.pop("fault")
@@ -122,7 +131,7 @@ class Scenario(SettingsModel):
         for label, values in parameters.items():
             blocks.append((f"[controller.{format_toml_key(label)}]", values))
         blocks += [("[[fault]]", values) for values in fault_tables]
-        lines = [f"{name} = {format_toml_value(head[name])}" for name in TOP_LEVEL_FIELDS]
+        lines = [f"{name} = {format_toml_value(top_level[name])}" for name in TOP_LEVEL_FIELDS]
         for heading, values in blocks:
             lines += ["", heading]
             lines += [
@@ -134,13 +143,14 @@ class Scenario(SettingsModel):
     @field_validator("plant")
     @classmethod
     def _check_plant(cls, plant: str) -> str:
-        if plant not in plugins.PLANTS:  # those of the package are imported when they are needed
+        if plant not in plugins.PLANTS:  # the package's plants are not imported before a run
             plugins.find_plant(plant)
         return plant
 
     @field_validator("robot", mode="before")
     @classmethod
     def _check_robot(cls, robot: Any) -> Any:
+        """Return the name of a robot that was given as a name, a path or a `Robot`."""
         if isinstance(robot, Robot):
             robot = robot.name
         elif isinstance(robot, Path):
@@ -175,25 +185,30 @@ class Scenario(SettingsModel):
     @field_validator("settings", mode="before")
     @classmethod
     def _resolve_settings(cls, sections: Any, info: ValidationInfo) -> Settings:
-        """Resolve sections to settings; check faults and parameters of controllers."""
-        head = info.data  # fields that were validated before
+        """Return the settings for sections, after a check of faults and controllers' parameters."""
+        valid_fields = info.data  # those declared before `settings` and without errors
         settings = sections
         if not isinstance(sections, Settings):
-            settings = resolve_settings(sections, head.get("robot", robot_files.DEFAULT_ROBOT))
+            settings = resolve_settings(
+                sections, valid_fields.get("robot", robot_files.DEFAULT_ROBOT)
+            )
         parameters = settings.controller
         errors: list[str] = []
-        if "plant" in head:
+        if "plant" in valid_fields:
             with collect_errors(errors):
-                fault_checks.check_plant_supports(settings.fault, head["plant"])
-        if "controllers" in head:
+                fault_checks.check_plant_supports(settings.fault, valid_fields["plant"])
+        if "controllers" in valid_fields:
             with collect_errors(errors):
-                parameters = plugins.validate_controller_parameters(parameters, head["controllers"])
+                parameters = plugins.validate_controller_parameters(
+                    parameters, valid_fields["controllers"]
+                )
         raise_errors(errors)
         if parameters == settings.controller:
             return settings
         return settings.replace(controller=parameters)
 
 
+# Fields at the top of a scenario file, above the sections of settings: name, plant, seed, ...
 TOP_LEVEL_FIELDS = tuple(
     name for name in Scenario.model_fields if name not in ("settings", "distributions")
 )
@@ -216,42 +231,44 @@ def load_scenario(
 
     Args:
         name_or_path: Name of a scenario of the package, or path of a TOML file.
-        plant: Plant: "mujoco", "planar", "kinematic", or `file.py:Class`.
+        plant: Name of a plant, such as "mujoco", "planar" or "kinematic", or `file.py:Class`.
         robot: Name of a robot, path of its .toml file, or the result of `om.load_robot`.
         controllers: Names, classes derived from `omni_control.Controller`, or `file.py:Class`.
         seed: First seed.
-        seeds: Number of seeds.
+        seeds: Number of consecutive seeds.
         allow_code: Whether classes that the scenario's file names, `file.py:Class`, may be run.
         sections: Values of settings by section and field.
 
     Raises:
-        OmniError: There is no such scenario, a name is unknown, or a value is not allowed; a line
-            for each error.
+        OmniError: There is no such scenario, a name is unknown, or a value is not allowed. The
+            message has one line per error.
     """
-    head = {
+    top_level = {
         "plant": plant,
         "robot": robot,
         "controllers": controllers,
         "seed": seed,
         "seeds": seeds,
     }
-    head = {name: value for name, value in head.items() if value is not None}
-    return load_with_overrides(str(name_or_path), (), head, allow_code, sections)
+    top_level = {name: value for name, value in top_level.items() if value is not None}
+    return load_with_overrides(str(name_or_path), (), top_level, allow_code, sections)
 
 
 def load_with_overrides(
     name_or_path: str | None,
     overrides: Iterable[str] = (),
-    head: Mapping[str, Any] = _EMPTY,
+    top_level: Mapping[str, Any] = _EMPTY,
     allow_code: bool = False,
     sections: Mapping[str, Any] = _EMPTY,
 ) -> Scenario:
-    """Return a scenario as the command line describes it; the base of `load_scenario`.
+    """Return a scenario as the command line and `load_scenario` describe it.
+
+    Values of the file are replaced by `overrides`, then by `sections` and `top_level`.
 
     Args:
         name_or_path: Name of a scenario of the package, or path of a TOML file. None: the defaults.
         overrides: Settings as `section.field=value`.
-        head: Fields of `Scenario` itself, such as plant or seeds.
+        top_level: Values of `TOP_LEVEL_FIELDS`, such as plant or seeds.
         allow_code: Whether classes that the scenario's file names, `file.py:Class`, may be run.
         sections: Values of settings by section and field.
 
@@ -260,15 +277,17 @@ def load_with_overrides(
     """
     data, name = ({}, "scenario") if name_or_path is None else read_scenario_file(name_or_path)
     if not allow_code:
-        _check_no_code(data, head)
+        _check_no_user_code(data, top_level)
     errors: list[str] = []
     for override in overrides:
         with collect_errors(errors):
             apply_override(data, override)
-    data = merge_sections(data, sections) | dict(head)
+    data = merge_sections(data, sections) | dict(top_level)
     fields: dict[str, Any] = {"name": name}
     settings_sections: dict[str, Any] = {}
     known_names = {**Settings.model_fields, **Scenario.model_fields}
+    # An unknown table is an error of `Settings` ("unknown section"), another unknown value one of
+    # `Scenario` ("unknown name").
     for key, value in data.items():
         is_section = key in known_names or isinstance(value, (Mapping, SettingsModel))
         target = settings_sections if is_section and key not in TOP_LEVEL_FIELDS else fields
@@ -283,18 +302,18 @@ def load_with_overrides(
     return scenario
 
 
-def _check_no_code(data: Mapping[str, Any], head: Mapping[str, Any]) -> None:
-    """Check that a file names no classes in files, except in fields that the user overrides.
+def _check_no_user_code(data: Mapping[str, Any], top_level: Mapping[str, Any]) -> None:
+    """Check that a scenario file refers to no user code, unless the caller replaces that field.
 
     Raises:
-        OmniError: It does.
+        OmniError: A plant or controller in the file's values is a class path, `file.py:Class`.
     """
-    plants = [] if "plant" in head else [data.get("plant")]
-    controllers = [] if "controllers" in head else data.get("controllers", [])
+    plants = [] if "plant" in top_level else [data.get("plant")]
+    controllers = [] if "controllers" in top_level else data.get("controllers", [])
     specs = [*plants, *(controllers if isinstance(controllers, list) else [])]
     raise_errors(
-        f"the scenario's file names code, {format_value(spec)}, which is not run unasked; name it "
-        "yourself by --plant or --controller, or allow it by --allow-code "
+        f"the scenario's file names code, {format_value(spec)}, which is not run without "
+        "permission; name it yourself by --plant or --controller, or allow it by --allow-code "
         "(in Python: allow_code=True)"
         for spec in specs
         if isinstance(spec, str) and plugins.is_class_path(spec)
@@ -302,10 +321,10 @@ def _check_no_code(data: Mapping[str, Any], head: Mapping[str, Any]) -> None:
 
 
 def build_json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of scenario files, with which TOML editors complete and check them.
+    """Return the JSON Schema of scenario files. TOML editors use it to complete and check files.
 
     Names of plants, robots and controllers are not restricted, because users may have their own.
-    Numbers may be drawn from distributions.
+    In place of a number, the schema allows a table, such as `{uniform = [0.4, 0.9]}`.
     """
     scenario = Scenario.model_json_schema()
     definitions = scenario.pop("$defs")
@@ -320,7 +339,7 @@ def build_json_schema() -> dict[str, Any]:
         section.pop("required", None)
         for field in section["properties"].values():
             if field.get("type") in ("number", "integer"):
-                field["type"] = [field["type"], "object"]  # object: a distribution
+                field["type"] = [field["type"], "object"]  # object: table of a distribution
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "a scenario of omni-mj",

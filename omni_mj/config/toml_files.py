@@ -1,4 +1,4 @@
-"""Reading of TOML files of scenarios and robots and of --set overrides; formatting of TOML."""
+"""Read TOML files of scenarios and robots, apply --set overrides, and write TOML values."""
 
 import json
 import os
@@ -12,17 +12,17 @@ from typing import Any
 from omni_control.errors import OmniError, suggest_names, to_printable
 
 MAX_FILE_BYTES = 2_000_000
-MAX_NAME_LENGTH = 100  # characters of the name of a scenario
+MAX_NAME_LENGTH = 100  # characters, of a scenario's name
 
 
 @cache
 def find_packaged_files(folder: str) -> Mapping[str, Path]:
-    """Return the TOML files in a folder of the package by name."""
+    """Return a mapping from file stem to path for the TOML files in a folder of the package."""
     return {path.stem: path for path in sorted((Path(__file__).parents[1] / folder).glob("*.toml"))}
 
 
 def find_builtin_scenarios() -> Mapping[str, Path]:
-    """Return the scenario files of the package by name."""
+    """Return a mapping from name to file for the scenarios of the package."""
     return find_packaged_files("scenarios")
 
 
@@ -31,21 +31,23 @@ def read_toml(path: Path, kind: str) -> dict[str, Any]:
 
     Args:
         path: File.
-        kind: What the file describes, for messages: "scenario".
+        kind: Kind of file, for messages: "scenario".
 
     Raises:
-        OmniError: The file cannot be read, or is not TOML.
+        OmniError: The file cannot be read, is too large, or is not TOML.
     """
     try:
         with path.open("rb") as file:
             data = file.read(MAX_FILE_BYTES + 1)
-        if len(data) > MAX_FILE_BYTES:
-            raise ValueError(f"it has more than {MAX_FILE_BYTES / 1e6:g} MB")
-        return parse_toml(data.decode())
     except OSError as error:
         raise OmniError(f"cannot read {kind} {path}: {error.strerror}") from None
-    # Not TOML, not UTF-8, an int of thousands of digits, or a null character in the path.
-    except ValueError as error:
+    except ValueError as error:  # a null character in the path
+        raise OmniError(f"cannot read {kind} {path}: {error}") from None
+    if len(data) > MAX_FILE_BYTES:
+        raise OmniError(f"{kind} {path} has more than {MAX_FILE_BYTES / 1e6:g} MB")
+    try:
+        return parse_toml(data.decode())
+    except ValueError as error:  # not TOML, not UTF-8, or an int of thousands of digits
         raise OmniError(f"{kind} {path} is not valid TOML: {to_printable(str(error))}") from None
 
 
@@ -70,7 +72,10 @@ def parse_value(text: str) -> Any:
 
 
 def read_scenario_file(name_or_path: str) -> tuple[dict[str, Any], str]:
-    """Return the values in a scenario file, and the name of the scenario by its file.
+    """Return the values in a scenario file, and a name of the scenario made from the file's name.
+
+    Args:
+        name_or_path: Name of a scenario of the package, or path of a TOML file.
 
     Raises:
         OmniError: There is no such scenario or file, or the file is not TOML.
@@ -88,13 +93,13 @@ def read_scenario_file(name_or_path: str) -> tuple[dict[str, Any], str]:
 def apply_override(data: dict[str, Any], override: str) -> None:
     """Apply an override `section.field=value` to the values of a file, in place.
 
-    A value that is not TOML is taken as a string, such as `reference.mode=iterated`.
+    A value that is not TOML is read as a string, such as `reference.mode=iterated`.
 
     Raises:
         OmniError: The override has another form, or does not name a field of a section.
     """
     key, equals, value_text = override.partition("=")
-    # Fields of controllers have three parts: controller.NAME.PARAMETER
+    # Parameters of controllers have names with three components: controller.NAME.PARAMETER.
     max_split = 2 if key.strip().startswith("controller.") else 1
     *sections, name = key.strip().split(".", max_split)
     if not equals or not sections:
@@ -112,9 +117,10 @@ def apply_override(data: dict[str, Any], override: str) -> None:
 
 
 def format_toml_value(value: Any) -> str:
-    """Return a value in TOML.
+    """Return a value as text in TOML.
 
-    JSON is valid TOML if characters beyond U+FFFF are not escaped, and DEL is.
+    JSON strings, numbers, booleans and lists are valid TOML if characters above U+FFFF stay
+    unescaped and DEL is escaped.
     """
     if isinstance(value, dict):
         fields = [
@@ -125,5 +131,5 @@ def format_toml_value(value: Any) -> str:
 
 
 def format_toml_key(name: str) -> str:
-    """Return a key in TOML, quoted if necessary."""
+    """Return a key as text in TOML, in quotes if necessary."""
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else format_toml_value(name)

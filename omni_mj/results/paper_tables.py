@@ -42,4 +42,4 @@ def find_paper_table(scenario: Scenario) -> PaperTable | None:
 
 @lru_cache
 def _load_experiment(number: int, robot: str) -> Scenario:
-    return load_with_overrides(SCENARIOS[number], head={"robot": robot})
+    return load_with_overrides(SCENARIOS[number], top_level={"robot": robot})

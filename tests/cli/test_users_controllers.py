@@ -105,7 +105,7 @@ def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allo
     assert invoke(*again) == 2, "a scenario runs no code unasked"
     assert "--allow-code" in capsys.readouterr().err
     assert not Path("out").exists()
-    with pytest.raises(om.OmniError, match="not run unasked"):
+    with pytest.raises(om.OmniError, match="not run without permission"):
         om.load_scenario("first/scenario.toml")
     assert om.load_scenario("first/scenario.toml", allow_code=True).labels == ("flc", "Mine")
     assert invoke(*again, "--allow-code") == 0
