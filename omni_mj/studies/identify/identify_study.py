@@ -24,8 +24,8 @@ from omni_mj.studies.identify.derived_parameters import (
     estimate_parameters,
     find_missing_excitation,
 )
-from omni_mj.studies.identify.log_segments import LogSegments, cut_segments
-from omni_mj.studies.identify.parameter_fit import Fit, fit_inliers
+from omni_mj.studies.identify.log_segments import cut_segments
+from omni_mj.studies.identify.parameter_fit import Fit, fit_parameters
 from omni_mj.studies.identify.robot_logs import RobotLog, read_logs
 from omni_mj.studies.identify.slip_dynamics import LATENCY, Parameters, RobotDynamics
 
@@ -191,8 +191,12 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
     if not by_wheels and "turning" not in missing_excitation:
         free.append("turn_rate_gain")
     free += _prepare_contacts(result.fits.get("wheels"), start, "creep" in missing_excitation)
-    fit = fit_inliers(dynamics, segments, start, free)
-    _note_outliers(result, source, segments, fit)
+    fit = fit_parameters(dynamics, segments, start, free)
+    if n_outliers := len(segments) - len(fit.segments):
+        result.remarks.append(
+            f"{source}: {n_outliers} of {len(segments)} segments with far larger residuals are "
+            "left out: sliding wheels, a push, or a false detection"
+        )
     if by_wheels and "creep_compliance" in free:
         fit = _apply_radius_prior(result, fit)
     result.fits[source] = fit
@@ -242,17 +246,6 @@ def _prepare_contacts(
         return CONTACT_PARAMETERS
     start |= dict.fromkeys(CONTACT_PARAMETERS, 0.0)
     return ()
-
-
-def _note_outliers(
-    result: IdentificationResult, source: str, segments: LogSegments, fit: Fit
-) -> None:
-    """Add a note if segments were left out of the fit."""
-    if n_outliers := len(segments) - len(fit.segments):
-        result.remarks.append(
-            f"{source}: {n_outliers} of {len(segments)} segments with far larger residuals are "
-            "left out: sliding wheels, a push, or a false detection"
-        )
 
 
 def _apply_radius_prior(result: IdentificationResult, fit: Fit) -> Fit:

@@ -100,7 +100,6 @@ class Fit:
         quantile: Student's quantile of 95 % intervals.
         at_bound: Names of parameters that stopped at a bound.
         residuals: Residuals of "positions" in m and "headings" in rad.
-        is_inlier: Segments whose residuals are not far larger than the others', (S,).
         dynamics: The robot.
         segments: The segments.
     """
@@ -111,7 +110,6 @@ class Fit:
     quantile: float
     at_bound: frozenset[str]
     residuals: dict[str, Residuals]
-    is_inlier: np.ndarray
     dynamics: RobotDynamics
     segments: LogSegments
 
@@ -198,7 +196,11 @@ class ProjectedProblem:
 
 
 def fit_parameters(
-    dynamics: RobotDynamics, segments: LogSegments, start: Parameters, free: Sequence[str]
+    dynamics: RobotDynamics,
+    segments: LogSegments,
+    start: Parameters,
+    free: Sequence[str],
+    drop_outliers: bool = True,
 ) -> Fit:
     """Fit the slip dynamics to segments.
 
@@ -207,10 +209,17 @@ def fit_parameters(
         segments: At least two segments.
         start: Initial parameters by name.
         free: Names of the parameters that are fitted.
+        drop_outliers: Whether to fit again without outliers if there are a few.
     """
     problem = ProjectedProblem(dynamics, segments, start, free)
     x = problem.solve(np.array([start[name] for name in free]))
     residual = problem.residual(x)
+    rms = np.sqrt((residual**2).mean((1, 2)))
+    is_inlier = rms <= OUTLIER_RATIO * np.median(rms)
+    has_few_outliers = 1 > is_inlier.mean() >= 1 - MAX_OUTLIER_FRACTION
+    if drop_outliers and has_few_outliers and is_inlier.sum() >= MIN_SEGMENTS:
+        inliers = segments.select(is_inlier)
+        return fit_parameters(dynamics, inliers, problem.parameters(x), free, False)
     allowed = ALLOWED_BY_WHEELS if segments.are_wheels else ALLOWED_BY_COMMANDS
     residuals = {
         "positions": measure_residuals(residual[..., :2], allowed[0]),
@@ -219,7 +228,6 @@ def fit_parameters(
     excess = max([1.0, *(r.persistent / r.allowed for r in residuals.values() if r.misfit)])
     is_low = x < problem.low + 2e-3 * problem.scale
     is_high = x > problem.high - 2e-3 * problem.scale
-    rms = np.sqrt((residual**2).mean((1, 2)))
     return Fit(
         free=free,
         covariance=excess**2 * robust_covariance(problem.jacobian, residual),
@@ -227,25 +235,9 @@ def fit_parameters(
         quantile=float(stdtrit(len(segments) - 1, 0.975)),
         at_bound=frozenset(np.array(free)[is_low | is_high].tolist()),
         residuals=residuals,
-        is_inlier=rms <= OUTLIER_RATIO * np.median(rms),
         dynamics=dynamics,
         segments=segments,
     )
-
-
-def fit_inliers(
-    dynamics: RobotDynamics, segments: LogSegments, start: Parameters, free: Sequence[str]
-) -> Fit:
-    """Fit the slip dynamics, and again without outliers if there are a few.
-
-    The arguments are those of `fit_parameters`.
-    """
-    fit = fit_parameters(dynamics, segments, start, free)
-    is_inlier = fit.is_inlier
-    has_few_outliers = is_inlier.mean() >= 1 - MAX_OUTLIER_FRACTION
-    if is_inlier.all() or not has_few_outliers or is_inlier.sum() < MIN_SEGMENTS:
-        return fit
-    return fit_parameters(dynamics, segments.select(is_inlier), fit.parameters, free)
 
 
 def measure_residuals(values: Array, allowed: float) -> Residuals:

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from omni_mj.studies.loop.loop_experiment import FREQUENCIES, STEP_M
 from omni_mj.studies.loop.loop_metrics import interpolate_gains
@@ -70,9 +69,5 @@ def _draw_guides(panels: np.ndarray) -> None:
     phase.set(xlabel="frequency in rad/s", ylim=(-360, 0), yticks=np.arange(-360, 1, 90))
     nyquist.set(xlabel="real part of L", xlim=(-2.2, 0.8), ylim=(-2.2, 0.8), aspect="equal")
     for axes in (gain, phase):
-        _set_frequency_ticks(axes)
-
-
-def _set_frequency_ticks(axes: Axes) -> None:
-    axes.set_xticks(TICKS_RAD_S, map(str, TICKS_RAD_S))
-    axes.set_xticks([], minor=True)
+        axes.set_xticks(TICKS_RAD_S, map(str, TICKS_RAD_S))
+        axes.set_xticks([], minor=True)

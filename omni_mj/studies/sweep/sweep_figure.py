@@ -48,7 +48,7 @@ def _draw_lines(figure: Figure, result: SweepResult) -> None:
     error, rate = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     ((setting, levels),), names = result.plan.axes.items(), result.plan.scenario.labels
     errors = [_collect(result, MAX_ERROR, key) for key in ("median", "low", "high")]
-    median, low, high = (_finite_or_nan(values) for values in errors)
+    median, low, high = map(np.ma.masked_invalid, errors)
     rates = [_collect(result, f"failure_{key}") for key in ("rate", "low", "high")]
     x = np.arange(len(levels))
     for i, slot in enumerate(style.style_indices(names).values()):
@@ -74,8 +74,9 @@ def _draw_maps(figure: Figure, result: SweepResult) -> None:
     (row_name, row_values), (column_name, column_values), *_ = result.plan.axes.items()
     names = result.plan.scenario.labels
     shape = len(row_values), len(column_values), -1, len(names)
-    errors = _worst(_collect(result, MAX_ERROR, "median").reshape(shape))
-    rates = _worst(_collect(result, "failure_rate").reshape(shape))
+    # The worst over all further settings; NaN are ignored
+    errors = np.fmax.reduce(_collect(result, MAX_ERROR, "median").reshape(shape), axis=2)
+    rates = np.fmax.reduce(_collect(result, "failure_rate").reshape(shape), axis=2)
     finite = errors[np.isfinite(errors) & (errors > 0)]
     norm = LogNorm(finite.min(), max(finite.max(), 1.01 * finite.min())) if finite.size else None
     maps: list[tuple[Array, dict[str, Any], str]] = [
@@ -103,17 +104,7 @@ def _draw_map(axes: Axes, values: Array, colors: dict[str, Any]) -> Any:
     """Draw one heat map, gray where a value is infinite or missing, and return its image."""
     axes.grid(visible=False)
     axes.set_facecolor(style.BACKGROUND)
-    return axes.imshow(_finite_or_nan(values), origin="lower", aspect="auto", **colors)
-
-
-def _worst(values: Array) -> Array:
-    """Return the largest values over all settings but the first two; NaN are ignored."""
-    largest: Array = np.fmax.reduce(values, axis=2)
-    return largest
-
-
-def _finite_or_nan(values: Array) -> Array:
-    return np.where(np.isfinite(values), values, np.nan)
+    return axes.imshow(np.ma.masked_invalid(values), origin="lower", aspect="auto", **colors)
 
 
 def _collect(result: SweepResult, *path: str) -> Array:

@@ -159,16 +159,14 @@ def _point_table(plan: SweepPlan, summary: dict[str, Any], points: list[dict[str
     """Return failure rates and maximum position errors with 95 % intervals."""
     names = list(plan.axes)
     n_all = len(summary["points"])
-    counts = sorted({point["n_robots"] for point in points})
-    robots = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
+    n_robots = max(point["n_robots"] for point in points)
     title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, "
-    title += f"{robots} robots per line: maximum error"
+    title += f"{n_robots} robots per line: maximum error"
     if not summary["complete"]:
         title += f", {summary['n_done']} of {summary['n_shards']} shards"
     if len(points) < n_all:
         title += f"; the worst {len(points)} of {n_all} lines"
-    headings = [*names, "controller", "failed, %", "95 %", "error, cm", "95 %"]
-    headings += ["p90, cm"]
+    headings = [*names, "controller", "failed, %", "95 %", "error, cm", "95 %", "p90, cm"]
     return Table(title, headings, [_point_row(point, names) for point in points], len(names) + 1)
 
 
