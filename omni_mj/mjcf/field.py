@@ -41,9 +41,8 @@ def get_goal_walls() -> tuple[Array, Array]:
     back_x = LENGTH_M / 2 + GOAL_DEPTH_M + half_thickness
     side_x = LENGTH_M / 2 + half_depth
     side_y = GOAL_WIDTH_M / 2 + half_thickness
-    centers = np.array([[back_x, 0], [side_x, side_y], [side_x, -side_y]])
-    side_size = [half_depth, half_thickness]
-    sizes = np.array([[half_thickness, side_y + half_thickness], side_size, side_size])
-    half_height = np.full((6, 1), GOAL_HEIGHT_M / 2)
-    centers = np.concatenate([centers, -centers])
-    return np.hstack([centers, half_height]), np.hstack([np.tile(sizes, (2, 1)), half_height])
+    z = GOAL_HEIGHT_M / 2
+    centers = np.array([[back_x, 0, z], [side_x, side_y, z], [side_x, -side_y, z]])
+    side_size = [half_depth, half_thickness, z]
+    sizes = np.array([[half_thickness, side_y + half_thickness, z], side_size, side_size])
+    return np.concatenate([centers, centers * [-1, -1, 1]]), np.tile(sizes, (2, 1))

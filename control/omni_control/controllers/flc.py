@@ -1,6 +1,7 @@
 """The paper's controllers: FLC, and comp-FLC, which compensates the dead time (equation 11)."""
 
 import math
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,17 +39,14 @@ class Flc(Controller):
 class CompFlc(Flc):
     """comp-FLC: FLC on the pose and the reference predicted at the end of the dead time."""
 
+    compensates_lag: ClassVar[bool] = False
+
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         super().__init__(model, reference, n)
-        self.latency = self.get_compensated_latency(model)
+        self.latency = model.latency_frames if self.compensates_lag else model.delay_frames
         window_frames = model.alpha_window_frames
         self.memory_frames = window_frames + math.ceil(self.latency)
         self.alpha = AlphaEstimator(n, window_frames, round(self.latency), model.period)
-
-    @staticmethod
-    def get_compensated_latency(model: TeamModel) -> float:
-        """Return the time from a command to its effect that is compensated, frames."""
-        return model.delay_frames
 
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
@@ -67,7 +65,4 @@ class CompFlcLag(CompFlc):
     know the lag.
     """
 
-    @staticmethod
-    def get_compensated_latency(model: TeamModel) -> float:
-        """See `CompFlc`."""
-        return model.latency_frames
+    compensates_lag = True
