@@ -26,7 +26,7 @@ from omni_mj.config.settings import Settings, get_section_classes
 from omni_mj.config.validation import SettingsModel, merge_sections, raise_errors
 
 if TYPE_CHECKING:
-    from omni_mj.mjcf.custom_robot_file import CustomRobotSpec
+    from omni_mj.mjcf.custom_robot import CustomRobotSpec
 
 # Sections of the hardware, from which the model that the team assumes is derived.
 HARDWARE_SECTIONS = ("body", "wheels", "motor", "firmware", "drivetrain", "carpet")
@@ -86,9 +86,9 @@ def read_custom_mjcf(model: ModelSettings) -> "CustomRobotSpec":
     Raises:
         OmniError: The file does not exist, or lacks something; a line for each error.
     """
-    from omni_mj.mjcf import custom_robot_file
+    from omni_mj.mjcf import custom_robot
 
-    return custom_robot_file.read_custom_robot(model.file)
+    return custom_robot.read_custom_robot(model.file)
 
 
 def find_mjcf_contradictions(sections: Mapping[str, Any], mjcf: "CustomRobotSpec") -> Iterator[str]:

@@ -20,7 +20,7 @@ from omni_mj.config.robot_files import find_robot_mjcf
 from omni_mj.config.robot_settings import BodySettings, ModelSettings, WheelSettings
 from omni_mj.config.settings import Settings
 from omni_mj.config.validation import raise_errors
-from omni_mj.mjcf.custom_robot_file import RobotSpec
+from omni_mj.mjcf.custom_robot import RobotSpec
 from omni_mj.mjcf.model_measurements import (
     compute_composite_inertia,
     point_mass_inertia,

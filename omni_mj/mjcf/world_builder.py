@@ -20,7 +20,7 @@ from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import part_recognition, rollers
-from omni_mj.mjcf.custom_robot_file import RobotSpec
+from omni_mj.mjcf.custom_robot import RobotSpec
 from omni_mj.mjcf.model_measurements import compute_support_distance
 from omni_mj.mjcf.part_recognition import Ids, RobotIndices, compute_initial_kinematics
 from omni_mj.mjcf.settings_to_mjcf import RobotShape, build_robot_spec

@@ -24,14 +24,23 @@ import numpy as np
 from omni_control.errors import OmniError, to_printable
 from omni_mj.config.robot_files import list_model_files
 from omni_mj.config.validation import raise_errors
-from omni_mj.mjcf import custom_robot_changes
 from omni_mj.mjcf.model_measurements import WheelGeometry, compute_composite_inertia, measure_wheels
 from omni_mj.mjcf.part_recognition import (
+    HINGE,
     RobotIndices,
     compute_initial_kinematics,
     find_chassis_names,
     find_robots,
+    find_slip_hinges,
 )
+
+# Solver parameters of the friction of hinges, same as in models/ssl_robot.xml.
+_HINGE_FRICTION = {
+    "solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0],
+    "solref_friction": [0.005, 1.0],
+}
+# Attributes of a body that list its children with a position.
+_CHILD_LISTS = ("frames", "bodies", "geoms", "sites", "cameras", "lights")
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,22 +113,21 @@ def _read(path: Path, file: str, change_times: tuple[int, ...]) -> CustomRobotSp
             "<compiler settotalmass> has no effect in a world; write masses into the model"
         )
     spec.compiler.discardvisual = spec.compiler.fusestatic = False  # keep all named elements
-    custom_robot_changes.name_elements(spec)
+    _name_elements(spec)
     name, *more_names = find_chassis_names(spec.compile())
     if more_names:
         names = ", ".join([name, *more_names])
         raise OmniError(f"it has {1 + len(more_names)} robots, {names}; leave one")
     chassis = spec.body(name)
-    custom_robot_changes.remove_surroundings(spec, chassis)
-    custom_robot_changes.place_at_origin(chassis)
+    _isolate_robot(spec, chassis)
     model = spec.compile()
     (robot,) = find_robots(model)
-    contact_geoms = custom_robot_changes.disable_contacts(spec, model, robot)
+    contact_geoms = _disable_contacts(spec, model, robot)
     geom_ids = np.array([model.geom(geom).id for geom in contact_geoms], int)
     wheels = measure_wheels(model, robot, geom_ids)
     raise_errors(_find_drive_errors(model, robot))
-    custom_robot_changes.prepare_hinges(spec, model, robot, wheels)
-    custom_robot_changes.raise_parts(chassis, wheels.radius - wheels.axle_height)
+    _prepare_hinges(spec, model, robot, wheels)
+    _raise_parts(chassis, wheels.radius - wheels.axle_height)
     model = spec.compile()
     (robot,) = find_robots(model)
     return CustomRobotSpec(
@@ -129,6 +137,109 @@ def _read(path: Path, file: str, change_times: tuple[int, ...]) -> CustomRobotSp
         _compute_implied_settings(model, robot, wheels),
         _has_uniform_rollers(model, robot),
     )
+
+
+def _name_elements(spec: mujoco.MjSpec) -> None:
+    """Name unnamed bodies, joints and geoms, and delete keyframes, whose world differs."""
+    for key in list(spec.keys):
+        spec.delete(key)
+    spec.nkey = mujoco.MjSpec().nkey
+    for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("geom", spec.geoms)):
+        for number, element in enumerate(elements):
+            element.name = element.name or f"unnamed_{kind}_{number}"
+
+
+def _isolate_robot(spec: mujoco.MjSpec, chassis: mujoco.MjsBody) -> None:
+    """Delete everything outside the robot, contact pairs, and contact sensors.
+
+    The chassis is put at the world's origin, with its axes along the world's.
+    """
+    world = spec.worldbody
+    elements: list[object] = [body for body in world.bodies if body.name != chassis.name]
+    elements += [*world.geoms, *world.lights, *world.cameras, *world.sites, *spec.pairs]
+    for element in elements:
+        spec.delete(element)
+    contact = mujoco.mjtSensor.mjSENS_CONTACT
+    for sensor in [sensor for sensor in spec.sensors if sensor.type == contact]:
+        spec.delete(sensor)
+    chassis.set_frame(chassis.parent.add_frame())
+    chassis.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    chassis.pos, chassis.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
+
+
+def _disable_contacts(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices
+) -> tuple[str, ...]:
+    """Switch off the contacts of all geoms; return the rollers' geoms that touch the carpet.
+
+    Of each roller these are the geoms that could collide in the file, or all if none could.
+
+    Raises:
+        OmniError: A roller has no geom.
+    """
+    colliding = {geom.name for geom in spec.geoms if geom.contype or geom.conaffinity}
+    contact_geoms: list[str] = []
+    for roller in robot.rollers.ravel():
+        geoms = [model.geom(i).name for i in np.flatnonzero(model.geom_bodyid == roller)]
+        if not geoms:
+            raise OmniError(
+                f"the roller {model.body(roller).name!r} has no geom that could touch the carpet"
+            )
+        contact_geoms += [name for name in geoms if name in colliding] or geoms
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 0
+    return tuple(contact_geoms)
+
+
+def _prepare_hinges(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices, wheels: WheelGeometry
+) -> None:
+    """Orient the hinges of wheels, add missing slip hinges, and set the friction of hinges.
+
+    Afterwards the axes of all wheel and slip hinges point to the robot's center.
+    """
+    data = compute_initial_kinematics(model)
+    for joint, rim, phase, is_outward in zip(
+        robot.joints, robot.rims, robot.phases, wheels.is_outward, strict=True
+    ):
+        hub = spec.joint(model.joint(joint).name)
+        slip_hinges = find_slip_hinges(model, int(joint), int(rim))
+        has_hub_direction, initial_slip = True, 0.0
+        if slip_hinges:
+            slip = spec.joint(model.joint(slip_hinges[0]).name)
+            has_hub_direction = data.xaxis[joint] @ data.xaxis[slip_hinges[0]] > 0
+            initial_slip = model.qpos0[model.jnt_qposadr[slip_hinges[0]]]
+        else:
+            body = spec.body(model.body(rim).name)
+            slip = body.add_joint(name=f"slip_of_{hub.name}", type=HINGE, armature=0.0)
+            to_rim = data.xmat[rim].reshape(3, 3).T  # from the world's axes to the rim's
+            slip.pos = to_rim @ (data.xanchor[joint] - data.xpos[rim])
+            slip.axis = to_rim @ data.xaxis[joint]
+        if is_outward:
+            hub.axis = -np.array(hub.axis)
+        if is_outward == has_hub_direction:
+            slip.axis = -np.array(slip.axis)
+        reference = (phase - initial_slip) if is_outward else (initial_slip - phase)
+        slip.ref = np.degrees(reference) if spec.compiler.degree else reference
+        for name, value in _HINGE_FRICTION.items():
+            setattr(hub, name, value)
+            setattr(slip, name, value)
+        slip.damping = np.zeros_like(slip.damping)
+    for address in robot.roller_dofs.ravel():  # the plant sets the friction of their bearings
+        spec.joint(model.joint(model.dof_jntid[address]).name).frictionloss = 0.0
+
+
+def _raise_parts(chassis: mujoco.MjsBody, height: float) -> None:
+    """Raise all parts in the frame of the chassis by a height, m."""
+    if abs(height) < 1e-9:
+        return
+    shift = np.array([0.0, 0.0, height])
+    children = [child for attribute in _CHILD_LISTS for child in getattr(chassis, attribute)]
+    for element in children:
+        if element.frame is None:
+            element.pos = np.array(element.pos) + shift
+    if chassis.explicitinertial:
+        chassis.ipos = np.array(chassis.ipos) + shift
 
 
 def _compute_implied_settings(
