@@ -106,7 +106,7 @@ def _velocity_plot(path: str, title: str, axis: int) -> Plot:
     def values(robot: RecordedRobot) -> Array:
         pose = robot["pose"][:, axis]
         achieved = np.diff(pose, prepend=pose[0]) / PERIOD_S
-        return np.stack([robot["command"][:, axis], robot["applied"][:, axis], achieved], axis=1)
+        return np.column_stack([robot["command"][:, axis], robot["applied"][:, axis], achieved])
 
     lines = ("sent", "received", "achieved")
     return Plot(path, title, values, lines=lines, white=(0.75, 0.45))

@@ -22,7 +22,6 @@ from omni_mj.atomic_files import open_atomic
 START_TIMEOUT_S, CONNECT_TIMEOUT_S = 60.0, 2.0
 DRAW_TIMEOUT_S = 30.0  # for the viewer to load and draw
 POLL_S = 0.2  # between two values that must be equal
-EXAMPLE_URL = "rerun+http://127.0.0.1:9876/proxy"  # of a viewer that was started without options
 # Environment of a viewer that connects to no other machine. Its configuration turns off usage
 # statistics. Nothing turns off the search for updates and examples, so a proxy address at which
 # nothing listens makes it fail.
@@ -90,7 +89,7 @@ class Viewer:
     def _is_ready(self) -> bool:
         """Return whether the window answers; the server does so earlier."""
         try:
-            return is_listening(self.url) and bool(ViewerClient.connect(self.url).get_state())
+            return bool(ViewerClient.connect(self.url).get_state())
         except (RuntimeError, OSError):
             return False
 
@@ -113,7 +112,8 @@ def validate_url(url: str) -> str:
     """
     if not re.fullmatch(r"rerun(\+https?)?://[^/\s:]+:\d{1,5}/proxy", url):
         raise OmniError(
-            f"--connect needs the address of a rerun viewer, such as {EXAMPLE_URL}, not {url!r}"
+            "--connect needs the address of a rerun viewer, such as "
+            f"rerun+http://127.0.0.1:9876/proxy, not {url!r}"
         )
     return url
 
