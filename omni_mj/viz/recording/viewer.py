@@ -146,7 +146,7 @@ def save_screenshot(
         tabs: Tabs to open.
 
     Raises:
-        OmniError: The viewer cannot draw, its image is empty or keeps changing, or a tab is missing.
+        OmniError: The viewer cannot draw, shows nothing, keeps changing, or lacks a tab.
     """
     # The viewer loads all of a recording from standard input. Of a file that it opens, it loads
     # the visible part only.
