@@ -14,8 +14,8 @@ from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
+    from omni_mj.live.drive_setup import ConnectionOptions
     from omni_mj.live.frame_clock import FrameClock
-    from omni_mj.live.session import ConnectionOptions
 
 DEFAULT_CONTROLLER = "adaptive-comp-flc"
 # Settings of alpha in the section control. Zero means unknown.
@@ -34,7 +34,7 @@ OUTPUTS = (*run.OUTPUTS, "link.json")
 @options.ROBOT
 @click.option(
     "--team",
-    "colour",
+    "color",
     type=click.Choice(["blue", "yellow"]),
     default="blue",
     help="Color of the robots. Default: blue.",
@@ -121,11 +121,11 @@ def command(
     **values: Any,
 ) -> None:
     """Drive robots that SSL-Vision detects, and measure their latency and alpha."""
-    from omni_mj.live import session
+    from omni_mj.live import drive_setup
     from omni_mj.studies.run_scenario import StoppedError
 
     out, overwrite, dry_run = map(values.pop, ("out", "overwrite", "dry_run"))
-    connection = session.ConnectionOptions(overrides=overrides, **values)
+    connection = drive_setup.ConnectionOptions(overrides=overrides, **values)
     if dry_run:
         with _connect(connection, "no measurements yet") as (frame_clock, _):
             with suppress(StoppedError):
@@ -133,7 +133,7 @@ def command(
             print("\n".join(frame_clock.vision.describe()))
         return
     scenario = _load_scenario(run.require_scenario(name), controller, robot, connection)
-    session.check_drivable(scenario, connection)
+    drive_setup.check_drivable(scenario, connection)
     targets: list[Path | str] = [*run.open_viewers(output_options)]
     folder = output_folders.prepare_folder(out, f"drive-{scenario.name}", OUTPUTS, overwrite)
     if output_options.record:
@@ -175,14 +175,14 @@ def _connect(
         connection: Addresses and times.
         stop_message: Printed if a signal stops the block.
     """
-    from omni_mj.live import session
+    from omni_mj.live import drive_setup
     from omni_mj.live.sockets import MessageCounter
     from omni_mj.studies.run_scenario import StoppedError
 
     with Interrupts() as interrupts:
         try:
             messages = MessageCounter(lambda text: click.echo(f"note: {text}", err=True))
-            with session.open_vision(connection, messages, interrupts.check) as frame_clock:
+            with drive_setup.open_vision(connection, messages, interrupts.check) as frame_clock:
                 yield frame_clock, interrupts
         except StoppedError as stopped:
             interrupts.exit_if_stopped(str(stopped), stop_message)
@@ -198,7 +198,7 @@ def _drive(
 ) -> None:
     """Drive the robots, save the results and print them with the measured latency."""
     from omni_mj.atomic_files import write_text
-    from omni_mj.live import latency_fit, session
+    from omni_mj.live import drive_setup, latency_fit
 
     def show(text: str) -> None:
         if not quiet:
@@ -206,7 +206,7 @@ def _drive(
 
     with _connect(connection, "the robots had not started") as (frame_clock, interrupts):
         show("\n".join(frame_clock.vision.describe()))
-        with session.prepare_drive(scenario, connection, frame_clock) as live:
+        with drive_setup.prepare_drive(scenario, connection, frame_clock) as live:
             leader = frame_clock.leader
             clock = "this computer's clock" if leader is None else f"camera {leader}"
             show(f"robots {', '.join(map(str, live.ids))}; frames at 60 Hz from {clock}")

@@ -12,7 +12,7 @@ from omni_mj.live.sockets import MessageCounter
 from omni_mj.live.wire import MM_PER_M, WireError, parse_message
 from omni_mj.live.wire.league_pb2 import DetectedRobot, Detection, VisionPacket
 
-Colour = Literal["blue", "yellow"]
+TeamColor = Literal["blue", "yellow"]
 
 WINDOW_FRAMES = 600  # to which a clock is fitted
 FIT_FRAMES = 30  # between fits
@@ -113,20 +113,20 @@ class SslVision:
     """Robot poses from the packets of all cameras.
 
     Args:
-        colour: Color of the team that is tracked.
-        notes: What was wrong.
+        color: Color of the team that is tracked.
+        messages: Counts problems with packets.
 
     Attributes:
-        colour, notes: As given.
+        color, messages: As passed.
         ids: Numbers of the n robots that are tracked.
         cameras: Camera statistics by camera number.
         sightings: Newest poses of every robot, by team, robot number and camera number.
     """
 
-    def __init__(self, colour: Colour, messages: MessageCounter) -> None:
-        self.colour, self.messages, self.ids = colour, messages, list[int]()
+    def __init__(self, color: TeamColor, messages: MessageCounter) -> None:
+        self.color, self.messages, self.ids = color, messages, list[int]()
         self.cameras = defaultdict[int, VisionCamera](VisionCamera)
-        self.sightings = defaultdict[tuple[Colour, int, int], deque[Array]](
+        self.sightings = defaultdict[tuple[TeamColor, int, int], deque[Array]](
             lambda: deque(maxlen=STORED_FRAMES)
         )
         self._newest = dict[int, Detection]()  # since the last frame of the loop, by camera
@@ -145,10 +145,10 @@ class SslVision:
         if not self.cameras[detection.camera_id].add(detection, arrival):
             return False
         self._newest[detection.camera_id] = detection
-        teams: tuple[Colour, Colour] = "blue", "yellow"
-        for colour in teams:
-            for robot in _team_robots(detection, colour):
-                self.sightings[colour, robot.robot_id, detection.camera_id].append(
+        teams: tuple[TeamColor, TeamColor] = "blue", "yellow"
+        for color in teams:
+            for robot in _team_robots(detection, color):
+                self.sightings[color, robot.robot_id, detection.camera_id].append(
                     _robot_pose(robot)
                 )
         return True
@@ -175,7 +175,7 @@ class SslVision:
                     now - self.cameras[camera].clock.local_time(detection.t_capture),
                 )
                 for camera, detection in self._newest.items()
-                for robot in _team_robots(detection, self.colour)
+                for robot in _team_robots(detection, self.color)
                 if robot.robot_id == number
             ]
             if candidates:
@@ -187,14 +187,16 @@ class SslVision:
 
     def seen_ids(self) -> list[int]:
         """Return the numbers of the team's robots in order."""
-        return sorted({number for colour, number, _ in self.sightings if colour == self.colour})
+        return sorted({number for color, number, _ in self.sightings if color == self.color})
 
     def median_poses(self) -> Array:
         """Return the median poses of the tracked robots, shape (n, 3), m and rad."""
         poses = np.zeros((len(self.ids), 3))
         for pose, number in zip(poses, self.ids, strict=True):
             by_camera = [
-                seen for (*name, _), seen in self.sightings.items() if name == [self.colour, number]
+                history
+                for (*name, _), history in self.sightings.items()
+                if name == [self.color, number]
             ]
             x, y, heading = np.concatenate(by_camera).T
             median_heading = np.arctan2(np.median(np.sin(heading)), np.median(np.cos(heading)))
@@ -222,13 +224,13 @@ class SslVision:
             f" sent {1e3 * camera.mean_age_s:.1f} ms after capture"
             for number, camera in sorted(self.cameras.items())
         ]
-        for (colour, number, camera), poses in sorted(self.sightings.items()):
+        for (color, number, camera), poses in sorted(self.sightings.items()):
             (x, y, heading), (position_noise, heading_noise) = (
                 poses[-1],
                 noise_deviations(np.array(poses)),
             )
             lines.append(
-                f"{colour} {number}: at {x:.3f}, {y:.3f} m, {math.degrees(heading):.1f}°"
+                f"{color} {number}: at {x:.3f}, {y:.3f} m, {math.degrees(heading):.1f}°"
                 f" by camera {camera};"
                 f" noise {1e3 * position_noise:.2f} mm, {math.degrees(heading_noise):.2f}°"
             )
@@ -255,9 +257,9 @@ def noise_deviations(poses: Array) -> Array:
     return np.array([(x + y) / 2, heading])
 
 
-def _team_robots(detection: Detection, colour: Colour) -> list[DetectedRobot]:
+def _team_robots(detection: Detection, color: TeamColor) -> list[DetectedRobot]:
     """Return the detected robots of a team that have a number and a heading."""
-    robots = detection.robots_blue if colour == "blue" else detection.robots_yellow
+    robots = detection.robots_blue if color == "blue" else detection.robots_yellow
     return [
         robot for robot in robots if robot.HasField("robot_id") and robot.HasField("orientation")
     ]

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 from omni_mj.live import sockets
 from omni_mj.live.sockets import LOOPBACK, MAX_DATAGRAM, Address, MessageCounter
-from omni_mj.live.ssl_vision import Colour
+from omni_mj.live.ssl_vision import TeamColor
 from omni_mj.live.wire import BLUE_PORT, YELLOW_PORT, WireError, parse_message
 from omni_mj.live.wire.league_pb2 import RobotControl, RobotControlResponse
 
-PORTS: dict[Colour, int] = {"blue": BLUE_PORT, "yellow": YELLOW_PORT}
+PORTS: dict[TeamColor, int] = {"blue": BLUE_PORT, "yellow": YELLOW_PORT}
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,13 @@ class SenderConfig:
 
     Attributes:
         host: Address of the robots or their simulator. None: the default address of the team.
-        colour: Color of the team.
+        color: Color of the team.
         interface: Address of the network interface that sends packets.
         reaches_both_teams: Whether the other team's port gets an empty packet per frame.
     """
 
     host: Address | None
-    colour: Colour
+    color: TeamColor
     interface: str
     reaches_both_teams: bool = False
 
@@ -91,13 +91,13 @@ class SimulatorRadio(TeamRadio):
 
     def __init__(self, config: SenderConfig, messages: MessageCounter) -> None:
         super().__init__(config, messages)
-        self._target = config.host or Address(LOOPBACK, PORTS[config.colour])
+        self._target = config.host or Address(LOOPBACK, PORTS[config.color])
         self._socket = sockets.open_sender(config.interface)
         self._opponents = None
         # The opponents' port is known only if the team's port is the default one.
-        if config.reaches_both_teams and self._target.port == PORTS[config.colour]:
+        if config.reaches_both_teams and self._target.port == PORTS[config.color]:
             self._opponents = self._target._replace(
-                port=PORTS["yellow" if config.colour == "blue" else "blue"]
+                port=PORTS["yellow" if config.color == "blue" else "blue"]
             )
 
     def send(self, commands: Sequence[VelocityCommand]) -> None:

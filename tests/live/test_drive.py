@@ -129,7 +129,7 @@ def test_a_radio_of_ones_own(tmp_path: Path) -> None:
 
 REFUSALS = [
     (
-        {"colour": "yellow"},
+        {"color": "yellow"},
         "does not detect 1 robots for the scenario; yellow robots that it detects: none",
     ),
     ({"ids": (4,)}, "does not detect robots 4; blue robots that it detects: 0"),

@@ -54,7 +54,7 @@ def test_frames_that_are_late_or_came_before_count_once_and_others_are_not_ours(
         frame for frame in (0, 2, 1, 2, 3) if camera.see(frame, [(0, 0.0, 0.0, 0.0)], at=0.1)
     ] == [0, 2, 3]
     assert camera.vision.cameras[0].frames == 3
-    yellow = Camera(0, colour="yellow")
+    yellow = Camera(0, color="yellow")
     yellow.see(0, [(0, 1.0, 1.0, 0.0)])
     assert np.isnan(yellow.at(0.0)[0]).all()
     assert yellow.vision.seen_ids() == []

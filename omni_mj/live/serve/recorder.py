@@ -39,22 +39,22 @@ class Recorder:
         self, world: ServedWorld, table_path: Path | None, sinks: Sequence[Sink] = ()
     ) -> None:
         self._world, self._path, self._sinks = world, table_path, sinks
-        self._part_tables, self._n_frames, self._parts = list["pa.Table"](), 0, list[Path]()
+        self._part_tables, self._n_frames, self._part_paths = list["pa.Table"](), 0, list[Path]()
         self._n_wheels = len(world.rows[0].settings.wheels.azimuths_deg)
-        self._names, self._log = list[RobotName](), Log([], self._n_wheels)
+        self._robot_names, self._log = list[RobotName](), Log([], self._n_wheels)
 
     def add(self) -> None:
         """Record the frame that has just ended."""
         world = self._world
         names = sorted(world.poses())
         robots = [world.names.index(name) for name in names]
-        if names != self._names or self._log.length == BLOCK_FRAMES:
+        if names != self._robot_names or self._log.length == BLOCK_FRAMES:
             self._end_block()
             rows = [
                 replace(world.rows[robot], slot=name[1])
                 for robot, name in zip(robots, names, strict=True)
             ]
-            self._names, self._log = names, Log(rows, self._n_wheels)
+            self._robot_names, self._log = names, Log(rows, self._n_wheels)
             self._log.first_frame = world.cycle // CYCLES_PER_FRAME
         command, measured = world.applied.command[robots], world.measured[robots]
         self._log.append(
@@ -73,16 +73,16 @@ class Recorder:
         """Pass on the last block, and join the parts of the table."""
         self._end_block()
         self._write_part()
-        if self._path is not None and self._parts:
-            parquet.write_tables(map(parquet.read_table, self._parts), self._path)
-            for part_path in self._parts:
+        if self._path is not None and self._part_paths:
+            parquet.write_tables(map(parquet.read_table, self._part_paths), self._path)
+            for part_path in self._part_paths:
                 part_path.unlink()
 
     def _end_block(self) -> None:
         """Pass the recorded frames to the sinks and the table."""
         if self._log.length:
             for sink in self._sinks:
-                sink([robot_label(name) for name in self._names], self._log)
+                sink([robot_label(name) for name in self._robot_names], self._log)
             if self._path is not None:
                 self._part_tables.append(self._log.to_arrow())
             self._n_frames += self._log.length
@@ -92,8 +92,8 @@ class Recorder:
     def _write_part(self) -> None:
         if self._part_tables and self._path is not None:
             part_path = self._path.with_name(
-                f"{self._path.stem}-{len(self._parts):05d}{self._path.suffix}"
+                f"{self._path.stem}-{len(self._part_paths):05d}{self._path.suffix}"
             )
             parquet.write_tables(self._part_tables, part_path)
-            self._parts.append(part_path)
+            self._part_paths.append(part_path)
             self._part_tables, self._n_frames = [], 0

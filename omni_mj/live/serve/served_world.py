@@ -57,7 +57,7 @@ class ServedWorld:
     Args:
         scenario: Settings of the robots of both teams, the radio and the cameras.
         poses: Robot name -> start pose, shape (3,), m and rad; at most 12 robots.
-        notes: What people should know.
+        messages: Counts problems, and reports the first of each kind.
 
     Attributes:
         names: Names of the robots, in the order of their slots.

@@ -16,9 +16,9 @@ from serving import LOOPBACK, free_port
 
 from omni_control import Controller
 from omni_mj.config.scenario import Scenario, load_scenario
-from omni_mj.live import latency_fit, session
+from omni_mj.live import drive_setup, latency_fit
+from omni_mj.live.drive_setup import ConnectionOptions
 from omni_mj.live.live_loop import Live
-from omni_mj.live.session import ConnectionOptions
 from omni_mj.live.sockets import MessageCounter
 from omni_mj.simulation.simulation import Simulation
 
@@ -64,10 +64,10 @@ def live_scenario(controller: str | type[Controller], **sections: object) -> Sce
 
 def drive_live(chosen: Scenario, options: ConnectionOptions) -> Live:
     """Drive a scenario to its end."""
-    session.check_drivable(chosen, options)
+    drive_setup.check_drivable(chosen, options)
     with (
-        session.open_vision(options, MessageCounter()) as frame_clock,
-        session.prepare_drive(chosen, options, frame_clock) as live,
+        drive_setup.open_vision(options, MessageCounter()) as frame_clock,
+        drive_setup.prepare_drive(chosen, options, frame_clock) as live,
     ):
         live.run()
     return live

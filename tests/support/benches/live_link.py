@@ -19,9 +19,9 @@ sender = sockets.open_sender
 class Camera:
     """What is made of packets, one camera's or several's, that see robots of the blue team."""
 
-    def __init__(self, *ids: int, colour: str = "blue") -> None:
+    def __init__(self, *ids: int, color: str = "blue") -> None:
         self.said: list[str] = []
-        self.vision = SslVision(colour, MessageCounter(self.said.append))  # type: ignore[arg-type]
+        self.vision = SslVision(color, MessageCounter(self.said.append))  # type: ignore[arg-type]
         self.vision.ids = list(ids)
 
     def see(

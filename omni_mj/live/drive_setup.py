@@ -17,7 +17,7 @@ from omni_mj.live.frame_clock import FrameClock, Pace
 from omni_mj.live.latency_fit import measure_pulse
 from omni_mj.live.live_loop import Live
 from omni_mj.live.sockets import LOOPBACK, Address, MessageCounter, Receiver, parse_address
-from omni_mj.live.ssl_vision import Colour, SslVision
+from omni_mj.live.ssl_vision import SslVision, TeamColor
 from omni_mj.live.team_radio import PORTS, SenderConfig, SimulatorRadio, TeamRadio
 from omni_mj.live.wire import VISION_GROUP, VISION_PORT
 
@@ -37,7 +37,7 @@ class ConnectionOptions:
         vision: Multicast group or address of SSL-Vision, HOST[:PORT].
         commands: Address of the simulator or the radio. None: the default address of the team.
         interface: Address of the network interface.
-        colour: Color of the team.
+        color: Color of the team.
         ids: Numbers of the robots. Empty: the lowest numbers that vision detects.
         pace: Source of frames, see `FrameClock.choose_source`.
         radio: A radio of the user's own, `file.py:Class`. None: the simulation protocol.
@@ -52,7 +52,7 @@ class ConnectionOptions:
     vision: str = VISION_GROUP
     commands: str | None = None
     interface: str = LOOPBACK
-    colour: Colour = "blue"
+    color: TeamColor = "blue"
     ids: tuple[int, ...] = ()
     pace: Pace = "auto"
     radio: str | None = None
@@ -72,11 +72,11 @@ class ConnectionOptions:
         """Return the destination of commands; raise `OmniError` if its address is malformed."""
         interface = "" if self.radio else self.interface
         target = (
-            parse_address(self.commands, PORTS[self.colour], interface) if self.commands else None
+            parse_address(self.commands, PORTS[self.color], interface) if self.commands else None
         )
         # A simulation that waits for commands would take an empty packet for one
         reaches_both_teams = self.pace != "vision"
-        return SenderConfig(target, self.colour, self.interface, reaches_both_teams)
+        return SenderConfig(target, self.color, self.interface, reaches_both_teams)
 
     def is_overridden(self, name: str) -> bool:
         """Return whether the user fixes a setting."""
@@ -123,7 +123,7 @@ def open_vision(
         OmniError: No packet arrived.
     """
     with Receiver(options.vision_address, options.interface) as receiver:
-        frame_clock = FrameClock(receiver, SslVision(options.colour, messages), check_stop)
+        frame_clock = FrameClock(receiver, SslVision(options.color, messages), check_stop)
         until = time.monotonic() + options.wait_s
         while not frame_clock.vision.cameras:
             if time.monotonic() > until:
@@ -215,7 +215,7 @@ def _chosen_ids(
     if undetected or not ids or (len(ids) < n_robots and not options.ids):
         robots = f"robots {undetected}" if undetected else f"{n_robots} robots for the scenario"
         raise OmniError(
-            f"vision does not detect {robots}; {options.colour} robots that it detects: "
+            f"vision does not detect {robots}; {options.color} robots that it detects: "
             f"{', '.join(map(str, detected_ids)) or 'none'}. Check --team and --id"
         )
     return ids
