@@ -6,7 +6,6 @@ sheet, so a browser loads nothing else.
 
 import base64
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -63,7 +62,7 @@ def write_report(folders: Sequence[Path], out: Path) -> None:
         OmniError: A folder has no summary, or one that cannot be read.
     """
     summaries = [read_summary(folder) for folder in folders]
-    names = [Path(os.path.realpath(folder)).name for folder in folders]
+    names = [folder.resolve().name for folder in folders]
     labels = names if len(set(names)) == len(names) else list(map(str, folders))
     try:
         html = _render_page(folders, dict(zip(labels, summaries, strict=True)))
