@@ -39,7 +39,7 @@ TABLE_2_VY = """
 _RULE_TABLES = np.array([TABLE_1_VX.split(), TABLE_2_VY.split()])  # (outputs, rules)
 # Indices (5, sets, outputs) of the five rules that conclude a set.
 _RULES = np.array([[np.flatnonzero(t == s) for s in LABELS] for t in _RULE_TABLES]).T.copy()
-PEAKS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None, None]
+PEAKS = np.linspace(-1, 1, 5)[:, None, None]
 
 # Area and first moment of the union. Each set overlaps with its neighbors only, in a triangle of
 # height 1/2 at their crossing. The sum over the five sets counts these four triangles twice, so
@@ -48,8 +48,7 @@ PEAKS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None, None]
 # those are half triangles. Their first moment about the peak is (1 - (1 - u)^3) / 24 inwards.
 _CROSSINGS = (PEAKS[1:] + PEAKS[:-1]) / 2
 # Sets whose smaller height is the level of each triangle: five sets, then four overlaps.
-_LEFT_SETS = np.array([0, 1, 2, 3, 4, 0, 1, 2, 3])
-_RIGHT_SETS = np.array([0, 1, 2, 3, 4, 1, 2, 3, 4])
+_LEFT_SETS, _RIGHT_SETS = np.r_[0:5, 0:4], np.r_[0:5, 1:5]
 _MAX_LEVELS = np.repeat([1.0, 0.5], [5, 4])[:, None, None]
 # Coefficients of the polynomials in u, [area, moment] of the nine triangles.
 _LINEAR, _QUADRATIC, _CUBIC = np.zeros((3, 2, 9, 1, 1))

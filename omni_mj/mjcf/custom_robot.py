@@ -157,11 +157,10 @@ def _isolate_robot(spec: mujoco.MjSpec, chassis: mujoco.MjsBody) -> None:
     world = spec.worldbody
     elements: list[object] = [body for body in world.bodies if body.name != chassis.name]
     elements += [*world.geoms, *world.lights, *world.cameras, *world.sites, *spec.pairs]
+    contact = mujoco.mjtSensor.mjSENS_CONTACT
+    elements += [sensor for sensor in spec.sensors if sensor.type == contact]
     for element in elements:
         spec.delete(element)
-    contact = mujoco.mjtSensor.mjSENS_CONTACT
-    for sensor in [sensor for sensor in spec.sensors if sensor.type == contact]:
-        spec.delete(sensor)
     chassis.set_frame(chassis.parent.add_frame())
     chassis.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     chassis.pos, chassis.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]

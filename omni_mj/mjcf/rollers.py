@@ -1,11 +1,12 @@
 """Rollers: their contacts with the carpet, and wheels that keep only two of them.
 
-**Contacts.** MuJoCo's contacts between rollers and carpet never slide. Under MuJoCo's elliptic cone, a sliding contact is pushed out of the
-carpet: the reference acceleration of the tangential directions also acts on the normal one, which
-then approaches a lift of friction x b_t v / k (b_t, k: tangential damping and normal stiffness per
-mass). With a spring of 50 Hz, half damped, and friction that acts within 3.5 ms, the lift is 72 mm
-at 1.5 m/s. Therefore the friction coefficient of the contacts is very high, and the creep and
-sliding of the rubber happen on a hinge between hub and rim (`omni_mj.robot.wheel_carpet_forces`).
+**Contacts.** MuJoCo's contacts between rollers and carpet never slide. Under MuJoCo's elliptic
+cone, a sliding contact is pushed out of the carpet: the reference acceleration of the tangential
+directions also acts on the normal one, which then approaches a lift of friction x b_t v / k (b_t,
+k: tangential damping and normal stiffness per mass). With a spring of 50 Hz, half damped, and
+friction that acts within 3.5 ms, the lift is 72 mm at 1.5 m/s. Therefore the friction coefficient
+of the contacts is very high, and the creep and sliding of the rubber happen on a hinge between hub
+and rim (`omni_mj.robot.wheel_carpet_forces`).
 
 Normal to the carpet a contact is a spring and a damper, with a mass that keeps it soft enough for
 the solver,
@@ -18,9 +19,9 @@ R = (1 - d)/d A, where A is the inverse of the effective mass of the two bodies 
 follows that R = 1/m, k = K/m, b = c/m, d = A/(A + 1/m). Friction is a pure damper with a time
 constant of 1.7 ms, in which a roller that comes down reaches the speed of the carpet.
 
-**Two rollers per wheel.** One or two rollers of a wheel touch the carpet; the others only carry mass. `reduce_rollers` keeps
-two neighbors of each wheel and adds the mass of the others to its rim. When one of the two has
-reached the bottom and the other is a full pitch away,
+**Two rollers per wheel.** One or two rollers of a wheel touch the carpet; the others only carry
+mass. `reduce_rollers` keeps two neighbors of each wheel and adds the mass of the others to its rim.
+When one of the two has reached the bottom and the other is a full pitch away,
 `omni_mj.plants.mjdata_views.RobotViews.wrap_rollers` turns the rim back by one pitch. The rollers
 are equal: the second roller takes the place and the spin of the one at the bottom. The first one,
 then 2 mm above the carpet, becomes the next roller. Hub and encoder do not change, because only the

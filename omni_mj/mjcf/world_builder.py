@@ -19,10 +19,10 @@ from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.settings import Settings
-from omni_mj.mjcf import part_recognition, rollers
+from omni_mj.mjcf import rollers
 from omni_mj.mjcf.custom_robot import RobotSpec
 from omni_mj.mjcf.model_measurements import compute_support_distance
-from omni_mj.mjcf.part_recognition import Ids, RobotIndices, compute_initial_kinematics
+from omni_mj.mjcf.part_recognition import Ids, RobotIndices, compute_initial_kinematics, find_robots
 from omni_mj.mjcf.settings_to_mjcf import RobotShape, build_robot_spec
 
 SETTLING_S = 0.25
@@ -87,7 +87,7 @@ def _build_world(
     field = mujoco.MjSpec.from_file(str(find_models_folder() / "field.xml"))
     spec, contact_geoms = robot_spec.spec.copy(), robot_spec.contact_geoms
     robot_model = spec.compile()
-    (single_robot,) = part_recognition.find_robots(robot_model)
+    (single_robot,) = find_robots(robot_model)
     contact = rollers.make_roller_contact(
         robot_model, single_robot.rollers.ravel(), shape.body.mass_kg / len(single_robot.wheels)
     )
@@ -105,12 +105,12 @@ def _build_world(
     if n_robots == 1:  # with one robot there is one island; listing it costs 7 % of a step
         field.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     field.option.impratio = rollers.FRICTION_STIFFNESS_RATIO
-    field.option.timestep = field.option.timestep / substeps
+    field.option.timestep /= substeps
     try:
         model = field.compile()
     except ValueError as error:
         raise OmniError(f"{robot_spec.file}: {' '.join(str(error).split())}") from error
-    robots = tuple(part_recognition.find_robots(model))
+    robots = find_robots(model)
     max_impedance = rollers.MAX_IMPEDANCE
     for robot in robots:  # backward Euler: a slip speed decays within a step
         model.dof_solref[robot.slip_dofs] = -1.0, -max_impedance / model.opt.timestep

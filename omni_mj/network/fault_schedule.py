@@ -12,7 +12,7 @@ FaultsByRow = Sequence[Sequence[Fault]]
 
 @dataclass(frozen=True)
 class ActiveFaults:
-    """The active faults as pairs (row, fault), sorted by row, then by their order in the scenario."""
+    """Active faults as pairs (row, fault), sorted by row, then by their order in the scenario."""
 
     faults: Sequence[tuple[int, Fault]]
 
