@@ -105,13 +105,10 @@ def limit_command(
     linear quadratic regulator follows the learned run.
     """
     from omni_mj.studies.compare_figure import save_comparison_figure
-    from omni_mj.studies.limit.limit_study import LimitResult, check_limit, find_limit
+    from omni_mj.studies.limit.limit_study import check_limit, find_limit
 
     scenario = replace(scenario_options, seed=scenario_options.seed or 0).load_scenario(name)
     check_limit(scenario, iterations)
-
-    def draw(result: LimitResult, stem: Path) -> None:
-        save_comparison_figure(result.summary(), stem)
 
     _run_study(
         "limit",
@@ -119,7 +116,7 @@ def limit_command(
         lambda start_progress: find_limit(
             scenario, scenario.seed_list, iterations, start_progress=start_progress
         ),
-        draw,
+        lambda result, stem: save_comparison_figure(result.summary(), stem),
         output,
     )
 

@@ -71,7 +71,9 @@ def draw_heat_map(entries: dict[str, Summary], privileged: list[str], figure: Fi
     label = f"error / error of {baseline}"
     figure.colorbar(image, ax=axes, label=label, ticks=TICKS, format="{x:g}").minorticks_off()
     n_seeds = max(len(entry["seeds"]) for entry in entries.values())
-    figure.suptitle(f"Maximum position error in cm, {n_seeds} seeds; bold: least error")
+    figure.suptitle(
+        f"Maximum position error in cm, mean over seeds (n = {n_seeds}); bold: least error"
+    )
 
 
 def _maximum_errors(entries: dict[str, Summary], controllers: list[str]) -> Array:

@@ -10,7 +10,6 @@ from omni_control.errors import OmniError
 from omni_mj.config import fault_checks
 from omni_mj.config.scenario import Scenario, load_with_overrides
 from omni_mj.config.toml_files import find_builtin_scenarios
-from omni_mj.config.validation import collect_errors, raise_errors
 from omni_mj.results.result import Outcome, Result
 from omni_mj.studies.run_scenario import (
     StartProgress,
@@ -101,19 +100,16 @@ def check_scenarios(scenarios: Sequence[Scenario], subject: str | None) -> None:
     """Check that scenarios, all with the same controllers, can be compared in one table.
 
     Raises:
-        OmniError: Two of them share a name, or the subject is not among the controllers; one line
-            for each error.
+        OmniError: Two of them share a name, or the subject is not among the controllers.
     """
     names = [scenario.name for scenario in scenarios]
-    errors = [
-        f"two scenarios are called {name!r}; give each once, or files with different names in them"
-        for name in names
-        if names.count(name) > 1
-    ]
+    for name in names:
+        if names.count(name) > 1:
+            raise OmniError(
+                f"two scenarios are called {name!r}; give each once, or files with different names"
+            )
     if scenarios:
-        with collect_errors(errors):
-            check_subject(scenarios[0], subject)
-    raise_errors(errors)
+        check_subject(scenarios[0], subject)
 
 
 def _run_to_end(

@@ -7,12 +7,12 @@ traction f_i:
     r_i - d_i nu = (z + |v_i| / (C N_i)) f_i,        |f_i| <= sqrt(mu^2 - b^2) N_i
     M nu' = sum f_i d_i - drag + slope,              nu: body twist
 
-C is the creep stiffness. The drag is that of `omni_mj.robot.wheel_carpet_forces`: rolling resistance p N_i
-against the travel of a wheel, roller bearings b N_i along its axle, and three terms that grow with
-speed (see `RobotDynamics`). Normal forces change with the acceleration, because the center of mass
-is above the floor. If encoders are the input, r_i is the measured rim speed times a scale, and z is
-0. If commands are the input, r_i is the commanded rim speed and 1/z the stiffness of the wheel
-loops. Then along an axis
+C is the creep stiffness. The drag is that of `omni_mj.robot.wheel_carpet_forces`: rolling
+resistance p N_i against the travel of a wheel, roller bearings b N_i along its axle, and three
+terms that grow with speed (see `RobotDynamics`). Normal forces change with the acceleration,
+because the center of mass is above the floor. If encoders are the input, r_i is the measured rim
+speed times a scale, and z is 0. If commands are the input, r_i is the commanded rim speed and 1/z
+the stiffness of the wheel loops. Then along an axis
 
     (tau + T0 |v|) (v' + drag / m) = K u - v,
     T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.

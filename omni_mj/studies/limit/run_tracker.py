@@ -8,8 +8,9 @@ the firmware has an error c, and its gyro a bias b that is partly known. Both fo
 
 where e(k) is the heading that was sent minus the heading held at that time. They act as changes of
 the command: a rotation by -c, and the turn rate -b / (1 + turn gain). So does the gain by which the
-speeds of the kinematic plant differ from commands. A linear quadratic regulator acts on the deviation predicted at the end of the dead time, which is optimal for a robot
-with dead time (D. L. Kleinman, IEEE Trans. Automatic Control 14, 1969).
+speeds of the kinematic plant differ from commands. A linear quadratic regulator acts on the
+deviation predicted at the end of the dead time, which is optimal for a robot with dead time (D. L.
+Kleinman, IEEE Trans. Automatic Control 14, 1969).
 """
 
 from collections.abc import Sequence
@@ -70,11 +71,8 @@ class RunTracker:
         scenario: Scenario,
         feedback: Sequence[FeedbackSettings],
     ) -> None:
-        n, settings, has_firmware = (
-            len(feedback),
-            scenario.settings,
-            scenario.plant in WHEELED_PLANTS,
-        )
+        n, settings = len(feedback), scenario.settings
+        has_firmware = scenario.plant in WHEELED_PLANTS
         # Commands are stored with `_offset` frames in front, so that delayed ones always exist.
         self._delay, self._offset = model.delay, model.delay + 1
         padding = [(0, model.delay), (0, 0), (0, 0)]

@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
 from pathlib import Path
@@ -18,7 +18,7 @@ from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj import parquet
 from omni_mj.atomic_files import write_text
-from omni_mj.config.rows import Row, build_rows
+from omni_mj.config.rows import build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.metrics import row_metrics
 from omni_mj.simulation.simulation import Simulation
@@ -147,13 +147,13 @@ def run_sweep(
 
     try:
         with nullcontext(executor) if executor or jobs == 1 else process_pool(jobs) as workers:
-            tables: Iterator[tuple[Shard, pa.Table]]
+            shard_tables: Iterator[tuple[Shard, pa.Table]]
             if workers is None:
-                tables = ((shard, run_shard(plan, shard, after_frame)) for shard in remaining)
+                shard_tables = ((shard, run_shard(plan, shard, after_frame)) for shard in remaining)
             else:
                 check = partial(after_frame, -1)
-                tables = run_shards(workers, run_shard, plan, remaining, check)
-            for shard, rows in tables:
+                shard_tables = run_shards(workers, run_shard, plan, remaining, check)
+            for shard, rows in shard_tables:
                 parquet.write_tables([rows], _shard_file(folder, shard))
                 n_stored += 1
                 after_frame(-1)
@@ -180,12 +180,12 @@ def create_simulation(plan: SweepPlan, shard: Shard) -> Simulation:
     """
     points = dict.fromkeys(point for point, _ in shard.runs)
     scenarios = {point: plan.scenario_at(point) for point in points}
-    rows = list[Row]()
+    rows, world_index = [], -1
     for point, seed in shard.runs:
         scenario = scenarios[point]
         for row in build_rows(scenario.labels, [seed], scenario.settings_for_seed, scenario.robot):
-            world = rows[-1].world_index + (row.slot == 0) if rows else 0
-            rows.append(Row(world, row.slot, row.controller, row.seed, row.settings, row.robot))
+            world_index += row.slot == 0
+            rows.append(replace(row, world_index=world_index))
     return Simulation(scenarios[shard.runs[0][0]], rows=rows)
 
 
