@@ -118,7 +118,7 @@ class WheelLimits:
     def compute_friction_utilization(self, acceleration: Array, twist: Array) -> Array:
         """Return the needed fraction of friction (n,) for body accelerations and twists (n, 3)."""
         rows, drag = self.get_friction_constraints(twist)
-        return np.asarray((acceleration @ rows.T + drag).max(1))
+        return (acceleration @ rows.T + drag).max(1)
 
     def compute_max_acceleration(self, direction: float) -> float:
         """Return the highest acceleration from rest without turning, m/s^2; 0 if there is none.
@@ -214,7 +214,7 @@ class WheelLimits:
             self.rolling_resistance * np.hypot(rim_part, axle_part)
             + self.roller_friction * axle_part
         )
-        return np.asarray(drag @ (GRAVITY * self._loads[0]))
+        return drag @ (GRAVITY * self._loads[0])
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
@@ -259,4 +259,4 @@ def max_over_neighbors(drag: Array, ends: Literal["edge", "wrap"]) -> Array:
     """
     padded = np.pad(drag, ((_NEIGHBORS, _NEIGHBORS), (0, 0)), ends)
     shifted = [padded[i : i + len(drag)] for i in range(2 * _NEIGHBORS + 1)]
-    return np.asarray(np.max(shifted, axis=0))
+    return np.max(shifted, axis=0)

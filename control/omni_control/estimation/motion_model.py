@@ -156,7 +156,7 @@ class MotionModel:
         """Return the speeds (..., n, 3) that dry friction costs at body velocities (..., n, 3)."""
         rim_speed = np.maximum(self._compute_rim_speeds(velocity), SLOW_M_S)
         direction = velocity * [1.0, 1.0, self.arm] / rim_speed
-        return np.asarray(self._friction_ratios * state[..., FRICTION, None] * direction)
+        return self._friction_ratios * state[..., FRICTION, None] * direction
 
 
 class YawCoupling:

@@ -113,7 +113,7 @@ class OutlierGate:
         is_far = is_visible & is_far
         self._far_count = _count_in_a_row(self._far_count, is_far, is_visible)
         is_confirmed = self._far_count >= MAX_REJECTIONS
-        self._far_count = np.where(is_confirmed, 0.0, self._far_count)
+        self._far_count = self._far_count * ~is_confirmed
         # A new image, not the last one sent again.
         is_new = self._elapsed - (age - self._accepted_age) > self._period / 2
         is_suspicious = is_repeated & is_new & (self._apparent_speed > STANDSTILL_SPEED_M_S)
@@ -134,7 +134,7 @@ class OutlierGate:
         distance = np.hypot(change[:, 0], change[:, 1])
         self._apparent_speed = np.where(is_fresh, distance / interval, self._apparent_speed)
         self._accepted_age = np.where(is_fresh, age, self._accepted_age)
-        self._elapsed = np.where(is_fresh, 0.0, self._elapsed)
+        self._elapsed = self._elapsed * ~is_fresh
         return accepted
 
 

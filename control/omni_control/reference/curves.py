@@ -94,11 +94,10 @@ def _plan_timing(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -
     n_cells = _N_CELLS * _round_aspect_ratio(isotropic)
     u, step, arc_rate, curvature = _measure_cells(isotropic, n_cells)
     speed = limits.speed * (arc_rate / np.abs(_to_complex(curve(u, 1))))
-    max_squared_speed = speed**2
     squared_speed = integrate_speed_profile(
         step,
         np.maximum(np.abs(curvature), _STRAIGHT),
-        np.minimum(max_squared_speed[:-1], max_squared_speed[1:]),
+        np.minimum(speed[:-1], speed[1:]) ** 2,
         limits,
         laps,
         tangent,

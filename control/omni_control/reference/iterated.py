@@ -146,7 +146,7 @@ def approach_pose(
         change * (step / np.maximum(norm, step)),
         turn_change * (turn_step / np.maximum(_norm(turn_change), turn_step)),
     ]
-    return np.asarray(twist + np.concatenate(scaled_change, axis=1))
+    return twist + np.concatenate(scaled_change, axis=1)
 
 
 def _compute_velocity_change(

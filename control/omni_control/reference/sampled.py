@@ -57,8 +57,7 @@ class SampledReference:
 
     def __init__(self, poses: ArrayLike, period: float) -> None:
         self.poses, self.period = as_poses(poses), period
-        twists = np.zeros_like(self.poses)
-        twists[:-1] = np.diff(self.poses, axis=0) / period
+        twists = np.diff(self.poses, axis=0, append=self.poses[-1:]) / period
         samples = np.concatenate([self.poses, twists], axis=-1) + 0.0  # turns -0.0 into 0.0
         # Poses with twists, (frames, 1 or n, 6).
         self._samples = samples.reshape(len(samples), -1, 6)

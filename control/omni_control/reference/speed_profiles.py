@@ -74,24 +74,24 @@ def integrate_speed_profile(
     max_z = np.minimum(max_lateral / side_curvature, max_squared_speed)
     max_z = np.tile(np.minimum(max_z, (turn_rate / cell_curvature) ** 2), laps)
     max_z = np.concatenate([[0], np.minimum(max_z[:-1], max_z[1:]), [0]])
-    cells = np.stack(
+    coefficients = np.stack(
         [side_curvature / a, side_weight * double_turn, turn_acceleration * double_turn]
     )
-    forward = _accelerate(max_z, cells, curvature)
-    return _accelerate(forward[::-1], cells[:, ::-1], curvature[::-1])[::-1]
+    forward = _accelerate(max_z, coefficients, curvature)
+    return _accelerate(forward[::-1], coefficients[:, ::-1], curvature[::-1])[::-1]
 
 
-def _accelerate(max_z: Array, cells: Array, curvature: Array) -> Array:
+def _accelerate(max_z: Array, coefficients: Array, curvature: Array) -> Array:
     """Return the highest squared speeds (laps * cells + 1,) that acceleration can reach.
 
     Args:
         max_z: Upper bounds of the squared speeds.
-        cells: For each cell (3, cells): the sine of the acceleration's angle from the path over
-            the squared speed, s^2/m^2; the largest change of this angle, rad; and the largest gain
-            of the squared turn rate, rad^2/s^2.
+        coefficients: For each cell (3, cells): the sine of the acceleration's angle from the path
+            over the squared speed, s^2/m^2; the largest change of this angle, rad; and the largest
+            gain of the squared turn rate, rad^2/s^2.
         curvature: Absolute curvature at the ends of the cells, (cells + 1,) 1/m.
     """
-    scales, rotations, turn_gains = cells
+    scales, rotations, turn_gains = coefficients
     decays, gains = (curvature[:-1] / curvature[1:]) ** 2, turn_gains / curvature[1:] ** 2
     lap = np.stack([scales, rotations, decays, gains], axis=1).tolist()
     z = float(max_z[0])

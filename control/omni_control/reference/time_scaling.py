@@ -36,7 +36,7 @@ class PathTiming:
         elapsed, duration = time - self.time[i], self.time[i + 1] - self.time[i]
         rate, next_rate = self._rate[i], self._rate[i + 1]
         mean_rate = rate + elapsed / duration * (next_rate - rate) / 2
-        return np.asarray(self._step * i + elapsed * mean_rate)
+        return self._step * i + elapsed * mean_rate
 
 
 def sample_path(

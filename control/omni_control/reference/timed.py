@@ -93,22 +93,20 @@ def _slow_down_for_wheels(
     """Return the poses (frames, 3) of a segment, slower if the wheels require it."""
     path = partial(_interpolate, start, end)
     plan_timing = partial(_plan_timing_on_wheels, start, end, limits)
-    slower = slow_down_for_wheels(poses, path, plan_timing, limits, period)
-    if slower is poses:
+    slowed_poses = slow_down_for_wheels(poses, path, plan_timing, limits, period)
+    if slowed_poses is poses:
         return poses
     rest_frames = 2 if limits.jerk or limits.turn_jerk else 1
-    return np.concatenate([slower, np.repeat(end[None], rest_frames, axis=0)])
+    return np.concatenate([slowed_poses, np.repeat(end[None], rest_frames, axis=0)])
 
 
 def _plan_fastest(start: Array, end: Array, limits: MotionLimits, period: float) -> list[Array]:
     """Return n drives, each from a start to an end (n, 3), within velocity and acceleration."""
     pose, twist, poses = start, np.zeros_like(start), [start]
     arrival_frames = np.full(len(start), -1)
-    while True:
+    while (arrival_frames < 0).any():
         remaining = np.maximum(np.abs(end - pose).max(1), np.abs(twist).max(1))
         arrival_frames[(arrival_frames < 0) & ~(remaining > _AT_REST)] = len(poses) - 1
-        if (arrival_frames >= 0).all():
-            break
         twist = approach_pose(pose, twist, end, limits, period)
         pose = pose + twist * period
         poses.append(pose)
