@@ -1,6 +1,6 @@
-"""Alpha over time: displacement achieved over displacement commanded, in sliding windows.
+"""Alpha over time: ratio of achieved to commanded displacement in sliding windows.
 
-This is the motor correction factor of equation 8, measured with the true poses.
+This is the paper's motor correction factor, equation 8, computed from true poses.
 """
 
 import numpy as np
@@ -11,34 +11,33 @@ from omni_mj.simulation.log import Log
 
 ALPHA_AXES = ("x", "y")
 ALPHA_WINDOW_FRAMES = 15  # 0.25 s
-ALPHA_START_FRAMES = 9  # 0.15 s, in which lag and creep of the wheels delay the response
-ALPHA_MIN_SPEED_M_S = 0.1  # below this mean commanded speed, noise dominates the ratio
+ALPHA_START_FRAMES = 9  # 0.15 s, during which lag and creep of the wheels delay the response
+ALPHA_MIN_SPEED_M_S = 0.1  # at lower mean commanded speeds, noise dominates the ratio
 ALPHA_PERCENTILES = (5, 50, 95)
 
 
 def alpha_windows(position: Array, command: Array) -> Array:
-    """Return displacement achieved over displacement commanded in every window of 15 frames.
+    """Return the ratio of achieved to commanded displacement in every window of 15 frames.
 
     Args:
         position: True positions, shape (frames, ..., axes), m.
-        command: Commands that act from each frame to the next, same shape, m/s.
+        command: Velocities commanded from each frame to the next, same shape, m/s.
 
     Returns:
         Shape (frames - 15, ..., axes). NaN where the mean command is at most 0.1 m/s.
     """
-    w = ALPHA_WINDOW_FRAMES
-    travelled = np.cumsum(np.concatenate([np.zeros_like(command[:1]), command]), axis=0) * PERIOD_S
-    achieved = position[w:] - position[:-w]
-    commanded = travelled[w : len(position)] - travelled[: len(position) - w]
-    is_moving = np.abs(commanded) > ALPHA_MIN_SPEED_M_S * w * PERIOD_S
+    n = ALPHA_WINDOW_FRAMES
+    integral = np.cumsum(np.concatenate([np.zeros_like(command[:1]), command]), axis=0) * PERIOD_S
+    achieved = position[n:] - position[:-n]
+    commanded = integral[n : len(position)] - integral[: len(position) - n]
+    is_moving = np.abs(commanded) > ALPHA_MIN_SPEED_M_S * n * PERIOD_S
     return np.divide(achieved, commanded, out=np.full_like(achieved, np.nan), where=is_moving)
 
 
 def driven_alpha(position: Array, command: Array) -> Array:
-    """Return `alpha_windows` where the robot is driven, and NaN near standstill.
+    """Return `alpha_windows` with NaN near standstill, where lag lowers the ratio as well.
 
-    Near standstill, lag reduces the ratio, not gain. A window counts if all commands in it and in
-    the 0.15 s before it exceed 0.1 m/s.
+    A window counts if all commands in it and in the 0.15 s before it exceed 0.1 m/s.
     """
     n_frames = ALPHA_START_FRAMES + ALPHA_WINDOW_FRAMES
     padding = [(ALPHA_START_FRAMES, 0)] + [(0, 0)] * (command.ndim - 1)
@@ -50,11 +49,15 @@ def driven_alpha(position: Array, command: Array) -> Array:
 
 
 def alpha_percentiles(log: Log, rows: np.ndarray) -> dict[str, dict[str, float | None]] | None:
-    """Return percentiles of `alpha_windows` over some rows, by axis.
+    """Return the percentiles of `alpha_windows` over some rows for each axis.
+
+    Args:
+        log: The log.
+        rows: Indices of the rows.
 
     Returns:
-        Axis -> "p5", "p50", "p95" -> value, None where nothing moves; None for a log that is
-            shorter than a window.
+        Axis -> "p5", "p50" or "p95" -> value, which is None if no robot moves along the axis. None
+            if the log is shorter than a window.
     """
     if log.length <= ALPHA_WINDOW_FRAMES:
         return None

@@ -6,12 +6,11 @@ An event depends on no later frame, so that events can be shown while a run cont
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.simulation.log import Failure, Log
 
-STOPPED, TEMPERATURE, BATTERY, FAULT = "stopped", "temperature", "battery", "fault"  # kinds
+# Kinds of events.
+STOPPED, TEMPERATURE, BATTERY, FAULT = "stopped", "temperature", "battery", "fault"
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,10 @@ def find_events(log: Log, failures: Iterable[Failure] = ()) -> list[Event]:
 
 
 def row_events(log: Log, row: int, failures: Iterable[Failure] = ()) -> list[Event]:
-    """Return the events of a row in order of time. Further frames of the log only add events."""
+    """Return the events of a row in order of time.
+
+    Further frames of the log add events, and change none.
+    """
     occurrences = [
         (round(failure.time_s / PERIOD_S), STOPPED, f"stopped: {failure.cause}")
         for failure in failures
@@ -65,8 +67,7 @@ def _logged_occurrences(log: Log, row: int) -> Iterator[tuple[int, str, str]]:
     length, settings = int(log.lengths[row]), log.rows[row].settings
     battery, winding = (log.channel(name)[:length, row] for name in ("battery", "winding"))
     max_winding_c = settings.motor.max_winding_c
-    with np.errstate(invalid="ignore"):  # NaN on plants without motors
-        is_hot = (winding > max_winding_c).any(-1)
+    is_hot = (winding > max_winding_c).any(-1)  # false where NaN: on plants without motors
     if is_hot.any():
         yield int(is_hot.argmax()), TEMPERATURE, f"a winding is above {max_winding_c:g} deg C"
     is_empty = battery == 0

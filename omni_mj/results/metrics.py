@@ -16,29 +16,33 @@ AXES = ("x", "y", "position", "along_track", "cross_track", "heading")
 UNITS = dict.fromkeys(AXES, "m") | {"heading": "rad"}
 PERCENTILE = 99
 STATISTICS = ("max", f"p{PERCENTILE}", "mean", "rms")
-# Distance of the frames before and after, below which the reference has no direction: 30 um/s.
+# The reference rests if its positions in the previous and next frame are this close: 30 um/s.
 STANDSTILL_M = 1e-6
 PEAKS = {  # metric -> channel of the log
     "peak_voltage_v": "voltage_peak",
     "peak_current_a": "current_peak",
     "peak_winding_temperature_c": "winding",
 }
-SETTLED_M = 0.01
+SETTLED_M = 0.01  # position error below which a robot has settled
 RECOVERY_WINDOW_S = 2.0  # time after a fault in which its effects are counted
-RECOVERED_M = 0.02
-EXCURSION, RECOVERY = "excursion_m", "recovery_s"
+RECOVERED_M = 0.02  # position error below which a robot has recovered from a fault
+EXCURSION, RECOVERY = "excursion_m", "recovery_s"  # ends of metrics' names
 
 
 def row_metrics(log: Log, failures: Iterable[Failure] = ()) -> dict[str, Array]:
     """Return the metrics of each row, name -> shape (n,).
 
     Names: `x_max_m`, `position_mean_m`, `cross_track_p99_m`, `heading_rms_rad` and so on,
-    `effort_m_s2`, `excess_effort_m_s2`, `settle_s`, those of `PEAKS`, those of
-    `saturation_metrics`, `fault_1_excursion_m` and `fault_1_recovery_s` and so on.
+    `effort_m_s2`, `excess_effort_m_s2`, `settle_s`, the keys of `PEAKS` and of
+    `saturation_metrics`, `fault_1_excursion_m`, `fault_1_recovery_s` and so on.
 
     Errors, efforts and settling time of a failed row are infinite, so that failing improves no
-    average. Its other metrics are NaN, because they are not comparable. A row without frames has
-    NaN only.
+    average. Its other metrics are NaN, because they are not comparable. All metrics of a row
+    without frames are NaN, except for those that are infinite because it failed.
+
+    Args:
+        log: The log.
+        failures: Failures of rows.
     """
     error, failed = tracking_errors(log), [failure.row for failure in failures]
     metrics = _error_statistics(error, log.lengths)
@@ -62,13 +66,13 @@ def row_metrics(log: Log, failures: Iterable[Failure] = ()) -> dict[str, Array]:
 def tracking_errors(log: Log) -> dict[str, Array]:
     """Return the absolute differences between the true pose and the timed reference.
 
-    Headings that differ by full turns are equal.
+    The heading error is the smallest angle between both headings.
 
     Returns:
         Axis of `AXES` -> shape (frames, n), m or rad. NaN where a row has no frame.
     """
     reference = log.channel("ref")
-    x, y, turn = np.moveaxis(log.channel("pose") - reference, -1, 0)
+    x, y, heading = np.moveaxis(log.channel("pose") - reference, -1, 0)
     cosine, sine = np.moveaxis(travel_direction(reference[..., :2]), -1, 0)
     return {
         "x": np.abs(x),
@@ -76,7 +80,7 @@ def tracking_errors(log: Log) -> dict[str, Array]:
         "position": np.hypot(x, y),
         "along_track": np.abs(cosine * x + sine * y),
         "cross_track": np.abs(cosine * y - sine * x),
-        "heading": np.abs(wrap_angle(turn)),
+        "heading": np.abs(wrap_angle(heading)),
     }
 
 
@@ -104,8 +108,8 @@ def travel_direction(reference: Array) -> Array:
     unit = np.divide(step, length, out=x_axis, where=is_moving)
     frames = np.arange(len(step))[:, None, None]
     last_motion = np.maximum.accumulate(np.where(is_moving, frames, -1))
-    source = np.where(last_motion < 0, is_moving.argmax(0), last_motion)
-    direction: Array = np.take_along_axis(unit, source, axis=0)
+    source_frames = np.where(last_motion < 0, is_moving.argmax(0), last_motion)
+    direction: Array = np.take_along_axis(unit, source_frames, axis=0)
     return direction
 
 
@@ -146,8 +150,8 @@ def _mean_square_effort(velocity: Array) -> Array:
 def _reference_velocity(reference: Array) -> Array:
     """Return the velocities of timed references, zero in their last frames.
 
-    They are not shifted by the dead time: excess effort compares the sums of two squares, which do
-    not depend on when a controller sends its commands.
+    They are not shifted by the dead time: excess effort compares mean squares, which do not depend
+    on when a controller sends its commands.
 
     Args:
         reference: Poses, shape (frames, n, 3).
@@ -180,13 +184,13 @@ def _settling_times(reference: Array, position_error: Array, lengths: np.ndarray
 
 
 def _frames_until_last(condition: np.ndarray) -> np.ndarray:
-    """Return the number of frames up to the last one that meets a condition.
+    """Return the number of frames up to and including the last one that meets a condition.
 
     Args:
         condition: Shape (frames, n).
 
     Returns:
-        Shape (n,); zero where no frame does.
+        Shape (n,). Zero if no frame of a row meets it.
     """
     number = np.arange(1, len(condition) + 1)[:, None]
     return np.asarray(np.max(np.where(condition, number, 0), axis=0, initial=0))
@@ -197,12 +201,12 @@ def _recoveries(
 ) -> dict[str, Array]:
     """Return the excursion and recovery time of each row for each fault, name -> shape (n,).
 
-    A fault counts from its first frame until 2 s after its last, or the end of the run. Time counts
-    from its first frame, because some faults last until the end of the run and a controller can
-    recover while they last. Other disturbances in that time are included.
+    A fault counts from its first frame until 2 s after its last, or the end of the run. Recovery
+    time starts with its first frame: a controller can recover while the fault lasts, and some
+    faults last until the end of the run. Other disturbances in that time are included.
 
     Values are NaN for a fault that a row does not have or did not reach. They are infinite for a
-    failed row; the time is infinite for a row that does not recover.
+    failed row. The recovery time is infinite for a row that does not recover.
 
     Args:
         rows: Rows, with the faults in their settings.
@@ -230,7 +234,7 @@ def _recoveries(
 
 
 def _recovery(error: Array) -> tuple[float, float]:
-    """Return the largest error, m, and the time until it stays below 2 cm, s.
+    """Return the largest error, m, and the time until the error stays below 2 cm, s.
 
     Args:
         error: Position error of each frame from the start of the fault, m. At least one frame.

@@ -31,9 +31,9 @@ def paired_difference(
         theirs: Statistics of the second controller over the same seeds.
 
     Returns:
-        Mean of ours minus theirs, half the width of its 95 % confidence interval, and the p-value
-            of the paired t-test, two-sided. None for what is undefined, because a seed has no
-            value or there is only one.
+        Mean of ours minus theirs, half the width of its 95 % confidence interval, and the two-sided
+            p-value of the paired t-test. All are None if a seed has no value; the last two if
+            there is only one seed.
     """
     if None in ours["per_seed"] or None in theirs["per_seed"]:
         return None, None, None
@@ -58,8 +58,8 @@ def holm_adjusted(p: Array) -> Array:
         p: p-values of m tests, shape (m,).
 
     Returns:
-        Shape (m,): the smallest times m, the next times m - 1 and so on; each at least as large as
-            the previous one, and at most 1.
+        Shape (m,): the smallest p-value times m, the next times m - 1 and so on. In this order
+            each is at least as large as the previous one, and at most 1.
     """
     order = np.argsort(p, kind="stable")
     adjusted = np.empty(len(p))
@@ -68,7 +68,7 @@ def holm_adjusted(p: Array) -> Array:
 
 
 def mean_position_error(result: Mapping[str, Any], statistic: str) -> float:
-    """Return a controller's position error, mean over the seeds, m; infinite if a seed failed.
+    """Return a controller's position error, m, mean over the seeds; infinite if a seed failed.
 
     Args:
         result: Results of the controller in a summary.
@@ -90,7 +90,7 @@ def judge_subject(
 
     Returns:
         Scenario -> verdict, or None if the subject or all others were not run. A verdict has the
-            keys `subject` and `errors`; the latter has the keys `max` and `mean`, each with
+            keys `subject` and `errors`. The errors have the keys `max` and `mean`, each with
             `against` (competitor -> ratio, paired difference, p-values, significance),
             `best_competitor`, `beats` and `loses_to`. Equal errors count as a loss.
     """

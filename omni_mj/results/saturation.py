@@ -1,8 +1,8 @@
 """Limits that a robot reaches: sliding wheels, motor voltage and current, command limits.
 
-A wheel under load creeps: the speed of its rim differs from that of the carpet in proportion to the
-force, up to Coulomb's limit. Slip beyond the largest creep is sliding. The friction force of a
-sliding wheel does not increase with slip.
+A wheel that transmits a force creeps: its rim slips over the carpet with a speed in proportion to
+the force. Coulomb's limit of the force is reached at the largest creep. At larger slip the wheel
+slides, and its friction force does not increase further.
 """
 
 import numpy as np
@@ -23,13 +23,15 @@ LIMIT_LABELS = {
 DUTY = "mean_duty"
 METRIC_LABELS = {f"{limit}_fraction": label for limit, label in LIMIT_LABELS.items()}
 METRIC_LABELS[DUTY] = "duty"
-CREEP_FRACTION = 0.98  # creep at Coulomb's limit is known to about 2 %
-SLIDING_MARGIN_M_S = 0.02  # slip above the largest creep from which on a wheel slides
+CREEP_FRACTION = 0.98  # the largest creep is known to about 2 %
+SLIDING_MARGIN_M_S = 0.02  # a wheel slides if its slip exceeds the largest creep by this much
 ROUNDING = 1e-9  # relative rounding error of a command that was scaled to a limit
 
 
 def excess_slip(pose: Array, slip: Array, settings: Settings) -> Array:
-    """Return by how much the slip of each wheel exceeds its largest creep.
+    """Return by how much the slip of each wheel exceeds that from which on it slides.
+
+    The largest creep is |v| friction / creep_stiffness, with the velocity v of the wheel's center.
 
     Args:
         pose: Shape (frames, 3), m and rad.
@@ -41,7 +43,8 @@ def excess_slip(pose: Array, slip: Array, settings: Settings) -> Array:
     """
     wheels = settings.wheels.kinematics
     twist = world_to_body(np.diff(pose, axis=0) / PERIOD_S, pose[1:, 2])
-    # Velocities of the wheels' centers as complex numbers, to keep the rounding of the results.
+    # Velocities of the wheels' centers, x + iy in body axes. Arrays of shape (n, 2) would round
+    # differently.
     center = (twist[:, 0] + 1j * twist[:, 1])[:, None]
     center = center + 1j * twist[:, 2, None] * wheels.arm * np.exp(1j * wheels.azimuths)
     speed = np.abs(center)
@@ -61,16 +64,14 @@ def is_command_limited(command: Array, control: ControlSettings) -> np.ndarray:
         Shape (frames,).
     """
     rate = np.diff(command, axis=0, prepend=np.zeros((1, 3))) / PERIOD_S
-    speed, acceleration = (np.stack([np.hypot(x, y), np.abs(w)]) for x, y, w in (command.T, rate.T))
-    max_speed = np.array([control.max_speed_m_s, control.max_turn_rate_rad_s])
-    max_acceleration = np.array(
-        [control.max_acceleration_m_s2, control.max_turn_acceleration_rad_s2]
-    )
     tolerance = 1 - ROUNDING
-    is_limited = (speed >= max_speed[:, None] * tolerance) | (
-        acceleration >= max_acceleration[:, None] * tolerance
+    speed, acceleration = (np.hypot(values[:, 0], values[:, 1]) for values in (command, rate))
+    return np.asarray(
+        (speed >= control.max_speed_m_s * tolerance)
+        | (np.abs(command[:, 2]) >= control.max_turn_rate_rad_s * tolerance)
+        | (acceleration >= control.max_acceleration_m_s2 * tolerance)
+        | (np.abs(rate[:, 2]) >= control.max_turn_acceleration_rad_s2 * tolerance)
     )
-    return np.asarray(is_limited.any(0))
 
 
 def saturated_frames(log: Log, row: int) -> dict[str, np.ndarray]:
@@ -99,7 +100,7 @@ def saturation_metrics(log: Log) -> dict[str, Array]:
     """Return the fraction of frames at each limit, and the mean duty, of each row.
 
     Returns:
-        Key of `METRIC_LABELS` -> shape (n,). NaN where the plant does not simulate it.
+        Key of `METRIC_LABELS` -> shape (n,). NaN if the plant does not simulate the limit.
     """
     metrics = {name: np.full(len(log.rows), np.nan) for name in METRIC_LABELS}
     for row in np.flatnonzero(log.lengths):

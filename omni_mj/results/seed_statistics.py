@@ -34,13 +34,13 @@ def seed_statistics(values: Array) -> SeedStatistics:
     """Return each seed's value, and statistics over the seeds.
 
     Args:
-        values: Shape (seeds,). Infinite for a seed that failed or never settled: of three seeds
-            with one such value, there is a median but no mean. NaN for a seed without a value,
-            which leaves no statistics.
+        values: Shape (seeds,). Infinite for a seed that failed or never settled: three seeds with
+            one such value have a median but no mean. With a seed that has NaN, all statistics are
+            None.
 
     Returns:
-        `per_seed`, `median`, `min`, `max`, `mean`, `ci95_half_width`; None for values that are not
-            finite. A single seed has no interval.
+        `per_seed`, `median`, `min`, `max`, `mean`, `ci95_half_width`. Numbers that are not finite
+            are None, and so is the interval of a single seed.
     """
     with np.errstate(invalid="ignore"):  # infinity minus infinity
         mean, half_width = confidence_interval(values)
@@ -59,5 +59,5 @@ def seed_statistics(values: Array) -> SeedStatistics:
 
 
 def finite_or_none(value: Any) -> float | None:
-    """Return a number for JSON: None if it is not finite."""
+    """Return a number as float, or None if it is not finite, for JSON."""
     return float(value) if np.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""The content of summary.json: what was run, and results that follow from the trajectories."""
+"""The content of summary.json: scenarios, results of the controllers, definitions, versions."""
 
 import platform
 from collections.abc import Iterable, Iterator, Mapping
@@ -77,7 +77,7 @@ def scenario_entry(
         scenario: The scenario.
         log: Its recorded frames.
         failures: Rows that were stopped.
-        row_metrics: Metrics of its rows, name -> shape (n,). Empty if errors have no meaning.
+        row_metrics: Metrics of its rows, name -> shape (n,). Empty for a scenario without results.
         wall_s: Duration of the run, s.
         stopped: Reason why the run ended early, or None.
         drawn_parameters: Parameters drawn for each row, name -> shape (n,).
@@ -122,9 +122,10 @@ def controller_results(
             }
             for axis in AXES
         }
+        heading_error = errors.pop("heading")
         results[controller] = {
-            "error_m": {axis: errors[axis] for axis in AXES if UNITS[axis] == "m"},
-            "error_rad": {axis: errors[axis] for axis in AXES if UNITS[axis] == "rad"},
+            "error_m": errors,
+            "error_rad": {"heading": heading_error},
             **{name: seed_statistics(row_metrics[name][rows]) for name in OTHER_METRICS},
             "recovery": _recovery_results(log, rows, row_metrics),
             "saturation": {
@@ -132,7 +133,11 @@ def controller_results(
                 for name in saturation.METRIC_LABELS
             },
             "alpha": alpha_percentiles(log, rows),
-            **{name: _largest(row_metrics[name][rows]) for name in metrics.PEAKS},
+            **{
+                # fmax ignores NaN, which failed rows have.
+                name: finite_or_none(np.fmax.reduce(row_metrics[name][rows]))
+                for name in metrics.PEAKS
+            },
             "n_failed": len(failed.intersection(rows.tolist())),
             "n_settled": int(np.isfinite(row_metrics["settle_s"][rows]).sum()),
         }
@@ -196,16 +201,16 @@ def flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
             yield prefix + name, value
 
 
-def _list_drawn_parameters(log: Log, drawn: Mapping[str, Array]) -> list[dict[str, Any]]:
-    """Return the parameters drawn for each seed and slot, which are equal for all controllers."""
-    if not drawn:
+def _list_drawn_parameters(log: Log, parameters: Mapping[str, Array]) -> list[dict[str, Any]]:
+    """Return the parameters drawn for each seed and slot, which all controllers share."""
+    if not parameters:
         return []
-    indices = {(row.seed, row.slot): i for i, row in reversed(list(enumerate(log.rows)))}
+    indices = {(row.seed, row.slot): i for i, row in enumerate(log.rows)}
     return [
         {
             "seed": seed,
             "slot": slot,
-            **{name: finite_or_none(values[i]) for name, values in drawn.items()},
+            **{name: finite_or_none(values[i]) for name, values in parameters.items()},
         }
         for (seed, slot), i in sorted(indices.items())
     ]
@@ -214,9 +219,10 @@ def _list_drawn_parameters(log: Log, drawn: Mapping[str, Array]) -> list[dict[st
 def _recovery_results(
     log: Log, rows: np.ndarray, row_metrics: Mapping[str, Array]
 ) -> list[dict[str, Any]]:
-    """Return excursion and recovery of a controller for each fault of its first row.
+    """Return statistics of a controller's excursion and recovery time for each fault.
 
-    The statistics are over those of its rows that have the same fault.
+    The faults are those of its first row. The statistics are over its rows that have the same
+    fault.
     """
     results = []
     for i, fault in enumerate(log.rows[rows[0]].settings.fault):
@@ -243,8 +249,3 @@ def _statistics_without_failed(values: Array) -> SeedStatistics:
     known = values[~np.isnan(values)]
     statistics_of_known = seed_statistics(known if known.size else np.array([np.nan]))
     return statistics_of_known | {"per_seed": [finite_or_none(value) for value in values]}
-
-
-def _largest(values: Array) -> float | None:
-    known = values[~np.isnan(values)]
-    return finite_or_none(known.max()) if known.size else None

@@ -11,8 +11,9 @@ from omni_mj.results.paired_comparison import paired_difference
 
 Results = Mapping[str, Mapping[str, Any]]  # controller -> its results in summary.json
 
-# A component of the position error explains a difference if it causes this fraction of it. The
-# mean squares of both components add up to the mean square of the position error.
+# A component of the position error explains an error, or a difference of errors, if it has at least
+# this fraction of its mean square. The mean squares of both components add up to that of the
+# position error.
 MAIN_FRACTION = 0.6
 EXPLANATIONS = {
     "along_track": "by better timing: along-track error",
@@ -45,14 +46,14 @@ def summary_sentence(summary: Mapping[str, Any]) -> str:
     (results,) = scenarios
     ranking = _rank(results)
     failures = [
-        f"{name} failed in {result['n_failed']} of {_seeds(_n_seeds(result))}"
+        f"{name} failed in {result['n_failed']} of {_count_seeds(result)}"
         for name, result in results.items()
         if result["n_failed"]
     ]
     if len(ranking) > 1:
-        text = _compare(results, ranking[0], ranking[1])
+        text = _compare_best(results, ranking[0], ranking[1])
     elif ranking:
-        text = _describe(ranking[0], results[ranking[0]])
+        text = _describe_only(ranking[0], results[ranking[0]])
     else:
         text = "No controller finished all seeds"
     return "; ".join([text, *failures]) + "."
@@ -79,8 +80,8 @@ def _count_wins(scenarios: list[Results]) -> str:
     return f"{best} has the smallest mean position error in {n_wins} of {len(scenarios)} scenarios."
 
 
-def _describe(name: str, result: Mapping[str, Any]) -> str:
-    """Return the error of the only controller, and its main component."""
+def _describe_only(name: str, result: Mapping[str, Any]) -> str:
+    """Return the error of the only ranked controller, and its main component."""
     text = f"{name} follows the reference with a mean position error of {_cm(result)}"
     total = _error_m(result, statistic="rms") ** 2
     for axis, location in LOCATIONS.items():
@@ -89,7 +90,7 @@ def _describe(name: str, result: Mapping[str, Any]) -> str:
     return text
 
 
-def _compare(results: Results, best: str, second: str) -> str:
+def _compare_best(results: Results, best: str, second: str) -> str:
     """Return by how much, and why, the best controller beats the second best."""
     ours, theirs = results[best], results[second]
     difference, half_width, _ = paired_difference(
@@ -100,7 +101,7 @@ def _compare(results: Results, best: str, second: str) -> str:
     if half_width is not None and difference <= half_width:
         return (
             f"{best} ({_cm(ours)}) and {second} ({_cm(theirs)}) do not differ significantly in "
-            f"mean position error over {_seeds(_n_seeds(ours))}"
+            f"mean position error over {_count_seeds(ours)}"
         )
     percent = 100 * difference / _error_m(theirs)
     text = (
@@ -121,12 +122,11 @@ def _error_m(result: Mapping[str, Any], axis: str = "position", statistic: str =
 
 
 def _cm(result: Mapping[str, Any], axis: str = "position") -> str:
+    """Return the mean error as text in centimeters."""
     return f"{100 * _error_m(result, axis):.2f} cm"
 
 
-def _n_seeds(result: Mapping[str, Any]) -> int:
-    return len(result["settle_s"]["per_seed"])
-
-
-def _seeds(count: int) -> str:
-    return f"{count} seed{'s' * (count != 1)}"
+def _count_seeds(result: Mapping[str, Any]) -> str:
+    """Return the number of seeds as text, such as "5 seeds"."""
+    n_seeds = len(result["settle_s"]["per_seed"])
+    return "1 seed" if n_seeds == 1 else f"{n_seeds} seeds"

@@ -20,7 +20,7 @@ class Table:
     left_columns: int
 
 
-def format_table(text_table: Table, width: int = TERMINAL_WIDTH) -> str:
+def format_table(text_table: Table) -> str:
     """Return a table as lines of plain text that fit the terminal.
 
     Columns without any text are left out. If the table is too wide, units go to a second line of
@@ -29,33 +29,32 @@ def format_table(text_table: Table, width: int = TERMINAL_WIDTH) -> str:
 
     Args:
         text_table: Table to print. Units follow a comma in its headings.
-        width: Largest number of characters in a line.
     """
-    columns: list[Column] = list(zip(text_table.headings, *text_table.rows, strict=True))
-    labels = columns[: text_table.left_columns]
-    values = [column for column in columns[text_table.left_columns :] if any(column[1:])]
-    n_headings = 1
-    if _width([*labels, *values]) > width:
-        n_headings = 2
-        labels, values = (
-            [_split_heading(column) for column in group] for group in (labels, values)
-        )
+    n_labels = text_table.left_columns
+    columns = [
+        column
+        for i, column in enumerate(zip(text_table.headings, *text_table.rows, strict=True))
+        if i < n_labels or any(column[1:])
+    ]
+    if _width(columns) > TERMINAL_WIDTH:
+        columns = [_split_heading(column) for column in columns]
+    labels = columns[:n_labels]
     blocks: list[list[Column]] = [[]]
-    for column in values:
-        if blocks[-1] and _width([*labels, *blocks[-1], column]) > width:
+    for column in columns[n_labels:]:
+        if blocks[-1] and _width([*labels, *blocks[-1], column]) > TERMINAL_WIDTH:
             blocks.append([])
         blocks[-1].append(column)
-    title = "\n".join(textwrap.fill(line, width) for line in text_table.title.split("\n"))
-    body = "\n\n".join(_format_block(labels, block, n_headings) for block in blocks)
-    return f"{title}\n{body}"
+    title = [textwrap.fill(line, TERMINAL_WIDTH) for line in text_table.title.split("\n")]
+    body = "\n\n".join(_format_block(labels, block) for block in blocks)
+    return "\n".join([*title, body])
 
 
 def drop_equal_columns(text_table: Table, kept_headings: Collection[str] = ()) -> Table:
-    """Return a table without columns that are empty or say the same of all controllers.
+    """Return a table without columns that are empty or have the same value in all rows.
 
     Args:
-        text_table: Table, whose left-aligned columns stay.
-        kept_headings: Headings of columns that stay even if all their cells are equal.
+        text_table: Table. Its left-aligned columns stay.
+        kept_headings: Headings of columns that stay even if all their values are equal.
     """
     columns = []
     for index, heading in enumerate(text_table.headings):
@@ -82,7 +81,7 @@ def escape_markdown_cell(text: str) -> str:
 
 
 def format_number(value: float | None, factor: float = 1.0, digits: int = 2) -> str:
-    """Return factor times a number, never as -0; a dash for None."""
+    """Return factor times a number as text, or a dash for None. The text is never "-0"."""
     return DASH if value is None else f"{factor * value:z.{digits}f}"
 
 
@@ -102,8 +101,8 @@ def _column_width(column: Column) -> int:
     return max((len(text) for text in column if len(text) <= MAX_LABEL_WIDTH), default=0)
 
 
-def _format_block(labels: Sequence[Column], values: Sequence[Column], n_headings: int) -> str:
-    """Return columns side by side, without the line of units if no column has one."""
+def _format_block(labels: Sequence[Column], values: Sequence[Column]) -> str:
+    """Return columns side by side, without empty lines, such as one for units that do not exist."""
     columns = [*labels, *values]
     widths = [_column_width(column) for column in columns]
     lines = []
@@ -116,5 +115,4 @@ def _format_block(labels: Sequence[Column], values: Sequence[Column], n_headings
             for i, (text, width) in enumerate(zip([label, *texts], widths, strict=True))
         ]
         lines.append("  ".join(aligned).rstrip())
-    is_unit_line_empty = n_headings == 2 and not lines[1]
-    return "\n".join(lines[:1] + lines[2:] if is_unit_line_empty else lines)
+    return "\n".join(filter(None, lines))

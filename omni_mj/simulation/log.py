@@ -22,11 +22,11 @@ CHANNEL_PREFIX = "channel_"  # before the names of a controller's own channels
 
 
 def channel_columns(n_wheels: int) -> dict[str, tuple[str, ...]]:
-    """Return the columns of each channel in a table.
+    """Return a mapping from each channel of the simulation to its columns in a table.
 
-    A line of the table describes the instant of a frame. `applied` acts until the next frame.
-    Peaks, means and `current_limited`, a fraction of the time, cover the time since the previous
-    frame.
+    A line of the table describes the instant of a frame. The command `applied` acts from then
+    until the next frame. Peaks, means and the fraction of the time `current_limited` cover the time
+    since the previous frame.
 
     Args:
         n_wheels: Number of wheels of a robot.
@@ -86,7 +86,7 @@ class Failure:
 
 
 class Log:
-    """Recorded channels of n rows over the frames so far.
+    """Channels of n rows, recorded in the frames so far.
 
     Args:
         rows: The rows.
@@ -94,9 +94,9 @@ class Log:
         n_frames: Expected number of frames. The capacity doubles when more are recorded.
 
     Attributes:
-        rows: As given.
+        rows: The rows.
         columns: Channel -> its columns in a table.
-        first_frame: Number of the first frame in a table.
+        first_frame: Number of the first recorded frame in the columns `frame` and `time_s`.
         length: Number of frames so far.
         lengths: Number of frames of each row, shape (n,). Smaller for rows that failed or ended.
     """
@@ -108,10 +108,12 @@ class Log:
         self._slices = {
             name: slice(*span) for name, span in zip(self.columns, pairwise(ends), strict=True)
         }
+        start, stop = self._slices[TELEMETRY_NAMES[0]].start, self._slices[TELEMETRY_NAMES[-1]].stop
+        self._slices["telemetry"] = slice(start, stop)
         self.length, self.first_frame = 0, 0
         self.lengths = np.zeros(len(self.rows), int)
-        # Channels of the simulation, shape (capacity, columns, n). The system provides the memory
-        # only when it is written.
+        # Channels of the simulation, shape (capacity, columns, n). The operating system provides
+        # the memory only when it is written.
         self._data: Array = np.empty((max(n_frames, INITIAL_CAPACITY), ends[-1], len(self.rows)))
         # Channels of controllers, name -> shape (capacity, columns, n).
         self._controller_data: dict[str, Array] = {}
@@ -143,42 +145,33 @@ class Log:
         self,
         is_active: np.ndarray,
         controller_channels: Mapping[str, Array],
-        telemetry: Array | None = None,
         **values: np.ndarray,
     ) -> None:
-        """Append a frame.
+        """Append a frame. Channels without a value get NaN.
 
         Args:
             is_active: Whether each row still runs, shape (n,). Others get NaN.
             controller_channels: Channels of the controllers, name -> shape (n, columns).
-            telemetry: Channels of `TELEMETRY_NAMES` side by side in that order, shape (n, their
-                columns).
-            **values: Other channels, shape (n, columns) or (n,), or broadcastable. Channels that
-                are not given get NaN.
+            **values: Channels of the simulation, shape (n, columns) or (n,), or broadcastable.
+                `telemetry` stands for all of `TELEMETRY_NAMES` side by side.
         """
         if self.length == len(self._data):
             self._double_capacity()
-        frame = self._data[self.length]
-        writes = [(frame[self._slices[name]], value) for name, value in values.items()]
+        for data in (self._data, *self._controller_data.values()):
+            data[self.length] = np.nan
+        for name, value in values.items():
+            np.copyto(self._data[self.length, self._slices[name]], value.T, where=is_active)
         for name, value in controller_channels.items():
             width = value.shape[1]
             data = self._controller_channel(CHANNEL_PREFIX + name, width)
-            writes.append((data[self.length, :width], value))
-        if telemetry is not None:
-            start = self._slices[TELEMETRY_NAMES[0]].start
-            stop = self._slices[TELEMETRY_NAMES[-1]].stop
-            writes.append((frame[start:stop], telemetry))
-        for data in (self._data, *self._controller_data.values()):
-            data[self.length] = np.nan
-        for columns, value in writes:
-            np.copyto(columns, value.T, where=is_active)
+            np.copyto(data[self.length, :width], value.T, where=is_active)
         self.length += 1
         self.lengths += is_active
 
     def channel(self, name: str) -> np.ndarray:
         """Return a channel, shape (length, n, columns).
 
-        Values are NaN, or false, where a row recorded none.
+        Frames that a row did not record are NaN, or false in `vision_valid`.
         """
         if name in self._slices:
             data = self._data[:, self._slices[name]]
@@ -188,31 +181,31 @@ class Log:
         return values == 1 if name == "vision_valid" else values
 
     def to_arrow(self, start: int = 0, stop: int | None = None) -> "pa.Table":
-        """Return a line per row and frame that it recorded, row by row.
+        """Return a table with one line per row and recorded frame, row by row.
 
         Args:
-            start: First line of the result.
-            stop: Line after the last of the result. Default: all lines.
+            start: Index of the first line to return.
+            stop: Index after the last line to return. Default: all lines.
         """
         import pyarrow as pa
 
         ends = np.cumsum(self.lengths)
         lines = np.arange(self.lengths.sum())[start:stop]
-        row = np.searchsorted(ends, lines, side="right")
-        frame = lines - (ends - self.lengths)[row]
+        row_indices = np.searchsorted(ends, lines, side="right")
+        frames = lines - (ends - self.lengths)[row_indices]
         labels = list(self.controllers)
-        label_indices = np.array([labels.index(r.controller) for r in self.rows], np.int32)
+        label_indices = np.array([labels.index(row.controller) for row in self.rows], np.int32)
         columns: dict[str, np.ndarray] = {
-            "seed": np.array([r.seed for r in self.rows], np.int64)[row],
-            "slot": np.array([r.slot for r in self.rows], np.int32)[row],
-            "frame": (self.first_frame + frame).astype(np.int32),
-            "time_s": (self.first_frame + frame) * PERIOD_S,
+            "seed": np.array([row.seed for row in self.rows], np.int64)[row_indices],
+            "slot": np.array([row.slot for row in self.rows], np.int32)[row_indices],
+            "frame": (self.first_frame + frames).astype(np.int32),
+            "time_s": (self.first_frame + frames) * PERIOD_S,
         }
         for name, titles in self.columns.items():
             data = self.channel(name)
-            columns |= {title: data[frame, row, i] for i, title in enumerate(titles)}
+            columns |= {title: data[frames, row_indices, i] for i, title in enumerate(titles)}
         controllers = pa.DictionaryArray.from_arrays(
-            label_indices[row], pa.array(labels, pa.string())
+            label_indices[row_indices], pa.array(labels, pa.string())
         )
         return pa.table({"controller": controllers} | columns)
 
@@ -230,7 +223,7 @@ class Log:
         data = self._controller_data.get(name, self._data[:, :0])
         if data.shape[1] < width:
             wider = np.empty((len(self._data), width, len(self.rows)))
-            wider[: self.length] = np.nan
+            wider[: self.length + 1] = np.nan
             wider[: self.length, : data.shape[1]] = data[: self.length]
             self._controller_data[name] = wider
             titles = tuple(f"{name}_{i + 1}" for i in range(width))
@@ -238,11 +231,6 @@ class Log:
         return self._controller_data[name]
 
     def _double_capacity(self) -> None:
-        self._data = _doubled(self._data)
-        self._controller_data = {
-            name: _doubled(data) for name, data in self._controller_data.items()
-        }
-
-
-def _doubled(data: Array) -> Array:
-    return np.concatenate([data, np.empty_like(data)])
+        self._data = np.concatenate([self._data, np.empty_like(self._data)])
+        for name, data in self._controller_data.items():
+            self._controller_data[name] = np.concatenate([data, np.empty_like(data)])

@@ -27,8 +27,7 @@ from omni_mj.robot.backends import choose_backend
 from omni_mj.simulation.log import Failure, Log
 from omni_mj.simulation.team_builder import ReferenceFactory, build_team
 
-# Sections of the settings that rows of one plant instance must share, because its model depends on
-# them.
+# Sections of the settings that all rows of a plant share, because its model depends on them.
 MODEL_SECTIONS = {
     "mujoco": {"body", "wheels", "motor", "model", "physics"},
     "planar": {"wheels"},
@@ -73,7 +72,7 @@ class Simulation:
         controllers: Names, `file.py:Class` or classes. Default: those of the scenario.
         seeds: Seeds; each gives a row per controller. Default: those of the scenario.
         rows: Rows to simulate. Default: all controllers with all seeds.
-        build_reference: Builds the reference of a controller's rows, given their indices. Default:
+        build_reference: Returns the reference of a controller's rows, given their indices. Default:
             the references of the rows' settings.
         keep_log: Whether frames are recorded.
 
@@ -84,10 +83,10 @@ class Simulation:
         plant: The simulated robots.
         camera: The cameras.
         radio: The radio.
-        team: The controllers and the trackers.
+        team: The controllers and the pose filters.
         log: The recorded frames. Without rows if `keep_log` is false.
         frame: Index of the next frame.
-        failures: Rows that were stopped before their end, in order of time.
+        failures: Failures of rows that stopped before their end, in order of time.
 
     Raises:
         OmniError: A controller does not exist or is named twice, the rows cannot share a plant, the
@@ -136,26 +135,27 @@ class Simulation:
         """Replace `physics.backend = "auto"`, so that scenario.toml names the backend used."""
         plant, n_rows = self.scenario.plant, len(self._initial_rows)
         n_frames = max(reference.frames for reference in self.references)
-        resolved: dict[int, Settings] = {}
 
         def resolve(settings: Settings) -> Settings:
-            if id(settings) not in resolved:
-                backend = choose_backend(settings.physics.backend, plant, n_rows, n_frames)
-                physics = settings.physics.model_copy(update={"backend": backend})
-                resolved[id(settings)] = settings.model_copy(update={"physics": physics})
-            return resolved[id(settings)]
+            backend = choose_backend(settings.physics.backend, plant, n_rows, n_frames)
+            physics = settings.physics.model_copy(update={"backend": backend})
+            return settings.model_copy(update={"physics": physics})
 
+        # Rows share settings, so that each is resolved only once.
+        settings_by_id = {id(row.settings): row.settings for row in self._initial_rows}
+        resolved = {key: resolve(settings) for key, settings in settings_by_id.items()}
         self._initial_rows = [
-            replace(row, settings=resolve(row.settings)) for row in self._initial_rows
+            replace(row, settings=resolved[id(row.settings)]) for row in self._initial_rows
         ]
         if self.scenario.settings.physics.backend == "auto":
             self.scenario = self.scenario.replace(settings=resolve(self.scenario.settings))
 
     def reset(self, seed: int | None = None) -> None:
-        """Return to the start. The same steps then give the same frames.
+        """Return to the start. The same commands then give the same frames.
 
         Args:
-            seed: Smallest seed of the rows. Default: that of the first run.
+            seed: New smallest seed; the others are shifted by the same number. Default: the seeds
+                of the first run.
         """
         shift = 0 if seed is None else seed - min(row.seed for row in self._initial_rows)
         self.rows = [replace(row, seed=row.seed + shift) for row in self._initial_rows]
@@ -164,7 +164,7 @@ class Simulation:
             self.rows = [replace(row, settings=settings[row.seed]) for row in self.rows]
         self.references = _build_references(self.rows)
         self.frame, self.failures = 0, list[Failure]()
-        self._is_running = np.ones(len(self.rows), bool)
+        self._is_stopped = np.zeros(len(self.rows), bool)
         self._observation: Observation | None = None
         start_poses = np.array([reference.poses[0] for reference in self.references])
         self.plant, self.camera, self.radio = self._build_plant_and_link(start_poses)
@@ -177,11 +177,11 @@ class Simulation:
             build_reference=self._build_reference,
         )
         self._n_frames = np.array([reference.frames for reference in self.references])
-        # Many rows share a few references. Looking up the pose of each row separately takes a sixth
-        # of the time of a frame with 2048 kinematic robots.
+        # Many rows share a few references. Their poses are looked up once per reference: one look-up
+        # per row would take a sixth of the time of a frame with 2048 kinematic robots.
         self._distinct_references = list(dict.fromkeys(self.references))
         indices = {reference: i for i, reference in enumerate(self._distinct_references)}
-        self._reference_index = np.array([indices[reference] for reference in self.references])
+        self._reference_indices = np.array([indices[reference] for reference in self.references])
         n_wheels = self.plant.telemetry().wheel_angle.shape[1]
         log_rows = self.rows if self._keep_log else []
         self.log = Log(log_rows, n_wheels, int(self._n_frames.max()))
@@ -189,7 +189,7 @@ class Simulation:
     @property
     def done(self) -> bool:
         """Whether every row has reached the end of its reference or was stopped."""
-        return not np.count_nonzero(self._is_active)
+        return not np.count_nonzero(self._is_active)  # faster than .any() on small arrays
 
     @property
     def drawn_parameters(self) -> dict[str, Array]:
@@ -205,7 +205,7 @@ class Simulation:
         """Run from the start to the end.
 
         Args:
-            after_frame: Called with each frame's index after it was recorded.
+            after_frame: Called with the index of each frame after it was recorded.
         """
         if self.frame:
             self.reset()
@@ -228,8 +228,8 @@ class Simulation:
         """Advance by one frame: command, send, record, move.
 
         Args:
-            command: Velocities [vx, vy, w], shape (n, 3), world frame, m/s and rad/s, in place of
-                the controllers' commands. The same limits apply. Default: ask the controllers.
+            command: Twists, shape (n, 3), world frame, m/s and rad/s. The limits of the team apply.
+                Default: the controllers' commands.
 
         Raises:
             OmniError: The command is not an array of finite numbers of shape (n, 3).
@@ -258,7 +258,7 @@ class Simulation:
 
     def _record(self, extrapolated_pose: Array, sent: Array, received: ReceivedCommand) -> None:
         """Append this frame to the log."""
-        poses = np.array(
+        reference_poses = np.array(
             [
                 reference.poses[min(self.frame, reference.frames - 1)]
                 for reference in self._distinct_references
@@ -267,7 +267,7 @@ class Simulation:
         self.log.append(
             self._is_active,
             self.team.channels,
-            ref=poses[self._reference_index],
+            ref=reference_poses[self._reference_indices],
             pose=self._pose,
             vision=extrapolated_pose,
             vision_valid=self._is_detected,
@@ -282,32 +282,37 @@ class Simulation:
     @property
     def _is_active(self) -> np.ndarray:
         """Whether each row still runs, shape (n,)."""
-        return self._is_running & (self.frame < self._n_frames)
+        return ~self._is_stopped & (self.frame < self._n_frames)
 
     def _stop(self, rows: np.ndarray, cause: object) -> None:
-        """Stop rows, given by their indices, and store the cause as text."""
+        """Stop rows, given by their indices, and store a failure of each."""
         text = to_printable(str(cause))
-        for i in rows[self._is_running[rows]]:
+        for i in rows[~self._is_stopped[rows]]:
             row = self.rows[i]
             time_s = self.frame * PERIOD_S
             self.failures.append(Failure(int(i), row.controller, row.seed, time_s, text))
-        self._is_running[rows] = False
+        self._is_stopped[rows] = True
 
 
 def batch_key(plant: str, settings: Settings) -> Hashable:
-    """Return a key that is equal for rows that one simulation can contain.
+    """Return a key that is equal for settings whose rows can share a simulation.
 
-    On the plant mujoco, such rows share a model; on planar, the wheels; on all, the number of
-    robots in a world.
+    Such rows have the same number of robots in a world. On the plant mujoco they also share the
+    robot's shape and the physics settings, on planar the wheels.
     """
     n_robots = len(settings.world.start_poses)
     if plant == "mujoco":
         return RobotShape.from_settings(settings), settings.physics, n_robots
-    return (settings.wheels, n_robots) if plant == "planar" else n_robots
+    if plant == "planar":
+        return settings.wheels, n_robots
+    return n_robots
 
 
 def seeds_share_batch(scenario: Scenario) -> bool:
-    """Return whether all seeds of a scenario can share a simulation, whatever they draw."""
+    """Return whether all seeds of a scenario can share a simulation.
+
+    They cannot if settings on which the plant's model depends are drawn for each seed.
+    """
     random_sections = {name.split(".")[0] for name in scenario.distributions}
     return MODEL_SECTIONS.get(scenario.plant, set()).isdisjoint(random_sections)
 
@@ -317,12 +322,12 @@ def _build_references(rows: Sequence[Row]) -> list[SampledReference]:
 
 
 def _check_delays(rows: Sequence[Row], references: Sequence[SampledReference]) -> None:
-    """Raise `OmniError` if a reference ends before the first command arrives."""
+    """Raise `OmniError` if a reference ends before the first command acts."""
     for row, reference in zip(rows, references, strict=True):
-        delay = row.settings.radio.delay_frames
-        if delay >= reference.frames:
+        delay_frames = row.settings.radio.delay_frames
+        if delay_frames >= reference.frames:
             raise OmniError(
                 f"radio.delay_frames must be less than the {reference.frames} frames of the "
-                f"reference, got {delay}: no command would arrive before its end. Extend the "
+                f"reference, got {delay_frames}: no command would act before its end. Extend the "
                 "reference with reference.settle_s"
             )

@@ -1,6 +1,6 @@
-"""Construction of the team's computers: controllers and trackers of all rows.
+"""Construction of the team: the controllers and the pose filters of all rows.
 
-Rows with equal settings share a controller.
+Rows with equal settings share a controller, which computes their commands together.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,9 +18,10 @@ from omni_mj.config import reference_factory
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import PERIOD_S, Settings
 
-# Lag, drag and creep on plants without wheels. Zero would mean that they are unknown.
+# Lag (s), dry friction (m/s) and creep (s^2/m) on plants without wheels. Zero means unknown.
 NEGLIGIBLE = 1e-9
-ReferenceFactory = Callable[[np.ndarray], Reference]
+ReferenceFactory = Callable[[np.ndarray], Reference]  # indices of rows -> their reference
+Parameters = tuple[tuple[str, float | bool | str], ...]  # names and values, sorted by name
 
 
 def build_team(
@@ -37,55 +38,52 @@ def build_team(
         rows: The rows.
         controller_classes: Label -> class.
         start_poses: Shape (n, 3).
-        has_wheels: Whether the plant simulates wheels. If not, the team assumes no lag, drag or
-            creep.
-        on_failure: Called with the rows of a controller that fails, and the error.
-        build_reference: Builds the reference of rows, given their indices. Default: the references
+        has_wheels: Whether the plant simulates wheels. If not, the team assumes no lag, no dry
+            friction and no creep.
+        on_failure: Called with the indices of a controller's rows if it fails, and the error.
+        build_reference: Returns the reference of rows, given their indices. Default: the references
             of the rows' settings.
     """
     geometry = rows[0].settings.wheels.kinematics
-    groups: dict[tuple[object, ...], list[int]] = {}
+    groups: dict[tuple[str, TeamModel, object, Parameters], list[int]] = {}
     for i, row in enumerate(rows):
         shared_reference: object = None
-        # A reference that is known in advance may differ between the robots of a controller.
+        # Only timed references may differ between the rows of a controller.
         if build_reference or _is_iterated(row):
             limits = reference_factory.build_reference_limits(row.settings)
             shared_reference = row.settings.reference, limits, row.start_pose
         model = build_team_model(row.settings, geometry, has_wheels)
         key = row.controller, model, shared_reference, _list_parameters(row)
         groups.setdefault(key, []).append(i)
-    members = [np.array(indices) for indices in groups.values()]
     controllers: list[Controller] = []
-    failed_rows = np.array([], int)
-    for indices in members:
-        row = rows[indices[0]]
-        model = build_team_model(row.settings, geometry, has_wheels)
+    controller_rows = [np.array(indices) for indices in groups.values()]
+    failed_rows: list[int] = []
+    for (label, model, _, parameters), indices in zip(groups, controller_rows, strict=True):
         if build_reference is None:
             reference = _build_group_reference([rows[i] for i in indices])
         else:
             reference = build_reference(indices)
-        parameters = dict(_list_parameters(row))
-        controller_class, n = controller_classes[row.controller], len(indices)
+        controller_class, n = controller_classes[label], len(indices)
         try:
-            controller = make_controller(controller_class, model, reference, n, parameters)
+            controller = make_controller(controller_class, model, reference, n, dict(parameters))
         except ControllerError as error:
             on_failure(indices, error)
-            failed_rows = np.concatenate([failed_rows, indices])
-            controller = Controller(model, reference, n)  # placeholder that is never asked
+            failed_rows.extend(indices)
+            controller = Controller(model, reference, n)  # placeholder that is never called
         controllers.append(controller)
-    team = Team(controllers, start_poses, members, on_failure=on_failure)
-    team.stop(failed_rows)
+    team = Team(controllers, start_poses, controller_rows, on_failure=on_failure)
+    team.stop(np.array(failed_rows, int))
     return team
 
 
 @lru_cache(maxsize=4096)
 def build_team_model(settings: Settings, geometry: Kinematics, has_wheels: bool) -> TeamModel:
-    """Return what the team's computer knows of the loop in advance.
+    """Return the model of the robot and the loop that the team knows in advance.
 
     Args:
         settings: Settings of a row.
         geometry: Geometry of the wheels.
-        has_wheels: See `build_team`.
+        has_wheels: Whether the plant simulates wheels.
     """
     control, vision = settings.control, settings.vision
     alpha = control.assumed_alpha_forward, control.assumed_alpha_sideways
@@ -125,6 +123,6 @@ def _is_iterated(row: Row) -> bool:
     return row.settings.reference.mode == "iterated"
 
 
-def _list_parameters(row: Row) -> tuple[tuple[str, float | bool | str], ...]:
+def _list_parameters(row: Row) -> Parameters:
     """Return names and values of the controller's parameters in a row's settings."""
     return tuple(sorted(row.settings.controller.get(row.controller, {}).items()))
