@@ -1,4 +1,4 @@
-"""Results of the paper, tables 3 and 4: absolute position errors in meters."""
+"""Position errors that the paper reports in tables 3 and 4, and the scenarios they belong to."""
 
 from functools import lru_cache
 
@@ -29,7 +29,7 @@ PLANT_SECTIONS = {
 
 
 def find_paper_table(scenario: Scenario) -> PaperTable | None:
-    """Return the paper's table for a scenario, or None if it is not the paper's experiment."""
+    """Return the paper's errors for a scenario, or None if it is not an experiment of the paper."""
     if scenario.paper_table not in TABLES or scenario.plant == "live":
         return None
     experiment = _load_experiment(scenario.paper_table, scenario.robot)

@@ -1,6 +1,6 @@
 """Provenance of a run: provenance.json, and copies of the user's files in sources/.
 
-It contains no names of users, hosts or folders, except those in the command line.
+provenance.json names no users, hosts or folders, except those in the command line.
 """
 
 import hashlib
@@ -35,7 +35,7 @@ def save_provenance(
     scenarios: Sequence[Scenario],
     frames: bool = True,
 ) -> None:
-    """Write provenance.json and the user's files of a run that is about to start.
+    """Write provenance.json and copies of the user's files before a run starts.
 
     Args:
         folder: Folder of the run, which exists.
@@ -67,7 +67,8 @@ def save_provenance(
 
 def describe_environment() -> dict[str, Any]:
     """Return package versions, a hash of the source, the git commit and the processor."""
-    cpu_file = Path("/proc/cpuinfo")  # Python does not report the processor's name on Linux
+    # On Linux, Python does not report the processor's name.
+    cpu_file = Path("/proc/cpuinfo")
     text = cpu_file.read_text(encoding="utf-8", errors="replace") if cpu_file.exists() else ""
     name = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
     return {
@@ -93,6 +94,7 @@ def source_digest() -> str:
 
 
 def _hash_files(folder: Path) -> Iterator[str]:
+    """Yield a line with hash and name for each source file in a folder."""
     for path in sorted(path for path in folder.rglob("*") if path.suffix in SOURCE_SUFFIXES):
         yield f"{sha256(path.read_bytes())} {path.relative_to(folder).as_posix()}\n"
 
@@ -105,27 +107,21 @@ def _git_commit() -> str | None:
     root = _PACKAGE.parent
     if not (root / ".git").exists():
         return None
-    describe = ("git", "-C", str(root), "describe")
-    arguments = ("--always", "--dirty", "--abbrev=40", "--exclude=*")
+    command = ("git", "-C", root, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
     try:
-        completed = subprocess.run(
-            (*describe, *arguments),
-            capture_output=True,
-            text=True,
-            timeout=GIT_TIMEOUT_S,
-            check=True,
-        )
+        return subprocess.check_output(
+            command, stderr=subprocess.DEVNULL, text=True, timeout=GIT_TIMEOUT_S
+        ).strip()
     except (OSError, subprocess.SubprocessError):
         return None
-    return completed.stdout.strip()
 
 
 def _describe_scenario(scenario: Scenario, files: dict[str, bytes]) -> dict[str, Any]:
-    """Return plant, robot, controllers and model of a scenario.
+    """Return a description of the plant, robot, controllers and model of a scenario.
 
     Args:
         scenario: The scenario.
-        files: Name in the run's folder -> content. Copies of the user's files are added.
+        files: Path in the run's folder -> content. Copies of the user's files are added.
     """
     robot, plant = robot_files.find_robot_file(scenario.robot), scenario.plant
     (robot_copy,) = _add_copies(files, {robot.name: robot.read_bytes()})
@@ -152,7 +148,7 @@ def _describe_scenario(scenario: Scenario, files: dict[str, bytes]) -> dict[str,
 def _describe_controller(
     kind: plugins.ControllerSpec, scenario: Scenario, files: dict[str, bytes]
 ) -> dict[str, Any]:
-    """Return name, file and parameters of a controller, and copy its file to `files`."""
+    """Return name, file and parameters of a controller, and add its file to `files`."""
     label, controller_class = plugins.label_controller(kind), plugins.find_controller(kind)
     entry = {"name": label} if kind in CONTROLLERS else _describe_class(kind, files)
     parameters = scenario.settings.controller.get(label, {})
@@ -160,7 +156,7 @@ def _describe_controller(
 
 
 def _describe_class(kind: plugins.ControllerSpec, files: dict[str, bytes]) -> dict[str, Any]:
-    """Return name and file of a class of the user, and copy its file to `files`."""
+    """Return name and file of a user's class, and add the file to `files`."""
     file, _, name = plugins.format_controller_spec(kind).rpartition(":")
     entry = {"name": plugins.label_controller(kind), "class": name}
     is_main = isinstance(kind, type) and kind.__module__ == "__main__"
@@ -174,11 +170,15 @@ def _describe_class(kind: plugins.ControllerSpec, files: dict[str, bytes]) -> di
 def _add_copies(files: dict[str, bytes], copies: Mapping[str, bytes]) -> list[dict[str, str]]:
     """Add files that belong together to `files`.
 
+    Args:
+        files: Path in the run's folder -> content.
+        copies: Name -> content of the files to add.
+
     Returns:
-        Name in the run's folder and hash of each copy.
+        Path in the run's folder and hash of each copy.
     """
     folder = SOURCES
     while any(files.get(f"{folder}/{name}", data) != data for name, data in copies.items()):
-        folder += "/other"  # other files have these names
+        folder += "/other"  # different files of these names are already there
     files |= {f"{folder}/{name}": data for name, data in copies.items()}
     return [{"file": f"{folder}/{name}", "sha256": sha256(data)} for name, data in copies.items()]

@@ -5,8 +5,8 @@ Let u be the commanded and v the achieved speed along the drive, and U the cruis
 **Steady gain** g: v / u in the last half second of the cruise, from displacements. If a robot lacks
 the traction for the ramp, it may still accelerate then, and the result holds for this drive only.
 
-**Lag**: from the displacement that is missing after the ramp up, D_up, and the excess displacement
-after the ramp down, D_down, relative to g times the commanded displacement:
+**Lag**: computed from D_up, the displacement that is missing after the ramp up, and D_down, the
+excess displacement after the ramp down. Both are relative to g times the commanded displacement:
 
     lag = (D_up + D_down) / (2 g U)
     D_up   = integral of g u - v from the start to the cruise
@@ -61,7 +61,7 @@ class RampProfile:
 
     @property
     def ramp(self) -> slice:
-        """Frames in which the slope of the ramp up is measured: its second half."""
+        """Frames of the second half of the ramp up, in which its slope is measured."""
         end = int(np.argmax(self.command()))
         return slice(end // 2, end)
 
@@ -87,7 +87,7 @@ class RampResponse:
     lag_s: Array
 
     def at(self, index: int | slice | tuple[int, ...]) -> "RampResponse":
-        """Return a part of the responses."""
+        """Return the responses at an index of the arrays."""
         return RampResponse(
             self.steady_gain[index], self.acceleration_gain[index], self.lag_s[index]
         )

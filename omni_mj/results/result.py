@@ -1,4 +1,4 @@
-"""The result of a study: outcomes of its scenarios, as summary, tables and files."""
+"""The result of a study, with an outcome for each scenario, and its files."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -46,19 +46,24 @@ class Outcome:
 
     @classmethod
     def not_run(cls, scenario: Scenario, reason: str | None = None) -> "Outcome":
-        """Return the outcome of a scenario that was not run, or cannot be run for a `reason`."""
+        """Return the outcome of a scenario that was not run.
+
+        Args:
+            scenario: The scenario.
+            reason: Reason why it cannot be run, or None if it was not reached.
+        """
         entry = summary.empty_entry(scenario)
         return cls(scenario, entry | {"status": "failed", "reason": reason} if reason else entry)
 
 
 @dataclass
 class Result:
-    """Result of a study, complete or so far.
+    """Result of a study, which may be incomplete.
 
     Attributes:
         outcomes: Outcomes of the scenarios, in the order of their runs.
         controllers: Labels of the controllers.
-        privileged: Controllers that are given the true state and do not compete.
+        privileged: Controllers that know the true state and do not compete.
         seeds: Seeds of the random numbers.
         subject: Controller that the verdicts are about, or None.
         created: Start of the study, ISO 8601.
@@ -119,13 +124,15 @@ class Result:
         """
         import pyarrow as pa
 
-        logs = {outcome.scenario.name: outcome.log for outcome in self.outcomes if outcome.log}
-        if not logs:
+        frames = {
+            outcome.scenario.name: outcome.log.to_arrow()
+            for outcome in self.outcomes
+            if outcome.log
+        }
+        if not frames:
             raise OmniError("no frames were kept; compare(..., keep_frames=True) keeps them")
-        frames = {name: log.to_arrow() for name, log in logs.items()}
         if len(self.outcomes) == 1:
-            (only_frames,) = frames.values()
-            return only_frames
+            return next(iter(frames.values()))
         named_frames = [
             rows.add_column(0, "scenario", pa.array([name] * rows.num_rows, pa.string()))
             for name, rows in frames.items()
@@ -133,7 +140,10 @@ class Result:
         return pa.concat_tables(named_frames, promote_options="default").unify_dictionaries()
 
     def rows(self) -> "pa.Table":
-        """Return one line per row: its name, failure, differing settings and metrics."""
+        """Return a table with one line per row: names, failure, settings and metrics.
+
+        Settings that are equal in all rows are left out.
+        """
         import pyarrow as pa
 
         lines = [line for outcome in self.outcomes for line in _list_rows(outcome)]
@@ -165,9 +175,9 @@ class Result:
         provenance.save_provenance(Path(folder), study, None, scenarios, has_frames)
 
     def save_files(self, folder: Path) -> None:
-        """Write the same as `save`, without the provenance.
+        """Write the same files as `save`, except for the provenance.
 
-        The summary is written last, because it says that everything is there.
+        The summary is written last: if it says that the result is complete, all files exist.
         """
         for outcome in self.outcomes:
             self.save_outcome(outcome, folder)
@@ -196,18 +206,15 @@ class Result:
 def _list_rows(outcome: Outcome) -> Iterator[dict[str, Any]]:
     """Yield name, failure, settings and metrics of each row."""
     failures = {failure.row: failure for failure in outcome.failures}
-    # Rows share settings, so that each is converted only once.
-    settings = {id(row.settings): row.settings for row in outcome.rows}
-    values = {
-        key: {
-            name: json.dumps(value) if isinstance(value, list | tuple) else value
-            for name, value in summary.flatten(row_settings.to_dict())
-        }
-        for key, row_settings in settings.items()
-    }
+    settings_by_id: dict[int, dict[str, Any]] = {}
     row_values = {**outcome.metrics, **outcome.drawn_parameters}
     for i, row in enumerate(outcome.rows):
         failure = failures.get(i)
+        if id(row.settings) not in settings_by_id:  # rows share settings
+            settings_by_id[id(row.settings)] = {
+                name: json.dumps(value) if isinstance(value, list) else value
+                for name, value in summary.flatten(row.settings.to_dict())
+            }
         yield {
             "scenario": outcome.scenario.name,
             "controller": row.controller,
@@ -215,6 +222,6 @@ def _list_rows(outcome: Outcome) -> Iterator[dict[str, Any]]:
             "slot": row.slot,
             "failed_at_s": failure.time_s if failure else None,
             "cause": failure.cause if failure else None,
-            **values[id(row.settings)],
+            **settings_by_id[id(row.settings)],
             **{name: array[i] for name, array in row_values.items()},
         }

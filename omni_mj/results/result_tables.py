@@ -11,23 +11,23 @@ from omni_mj.results.seed_statistics import SeedStatistics
 from omni_mj.results.text_table import DASH, Table, drop_equal_columns, format_number
 
 PAPER_PREFIX = "paper's "  # before the names of controllers whose errors the paper reports
-AXIS_COLUMNS = {  # axis -> heading, key in the summary, factor
+AXIS_COLUMNS = {  # axis -> heading, key in the summary, factor to the heading's unit
     "x": ("x, cm", "error_m", 100.0),
     "y": ("y, cm", "error_m", 100.0),
     "position": ("position, cm", "error_m", 100.0),
     "heading": ("heading, °", "error_rad", degrees(1)),
 }
-MIN_FRACTION = 0.05  # fraction of frames from which on a limit is worth a table
-Summary = Mapping[str, Any]
+MIN_FRACTION = 0.05  # of the frames, from which on a limit is worth a table
+Summary = Mapping[str, Any]  # content of summary.json
 
 
 def results_table(summary: Summary, effort: bool = False, paper: bool = True) -> Table:
     """Return the errors and settling times of all controllers in all scenarios.
 
-    Errors are "maximum/mean" over the frames; of several seeds, the medians. The paper's errors
-    follow in rows of their own. Changes of the position error are relative to the first controller,
-    the baseline. Errors in x and y have columns only if the paper reports them. A
-    column whose cells are all equal is left out.
+    Errors are "maximum/mean" over the frames, and medians over several seeds. Changes of the
+    position error are relative to the first controller, the baseline. The paper's errors follow in
+    rows of their own. Errors in x and y have columns only if the paper reports them. A column with
+    equal values in all rows is left out, except for the position error.
 
     Args:
         summary: Content of summary.json.
@@ -38,28 +38,34 @@ def results_table(summary: Summary, effort: bool = False, paper: bool = True) ->
     several = len(summary["scenarios"]) > 1
     has_paper = paper and any(entry["paper"] for entry in entries.values())
     axes = [axis for axis in AXIS_COLUMNS if has_paper or axis not in ("x", "y")]
-    headings = [*["scenario"] * several, "controller", *(AXIS_COLUMNS[axis][0] for axis in axes)]
-    headings += [*["excess effort, m/s²"] * effort, "settled, s", "change, %"]
+    headings = ["controller", *(AXIS_COLUMNS[axis][0] for axis in axes)]
+    if effort:
+        headings.append("excess effort, m/s²")
+    headings += ["settled, s", "change, %"]
     rows = []
     for name, entry in entries.items():
         lines = list(_controller_rows(summary, entry, axes, effort))
         if has_paper:
             lines += _paper_rows(entry, axes)
         for i, line in enumerate(lines):
-            row = [*["" if i else name] * several, *line]
-            rows.append(row + [""] * (len(headings) - len(row)))
+            line += [""] * (len(headings) - len(line))
+            rows.append(["" if i else name, *line] if several else line)
     name = "Controllers compared" if several else next(iter(summary["scenarios"]))
     plants = dict.fromkeys(describe_plant(entry) for entry in summary["scenarios"].values())
     title = f"{name}, {' and '.join(plants)}{describe_seeds(summary)}; maximum/mean errors"
+    if several:
+        headings = ["scenario", *headings]
+    n_labels = 2 if several else 1
     position = AXIS_COLUMNS["position"][0]
-    return drop_equal_columns(Table(title, headings, rows, 1 + several), kept_headings=[position])
+    return drop_equal_columns(Table(title, headings, rows, n_labels), kept_headings=[position])
 
 
 def saturation_table(summary: Summary) -> Table | None:
-    """Return how often each controller reached a limit, in % of the frames, beside its error.
+    """Return the position error of each controller, and how often it reached each limit.
 
     Returns:
-        None if limits were hardly reached, or if the summary has several scenarios.
+        Table in % of the frames. None if limits were hardly reached, or if there are several
+            scenarios.
     """
     entries = [entry for entry in summary["scenarios"].values() if entry["results"]]
     if len(entries) != 1:
@@ -69,9 +75,9 @@ def saturation_table(summary: Summary) -> Table | None:
         name: max(result["saturation"][name]["median"] or 0.0 for result in results.values())
         for name in METRIC_LABELS
     }
+    names = [name for name, fraction in largest.items() if fraction > 0]
     if max(largest[name] for name in METRIC_LABELS if name != DUTY) < MIN_FRACTION:
         return None
-    names = [name for name in METRIC_LABELS if largest[name] > 0]
     rows = []
     for controller, result in results.items():
         percentages = [
@@ -105,7 +111,7 @@ def recovery_table(summary: Summary) -> Table | None:
 
 
 def describe_seeds(summary: Summary) -> str:
-    """Return the seeds of a table as the end of its title."""
+    """Return the end of a table's title, which names the seeds."""
     seeds = summary["seeds"]
     if len(seeds) > 1:
         return f", median of {len(seeds)} seeds"
@@ -113,7 +119,10 @@ def describe_seeds(summary: Summary) -> str:
 
 
 def describe_plant(entry: Mapping[str, Any]) -> str:
-    """Return the robot, if the plant has one, and the plant of a scenario's entry in a summary."""
+    """Return robot and plant of a scenario's entry in a summary as text.
+
+    The plant kinematic simulates no particular robot.
+    """
     robot = "" if entry["plant"] == "kinematic" else f"{Path(entry['robot']).name} "
     return f"{robot}on the {entry['plant']} plant"
 
@@ -121,18 +130,19 @@ def describe_plant(entry: Mapping[str, Any]) -> str:
 def controller_label(
     summary: Summary, controller: str, result: Mapping[str, Any] | None = None
 ) -> str:
-    """Return a controller's name with remarks: whether it is privileged, how many seeds failed."""
+    """Return a controller's name and whether it is privileged, and how many of its seeds failed."""
     remarks = ["privileged"] if controller in summary["privileged"] else []
     if result and result["n_failed"]:
         remarks.append(f"failed {result['n_failed']} of {len(result['effort_m_s2']['per_seed'])}")
     return f"{controller} ({', '.join(remarks)})" if remarks else controller
 
 
-def format_mean(spread: SeedStatistics, factor: float = 1.0) -> str:
+def format_mean(statistics: SeedStatistics, factor: float = 1.0) -> str:
     """Return "mean±half width" of the 95 % confidence interval over the seeds, or a dash."""
-    if spread["mean"] is None:
+    if statistics["mean"] is None:
         return DASH
-    return f"{factor * spread['mean']:.2f}±{format_number(spread['ci95_half_width'], factor)}"
+    half_width = format_number(statistics["ci95_half_width"], factor)
+    return f"{factor * statistics['mean']:.2f}±{half_width}"
 
 
 def _controller_rows(
@@ -152,7 +162,7 @@ def _controller_rows(
 
 
 def _settling_time(result: Mapping[str, Any]) -> str:
-    """Return the median settling time, and how many of several seeds settled if not all did."""
+    """Return the median settling time as text. If not all seeds settled, say how many did."""
     median, n_seeds = result["settle_s"]["median"], len(result["settle_s"]["per_seed"])
     time_s = "never" if median is None else format_number(median)
     n_settled = result["n_settled"]
@@ -160,7 +170,7 @@ def _settling_time(result: Mapping[str, Any]) -> str:
 
 
 def _change_percent(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> str:
-    """Return the changes of the maximum and mean position error from the baseline's."""
+    """Return the changes of the maximum and mean position error from the baseline's, as text."""
     if result is baseline:
         return "baseline"
     changes = []
@@ -173,7 +183,7 @@ def _change_percent(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> s
 
 
 def _max_and_mean(error: Mapping[str, Any], factor: float) -> str:
-    """Return the maximum and mean of an error, medians over the seeds."""
+    """Return the maximum and mean of an error as text, medians over the seeds."""
     return _join([format_number(error[name]["median"], factor) for name in ("max", "mean")])
 
 
@@ -184,11 +194,9 @@ def _join(texts: list[str]) -> str:
 
 def _paper_rows(entry: Mapping[str, Any], axes: Sequence[str]) -> Iterator[list[str]]:
     """Yield a row of `results_table` for each controller that the paper reports."""
-    for controller, error in (entry["paper"] or {}).items():
-        errors = [
-            "/".join(format_number(error[axis][name], 100) for name in ("max", "mean"))
-            if axis in error
-            else ""
-            for axis in axes
-        ]
-        yield [PAPER_PREFIX + controller, *errors]
+    for controller, errors in (entry["paper"] or {}).items():
+        cells = {
+            axis: f"{100 * error['max']:.2f}/{100 * error['mean']:.2f}"
+            for axis, error in errors.items()
+        }
+        yield [PAPER_PREFIX + controller, *(cells.get(axis, "") for axis in axes)]

@@ -1,4 +1,4 @@
-"""Repetition of a saved run, and comparison of the results: frames bit for bit, or numbers."""
+"""Verify a saved run: repeat it and compare the frames bit for bit, or the summary's numbers."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 REPEATABLE_STUDIES = ("run", "compare")
-# Keys of a scenario's entry that depend on the frames.
+# Keys of a scenario's entry in summary.json that depend on the frames.
 RESULT_KEYS = ("failures", "drawn_parameters", "events", "results")
 ENVIRONMENT_KEYS = ("versions", "source", "git", "machine")  # of provenance.json
 
@@ -41,7 +41,7 @@ class VerifyResult:
         rows: Number of rows that were run.
         frames: Number of frames that were compared, over all rows.
         differences: Differences from the saved run, a line each; empty if it repeats.
-        remarks: Remarks about changes without effect and scenarios that were skipped, a line each.
+        remarks: Remarks about a changed environment and skipped scenarios, a line each.
     """
 
     rows: int = 0
@@ -94,7 +94,7 @@ def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress
     Args:
         path: Folder of the run.
         record: Content of its provenance.json.
-        start_progress: See `verify`.
+        start_progress: Starts the progress bar of a scenario, see `verify`.
     """
     _check_record(path, record)
     scenarios = summary.read_summary(path)["scenarios"]
@@ -161,16 +161,16 @@ def _load_saved_scenario(
             raise OmniError(f"{item['name']} {item['not_copied']}")
         copy = path / item["file"]
         if not copy.is_file() or sha256(copy.read_bytes()) != item["sha256"]:
-            raise OmniError(f"{copy} is missing, or not what was run: its SHA-256 differs")
+            raise OmniError(f"{copy} is missing, or was changed after the run: its SHA-256 differs")
         return str(copy)
 
-    def reference(item: Mapping[str, Any]) -> str:
+    def name_class(item: Mapping[str, Any]) -> str:
         is_builtin = "file" not in item and "not_copied" not in item
         return item["name"] if is_builtin else f"{find_copy(item)}:{item['class']}"
 
     head = {
-        "controllers": [reference(item) for item in record["controllers"]],
-        "plant": reference(record["plant"]),
+        "controllers": [name_class(item) for item in record["controllers"]],
+        "plant": name_class(record["plant"]),
         "robot": find_copy(record["robot"]),
         "seed": entry["seeds"][0],
         "seeds": len(entry["seeds"]),
@@ -253,6 +253,6 @@ def _environment_changes(record: Mapping[str, Any]) -> list[str]:
     new = dict(summary.flatten(describe_environment()))
     return [
         f"{name} was {old.get(name)} in the run, is {new.get(name)} here"
-        for name in {**old, **new}
+        for name in old | new
         if old.get(name) != new.get(name)
     ]

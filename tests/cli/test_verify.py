@@ -224,10 +224,13 @@ def test_runs_that_cannot_be_repeated_give_one_line(
         return change
 
     cases: tuple[tuple[Callable[[], object], str], ...] = (
-        (put("sources/mine.py", "4.0 *", "2 *"), "sources/mine.py is missing, or not what was run"),
+        (
+            put("sources/mine.py", "4.0 *", "2 *"),
+            "sources/mine.py is missing, or was changed after the run",
+        ),
         (
             lambda: (folder / "sources/mine.py").unlink(),
-            "sources/mine.py is missing, or not what was run",
+            "sources/mine.py is missing, or was changed after the run",
         ),
         (put("provenance.json", '"format": 2', '"format": 9'), "has format 9"),
         (
@@ -350,7 +353,7 @@ def test_a_users_model_is_copied_with_all_its_files_or_named_as_missing(
     assert capsys.readouterr().out.startswith("repeats: 1 rows, ")
     (moved_folder / description["included"][0]["file"]).unlink()
     assert invoke("verify", moved_folder) == 2
-    assert "is missing, or not what was run" in capsys.readouterr().err
+    assert "is missing, or was changed after the run" in capsys.readouterr().err
     assert (
         invoke(
             *words,
