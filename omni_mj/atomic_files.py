@@ -1,4 +1,4 @@
-"""Files that appear complete or not at all, JSON files, and free disk space."""
+"""Atomic writes: files appear complete or not at all. Reading of JSON, and free disk space."""
 
 import json
 import os
@@ -10,16 +10,16 @@ from typing import Any, BinaryIO
 
 from omni_control.errors import OmniError
 
-RESERVED_BYTES = 1_000_000  # of disk space for small files: summary, report, provenance
+RESERVED_BYTES = 1_000_000  # disk space for small files: summary, report, provenance
 PARTIAL_SUFFIX = ".partial"  # after the name of a file that is being written
 
 
 @contextmanager
 def open_atomic(path: Path) -> Iterator[BinaryIO]:
-    """Open a file for writing that replaces `path` once it is completely on the disk.
+    """Open a temporary file for writing, which replaces `path` when the block ends.
 
     Raises:
-        OSError: The file cannot be written. `path` is unchanged then.
+        OSError: The file cannot be written. `path` is unchanged.
     """
     partial = path.with_name(path.name + PARTIAL_SUFFIX)
     try:
@@ -65,15 +65,14 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def check_disk_space(folder: Path, needed_bytes: float) -> None:
-    """Check that a disk has space for optional files besides the required ones.
+    """Raise `OmniError` if a disk has too little space for optional files.
+
+    Required files have precedence.
 
     Args:
         folder: Folder on the disk.
         needed_bytes: Size of the optional files.
-
-    Raises:
-        OmniError: There is too little space.
     """
     disk = shutil.disk_usage(folder)
     if disk.total and disk.free < needed_bytes + RESERVED_BYTES:  # total is 0 if unknown
-        raise OmniError(f"the last {disk.free / 1e6:.1f} MB of the disk are kept for the numbers")
+        raise OmniError(f"the last {disk.free / 1e6:.1f} MB of the disk are reserved for results")

@@ -1,6 +1,6 @@
 """Tables as Parquet files.
 
-Files are opened by Python first: given a name with a colon, Arrow would take it for a URL.
+Arrow gets opened files, because it would read a file name with a colon as a URL.
 """
 
 import os
@@ -16,7 +16,7 @@ from omni_mj.atomic_files import open_atomic
 if TYPE_CHECKING:
     import pyarrow as pa
 
-# Size of the blocks in which a file is written. Each block needs some memory until the end.
+# Rows of a block in a file that is written. Each block needs some memory until the file is closed.
 ROWS_PER_GROUP = 20_000
 
 
@@ -33,7 +33,7 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
     import pyarrow.parquet as pq
 
     # Without threads: if there is no memory to start one, Arrow waits for it forever.
-    with _open_file(path) as file:
+    with _open_for_arrow(path) as file:
         parquet_file = pq.ParquetFile(file, pre_buffer=False)
         names = parquet_file.schema_arrow.names
         if absent_columns := [name for name in columns or () if name not in names]:
@@ -42,7 +42,7 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
 
 
 def write_tables(arrow_tables: "Iterable[pa.Table]", path: Path) -> None:
-    """Write one or more tables with the same columns, one after the other, to a file.
+    """Write one or more tables with the same columns to a file, one after the other.
 
     The file appears complete or not at all.
 
@@ -62,11 +62,11 @@ def write_tables(arrow_tables: "Iterable[pa.Table]", path: Path) -> None:
 
 
 @contextmanager
-def _open_file(path: Path) -> "Iterator[pa.NativeFile]":
+def _open_for_arrow(path: Path) -> "Iterator[pa.NativeFile]":
     """Open a file for Arrow. Errors in the block are raised as an `OmniError` of one line.
 
-    A file object of Python is not used: Arrow's threads may still hold it when the program ends,
-    which would abort it.
+    It is no file object of Python: Arrow's threads may still hold one when the program ends, which
+    would abort the program.
     """
     import pyarrow as pa
 

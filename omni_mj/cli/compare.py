@@ -63,7 +63,7 @@ OUTPUTS = (
 )
 @options.study_output_options("compare")
 @options.collect_scenario_options
-def command(
+def compare_command(
     scenario_options: options.ScenarioOptions,
     names: tuple[str, ...],
     subject: str | None,

@@ -1,4 +1,4 @@
-"""Terminal output of the commands: errors of one line each, progress bars, exit codes."""
+"""Terminal output that the commands share: errors, progress bars, results; exit codes."""
 
 import io
 import os
@@ -23,20 +23,20 @@ MAX_MESSAGE_LENGTH = 4000
 
 
 def run_program(command: click.Command) -> NoReturn:
-    """Run a click command with the arguments of this process, and exit. See `run_command`."""
+    """Run a click command with the arguments of this process, and exit."""
     arguments = sys.argv[1:]
     # Closed streams are None. Output to them is discarded.
     sys.stdout, sys.stderr = (stream or io.StringIO() for stream in (sys.stdout, sys.stderr))
     if "film" not in arguments:  # only film renders with MuJoCo, which would load window libraries
         os.environ.setdefault("MUJOCO_GL", "disable")
-    run_command(command, arguments)
+    invoke_command(command, arguments)
 
 
-def run_command(command: click.Command, arguments: list[str]) -> NoReturn:
+def invoke_command(command: click.Command, arguments: list[str]) -> NoReturn:
     """Run a click command and exit.
 
-    The exit code is 0 on success, 2 for wrong input and 1 for a failure. Errors are printed as one
-    line each on stderr.
+    The exit code is 0 on success, 1 for a failure, 2 for wrong input and 130 after Ctrl-C. Errors
+    are printed on stderr, one line each.
     """
     name = "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
     line = f"{name} {shlex.join(arguments)}"
@@ -67,7 +67,7 @@ def run_command(command: click.Command, arguments: list[str]) -> NoReturn:
 
 
 def command_line() -> str | None:
-    """Return the command line of the running command, or None outside of a command."""
+    """Return the command line of the running command, or None if none is running."""
     context = click.get_current_context(silent=True)
     return None if context is None else context.obj
 
@@ -80,7 +80,7 @@ def exit_with_error(message: str, code: int) -> NoReturn:
 
 
 def exit_if_failed(outcomes: Sequence["Outcome"], errors: Iterable[str] = ()) -> None:
-    """Exit with an error if a row failed or there are other errors. Equal lines are printed once.
+    """Exit with code 1 if a row failed or there are other errors. Equal lines are printed once.
 
     Args:
         outcomes: Outcomes of all scenarios.
@@ -88,7 +88,7 @@ def exit_if_failed(outcomes: Sequence["Outcome"], errors: Iterable[str] = ()) ->
     """
     several = len(outcomes) > 1
     failures = [
-        f"{outcome.scenario.name}: " * several + str(failure)
+        f"{outcome.scenario.name}: {failure}" if several else str(failure)
         for outcome in outcomes
         for failure in outcome.failures
     ]
@@ -113,7 +113,7 @@ def print_result(result: "Result", folder: Path, outputs: Iterable[str]) -> None
 
 
 def describe_outputs(folder: Path, outputs: Iterable[str]) -> str:
-    """Return which of the outputs are in a folder, as lines for the terminal."""
+    """Return lines that list which of the outputs are in a folder."""
     names = ", ".join(output for output in outputs if (folder / output).exists())
     line = f"results in {folder}/ ({names})"
     return textwrap.fill(line, subsequent_indent="  ", break_long_words=False)
@@ -144,12 +144,12 @@ def show_progress(quiet: bool) -> Iterator[Callable[[str, int], Callable[[int], 
 
 @contextmanager
 def report_write_errors(folder: Path) -> Iterator[None]:
-    """Exit with one line if the block is interrupted, or cannot write to a folder."""
+    """Exit with an error of one line if the block is interrupted or cannot write to a folder."""
     try:
         yield
     except KeyboardInterrupt:
         exit_with_error(f"interrupted; the results so far are in {folder}", INTERRUPTED)
-    except BrokenPipeError:  # of standard output, see `run_command`
+    except BrokenPipeError:  # of standard output, see `invoke_command`
         raise
     except OSError as error:
         reason = error.strerror or str(error)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from omni_mj.live.frame_clock import FrameClock
 
 DEFAULT_CONTROLLER = "adaptive-comp-flc"
-# Settings of alpha in the section control. Zero means unknown.
+# Settings in the section control for the assumed alpha. Zero means unknown.
 ALPHA_FIELDS = "assumed_alpha_forward", "assumed_alpha_sideways"
 OUTPUTS = (*run.OUTPUTS, "link.json")
 
@@ -69,8 +69,8 @@ OUTPUTS = (*run.OUTPUTS, "link.json")
     "pace",
     type=click.Choice(["auto", "60", "vision"]),
     default="auto",
-    help="What starts a control frame: this computer's clock at 60 Hz, or the images of a camera. "
-    "Default: auto, a camera if it sends 60 Hz.",
+    help="Clock of the control frames: this computer's at 60 Hz, or the images of a camera. "
+    "Default: auto, a camera if one sends 60 Hz.",
 )
 @click.option(
     "--radio",
@@ -111,7 +111,7 @@ OUTPUTS = (*run.OUTPUTS, "link.json")
 @options.FIGURES
 @options.QUIET
 @options.collect_output_options
-def command(
+def drive_command(
     name: str | None,
     controller: str,
     robot: str | None,
@@ -134,13 +134,13 @@ def command(
         return
     scenario = _load_scenario(run.require_scenario(name), controller, robot, connection)
     drive_setup.check_drivable(scenario, connection)
-    targets: list[Path | str] = [*run.open_viewers(output_options)]
+    rerun_targets: list[Path | str] = [*run.open_viewers(output_options)]
     folder = output_folders.prepare_folder(out, f"drive-{scenario.name}", OUTPUTS, overwrite)
     if output_options.record:
-        targets.append(folder / "recording.rrd")
+        rerun_targets.append(folder / "recording.rrd")
     try:
         with console.report_write_errors(folder):
-            _drive(scenario, connection, folder, targets, output_options, quiet)
+            _drive(scenario, connection, folder, rerun_targets, output_options, quiet)
     finally:
         if not any(folder.iterdir()):  # no robot was found
             folder.rmdir()
@@ -149,7 +149,7 @@ def command(
 def _load_scenario(
     name: str, controller: str, robot: str | None, connection: "ConnectionOptions"
 ) -> "Scenario":
-    """Return the scenario to drive. Alpha counts as unknown if the user does not name the robot."""
+    """Return the scenario to drive. If neither it nor the user names a robot, alpha is unknown."""
     from omni_mj.config import scenario
     from omni_mj.config.robot_files import DEFAULT_ROBOT
 
@@ -169,11 +169,14 @@ def _load_scenario(
 def _connect(
     connection: "ConnectionOptions", stop_message: str
 ) -> Iterator[tuple["FrameClock", Interrupts]]:
-    """Listen to vision until the end of the block.
+    """Receive vision and check for signals until the end of the block.
 
     Args:
         connection: Addresses and times.
-        stop_message: Printed if a signal stops the block.
+        stop_message: Message to print if a signal stops the block.
+
+    Yields:
+        The clock of the control frames, and the signals.
     """
     from omni_mj.live import drive_setup
     from omni_mj.live.sockets import MessageCounter
@@ -192,11 +195,11 @@ def _drive(
     scenario: "Scenario",
     connection: "ConnectionOptions",
     folder: Path,
-    targets: list[Path | str],
+    rerun_targets: list[Path | str],
     output_options: options.OutputOptions,
     quiet: bool,
 ) -> None:
-    """Drive the robots, save the results and print them with the measured latency."""
+    """Drive the robots, save the results, and print them with the measured latency."""
     from omni_mj.atomic_files import write_text
     from omni_mj.live import drive_setup, latency_fit
 
@@ -212,9 +215,9 @@ def _drive(
             show(f"robots {', '.join(map(str, live.ids))}; frames at 60 Hz from {clock}")
             gc.collect()
             gc.freeze()  # collecting everything imported would delay the robots
-            result = run.run_and_save(live, folder, targets, interrupts, quiet, "drive")
+            result = run.run_and_save(live, folder, rerun_targets, interrupts, quiet, "drive")
     summary = latency_fit.summarize(live)
     write_text(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
-    run.show_result(result, folder, output_options, quiet)
+    run.report_result(result, folder, output_options, quiet)
     show("\n".join([*latency_fit.describe(summary), *frame_clock.vision.describe()]))
     run.exit_unless_complete(result, folder, interrupts)

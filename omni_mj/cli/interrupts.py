@@ -18,9 +18,9 @@ SIGNAL_REASONS = {  # signal -> why the command stopped
 class Interrupts:
     """Signals that stop a command between two frames, so that no file is cut off.
 
-    While it is entered, it stores the first signal of `SIGNAL_REASONS` that arrives. Signals that
+    As a context manager, it stores the first signal of `SIGNAL_REASONS` that arrives. Signals that
     are ignored, as in a background job, stay ignored. A second signal ends the program at once,
-    except SIGHUP, which both the shell and the system may send when a terminal closes.
+    except for SIGHUP: the shell and the system may both send it when a terminal closes.
     """
 
     def __init__(self) -> None:
@@ -55,11 +55,11 @@ class Interrupts:
         return lambda title, n_frames: self.make_frame_callback(start_progress(title, n_frames))
 
     def exit_if_stopped(self, reason: str | None, message: str) -> None:
-        """Exit with the code of the signal if it stopped the run.
+        """Exit with code 128 plus the number of the signal if a signal stopped the run.
 
         Args:
-            reason: Why the result says that the run stopped, or None.
-            message: What is printed after the reason.
+            reason: Reason of `SIGNAL_REASONS`, or None if the run was not stopped.
+            message: Text to print after the reason.
         """
         if reason:
             console.exit_with_error(f"{reason}; {message}", 128 + self._received)

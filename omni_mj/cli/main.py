@@ -8,35 +8,35 @@ import click
 
 from omni_mj.cli import console
 
-SECTIONS = {  # heading -> command -> purpose; a line must fit 80 columns
+HELP_SECTIONS = {  # heading -> command -> purpose; a line must fit 80 columns
     "Simulate": {
         "run": "run a scenario with one or several controllers",
         "compare": "compare controllers on many scenarios and seeds",
-        "sweep": "vary settings and seeds; failure rates and errors",
-        "limit": "smallest possible error in a scenario, by learning",
-        "loop": "step responses, gain and phase margins of controllers",
-        "alpha": "response of a robot to commands: gain, lag, causes",
-        "slip": "wheel slip of robots, compared with measurements",
+        "sweep": "vary settings and seeds, and count failures and errors",
+        "limit": "find the smallest possible error in a scenario by learning",
+        "loop": "measure step responses and stability margins of controllers",
+        "alpha": "measure gain and lag of a robot, and what causes them",
+        "slip": "measure wheel slip, and compare it with that of real robots",
     },
     "Your robots and software": {
-        "identify": "parameters of your robot, from its logs",
+        "identify": "find the parameters of your robot in its logs",
         "serve": "simulate robots for any team's software",
         "drive": "drive real robots, or those of another simulator",
-        "new": "starter file: a scenario, controller or robot",
+        "new": "write a file to start from: scenario, controller or robot",
     },
     "Results": {
-        "report": "HTML report about a run, or several",
-        "film": "film of a run: GIF or WebP",
-        "screenshot": "image of the viewer that shows a recording",
-        "verify": "repeat a run and compare bit for bit",
+        "report": "write an HTML report about one or several runs",
+        "film": "render a run as a film: GIF or WebP",
+        "screenshot": "save an image of the viewer that shows a recording",
+        "verify": "repeat a run, and compare the results bit for bit",
     },
     "Reference": {
-        "list": "scenarios, controllers, plants, robots, settings, faults",
-        "show": "a scenario, a robot or a controller in full",
-        "schema": "JSON Schema of scenario files, for editors",
+        "list": "list scenarios, controllers, plants, robots, settings, faults",
+        "show": "print a scenario, a robot or a controller in full",
+        "schema": "print the JSON Schema of scenario files, for editors",
     },
 }
-COMMANDS = {name: text for commands in SECTIONS.values() for name, text in commands.items()}
+COMMANDS = {name: text for commands in HELP_SECTIONS.values() for name, text in commands.items()}
 MODULES = {  # module -> commands in it; every other command has a module of its name
     "catalog_commands": ("list", "show", "schema", "new"),
     "result_commands": ("report", "film", "screenshot", "verify"),
@@ -60,7 +60,8 @@ omni-mj run --scenario rect --controller comp-flc --controller mine.py:Mine
 omni-mj list settings friction
     all settings about friction
 
-"omni-mj COMMAND --help" explains a command. Options alone mean "omni-mj run".
+"omni-mj COMMAND --help" explains a command. "omni-mj run" may be shortened to
+"omni-mj" if options follow.
 docs/tutorials/tour.md is a tour of 15 minutes, docs/how-to/use-from-python.md
 shows how to do all this from Python.
 """
@@ -72,12 +73,9 @@ class _LazyCommands(Mapping[str, click.Command]):
     def __getitem__(self, name: str) -> click.Command:
         if name not in COMMANDS:
             raise KeyError(name)
-        for module_name, names in MODULES.items():
-            if name in names:
-                module = import_module(f"omni_mj.cli.{module_name}")
-                shared: click.Command = getattr(module, f"{name}_command")
-                return shared
-        command: click.Command = import_module(f"omni_mj.cli.{name}").command
+        modules = (module for module, names in MODULES.items() if name in names)
+        module = import_module(f"omni_mj.cli.{next(modules, name)}")
+        command: click.Command = getattr(module, f"{name}_command")
         return command
 
     def __iter__(self) -> Iterator[str]:
@@ -88,7 +86,7 @@ class _LazyCommands(Mapping[str, click.Command]):
 
 
 class _CommandGroup(click.Group):
-    """A click group with headings in its help. Options without a command mean `run`."""
+    """Click group whose help has headings. Options without a command are those of `run`."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Add `run` before options, and --help if there are no arguments; see `click.Group`."""
@@ -100,7 +98,7 @@ class _CommandGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands under their headings, without importing them; see `click.Group`."""
         widest = max(map(len, COMMANDS))
-        for heading, commands in SECTIONS.items():
+        for heading, commands in HELP_SECTIONS.items():
             with formatter.section(heading):
                 formatter.write_dl([(name.ljust(widest), text) for name, text in commands.items()])
 

@@ -100,7 +100,7 @@ def out_option(folder_name: str) -> Callable[[Any], Any]:
 
 @dataclass(frozen=True)
 class ScenarioOptions:
-    """Options that change a scenario. None and empty tuples leave it as it is."""
+    """Options that change a scenario. None and empty tuples leave it unchanged."""
 
     controllers: tuple[str, ...] = ()
     plant: str | None = None
@@ -111,19 +111,13 @@ class ScenarioOptions:
     overrides: tuple[str, ...] = ()
     allow_code: bool = False
 
-    @property
-    def all_overrides(self) -> tuple[str, ...]:
-        """The values of --set, and that of --model as one more."""
-        if self.model is None:
-            return self.overrides
-        return (*self.overrides, f"model.file={json.dumps(self.model, ensure_ascii=False)}")
-
     def load_scenario(self, name: str, *default_overrides: str) -> "Scenario":
         """Return a scenario with these options.
 
         Args:
             name: Name of a built-in scenario, or a file.
-            *default_overrides: Settings of the command. Those of the user take precedence.
+            *default_overrides: SECTION.FIELD=VALUE of the command. Those of the user take
+                precedence.
 
         Raises:
             OmniError: See `omni_mj.config.scenario.load_with_overrides`.
@@ -134,13 +128,15 @@ class ScenarioOptions:
         head = {key: getattr(self, key) for key in names if getattr(self, key) is not None}
         if self.controllers:
             head["controllers"] = self.controllers
-        overrides = (*default_overrides, *self.all_overrides)
+        overrides = [*default_overrides, *self.overrides]
+        if self.model is not None:
+            overrides.append(f"model.file={json.dumps(self.model, ensure_ascii=False)}")
         return scenario.load_with_overrides(name, overrides, head, self.allow_code)
 
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Options for what a run shows and saves in addition to its numbers."""
+    """Options for the recording, the viewers and the figures of a run."""
 
     record: bool = True
     view: bool = False
@@ -152,11 +148,11 @@ class OutputOptions:
 def collect_options(
     options_class: type, argument: str
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return a decorator that passes options to a command as one dataclass.
+    """Return a decorator that collects options of a command in a dataclass.
 
     Args:
-        options_class: Dataclass whose fields are names of options.
-        argument: Name of the command's argument that gets the instance.
+        options_class: Dataclass. Its fields have the names of the options.
+        argument: Name of the command's argument that receives the instance.
     """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:

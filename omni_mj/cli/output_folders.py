@@ -21,7 +21,7 @@ def prepare_folder(out: Path | None, name: str, outputs: Iterable[str], overwrit
 
     Args:
         out: The folder, or None for a new one in runs/.
-        name: Name of the run, with which a new folder's name begins.
+        name: Beginning of a new folder's name.
         outputs: Files and folders of an earlier run that are removed if `overwrite` is set.
         overwrite: Whether the folder of an earlier run may be used again.
 
@@ -56,7 +56,7 @@ def write_initial_files(
 ) -> None:
     """Write the provenance and a summary without results, which remain if the run is killed.
 
-    Args and errors: see `omni_mj.results.provenance.save_provenance`.
+    Arguments are those of `omni_mj.results.provenance.save_provenance`.
     """
     from omni_mj.results import provenance
     from omni_mj.results.result import Outcome, Result

@@ -47,7 +47,7 @@ OUTPUTS = (
 @options.QUIET
 @options.collect_scenario_options
 @options.collect_output_options
-def command(
+def run_command(
     scenario_options: options.ScenarioOptions,
     output_options: options.OutputOptions,
     name: str | None,
@@ -60,14 +60,14 @@ def command(
 
     scenario = scenario_options.load_scenario(require_scenario(name))
     simulation = run_scenario.prepare_simulation(scenario)
-    targets: list[Path | str] = [*open_viewers(output_options)]
+    rerun_targets: list[Path | str] = [*open_viewers(output_options)]
     folder = output_folders.prepare_folder(out, scenario.name, OUTPUTS, overwrite)
     if output_options.record:
-        targets.append(folder / "recording.rrd")
+        rerun_targets.append(folder / "recording.rrd")
     with console.report_write_errors(folder):
-        with Interrupts() as interrupts:  # signals stop the run between two frames
-            result = run_and_save(simulation, folder, targets, interrupts, quiet)
-        show_result(result, folder, output_options, quiet)
+        with Interrupts() as interrupts:
+            result = run_and_save(simulation, folder, rerun_targets, interrupts, quiet)
+        report_result(result, folder, output_options, quiet)
         exit_unless_complete(result, folder, interrupts)
 
 
@@ -88,7 +88,7 @@ def require_scenario(name: str | None) -> str:
 def run_and_save(
     simulation: "Simulation",
     folder: Path,
-    targets: Sequence[Path | str],
+    rerun_targets: Sequence[Path | str],
     interrupts: Interrupts,
     quiet: bool,
     study: str = "run",
@@ -98,7 +98,7 @@ def run_and_save(
     Args:
         simulation: Simulation at its start.
         folder: Folder of the results.
-        targets: Files and viewers' URLs to which the run is recorded for rerun.
+        rerun_targets: Recording files and URLs of rerun viewers to which frames are sent.
         interrupts: Signals, checked after each frame.
         quiet: Whether the progress bar is hidden.
         study: Name of the command.
@@ -112,10 +112,12 @@ def run_and_save(
     write_text(folder / "scenario.toml", scenario.to_toml())
     with ExitStack() as stack:
         recordings: list[Any] = []
-        if targets:
+        if rerun_targets:
             from omni_mj.viz.recording import Recording
 
-            recordings = [stack.enter_context(Recording(target, simulation)) for target in targets]
+            recordings = [
+                stack.enter_context(Recording(target, simulation)) for target in rerun_targets
+            ]
         start_progress = stack.enter_context(console.show_progress(quiet))
         show = start_progress(scenario.name, run_scenario.count_frames(simulation))
 
@@ -131,14 +133,14 @@ def run_and_save(
             for recording in recordings:
                 recording.write()
         result = run_scenario.build_result(simulation, outcome)
-        allow_code = ["--allow-code"] * scenario.names_user_code
+        allow_code = ["--allow-code"] if scenario.names_user_code else []
         words = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml"), *allow_code]
         result.repeat_command = shlex.join(words) if study == "run" else console.command_line()
         result.save_files(folder)
     return result
 
 
-def show_result(
+def report_result(
     result: "Result", folder: Path, output_options: options.OutputOptions, quiet: bool
 ) -> None:
     """Draw the figures, write the report, and print the tables and the files."""
@@ -157,13 +159,16 @@ def show_result(
 
 
 def exit_unless_complete(result: "Result", folder: Path, interrupts: Interrupts) -> None:
-    """Exit with an error if the run was stopped or a row failed."""
+    """Exit with an error if the run was stopped or a row failed.
+
+    The exit code is 128 plus the number of the signal that stopped the run, or 1 for failed rows.
+    """
     interrupts.exit_if_stopped(result.stopped, f"the frames so far are in {folder}")
     console.exit_if_failed(result.outcomes)
 
 
 def open_viewers(output_options: options.OutputOptions) -> list[str]:
-    """Return the URLs of the viewers that show the run live. Open one for --view."""
+    """Open a viewer for --view, and return the URLs of all viewers that show the run live."""
     if not output_options.view and output_options.connect is None:
         return []
     from omni_mj.viz.recording import viewer
@@ -196,15 +201,15 @@ def _print_tables(result: "Result") -> None:
 
 
 def _print_files(result: "Result", folder: Path) -> None:
-    """Print how long the run took, and its files."""
+    """Print the duration of the run, its files, and the command that repeats it."""
     (outcome,) = result.outcomes
     backend = " by JAX" if outcome.scenario.settings.physics.backend == "jax" else ""
     duration = f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s{backend}"
     print(f"{duration}; results in {folder}/")
     files = {"numbers": "summary.json", "figures": "figures", "report": "report.html"}
-    for title, name in files.items():
+    for label, name in files.items():
         if (folder / name).exists():
-            print(f"  {title:10} {folder / name}")
+            print(f"  {label:10} {folder / name}")
     print(f"  repeat     {result.repeat_command}")
     if (folder / "recording.rrd").exists():
         print(f"  recording  rerun {folder / 'recording.rrd'}")

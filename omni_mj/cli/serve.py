@@ -107,7 +107,7 @@ PORT = click.IntRange(0, 65_535)
 @options.CONNECT
 @options.QUIET
 @options.collect_output_options
-def command(
+def serve_command(
     name: str | None,
     overrides: tuple[str, ...],
     out: Path | None,
@@ -132,7 +132,7 @@ def command(
     poses = initial_setup.starting_poses(
         *(initial_setup.parse_robot_ids(values[team], f"--{team}") for team in ("blue", "yellow"))
     )
-    targets: list[str | Path] = [*run.open_viewers(output_options)]
+    rerun_targets: list[str | Path] = [*run.open_viewers(output_options)]
     folder = None
     if out is not None:
         folder = output_folders.prepare_folder(out, scenario.name, OUTPUTS, overwrite)
@@ -146,12 +146,12 @@ def command(
         interrupts = stack.enter_context(Interrupts())
         if folder is not None:
             stack.enter_context(console.report_write_errors(folder))
-            # First of all, because --overwrite recognizes our folders by this file.
+            # Written first, because --overwrite recognizes the folder of a run by it.
             provenance.save_provenance(folder, "serve", console.command_line(), [scenario])
             write_text(folder / "scenario.toml", scenario.to_toml())
             if output_options.record:
-                targets.append(folder / "recording.rrd")
-        _start_recording(stack, server, folder, targets)
+                rerun_targets.append(folder / "recording.rrd")
+        _start_recording(stack, server, folder, rerun_targets)
         if not quiet:
             click.echo(_describe_server(server))
         gc.collect()
@@ -169,22 +169,22 @@ def command(
 
 
 def _start_recording(
-    stack: ExitStack, server: "Server", folder: Path | None, targets: Sequence[str | Path]
+    stack: ExitStack, server: "Server", folder: Path | None, rerun_targets: Sequence[str | Path]
 ) -> None:
     """Record the served world until the end of `stack`.
 
     Args:
-        stack: Closes the recordings.
+        stack: Stack that closes the recordings.
         server: Server whose world is recorded.
-        folder: Folder of trajectory.parquet, or None.
-        targets: Files and viewers' URLs for rerun.
+        folder: Folder of trajectory.parquet, or None if it is not written.
+        rerun_targets: Recording files and URLs of rerun viewers to which frames are sent.
     """
     from omni_mj.live.serve.recorder import Recorder
 
-    if folder is None and not targets:
+    if folder is None and not rerun_targets:
         return
     sinks, row = [], server.world.rows[0]
-    for target in targets:
+    for target in rerun_targets:
         from omni_mj.viz.recording import ServedRecording
 
         recording = stack.enter_context(ServedRecording(target, row.settings))
@@ -200,11 +200,8 @@ def _describe_server(server: "Server") -> str:
 
     world, (control, blue, yellow) = server.world, server.ports
     row = world.rows[0]
-    vision, radio, timeout_s = (
-        row.settings.vision,
-        row.settings.radio,
-        row.settings.firmware.timeout_s,
-    )
+    vision, radio = row.settings.vision, row.settings.radio
+    timeout_s = row.settings.firmware.timeout_s
     pace = "in lockstep with commands" if server.lockstep else f"at {server.speed:g} x real time"
     stop = f"robots stop {timeout_s:g} s after" if timeout_s else "robots never stop after"
     return f"""serving {", ".join(map(robot_label, world.names))}: {row.robot}

@@ -64,7 +64,7 @@ OUTPUTS = (
 )
 @options.QUIET
 @options.collect_scenario_options
-def command(
+def sweep_command(
     scenario_options: options.ScenarioOptions,
     name: str | None,
     axes: tuple[str, ...],

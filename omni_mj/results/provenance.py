@@ -57,7 +57,7 @@ def save_provenance(
         "scenarios": {scenario.name: _describe_scenario(scenario, files) for scenario in scenarios},
         **describe_environment(),
     }
-    # First of all, because --overwrite recognizes the folder of a run by this file.
+    # Written first, because --overwrite recognizes the folder of a run by it.
     write_text(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
     for name, data in files.items():
         path = folder / name

@@ -20,7 +20,7 @@ from omni_mj.cli.main import cli
 def invoke(*args: object, command: click.Command = cli) -> int:
     """Run a command in this process, and return its exit code."""
     with pytest.raises(SystemExit) as end:
-        console.run_command(command, list(map(str, args)))
+        console.invoke_command(command, list(map(str, args)))
     assert isinstance(end.value.code, int)
     return end.value.code
 

@@ -17,7 +17,7 @@ from benches.recording import (
 )
 
 from omni_control.errors import OmniError
-from omni_mj.cli.run import command
+from omni_mj.cli.run import run_command
 from omni_mj.viz.recording import viewer
 
 SHORT = "reference.waypoints=[[0, 0], [0.5, 0.2]]"
@@ -115,5 +115,5 @@ def test_a_window_needs_a_display(
 def test_a_bad_address_is_reported_before_the_run(tmp_path: Path) -> None:
     arguments = ["--scenario", "rect", "--connect", "", "--out", str(tmp_path / "run")]
     with pytest.raises(OmniError, match="--connect needs"):
-        command.main(arguments, standalone_mode=False)
+        run_command.main(arguments, standalone_mode=False)
     assert not (tmp_path / "run").exists()
