@@ -125,12 +125,12 @@ class RobotViews(ChangeableBodies):
         )
         nominal_center = self._world.model.body_ipos[self._world.robots[0].chassis]
         mass_factor = variation.mass_factor
-        shift = np.append(variation.center_offset, 0 * mass_factor, 1)
-        self.center_of_mass = nominal_center[:, None] + shift.T
+        shift = np.append(variation.center_offset, 0 * mass_factor, 1).T
+        self.center_of_mass = nominal_center[:, None] + shift
         if variation.wear.any():
             self._wear_rollers(variation.wear.T)
         if (mass_factor != 1).any() or variation.center_offset.any():
-            self._change_chassis_mass(mass_factor.T, variation.center_offset.T)
+            self._change_chassis_mass(mass_factor.T, shift)
 
     def _wear_rollers(self, wear: Array) -> None:
         """Reduce the rollers' radii by the wear (W, n) in m, and lower the axles by as much."""
@@ -160,7 +160,7 @@ class RobotViews(ChangeableBodies):
 
         Args:
             factor: Of its mass and inertia, (1, n).
-            shift: Of its center of mass, forward and sideways, (2, n) m.
+            shift: Of its center of mass, (3, n) m.
         """
         mass, subtree_mass, center, inertia = (
             self._view_model(name, self._chassis) for name in _MASS_FIELDS[:4]
@@ -168,7 +168,7 @@ class RobotViews(ChangeableBodies):
         added_mass = mass.get() * (factor - 1)
         for view in (mass, subtree_mass):
             view.set(view.get() + added_mass)
-        center.set(center.get() + np.concatenate([shift, 0 * factor]))
+        center.set(center.get() + shift)
         inertia.set(inertia.get() * factor)
 
     def wrap_rollers(self, pitch: float) -> None:
@@ -277,10 +277,9 @@ class RobotViews(ChangeableBodies):
         speeds = self.qvel.get()
         x, y, turn = displacement
         pose[:2, robot] += x, y
-        quaternion = np.zeros(4)
-        turn_quaternion = np.array([np.cos(turn / 2), 0, 0, np.sin(turn / 2)])
-        mujoco.mju_mulQuat(quaternion, turn_quaternion, pose[3:, robot].copy())
-        pose[3:, robot] = quaternion
+        # Product of the turn's quaternion and that of the robot, in pairs w, z and x, y
+        for pair in ([3, 6], [4, 5]):
+            pose[pair, robot] = rotate(pose[pair, robot], np.cos(turn / 2), np.sin(turn / 2))
         speeds[:, robot] = 0.0
         self.pose.set(pose)
         self.qvel.set(speeds)

@@ -26,6 +26,7 @@ from omni_mj.robot.electronics import (
     end_frame,
     receive_command,
     run_cycle,
+    stack_telemetry,
 )
 from omni_mj.robot.firmware import set_heading
 from omni_mj.robot.firmware_state import CYCLES
@@ -66,8 +67,6 @@ class MujocoPlant(WheeledPlantBase):
             a robot's model that lacks a part.
     """
 
-    cycles_per_frame = CYCLES  # of the wheel loops
-
     def __init__(
         self,
         rows: Sequence[Row],
@@ -81,7 +80,7 @@ class MujocoPlant(WheeledPlantBase):
         robots_per_world = max(row.slot for row in rows) + 1
         n_worlds = n // robots_per_world
         self._robots_per_world = robots_per_world
-        self.substeps = settings[0].physics.substeps
+        self._substeps = settings[0].physics.substeps
         self._world = world = world_builder.build_world(
             settings[0], robots_per_world, with_hulls=with_hulls
         )
@@ -146,13 +145,15 @@ class MujocoPlant(WheeledPlantBase):
         """See `Plant`."""
         views = self._views
         slip = abs(views.slip_speed.get()) * self.parameters.carpet.radius
-        return self._make_telemetry(
-            self.electronics, views.wheel_angle.get(), views.wheel_speed.get(), slip
+        wheel_angle = views.wheel_angle.get()
+        wheel_speed = views.wheel_speed.get()
+        return Telemetry(
+            stack_telemetry(self.electronics, self._record, wheel_angle, wheel_speed, slip).T
         )
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
-        return self.advance_cycles(self.cycles_per_frame, received)
+        return self.advance_cycles(CYCLES, received)
 
     def advance_cycles(self, n_cycles: int, received: ReceivedCommand | None) -> dict[int, str]:
         """Advance by cycles of the wheel loops, at most to the end of the frame.
@@ -171,10 +172,10 @@ class MujocoPlant(WheeledPlantBase):
             self._begin_frame()
         for _ in range(n_cycles):
             self._begin_cycle()
-            for substep in range(self.substeps):
+            for substep in range(self._substeps):
                 self._batch.step(self._active_worlds)
-                self._after_step(substep == 0, substep == self.substeps - 1)
-        self._cycle = (self._cycle + n_cycles) % self.cycles_per_frame
+                self._after_step(substep == 0, substep == self._substeps - 1)
+        self._cycle = (self._cycle + n_cycles) % CYCLES
         if self._cycle:
             return {}
         self._record = stack_records(self._records)

@@ -21,6 +21,7 @@ from omni_mj.plants.telemetry import Telemetry
 from omni_mj.plants.wheeled_plant_base import WheeledPlantBase
 from omni_mj.robot.array_ops import rotate, select
 from omni_mj.robot.backends import JaxBackend, NumpyBackend
+from omni_mj.robot.electronics import stack_telemetry
 from omni_mj.robot.planar_dynamics import BodyParameters, BodyState
 from omni_mj.robot.planar_robot import PlanarParameters, PlanarState, advance_frame
 
@@ -46,9 +47,9 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         settings = [row.settings for row in rows]
         world = world_builder.build_world(settings[0])
         n = len(rows)
-        x, y, heading = np.array(start_poses, float).T
+        self._pose = np.array(start_poses, float)
         variation = RobotVariation.draw(rows)
-        super().__init__(rows, world.kinematics, variation, heading)
+        super().__init__(rows, world.kinematics, variation, self._pose[:, 2])
         self._body_builder = PlanarBodyBuilder(settings, variation, world)
         self._payloads: list[tuple[int, Payload]] = []
         self._slope = np.zeros((n, 2))
@@ -56,16 +57,17 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         self._hub_is_blocked = np.zeros(body.hub_dry_friction.shape, bool)
         electronics, electronics_state = self._initial_electronics
         parameters = PlanarParameters(electronics, self._nominal_carpet, body)
-        state = PlanarState(electronics_state, make_body_at_rest(body, x, y, heading))
+        state = PlanarState(electronics_state, make_body_at_rest(body, self._pose))
         self._backend: JaxBackend | NumpyBackend = (
             JaxBackend if settings[0].physics.backend == "jax" else NumpyBackend
         )(parameters, state)
         self._start_faults(self)
         self._failed = np.zeros(n, bool)
-        self._pose = np.array(start_poses, float)
         self._twist = np.zeros((n, 3))
         zeros = np.zeros(self._hub_is_blocked.shape)
-        self._telemetry = self._make_telemetry(electronics_state, zeros, zeros, zeros)
+        self._telemetry = Telemetry(
+            stack_telemetry(electronics_state, self._record, zeros, zeros, zeros).T
+        )
 
     @property
     def parameters(self) -> Any:
@@ -162,7 +164,7 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
     def _stop_robots(self, mask: np.ndarray, pose: Array) -> None:
         """Put the masked robots (n,) to rest at their rows of a pose array (n, 3)."""
         state = self.state
-        body = make_body_at_rest(self.parameters.body, *pose.T)
+        body = make_body_at_rest(self.parameters.body, pose)
         body = body._replace(hub_angle=state.body.hub_angle, encoder_angle=state.body.encoder_angle)
         body = BodyState(*(np.where(np.isfinite(values), values, 0.0) for values in body))
         self._backend.state = state._replace(body=select(mask, body, state.body))
@@ -170,15 +172,14 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         self._twist = np.where(mask[:, None], 0.0, self._twist)
 
 
-def make_body_at_rest(p: BodyParameters, x: Array, y: Array, heading: Array) -> BodyState:
+def make_body_at_rest(p: BodyParameters, pose: Array) -> BodyState:
     """Return bodies at rest.
 
     Args:
         p: Parameters.
-        x: Position of the center of the wheels, world frame, (n,) m.
-        y: See `x`.
-        heading: (n,) rad.
+        pose: Of the centers of the wheels, world frame, (n, 3) m, m, rad.
     """
+    x, y, heading = np.array(pose.T)
     cosine = np.cos(heading)
     sine = np.sin(heading)
     zeros = np.zeros_like(x)
@@ -187,7 +188,7 @@ def make_body_at_rest(p: BodyParameters, x: Array, y: Array, heading: Array) -> 
     return BodyState(
         x=x - center_x,
         y=y - center_y,
-        heading=np.array(heading),
+        heading=heading,
         cosine=cosine,
         sine=sine,
         twist=np.zeros((3, len(x))),

@@ -18,8 +18,7 @@ carry nothing, because the spring between roller and carpet yields by 0.07 mm on
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -31,8 +30,7 @@ from omni_mj.network.random_streams import Noise, Stream
 MAX_DEVIATIONS = 3.0  # standard deviations at which normal numbers are truncated
 
 
-@dataclass(frozen=True, eq=False)
-class RobotVariation:
+class RobotVariation(NamedTuple):
     """Deviations of n robots with W wheels from their settings.
 
     Attributes:
@@ -67,13 +65,13 @@ class RobotVariation:
         uniform = Noise(seeds, Stream.VARIATION, n_draws).next()
         is_varied = np.any(deviations)
         normal = _to_truncated_normal(uniform) if is_varied else np.zeros_like(uniform)
-        body, friction, motors, wear = np.split(np.arange(n_draws), 3 + n_wheels * np.arange(3))
+        body, friction, magnets, _ = np.split(normal, 3 + n_wheels * np.arange(3), axis=1)
         return cls(
-            friction_factor=1 + friction_std * normal[:, friction],
-            wear=max_wear * uniform[:, wear],
-            magnet_factor=1 + magnet_std * normal[:, motors],
-            mass_factor=1 + mass_std * normal[:, body[:1]],
-            center_offset=center_std * normal[:, body[1:]],
+            friction_factor=1 + friction_std * friction,
+            wear=max_wear * uniform[:, -n_wheels:],
+            magnet_factor=1 + magnet_std * magnets,
+            mass_factor=1 + mass_std * body[:, :1],
+            center_offset=center_std * body[:, 1:],
         )
 
     def to_columns(self) -> dict[str, Array]:

@@ -56,8 +56,7 @@ class Telemetry:
         """Return a quantity by its name."""
         if name not in TELEMETRY_NAMES:
             raise AttributeError(f"telemetry has no {name!r}")
-        n_wheels = (self.columns.shape[1] - len(_PER_ROBOT)) // _N_PER_WHEEL
-        values: Array = self.columns[:, locate_columns(n_wheels)[name]]
+        values: Array = self.columns[:, locate_columns(self.columns.shape[1])[name]]
         return values
 
     @classmethod
@@ -77,15 +76,13 @@ _N_PER_WHEEL = len(TELEMETRY_NAMES) - len(_PER_ROBOT)
 
 
 @cache
-def locate_columns(n_wheels: int) -> dict[str, slice | int]:
+def locate_columns(n_columns: int) -> dict[str, slice | int]:
     """Return the column, or slice of columns, of each quantity by its name."""
+    n_wheels = (n_columns - len(_PER_ROBOT)) // _N_PER_WHEEL
     columns = dict[str, slice | int]()
     start = 0
     for name in TELEMETRY_NAMES:
-        if name in _PER_ROBOT:
-            columns[name] = start
-            start += 1
-        else:
-            columns[name] = slice(start, start + n_wheels)
-            start += n_wheels
+        end = start + (1 if name in _PER_ROBOT else n_wheels)
+        columns[name] = start if name in _PER_ROBOT else slice(start, end)
+        start = end
     return columns

@@ -9,13 +9,11 @@ from omni_mj.config.rows import Row
 from omni_mj.network.radio import ReceivedCommand, compute_max_delay_frames
 from omni_mj.plants.fault_effects import ChangeableBodies, FaultEffects
 from omni_mj.plants.randomization import Disturbances, RobotVariation
-from omni_mj.plants.telemetry import Telemetry
 from omni_mj.robot.electronics import (
     CycleRecord,
     ElectronicsParameters,
     ElectronicsState,
     make_electronics,
-    stack_telemetry,
 )
 from omni_mj.robot.firmware_state import FirmwareCommand, FrameInputs
 from omni_mj.robot.wheel_carpet_forces import make_carpet_parameters
@@ -82,17 +80,14 @@ class WheeledPlantBase:
         if any(row.faults for row in self._rows):
             self._fault_effects = FaultEffects(self._rows, self, bodies)
 
-    def set_motor_currents(self, current: Array | None) -> None:
+    def set_motor_currents(self, current: Array) -> None:
         """Let drivers hold currents from the next frame on, whatever the firmware commands.
 
         Args:
             current: (n, W) A, as far as the battery's voltage can drive it; NaN where the firmware
-                drives. None if it drives all motors. With 0 A a robot rolls out.
+                drives. With 0 A a robot rolls out.
         """
-        if current is None or np.isnan(current).all():
-            self._current_setpoint = None
-        else:
-            self._current_setpoint = np.array(current, float).T
+        self._current_setpoint = None if np.isnan(current).all() else np.array(current, float).T
 
     def _make_command(self, received: ReceivedCommand) -> FirmwareCommand:
         """Return what the radio delivered as arrays for the firmware."""
@@ -140,16 +135,3 @@ class WheeledPlantBase:
             has_failed=has_failed if has_failed.any() else None,
         )
         return inputs._replace(**fault_inputs)
-
-    def _make_telemetry(
-        self, state: ElectronicsState, wheel_angle: Array, wheel_speed: Array, slip: Array
-    ) -> Telemetry:
-        """Return telemetry of the frame just past, or of the start.
-
-        Args:
-            state: State of firmware, motors and battery.
-            wheel_angle: (W, n) rad.
-            wheel_speed: (W, n) rad/s.
-            slip: Speed at which rims slide, (W, n) m/s.
-        """
-        return Telemetry(stack_telemetry(state, self._record, wheel_angle, wheel_speed, slip).T)

@@ -23,7 +23,8 @@ import numpy as np
 
 from omni_control.errors import OmniError
 
-BATCH_SIZES = 1, 16, 64  # of compiled programs; larger ones are multiples of the last
+SMALL_BATCH_SIZES = 1, 16  # of compiled programs
+BATCH_STEP = 64  # larger batches are multiples of this
 # Measured times of numpy on the plant planar: a frame of any batch, and each robot in it
 NUMPY_FRAME_S = 3e-3
 NUMPY_ROBOT_S = 2e-5
@@ -51,16 +52,17 @@ def choose_backend(setting: str, plant: str, n_robots: int, n_frames: int) -> st
     Raises:
         OmniError: JAX is set for a plant that it does not compute, or is not installed.
     """
-    if setting == "jax" and plant in ("mujoco", "kinematic"):
-        raise OmniError(
-            "physics.backend = jax is available on the plant planar only, "
-            f"not on {plant}; use numpy or auto"
-        )
-    if setting == "jax" and not has_jax():
-        raise OmniError(
-            "physics.backend = jax needs the package jax, which is not installed: "
-            "pip install 'omni-mj[fast]'; or use physics.backend = numpy"
-        )
+    if setting == "jax":
+        if plant in ("mujoco", "kinematic"):
+            raise OmniError(
+                "physics.backend = jax is available on the plant planar only, "
+                f"not on {plant}; use numpy or auto"
+            )
+        if not has_jax():
+            raise OmniError(
+                "physics.backend = jax needs the package jax, which is not installed: "
+                "pip install 'omni-mj[fast]'; or use physics.backend = numpy"
+            )
     if setting != "auto":
         return setting
     numpy_s = n_frames * (NUMPY_FRAME_S + NUMPY_ROBOT_S * n_robots)
@@ -131,10 +133,8 @@ class JaxBackend:
         import jax
 
         self._n_robots = int(jax.tree.leaves(parameters)[0].shape[-1])
-        padded_size = next(
-            (size for size in BATCH_SIZES if size >= self._n_robots),
-            -(-self._n_robots // BATCH_SIZES[-1]) * BATCH_SIZES[-1],
-        )
+        sizes = *SMALL_BATCH_SIZES, BATCH_STEP * math.ceil(self._n_robots / BATCH_STEP)
+        padded_size = min(size for size in sizes if size >= self._n_robots)
         self._padded_indices = np.minimum(np.arange(padded_size), self._n_robots - 1)
         self.parameters = parameters
         self.state = state

@@ -114,6 +114,6 @@ def discharge_battery(
     s = s._replace(charge=charge)
     sag = s.is_on * p.resistance * battery_current
     loaded_voltage = compute_open_circuit_voltage(p, s) - sag
-    smoothing = min(PERIOD_S / PROTECTION_TIME_S, 1.0)
+    smoothing = PERIOD_S / PROTECTION_TIME_S
     average = s.average_voltage + (loaded_voltage - s.average_voltage) * smoothing
     return s._replace(average_voltage=average, is_on=s.is_on & (average > p.cut_off_voltage))

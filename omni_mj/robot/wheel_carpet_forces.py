@@ -49,7 +49,7 @@ from omni_mj.robot.array_ops import Array, namespace, rotate, safe_sqrt, sum_whe
 DRAG_CYCLES = 4  # cycles of the wheel loops from one computation of drag to the next
 AT_REST_M_S = 0.01  # speed below which dry drag fades linearly to zero
 MIN_LOAD_N = 1e-3  # normal force assumed for a wheel in the air
-UNUSED_RADIUS_M = -1.0  # radius of a patch that covers nothing
+UNUSED_PATCH = 0.0, 0.0, -1.0, 0.0  # its negative radius covers nothing
 
 Patches = Sequence[tuple[float, float, float, float]]  # x, y, radius in m, friction coefficient
 
@@ -140,12 +140,9 @@ def stack_patches(patches_by_robot: Sequence[Patches], min_patches: int = 0) -> 
     n_patches = max(min_patches, *(len(patches) for patches in patches_by_robot))
     if not n_patches:
         return None
-    result = np.zeros((n_patches, 4, len(patches_by_robot)))
-    result[:, 2] = UNUSED_RADIUS_M
-    for robot, patches in enumerate(patches_by_robot):
-        if patches:
-            result[: len(patches), :, robot] = patches
-    return result
+    unused_patches = [UNUSED_PATCH] * n_patches
+    padded_patches = [[*patches, *unused_patches][:n_patches] for patches in patches_by_robot]
+    return np.array(padded_patches).transpose(1, 2, 0)
 
 
 def compute_drag(
@@ -160,8 +157,8 @@ def compute_drag(
         wheel_angle: Angles, (W, n) rad; used for wheels that lack rollers.
     """
     xp = namespace(load)
-    forward, sideways = motion.velocity
     axle_x, axle_y = p.axle
+    forward, sideways = motion.velocity
     axle_speed = forward * axle_x + sideways * axle_y
     rim_speed = sideways * axle_x - forward * axle_y + p.arm * motion.turn_rate
     friction = _compute_friction(p, motion, wheel_angle)
@@ -179,19 +176,16 @@ def compute_drag(
     rolling_resistance = p.rolling_resistance
     if p.nap is not None:
         fiber_x, fiber_y = rotate(p.fiber_direction, motion.cosine, -motion.sine)
-        travel_x = axle_direction * axle_x - rim_direction * axle_y
-        travel_y = axle_direction * axle_y + rim_direction * axle_x
+        travel_x, travel_y = rotate((axle_direction, rim_direction), axle_x, axle_y)
         rolling_resistance = p.rolling_resistance * (
             1 + p.nap * (travel_x * fiber_x + travel_y * fiber_y)
         )
     axle_force = load * (rolling_resistance * axle_direction + bearing_drag)
     rim_force = load * (rolling_resistance * rim_direction)
+    force_x, force_y = rotate((axle_force, rim_force), axle_x, axle_y)
     rim_friction = safe_sqrt(friction * friction - bearing_drag * bearing_drag)
     return Drag(
-        force=(
-            -sum_wheels(axle_force * axle_x - rim_force * axle_y),
-            -sum_wheels(axle_force * axle_y + rim_force * axle_x),
-        ),
+        force=(-sum_wheels(force_x), -sum_wheels(force_y)),
         moment=-p.arm * sum_wheels(rim_force),
         slip_compliance=p.creep_compliance * speed,
         torque_per_load=p.radius * rim_friction,
@@ -205,11 +199,9 @@ def _compute_friction(p: CarpetParameters, motion: ChassisMotion, wheel_angle: A
     friction = p.friction * p.friction_factor
     if p.patches is not None:
         wheel_x, wheel_y = rotate(p.arm * p.axle, motion.cosine, motion.sine)
-        wheel_x = motion.x + wheel_x
-        wheel_y = motion.y + wheel_y
         for x, y, radius, patch_friction in p.patches:
-            distance_x = wheel_x - x
-            distance_y = wheel_y - y
+            distance_x = motion.x + wheel_x - x
+            distance_y = motion.y + wheel_y - y
             squared_distance = distance_x * distance_x + distance_y * distance_y
             # The sign of the radius is kept, so that an unused patch covers nothing.
             is_inside = squared_distance < radius * abs(radius)

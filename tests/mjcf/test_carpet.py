@@ -18,6 +18,7 @@ from benches.plant import (
     receive_at_once,
 )
 from benches.plant import mujoco as plant_of
+from benches.robot import CYCLES
 
 from omni_mj.mjcf import world_builder
 
@@ -75,7 +76,7 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
 def test_sensors_lag_by_a_cycle_at_any_time_step(substeps: int) -> None:
     plant = plant_of([noiseless(physics={"substeps": substeps})])
     true, measured = [], []
-    for _ in range(6 * plant.cycles_per_frame):
+    for _ in range(6 * CYCLES):
         commanded = plant.telemetry()
         true.append([*commanded.wheel_angle[0], plant.twist()[0, 2]])
         plant.advance_cycles(1, receive_at_once(np.array([[0.5, 0.2, 3.0]])))

@@ -24,7 +24,7 @@ def test_a_robot_without_currents_rolls_out_while_the_other_brakes() -> None:
     assert plant.telemetry().current_peak[0] < 1e-12  # rounding of duty times voltage
     assert rolling > 0.3
     assert abs(braked) < 0.05
-    plant.set_motor_currents(None)
+    plant.set_motor_currents(np.full((2, 4), np.nan))
     drive(plant, constant((0, 0, 0), 18, 2))
     assert abs(plant.twist()[0, 0]) < 0.05
 
