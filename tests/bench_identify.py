@@ -145,7 +145,7 @@ def true_numbers(settings: Settings) -> dict[str, float]:
     )
     for i, axis in enumerate(("forward", "sideways")):
         parameters[f"wheels.gain_{axis}"] = ROLLING_RADIUS * float(slip.gain[i])
-        parameters[f"wheels.creep_{axis}_s2_m"] = float(slip.time[i])
+        parameters[f"wheels.creep_{axis}_s2_m"] = float(slip.coefficient[i])
         parameters[f"wheels.drag_{axis}_m_s2"] = float(slip.drag[i]) / settings.body.mass_kg
     return parameters
 

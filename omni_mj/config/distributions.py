@@ -1,8 +1,9 @@
 """Settings drawn per seed: a distribution in place of a value.
 
-The same notation holds in scenario files and in Python: `friction = {uniform = [0.4, 0.9]}`,
-`{normal = [mean, deviation]}`, `{normal = [mean, deviation, low, high]}` (truncated),
-`{choice = [0.3, 0.5, 0.8]}`. All controllers of a seed get the same values.
+In scenario files, `friction = {uniform = [0.4, 0.9]}`, `{normal = [mean, deviation]}`,
+`{normal = [mean, deviation, low, high]}` (truncated) or `{choice = [0.3, 0.5, 0.8]}` takes the
+place of a number. In Python, it is such a dictionary. All controllers get the same values of a
+seed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,12 +17,13 @@ from omni_control.errors import OmniError
 from omni_mj.config.settings import Settings, find_setting
 from omni_mj.config.validation import format_value
 
-KINDS = {  # kind of distribution -> its parameters, for messages
+PARAMETERS_BY_KIND = {  # kind of distribution -> description of its parameters, for messages
     "uniform": "[low, high], low below high",
     "normal": "[mean, deviation] or [mean, deviation, low, high], "
     "a deviation above 0 and low below high",
     "choice": "a list of 1 to 999 values",
 }
+# Allowed numbers of parameters by kind.
 ALLOWED_LENGTHS = {"uniform": (2,), "normal": (2, 4), "choice": range(1, 1000)}
 Value = int | float | str | bool
 
@@ -31,9 +33,9 @@ class Distribution:
     """The distribution of a setting.
 
     Attributes:
-        kind: A key of `KINDS`.
+        kind: A key of `PARAMETERS_BY_KIND`.
         values: Parameters of the distribution, or the values to choose from.
-        is_integer: Whether draws are ints. A uniform distribution of ints includes both bounds.
+        is_integer: Whether draws are integers. Uniform integers include both bounds.
     """
 
     kind: str
@@ -42,7 +44,7 @@ class Distribution:
 
     @property
     def median(self) -> Value:
-        """The median, or the first value of a choice: the nominal value of the setting."""
+        """Nominal value of the setting: the median, or the first value of a choice."""
         if self.kind == "uniform":
             low, high = self.values
             return self._to_number((low + high) / 2)
@@ -51,7 +53,7 @@ class Distribution:
 
     @property
     def bounds(self) -> tuple[Value, ...]:
-        """Smallest and largest draw, or all values of a choice; empty if unbounded."""
+        """Smallest and largest draw; all values of a choice; empty for an unbounded normal one."""
         return self.values[2:] if self.kind == "normal" else self.values
 
     @property
@@ -71,9 +73,11 @@ class Distribution:
         if self.kind == "uniform":
             low, high = self.values
             return float(low + probability * (high - low))
-        # Imported here, because lists and schemas do without scipy.
+        # Imported here, because scipy is slow to import and most runs do not need it.
         from scipy.special import ndtr, ndtri
 
+        # Truncated normal distribution with the probability p of a smaller draw:
+        # x = mean + deviation * Phi^-1(Phi(low) + p * (Phi(high) - Phi(low)))
         mean, deviation, low, high = self.values
         low_probability = ndtr((low - mean) / deviation)
         high_probability = ndtr((high - mean) / deviation)
@@ -87,11 +91,11 @@ class Distribution:
 def split_distributions(
     sections: Mapping[str, Any],
 ) -> tuple[dict[str, Any], dict[str, Distribution]]:
-    """Separate distributions from values.
+    """Separate the distributions in sections of settings from values.
 
     Returns:
-        The sections, with the median in place of each distribution; and the distributions by
-        `section.field`.
+        The sections with `Distribution.median` in place of each distribution, and a mapping from
+        `section.field` to distribution.
 
     Raises:
         OmniError: A setting cannot be drawn, or a distribution has wrong parameters.
@@ -112,7 +116,7 @@ def split_distributions(
 
 
 def check_bounds(settings: Settings, distributions: Mapping[str, Distribution]) -> None:
-    """Check that all bounds of distributions are allowed values.
+    """Check that the settings allow all bounds of their distributions.
 
     Raises:
         OmniError: A bound is not allowed.
@@ -125,7 +129,9 @@ def check_bounds(settings: Settings, distributions: Mapping[str, Distribution]) 
 def draw_settings(
     settings: Settings, distributions: Mapping[str, Distribution], seed: int
 ) -> Settings:
-    """Return the settings of a seed. The draw of a setting does not depend on other distributions.
+    """Return the settings of a seed.
+
+    Each setting has a random generator of its own, so its draws do not depend on other settings.
 
     Raises:
         OmniError: A draw from an unbounded distribution is not allowed.
@@ -152,12 +158,12 @@ def require_fixed_settings(distributions: Mapping[str, Distribution], study: str
     """
     if distributions:
         raise OmniError(
-            f"{study} takes numbers, no distributions; give one for {', '.join(distributions)}"
+            f"{study} takes numbers, no distributions; give numbers for {', '.join(distributions)}"
         )
 
 
 def replace_values(settings: Settings, values: Mapping[str, Value]) -> Settings:
-    """Return settings with other values, given by `section.field`.
+    """Return settings with changes, given as a mapping from `section.field` to value.
 
     Raises:
         OmniError: A value is not allowed.
@@ -170,27 +176,38 @@ def replace_values(settings: Settings, values: Mapping[str, Value]) -> Settings:
 
 
 def _parse_distribution(name: str, fields: Mapping[str, Any]) -> Distribution:
-    """Return the distribution of a setting, given by fields such as {uniform = [0.4, 0.9]}."""
+    """Return the distribution of a setting.
+
+    Args:
+        name: Setting, `section.field`.
+        fields: Kind -> parameters, such as `{"uniform": [0.4, 0.9]}`.
+
+    Raises:
+        OmniError: The setting cannot be drawn, or the kind or its parameters are not allowed.
+    """
     setting = find_setting(name)
     kind, values = next(iter(fields.items()), ("", ()))
-    if len(fields) != 1 or kind not in KINDS:
+    if len(fields) != 1 or kind not in PARAMETERS_BY_KIND:
         value = format_value(dict(fields))
-        raise OmniError(f"{name} must be a value, or one of {', '.join(KINDS)}, not {value}")
+        raise OmniError(
+            f"{name} must be a value, or one of {', '.join(PARAMETERS_BY_KIND)}, not {value}"
+        )
     if setting.kind is tuple:
         raise OmniError(f"{name} is a list, which cannot be drawn")
     if kind != "choice" and not setting.is_number:
         raise OmniError(f"{name} is not a number: draw it by {{choice = [...]}}, not {kind}")
     parameters = tuple(values) if isinstance(values, (list, tuple)) else ()
     if len(parameters) not in ALLOWED_LENGTHS[kind] or not _are_ordered(kind, parameters):
-        raise OmniError(f"{name}: {kind} = {KINDS[kind]}, not {format_value(values)}")
+        raise OmniError(f"{name}: {kind} = {PARAMETERS_BY_KIND[kind]}, not {format_value(values)}")
     return Distribution(kind, parameters, setting.kind is int)
 
 
 def _are_ordered(kind: str, parameters: Sequence[Any]) -> bool:
-    """Return whether parameters are numbers with a positive deviation, and low below high."""
+    """Return whether parameters are numbers, low is below high, and a deviation is positive."""
     if kind == "choice":
         return True
     if not all(isinstance(number, (int, float)) for number in parameters):
         return False
+    # normal: 0 < deviation, and low < high if they are given
     ascending_pairs = parameters if kind == "uniform" else (0, *parameters[1:])
     return bool(np.all(np.diff(np.reshape(ascending_pairs, (-1, 2))) > 0))

@@ -1,4 +1,4 @@
-"""Parsing of the faults of a scenario, and checks against its settings and plant."""
+"""Parse the faults of a scenario, and check them against its settings and plant."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,9 @@ def parse_faults(fault_list: Any) -> tuple[Fault, ...]:
         fault_list: List of faults, or of mappings with a kind and its fields.
 
     Raises:
-        OmniError: There is no such kind, or a value is not allowed; lines for each fault.
+        OmniError: There is no such kind, or a value is not allowed. The message has one line per
+            error.
+        ValueError: The faults are not a list.
     """
     if not isinstance(fault_list, (list, tuple)):
         value = format_value(fault_list)
@@ -35,7 +37,7 @@ def parse_faults(fault_list: Any) -> tuple[Fault, ...]:
     return tuple(faults)
 
 
-def find_settings_conflicts(faults: Iterable[Fault], settings: "Settings") -> Iterator[str]:
+def find_fault_contradictions(faults: Iterable[Fault], settings: "Settings") -> Iterator[str]:
     """Yield a message for each fault that is impossible with these settings."""
     n_wheels = len(settings.wheels.azimuths_deg)
     jitter_frames = settings.radio.jitter_frames
@@ -44,7 +46,7 @@ def find_settings_conflicts(faults: Iterable[Fault], settings: "Settings") -> It
         if isinstance(fault, WheelFault) and fault.wheel > n_wheels:
             yield (
                 f"{prefix}: wheel must be 1 to {n_wheels}, not {fault.wheel}: "
-                f"the robot has {n_wheels}"
+                f"the robot has {n_wheels} wheels"
             )
         if isinstance(fault, RadioDelay) and fault.delay_frames < jitter_frames:
             yield (
@@ -70,15 +72,15 @@ def list_supported_kinds(plant: str) -> list[str]:
 
 
 def check_plant_supports(faults: Sequence[Fault], plant: str, n_robots: int | None = None) -> None:
-    """Check that a plant supports all faults, and that its worlds have the robots they name.
+    """Check that a plant supports all faults, and that its worlds have the affected robots.
 
     Args:
         faults: Faults of a scenario.
         plant: Name of the plant.
-        n_robots: Number of robots in a world. Default: unknown, not checked.
+        n_robots: Number of robots in a world. Default: unknown, so robots are not checked.
 
     Raises:
-        OmniError: It does not; a line for each fault.
+        OmniError: A check fails. The message has one line per error.
     """
     supported_kinds = list_supported_kinds(plant) if faults else []
     errors = []
@@ -97,6 +99,7 @@ def check_plant_supports(faults: Sequence[Fault], plant: str, n_robots: int | No
 
 
 def _parse_fault(values: Any) -> Fault:
+    """Return the fault that a mapping with a kind and its fields describes."""
     fields = dict(values) if isinstance(values, Mapping) else {"kind": values}
     kind = str(fields.pop("kind", None))
     if kind not in FAULT_KINDS:

@@ -1,43 +1,47 @@
 """Closed-form response of a robot, from which the team's assumptions about it are derived.
 
-**Wheel loops.** A wheel pulls with n k_t (kp + n k_t) / (R r^2) along its rim per m/s of missing
-speed. All wheels together pull with that times sum d^2, where d are the direction cosines between
-rims and motion (`compute_speed_stiffness`). Lag is mass over that stiffness, drag is dry friction
-over it. Rotor inertia and creep are neglected. Of a loop with integral action, only the
-proportional gain counts.
+**Wheel loops.** A wheel exerts the force k (kp + k) / (R r^2) along its rim per m/s of missing
+speed, with the proportional gain kp, the torque constant k at the wheel (motor's constant times
+gear ratio), the resistance R and the wheel radius r. All wheels together exert this force times
+sum c^2, where c are the direction cosines between rims and motion (`compute_speed_stiffness`). The
+lag is the mass over this stiffness. The friction loss is the dry friction force over it. Rotor
+inertia and creep are neglected. Of a loop with integral action, only the proportional gain counts.
 
-**Creep.** Wheel i has the rim direction d_i and the lever arm l, a row D_i = (d_i, l) of D. Its rim
-runs by s_i = |v_i| f_i / (N_i C) faster than the ground passes
-(`omni_mj.robot.wheel_carpet_forces`). With stiff wheel loops, rims can differ from the ground only
-as a rigid body can move, s = D e, where e = u - v is the twist by the encoders minus the twist of
-the body. In translation all |v_i| = |v|. The tractions f_i = N_i C s_i / |v| have the force and
-moment
+**Creep.** Row i of the matrix G is (d_i, l): the rim direction d_i and the lever arm l of wheel i.
+With the normal force N_i, the creep stiffness C and the traction f_i, its rim is faster than the
+contact point by s_i = |v_i| f_i / (N_i C) (`omni_mj.robot.wheel_carpet_forces`). With stiff wheel
+loops, all s_i together are the motion of a rigid body, s = G e, where e = u - v is the twist by the
+encoders minus the twist of the body. In translation all |v_i| = |v|. The tractions
+f_i = N_i C s_i / |v| have the force and moment
 
-    (F, M) = D^T f = (C / |v|) D^T N D e,        so        e = |v| / C (D^T N D)^-1 (F, M).
+    (F, M) = G^T f = (C / |v|) G^T N G e,        so        e = |v| / C (G^T N G)^-1 (F, M).
 
-Along an axis j of symmetry F = m a + D_j: the force that accelerates the body, and the drag beyond
-the contacts (rolling resistance and roller bearings; motors and gears act on the hubs). For v > 0
+Along an axis j of symmetry F = m a + D_j: the force that accelerates the body, and the drag D_j
+that the contacts transmit (rolling resistance and roller bearings, but not motors and gears, which
+act on the hubs). For v > 0
 
-    u = v + T0 v (a + D_j / m),        T0 = m ((D^T N D)^-1)_jj / C,
+    u = v + T0 v (a + D_j / m),        T0 = m ((G^T N G)^-1)_jj / C,
 
-which is m / (C sum N_i d_ij^2) if other axes do not mix in, and W / (g C sum d_ij^2) for W wheels
-with equal loads. TIGERs write it as K u - v = T |u| v'. Comparing the terms with and without v',
+which is m / (C sum N_i d_ij^2) if the axes are not coupled, and W / (g C sum d_ij^2) for W wheels
+with equal normal forces. TIGERs write it as K u - v = T |u| v'. Comparing the terms with and
+without v' gives
 
     K = 1 / (1 + T0 D_j / m),        T = K T0 v / u = K^2 T0 / (1 + K T0 a).
 
 A fit over a whole move weighs acceleration (a > 0) and braking equally. Its T is K^2 T0 up to
-(K T0 a)^2, 2 % at 2 m/s^2. Drag appears in the gain K, not in T: without drag K = 1. Turning on the
-spot, wheels travel at l |w|. With the yaw inertia J and the moment M of the drag
+(K T0 a)^2, 2 % at 2 m/s^2. Drag appears in the gain K, not in T. Without drag K = 1. When the robot
+turns on the spot, wheels travel at l |w|. With the yaw inertia J and the moment M of the drag
 
-    u = w + T0 l |w| (w' + M / J),        T0 = J ((D^T N D)^-1)_ww / C = J / (C l^2 m g),
+    u = w + T0 l |w| (w' + M / J),        T0 = J ((G^T N G)^-1)_ww / C = J / (C l^2 m g),
 
 so a law with T l |u| in place of T |u| has K = 1 / (1 + T0 l M / J) and again T = K^2 T0.
 
-Loads are those of a body at rest on equal springs, N_i = a + b x_i + c y_i. The load transfer of
-acceleration is reversed by braking. Neglected effects, and their size: viscous friction of bearings
-and spin-up of rollers, 0.1 to 0.2 N at 1 m/s, and a rolling radius 0.1 % small (K lower by up to
-0.014); mass that turns with the rims, 1 to 2 % (T); wheel loops that are not stiff where loads
-differ, 3 % (T); and the 1 ms in TIGERs' law, 0.001 s^2/m of T at 1 m/s.
+The normal forces are those of a body at rest on equal springs, N_i = a + b x_i + c y_i. The effects
+of load transfer during acceleration and during braking cancel. Neglected effects, and their size:
+viscous friction of bearings and spin-up of rollers, 0.1 to 0.2 N at 1 m/s, and a rolling radius
+0.1 % small (K lower by up to 0.014); mass that turns with the rims, 1 to 2 % (T); wheel loops that
+are not stiff where normal forces differ, 3 % (T); and the 1 ms in TIGERs' law, 0.001 s^2/m of T at
+1 m/s.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -59,8 +63,8 @@ ASSUMPTIONS = (
     "assumed_alpha_forward",
     "assumed_alpha_sideways",
 )
-# With integral action there is no single lag, and friction has no lasting effect: guesses. The loop
-# overshoots, so alpha is unknown, too.
+# Guesses for loops with integral action, which have no single lag, no steady loss of speed by
+# friction, and overshoot, so that alpha is unknown (0).
 INTEGRAL_ACTION_ASSUMPTIONS = {
     "assumed_lag_s": 0.02,
     "assumed_friction_loss_m_s": 0.04,
@@ -68,49 +72,49 @@ INTEGRAL_ACTION_ASSUMPTIONS = {
     "assumed_alpha_sideways": 0.0,
 }
 # Part of 1/alpha - 1 at 1 m/s that is not due to creep: viscous friction, rolling radius, battery.
-# On six robots it is 0.013 to 0.023 forward, and 0.021 to 0.047 sideways, where wheel loops yield
-# more.
-OTHER_INVERSE_GAIN = 0.02
+# Of six simulated robots, it is 0.013 to 0.023 forward, and 0.021 to 0.047 sideways, where wheel
+# loops are softer.
+INVERSE_GAIN_WITHOUT_CREEP = 0.02
 
 
 class CreepLaw(NamedTuple):
-    """Parameters of the creep law for forward, sideways and turning motion.
+    """Parameters of the creep law K u - v = T |u| v' for forward, sideways and turning motion.
 
     Attributes:
-        drag: Drag through the contacts, (3,), N, N and N m.
-        gain: Gain K as fitted by TIGERs, (3,).
-        time: Coefficient T, (3,), s^2/m.
+        drag: Drag that the contacts transmit, (3,), N, N and N m.
+        gain: Gain K, (3,).
+        coefficient: Coefficient T, (3,), s^2/m.
     """
 
     drag: Array
     gain: Array
-    time: Array
+    coefficient: Array
 
 
 def derive_assumptions(
     settings: "Settings", assumed_creep: float | None = None
 ) -> dict[str, float]:
-    """Return the values of `ASSUMPTIONS` that follow from a robot's numbers.
+    """Return a mapping from the names in `ASSUMPTIONS` to the values that a robot's settings imply.
 
-    Lag and drag are means of both axes, rounded to 0.1 ms and 1 mm/s.
+    Lag and friction loss are means of both axes, rounded to 0.1 ms and 1 mm/s.
 
     Args:
         settings: Settings of the robot.
-        assumed_creep: Creep coefficient that the team assumes, s^2/m. Its assumptions about
-            sideways creep and alpha scale with it. Default: the robot's own.
+        assumed_creep: Forward creep coefficient that the team assumes, s^2/m. Sideways creep and
+            1/alpha - 1 are proportional to it. Default: the robot's own.
     """
     law = compute_creep_law(settings)
-    creep = round(float(law.time[0]), 4)
+    creep = round(float(law.coefficient[0]), 4)
     scale = assumed_creep / creep if creep and assumed_creep is not None else 1.0
     inverse_gain = np.ones(2)
     if creep:
-        without_creep = OTHER_INVERSE_GAIN * np.array([1.0, law.time[1] / creep])
+        without_creep = INVERSE_GAIN_WITHOUT_CREEP * np.array([1.0, law.coefficient[1] / creep])
         inverse_gain += scale * (1 / law.gain[:2] - 1 + without_creep)
     values = {
         "assumed_lag_s": round(float(compute_lag(settings).mean()), 4),
         "assumed_friction_loss_m_s": round(float(compute_friction_loss(settings).mean()), 3),
         "assumed_creep_s2_m": creep,
-        "assumed_creep_sideways_s2_m": round(scale * float(law.time[1]), 4),
+        "assumed_creep_sideways_s2_m": round(scale * float(law.coefficient[1]), 4),
         "assumed_alpha_forward": round(float(1 / inverse_gain[0]), 3),
         "assumed_alpha_sideways": round(float(1 / inverse_gain[1]), 3),
     }
@@ -120,20 +124,15 @@ def derive_assumptions(
 
 
 def compute_speed_stiffness(settings: "Settings") -> Array:
-    """Return the force of the wheel loops per missing speed forward and sideways, (2,), N s/m."""
+    """Return the force of wheel loops per missing speed, forward and sideways, (2,), N s/m."""
     return np.asarray((_direction_cosines(settings) ** 2).sum(0) / compute_rim_compliance(settings))
 
 
 def compute_rim_compliance(settings: "Settings") -> float:
-    """Return the speed that a rim loses per force that it exerts, m/s / N.
-
-    It is R r^2 / (k (k_p + k)) for a loop of proportional gain k_p and a motor of speed constant k.
-    """
-    motor, firmware = settings.motor, settings.firmware
-    constant = motor.gear_ratio * motor.torque_constant_nm_a
-    return (
-        motor.resistance_ohm * settings.wheels.radius_m**2 / (constant * (firmware.kp + constant))
-    )
+    """Return the speed that a rim loses per force that it exerts, m/s / N: R r^2 / (k (kp + k))."""
+    motor, kp = settings.motor, settings.firmware.kp
+    constant = motor.wheel_back_emf_v_s
+    return motor.resistance_ohm * settings.wheels.radius_m**2 / (constant * (kp + constant))
 
 
 def compute_lag(settings: "Settings") -> Array:
@@ -142,18 +141,18 @@ def compute_lag(settings: "Settings") -> Array:
 
 
 def compute_friction_loss(settings: "Settings") -> Array:
-    """Return the speed that dry friction costs forward and sideways, (2,), m/s.
+    """Return the speed that robots lose to dry friction, forward and sideways, (2,), m/s.
 
-    The friction is the rolling resistance of the carpet, the friction of gears and motors, tau / r
-    at the rims, and that of the rollers, which turn by the component of motion along the axle.
+    The friction consists of the rolling resistance of the carpet, the friction of gears and motors,
+    tau / r at the rims, and that of the rollers, which turn by the motion along the axle.
     """
     cosines = _direction_cosines(settings)
     weight = settings.body.mass_kg * GRAVITY
     roller_fraction = np.sqrt(np.maximum(1 - cosines**2, 0.0)).mean(0)
-    rollers = settings.drivetrain.roller_friction * weight * roller_fraction
+    roller_friction = settings.drivetrain.roller_friction * weight * roller_fraction
     force = (
         settings.carpet.rolling_resistance * weight
-        + rollers
+        + roller_friction
         + settings.hub_friction_nm / settings.wheels.radius_m * cosines.sum(0)
     )
     return np.asarray(force / compute_speed_stiffness(settings))
@@ -171,9 +170,9 @@ def compute_creep_law(settings: "Settings") -> CreepLaw:
     drag = carpet_drag + np.append(bearing_drag, 0.0)
     stiffness = wheels.matrix.T @ (loads[:, None] * wheels.matrix)
     compliance = np.linalg.inv(stiffness) / settings.drivetrain.creep_stiffness
-    time = inertia * np.diag(compliance)
-    gain = 1 / (1 + time * lever_arms * drag / inertia)
-    return CreepLaw(drag, gain, gain**2 * time)
+    coefficient = inertia * np.diag(compliance)  # T0
+    gain = 1 / (1 + coefficient * lever_arms * drag / inertia)
+    return CreepLaw(drag, gain, gain**2 * coefficient)
 
 
 def compute_normal_forces(settings: "Settings") -> Array:

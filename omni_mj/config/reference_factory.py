@@ -1,4 +1,4 @@
-"""Builds reference trajectories from the settings of a scenario."""
+"""Build reference trajectories from the settings of a scenario."""
 
 import math
 from dataclasses import replace
@@ -28,11 +28,11 @@ ORIGIN: StartPose = (0.0, 0.0, 0.0)
 def build_timed_reference(settings: Settings, start_pose: StartPose = ORIGIN) -> SampledReference:
     """Return the reference that is planned in advance. Errors are measured against it.
 
-    Equal arguments give the same object.
+    Equal arguments return the same object from a cache.
 
     Args:
         settings: Settings of reference and robot.
-        start_pose: Pose by which the whole reference is displaced.
+        start_pose: Offset of the whole reference, `Row.start_pose`.
 
     Raises:
         OmniError: With `reference.assumed_friction`, the wheels cannot follow any reference.
@@ -44,7 +44,12 @@ def build_timed_reference(settings: Settings, start_pose: StartPose = ORIGIN) ->
 def build_iterated_reference(
     settings: Settings, n_robots: int, start_pose: StartPose = ORIGIN
 ) -> IteratedReference:
-    """Return the reference that is replanned in every frame for n robots; for waypoints only.
+    """Return the reference between waypoints that is replanned in every frame.
+
+    Args:
+        settings: Settings of reference and robots.
+        n_robots: Number of robots that follow it, each with its own plan.
+        start_pose: Offset of the waypoints, `Row.start_pose`.
 
     Raises:
         OmniError: As `build_timed_reference`.
@@ -58,7 +63,7 @@ def build_iterated_reference(
 
 
 def build_motion_limits(settings: ReferenceSettings | ControlSettings) -> MotionLimits:
-    """Return the limits of the reference without those of the wheels, or the limits of commands."""
+    """Return limits of commands, or limits of the reference without those of the wheels."""
     limits = MotionLimits(
         settings.max_speed_m_s,
         settings.max_acceleration_m_s2,
@@ -77,7 +82,7 @@ def build_motion_limits(settings: ReferenceSettings | ControlSettings) -> Motion
 
 @lru_cache(maxsize=4096)
 def build_reference_limits(settings: Settings) -> MotionLimits:
-    """Return all limits of the reference: those of its settings, and those of the robot's wheels.
+    """Return all limits of the reference: those of its settings and those of the robot's wheels.
 
     Raises:
         OmniError: With `reference.assumed_friction`, the wheels cannot follow any reference.
@@ -86,17 +91,18 @@ def build_reference_limits(settings: Settings) -> MotionLimits:
 
 
 def _build_wheel_limits(settings: Settings) -> WheelLimits | None:
-    """Return the limits of the wheels on a carpet of the assumed friction; None if ignored."""
+    """Return the limits of wheels on carpet of the assumed friction, or None if it is 0 (ignored)."""
     friction = settings.reference.assumed_friction
     utilization = settings.reference.wheel_utilization
     body = settings.body
     if not friction:
         return None
+    gyration_radius = math.sqrt(body.yaw_inertia_kg_m2 / body.mass_kg)
     try:
         return WheelLimits(
             settings.wheels.kinematics,
             utilization * friction,
-            math.sqrt(body.yaw_inertia_kg_m2 / body.mass_kg),
+            gyration_radius,
             body.com_height_m,
             settings.carpet.rolling_resistance,
             settings.drivetrain.roller_friction,
@@ -112,8 +118,12 @@ def _build_wheel_limits(settings: Settings) -> WheelLimits | None:
 def _compute_max_rim_speed(settings: Settings) -> float:
     """Return the rim speed at which the nominal voltage still drives full traction, m/s.
 
-    Traction is limited by friction at an equal normal force on all wheels. The back-EMF at this
-    speed is at least half of the nominal voltage.
+    Full traction F is friction times an equal normal force on all wheels. With the wheel radius r,
+    the gear ratio n, the torque constant k and the no-load current I_0,
+
+        speed = (V - R I) r / (n k),        I = I_0 + F r / (n k).
+
+    The back-EMF V - R I is taken as at least half of the nominal voltage V.
     """
     motor, nominal_voltage = settings.motor, settings.firmware.nominal_voltage_v
     radius = settings.wheels.radius_m
@@ -123,28 +133,27 @@ def _compute_max_rim_speed(settings: Settings) -> float:
         * GRAVITY
         / len(settings.wheels.azimuths_deg)
     )
-    current = motor.no_load_current_a + traction * radius / (
-        motor.gear_ratio * motor.torque_constant_nm_a
-    )
+    current = motor.no_load_current_a + traction * radius / motor.wheel_back_emf_v_s
     back_emf = max(nominal_voltage - motor.resistance_ohm * current, nominal_voltage / 2)
-    return back_emf / (motor.torque_constant_nm_a * motor.gear_ratio) * radius
+    return back_emf / motor.wheel_back_emf_v_s * radius
 
 
 @lru_cache(maxsize=4096)
 def _plan_timed_reference(
     settings: ReferenceSettings, limits: MotionLimits, start_pose: StartPose
 ) -> SampledReference:
+    """Return the reference with rests at both ends, displaced by a start pose."""
     if settings.shape in CURVES:
         curve = CURVES[settings.shape](settings.length_m, settings.width_m)
-        is_tangent = settings.heading == "tangent"
-        moving: SampledReference = CurveReference(
-            curve, limits, PERIOD_S, settings.laps, is_tangent
+        faces_along_path = settings.heading == "tangent"
+        moving_reference: SampledReference = CurveReference(
+            curve, limits, PERIOD_S, settings.laps, faces_along_path
         )
     else:
         dwell_frames = _count_frames(settings.dwell_s)
         waypoints = _list_waypoints(settings)
-        moving = TimedReference(waypoints, limits, PERIOD_S, dwell_frames)
-    reference = moving.with_rest(
+        moving_reference = TimedReference(waypoints, limits, PERIOD_S, dwell_frames)
+    reference = moving_reference.with_rest(
         _count_frames(settings.initial_rest_s), _count_frames(settings.settle_s)
     )
     if start_pose == ORIGIN:
@@ -153,11 +162,12 @@ def _plan_timed_reference(
 
 
 def _count_frames(duration_s: float) -> int:
+    """Return the number of frames nearest to a duration."""
     return round(duration_s * FRAME_RATE_HZ)
 
 
 def _displace_poses(poses: Array, start_pose: StartPose) -> Array:
-    """Transform poses (n, 3) from the frame of the start pose to the world frame."""
+    """Transform poses (n, 3) from the coordinate frame of a start pose to the world frame."""
     if start_pose == ORIGIN:
         return poses
     x, y, heading = start_pose
@@ -169,14 +179,14 @@ def _displace_poses(poses: Array, start_pose: StartPose) -> Array:
 
 
 def _list_waypoints(settings: ReferenceSettings) -> tuple[tuple[float, ...], ...]:
-    """Return the poses that the reference visits on all laps. The start is visited once."""
+    """Return the poses to visit on all laps. Laps after the first begin at the second waypoint."""
     is_random = settings.shape == "random"
     waypoints = _draw_waypoints(settings) if is_random else settings.waypoints
     return waypoints[:1] + waypoints[1:] * settings.laps
 
 
 def _draw_waypoints(settings: ReferenceSettings) -> tuple[tuple[float, ...], ...]:
-    """Draw uniformly distributed poses. From each to the next, the robot turns by at most pi."""
+    """Return random poses, uniformly distributed. Consecutive headings differ by at most pi."""
     half_range = np.array([settings.length_m / 2, settings.width_m / 2, np.pi])
     random = np.random.default_rng(settings.seed)
     poses = random.uniform(-half_range, half_range, (settings.waypoint_count, 3))

@@ -1,13 +1,13 @@
-"""Resolution of the settings that depend on the robot: (scenario, robot) -> settings.
+"""Complete a scenario's settings with those of its robot, and with defaults.
 
-Values come from, in order of precedence:
+The value of a setting comes from the first of these that gives one:
 
 1. the scenario's sections,
-2. the robot's own MJCF file, if there is one (it must not contradict the scenario),
-3. the robot's file,
-4. for `[control]`, the closed-form model of the robot as its file and MJCF describe it
-   (`omni_mj.config.nominal_model`). What a scenario changes of the robot is unknown to the team.
-5. the defaults of `omni_mj.config.settings`.
+2. the robot's MJCF file, if it has one, which must not contradict the scenario,
+3. the robot's TOML file,
+4. for assumptions in `[control]`, the closed-form model of the robot (`omni_mj.config.nominal_model`)
+   as its files describe it. The team does not know which hardware the scenario changes.
+5. the defaults in `omni_mj.config.settings`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -28,22 +28,22 @@ from omni_mj.config.validation import SettingsModel, merge_sections, raise_error
 if TYPE_CHECKING:
     from omni_mj.mjcf.custom_robot import CustomRobotSpec
 
-# Sections of the hardware, from which the model that the team assumes is derived.
+# Sections from which the assumptions of the team are derived.
 HARDWARE_SECTIONS = ("body", "wheels", "motor", "firmware", "drivetrain", "carpet")
-RELATIVE_TOLERANCE = 1e-6  # of numbers in settings and MJCF that are equal
-_NO_SECTIONS: Mapping[str, Any] = {}
+RELATIVE_TOLERANCE = 1e-6  # within which a setting equals the value in MJCF
+_NO_SECTIONS: Mapping[str, Any] = {}  # default of mappings, never changed
 
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot that was read and validated. Accepted wherever the name of a robot is.
+    """A robot that was read and validated. It is accepted wherever the name of a robot is.
 
     Attributes:
-        name: Name, or path of a .toml file, as it was requested.
+        name: Name of the robot, or path of its .toml file, as it was requested.
         path: File of the robot.
         description: One-line description in the file.
         settings: The file's settings, completed with defaults.
-        facts: Quantities that follow from the settings; see `om.load_robot`.
+        facts: Name -> quantity that follows from the settings; see `om.load_robot`.
     """
 
     name: str
@@ -69,7 +69,7 @@ def resolve_settings(
 
     Raises:
         OmniError: A value is not allowed; a required value is missing; or the robot's MJCF cannot
-            be read or contradicts the sections. A line for each error.
+            be read or contradicts the sections. The message has one line per error.
     """
     robot_sections = robot_files.read_robot_sections(robot)
     resolved = _merge_with_mjcf(robot_sections, sections)
@@ -84,7 +84,7 @@ def read_custom_mjcf(model: ModelSettings) -> "CustomRobotSpec":
     """Return the custom MJCF robot that the settings name.
 
     Raises:
-        OmniError: The file does not exist, or lacks something; a line for each error.
+        OmniError: The file does not exist, or lacks something. The message has one line per error.
     """
     from omni_mj.mjcf import custom_robot
 
@@ -92,7 +92,7 @@ def read_custom_mjcf(model: ModelSettings) -> "CustomRobotSpec":
 
 
 def find_mjcf_contradictions(sections: Mapping[str, Any], mjcf: "CustomRobotSpec") -> Iterator[str]:
-    """Yield a message for each value in sections that differs from a custom MJCF."""
+    """Yield a message for each value in sections that differs from a robot's MJCF."""
     for section, fields in mjcf.implied_settings.items():
         values = sections.get(section)
         if not isinstance(values, (Mapping, SettingsModel)):
@@ -103,14 +103,14 @@ def find_mjcf_contradictions(sections: Mapping[str, Any], mjcf: "CustomRobotSpec
             if not _are_equal(mjcf_value, value):
                 yield (
                     f"{section}.{field} = {value} contradicts {mjcf.file}, which has {mjcf_value}; "
-                    "change the model, or leave it out"
+                    f"change the model, or leave out {field}"
                 )
 
 
 def _merge_with_mjcf(
     robot_sections: Mapping[str, Any], sections: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Merge a scenario's sections and the values of a custom MJCF into those of a robot."""
+    """Return a robot's sections with those of a scenario and the values that its MJCF implies."""
     merged = merge_sections(robot_sections, sections)
     model = merged.get("model", {})
     if isinstance(model, (str, Path)):
@@ -125,10 +125,10 @@ def _merge_with_mjcf(
 
 
 def _check_required_values(sections: Mapping[str, Any], robot: str) -> None:
-    """Check that sections have all values that every robot's file must give.
+    """Check that sections have all values that the default robot's file has, except assumptions.
 
     Raises:
-        OmniError: A value is missing; a line for each.
+        OmniError: A value is missing. The message has one line per value.
     """
     errors = []
     for section, fields in robot_files.read_robot_sections(DEFAULT_ROBOT).items():
@@ -147,18 +147,18 @@ def _check_required_values(sections: Mapping[str, Any], robot: str) -> None:
 def _derive_assumptions(
     resolved: Mapping[str, Any], robot_sections: Mapping[str, Any]
 ) -> dict[str, float]:
-    """Return what the team assumes of the robot where `[control]` says nothing.
+    """Return the team's assumptions about the robot, as defaults of `[control]`.
 
-    The assumptions follow from the robot's file and MJCF, not from what the scenario changes. Only
-    if these are invalid do they follow from the resolved hardware. Invalid hardware is not reported
-    here, but with all other errors.
+    The assumptions follow from the robot's TOML and MJCF files, without the scenario's changes. If
+    these are invalid alone, the assumptions follow from the resolved hardware. If this is invalid,
+    too, they are 0: the error is reported later, together with all others.
     """
     control = resolved["control"]
     placeholders = dict.fromkeys(nominal_model.ASSUMPTIONS, 0.0)
     if "assumed_creep_s2_m" in control:
         placeholders["assumed_creep_s2_m"] = control["assumed_creep_s2_m"]
     robot_hardware = {name: robot_sections.get(name, {}) for name in HARDWARE_SECTIONS}
-    for hardware in (robot_hardware, {}):
+    for hardware in (robot_hardware, {}):  # {}: the resolved hardware
         with suppress(OmniError):
             sections = _merge_with_mjcf(merge_sections(resolved, hardware), {})
             settings = _build_settings(sections | {"control": placeholders, "fault": ()})
@@ -167,7 +167,7 @@ def _derive_assumptions(
 
 
 def _build_settings(sections: Mapping[str, Any]) -> Settings:
-    """Build settings, with defaults for sections that are left out."""
+    """Return settings, with defaults for sections that are left out."""
     return Settings(**{name: {} for name in get_section_classes()} | dict(sections))
 
 

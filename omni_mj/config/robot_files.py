@@ -1,6 +1,7 @@
-"""Files of robots: TOML files with defaults of settings, and MJCF models with the files they name.
+"""Find and read files of robots: TOML files with settings, and models in MJCF.
 
-A model in MJCF consists of its own file, included ones, meshes and textures.
+MJCF is MuJoCo's XML format. A model consists of its main file and the files that this one names:
+included files, meshes and textures.
 """
 
 import os
@@ -15,6 +16,7 @@ from omni_mj.config import toml_files
 
 DEFAULT_ROBOT = "tigers-v2016"
 DESCRIPTION = "description"  # the only key of a robot's file that is not a section
+# section -> field -> value
 Sections = Mapping[str, Mapping[str, Any]]
 _FILE_ATTRIBUTES = (  # of elements of MJCF
     "file",
@@ -28,7 +30,7 @@ _FILE_ATTRIBUTES = (  # of elements of MJCF
 
 
 def find_builtin_robots() -> Mapping[str, Path]:
-    """Return the robot files of the package by name."""
+    """Return a mapping from name to file for the robots of the package."""
     return toml_files.find_packaged_files("robots")
 
 
@@ -46,7 +48,7 @@ def find_robot_file(robot: str) -> Path:
     robots = find_builtin_robots()
     if robot not in robots:
         hint = suggest_names(robot, robots)
-        raise OmniError(f"unknown robot {robot!r}; {hint}, or a file of yours: robot.toml")
+        raise OmniError(f"unknown robot {robot!r}; {hint}, or the path of a .toml file")
     return robots[robot]
 
 
@@ -54,10 +56,10 @@ def read_robot_sections(robot: str) -> Sections:
     """Return the settings in a robot's file, by section and field.
 
     Raises:
-        OmniError: There is no such robot, its file is not TOML, or it contains anything but
-            sections.
+        OmniError: There is no such robot, its file is not TOML, or the file contains anything but
+            sections and a description.
     """
-    return _read(robot)[1]
+    return _read_robot_file(robot)[1]
 
 
 def read_robot_description(robot: str) -> str:
@@ -66,11 +68,11 @@ def read_robot_description(robot: str) -> str:
     Raises:
         OmniError: As `read_robot_sections`.
     """
-    return _read(robot)[0]
+    return _read_robot_file(robot)[0]
 
 
 def find_models_folder() -> Path:
-    """Return the folder of MJCF files: next to the package in a checkout, inside it in a wheel."""
+    """Return the folder of MJCF files: next to the package in a checkout, inside if installed."""
     package = Path(__file__).parents[1]
     checkout = package.parent / "models"
     return checkout if (checkout / "ssl_robot.xml").is_file() else package / "models"
@@ -82,7 +84,7 @@ def find_robot_mjcf() -> Path:
 
 
 def list_model_files(path: Path) -> list[Path]:
-    """Return a model's file and all files that it names, existing or not.
+    """Return a model's main file and all files that it names, whether they exist or not.
 
     A file that is not valid XML names no others.
     """
@@ -91,13 +93,13 @@ def list_model_files(path: Path) -> list[Path]:
 
 
 def read_model_files(path: Path) -> dict[str, bytes]:
-    """Return the contents of a model's files by relative path, its own file first.
+    """Return a mapping from relative path to contents for a model's files, the main file first.
 
-    The paths are relative to the lowest folder that contains all files.
+    The paths are relative to the innermost folder that contains all files.
 
     Raises:
         OSError: A file cannot be read.
-        ValueError: A file is named by an absolute path. A copy of it would not be found.
+        ValueError: A file is named by an absolute path, so a copied model would not find its copy.
     """
     for name in _find_file_names(path, path.parent, {}):
         if Path(name).is_absolute():
@@ -107,20 +109,24 @@ def read_model_files(path: Path) -> dict[str, bytes]:
     return {file.relative_to(common_folder).as_posix(): file.read_bytes() for file in files}
 
 
-def _read(robot: str) -> tuple[str, Sections]:
+def _read_robot_file(robot: str) -> tuple[str, Sections]:
+    """Return description and sections of the file of a robot, given by name or path."""
     path = find_robot_file(robot)
-    return _parse(path, path.stat().st_mtime_ns if path.is_file() else 0)
+    return _parse_robot_file(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @lru_cache
-def _parse(path: Path, modified_ns: int) -> tuple[str, Sections]:
-    """Return description and sections of a file. The modification time keys the cache."""
+def _parse_robot_file(path: Path, modified_ns: int) -> tuple[str, Sections]:
+    """Return description and sections of a file.
+
+    `modified_ns` is the time of the file's last change. A changed file is not taken from the cache.
+    """
     data = toml_files.read_toml(path, "the robot's file")
     description = data.pop(DESCRIPTION, "")
     has_sections_only = all(isinstance(section, dict) for section in data.values())
     if not isinstance(description, str) or not has_sections_only:
         raise OmniError(
-            f"the robot's file {path} may contain only a {DESCRIPTION} and sections of settings"
+            f"the robot's file {path} must contain only sections of settings and a {DESCRIPTION}"
         )
     mjcf_file = data.get("model", {}).get("file")
     if isinstance(mjcf_file, str) and mjcf_file:
@@ -129,12 +135,12 @@ def _parse(path: Path, modified_ns: int) -> tuple[str, Sections]:
 
 
 def _find_file_names(path: Path, main_folder: Path, asset_folders: dict[str, str]) -> Iterator[str]:
-    """Yield the file names in a model, relative to the folder of the main file, as in MuJoCo.
+    """Yield the file names in a model, relative to the main file's folder as in MuJoCo.
 
     Args:
         path: File to read, the main one or an included one.
         main_folder: Folder of the main file.
-        asset_folders: Folders of meshes and textures by kind; changed by <compiler> elements.
+        asset_folders: "mesh" or "texture" -> folder of these files; set by <compiler> elements.
     """
     try:
         root = ElementTree.parse(path).getroot()

@@ -1,4 +1,4 @@
-"""All settings of a scenario, in sections. Each field carries unit, bounds and meaning."""
+"""All settings of a scenario, in sections. Each field has a meaning, a unit and a range."""
 
 from collections.abc import Iterator, Sequence
 from operator import attrgetter
@@ -36,17 +36,17 @@ from omni_mj.config.robot_settings import (
 from omni_mj.config.team_settings import ControlSettings, ReferenceSettings
 from omni_mj.config.validation import SettingInfo, SettingsModel, merge_sections
 
-FULL_CELL_V = 4.2  # of a LiPo cell
+FULL_CELL_V = 4.2  # voltage of a fully charged LiPo cell
 
 
 class Settings(SettingsModel):
     """All settings of a scenario with a robot.
 
-    `omni_mj.config.resolve.resolve_settings` makes them, with the robot's values as defaults. A
-    section is a model, or a mapping of its fields.
+    `omni_mj.config.resolve.resolve_settings` builds them, with the robot's values as defaults. Each
+    section may be given as an instance of its class, or as a mapping from field to value.
 
     Attributes:
-        controller: Parameters of controllers by label and name.
+        controller: Label of a controller -> name of a parameter -> value.
         fault: Faults that occur during a run.
     """
 
@@ -73,7 +73,7 @@ class Settings(SettingsModel):
     controller: dict[str, dict[str, Any]] = Field(default_factory=dict)
     fault: tuple[SerializeAsAny[faults.Fault], ...] = ()
 
-    def __hash__(self) -> int:
+    def __hash__(self) -> int:  # without `controller`: dictionaries are not hashable
         return hash((*(getattr(self, name) for name in get_section_classes()), self.fault))
 
     @field_validator("fault", mode="before")
@@ -83,14 +83,14 @@ class Settings(SettingsModel):
 
     def find_contradictions(self) -> Iterator[str]:
         """Yield a message for each contradiction between sections."""
-        yield from fault_checks.find_settings_conflicts(self.fault, self)
+        yield from fault_checks.find_fault_contradictions(self.fault, self)
         body, wheels, battery = self.body, self.wheels, self.battery
         margin = compute_support_margin(wheels.azimuths_deg, wheels.arm_m, body.com_x_m)
         if margin <= 0:
             yield (
                 f"body.com_x_m = {body.com_x_m:g} is {-margin * 1e3:.3g} mm outside the polygon of "
-                "the wheels' contacts (wheels.azimuths_deg, wheels.arm_m): the robot would tip "
-                "over; it must be inside"
+                "the wheel contacts (wheels.azimuths_deg, wheels.arm_m); it must be inside, or the "
+                "robot tips over"
             )
         if body.yaw_inertia_kg_m2 > 2 * body.tilt_inertia_kg_m2:
             yield (
@@ -101,15 +101,14 @@ class Settings(SettingsModel):
         if battery.cut_off_v >= full:
             yield (
                 f"battery.cut_off_v = {battery.cut_off_v:g} must be below the {full:g} V of "
-                f"battery.series_cells = {battery.series_cells} when full "
-                f"({FULL_CELL_V} V a cell): the battery would never give power"
+                f"battery.series_cells = {battery.series_cells} when full ({FULL_CELL_V} V a cell), "
+                "or the battery is always off"
             )
 
     @property
     def hub_friction_nm(self) -> float:
         """Dry friction torque of a motor and its gear, at the wheel, N m."""
-        motor_friction = self.motor.dry_friction_nm * self.motor.gear_ratio
-        return motor_friction + self.drivetrain.gear_friction_nm
+        return self.motor.wheel_dry_friction_nm + self.drivetrain.gear_friction_nm
 
     def replace(self, **sections: Any) -> Self:
         """Return a validated copy with other values: `settings.replace(radio={"delay_frames": 9})`.
@@ -120,12 +119,12 @@ class Settings(SettingsModel):
         return type(self)(**merge_sections(dict(self), sections))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all values by section and field, and the faults as a list, for TOML and JSON."""
+        """Return a mapping section -> field -> value, and the list of faults, for TOML and JSON."""
         return self.model_dump(mode="json")
 
 
 def get_section_classes() -> dict[str, type[SettingsModel]]:
-    """Return the class of each section by name. `controller` and `fault` are not included."""
+    """Return a mapping from section to its class, without `controller` and `fault`."""
     classes = {name: field.annotation for name, field in Settings.model_fields.items()}
     return {
         name: section_class
@@ -135,7 +134,7 @@ def get_section_classes() -> dict[str, type[SettingsModel]]:
 
 
 def list_settings() -> list[SettingInfo]:
-    """Return the declarations of all settings in order, with the default robot's values."""
+    """Return the declarations of all settings in order, with the default robot's values as defaults."""
     robot_sections = robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT)
     settings = []
     for section, section_class in get_section_classes().items():

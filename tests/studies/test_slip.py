@@ -99,13 +99,13 @@ def test_closed_form_solves_the_wheel_equations() -> None:
     for axis, direction in enumerate((-np.sin(azimuth), np.cos(azimuth))):
         gap, v = 0.07, 1.2
         force = (load * c * (gap * direction) / v * direction).sum()
-        softness = closed.time[axis] / closed.gain[axis] ** 2
+        softness = closed.coefficient[axis] / closed.gain[axis] ** 2
         assert gap == pytest.approx(softness * v * force / mass, rel=1e-9)
         assert closed.gain[axis] == pytest.approx(1 / (1 + softness * closed.drag[axis] / mass))
     even = robot.replace(wheels={"azimuths_deg": [45, 135, 225, 315]})
-    assert compute_creep_law(even).time[0] / compute_creep_law(even).gain[0] ** 2 == pytest.approx(
-        4 / (9.81 * c * 2)
-    )
+    assert compute_creep_law(even).coefficient[0] / compute_creep_law(even).gain[
+        0
+    ] ** 2 == pytest.approx(4 / (9.81 * c * 2))
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

@@ -235,7 +235,7 @@ def derive_parameters(
         "gain_turning": gain_turning,
     }
     for i, axis in enumerate(AXES):
-        derived[f"creep_{axis}_s2_m"] = scale * float(slip.time[i])
+        derived[f"creep_{axis}_s2_m"] = scale * float(slip.coefficient[i])
         derived[f"drag_{axis}_m_s2"] = float(drag[i])
     for axis in "xy":
         derived[f"slope_{axis}_rad"] = p[f"slope_{axis}_m_s2"] / GRAVITY

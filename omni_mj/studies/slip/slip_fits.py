@@ -78,7 +78,7 @@ def fit_moves(
     closed_form, measured = dict[str, float](), dict[str, float]()
     for j, axis in enumerate(AXES):
         closed_form[f"gain_{axis}"] = float(slip.gain[j])
-        closed_form[f"time_{axis}"] = float(slip.time[j])
+        closed_form[f"time_{axis}"] = float(slip.coefficient[j])
         closed_form[f"drag_{axis}"] = float(masses[axis] * decelerations[j])
         is_axis = move_axes == axis
         measured[f"gain_{axis}"] = _mean_of_known(fitted["gain"][is_axis])
