@@ -136,11 +136,12 @@ def run_sweep(
     Raises:
         OmniError: See `sweep`.
     """
-    folder, stopped, n_stored = Path(out), None, 0
+    folder, stopped = Path(out), None
     plan.check(jobs)
     _prepare_folder(plan, folder)
     remaining = _remaining_shards(plan, folder)
     after_sweep_frame = start_progress("sweep", plan.frames * len(remaining))
+    n_stored = 0  # shards stored since the start
 
     def after_frame(frame: int) -> None:
         after_sweep_frame(n_stored * plan.frames + frame)
