@@ -234,9 +234,10 @@ class RobotViews(ChangeableBodies):
 
     def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
         """See `ChangeableBodies`."""
-        nominal = [values for _, values in self._unloaded_chassis]
-        mass, subtree_mass, center, inertia, axes = (values.copy() for values in nominal)
-        chassis_height = nominal[2][2]
+        mass, subtree_mass, center, inertia, axes = (
+            values.copy() for _, values in self._unloaded_chassis
+        )
+        chassis_height = center[2].copy()
         for row, payload in payloads:
             payload_kg = payload.mass_kg
             height = payload.height_m or chassis_height[row]

@@ -192,8 +192,7 @@ class MujocoPlant(WheeledPlantBase):
     def set_heading_estimate(self, robot: int, heading: float) -> None:
         """Set the heading (rad) that a robot's firmware assumes, as if it was put down there."""
         mask = np.arange(len(self._rows)) == robot
-        headings = np.full(len(self._rows), heading)
-        firmware = set_heading(self.electronics.firmware, mask, headings)
+        firmware = set_heading(self.electronics.firmware, mask, np.array(heading))
         self.electronics = self.electronics._replace(firmware=firmware)
 
     def _receive(self, received: ReceivedCommand) -> None:
@@ -283,11 +282,11 @@ class MujocoPlant(WheeledPlantBase):
             return {}
         is_unstable = np.repeat(self._warning_counts > 0, self._robots_per_world, axis=0)
         symptoms = np.column_stack([is_unstable, has_toppled])
-        causes = [f"became unstable (MuJoCo: {warning.name})" for warning in INSTABILITY_WARNINGS]
-        causes.append("toppled over")
+        messages = [f"became unstable (MuJoCo: {warning.name})" for warning in INSTABILITY_WARNINGS]
+        messages.append("toppled over")
         rows = np.flatnonzero(symptoms.any(1) & ~self._failed)
         self._stop_rows(rows, rows[is_unstable[rows].any(1)])
-        return {row: causes[symptoms[row].argmax()] for row in rows.tolist()}
+        return {row: messages[symptoms[row].argmax()] for row in rows.tolist()}
 
     def _stop_rows(self, rows: np.ndarray, unstable_rows: np.ndarray) -> None:
         """Switch rows off, and stop stepping worlds in which all rows are off.

@@ -101,7 +101,7 @@ def _compute_response(wheels: WheelSettings, load: float) -> RollerResponse:
     ripple = np.pi**3 * rest_ripple.real
     growth = np.pi**3 * (abs(turning_ripple) - abs(rest_ripple)) / SPEEDS_RAD_S[0]
     return RollerResponse(
-        float(rolling_radius),
+        rolling_radius,
         rollers_per_point * is_standing.sum(),
         inverse_squares.mean(),
         inverse_squares[0],

@@ -118,7 +118,7 @@ class Disturbances:
         """Draw the forces on the chassis in the next frame, world frame, (n, 2) N."""
         if not self._has_force:
             return np.zeros((len(self._max_force), 2))
-        return np.asarray(self._max_force * (2 * self._uniform_noise.next() - 1))
+        return self._max_force * (2 * self._uniform_noise.next() - 1)
 
     def draw_gyro_error(self, bias: Array) -> Array:
         """Draw the errors of the gyros in the next frame.
@@ -129,7 +129,7 @@ class Disturbances:
         Returns:
             Errors, (n,) rad/s.
         """
-        return np.asarray(bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
+        return (bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
 
 
 def _to_truncated_normal(uniform: Array) -> Array:

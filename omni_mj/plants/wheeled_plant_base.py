@@ -1,4 +1,4 @@
-"""Base class of the plants with wheels: firmware, variation, disturbances, faults, current setpoints."""
+"""Base class of the plants with wheels: firmware, variation, disturbances and faults."""
 
 from collections.abc import Sequence
 

@@ -97,14 +97,14 @@ def make_electronics(
     firmware = make_firmware_parameters(settings, kinematics)
     motors = make_motor_parameters(settings, magnet_factor)
     battery, battery_state = make_battery(settings)
-    winding, housing = (
+    temperatures = (
         gather(settings, f"motor.{name}_c") * np.ones_like(magnet_factor)
         for name in ("winding", "housing")
     )
     state = ElectronicsState(
         cycle=np.array(0),
         firmware=make_firmware_state(firmware, heading, n_frames, has_faults),
-        motors=make_motor_state(motors, winding, housing),
+        motors=make_motor_state(motors, *temperatures),
         battery=battery_state,
         source=make_source(battery, battery_state, np.ones(len(settings))),
         inputs=make_undisturbed_inputs(len(settings)),

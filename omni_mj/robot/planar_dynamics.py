@@ -1,4 +1,6 @@
-"""Equations of motion in the plane, for a body on wheels that creep and slide (docs/explanation/planar-plant.md).
+"""Equations of motion in the plane of a body on wheels that creep and slide.
+
+See docs/explanation/planar-plant.md.
 
 **A wheel.** The hub turns at w with its motor, whose inertia over a step h is 1 / G. The rim turns
 at J v with the body's twist v, because contacts do not slide. Rubber lets hub and rim differ by the

@@ -97,8 +97,9 @@ def compute_slow_forces(
     rolling_torque = (
         -response.rolling_loss * s.rim_speed / (1 + response.rolling_loss_fade * abs_speed)
     )
-    rim_force = rolling_torque / response.rolling_radius
-    roller_x, roller_y = rotate((axle_force, rim_force), *carpet.axle)
+    roller_x, roller_y = rotate(
+        (axle_force, rolling_torque / response.rolling_radius), *carpet.axle
+    )
     forward, sideways = drag.force
     ground_x = forward + sum_wheels(roller_x)
     ground_y = sideways + sum_wheels(roller_y)
