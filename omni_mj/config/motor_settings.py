@@ -143,7 +143,7 @@ class MotorSettings(SettingsModel):
 
     @property
     def wheel_back_emf_v_s(self) -> float:
-        """Back-EMF per wheel speed, V s/rad; equal to the torque at the wheel per current, N m/A."""
+        """Back-EMF per wheel speed, V s/rad, and torque at the wheel per current, N m/A."""
         return self.torque_constant_nm_a * self.gear_ratio
 
     @property

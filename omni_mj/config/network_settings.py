@@ -7,7 +7,7 @@ from omni_mj.config.validation import SettingsModel, setting
 
 
 class VisionSettings(SettingsModel):
-    """Cameras. By default, noise and misses are as in the "Realistic" profile of ER-Force's simulator."""
+    """Cameras. Default noise and misses: profile "Realistic" of ER-Force's simulator."""
 
     position_noise_m: float = setting(
         0.0013, "standard deviation of the measured position, per axis", "m", low=0, high=1

@@ -44,7 +44,7 @@ class CarpetSettings(SettingsModel):
     )
     patches: CarpetPatches = setting(
         (),
-        "circles [x, y, radius, friction] of other friction; where they overlap, the last one counts",
+        "circles [x, y, radius, friction] of other friction; the last one counts at overlaps",
         "m, m, m, 1",
         max_length=50,
     )

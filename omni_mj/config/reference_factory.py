@@ -91,7 +91,7 @@ def build_reference_limits(settings: Settings) -> MotionLimits:
 
 
 def _build_wheel_limits(settings: Settings) -> WheelLimits | None:
-    """Return the limits of wheels on carpet of the assumed friction, or None if it is 0 (ignored)."""
+    """Return the limits of wheels for the assumed friction, or None if it is 0 (ignored)."""
     friction = settings.reference.assumed_friction
     utilization = settings.reference.wheel_utilization
     body = settings.body

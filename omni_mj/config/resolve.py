@@ -5,8 +5,8 @@ The value of a setting comes from the first of these that gives one:
 1. the scenario's sections,
 2. the robot's MJCF file, if it has one, which must not contradict the scenario,
 3. the robot's TOML file,
-4. for assumptions in `[control]`, the closed-form model of the robot (`omni_mj.config.nominal_model`)
-   as its files describe it. The team does not know which hardware the scenario changes.
+4. for assumptions in `[control]`, the closed-form model of the robot as its files describe it
+   (`omni_mj.config.nominal_model`). The team does not know which hardware the scenario changes.
 5. the defaults in `omni_mj.config.settings`.
 """
 

@@ -101,8 +101,8 @@ class Settings(SettingsModel):
         if battery.cut_off_v >= full:
             yield (
                 f"battery.cut_off_v = {battery.cut_off_v:g} must be below the {full:g} V of "
-                f"battery.series_cells = {battery.series_cells} when full ({FULL_CELL_V} V a cell), "
-                "or the battery is always off"
+                f"battery.series_cells = {battery.series_cells} when full "
+                f"({FULL_CELL_V} V a cell), or the battery is always off"
             )
 
     @property
@@ -134,7 +134,7 @@ def get_section_classes() -> dict[str, type[SettingsModel]]:
 
 
 def list_settings() -> list[SettingInfo]:
-    """Return the declarations of all settings in order, with the default robot's values as defaults."""
+    """Return the declarations of all settings in order, with defaults of the default robot."""
     robot_sections = robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT)
     settings = []
     for section, section_class in get_section_classes().items():
