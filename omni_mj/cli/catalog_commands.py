@@ -10,7 +10,7 @@ from omni_control.errors import OmniError, suggest_names
 from omni_mj.atomic_files import write_text
 from omni_mj.cli import catalog, options
 
-KINDS = {  # kind of a new file -> suffix, and arguments of omni-mj run that use the file
+STARTER_FILES = {  # kind -> suffix, and arguments of omni-mj run that use the file
     "scenario": (".toml", "--scenario {path}"),
     "controller": (".py", "--scenario rect --controller comp-flc --controller {path}:{name}"),
     "robot": (".toml", "--scenario rect --robot {path}"),
@@ -56,7 +56,7 @@ def schema_command() -> None:
 
 
 @click.command("new")
-@click.argument("kind", type=click.Choice(list(KINDS)))
+@click.argument("kind", type=click.Choice(list(STARTER_FILES)))
 @click.argument("name")
 @click.option("--overwrite", is_flag=True, help="Replace an existing file of that name.")
 def new_command(kind: str, name: str, overwrite: bool) -> None:
@@ -64,7 +64,7 @@ def new_command(kind: str, name: str, overwrite: bool) -> None:
 
     It can be run at once. Its comments explain what to change.
     """
-    suffix, arguments = KINDS[kind]
+    suffix, arguments = STARTER_FILES[kind]
     path = Path(name.removesuffix(suffix) + suffix)
     if not re.fullmatch(r"[A-Za-z][\w-]*", path.stem, re.ASCII):
         raise OmniError(

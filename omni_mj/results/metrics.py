@@ -1,6 +1,6 @@
 """Metrics of each row: tracking errors, effort, settling time, peaks, recovery from faults."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -29,7 +29,7 @@ RECOVERED_M = 0.02  # position error below which a robot has recovered from a fa
 EXCURSION, RECOVERY = "excursion_m", "recovery_s"  # ends of metrics' names
 
 
-def row_metrics(log: Log, failures: Iterable[Failure] = ()) -> dict[str, Array]:
+def row_metrics(log: Log, failures: Sequence[Failure] = ()) -> dict[str, Array]:
     """Return the metrics of each row, name -> shape (n,).
 
     Names: `x_max_m`, `position_mean_m`, `cross_track_p99_m`, `heading_rms_rad` and so on,
@@ -223,13 +223,12 @@ def _recoveries(
         for i, fault in enumerate(row.settings.fault, start=1):
             start, end = fault.frame_span
             stop = min(end + RECOVERY_WINDOW_S * FRAME_RATE_HZ, len(position_error))
-            error = position_error[int(min(start, stop)) : int(stop), k]
+            error = position_error[int(start) : int(stop), k]
             error = error[~np.isnan(error)]
-            if not fault.affects(row.slot) or not (error.size or k in failed):
-                continue
-            excursion, recovery = (np.inf, np.inf) if k in failed else _recovery(error)
-            metrics[f"fault_{i}_{EXCURSION}"][k] = excursion
-            metrics[f"fault_{i}_{RECOVERY}"][k] = recovery
+            if fault.affects(row.slot) and (error.size or k in failed):
+                excursion, recovery = (np.inf, np.inf) if k in failed else _recovery(error)
+                metrics[f"fault_{i}_{EXCURSION}"][k] = excursion
+                metrics[f"fault_{i}_{RECOVERY}"][k] = recovery
     return metrics
 
 

@@ -1,7 +1,7 @@
 """The content of summary.json: scenarios, results of the controllers, definitions, versions."""
 
 import platform
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -65,7 +65,7 @@ def empty_entry(scenario: Scenario) -> Entry:
 def scenario_entry(
     scenario: Scenario,
     log: Log,
-    failures: Iterable[Failure],
+    failures: Sequence[Failure],
     row_metrics: Mapping[str, Array],
     wall_s: float,
     stopped: str | None,
@@ -82,7 +82,7 @@ def scenario_entry(
         stopped: Reason why the run ended early, or None.
         drawn_parameters: Parameters drawn for each row, name -> shape (n,).
     """
-    failures, frames = list(failures), int(log.lengths.max(initial=0))
+    frames = int(log.lengths.max(initial=0))
     has_results = row_metrics and (frames or failures)
     return empty_entry(scenario) | {
         "status": "stopped" if stopped else "done",
@@ -108,7 +108,7 @@ def scenario_entry(
 
 
 def controller_results(
-    log: Log, failures: Iterable[Failure], row_metrics: Mapping[str, Array]
+    log: Log, failures: Sequence[Failure], row_metrics: Mapping[str, Array]
 ) -> dict[str, Any]:
     """Return the results of each controller over its rows, by the controllers' labels."""
     failed = {failure.row for failure in failures}

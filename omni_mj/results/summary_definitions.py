@@ -5,13 +5,14 @@ from omni_mj.results import alpha_windows, metrics, paired_comparison, saturatio
 DEFINITIONS = {
     "error": (
         "Absolute difference between the true pose (x_m, y_m, heading_rad) and the timed reference"
-        " (ref_x_m, ref_y_m, ref_heading_rad), which is the same for all controllers: in x and y;"
-        " position, the distance in the plane; along_track and cross_track; heading, to the nearest"
-        " turn. Maximum, 99th percentile (p99), mean and root mean square over all frames of a seed"
+        " (ref_x_m, ref_y_m, ref_heading_rad), which is the same for all controllers. Axes: x; y;"
+        " position, the distance in the plane; along_track; cross_track; heading, the smallest"
+        " angle. Statistics over all frames of a seed: maximum, 99th percentile (p99), mean, root"
+        " mean square (rms)"
     ),
     "along_track, cross_track": (
-        "Parts of the position error along and across the direction of the reference, which is that"
-        " from (ref_x_m, ref_y_m)[k-1] to [k+1]. While the reference rests, its last direction"
+        "Components of the position error along and across the direction of the reference, which is"
+        " that from (ref_x_m, ref_y_m)[k-1] to [k+1]. While the reference rests, its last direction"
         " counts; before its first motion, the direction of that motion; without any motion, x"
     ),
     "statistics over seeds": (
@@ -21,23 +22,21 @@ DEFINITIONS = {
     ),
     "failures": (
         "Rows that were stopped before their end. Their errors, efforts and settling times count as"
-        " infinite and are written as null, so that failures worsen the median and leave no mean."
-        " Other numbers exclude them. n_failed: number of these rows"
+        " infinite and are written as null. So failures worsen the median, and there is no mean."
+        " Other numbers exclude failed rows. n_failed: number of failed rows"
     ),
     "effort_m_s2": (
-        "Root mean square over the frames of the change of the sent translational command per"
-        " second. It includes what the reference itself requires"
+        "Root mean square over the frames of the acceleration that the sent commands ask for, in"
+        " translation. It includes the acceleration of the reference"
     ),
     "excess_effort_m_s2": (
-        "Root of the difference of the squares of effort_m_s2 and of the same quantity of the"
-        " reference's velocities, (ref[k+1] - ref[k]) / T; 0 if the difference is negative. It does"
-        " not depend on when commands are sent"
+        "sqrt(max(effort_m_s2^2 - e^2, 0)) with the effort e of the reference's velocities,"
+        " (ref[k+1] - ref[k]) / T. It does not depend on when commands are sent"
     ),
     "settle_s": (
         "Time from the end of the reference's last motion until the position error stays below"
         f" {100 * metrics.SETTLED_M:g} cm to the end of the run. Infinite, written as null, for a"
-        " seed that never settles, so that the mean is over all seeds or absent. n_settled: number"
-        " of seeds that settle"
+        " seed that never settles; there is no mean then. n_settled: number of seeds that settle"
     ),
     "alpha": (
         "(x_m[k+n] - x_m[k]) / (T sum of applied_vx_m_s[k:k+n]) with n ="
@@ -46,15 +45,18 @@ DEFINITIONS = {
         f" {alpha_windows.ALPHA_MIN_SPEED_M_S} m/s"
     ),
     "peak": (
-        "Largest value over all seeds of peak_voltage_v and peak_current_a, which include every"
-        " physics step and motor, and of the temperatures of the windings"
+        "Largest motor voltage, motor current and winding temperature over all seeds. Voltage and"
+        " current include every physics step"
     ),
     "drawn_parameters": (
         "Values that [randomization] drew for the robot of a seed and slot, numbered by wheels:"
         " factors of friction, of the torque constant and of the mass that the wheels carry; wear"
         " of the wheels' radius; shift of the center of that mass"
     ),
-    "events": "First frame of each kind, controller and seed; of faults, start and end",
+    "events": (
+        "First overheated winding, empty battery and failure of each controller and seed; start and"
+        " end of each fault"
+    ),
     metrics.EXCURSION: (
         "Largest position error of a seed from the first frame of a fault until"
         f" {metrics.RECOVERY_WINDOW_S:g} s after its last, or the end of the run"

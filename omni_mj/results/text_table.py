@@ -57,15 +57,13 @@ def drop_equal_columns(text_table: Table, kept_headings: Collection[str] = ()) -
         kept_headings: Headings of columns that stay even if all their values are equal.
     """
     columns = []
-    for index, heading in enumerate(text_table.headings):
-        column_cells = [row[index] for row in text_table.rows]
-        values = [cell for cell in column_cells if cell not in ("", DASH)]
+    for i, column in enumerate(zip(text_table.headings, *text_table.rows, strict=True)):
+        values = [cell for cell in column[1:] if cell not in ("", DASH)]
         is_equal = len(values) > 1 and len(set(values)) == 1
-        is_informative = bool(values) and (heading in kept_headings or not is_equal)
-        if index < text_table.left_columns or is_informative:
-            columns.append(index)
-    headings = [text_table.headings[index] for index in columns]
-    rows = [[row[index] for index in columns] for row in text_table.rows]
+        is_informative = values and (column[0] in kept_headings or not is_equal)
+        if i < text_table.left_columns or is_informative:
+            columns.append(column)
+    headings, *rows = map(list, zip(*columns, strict=True))
     return Table(text_table.title, headings, rows, text_table.left_columns)
 
 

@@ -132,10 +132,6 @@ class Log:
         """Return the indices of a controller's rows."""
         return np.flatnonzero([row.controller == controller for row in self.rows])
 
-    def first_row_of(self, controller: str) -> int:
-        """Return the index of a controller's first row."""
-        return int(self.rows_of(controller)[0])
-
     @property
     def time(self) -> Array:
         """Time of each frame, shape (length,), s."""

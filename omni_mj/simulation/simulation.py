@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from omni_control.controllers.base import Controller, Observation
-from omni_control.errors import OmniError, suggest_names, to_printable
+from omni_control.errors import OmniError, to_printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
 from omni_mj.config import fault_checks, plugins, reference_factory
@@ -26,12 +26,6 @@ from omni_mj.plants import Plant
 from omni_mj.robot.backends import choose_backend
 from omni_mj.simulation.log import Failure, Log
 from omni_mj.simulation.team_builder import ReferenceFactory, build_team
-
-# Sections of the settings that all rows of a plant share, because its model depends on them.
-MODEL_SECTIONS = {
-    "mujoco": {"body", "wheels", "motor", "model", "physics"},
-    "planar": {"wheels"},
-}
 
 
 class CameraModel(Protocol):
@@ -71,7 +65,8 @@ class Simulation:
         scenario: The scenario.
         controllers: Names, `file.py:Class` or classes. Default: those of the scenario.
         seeds: Seeds; each gives a row per controller. Default: those of the scenario.
-        rows: Rows to simulate. Default: all controllers with all seeds.
+        rows: Rows to simulate, with labels of the controllers. Default: all controllers with all
+            seeds.
         build_reference: Returns the reference of a controller's rows, given their indices. Default:
             the references of the rows' settings.
         keep_log: Whether frames are recorded.
@@ -120,11 +115,7 @@ class Simulation:
         self.reset()
 
     def _check_rows(self) -> None:
-        """Raise `OmniError` if a row's controller, faults or dead time are invalid."""
-        for label in dict.fromkeys(row.controller for row in self._initial_rows):
-            if label not in self._controller_classes:
-                choices = suggest_names(label, self._controller_classes)
-                raise OmniError(f"a row names the unknown controller {label!r}; {choices}")
+        """Raise `OmniError` if the faults or the dead time of a row are invalid."""
         for settings in {id(row.settings): row.settings for row in self._initial_rows}.values():
             n_robots = len(settings.world.start_poses)
             fault_checks.check_plant_supports(settings.fault, self.scenario.plant, n_robots)
@@ -306,15 +297,6 @@ def batch_key(plant: str, settings: Settings) -> Hashable:
     if plant == "planar":
         return settings.wheels, n_robots
     return n_robots
-
-
-def seeds_share_batch(scenario: Scenario) -> bool:
-    """Return whether all seeds of a scenario can share a simulation.
-
-    They cannot if settings on which the plant's model depends are drawn for each seed.
-    """
-    random_sections = {name.split(".")[0] for name in scenario.distributions}
-    return MODEL_SECTIONS.get(scenario.plant, set()).isdisjoint(random_sections)
 
 
 def _build_references(rows: Sequence[Row]) -> list[SampledReference]:

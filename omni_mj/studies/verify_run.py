@@ -164,13 +164,13 @@ def _load_saved_scenario(
             raise OmniError(f"{copy} is missing, or was changed after the run: its SHA-256 differs")
         return str(copy)
 
-    def name_class(item: Mapping[str, Any]) -> str:
+    def find_name(item: Mapping[str, Any]) -> str:
         is_builtin = "file" not in item and "not_copied" not in item
         return item["name"] if is_builtin else f"{find_copy(item)}:{item['class']}"
 
     head = {
-        "controllers": [name_class(item) for item in record["controllers"]],
-        "plant": name_class(record["plant"]),
+        "controllers": [find_name(item) for item in record["controllers"]],
+        "plant": find_name(record["plant"]),
         "robot": find_copy(record["robot"]),
         "seed": entry["seeds"][0],
         "seeds": len(entry["seeds"]),

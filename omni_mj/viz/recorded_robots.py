@@ -93,7 +93,7 @@ def select_robots(log: Log, max_per_world: int | None = None) -> list[RecordedRo
     robots = []
     indices = style.style_indices(row.controller for row in log.rows)
     for layer, (controller, style_index) in enumerate(indices.items()):
-        world = log.rows[log.first_row_of(controller)].world_index
+        world = log.rows[log.rows_of(controller)[0]].world_index
         rows = [
             row for row in log.rows_of(controller).tolist() if log.rows[row].world_index == world
         ]

@@ -216,7 +216,7 @@ def test_starters_run(
 def test_closed_output_is_no_error_and_lost_output_is(
     streams: str, code: int, out: str, err: str
 ) -> None:
-    """A reader that ends, closed streams, a full device."""
+    """Cases: the reader of a pipe ends, streams are closed, the device is full."""
     command = f"set -o pipefail; {sys.executable} -m omni_mj list {streams}"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (code, err)
@@ -239,7 +239,7 @@ def test_closed_output_is_no_error_and_lost_output_is(
         (("compare", "--seeds", "0"), "1 to 100000"),
     ],
 )
-def test_bad_input_of_studies_is_a_line_and_leaves_no_folder(
+def test_invalid_input_of_studies_is_one_line_and_leaves_no_folder(
     words: tuple[str, ...], expected_error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert invoke(*words, "--out", tmp_path / "out") == 2

@@ -1,4 +1,4 @@
-"""`omni-mj compare` as a user types it: its files, what it prints, what ends it."""
+"""`omni-mj compare` on the command line: files, printed tables, failures and signals."""
 
 import signal
 from pathlib import Path
@@ -61,7 +61,7 @@ def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     ]
 
 
-def test_it_leaves_the_same_numbers_and_figures_again_and_a_row_that_fails_is_a_line(
+def test_a_comparison_repeats_and_a_failed_row_is_one_line(
     options: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = [*options, *(word for name in SCENARIOS for word in ("--scenario", f"{name}.toml"))]
@@ -98,7 +98,7 @@ def test_it_leaves_the_same_numbers_and_figures_again_and_a_row_that_fails_is_a_
         )
 
 
-def test_a_signal_leaves_what_was_done(
+def test_a_signal_keeps_the_finished_scenarios(
     options: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("endless.toml").write_text(

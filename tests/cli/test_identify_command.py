@@ -16,7 +16,7 @@ def log(tmp_path: Path) -> Path:
     return write_csv(tmp_path / "log.csv", make_log(wheels=False))
 
 
-def test_a_log_becomes_numbers_a_report_and_a_robot(
+def test_a_log_gives_parameters_a_report_and_a_robot_file(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert invoke("identify", log, "--out", tmp_path / "out") == 0
@@ -34,7 +34,7 @@ def test_a_log_becomes_numbers_a_report_and_a_robot(
     assert robot.settings.radio.delay_frames == 6
 
 
-def test_what_is_no_log_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_log_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("log.txt", "log.parquet"):
         (tmp_path / name).write_text("time_s\n0\n")
     short = write_csv(tmp_path / "short.csv", {k: v[:100] for k, v in make_log().items()})
@@ -52,7 +52,7 @@ def test_what_is_no_log_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert not (tmp_path / "out").exists()
 
 
-def test_gaps_and_lines_without_a_pose_are_passed_over(log: Path, tmp_path: Path) -> None:
+def test_gaps_and_lines_without_a_pose_are_skipped(log: Path, tmp_path: Path) -> None:
     """Half a second and one pose in ten are missing: same latency within five standard errors."""
     columns = make_log(wheels=False)
     lost = np.random.default_rng(0).random(len(columns["time_s"])) < 0.1
@@ -64,7 +64,7 @@ def test_gaps_and_lines_without_a_pose_are_passed_over(log: Path, tmp_path: Path
     assert late["value"] == pytest.approx(0.1, abs=5 * late["standard_error"])
 
 
-def test_our_own_recording_of_our_own_robot(tmp_path: Path) -> None:
+def test_identifies_a_simulated_robot_from_its_recording(tmp_path: Path) -> None:
     """Eight seconds give the creep stiffness within four standard errors."""
     route = {
         "waypoints": [[0, 0], [1.2, 0], [0.4, 0.7], [0.4, -0.5], [0, 0]],
@@ -89,8 +89,8 @@ def test_our_own_recording_of_our_own_robot(tmp_path: Path) -> None:
     assert identified["estimates"]["wheels.gain_turning"]["value"] is None
 
 
-def test_a_model_of_the_users_is_named_and_copied(log: Path, tmp_path: Path) -> None:
-    """The robot's file names it where it is; the folder holds a copy."""
+def test_a_users_model_is_named_and_copied(log: Path, tmp_path: Path) -> None:
+    """The robot file contains the path of the original; the folder contains a copy."""
     model = tmp_path / "robot.xml"
     model.write_text((Path(om.__file__).parents[1] / "models" / "ssl_robot.xml").read_text())
     assert invoke("identify", log, "--model", model, "--out", tmp_path / "out", "--quiet") == 0

@@ -1,4 +1,4 @@
-"""`omni-mj limit` as a user types it."""
+"""`omni-mj limit` on the command line."""
 
 from contextlib import redirect_stdout
 from io import StringIO
@@ -30,14 +30,14 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def limited(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder that a limit leaves, and what is printed."""
+    """Run the command; return its folder and the printed text."""
     out = tmp_path_factory.mktemp("limited") / "out"
     with redirect_stdout(StringIO()) as printed:
         assert invoke("limit", tiny, *COMMON, "--iterations", 2, "--out", out) == 0
     return out, printed.getvalue()
 
 
-def test_the_limit_is_a_command(
+def test_limit_prints_a_table_and_saves_files(
     limited: tuple[Path, str], tiny: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It prints a table and saves numbers, frames, the scenario and a figure."""
@@ -58,7 +58,7 @@ def test_the_limit_is_a_command(
     assert summary["repeat_command"].startswith(f"omni-mj limit {tiny} --plant kinematic --set")
 
 
-def test_bad_input_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words, expected_error in (
         (("rekt",), "did you mean 'rect'"),
         (("rect", "--robot", "tigers"), "unknown robot 'tigers'"),

@@ -36,7 +36,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("words", TAKE_PATHS.values(), ids=TAKE_PATHS)
-def test_where_nothing_can_be_nothing_is(
+def test_unusable_output_folders_are_refused(
     words: tuple[tuple[str, ...], str], folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Too long names, circular links, files and devices in place of folders, invalid text."""
@@ -51,7 +51,7 @@ def test_where_nothing_can_be_nothing_is(
         assert set(folder.rglob("*")) == old_paths
 
 
-def test_devices_are_no_files(capsys: pytest.CaptureFixture[str]) -> None:
+def test_devices_are_refused_as_files(capsys: pytest.CaptureFixture[str]) -> None:
     for command_words in (("identify",), ("run", "--scenario")):
         assert invoke(*command_words, "/dev/zero") == 2
         assert capsys.readouterr().err.startswith("error: ")

@@ -1,4 +1,4 @@
-"""Nobody else is asked: no connection to another machine, no usage statistics."""
+"""A run opens no connection to another machine and sends no usage statistics."""
 
 import shutil
 import subprocess
@@ -19,7 +19,7 @@ RUN = ("run", "--scenario", "rect", *SHORT, "--controller", "flc", "--no-figures
 
 
 def test_a_run_makes_no_connection(tmp_path: Path) -> None:
-    """Whoever it is that would make one, Python or a library: as the system sees it."""
+    """The system calls show connections of Python and of all libraries."""
     calls = tmp_path / "calls"
     strace = shutil.which("strace")
     options = "-f", "--seccomp-bpf", "-o", calls  # only the calls that are traced stop the program

@@ -1,4 +1,4 @@
-"""`omni-mj run`: what it prints and leaves, whatever ends it, and what it never overwrites."""
+"""`omni-mj run`: printed text, files, signals, full disks and existing folders."""
 
 import shutil
 import signal
@@ -74,7 +74,7 @@ def test_a_run_prints_the_table_and_where_its_files_are(
 def test_the_effective_scenario_repeats_the_run_bit_for_bit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """And quiet prints nothing, switches leave files out."""
+    """--quiet prints nothing; --no-record and --no-figures leave files out."""
     options = (
         "--seed",
         7,
@@ -155,7 +155,7 @@ def test_faults_appear_in_table_summary_report_and_recording(
     )
 
 
-def test_bad_input_is_a_line_each_that_says_what_is_allowed(
+def test_each_invalid_input_is_one_line_with_the_allowed_values(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for arguments, *expected_errors in (
@@ -225,7 +225,7 @@ def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
-def test_other_signals_keep_it_as_well(
+def test_other_signals_keep_the_recorded_frames_too(
     number: int, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with signalled(number, tmp_path / "out" / "recording.rrd"):
@@ -233,7 +233,7 @@ def test_other_signals_keep_it_as_well(
     keeps_what_it_recorded(tmp_path / "out", capsys.readouterr().err)
 
 
-def test_a_killed_run_says_that_it_is_unfinished_and_can_be_made_again(
+def test_a_killed_run_is_marked_unfinished_and_can_be_overwritten(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """After SIGKILL, the folder has a summary that says so and no complete files."""
@@ -252,7 +252,7 @@ def test_a_killed_run_says_that_it_is_unfinished_and_can_be_made_again(
     assert is_whole(out)
 
 
-def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
+def test_a_full_disk_is_one_line_and_keeps_the_files_that_fit(tmp_path: Path) -> None:
     """A limit on file sizes stands in for a full disk: the recording does not fit."""
     route = "reference.waypoints=[[0, 0], [1, 0], [0, 0]]"
     options = [
@@ -286,7 +286,7 @@ def test_a_full_disk_is_one_line_and_leaves_what_fits(tmp_path: Path) -> None:
         (OSError(28, "no space"), 1, "cannot write to"),
     ],
 )
-def test_drawing_costs_no_numbers(
+def test_failing_to_draw_loses_no_numbers(
     error: BaseException,
     code: int,
     expected_errors: str,
@@ -308,7 +308,7 @@ def test_drawing_costs_no_numbers(
     assert is_whole(tmp_path / "out")
 
 
-def test_a_recording_leaves_the_disk_to_the_numbers(
+def test_a_recording_reserves_disk_space_for_the_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With too little disk space, the recording ends with one message."""
@@ -324,10 +324,10 @@ def test_a_recording_leaves_the_disk_to_the_numbers(
 
 
 @pytest.mark.parametrize("mark", [None, "", "[1]", '{"format": 1}'])
-def test_a_folder_that_no_run_left_is_never_overwritten(
+def test_a_folder_of_other_files_is_never_overwritten(
     tmp_path: Path, mark: str | None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Whatever the names of its files, also if one is called provenance.json."""
+    """Not even if a file in it is called provenance.json."""
     (tmp_path / "figures").mkdir()
     for name in ("summary.json", "report.html", "figures/path.png"):
         (tmp_path / name).write_text("precious")
@@ -345,8 +345,8 @@ def test_a_folder_that_no_run_left_is_never_overwritten(
         assert contents(tmp_path) == old_contents
 
 
-def test_overwriting_removes_what_the_run_left(tmp_path: Path) -> None:
-    """Its files and folders; bad input removes nothing, and a link's target stays."""
+def test_overwriting_removes_the_files_of_the_earlier_run(tmp_path: Path) -> None:
+    """Invalid input removes nothing, and the target of a link stays."""
     (tmp_path / "mine.py").write_text(
         "import omni_mj as om\n\n\nclass Mine(om.Controller):\n"
         "    def command(self, frame, observation):\n"
@@ -376,10 +376,10 @@ def test_overwriting_removes_what_the_run_left(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a:b", "hdfs:x", "s3:", "%2e", "a b", "ü\u2028"])
-def test_a_folder_of_any_name_is_one(
+def test_folders_may_have_any_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    """None is taken for an address; what is in it reads back and repeats."""
+    """None is mistaken for a URL. Its files can be read, and the run repeats."""
     monkeypatch.chdir(tmp_path)
     assert invoke(*KINEMATIC, *BARE, "--out", name) == 0
     assert is_whole(Path(name))

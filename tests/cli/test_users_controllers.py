@@ -41,7 +41,7 @@ class Mine(om.Controller):
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the folder that a user is in, with a file of controllers in it."""
+    """Change to a folder with a file of controllers, and return it."""
     (tmp_path / "mine.py").write_text(MINE)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -125,7 +125,7 @@ FAILS = {
 
 
 @pytest.mark.parametrize("body", FAILS)
-def test_a_controller_that_fails_is_a_line_and_the_others_go_on(
+def test_a_failing_controller_is_one_line_and_the_others_continue(
     body: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It fails in frame 9: the earlier frames are saved, and the summary has the cause."""
@@ -152,7 +152,7 @@ def test_a_controller_that_fails_is_a_line_and_the_others_go_on(
         "    def __init__(self, model, reference, n):\n        raise KeyError('gain')",
     ],
 )
-def test_a_controller_that_fails_at_once_leaves_its_scenario_and_the_reason(
+def test_a_controller_that_fails_at_the_start_leaves_scenario_and_cause(
     body: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert invoke(*RUN, "--controller", add("Never", body)) == 1
@@ -165,7 +165,9 @@ def test_a_controller_that_fails_at_once_leaves_its_scenario_and_the_reason(
     assert not Path("out/trajectory.parquet").exists()
 
 
-def test_a_plant_that_fails_is_a_line_that_says_where(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failing_plant_is_one_line_with_its_place_in_the_code(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     start = "    def __init__(self, rows, start):\n        raise ValueError('stuck')\n"
     Path("plant.py").write_text(
         f"class Bad:\n    pose = twist = advance = telemetry = None\n\n{start}"
@@ -174,7 +176,7 @@ def test_a_plant_that_fails_is_a_line_that_says_where(capsys: pytest.CaptureFixt
     assert capsys.readouterr().err == "error: the plant Bad (plant.py, line 5): ValueError: stuck\n"
 
 
-def test_mistakes_in_names_and_files_are_lines_and_leave_no_folder(
+def test_wrong_names_and_files_are_one_line_and_leave_no_folder(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     Path("broken.py").write_text("import nothing_there\n")

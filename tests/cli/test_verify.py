@@ -95,7 +95,7 @@ MATERIALS = '<mujoco><asset><mesh name="cover" file="cover.obj"/></asset></mujoc
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run of a user's controller, plant and robot, whose files have gone since."""
+    """Run a user's controller, plant and robot, delete their files, and return the run's folder."""
     source_folder = tmp_path_factory.mktemp("there")
     (source_folder / "mine.py").write_text(MINE)
     (source_folder / "toy.py").write_text(TOY)
@@ -138,21 +138,21 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(made: Path, tmp_path: Path) -> Path:
-    """A copy of that folder, to be spoilt."""
+    """Return a copy of that folder, for tests that change it."""
     return shutil.copytree(made, tmp_path / "copy")
 
 
 def edited(file: Path, change: Callable[[Any], object]) -> None:
-    """Change what a JSON file holds."""
+    """Change the content of a JSON file."""
     content = json.loads(file.read_text())
     change(content)
     file.write_text(json.dumps(content))
 
 
-def test_a_folder_holds_what_was_run_and_repeats_without_the_users_files(
+def test_a_run_repeats_from_its_folder_without_the_users_files(
     made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Files, hashes, parameters, versions, processor; and no path but in the command line."""
+    """provenance.json contains no path, except for those in the command line."""
     record = strict(made / "provenance.json")
     description = record["scenarios"]["rect-noise"]
     assert description["controllers"][1]["parameters"] == {"share": 0.75}
@@ -197,8 +197,10 @@ def test_a_value_that_differs_is_named_with_frame_and_channel(
     assert lines[1].endswith("2 channels differ")
 
 
-def test_what_is_not_as_it_was_is_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """As a note where it decided nothing."""
+def test_changes_of_the_environment_are_reported(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They are notes if the run repeats."""
 
     def older(record: Any) -> None:
         record["versions"] |= {"numpy": "1.99.0", "torch": "2.0"}
@@ -254,10 +256,10 @@ def test_runs_that_cannot_be_repeated_give_one_line(
         assert expected_error in printed.err
 
 
-def test_a_run_that_was_stopped_repeats_up_to_there_and_chance_does_not(
+def test_a_stopped_run_repeats_up_to_its_end_and_unseeded_noise_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Ctrl-C comes in frame 20, and is pressed by nobody when it is repeated."""
+    """Ctrl-C stops the run in frame 20, and not its repetition."""
     previous = signal.signal(
         signal.SIGINT, signal.default_int_handler
     )  # a background job's would be ignored

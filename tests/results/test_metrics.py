@@ -30,7 +30,7 @@ TILT = {"kind": "tilt", "start_s": 3.0, "angle_deg": 2.0}  # from frame 180 on
 
 
 def of(frames: int, lengths: Any = None, **channels: Any) -> dict[str, NDArray]:
-    """What is measured of rows of one controller."""
+    """Return the metrics of rows of one controller."""
     n = max(np.shape(values)[1] for values in channels.values())
     return metrics_of(fill_log(rows(("a",), range(n)), frames, lengths, **channels))
 
@@ -59,7 +59,7 @@ def test_along_track_and_cross_track_errors_on_a_circle() -> None:
 
 @pytest.mark.parametrize("frames", [1, 40, 250])
 def test_metrics_of_a_row_do_not_depend_on_other_rows(frames: int) -> None:
-    """Bit for bit."""
+    """The metrics are equal bit for bit."""
     rng = np.random.default_rng(frames)
     lengths = [frames, (frames + 1) // 2, 1]
     channels = {name: rng.normal(size=(frames, 3, 3)) for name in ("pose", "ref", "command")}

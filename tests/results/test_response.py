@@ -23,7 +23,7 @@ def linear(profile: RampProfile, numerator: list[float], denominator: list[float
 
 
 @given(PROFILES, st.floats(0.5, 1.1), st.floats(0.002, 0.03))
-def test_a_lag_of_first_order_is_found_beside_its_gain(
+def test_gain_and_lag_of_a_first_order_system(
     profile: RampProfile, gain: float, lag: float
 ) -> None:
     response = linear(profile, [gain], [lag, 1.0])

@@ -18,13 +18,13 @@ RECT = om.load_scenario("rect", plant="planar")
 
 @pytest.fixture(scope="module")
 def result() -> om.Result:
-    """The default scenario on wheels, three seeds."""
+    """Return a result of the default scenario with three seeds."""
     return om.run(RECT, seeds=SEEDS)
 
 
 @pytest.fixture(scope="module")
 def recorded(result: om.Result) -> dict[tuple[str, int], dict[str, np.ndarray]]:
-    """The frames of each controller and seed, column by column."""
+    """Return the columns of the frames of each controller and seed."""
     lines: dict[tuple[str, int], dict[str, list[Any]]] = {}
     columns = result.frames().to_pydict()
     for i, key in enumerate(zip(columns.pop("controller"), columns.pop("seed"), strict=True)):
@@ -37,7 +37,7 @@ def recorded(result: om.Result) -> dict[tuple[str, int], dict[str, np.ndarray]]:
 
 
 def of_a_row(row: dict[str, np.ndarray]) -> dict[str, float]:
-    """The statistics, straight from their definitions; these runs all settle."""
+    """Compute the statistics from their definitions. All of these runs settle."""
     ex, ey = abs(row["x_m"] - row["ref_x_m"]), abs(row["y_m"] - row["ref_y_m"])
     path = row["ref_x_m"] + 1j * row["ref_y_m"]
     turn = np.exp(1j * (row["heading_rad"] - row["ref_heading_rad"]))
@@ -142,8 +142,10 @@ def test_the_papers_errors_appear_for_its_experiment_only() -> None:
     assert paper_tables.find_paper_table(om.load_scenario("circle")) is None
 
 
-def test_files_hold_the_same(result: om.Result, tmp_path: Path) -> None:
-    """Folders are made, what was there is replaced, and the scenario reads back as it was run."""
+def test_files_contain_the_summary_the_frames_and_the_scenario(
+    result: om.Result, tmp_path: Path
+) -> None:
+    """Folders are created, existing files are replaced, and the saved scenario is the one run."""
     folder = tmp_path / "deep" / "down"
     result.save(folder)
     result.save(str(folder))

@@ -1,4 +1,4 @@
-"""The sentence that opens the report: who was best, by how much, and why."""
+"""The sentence that opens the report: the best controller, its margin and the reason."""
 
 from typing import Any
 
@@ -75,11 +75,13 @@ def summary(
         ({"privileged": [], "scenarios": {"rect": {"results": {}}}}, ""),
     ],
 )
-def test_it_says_who_was_best_by_how_much_and_why(content: Any, sentence: str) -> None:
+def test_the_sentence_names_the_best_controller_the_margin_and_the_reason(
+    content: Any, sentence: str
+) -> None:
     assert summary_sentence(content) == sentence
 
 
-def test_over_several_scenarios_it_counts_wins() -> None:
+def test_the_sentence_counts_wins_over_several_scenarios() -> None:
     scenarios = {
         name: summary({"flc": flc, "mpc": 1.0})["scenarios"]["rect"]
         for name, flc in {"rect": 2.0, "circle": 0.5, "eight": 3.0}.items()

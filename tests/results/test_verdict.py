@@ -38,7 +38,7 @@ def results_of(failed: str = "", **errors_m: ArrayLike) -> dict[str, Any]:
 
 
 def verdict(of: dict[str, Any], privileged: list[str], subject: str | None) -> Any:
-    """Of a comparison of one scenario."""
+    """Return the verdict on a comparison of one scenario."""
     return judge_subject({"rect": {"results": of, "status": "done"}}, privileged, subject)["rect"]
 
 
@@ -62,7 +62,7 @@ def test_intervals_and_pairs_are_those_of_students_t(values: list[float]) -> Non
     assert p == pytest.approx(test.pvalue, rel=1e-6)
 
 
-def test_a_spread_counts_what_failed_or_never_settled() -> None:
+def test_statistics_include_seeds_that_failed_or_never_settled() -> None:
     """One infinite value of three leaves a median but no mean; one NaN leaves nothing.
 
     A mean over the other seeds would be biased. A single seed has no interval.

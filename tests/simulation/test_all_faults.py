@@ -12,7 +12,7 @@ ALL_FAULTS = om.load_scenario(
 
 
 def test_robots_end_on_the_field_and_at_rest_after_all_faults() -> None:
-    """Whatever their controller believed meanwhile; its estimates are within what it allows."""
+    """The estimates of their controller stay within its limits."""
     simulation = om.Simulation(ALL_FAULTS, ["comp-flc", "adaptive-comp-flc"], seeds=[5])
     log = simulation.run()
     assert not simulation.failures

@@ -21,12 +21,12 @@ ACCELERATION = 0.826  # of the reference (paper, section 2)
 
 
 def errors(trajectory: Grid) -> NDArray:
-    """Largest error (controllers, 2) of the first seed in x and y, m."""
+    """Return the largest errors of the first seed in x and y, shape (controllers, 2), m."""
     return np.abs(trajectory.channel("pose") - trajectory.channel("ref"))[:, :, 0, :2].max(0)
 
 
-def test_applied_is_what_was_commanded_k_d_frames_ago() -> None:
-    """Of each dead time up to half a second, and both controllers, with two seeds."""
+def test_the_applied_command_was_sent_k_d_frames_earlier() -> None:
+    """For every dead time up to half a second, both controllers and two seeds."""
     delays = range(31)
     log = run_to_end(
         batch([(f"radio.delay_frames={delay}",) for delay in delays], ("flc", "comp-flc"), (0, 7))
@@ -40,7 +40,7 @@ def test_applied_is_what_was_commanded_k_d_frames_ago() -> None:
 
 
 @pytest.mark.parametrize("delay", [0, 3, 6])
-def test_applied_is_delayed_on_the_mujoco_plant_too(delay: int) -> None:
+def test_the_applied_command_is_delayed_on_the_mujoco_plant_too(delay: int) -> None:
     trajectory = run("mujoco", (f"radio.delay_frames={delay}", *GYRO))
     command, applied = trajectory.channel("command"), trajectory.channel("applied")
     np.testing.assert_array_equal(applied[delay:], command[: len(command) - delay])
@@ -49,8 +49,8 @@ def test_applied_is_delayed_on_the_mujoco_plant_too(delay: int) -> None:
     np.testing.assert_allclose(trajectory.channel("pose")[: delay + 1], 0.0, atol=1.3e-4)
 
 
-def test_with_jitter_applied_is_what_was_commanded_about_k_d_frames_ago() -> None:
-    """Of each dead time up to 12 frames, and each jitter that it allows."""
+def test_with_jitter_the_applied_command_was_sent_about_k_d_frames_earlier() -> None:
+    """For every dead time up to 12 frames, and every jitter that it allows."""
     # Without an image a command is given again, and its age cannot be told
     sees = "vision.miss_probability=0"
     delays_and_jitters = [(delay, jitter) for delay in range(1, 13) for jitter in range(delay + 1)]
@@ -82,7 +82,7 @@ def test_the_predicted_pose_is_the_pose_k_d_frames_later(delay: int) -> None:
 
 
 @pytest.mark.parametrize("delay", [1, 3, 6, 12])
-def test_compensated_the_only_error_is_the_late_start(delay: int) -> None:
+def test_with_compensation_the_only_error_is_the_late_start(delay: int) -> None:
     trajectory = run(
         "kinematic", (*IDEAL, f"radio.delay_frames={delay}", "reference.initial_rest_s=0")
     )
@@ -100,7 +100,7 @@ def test_compensated_the_only_error_is_the_late_start(delay: int) -> None:
     assert errors(fair)[COMPENSATED].max() < 1e-9
 
 
-def test_dead_time_costs_the_uncompensated_controller_more_and_more_on_the_mujoco_plant() -> None:
+def test_without_compensation_errors_grow_with_dead_time_on_the_mujoco_plant() -> None:
     none, short, long = (
         errors(run("mujoco", (f"radio.delay_frames={d}", *GYRO)))[:, 0] for d in (0, 3, 6)
     )

@@ -30,7 +30,7 @@ CASES = {
 
 @dataclass
 class Certainty:
-    """Normalized innovations, pose errors and sigma, shape (frames, n, 3)."""
+    """Return normalized innovations, pose errors and sigma, shape (frames, n, 3)."""
 
     innovation: NDArray
     error: NDArray
@@ -57,8 +57,8 @@ def certainty(request: pytest.FixtureRequest) -> Certainty:
     return Certainty(innovation, pose - log.channel("pose"), sigma, frames_since_detection)
 
 
-def test_the_innovations_squared_average_one(certainty: Certainty) -> None:
-    """Normalised innovations squared: 1 for a filter that is as sure as it may be.
+def test_normalized_squared_innovations_have_mean_one(certainty: Certainty) -> None:
+    """The mean is 1 for a filter with the right covariance.
 
     Some thousand innovations of white noise average to 1 within 5 sqrt(2 / 1000) = 0.2 per axis.
     The filter errs on the side of caution at rest, where its process noise is at the lowest bound
@@ -69,7 +69,7 @@ def test_the_innovations_squared_average_one(certainty: Certainty) -> None:
     assert (squared < 1.2).all()
 
 
-def test_the_errors_are_covered_by_sigma(certainty: Certainty) -> None:
+def test_pose_errors_agree_with_sigma(certainty: Certainty) -> None:
     """Squared pose errors over the variances: about 1; few errors exceed three sigmas."""
     normalised = certainty.error / certainty.sigma
     squared = (normalised**2).mean((0, 1))

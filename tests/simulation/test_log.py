@@ -1,4 +1,4 @@
-"""The log's file is the same for every size of its blocks, and is read without threads."""
+"""The log's file does not depend on the size of its blocks, and is read without threads."""
 
 import subprocess
 import sys
@@ -13,7 +13,7 @@ from omni_mj import parquet
 
 
 @pytest.mark.parametrize("lines", [1, 7, 10, 1000])
-def test_a_table_in_parts_is_the_table(
+def test_a_table_written_in_blocks_is_the_whole_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: int
 ) -> None:
     """Rows of different lengths, one of them empty."""

@@ -88,7 +88,7 @@ def test_every_channel_of_every_frame_is_recorded(plant: str) -> None:
 @pytest.mark.parametrize(
     ("plant", "mode"), [("kinematic", "timed"), ("kinematic", "iterated"), ("mujoco", "iterated")]
 )
-def test_robots_arrive(plant: str, mode: str) -> None:
+def test_robots_reach_the_end_of_the_reference(plant: str, mode: str) -> None:
     trajectory = run(
         plant, (f"reference.mode={mode}", "reference.settle_s=3", "kinematic.alpha_low=1")
     )

@@ -1,4 +1,4 @@
-"""Rows: settings of their own, the same bits alone and among others, also where others fail."""
+"""Rows have their own settings, and the same bits alone and in a batch, also if others fail."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ ROUTE = ("reference.waypoints=[[0,0],[0.25,0]]", "reference.settle_s=0.1", *FAST
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-def test_a_sweep_is_one_batch_of_the_runs_alone(plant: str) -> None:
+def test_rows_of_a_batch_equal_single_runs(plant: str) -> None:
     """Rows differ in delay, noise, jitter, friction, gains, limits and reference."""
     changes = [
         {},
@@ -111,7 +111,7 @@ def test_a_controller_that_fails_stops_its_own_rows_and_no_others(users: dict[st
     assert lengths[6:] == [0] * 4
 
 
-def test_a_robot_that_topples_is_stopped_and_the_others_keep_their_bits() -> None:
+def test_a_toppled_robot_is_stopped_and_the_others_do_not_change() -> None:
     """A robot that reverses from 3 m/s with 40 m/s^2 on a rough carpet topples."""
     task = {
         "assumed_friction": 0.0,
@@ -138,7 +138,7 @@ def test_a_robot_that_topples_is_stopped_and_the_others_keep_their_bits() -> Non
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-def test_robots_of_one_world_drive_beside_each_other(plant: str) -> None:
+def test_robots_of_one_world_drive_next_to_each_other(plant: str) -> None:
     """Start poses displace the references. The first robot has the noise of a single robot."""
     start_poses = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.5 * np.pi]]
     together = simulation(

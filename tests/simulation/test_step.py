@@ -44,7 +44,7 @@ def test_a_reset_starts_the_same_run_again_or_that_of_another_seed() -> None:
     assert_logs_equal(simulated.log, run("kinematic", RANDOM, seed=7, seeds=2).log)
 
 
-def test_a_command_of_the_caller_replaces_and_is_limited_like_the_controllers() -> None:
+def test_a_callers_command_replaces_the_controllers_and_is_limited() -> None:
     simulated = simulation(
         "kinematic", (*IDEAL, "control.max_acceleration_m_s2=4.7", "radio.delay_frames=3")
     )
@@ -63,7 +63,7 @@ def test_a_command_of_the_caller_replaces_and_is_limited_like_the_controllers() 
     assert np.isnan(simulated.log.channel("predicted")).all(), "no controller was asked"
 
 
-def test_a_simulation_goes_on_as_long_as_it_is_stepped() -> None:
+def test_a_simulation_can_be_stepped_beyond_the_end() -> None:
     """Beyond the end of the reference and the log's initial capacity, robots rest."""
     simulated = simulation("kinematic", (*IDEAL, "radio.delay_frames=0"))
     frames = simulated.references[0].frames

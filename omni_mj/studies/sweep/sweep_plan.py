@@ -17,7 +17,7 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import find_setting
 from omni_mj.config.toml_files import parse_value
 from omni_mj.config.validation import format_value
-from omni_mj.simulation.simulation import batch_key, seeds_share_batch
+from omni_mj.simulation.simulation import batch_key
 from omni_mj.studies.run_scenario import check_memory, choose_shared_backend
 
 Value = int | float | str | bool
@@ -152,10 +152,9 @@ class SweepPlan:
         """All shards. The controllers of a run are in the same shard."""
         groups: dict[Hashable, list[tuple[int, int]]] = {}
         for point, scenario in enumerate(self.point_scenarios):
-            is_shared = seeds_share_batch(scenario)
             for seed in scenario.seed_list:
-                settings = scenario.settings if is_shared else scenario.settings_for_seed(seed)
-                groups.setdefault(batch_key(scenario.plant, settings), []).append((point, seed))
+                key = batch_key(scenario.plant, scenario.settings_for_seed(seed))
+                groups.setdefault(key, []).append((point, seed))
         batches = []
         for runs in groups.values():
             settings = self.point_scenarios[runs[0][0]].settings
