@@ -200,7 +200,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
     ) -> dict[str, Any]:
         """Start episodes of these robots at the start of their references; return their seeds."""
         used_seeds, has_started = np.zeros(self.num_envs, np.int64), np.zeros(self.num_envs, bool)
-        self._terminated[robots], self._truncated[robots] = False, False
+        self._terminated[robots] = self._truncated[robots] = False
         has_started[robots] = True
         for batch in self._batches:
             batch.robots[np.isin(batch.robots, robots)] = -1

@@ -38,14 +38,14 @@ class Camera:
     Args:
         settings: Noise and missed detections of each row.
         seeds: Seed of each row; rows with the same seed get the same noise.
-        faults: Faults of each row. Default: none.
+        faults: Faults of each row.
     """
 
     def __init__(
         self,
         settings: Sequence[VisionSettings],
         seeds: Sequence[Seed],
-        faults: FaultsByRow = (),
+        faults: FaultsByRow,
     ) -> None:
         sigmas = "position_noise_m", "position_noise_m", "heading_noise_rad"
         self._sigma = np.stack([gather(settings, name) for name in sigmas], axis=1)

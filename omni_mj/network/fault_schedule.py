@@ -36,19 +36,12 @@ class FaultSchedule:
             for fault in row_faults
             if isinstance(fault, kinds)
         ]
-        change_frames = {frame for *_, start, end in self._spans for frame in (start, end)}
-        self._changes = sorted(change_frames, reverse=True)
+        self._active: list[tuple[int, Fault]] = []
 
     def update(self, frame: int) -> ActiveFaults | None:
-        """Return the faults that are active in a frame, or None if nothing has changed.
-
-        Args:
-            frame: Frame number; must not decrease from call to call.
-        """
-        if not self._changes or self._changes[-1] > frame:
+        """Return the faults that are active in a frame, or None if they are the previous ones."""
+        active = [(row, fault) for row, fault, start, end in self._spans if start <= frame < end]
+        if active == self._active:
             return None
-        while self._changes and self._changes[-1] <= frame:
-            self._changes.pop()
-        return ActiveFaults(
-            [(row, fault) for row, fault, start, end in self._spans if start <= frame < end]
-        )
+        self._active = active
+        return ActiveFaults(active)
