@@ -53,7 +53,7 @@ def test_known_and_learned_models_reduce_the_error() -> None:
 
 def test_inverse_flc_learns_nothing() -> None:
     record = run_team(team("inverse-flc"), CreepingPlant(np.zeros((1, 3))), 200)
-    for name in ("alpha_hat", "latency", "creep", "friction", "velocity_disturbance"):
+    for name in ("alpha_hat", "dead_time", "creep", "friction", "velocity_disturbance"):
         assert np.ptp(record[name], axis=0).max() == 0, name
     assert record["alpha_sigma"].max() == 0
 
@@ -120,7 +120,7 @@ def test_a_wrong_dead_time_is_identified_and_robots_come_to_rest() -> None:
     rest = record["pose"][-SECOND // 2 :]
     assert np.ptp(rest[..., :2], axis=0).max() < 0.003
     assert np.ptp(rest[..., 2], axis=0).max() < np.radians(2)
-    estimate = record["latency"][ROUTE.frames - SECOND, :, 0]
+    estimate = record["dead_time"][ROUTE.frames - SECOND, :, 0]
     assert (np.abs(estimate - [5, 11, 0]) < [1, 1, 3]).all()
 
 

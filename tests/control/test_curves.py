@@ -20,10 +20,14 @@ sizes = st.tuples(st.floats(0.5, 6), st.floats(0.5, 6))
 
 
 def drive(
-    shape: str, size: tuple[float, float], limit: MotionLimits, laps: int = 1, tangent: bool = False
+    shape: str,
+    size: tuple[float, float],
+    limit: MotionLimits,
+    laps: int = 1,
+    faces_along_path: bool = False,
 ) -> Array:
     """Return the poses (frames, 3) of a reference along a curve."""
-    return CurveReference(CURVES[shape](*size), limit, T, laps, tangent).poses
+    return CurveReference(CURVES[shape](*size), limit, T, laps, faces_along_path).poses
 
 
 # --- path ---
@@ -46,7 +50,7 @@ def test_the_heading_follows_the_path(
     shape: str, size: tuple[float, float], limit: MotionLimits, laps: int
 ) -> None:
     """It is normal to the gradient of the curve's equation. A lap of a circle turns once."""
-    poses = drive(shape, size, limit, laps, tangent=True)
+    poses = drive(shape, size, limit, laps, faces_along_path=True)
     facing = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     x, y = 2 * poses[:, 0] / size[0], 2 * poses[:, 1] / size[1]
     gradient = {
@@ -68,10 +72,10 @@ def test_the_heading_follows_the_path(
 @settings(max_examples=12)
 @given(curves, limits | smooth_limits, st.integers(1, 2), st.booleans())
 def test_a_reference_keeps_its_limits(
-    curve: Curve, limit: MotionLimits, laps: int, tangent: bool
+    curve: Curve, limit: MotionLimits, laps: int, faces_along_path: bool
 ) -> None:
     """With the ellipse and without, facing forward or along the path, whatever limit is active."""
-    assert_keeps(CurveReference(curve, limit, T, laps, tangent).poses, limit)
+    assert_keeps(CurveReference(curve, limit, T, laps, faces_along_path).poses, limit)
 
 
 def assert_takes(poses: Array, seconds: float, tolerance: float) -> None:

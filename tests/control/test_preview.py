@@ -19,7 +19,7 @@ LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [0.3, 0.1, 0.5], [0.1, 0.3, -0.5]]
 KNOWN_REFERENCES = (
     TimedReference(PATH, LIMITS, T),
-    CurveReference(CURVES["figure-eight"](1.0, 0.6), LIMITS, T, tangent=True),
+    CurveReference(CURVES["figure-eight"](1.0, 0.6), LIMITS, T, faces_along_path=True),
 )
 seeds = st.integers(0, 2**32 - 1)
 

@@ -7,10 +7,10 @@ import pytest
 from benches.control import (
     COM_HEIGHT_M,
     CREEP,
+    DEAD_TIME,
     DISTURBANCE,
     INVERSE_GAIN,
     LAG,
-    LATENCY,
     SIZE,
     Array,
     MotionModel,
@@ -118,7 +118,7 @@ def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
     ekf = identify(robots, 480)
     sigma = np.sqrt(np.diagonal(ekf.covariance, axis1=1, axis2=2))
     true = np.array([1 / 0.98, 1 / 0.92, 1 / 0.95, 7.0, 0.075])
-    columns = [11, 12, 13, LATENCY, CREEP]
+    columns = [11, 12, 13, DEAD_TIME, CREEP]
     error = ekf.state[:, columns] - true
     normalized = error / sigma[:, columns]
     assert (np.sqrt((normalized**2).mean(0)) < 2.5).all()

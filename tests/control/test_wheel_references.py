@@ -60,10 +60,10 @@ def test_a_path_keeps_wheel_limits_and_all_others(
     st.sampled_from(list(CURVES)), st.floats(0.7, 1), limits | smooth_limits, wheels, st.booleans()
 )
 def test_a_curve_keeps_wheel_limits_and_all_others(
-    shape: str, length: float, limit: MotionLimits, robot: WheelLimits, tangent: bool
+    shape: str, length: float, limit: MotionLimits, robot: WheelLimits, faces_along_path: bool
 ) -> None:
     curve = CURVES[shape](length, 1.0)
-    reference = CurveReference(curve, replace(limit, wheels=robot), T, 1, tangent)
+    reference = CurveReference(curve, replace(limit, wheels=robot), T, 1, faces_along_path)
     assert_keeps_wheel_limits(robot, reference.poses)
     assert limit.compute_time_scale(reference.poses, T) <= 1 + 1e-8
 
@@ -98,8 +98,10 @@ def solve_max_sum(robot: WheelLimits, per_z: Array, twist: Array, max_z: Array) 
     return result.x[4 * cells :] if result.success else np.zeros(n)
 
 
-@pytest.mark.parametrize(("tangent", "tolerance"), [(True, 0.006), (False, 0.015)])
-def test_a_curve_takes_the_time_of_a_linear_program(tangent: bool, tolerance: float) -> None:
+@pytest.mark.parametrize(("faces_along_path", "tolerance"), [(True, 0.006), (False, 0.015)])
+def test_a_curve_takes_the_time_of_a_linear_program(
+    faces_along_path: bool, tolerance: float
+) -> None:
     """Forces and accelerations are linear in z = v^2; the highest z everywhere is the fastest.
 
     The program has cells of 1/150 lap.
@@ -118,20 +120,20 @@ def test_a_curve_takes_the_time_of_a_linear_program(tangent: bool, tolerance: fl
     velocity = differentiate(middle, 1)
     step, curvature = np.abs(velocity) * u[1], compute_curvature(middle)[:, None]
     curvature_slope = (np.diff(compute_curvature(u)) / step)[:, None]
-    direction = np.ones(n) + 0j if tangent else velocity / np.abs(velocity)
+    direction = np.ones(n) + 0j if faces_along_path else velocity / np.abs(velocity)
     x, y = direction.real[:, None], direction.imag[:, None]
     mean = (np.eye(n, n + 1) + np.eye(n, n + 1, 1)) / 2
     forward = np.diff(np.eye(n + 1), axis=0) / (2 * step[:, None])  # z'/2
     lateral = curvature * mean
-    turning = (curvature * forward + curvature_slope * mean) * tangent
+    turning = (curvature * forward + curvature_slope * mean) * faces_along_path
     per_z = np.stack([x * forward - y * lateral, y * forward + x * lateral, turning], axis=1)
-    twist = np.hstack([x, y, curvature * tangent])
+    twist = np.hstack([x, y, curvature * faces_along_path])
     max_z = np.full(n + 1, 9.0)
     max_z[[0, -1]] = 0
     z = solve_max_sum(TIGERS, per_z, twist, max_z)
     fastest = (2 * step / (np.sqrt(z[1:]) + np.sqrt(z[:-1]))).sum() / T
     limit = MotionLimits(3.0, 8.0, 20.0, 200.0, wheels=TIGERS)
-    frames = CurveReference(eight, limit, T, 1, tangent).frames - 1
+    frames = CurveReference(eight, limit, T, 1, faces_along_path).frames - 1
     # The friction of the rollers' bearings changes sign where a path crosses an axle. The reference
     # takes the higher drag of neighboring cells.
     assert fastest * (1 - 0.003) <= frames <= fastest * (1 + tolerance) + 2

@@ -98,7 +98,7 @@ class InverseFlc(Controller):
             robots expected in the middle of each, (count, n); and the commands, (count, n, 3).
         """
         ekf = self.filter
-        poses, twists = self._preview_reference(frame + ekf.latency, count)
+        poses, twists = self._preview_reference(frame + ekf.dead_time, count)
         velocities = (twists[:-1] + twists[1:]) / 2
         mid_headings = poses[1:-1, :, 2] + twists[1:-1, :, 2] * (self.model.period / 2)
         headings = mid_headings + (state[:, 2] - poses[1, :, 2])
@@ -146,14 +146,14 @@ class InverseFlc(Controller):
         time_constants = ekf.dynamics.compute_time_constants(state, np.zeros((len(state), 1)))
         lag = time_constants * state[:, INVERSE_GAIN]
         self.alpha_hat = 1 / state[:, INVERSE_GAIN]
-        self.latency_hat = ekf.latency[:, None] + lag / self.model.period
+        self.latency_hat = ekf.dead_time[:, None] + lag / self.model.period
         self.channels = {
             "alpha_sigma": self.alpha_hat**2 * sigma[:, INVERSE_GAIN],
             "lag": lag,
             "velocity_disturbance": state[:, DISTURBANCE],
             "nis": ekf.mean_nis,
         }
-        for name in ("latency", "creep", "friction"):
+        for name in ("dead_time", "creep", "friction"):
             column = getattr(motion_model, name.upper())
             self.channels |= {name: state[:, column], f"{name}_sigma": sigma[:, column]}
 

@@ -28,15 +28,18 @@ from omni_control.traction import GRAVITY, compute_load_distribution
 POSE, VELOCITY, DISTURBANCE = slice(0, 3), slice(3, 6), slice(6, 9)
 HEADING, TURN_RATE = 2, 5
 COUPLING = slice(9, 11)  # of the turn rate to the velocity deficit forward and sideways, rad/m
-INVERSE_GAIN, FORWARD_GAIN, SIDEWAYS_GAIN = slice(11, 14), 11, 12
-LATENCY, CREEP, LAG, FRICTION, SIZE = 14, 15, 16, 17, 18
+INVERSE_GAIN, FORWARD_INVERSE_GAIN, SIDEWAYS_INVERSE_GAIN = slice(11, 14), 11, 12
+DEAD_TIME, CREEP, LAG, FRICTION, SIZE = 14, 15, 16, 17, 18
 
 # Typical wheels of the league, for robots with unknown geometry.
 LEAGUE_WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.08, 0.0285)
 NORMALIZED_INERTIA = 0.7  # yaw inertia over m l^2 (TIGERs Mannheim)
 GYRO_RESIDUAL = 0.5  # fraction of a turn rate disturbance that a gyro loop of gain 1 leaves
 UNKNOWN_ALPHA, YAW_ALPHA = (0.91, 0.91), 0.98  # prior of robots with unknown alpha
-FORWARD_LAG, FORWARD_FRICTION = 0.75, 0.8  # ratios of the forward values to the known means
+FORWARD_LAG_RATIO, FORWARD_FRICTION_RATIO = (
+    0.75,
+    0.8,
+)  # ratios of the forward values to the known means
 MIN_LAG_S = 5e-3  # vision of 60 Hz cannot distinguish shorter lags
 SLOW_M_S = 0.05  # speed below which dry friction is in proportion to the speed
 COM_HEIGHT_M = 0.047  # of the center of mass: TIGERs Mannheim's robots have 45 and 49 mm
@@ -77,8 +80,8 @@ class MotionModel:
                 *(1 / np.array([*(model.alpha or UNKNOWN_ALPHA), YAW_ALPHA])),
                 model.delay_frames,
                 model.creep_s2_m,
-                max(FORWARD_LAG * model.lag_s, MIN_LAG_S),
-                FORWARD_FRICTION * model.friction_loss_m_s,
+                max(FORWARD_LAG_RATIO * model.lag_s, MIN_LAG_S),
+                FORWARD_FRICTION_RATIO * model.friction_loss_m_s,
             ]
         )
 

@@ -12,11 +12,11 @@ from omni_control.delay_compensation import CommandHistory
 from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.estimation.motion_model import (
     CREEP,
-    FORWARD_GAIN,
-    LATENCY,
+    DEAD_TIME,
+    FORWARD_INVERSE_GAIN,
     MIN_LAG_S,
     POSE,
-    SIDEWAYS_GAIN,
+    SIDEWAYS_INVERSE_GAIN,
     SIZE,
     TURN_RATE,
     VELOCITY,
@@ -32,7 +32,7 @@ TRANSLATION_VELOCITY, TRANSLATION_GAINS = slice(3, 5), slice(11, 13)
 YAW_DISTURBANCES = slice(8, 11)  # disturbance of the turn rate, and couplings
 RESPONSE_PARAMETERS = slice(11, SIZE)  # inverse gains, latency, creep, lag, friction
 # The same without the inverse gain of turning.
-TRANSLATION_PARAMETERS = [FORWARD_GAIN, SIDEWAYS_GAIN, *range(LATENCY, SIZE)]
+TRANSLATION_PARAMETERS = [FORWARD_INVERSE_GAIN, SIDEWAYS_INVERSE_GAIN, *range(DEAD_TIME, SIZE)]
 
 # Prior standard deviations.
 # Inverse gains, and creep, lag and friction relative to the nominal values.
@@ -40,14 +40,14 @@ KNOWN_SIGMA, UNKNOWN_SIGMA = (0.07, 0.2, 0.35, 0.3), (0.12, 0.35, 0.5, 0.4)
 ZERO_SIGMA = 0.04, 0.01, 0.02  # creep, lag and friction with nominal value 0, s^2/m, s, m/s
 YAW_GAIN_SIGMA = 0.05
 GAIN_CORRELATION = 0.5  # of the inverse gains forward and sideways
-LATENCY_SIGMA = 1.2  # frames
+DEAD_TIME_SIGMA = 1.2  # frames
 COUPLING_SIGMA = 0.1  # rad/m
 DISTURBANCE_SIGMA = 0.02, 0.02, 0.05  # m/s and rad/s
 
 # Time constants with which estimates return to the prior, s.
 DISTURBANCE_TIME_S, PARAMETER_TIME_S = (0.5, 0.5, 1.0), 12.0
 # Bounds of couplings (rad/m), inverse gains, latency (frames), creep, lag and friction.
-MIN_LATENCY_CHANGE, MAX_LATENCY_CHANGE = -9, 6  # from the nominal one
+MIN_DEAD_TIME_CHANGE, MAX_DEAD_TIME_CHANGE = -9, 6  # from the nominal one
 LOWER_BOUNDS = -1, -1, 0.8, 0.8, 0.8, 0, 0, MIN_LAG_S, 0
 UPPER_BOUNDS = 1, 1, 1.9, 1.9, 1.9, np.inf, 0.2, 0.1, 0.15
 
@@ -91,9 +91,9 @@ class RobotEkf:
         prior = self.dynamics.prior[PARAMETERS]
         lower_bounds = np.minimum(LOWER_BOUNDS, prior)
         upper_bounds = np.maximum(UPPER_BOUNDS, prior)
-        latency = LATENCY - PARAMETERS.start
-        lower_bounds[latency] = max(model.delay_frames + MIN_LATENCY_CHANGE, 0)
-        upper_bounds[latency] = model.delay_frames + MAX_LATENCY_CHANGE
+        dead_time = DEAD_TIME - PARAMETERS.start
+        lower_bounds[dead_time] = max(model.delay_frames + MIN_DEAD_TIME_CHANGE, 0)
+        upper_bounds[dead_time] = model.delay_frames + MAX_DEAD_TIME_CHANGE
         self._bounds = lower_bounds, upper_bounds
         times = np.array([*DISTURBANCE_TIME_S, *9 * [PARAMETER_TIME_S]])
         self._decay = np.append(np.ones(6), np.exp(-self.period / times))
@@ -106,7 +106,7 @@ class RobotEkf:
         self.covariance = np.tile(covariance, (n, 1, 1))
         step = JACOBIAN_STEP * np.eye(SIZE)
         self._perturbations = np.concatenate([0 * step[:1], step, -step])[:, None]
-        self.memory_frames = model.delay_frames + MAX_LATENCY_CHANGE + 8
+        self.memory_frames = model.delay_frames + MAX_DEAD_TIME_CHANGE + 8
         self.mean_nis = np.ones(n)
         # Running means of the squared command, and of the command times the velocity.
         self._powers = np.zeros((2, n))
@@ -116,7 +116,7 @@ class RobotEkf:
     def _make_prior_covariance(self, model: TeamModel) -> Array:
         """Return the covariance (18, 18) of disturbances and parameters."""
         correlation = np.eye(SIZE)
-        forward_sideways = [FORWARD_GAIN, SIDEWAYS_GAIN]
+        forward_sideways = [FORWARD_INVERSE_GAIN, SIDEWAYS_INVERSE_GAIN]
         correlation[forward_sideways, forward_sideways[::-1]] = GAIN_CORRELATION
         gain_sigma, *relative = KNOWN_SIGMA if model.alpha else UNKNOWN_SIGMA
         is_unknown = np.equal([model.creep_s2_m, model.lag_s, model.friction_loss_m_s], 0)
@@ -126,15 +126,15 @@ class RobotEkf:
             *2 * [COUPLING_SIGMA],
             *2 * [gain_sigma],
             YAW_GAIN_SIGMA,
-            LATENCY_SIGMA,
+            DEAD_TIME_SIGMA,
             *np.where(is_unknown, ZERO_SIGMA, relative * self.dynamics.prior[CREEP:]),
         ]
         return correlation * np.outer(sigma, sigma)
 
     @property
-    def latency(self) -> Array:
+    def dead_time(self) -> Array:
         """Time from the sending of a command until it begins to act, (n,) frames."""
-        return self.state[:, LATENCY]
+        return self.state[:, DEAD_TIME]
 
     def update(self, observation: Observation) -> None:
         """Predict over the filter steps of a frame, then correct the states by its vision."""
@@ -148,10 +148,10 @@ class RobotEkf:
 
     def predict(self, observation: Observation) -> Array:
         """Return the states (n, 18) at the time when the command of this frame begins to act."""
-        latency, sent = self.latency + self._frames_behind, observation.sent_commands
-        count = int(np.ceil(latency.max()))
+        dead_time, sent = self.dead_time + self._frames_behind, observation.sent_commands
+        count = int(np.ceil(dead_time.max()))
         state = self.state
-        fractions = sent.get_pending_fractions(latency[:, None], count)[..., 0]
+        fractions = sent.get_pending_fractions(dead_time[:, None], count)[..., 0]
         for command, fraction in zip(sent.get_latest(count), fractions, strict=True):
             next_state = self.dynamics.step(state, command, fraction * self.period)
             state = np.where(fraction[:, None] > 0, next_state, state)
@@ -175,11 +175,11 @@ class RobotEkf:
 
     def _linearize(self, sent: CommandHistory, frames_behind: Array) -> tuple[Array, Array, Array]:
         """Return commands that act (n, 3), next states (n, 18), and the Jacobian (n, 18, 18)."""
-        latency = (self.latency + frames_behind)[:, None]
-        latencies = np.maximum(latency + np.array([0, -1, 1])[:, None, None], 0)
+        dead_time = (self.dead_time + frames_behind)[:, None]
+        latencies = np.maximum(dead_time + np.array([0, -1, 1])[:, None, None], 0)
         command, newer, older = sent.get_delayed(latencies)
         command_slope = (older - newer) / (latencies[2] - latencies[1])  # per frame of latency
-        commands = command + self._perturbations[..., LATENCY, None] * command_slope
+        commands = command + self._perturbations[..., DEAD_TIME, None] * command_slope
         ends = self.dynamics.step(self.state + self._perturbations, commands, self.period)
         above, below = ends[1 : SIZE + 1], ends[SIZE + 1 :]
         jacobian = np.moveaxis((above - below) / (2 * JACOBIAN_STEP), 0, -1)

@@ -68,7 +68,7 @@ class CurveReference(SampledReference):
             differs between directions, it is limited in the body's axes.
         period: Length of a frame, s.
         laps: Number of laps, at least one.
-        tangent: Whether the robot faces along its path, within its limits of turning. Otherwise its
+        faces_along_path: Whether the robot faces along its path, within its limits of turning. Otherwise its
             heading is 0.
     """
 
@@ -78,20 +78,26 @@ class CurveReference(SampledReference):
         limits: MotionLimits,
         period: float,
         laps: int = 1,
-        tangent: bool = False,
+        faces_along_path: bool = False,
     ) -> None:
-        path = partial(_get_poses, curve, tangent)
-        poses = sample_path(path, _plan_timing(curve, limits, laps, tangent), limits, period)
-        plan_timing = partial(_plan_timing_on_wheels, curve, limits, laps, tangent)
+        path = partial(_get_poses, curve, faces_along_path)
+        poses = sample_path(
+            path, _plan_timing(curve, limits, laps, faces_along_path), limits, period
+        )
+        plan_timing = partial(_plan_timing_on_wheels, curve, limits, laps, faces_along_path)
         poses = slow_down_for_wheels(poses, path, plan_timing, limits, period)
         super().__init__(poses, period)
 
 
-def _plan_timing(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -> PathTiming:
+def _plan_timing(
+    curve: Curve, limits: MotionLimits, laps: int, faces_along_path: bool
+) -> PathTiming:
     """Return the fastest timing of the laps within the limits of velocity and acceleration."""
     # The curve in the plane in which the limit of acceleration is a circle.
-    isotropic = curve if tangent else replace(curve, width=limits.acceleration_ratio * curve.width)
-    n_cells = _N_CELLS * _round_aspect_ratio(isotropic)
+    isotropic = (
+        curve if faces_along_path else replace(curve, width=limits.acceleration_ratio * curve.width)
+    )
+    n_cells = _N_CELLS * _ceil_aspect_ratio(isotropic)
     u, step, arc_rate, curvature = _measure_cells(isotropic, n_cells)
     speed = limits.speed * (arc_rate / np.abs(_to_complex(curve(u, 1))))
     squared_speed = integrate_speed_profile(
@@ -100,7 +106,7 @@ def _plan_timing(curve: Curve, limits: MotionLimits, laps: int, tangent: bool) -
         np.minimum(speed[:-1], speed[1:]) ** 2,
         limits,
         laps,
-        tangent,
+        faces_along_path,
     )
     return _make_timing(squared_speed, arc_rate)
 
@@ -109,27 +115,27 @@ def _plan_timing_on_wheels(
     curve: Curve,
     limits: MotionLimits,
     laps: int,
-    tangent: bool,
+    faces_along_path: bool,
     wheels: WheelLimits,
     capacity: float,
 ) -> PathTiming:
     """Return the fastest timing of the laps that needs a fraction of the wheels' capacity."""
-    n_cells = min(_N_PROGRAM_CELLS * _round_aspect_ratio(curve), _N_CELLS)
+    n_cells = min(_N_PROGRAM_CELLS * _ceil_aspect_ratio(curve), _N_CELLS)
     u, step, arc_rate, curvature = _measure_cells(curve, n_cells)
     turning = (curvature[:-1] + curvature[1:]) / 2
     tangents = _to_complex(curve((u[:-1] + u[1:]) / 2, 1))
-    direction = np.ones(n_cells) + 0j if tangent else tangents / np.abs(tangents)
+    direction = np.ones(n_cells) + 0j if faces_along_path else tangents / np.abs(tangents)
     x, y = direction.real, direction.imag
     path = ClosedPath(
         step,
-        np.array([x, y, turning * tangent]),
-        np.array([-turning * y, turning * x, np.diff(curvature) / step * tangent]),
+        np.array([x, y, turning * faces_along_path]),
+        np.array([-turning * y, turning * x, np.diff(curvature) / step * faces_along_path]),
     )
     squared_speed = solve_speed_profile_on_wheels(path, limits, wheels, capacity, laps)
     return _make_timing(squared_speed, arc_rate)
 
 
-def _round_aspect_ratio(curve: Curve) -> int:
+def _ceil_aspect_ratio(curve: Curve) -> int:
     return math.ceil(max(curve.length / curve.width, curve.width / curve.length))
 
 
@@ -154,9 +160,9 @@ def _measure_cells(curve: Curve, n_cells: int) -> tuple[Array, Array, Array, Arr
     """
     u = np.linspace(0, 2 * np.pi, n_cells + 1)
     # Arrays of x and y would round differently than complex numbers, and change results.
-    tangent = _to_complex(curve(u, 1))
-    arc_rate = np.abs(tangent)
-    curvature = (_to_complex(curve(u, 2)) / tangent).imag / arc_rate
+    derivative = _to_complex(curve(u, 1))
+    arc_rate = np.abs(derivative)
+    curvature = (_to_complex(curve(u, 2)) / derivative).imag / arc_rate
     return u, u[1] * (arc_rate[:-1] + arc_rate[1:]) / 2, arc_rate, curvature
 
 
@@ -165,10 +171,10 @@ def _to_complex(points: Array) -> np.ndarray:
     return points.view(complex)[..., 0]
 
 
-def _get_poses(curve: Curve, tangent: bool, u: Array) -> Array:
+def _get_poses(curve: Curve, faces_along_path: bool, u: Array) -> Array:
     """Return poses (n, 3) at parameters (n,); headings count full turns."""
     points, heading = curve(u), np.zeros_like(u)
-    if tangent:
+    if faces_along_path:
         x, y = curve(u, 1).T
         heading = np.unwrap(np.arctan2(y, x))
     return np.column_stack([points, heading])

@@ -35,7 +35,7 @@ def integrate_speed_profile(
     max_squared_speed: Array,
     limits: MotionLimits,
     laps: int,
-    tangent: bool,
+    faces_along_path: bool,
 ) -> Array:
     """Return the highest squared speed at the ends of cells within all limits but those of wheels.
 
@@ -45,16 +45,16 @@ def integrate_speed_profile(
         max_squared_speed: Squared limit of the speed in each cell, (cells,) m^2/s^2.
         limits: Limits of acceleration, turn rate and turn acceleration.
         laps: Number of laps.
-        tangent: Whether the robot faces along the path. Otherwise it does not turn.
+        faces_along_path: Whether the robot faces along the path. Otherwise it does not turn.
 
     Returns:
         Squared speeds (laps * cells + 1,), m^2/s^2.
     """
     a = limits.acceleration
-    turn_rate = limits.turn_rate if tangent else np.inf
-    turn_acceleration = limits.turn_acceleration if tangent else np.inf
+    turn_rate = limits.turn_rate if faces_along_path else np.inf
+    turn_acceleration = limits.turn_acceleration if faces_along_path else np.inf
     # Weight of the acceleration across the path, which limits turn into that along it.
-    side_weight = limits.acceleration_ratio if tangent else 1.0
+    side_weight = limits.acceleration_ratio if faces_along_path else 1.0
     cell_curvature = (curvature[:-1] + curvature[1:]) / 2
     side_curvature = side_weight * cell_curvature
     # From one end of a cell to the other, the angle of the acceleration changes by up to twice the

@@ -25,10 +25,10 @@ from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.estimation.motion_model import (
     COM_HEIGHT_M,
     CREEP,
+    DEAD_TIME,
     DISTURBANCE,
     INVERSE_GAIN,
     LAG,
-    LATENCY,
     SIZE,
     MotionModel,
     YawCoupling,
