@@ -31,13 +31,14 @@ class CarpetSettings(SettingsModel):
     )
     nap: float = setting(
         0.0,
-        "directional nap: drag is rolling_resistance (1 + nap cos(direction - nap_direction_deg))",
+        "nap of the pile: rolling_resistance is multiplied by 1 + nap cos(direction of travel - "
+        "nap_direction_deg)",
         low=0,
         high=1,
     )
     nap_direction_deg: float = setting(
         0.0,
-        "direction of travel straight against the fibers, world frame",
+        "direction of travel of the largest drag (against the fibers), world frame",
         "deg",
         low=-360,
         high=360,
@@ -68,13 +69,13 @@ class RandomizationSettings(SettingsModel):
     )
     mass_std: float = setting(
         0.0,
-        "relative standard deviation of the mass without wheels (batteries, covers)",
+        "relative standard deviation of the chassis' mass (batteries, covers)",
         low=0,
         high=0.3,
     )
     com_offset_std_m: float = setting(
         0.0,
-        "standard deviation of the center of that mass, forward and sideways",
+        "standard deviation of the chassis' center of mass, forward and sideways",
         "m",
         low=0,
         high=0.01,

@@ -14,8 +14,8 @@ import omni_mj as om
 BUILTIN, ROBOTS = list_names("scenarios"), list_names("robots")
 TASKS = ("circle", "figure-eight", "rect-spin", "sprint", "random-waypoints")
 PERIOD_S = 1 / 60
-FIELD_M = (9.0, 6.0)  # division B, RoboCup-SSL rules
-ROBOT_M = 0.09  # radius of the largest robot, same
+FIELD_M = (9.0, 6.0)  # division B, RoboCup SSL rules
+ROBOT_RADIUS_M = 0.09  # largest robot, RoboCup SSL rules
 
 
 @cache
@@ -29,20 +29,18 @@ def load_builtin(name: str) -> tuple[om.Scenario, NDArray]:
 def test_every_scenario_stays_on_the_field_and_reads_back(name: str, tmp_path) -> None:
     """Check motion from rest to rest, the whole robot inside the lines, and the description."""
     scenario, poses = load_builtin(name)
-    limit = scenario.settings.reference
-    for ends in (
-        poses[:2],
-        poses[-2:],
-    ):  # at rest: at most the acceleration of one frame
-        moved = np.abs(ends[1] - ends[0]) / PERIOD_S**2
-        assert np.hypot(*moved[:2]) <= limit.max_acceleration_m_s2 * (1 + 1e-8)
-        assert moved[2] <= limit.max_turn_acceleration_rad_s2 * (1 + 1e-8)
-    assert (np.abs(poses[:, :2]).max(0) + ROBOT_M <= np.array(FIELD_M) / 2).all()
+    limits = scenario.settings.reference
+    for end_poses in (poses[:2], poses[-2:]):
+        # Starting from rest, the first frame displaces by at most the acceleration limit.
+        acceleration = np.abs(end_poses[1] - end_poses[0]) / PERIOD_S**2
+        assert np.hypot(*acceleration[:2]) <= limits.max_acceleration_m_s2 * (1 + 1e-8)
+        assert acceleration[2] <= limits.max_turn_acceleration_rad_s2 * (1 + 1e-8)
+    assert (np.abs(poses[:, :2]).max(0) + ROBOT_RADIUS_M <= np.array(FIELD_M) / 2).all()
     assert name not in TASKS or 8 <= (len(poses) - 1) * PERIOD_S <= 25
     assert scenario.name == name
     assert scenario.description
-    (tmp_path / "again.toml").write_text(scenario.to_toml())
-    assert om.load_scenario(tmp_path / "again.toml") == scenario
+    (tmp_path / "written.toml").write_text(scenario.to_toml())
+    assert om.load_scenario(tmp_path / "written.toml") == scenario
 
 
 def test_routes_have_their_described_dimensions() -> None:
@@ -82,8 +80,8 @@ def test_ideal_robot_follows_every_task_exactly(name: str) -> None:
         np.testing.assert_allclose(frames[column], frames[f"ref_{column}"], rtol=0, atol=1e-9)
 
 
-def random_waypoints(**changes: object) -> NDArray:
-    """Return the waypoints (count, 3) at which a random reference rests."""
+def find_random_waypoints(**changes: object) -> NDArray:
+    """Return the waypoints (n, 3) of a random reference: the poses at which it rests."""
     task = {
         "shape": "random",
         "dwell_s": 0.1,
@@ -103,19 +101,19 @@ def random_waypoints(**changes: object) -> NDArray:
 
 def test_random_waypoints_are_uniform_and_depend_on_the_seed() -> None:
     """Compare with mean 0 and variance 1/3 of uniform(-1, 1), within 5 standard errors."""
-    points = random_waypoints(waypoint_count=300, length_m=4.0, width_m=3.0)
+    points = find_random_waypoints(waypoint_count=300, length_m=4.0, width_m=3.0)
     assert points.shape == (300, 3)
     assert np.abs(np.diff(points[:, 2])).max() <= math.pi
     headings = np.angle(np.exp(1j * points[:, 2]))
-    for unit in (points[:, 0] / 2, points[:, 1] / 1.5, headings / math.pi):
-        assert np.abs(unit).max() <= 1
-        assert abs(unit.mean()) < 5 * math.sqrt(1 / 3 / 300)
-        assert abs((unit**2).mean() - 1 / 3) < 5 * math.sqrt((1 / 5 - 1 / 9) / 300)
+    for normalized in (points[:, 0] / 2, points[:, 1] / 1.5, headings / math.pi):
+        assert np.abs(normalized).max() <= 1
+        assert abs(normalized.mean()) < 5 * math.sqrt(1 / 3 / 300)
+        assert abs((normalized**2).mean() - 1 / 3) < 5 * math.sqrt((1 / 5 - 1 / 9) / 300)
     assert (
-        random_waypoints(seed=3, waypoint_count=12)[:10].tobytes()
-        == random_waypoints(seed=3, waypoint_count=10).tobytes()
+        find_random_waypoints(seed=3, waypoint_count=12)[:10].tobytes()
+        == find_random_waypoints(seed=3, waypoint_count=10).tobytes()
     )
-    assert not np.isin(random_waypoints(seed=3), random_waypoints(seed=4)).any()
+    assert not np.isin(find_random_waypoints(seed=3), find_random_waypoints(seed=4)).any()
 
 
 def test_dead_time_must_be_shorter_than_the_reference() -> None:
@@ -145,10 +143,10 @@ def test_wheel_limits_slow_down_no_task(name: str) -> None:
     for robot in ROBOTS:
         limited, unlimited = (
             om.Simulation(
-                om.load_scenario(name, plant="kinematic", robot=robot, **more), ["p"], seeds=[0]
+                om.load_scenario(name, plant="kinematic", robot=robot, **sections), ["p"], seeds=[0]
             )
             .references[0]
             .poses
-            for more in ({}, {"reference": {"assumed_friction": 0.0}})
+            for sections in ({}, {"reference": {"assumed_friction": 0.0}})
         )
         np.testing.assert_array_equal(limited, unlimited)

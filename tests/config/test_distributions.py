@@ -27,18 +27,18 @@ def load(**sections: object) -> om.Scenario:
 )
 def test_draws_follow_the_distribution(notation: dict[str, list[float]], law: Any) -> None:
     """Apply the Kolmogorov-Smirnov test at 1/1000; the fixed seeds make it deterministic."""
-    chosen = load(carpet={"friction": notation})
-    drawn = [chosen.settings_for_seed(seed).carpet.friction for seed in range(DRAWS)]
+    scenario = load(carpet={"friction": notation})
+    drawn = [scenario.settings_for_seed(seed).carpet.friction for seed in range(DRAWS)]
     assert stats.kstest(drawn, law.cdf).pvalue > 1e-3
 
 
 def test_integers_and_choices_are_equally_likely() -> None:
     """Expect DRAWS / k draws of each of k values, within four binomial deviations."""
-    chosen = load(
+    scenario = load(
         radio={"delay_frames": {"uniform": [2, 6]}},
         wheels={"model": {"choice": ["rollers", "two-rollers"]}},
     )
-    settings = [chosen.settings_for_seed(seed) for seed in range(DRAWS)]
+    settings = [scenario.settings_for_seed(seed) for seed in range(DRAWS)]
     for values, options in (
         ([s.radio.delay_frames for s in settings], [2, 3, 4, 5, 6]),
         ([s.wheels.model for s in settings], ["rollers", "two-rollers"]),
@@ -53,26 +53,26 @@ def test_integers_and_choices_are_equally_likely() -> None:
 
 def test_draws_depend_on_the_seed_only_and_are_recorded(tmp_path: Path) -> None:
     delays = {"uniform": [0, 9]}
-    chosen = load(radio={"delay_frames": delays}, battery={"charge": {"choice": [0.4, 0.5]}})
+    scenario = load(radio={"delay_frames": delays}, battery={"charge": {"choice": [0.4, 0.5]}})
     expected = [
         load(radio={"delay_frames": delays}).settings_for_seed(seed).radio.delay_frames
         for seed in (3, 4, 5)
     ]
-    result = om.run(chosen, ["p", "flc"], seeds=range(3, 6))
+    result = om.run(scenario, ["p", "flc"], seeds=range(3, 6))
     entry = result.summary()["scenarios"]["rect"]
     assert [draw["radio.delay_frames"] for draw in entry["drawn_parameters"]] == expected
     assert entry["settings"]["radio"]["delay_frames"] == delays
-    alone = om.run(chosen.replace(seed=5), ["flc"]).frames()["x_m"].to_numpy()
+    alone = om.run(scenario.replace(seed=5), ["flc"]).frames()["x_m"].to_numpy()
     frames = result.frames()
-    chosen_rows = (frames["seed"].to_numpy() == 5) & (frames["controller"].to_numpy() == "flc")
-    np.testing.assert_array_equal(frames["x_m"].to_numpy()[chosen_rows], alone)
-    (tmp_path / "again.toml").write_text(chosen.to_toml())
+    selected_rows = (frames["seed"].to_numpy() == 5) & (frames["controller"].to_numpy() == "flc")
+    np.testing.assert_array_equal(frames["x_m"].to_numpy()[selected_rows], alone)
+    (tmp_path / "again.toml").write_text(scenario.to_toml())
     again = om.load_scenario(tmp_path / "again.toml")
-    assert again.to_toml() == chosen.to_toml()
-    assert again.settings_for_seed(4) == chosen.settings_for_seed(4)
-    simulation = om.Simulation(chosen, ["p"])
+    assert again.to_toml() == scenario.to_toml()
+    assert again.settings_for_seed(4) == scenario.settings_for_seed(4)
+    simulation = om.Simulation(scenario, ["p"])
     simulation.reset(seed=7)
-    assert simulation.rows[0].settings.radio == chosen.settings_for_seed(7).radio
+    assert simulation.rows[0].settings.radio == scenario.settings_for_seed(7).radio
 
 
 @pytest.mark.parametrize(
@@ -95,12 +95,12 @@ def test_invalid_distributions_are_rejected(sections: dict[str, Any], words: str
 
 
 def test_invalid_draws_and_studies_without_distributions_are_rejected() -> None:
-    chosen = load(carpet={"friction": {"normal": [0.1, 5.0]}})
+    scenario = load(carpet={"friction": {"normal": [0.1, 5.0]}})
     with pytest.raises(
         om.OmniError, match=r"seed \d+ draws a value that is not allowed; .*carpet.friction"
     ):
-        [chosen.settings_for_seed(seed) for seed in range(50)]
+        [scenario.settings_for_seed(seed) for seed in range(50)]
     with pytest.raises(
         om.OmniError, match=r"limit takes numbers, no distributions; .*carpet.friction"
     ):
-        om.find_limit(chosen)
+        om.find_limit(scenario)

@@ -110,7 +110,7 @@ def test_error_in_a_robot_file_is_one_line(
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_numbers_of_every_robot_are_consistent(name: str) -> None:
-    """Check relations: cells and voltage, body and wheels, motor and battery, drag and friction."""
+    """Check relations of cells and voltage, body and wheels, motor and battery, and frictions."""
     s = om.load_robot(name).settings
     assert s.firmware.nominal_voltage_v == pytest.approx(3.7 * s.battery.series_cells)  # LiPo
     assert 3.0 * s.battery.series_cells <= s.battery.cut_off_v <= 3.5 * s.battery.series_cells
@@ -121,8 +121,7 @@ def test_numbers_of_every_robot_are_consistent(name: str) -> None:
     assert s.body.tilt_inertia_kg_m2 > s.body.yaw_inertia_kg_m2 / 2
     assert s.drivetrain.roller_friction < s.carpet.friction
     assert s.wheels.arm_m < 0.09  # the league's limit: 180 mm across
-    # At the nominal battery it reaches the reference's speed in its fastest direction: back-EMF of
-    # the motor at 3 m/s.
+    # At 3 m/s, about the paper's limit of speed, the back-EMF is below the nominal voltage.
     assert (
         s.motor.torque_constant_nm_a * 3.0 / s.wheels.radius_m * s.motor.gear_ratio
         < s.firmware.nominal_voltage_v
@@ -194,9 +193,9 @@ def test_center_of_mass_must_be_supported(azimuths: list[float], x: float) -> No
     balance = np.stack(
         [np.ones(len(angles_rad)), arm * np.cos(angles_rad), arm * np.sin(angles_rad)]
     )
-    stands = linprog(np.zeros(len(angles_rad)), A_eq=balance, b_eq=[1.0, x, 0.0]).status == 0
+    is_supported = linprog(np.zeros(len(angles_rad)), A_eq=balance, b_eq=[1.0, x, 0.0]).status == 0
     message = find_error(wheels={"azimuths_deg": azimuths, "arm_m": arm}, body={"com_x_m": x})
-    assert ("outside the polygon" in message) != stands or abs(
+    assert ("outside the polygon" in message) != is_supported or abs(
         float(message.split(" is ")[1].split(" mm")[0])
     ) < 1e-3
 
@@ -217,12 +216,12 @@ def simulate(robot: str, commands: NDArray, **more: Any) -> om.Simulation:
 
 
 @cache
-def measure_lag_and_drag(robot: str) -> list[tuple[float, float]]:
-    """Return lag, s, and drag, m/s, forward and sideways, from small steps, extrapolated to rest.
+def measure_lag_and_friction_loss(robot: str) -> list[tuple[float, float]]:
+    """Return lag, s, and friction loss, m/s, forward and sideways, by small steps of speed.
 
-    After a step of a first-order system, the distance lags by the step times time constant and dead
-    time. Creep makes the lag grow in proportion to speed. Dry friction costs the same at any speed:
-    the negative intercept of speed over command.
+    After a step of a first-order system, the missing distance is the step times the sum of lag and
+    dead time. Creep adds a lag in proportion to speed. Dry friction costs the same speed always. So
+    both results are values extrapolated to rest: of lag over speed, and of speed over command.
     """
     frames_before, frames_after, delay, step = 120, 60, 6, 0.04
     base = np.linspace(0.15, 0.35, 5)
@@ -255,19 +254,19 @@ def measure_lag_and_drag(robot: str) -> list[tuple[float, float]]:
     ]
 
 
-def test_closed_form_of_lag_and_drag_matches_simulation() -> None:
-    """Allow 20 and 25 % for rotors and rolling resistance, which the formula neglects."""
+def test_closed_form_of_lag_and_friction_loss_matches_simulation() -> None:
+    """Allow 20 and 25 % for rotor inertia and other effects that the formulas neglect."""
     facts = om.load_robot("tigers-v2020").facts
-    for side, (lag, drag) in zip(
-        ("forward", "sideways"), measure_lag_and_drag("tigers-v2020"), strict=True
+    for side, (lag, friction_loss) in zip(
+        ("forward", "sideways"), measure_lag_and_friction_loss("tigers-v2020"), strict=True
     ):
         assert facts[f"lag_{side}_s"] == pytest.approx(lag, rel=0.2)
-        assert facts[f"friction_loss_{side}_m_s"] == pytest.approx(drag, rel=0.25)
+        assert facts[f"friction_loss_{side}_m_s"] == pytest.approx(friction_loss, rel=0.25)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_assumptions_match_the_simulated_robot(name: str) -> None:
-    """Lag and drag are means of both axes. Alpha is the gain at 1 m/s, without dry friction.
+    """Lag and friction loss are means of both axes. Alpha is that at 1 m/s without dry friction.
 
     With integral action, alpha is unknown. Files may replace these values by measured ones.
     """
@@ -323,7 +322,7 @@ def test_assumptions_follow_the_robot_file_and_ignore_the_scenario(
 
 
 def test_assumed_alpha_scales_with_assumed_creep() -> None:
-    """Without creep, drag costs no speed; with half the creep, 1/alpha - 1 is half as large."""
+    """Without creep, alpha is 1. With half of the creep, 1/alpha - 1 is half as large."""
     full = om.load_scenario("rect").settings.control.assumed_creep_s2_m
     assumed = [
         om.load_scenario("rect", control={"assumed_creep_s2_m": creep}).settings.control

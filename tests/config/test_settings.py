@@ -34,8 +34,9 @@ DATASHEET = (
     "resistance_ohm",
     "no_load_rpm",
     "no_load_current_a",
+    "nominal_rpm",
+    "nominal_current_a",
 )
-DATASHEET += ("nominal_rpm", "nominal_current_a")
 
 
 @cache
@@ -66,7 +67,8 @@ def number_schemas() -> dict[str, dict[str, Any]]:
     return {name: field | {"type": field["type"][0]} for name, field in fields.items()}
 
 
-def sections(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
+def group_by_section(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return a mapping section -> field -> value for values by `section.field`."""
     result: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         section, field = name.split(".")
@@ -100,16 +102,16 @@ def test_every_setting_has_a_meaning_and_the_unit_in_its_name() -> None:
 
 
 def test_bounds_are_allowed_and_values_beyond_are_rejected() -> None:
-    """Expect range and unit in the message."""
+    """Check bounds and the next values beyond them. Messages give range and unit."""
     for name, field in number_schemas().items():
         section, _, key = name.partition(".")
-        json_schema = field["type"] == "integer"
+        is_integer = field["type"] == "integer"
         for bound, sign in ((field["minimum"], -1), (field["maximum"], 1)):
             if not name.startswith(CONTRADICTORY) and key not in DATASHEET:
                 changes = COMPANIONS.get(name, {}).get(section, {}) | {key: bound}
                 scenario = om.load_scenario("rect", **{section: changes}).settings
                 assert getattr(getattr(scenario, section), key) == bound, name
-            wrong = bound + sign if json_schema else math.nextafter(bound, sign * math.inf)
+            wrong = bound + sign if is_integer else math.nextafter(bound, sign * math.inf)
             (line,) = error_lines(**{section: {key: wrong}})
             for word in (
                 name,
@@ -128,7 +130,7 @@ def test_bounds_are_allowed_and_values_beyond_are_rejected() -> None:
 def test_all_wrong_types_are_reported_at_once(wrong: Any) -> None:
     names = [
         line.split(" ")[0]
-        for line in error_lines(**sections(dict.fromkeys(number_schemas(), wrong)))
+        for line in error_lines(**group_by_section(dict.fromkeys(number_schemas(), wrong)))
     ]
     assert sorted(names) == sorted(number_schemas())
 
@@ -185,8 +187,8 @@ def test_numpy_numbers_and_ints_are_converted() -> None:
 def test_messages_give_allowed_values_or_the_nearest_name(
     changes: dict[str, Any], words: list[str]
 ) -> None:
-    properties = error_lines(**changes)
-    assert any(all(word in line for word in words) for line in properties), properties
+    lines = error_lines(**changes)
+    assert any(all(word in line for word in words) for line in lines), lines
 
 
 def test_scenarios_are_immutable_and_can_be_copied() -> None:
@@ -222,7 +224,9 @@ def test_scenarios_are_immutable_and_can_be_copied() -> None:
     ],
     ids=lambda text: text[:20],
 )
-def test_errors_of_absurd_files_are_printable_lines(tmp_path: Path, text: str, words: str) -> None:
+def test_errors_of_malicious_files_are_printable_lines(
+    tmp_path: Path, text: str, words: str
+) -> None:
     file = tmp_path / "scenario.toml"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(om.OmniError) as error:
@@ -255,9 +259,9 @@ def test_random_settings_read_back_or_give_printable_errors(
 ) -> None:
     scenario, error = None, ""
     try:
-        scenario = om.load_scenario("rect", **sections(values))
-    except om.OmniError as refusal:
-        error = str(refusal)
+        scenario = om.load_scenario("rect", **group_by_section(values))
+    except om.OmniError as omni_error:
+        error = str(omni_error)
     assert all(line.isprintable() and len(line) < MAX_LINE_LENGTH for line in error.split("\n"))
     if scenario is None:
         assert error
