@@ -34,25 +34,22 @@ class Interrupts:
         if self._received:
             raise StoppedError(SIGNAL_REASONS[signal.Signals(self._received)])
 
-    def make_frame_callback(self, show: "AfterFrame") -> "AfterFrame":
-        """Return a function that checks for signals and shows the progress after each frame.
-
-        Args:
-            show: Shows the progress, given the frame's number.
-        """
-        from omni_mj.studies.run_scenario import quiet_mujoco
-
-        def after_frame(frame: int) -> None:
-            self.check()
-            if frame == 0:
-                quiet_mujoco()
-            show(frame)
-
-        return after_frame
-
     def add_check(self, start_progress: "StartProgress") -> "StartProgress":
         """Return a function like `start_progress` whose bars also check for signals."""
-        return lambda title, n_frames: self.make_frame_callback(start_progress(title, n_frames))
+        from omni_mj.studies.run_scenario import quiet_mujoco
+
+        def start_checked_progress(title: str, n_frames: int) -> "AfterFrame":
+            show = start_progress(title, n_frames)
+
+            def after_frame(frame: int) -> None:
+                self.check()
+                if frame == 0:  # MuJoCo is loaded by now, if the plant needs it
+                    quiet_mujoco()
+                show(frame)
+
+            return after_frame
+
+        return start_checked_progress
 
     def exit_if_stopped(self, reason: str | None, message: str) -> None:
         """Exit with code 128 plus the number of the signal if a signal stopped the run.
@@ -65,17 +62,19 @@ class Interrupts:
             console.exit_with_error(f"{reason}; {message}", 128 + self._received)
 
     def __enter__(self) -> "Interrupts":
-        signals = [
-            number for number in SIGNAL_REASONS if signal.getsignal(number) != signal.SIG_IGN
-        ]
-        self._old_handlers = {number: signal.signal(number, self._store) for number in signals}
+        self._old_handlers = {
+            number: signal.signal(number, self._store)
+            for number in SIGNAL_REASONS
+            if signal.getsignal(number) != signal.SIG_IGN
+        }
         return self
 
     def __exit__(self, *error: object) -> None:
         for number, handler in self._old_handlers.items():
             signal.signal(number, handler)
 
-    def _store(self, number: int, frame: object) -> None:
+    def _store(self, number: int, _: object) -> None:
+        """Store the number of a signal, and restore the handlers; called by the system."""
         self._received = number
         self.__exit__()
         if number == signal.SIGHUP:

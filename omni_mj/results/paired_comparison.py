@@ -17,8 +17,6 @@ from omni_mj.results.seed_statistics import (
 SIGNIFICANCE_LEVEL = 1 - CONFIDENCE
 # Statistics of the position error that verdicts are about.
 STATISTIC_LABELS = {"max": "maximum", "mean": "mean"}
-Results = Mapping[str, Any]  # controller -> its results in a summary
-Entry = Mapping[str, Any]  # of one scenario in a summary
 
 
 def paired_difference(
@@ -79,7 +77,7 @@ def mean_position_error(result: Mapping[str, Any], statistic: str) -> float:
 
 
 def judge_subject(
-    entries: Mapping[str, Entry], privileged: Collection[str], subject: str | None
+    entries: Mapping[str, Mapping[str, Any]], privileged: Collection[str], subject: str | None
 ) -> dict[str, dict[str, Any] | None]:
     """Compare the subject with every other competitor in every completed scenario.
 
@@ -116,9 +114,16 @@ def judge_subject(
 
 
 def _judge_statistic(
-    results: Results, subject: str, competitors: list[str], statistic: str
+    results: Mapping[str, Any], subject: str, competitors: list[str], statistic: str
 ) -> dict[str, Any]:
-    """Return the verdict on one statistic, before the p-values are adjusted."""
+    """Return the verdict on one statistic, before the p-values are adjusted.
+
+    Args:
+        results: Controller -> its results in a summary.
+        subject: Controller to judge.
+        competitors: Controllers to compare it with.
+        statistic: Statistic over the frames, "max" or "mean".
+    """
     errors = {name: mean_position_error(results[name], statistic) for name in results}
     against = {}
     for competitor in competitors:

@@ -21,8 +21,8 @@ from omni_mj.config.robot_files import read_model_files
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.summary import package_versions
 
-FORMAT = 2  # of provenance.json
-FILE, SOURCES = "provenance.json", "sources"
+PROVENANCE_FORMAT = 2  # version of the keys of provenance.json
+PROVENANCE_FILE, SOURCES_FOLDER = "provenance.json", "sources"
 SOURCE_SUFFIXES = (".py", ".toml", ".xml")  # of files that can affect the results
 GIT_TIMEOUT_S = 5.0
 _PACKAGE = Path(__file__).parents[1]
@@ -49,7 +49,7 @@ def save_provenance(
     """
     files: dict[str, bytes] = {}
     content = {
-        "format": FORMAT,
+        "format": PROVENANCE_FORMAT,
         "study": study,
         "command": command,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -58,7 +58,7 @@ def save_provenance(
         **describe_environment(),
     }
     # Written first, because --overwrite recognizes the folder of a run by it.
-    write_text(folder / FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+    write_text(folder / PROVENANCE_FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
     for name, data in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -177,7 +177,7 @@ def _add_copies(files: dict[str, bytes], copies: Mapping[str, bytes]) -> list[di
     Returns:
         Path in the run's folder and hash of each copy.
     """
-    folder = SOURCES
+    folder = SOURCES_FOLDER
     while any(files.get(f"{folder}/{name}", data) != data for name, data in copies.items()):
         folder += "/other"  # different files of these names are already there
     files |= {f"{folder}/{name}": data for name, data in copies.items()}

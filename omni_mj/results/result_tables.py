@@ -195,8 +195,8 @@ def _join(texts: list[str]) -> str:
 def _paper_rows(entry: Mapping[str, Any], axes: Sequence[str]) -> Iterator[list[str]]:
     """Yield a row of `results_table` for each controller that the paper reports."""
     for controller, errors in (entry["paper"] or {}).items():
-        cells = {
+        texts = {
             axis: f"{100 * error['max']:.2f}/{100 * error['mean']:.2f}"
             for axis, error in errors.items()
         }
-        yield [PAPER_PREFIX + controller, *(cells.get(axis, "") for axis in axes)]
+        yield [PAPER_PREFIX + controller, *(texts.get(axis, "") for axis in axes)]

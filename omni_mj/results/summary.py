@@ -22,7 +22,7 @@ from omni_mj.results.seed_statistics import SeedStatistics, finite_or_none, seed
 from omni_mj.results.summary_definitions import DEFINITIONS
 from omni_mj.simulation.log import Failure, Log
 
-FORMAT = 5  # of summary.json
+SUMMARY_FORMAT = 5  # version of the keys of summary.json
 UNFINISHED = "unfinished (still running, or killed)"  # reason while a study is not complete
 # Packages that affect the results. The last two are optional.
 PACKAGES = (
@@ -154,7 +154,7 @@ def build_summary(entries: Mapping[str, Entry], head: Mapping[str, Any]) -> dict
     verdicts = paired_comparison.judge_subject(entries, head["privileged"], head["subject"])
     scenarios = {name: {**entry, "verdict": verdicts[name]} for name, entry in entries.items()}
     return {
-        "format": FORMAT,
+        "format": SUMMARY_FORMAT,
         **head,
         "scenarios": scenarios,
         "definitions": DEFINITIONS,
@@ -175,8 +175,10 @@ def read_summary(folder: Path) -> dict[str, Any]:
             " omni-mj serve have no summary, because there is no reference to compare with"
         )
     summary = read_json(path)
-    if summary.get("format") != FORMAT or not summary.get("scenarios"):
-        raise OmniError(f"{path} is not a run's summary of format {FORMAT}, which is supported")
+    if summary.get("format") != SUMMARY_FORMAT or not summary.get("scenarios"):
+        raise OmniError(
+            f"{path} is not a run's summary of format {SUMMARY_FORMAT}, which is supported"
+        )
     return summary
 
 

@@ -42,7 +42,6 @@ class CameraModel(Protocol):
         Returns:
             Shapes (n, 3) and (n,).
         """
-        ...
 
 
 class RadioModel(Protocol):
@@ -55,7 +54,6 @@ class RadioModel(Protocol):
             command: Commands, shape (n, 3), world frame, m/s and rad/s.
             heading: Estimated headings, shape (n,), rad.
         """
-        ...
 
 
 class Simulation:
@@ -120,7 +118,14 @@ class Simulation:
             n_robots = len(settings.world.start_poses)
             fault_checks.check_plant_supports(settings.fault, self.scenario.plant, n_robots)
         self.references = _build_references(self._initial_rows)
-        _check_delays(self._initial_rows, self.references)
+        for row, reference in zip(self._initial_rows, self.references, strict=True):
+            delay_frames = row.settings.radio.delay_frames
+            if delay_frames >= reference.frames:
+                raise OmniError(
+                    f"radio.delay_frames must be less than the {reference.frames} frames of the "
+                    f"reference, got {delay_frames}: no command would act before its end. Extend "
+                    "the reference with reference.settle_s"
+                )
 
     def _choose_backend(self) -> None:
         """Replace `physics.backend = "auto"`, so that scenario.toml names the backend used."""
@@ -168,7 +173,7 @@ class Simulation:
             build_reference=self._build_reference,
         )
         self._n_frames = np.array([reference.frames for reference in self.references])
-        # Many rows share a few references. Their poses are looked up once per reference: one look-up
+        # Many rows share a few references. Their poses are looked up once per reference: a look-up
         # per row would take a sixth of the time of a frame with 2048 kinematic robots.
         self._distinct_references = list(dict.fromkeys(self.references))
         indices = {reference: i for i, reference in enumerate(self._distinct_references)}
@@ -301,15 +306,3 @@ def batch_key(plant: str, settings: Settings) -> Hashable:
 
 def _build_references(rows: Sequence[Row]) -> list[SampledReference]:
     return [reference_factory.build_timed_reference(row.settings, row.start_pose) for row in rows]
-
-
-def _check_delays(rows: Sequence[Row], references: Sequence[SampledReference]) -> None:
-    """Raise `OmniError` if a reference ends before the first command acts."""
-    for row, reference in zip(rows, references, strict=True):
-        delay_frames = row.settings.radio.delay_frames
-        if delay_frames >= reference.frames:
-            raise OmniError(
-                f"radio.delay_frames must be less than the {reference.frames} frames of the "
-                f"reference, got {delay_frames}: no command would act before its end. Extend the "
-                "reference with reference.settle_s"
-            )

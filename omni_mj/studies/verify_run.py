@@ -13,7 +13,12 @@ from omni_mj import parquet
 from omni_mj.atomic_files import read_json
 from omni_mj.config.scenario import Scenario, load_with_overrides
 from omni_mj.results import summary
-from omni_mj.results.provenance import FILE, FORMAT, describe_environment, sha256
+from omni_mj.results.provenance import (
+    PROVENANCE_FILE,
+    PROVENANCE_FORMAT,
+    describe_environment,
+    sha256,
+)
 from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.run_scenario import (
@@ -77,13 +82,14 @@ def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> V
         OmniError: The run cannot be repeated; a line for each reason.
     """
     path = Path(folder)
-    if not (path / FILE).exists():
-        raise OmniError(f"{path} holds no run that can be repeated: it has no {FILE}")
-    record = read_json(path / FILE)
+    if not (path / PROVENANCE_FILE).exists():
+        raise OmniError(f"{path} holds no run that can be repeated: it has no {PROVENANCE_FILE}")
+    record = read_json(path / PROVENANCE_FILE)
     try:
         return _repeat(path, record, start_progress)
     except OmniError:
         raise
+    # Keys and values that no run writes
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
         raise OmniError(f"{path} was changed after the run; make the run again") from error
 
@@ -104,13 +110,13 @@ def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress
         if not entry["frames"]:
             result.remarks.append(f"{name} was not run: there is nothing to compare with")
             continue
-        file = path / (f"scenarios/{name}.toml" if several else "scenario.toml")
-        scenario = _load_saved_scenario(path, file, record["scenarios"][name], entry)
+        scenario_path = path / (f"scenarios/{name}.toml" if several else "scenario.toml")
+        scenario = _load_saved_scenario(path, scenario_path, record["scenarios"][name], entry)
         outcome = _run_as_saved(scenario, entry, start_progress)
         result.rows += len(outcome.rows)
         if record["frames_saved"]:
-            frames = f"trajectories/{name}.parquet" if several else "trajectory.parquet"
-            saved = parquet.read_table(path / frames)
+            frames_path = f"trajectories/{name}.parquet" if several else "trajectory.parquet"
+            saved = parquet.read_table(path / frames_path)
             result.frames += saved.num_rows
             assert outcome.log is not None
             lines = _frame_differences(saved, outcome.log.to_arrow())
@@ -132,8 +138,10 @@ def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress
 
 def _check_record(path: Path, record: Mapping[str, Any]) -> None:
     """Raise `OmniError` if the study of a provenance.json cannot be repeated."""
-    if record["format"] != FORMAT:
-        raise OmniError(f"{path / FILE} has format {record['format']!r}; supported is {FORMAT}")
+    if record["format"] != PROVENANCE_FORMAT:
+        raise OmniError(
+            f"{path / PROVENANCE_FILE} has format {record['format']!r}; supported is {PROVENANCE_FORMAT}"
+        )
     if record["study"] not in REPEATABLE_STUDIES:
         raise OmniError(
             f"{path} is a result of omni-mj {record['study']}, which verify does not repeat; "
@@ -142,13 +150,13 @@ def _check_record(path: Path, record: Mapping[str, Any]) -> None:
 
 
 def _load_saved_scenario(
-    path: Path, file: Path, record: Mapping[str, Any], entry: Mapping[str, Any]
+    path: Path, scenario_path: Path, record: Mapping[str, Any], entry: Mapping[str, Any]
 ) -> Scenario:
     """Return a scenario as it was run, with the copies of the user's files.
 
     Args:
         path: Folder of the run.
-        file: File of the scenario in it.
+        scenario_path: File of the scenario in it.
         record: Entry of the scenario in provenance.json.
         entry: Entry of the scenario in summary.json.
 
@@ -180,7 +188,7 @@ def _load_saved_scenario(
         sections["model"] = {"file": find_copy(model)}
         for included_file in model["included"]:
             find_copy(included_file)
-    return load_with_overrides(str(file), (), head, sections=sections)
+    return load_with_overrides(str(scenario_path), (), head, sections=sections)
 
 
 def _run_as_saved(
@@ -206,7 +214,7 @@ def _frame_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]
         frames.set_column(0, "controller", frames["controller"].cast("string"))
         for frames in (saved, repeated)
     )
-    n_rows = min(saved.num_rows, repeated.num_rows)
+    n_frames = min(saved.num_rows, repeated.num_rows)
     if saved.num_rows != repeated.num_rows:
         yield f"the run has {saved.num_rows} frames, its repetition {repeated.num_rows}"
     first_difference: dict[str, int] = {}  # column -> row of the table
@@ -214,9 +222,9 @@ def _frame_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]
         if name not in repeated.column_names:
             yield f"the repetition has no column {name}"
             continue
-        old, new = (frames[name].to_numpy()[:n_rows] for frames in (saved, repeated))
+        old, new = (frames[name].to_numpy()[:n_frames] for frames in (saved, repeated))
         differs = old != new
-        if old.dtype == new.dtype == float:
+        if old.dtype == new.dtype == float:  # 0.0 and -0.0 differ
             differs = old.view(np.uint64) != new.view(np.uint64)
             differs &= ~(np.isnan(old) & np.isnan(new))
         if differs.any():
