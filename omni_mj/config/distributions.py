@@ -25,7 +25,7 @@ PARAMETERS_BY_KIND = {  # kind of distribution -> description of its parameters,
 }
 # Allowed numbers of parameters by kind.
 ALLOWED_LENGTHS = {"uniform": (2,), "normal": (2, 4), "choice": range(1, 1000)}
-Value = int | float | str | bool
+SettingValue = int | float | str | bool
 
 
 @dataclass(frozen=True)
@@ -43,28 +43,28 @@ class Distribution:
     is_integer: bool = False
 
     @property
-    def median(self) -> Value:
+    def median(self) -> SettingValue:
         """Nominal value of the setting: the median, or the first value of a choice."""
         if self.kind == "uniform":
             low, high = self.values
             return self._to_number((low + high) / 2)
-        first_value: Value = self.values[0]
+        first_value: SettingValue = self.values[0]
         return first_value
 
     @property
-    def bounds(self) -> tuple[Value, ...]:
+    def bounds(self) -> tuple[SettingValue, ...]:
         """Smallest and largest draw; all values of a choice; empty for an unbounded normal one."""
         return self.values[2:] if self.kind == "normal" else self.values
 
     @property
-    def equally_likely_values(self) -> Sequence[Value]:
+    def equally_likely_values(self) -> Sequence[SettingValue]:
         """All values of a discrete distribution; empty if it is continuous."""
         if self.kind == "uniform" and self.is_integer:
             return range(self.values[0], self.values[1] + 1)
         return self.values if self.kind == "choice" else ()
 
-    def draw(self, random: np.random.Generator) -> Value:
-        """Draw a value."""
+    def draw(self, random: np.random.Generator) -> SettingValue:
+        """Return a random value."""
         if values := self.equally_likely_values:
             return values[int(random.integers(len(values)))]
         if self.kind == "normal" and not self.bounds:
@@ -76,13 +76,15 @@ class Distribution:
         # Imported here, because scipy is slow to import and most runs do not need it.
         from scipy.special import ndtr, ndtri
 
-        # Truncated normal distribution with the probability p of a smaller draw:
-        # x = mean + deviation * Phi^-1(Phi(low) + p * (Phi(high) - Phi(low)))
+        # Inverse transform of the truncated normal distribution, with p uniform in [0, 1):
+        # x = mean + deviation * Phi^-1(Phi_low + p * (Phi_high - Phi_low))
         mean, deviation, low, high = self.values
         low_probability = ndtr((low - mean) / deviation)
         high_probability = ndtr((high - mean) / deviation)
-        quantile = low_probability + probability * (high_probability - low_probability)
-        return self._to_number(float(np.clip(mean + deviation * ndtri(quantile), low, high)))
+        draw_probability = low_probability + probability * (high_probability - low_probability)
+        return self._to_number(
+            float(np.clip(mean + deviation * ndtri(draw_probability), low, high))
+        )
 
     def _to_number(self, value: float) -> int | float:
         return round(value) if self.is_integer else float(value)
@@ -162,13 +164,13 @@ def require_fixed_settings(distributions: Mapping[str, Distribution], study: str
         )
 
 
-def replace_values(settings: Settings, values: Mapping[str, Value]) -> Settings:
+def replace_values(settings: Settings, values: Mapping[str, SettingValue]) -> Settings:
     """Return settings with changes, given as a mapping from `section.field` to value.
 
     Raises:
         OmniError: A value is not allowed.
     """
-    sections: dict[str, dict[str, Value]] = {}
+    sections: dict[str, dict[str, SettingValue]] = {}
     for name, value in values.items():
         section, field = name.split(".")
         sections.setdefault(section, {})[field] = value
@@ -192,14 +194,14 @@ def _parse_distribution(name: str, fields: Mapping[str, Any]) -> Distribution:
         raise OmniError(
             f"{name} must be a value, or one of {', '.join(PARAMETERS_BY_KIND)}, not {value}"
         )
-    if setting.kind is tuple:
+    if setting.value_type is tuple:
         raise OmniError(f"{name} is a list, which cannot be drawn")
     if kind != "choice" and not setting.is_number:
         raise OmniError(f"{name} is not a number: draw it by {{choice = [...]}}, not {kind}")
     parameters = tuple(values) if isinstance(values, (list, tuple)) else ()
     if len(parameters) not in ALLOWED_LENGTHS[kind] or not _are_ordered(kind, parameters):
         raise OmniError(f"{name}: {kind} = {PARAMETERS_BY_KIND[kind]}, not {format_value(values)}")
-    return Distribution(kind, parameters, setting.kind is int)
+    return Distribution(kind, parameters, setting.value_type is int)
 
 
 def _are_ordered(kind: str, parameters: Sequence[Any]) -> bool:

@@ -103,7 +103,7 @@ def find_mjcf_contradictions(sections: Mapping[str, Any], mjcf: "CustomRobotSpec
             if not _are_equal(mjcf_value, value):
                 yield (
                     f"{section}.{field} = {value} contradicts {mjcf.file}, which has {mjcf_value}; "
-                    f"change the model, or leave out {field}"
+                    f"change the model, or leave out {section}.{field}"
                 )
 
 

@@ -86,32 +86,32 @@ class WheelSettings(SettingsModel):
     def find_contradictions(self) -> Iterator[str]:
         """Yield a message if rollers do not fit into a wheel, or do not close its circumference.
 
-        A roller is a barrel. Its axle is a chord of the wheel, at the distance R - r from the
-        center. Its profile is an arc of the wheel's circumference.
+        A roller of the largest radius r is a barrel. Its axle is a chord of the wheel of radius R,
+        at the distance R - r from the center. Its profile is an arc of the wheel's circumference.
         """
-        radius, roller, count = self.radius_m, self.roller_radius_m, self.rollers
-        if 2 * roller >= radius:
+        radius, roller_radius, count = self.radius_m, self.roller_radius_m, self.rollers
+        if 2 * roller_radius >= radius:
             yield (
-                f"wheels.roller_radius_m = {roller:g} leaves no room for an axle in a wheel of "
-                f"wheels.radius_m = {radius:g}; it must be below half of that"
+                f"wheels.roller_radius_m = {roller_radius:g} leaves no room for an axle in a wheel "
+                f"of wheels.radius_m = {radius:g}; it must be below half of that"
             )
             return
         # At the ends of one of n rollers, at the angle pi / n from its middle, the barrel's radius
         # R cos(pi / n) - (R - r) must be positive.
-        n_needed = math.pi / math.acos(1 - roller / radius)
+        n_needed = math.pi / math.acos(1 - roller_radius / radius)
         if count <= n_needed:
             yield (
-                f"wheels.rollers = {count} of wheels.roller_radius_m = {roller:g} do not close a "
-                f"wheel of wheels.radius_m = {radius:g}: their ends do not meet; it takes "
-                f"{math.floor(n_needed) + 1} at least, or thicker ones"
+                f"wheels.rollers = {count} of wheels.roller_radius_m = {roller_radius:g} do not close "
+                f"a wheel of wheels.radius_m = {radius:g}, because their ends do not meet; take at "
+                f"least {math.floor(n_needed) + 1}, or thicker ones"
             )
         elif self.model == "two-rollers":
-            # The two rollers at the carpet are less than 2 pi / n from the lowest point.
-            clearance = radius - compute_roller_depth(radius, roller, math.tau / count)
+            # All others are at least the angle 2 pi / n from the lowest point of the wheel.
+            clearance = radius - compute_roller_depth(radius, roller_radius, math.tau / count)
             if clearance < CONTACT_DEPTH_M:
                 yield (
                     f"wheels.rollers = {count} is too many for wheels.model = two-rollers: with "
-                    f"wheels.roller_radius_m = {roller:g} more than two of a wheel touch the "
+                    f"wheels.roller_radius_m = {roller_radius:g} more than two of a wheel touch the "
                     "carpet; take wheels.model = rollers"
                 )
 
@@ -129,7 +129,11 @@ class DrivetrainSettings(SettingsModel):
         high=1,
     )
     roller_damping_nm_s: float = setting(
-        FROM_ROBOT, "viscous friction of a roller's bearing", "N m s/rad", low=0, high=2e-5
+        FROM_ROBOT,
+        "viscous friction torque of a roller's bearing per its speed",
+        "N m s/rad",
+        low=0,
+        high=2e-5,
     )
     creep_stiffness: float = setting(
         FROM_ROBOT,

@@ -71,7 +71,7 @@ class SettingInfo(NamedTuple):
 
     Attributes:
         full_name: Name with its section, such as "radio.delay_frames".
-        kind: int, float, bool, str, or tuple for a list.
+        value_type: int, float, bool, str, or tuple for a list.
         default: Default value; None if the value must be given or comes from the robot.
         unit: Unit; empty if dimensionless.
         doc: Meaning.
@@ -79,7 +79,7 @@ class SettingInfo(NamedTuple):
     """
 
     full_name: str
-    kind: type
+    value_type: type
     default: Any
     unit: str
     doc: str
@@ -88,12 +88,12 @@ class SettingInfo(NamedTuple):
     @classmethod
     def from_field(cls, full_name: str, field: FieldInfo) -> Self:
         """Return the declaration of a pydantic field."""
-        kind: Any = get_origin(field.annotation) or field.annotation
-        choices = {Literal: get_args(field.annotation), bool: ("true", "false")}.get(kind, ())
+        origin: Any = get_origin(field.annotation) or field.annotation
+        choices = {Literal: get_args(field.annotation), bool: ("true", "false")}.get(origin, ())
         extra: Any = field.json_schema_extra or {}
         return cls(
             full_name=full_name,
-            kind=str if kind is Literal else kind,
+            value_type=str if origin is Literal else origin,
             default=None if field.is_required() else field.default,
             unit=extra.get("unit", ""),
             doc=field.description or "",
@@ -103,11 +103,11 @@ class SettingInfo(NamedTuple):
     @property
     def is_number(self) -> bool:
         """Whether the value is an int or a float."""
-        return self.kind in (int, float)
+        return self.value_type in (int, float)
 
 
 class SettingsModel(BaseModel):
-    """An immutable model. Wrong values raise one `OmniError` whose message has a line for each."""
+    """Immutable settings. Wrong values raise one `OmniError` whose message has a line for each."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True
@@ -122,6 +122,7 @@ class SettingsModel(BaseModel):
             details = error.errors(include_url=False)
         else:
             return
+        # Outside of `except`, so that tracebacks do not include pydantic's error.
         raise_errors(line for detail in details for line in self._format_error(detail))
 
     def find_contradictions(self) -> Iterable[str]:

@@ -37,7 +37,7 @@ def check_axes(vary: Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[Val
     """
     axes: dict[str, tuple[Value, ...]] = {}
     for name, values in vary:
-        setting_type = find_setting(name).kind
+        setting_type = find_setting(name).value_type
         plain = [value.item() if isinstance(value, np.generic) else value for value in values]
         if setting_type is float:
             plain = [float(value) if type(value) is int else value for value in plain]
@@ -60,7 +60,7 @@ def parse_axis(text: str) -> tuple[str, Iterable[Any]]:
         OmniError: The text cannot be parsed, or there is no such setting.
     """
     name, _, values = (word.strip() for word in text.partition("="))
-    setting_type = find_setting(name).kind
+    setting_type = find_setting(name).value_type
     parsed = [parse_value(word) for word in re.split("[:,]", values)]
     if ":" not in values:
         return name, parsed
