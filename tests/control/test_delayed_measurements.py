@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from benches.control import AdaptiveCompFlc, Array
-from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, simulate_drift
+from closed_loop import DISPLACEMENT_NOISE_RATIO, DRIFT, DRIFT_TIME_S, NOISE, T, simulate_drift
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -42,7 +42,7 @@ def run_optimal_filter(
     for z, q in zip(measured, displacement, strict=True):
         x, p = f @ x, f @ p @ f.T
         x[0] += q
-        p[0, 0] += (GAIN_ERROR * q) ** 2
+        p[0, 0] += (DISPLACEMENT_NOISE_RATIO * q) ** 2
         p[1, 1] += drift_noise**2 * T
         if not np.isnan(z):
             gain = p[:, -1] / (p[-1, -1] + noise**2)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from benches.control import Array, FilterStep, vision_filter
-from closed_loop import DRIFT, DRIFT_TIME_S, GAIN_ERROR, NOISE, T, simulate_drift
+from closed_loop import DISPLACEMENT_NOISE_RATIO, DRIFT, DRIFT_TIME_S, NOISE, T, simulate_drift
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -31,7 +31,7 @@ def run_textbook_filter(
     record = []
     for z, q in zip(measured, displacement, strict=True):
         x = f @ x + [q, 0]
-        p = f @ p @ f.T + np.diag([(GAIN_ERROR * q) ** 2, drift_noise**2 * T])
+        p = f @ p @ f.T + np.diag([(DISPLACEMENT_NOISE_RATIO * q) ** 2, drift_noise**2 * T])
         normalized = np.nan
         if not np.isnan(z):
             s = (h @ p @ h.T + noise**2).item()

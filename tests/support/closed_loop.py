@@ -231,7 +231,7 @@ def run_team(
     return {name: np.array([entry[name] for entry in record]) for name in record[0]}
 
 
-GAIN_ERROR, DRIFT, DRIFT_TIME_S = 0.06, (0.1, 0.1, 0.5), 0.5
+DISPLACEMENT_NOISE_RATIO, DRIFT, DRIFT_TIME_S = 0.06, (0.1, 0.1, 0.5), 0.5
 
 
 def simulate_drift(
@@ -254,7 +254,9 @@ def simulate_drift(
     )
     pose, drift, poses = rng.uniform(-1, 1, (n, 3)), np.zeros((n, 3)), []
     for q in displacement:
-        gain_noise = np.sqrt(scale) * GAIN_ERROR * np.abs(q) * rng.standard_normal((n, 3))
+        gain_noise = (
+            np.sqrt(scale) * DISPLACEMENT_NOISE_RATIO * np.abs(q) * rng.standard_normal((n, 3))
+        )
         pose = pose + q + T * drift + gain_noise
         drift_noise = np.sqrt(scale * T) * np.array(DRIFT) * rng.standard_normal((n, 3))
         drift = drift * np.exp(-T / DRIFT_TIME_S) + drift_noise

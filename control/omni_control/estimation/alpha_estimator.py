@@ -7,24 +7,26 @@ import numpy as np
 from omni_control.delay_compensation import CommandHistory
 from omni_control.kinematics import Array
 
-# Commanded displacement at which a new ratio has the same weight as the old value. It is well
+# Commanded displacement at which a new ratio and the old value have equal weights, m. It is well
 # above the noise of vision.
 EQUAL_WEIGHT_M = 0.02
 MIN_ALPHA, MAX_ALPHA = 0.5, 1.1
 
 
 class AlphaEstimator:
-    """Ratio of achieved to commanded displacement in a sliding window, per robot and axis.
+    """Ratio of achieved to commanded displacement in a sliding window, per robot and world axis.
 
-    Equation 8 sums n_0 ratios of single frames and divides by T. That sum is not in [0.7, 1], but
-    60 n_0 times as large, and it divides by zero at rest. The ratio of the window's sums is used
-    instead:
+    Equation 8 sums the ratios of n_0 single frames and divides by T = 1/60 s. The paper expects
+    alpha in [0.7, 1], the usual ratio of achieved to commanded velocity. The sum as printed is
+    n_0 / T = 60 n_0 times as large, and it divides by zero at rest. The ratio of the displacements
+    in the window is used instead:
 
         alpha = (dx dx_d + rho alpha_old) / (dx_d^2 + rho)
 
-    Here dx is the displacement measured by vision in the window, and dx_d that of the commands
-    which acted in it. The regularization rho keeps the old value at standstill. The weight of an
-    old value shrinks by rho / (dx_d^2 + rho) in each frame.
+    Here dx is the displacement in the window by the filtered positions, and dx_d the displacement
+    by the commands that acted in the window. The regularization rho = EQUAL_WEIGHT_M^2 keeps the
+    old value at standstill. Each frame multiplies the weight of the old value by
+    rho / (dx_d^2 + rho).
 
     Args:
         n: Number of robots.
@@ -33,7 +35,7 @@ class AlphaEstimator:
         period: Length of a frame T, s.
 
     Attributes:
-        value: Latest estimate, (n, 2).
+        value: Latest estimate along the world's x and y axes, (n, 2).
     """
 
     def __init__(self, n: int, window_frames: int, delay_frames: int, period: float) -> None:
@@ -42,10 +44,10 @@ class AlphaEstimator:
         self._positions: deque[Array] = deque(maxlen=window_frames + 1)
 
     def update(self, position: Array, sent: CommandHistory) -> Array:
-        """Return the new estimate of alpha along x and y, (n, 2).
+        """Return the new estimate of alpha along the world's x and y axes, (n, 2).
 
         Args:
-            position: Filtered positions (n, 2), m.
+            position: Filtered positions (n, 2), world frame, m.
             sent: Commands sent before this frame.
         """
         self._positions.append(position.copy())

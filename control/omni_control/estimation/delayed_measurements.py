@@ -1,9 +1,10 @@
 """Schedule of filters whose measurements arrive late.
 
-A filter stays at the last frame that had ended when the camera captured the robot. From there to
-the present the robot's state is extrapolated from the commands, as over the dead time. The
-alternative, correcting the present state by the past measurement, needs the velocity that is to be
-corrected. It would count as evidence what acted on that velocity after the capture.
+A filter advances in steps of a frame, to the last frame boundary before the capture of the
+measurement. From there to the present, the state is extrapolated from the commands, as over the
+dead time. The alternative is to correct the present state by the past measurement. It would have to
+extrapolate the measurement with the estimated velocity, and an error of this velocity would confirm
+itself.
 """
 
 from typing import NamedTuple
@@ -14,19 +15,20 @@ from numpy.typing import NDArray
 from omni_control.delay_compensation import RowSelection
 from omni_control.kinematics import Array
 
-MAX_FRAMES_BEHIND = 15  # older measurements are treated as that old
-_ROUNDING = 1e-6  # of a frame
+MAX_FRAMES_BEHIND = 15  # measurements older than 15 frames are treated as 15 frames old
+_ROUNDING = 1e-6  # tolerance of ages, frames
 
 
 class FilterStep(NamedTuple):
-    """One step of the filters of n robots, to the end of this frame or of an earlier one.
+    """One step of the filters of n robots, by a frame, to the present or to an earlier frame.
 
     Attributes:
-        frames_behind: Frames from the end of the step to the present, (n,); meaningless for a
-            frozen filter.
-        frozen: Filters that do not move in this step, (n,).
-        capture_offset: Time from the end of this frame's last step to the capture of the
-            measurement, (n,) s; negative if the capture came first.
+        frames_behind: Frames from the end of the step to the present, (n,). In the last step of a
+            frame it is valid for all filters, before that only for those that are not frozen.
+        frozen: Filters that do not advance in this step, because they are already at the frame
+            boundary before the capture, (n,).
+        capture_offset: Time from the filter's state after the last step of this frame to the
+            capture of the measurement, (n,) s; negative if the measurement is older.
     """
 
     frames_behind: Array
@@ -35,7 +37,7 @@ class FilterStep(NamedTuple):
 
     @classmethod
     def to_present(cls, n: int) -> "FilterStep":
-        """Return the step of n filters from the last frame to this one; arrays are read-only."""
+        """Return the step of n filters from the previous frame to this one, as read-only arrays."""
         zeros = np.broadcast_to(0.0, n)
         return cls(zeros, np.broadcast_to(False, n), zeros)
 
@@ -47,14 +49,14 @@ class FilterStep(NamedTuple):
 def plan_steps(
     frames_behind: Array, age: Array, is_visible: NDArray[np.bool_], period: float
 ) -> tuple[FilterStep, ...]:
-    """Return the steps of n filters in a frame. The last one takes the measurements.
+    """Return the steps of n filters in a frame. The measurements are processed after the last.
 
-    A measurement may be older than its filter's time, as after a frame without a measurement.
-    The filter is then frozen, `capture_offset` is negative, and the measurement is compared
-    with the position of the robot at its capture.
+    A measurement may be older than the filter's state, for example after a frame without a
+    measurement. The filter is then frozen and `capture_offset` is negative. The measurement is
+    compared with the pose that the state implies for the time of capture.
 
     Args:
-        frames_behind: Frames from each filter's time to the previous frame, (n,).
+        frames_behind: Frames from the state of each filter to the previous frame, (n,).
         age: Time from the capture of each measurement to this frame, (n,) s.
         is_visible: Robots with a measurement, (n,).
         period: Length of a frame, s.

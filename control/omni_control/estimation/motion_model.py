@@ -1,21 +1,22 @@
 """Motion model of a robot: how its velocity follows its commands.
 
-Per axis i of the body (forward, sideways, turning), with u the acting command and v the velocity:
+For each body axis i (forward, sideways, turning), with the acting command u and the velocity v:
 
-    (tau_i + g_i^2 T_i s) v'_i = u_i + b_i - c_i n_i - g_i v_i
+    (tau_i + g_i^2 c_i s_i) v'_i = u_i + b_i - f_i sgn(v)_i - g_i v_i
 
-    g    inverse gain, 1 / alpha (equation 8): the command per speed
-    T    creep, s^2/m: rubber under traction slides, in proportion to the speed s of the wheel
+    g    inverse gain 1 / alpha (equation 8): command per steady velocity
     tau  lag of the wheel loops, s
-    c    speed that dry friction costs, against the direction of motion n
-    b    disturbance: whatever else acts like a command (a collision, a slope, a biased gyro)
+    c    creep coefficient, s^2/m: adds c times the wheel speed s to the lag, because rubber under
+         traction slips in proportion to speed
+    f    dry friction: velocity that it costs, against the direction of motion sgn(v) = v / s
+    b    disturbance: everything else that acts like a command (a collision, a slope, a biased gyro)
 
-The velocity deficit u - v turns the robot in two ways. Wheels yield under traction, each to a
-different degree (`YawCoupling`). A weak or sliding wheel and an eccentric center of mass add
-the coupling k, which acts like a turn rate -k (u - v).
+A velocity deficit u - v turns the robot in two ways. The wheels yield under traction, each to a
+different degree (`YawCoupling`). A weak or sliding wheel and an eccentric center of mass act like
+a commanded turn rate of -kappa (u - v), with the coupling kappa.
 
-A command acts `latency` frames after it was sent. Of creep, lag and friction only the forward
-values are states. The other axes are in proportion, by the directions of the wheels.
+A command acts one dead time after it was sent. Of lag, creep and friction only the forward values
+are states. The values of the other axes are proportional to them: see `MotionModel.__init__`.
 """
 
 import numpy as np
@@ -27,23 +28,25 @@ from omni_control.traction import GRAVITY, compute_load_distribution
 # Layout of the state: pose, velocity and disturbance in the world frame, then parameters.
 POSE, VELOCITY, DISTURBANCE = slice(0, 3), slice(3, 6), slice(6, 9)
 HEADING, TURN_RATE = 2, 5
-COUPLING = slice(9, 11)  # of the turn rate to the velocity deficit forward and sideways, rad/m
-INVERSE_GAIN, FORWARD_INVERSE_GAIN, SIDEWAYS_INVERSE_GAIN = slice(11, 14), 11, 12
-DEAD_TIME, CREEP, LAG, FRICTION, SIZE = 14, 15, 16, 17, 18
+COUPLING = slice(9, 11)  # turn rate per velocity deficit forward and sideways, rad/m
+INVERSE_GAIN = slice(11, 14)
+FORWARD_INVERSE_GAIN, SIDEWAYS_INVERSE_GAIN = 11, 12
+DEAD_TIME = 14  # frames
+CREEP, LAG, FRICTION = 15, 16, 17  # forward: s^2/m, s, m/s
+SIZE = 18
 
 # Typical wheels of the league, for robots with unknown geometry.
 LEAGUE_WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.08, 0.0285)
-NORMALIZED_INERTIA = 0.7  # yaw inertia over m l^2 (TIGERs Mannheim)
+NORMALIZED_INERTIA = 0.7  # yaw inertia over mass times arm^2 (TIGERs Mannheim)
 GYRO_RESIDUAL = 0.5  # fraction of a turn rate disturbance that a gyro loop of gain 1 leaves
-UNKNOWN_ALPHA, YAW_ALPHA = (0.91, 0.91), 0.98  # prior of robots with unknown alpha
-FORWARD_LAG_RATIO, FORWARD_FRICTION_RATIO = (
-    0.75,
-    0.8,
-)  # ratios of the forward values to the known means
+UNKNOWN_ALPHA = 0.91, 0.91  # prior forward and sideways, if the team does not know alpha
+YAW_ALPHA = 0.98  # prior in turning
+# Forward values over those of the nominal model, which are means over all directions.
+FORWARD_LAG_RATIO, FORWARD_FRICTION_RATIO = 0.75, 0.8
 MIN_LAG_S = 5e-3  # vision of 60 Hz cannot distinguish shorter lags
-SLOW_M_S = 0.05  # speed below which dry friction is in proportion to the speed
-COM_HEIGHT_M = 0.047  # of the center of mass: TIGERs Mannheim's robots have 45 and 49 mm
-MIN_LOAD = 0.1  # load of every wheel over the mean load
+SLOW_M_S = 0.05  # wheel speed below which dry friction is proportional to the speed
+COM_HEIGHT_M = 0.047  # height of the center of mass; robots of TIGERs Mannheim: 45 and 49 mm
+MIN_LOAD = 0.1  # lowest load of a wheel, relative to the mean load
 
 
 class MotionModel:
@@ -61,17 +64,25 @@ class MotionModel:
         self._period = model.period
         wheels = model.geometry or LEAGUE_WHEELS
         rim_directions, self.arm = wheels.matrix[:, :2], wheels.arm
-        forward, sideways = (rim_directions**2).mean(0)
-        # Compliance sideways and in turning, over that forward.
-        ratio = forward / sideways
-        turn_ratio = GYRO_RESIDUAL * NORMALIZED_INERTIA * forward
-        side_creep = model.creep_sideways_s2_m
-        creep_ratio = side_creep / model.creep_s2_m if side_creep and model.creep_s2_m else ratio
-        self._lag_ratios = np.array([1.0, ratio, turn_ratio])
-        self._creep_ratios = np.array([1.0, creep_ratio, turn_ratio])
-        mean_direction = np.abs(rim_directions[:, 0]).mean()
-        turn_friction = GYRO_RESIDUAL / self.arm * forward / mean_direction
-        self._friction_ratios = np.array([1.0, ratio, turn_friction])
+        # The traction of a wheel is proportional to the velocity deficit along its rim. With rim
+        # directions d, the force on the body is therefore proportional to the mean of d_x^2 forward
+        # and of d_y^2 sideways, and the moment to arm^2. A lag is the inertia over that stiffness.
+        forward_stiffness, sideways_stiffness = (rim_directions**2).mean(0)
+        sideways_ratio = forward_stiffness / sideways_stiffness
+        # Turning: the inertia is NORMALIZED_INERTIA m arm^2, and the gyro loop reduces deviations.
+        turning_ratio = GYRO_RESIDUAL * NORMALIZED_INERTIA * forward_stiffness
+        creep_ratio = sideways_ratio
+        if model.creep_sideways_s2_m and model.creep_s2_m:
+            creep_ratio = model.creep_sideways_s2_m / model.creep_s2_m
+        self._lag_ratios = np.array([1.0, sideways_ratio, turning_ratio])
+        self._creep_ratios = np.array([1.0, creep_ratio, turning_ratio])
+        # The velocity lost to dry friction is its force or moment over the stiffness. A friction
+        # force on each rim adds up to the mean of |d_x| forward, and to the moment arm in turning.
+        mean_forward_component = np.abs(rim_directions[:, 0]).mean()
+        turning_friction_ratio = (
+            GYRO_RESIDUAL / self.arm * forward_stiffness / mean_forward_component
+        )
+        self._friction_ratios = np.array([1.0, sideways_ratio, turning_friction_ratio])
         self._yaw_coupling = YawCoupling(wheels, GYRO_RESIDUAL if model.geometry else 0.0)
 
         self.prior = np.array(
@@ -90,20 +101,22 @@ class MotionModel:
 
         Args:
             state: States (..., n, 18).
-            rim_speed: Speed of the rims that counts for each axis, (..., n, 3 or 1), m/s.
+            rim_speed: Wheel speed s of each axis, (..., n, 3) or one for all axes (..., n, 1), m/s.
         """
+        # (tau_i + g_i^2 c_i s) / g_i. In turning, c_2 = ratio g_0^2 c_0: the ratio applies to the
+        # creep g_0^2 c_0 of forward motion.
         inverse_gain = state[..., INVERSE_GAIN]
         creep = inverse_gain * self._creep_ratios * state[..., CREEP, None]
         creep[..., 2] *= inverse_gain[..., 0] ** 2
         return self._lag_ratios * state[..., LAG, None] / inverse_gain + creep * rim_speed
 
     def step(self, state: Array, command: Array, duration: Array | float) -> Array:
-        """Return the states (..., n, 18) after commands acted for some time.
+        """Return the states (..., n, 18) after commands have acted for a duration.
 
         Args:
             state: States (..., n, 18).
             command: Commands (..., n, 3), world frame.
-            duration: How long they act, one for all or (..., n), s.
+            duration: Time for which the commands act, one for all or (..., n), s.
         """
         duration = np.asarray(duration, float)[..., None]
         heading = state[..., HEADING] + state[..., TURN_RATE] * duration[..., 0] / 2
@@ -116,34 +129,36 @@ class MotionModel:
             state, velocity, acceleration, drive - velocity
         )
         decay = np.exp(-duration / time_constant)
-        frictionless = velocity + (1 - decay) * (drive / inverse_gain - velocity)
-        final = (drive - self._compute_friction(state, frictionless)) / inverse_gain
-        excess = velocity - final
-        displacement = duration * final + excess * (1 - decay) * time_constant
+        # An exponential approach: v(t) = steady velocity + initial excess exp(-t / time constant).
+        frictionless_velocity = velocity + (1 - decay) * (drive / inverse_gain - velocity)
+        friction = self._compute_friction(state, frictionless_velocity)
+        steady_velocity = (drive - friction) / inverse_gain
+        initial_excess = velocity - steady_velocity
+        displacement = duration * steady_velocity + initial_excess * (1 - decay) * time_constant
         result = state.copy()
         result[..., POSE] += body_to_world(displacement, heading)
-        result[..., VELOCITY] = body_to_world(final + excess * decay, heading)
+        result[..., VELOCITY] = body_to_world(steady_velocity + initial_excess * decay, heading)
         return result
 
     def invert(self, state: Array, velocity: Array, next_velocity: Array, heading: Array) -> Array:
         """Return the commands (..., n, 3) that lead from one velocity to another in a frame.
 
-        This is the inverse of `step` without disturbance, but for friction, which is that at the
-        mean velocity.
+        This inverts `step` with zero disturbance, except that friction is evaluated at the mean of
+        both velocities.
 
         Args:
-            state: States (..., n, 18), for their parameters.
-            velocity: Velocities at the beginning of the frame (..., n, 3), world frame.
-            next_velocity: Velocities at its end, same.
-            heading: Headings in its middle, (..., n) rad.
+            state: States (..., n, 18); only their parameters are used.
+            velocity: Velocities at the start of the frame, (..., n, 3), world frame.
+            next_velocity: Velocities at the end of the frame, (..., n, 3), world frame.
+            heading: Headings in the middle of the frame, (..., n) rad.
         """
         velocity = world_to_body(velocity, heading)
         next_velocity = world_to_body(next_velocity, heading)
         rim_speed = self._compute_rim_speeds(velocity)
         decay = np.exp(-self._period / self.compute_time_constants(state, rim_speed))
-        final = (next_velocity - decay * velocity) / (1 - decay)
+        steady_velocity = (next_velocity - decay * velocity) / (1 - decay)
         friction = self._compute_friction(state, (velocity + next_velocity) / 2)
-        command = final * state[..., INVERSE_GAIN] + friction
+        command = steady_velocity * state[..., INVERSE_GAIN] + friction
         deficit, acceleration = command - velocity, (next_velocity - velocity) / self._period
         command[..., 2] -= self._yaw_coupling.compute_turn_rate(
             state, velocity, acceleration, deficit
@@ -151,33 +166,34 @@ class MotionModel:
         return body_to_world(command, heading)
 
     def _compute_rim_speeds(self, velocity: Array) -> Array:
-        """Return the rim speed that counts for each axis, (..., n, 3) m/s."""
+        """Return the wheel speed s of each axis, (..., n, 3) m/s; the last includes turning."""
         speed = np.hypot(velocity[..., 0], velocity[..., 1])
         return np.stack([speed, speed, np.hypot(speed, self.arm * velocity[..., 2])], axis=-1)
 
     def _compute_friction(self, state: Array, velocity: Array) -> Array:
-        """Return the speeds (..., n, 3) that dry friction costs at body velocities (..., n, 3)."""
+        """Return the velocities (..., n, 3) lost to dry friction at body velocities (..., n, 3)."""
         rim_speed = np.maximum(self._compute_rim_speeds(velocity), SLOW_M_S)
         direction = velocity * [1.0, 1.0, self.arm] / rim_speed
         return self._friction_ratios * state[..., FRICTION, None] * direction
 
 
 class YawCoupling:
-    """Turn rate that driving causes: compliant wheels, and the couplings of the state.
+    """Turn rate that driving causes: compliant wheels, and the coupling states.
 
-    A wheel k yields along its rim by its traction over a stiffness c_k. Two effects add up: the lag
-    of its speed loop, and creep, which is in proportion to the speed of the wheel and inversely to
-    its load (Pacejka, Tire and Vehicle Dynamics, brush model). In units that cancel
+    Wheel i yields along its rim by its traction over its stiffness K_i. Two effects add up: the lag
+    of its speed loop, and creep. Creep is proportional to the speed of the wheel and inversely
+    proportional to its load (Pacejka, Tire and Vehicle Dynamics, brush model). Except for a common
+    factor that cancels,
 
-        1 / c_k = tau + T |V_k| / n_k,    V_k = v + w l d_k,    n_k = load over the mean load
+        1 / K_i = tau + c |V_i| / N_i,    V_i = v + w l d_i
 
-    with lag tau and creep T of driving forward, and the rim's direction d_k. A velocity deficit e
-    and a turn rate deficit e_w cause a moment l sum c_k (d_k . e + l e_w). So e turns the robot
-    like a commanded turn rate of
+    with the forward lag tau and creep c, the rim direction d_i, the arm l, the turn rate w, and the
+    load N_i over the mean load. A velocity deficit e and a turn rate deficit e_w cause the moment
+    l sum K_i (d_i . e + l e_w). So e turns the robot like a commanded turn rate of
 
-        r sum c_k (d_k . e) / (l sum c_k)
+        r sum K_i (d_i . e) / (l sum K_i)
 
-    where r is the fraction that a gyro loop leaves. The sum is not zero, for three reasons: rim
+    where r is the fraction that a gyro loop leaves. The sum is not zero, for three reasons: the rim
     directions need not add up to zero; wheels that turning makes faster yield more; and
     acceleration unloads the wheels on the side towards which it points.
 
@@ -197,10 +213,10 @@ class YawCoupling:
     def compute_turn_rate(
         self, state: Array, velocity: Array, acceleration: Array, deficit: Array
     ) -> Array:
-        """Return the turn rates (..., n) that act on robots like commands, rad/s.
+        """Return the turn rates (..., n) that driving adds to the commanded ones, rad/s.
 
         Args:
-            state: States (..., n, 18), for lag, creep, and couplings.
+            state: States (..., n, 18); lag, creep and coupling are used.
             velocity: Body velocities (..., n, 3).
             acceleration: Body accelerations (..., n, 3).
             deficit: Commanded minus actual body velocities (..., n, 3).

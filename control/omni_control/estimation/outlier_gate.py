@@ -1,29 +1,29 @@
 """Outlier gate for camera measurements of robot poses.
 
-A camera may confuse two robots or read a pattern backwards. Such an error is not noise: a Kalman
-filter that takes it for noise is corrupted, with everything that learns from it. The gate compares
-measurements with earlier measurements, not with the prediction of a filter. Its decision therefore
-does not depend on the state of any filter.
+A camera may confuse two robots or read a pattern backwards. A Kalman filter treats such an error as
+noise, and it corrupts the estimates. The gate compares measurements with earlier measurements, not
+with the prediction of a filter. Its decision therefore does not depend on the state of any filter.
 
-**Positions.** A robot that moves at speed v leaves a collision with at most 2 v, if the other
-object is as fast and much heavier. Two measurements t seconds apart are therefore at most 2 v t
-apart, plus noise. Two different robots are at least 0.18 m apart, which at 60 frames per second and
-3.7 m/s (the league's simulators) is more than that. Two measurements of one position with standard
-deviation s are more than r apart with probability exp(-r^2 / 4 s^2). The margin for noise is the r
-at which this probability is `FALSE_ALARM`.
+**Positions.** A robot that drives at the speed v leaves a collision with a speed of at most 2 v, if
+the other object is as fast and much heavier. Two measurements at an interval t are therefore at
+most 2 v t apart, plus noise. With the highest speed in the league's simulators, 3.7 m/s, this is
+0.12 m per frame at 60 Hz. Two different robots are at least 0.18 m apart. Two measurements of the
+same position, with standard deviation s, are more than r apart with probability
+exp(-r^2 / (4 s^2)). The margin for noise is the r for which this probability is `FALSE_ALARM`.
 
-**Headings.** A heading that changed by more than 90 degrees, in a time in which the robot cannot
-turn that far, is a pattern read backwards. The gate turns it by 180 degrees.
+**Headings.** If the heading changed by more than 90 degrees, and the robot cannot turn that far in
+this time, the camera has read the pattern backwards. The gate turns the heading by 180 degrees.
 
-**Frozen images.** A repeated measurement is accepted as a robot at standstill, unless the apparent
-speed before was above `STANDSTILL_SPEED_M_S`, by motion or by noise. Then only a robot that stops
-dead, measured without any noise, could repeat a measurement bit for bit. The repeated measurement
-is then rejected until it has come `MAX_REPEATS` times, 5 s at 60 Hz. The next different measurement
-may be as far away as the robot can have driven since the frozen one was captured.
+**Frozen images.** A repeated measurement is accepted if the robot may be at standstill: if its
+apparent speed, by motion or noise, was at most `STANDSTILL_SPEED_M_S`. Otherwise only a robot that
+stops within a frame and is measured without noise could repeat a measurement bit for bit. The
+repeated measurement is then rejected, until it has arrived `MAX_REPEATS` times, 5 s at 60 Hz. The
+next different measurement may be as far away as the robot can drive in the time since the frozen
+measurement was captured.
 
-**Recovery.** Robots are carried away, and an accepted measurement may have been the wrong one. A
-position far away is accepted when it has come `MAX_REJECTIONS` times in a row. If a fraction q of
-all measurements is wrong, independently, a wrong one is accepted once in
+**Recovery.** A robot may be carried away, and the accepted measurement may have been the wrong one.
+A position far away is therefore accepted at the `MAX_REJECTIONS`-th time in a row. If a fraction q
+of all measurements is wrong, independently of each other, a wrong one is accepted once in
 1 / ((1 - q) q^MAX_REJECTIONS) frames: once in 67 minutes for q = 0.3.
 """
 
@@ -43,8 +43,8 @@ STANDSTILL_SPEED_M_S = 0.01  # apparent speed up to which a robot may be standin
 COLLISION_SPEED_RATIO = 2.0  # speed after a collision over the speed before
 FALSE_ALARM = 1e-9  # probability per measurement that noise alone exceeds the margin
 MAX_REJECTIONS = 10  # measurements in a row, the last of which is accepted
-MAX_REPEATS = 300  # same, for a robot that cannot have stopped dead
-# Distance that noise alone causes between two measurements, in standard deviations.
+MAX_REPEATS = 300  # same for repeated measurements of a robot that was moving
+# Largest distance between two measurements that noise alone explains, in standard deviations.
 NOISE_MARGIN = 2 * math.sqrt(-math.log(FALSE_ALARM))
 
 
@@ -66,30 +66,30 @@ class OutlierGate:
         self._max_speed = COLLISION_SPEED_RATIO * speed
         self._noise_margin = NOISE_MARGIN * noise[:, 0]
         self._last_measured, self._last_accepted = np.full((2, n, 3), np.nan)
-        # Of the last accepted measurement: its age when it came (s), the time since then (s), and
-        # the apparent speed that led to it (m/s).
+        # Of the last accepted measurement: its age on arrival (s), the time since its arrival (s),
+        # and the apparent speed from the one before (m/s).
         self._accepted_age, self._elapsed, self._apparent_speed = np.zeros((3, n))
-        # Measurements in a row that were too far away, read backwards, repeated.
+        # Numbers of measurements in a row that were too far away, read backwards, or repeated.
         self._far_count, self._reversed_count, self._repeat_count = np.zeros((3, n))
 
     def reject_outliers(self, measured_pose: Array, age: Array | None = None) -> Array:
-        """Return the accepted poses (n, 3), headings in (-pi, pi]; NaN where there is none.
+        """Return the accepted poses (n, 3), headings in (-pi, pi]; NaN for rejected ones.
 
         Args:
-            measured_pose: Measured poses (n, 3), NaN where a robot was not seen.
+            measured_pose: Measured poses (n, 3), NaN without a measurement.
             age: Time from the capture of each measurement to this frame, (n,) s. Default: 0.
         """
         age = self._zeros if age is None else age
         self._elapsed = self._elapsed + self._period
-        # At least one frame, whatever the clocks of the cameras say.
+        # At least the time between arrivals, since the clocks of cameras may be wrong.
         interval = self._elapsed + np.abs(age - self._accepted_age)
         change = measured_pose - self._last_accepted
         distance = np.hypot(change[:, 0], change[:, 1])
         max_distance = self._max_speed * interval + self._noise_margin
         plausible = (distance > 0) & (distance <= max_distance) & (np.abs(change[:, 2]) < np.pi / 2)
-        if np.count_nonzero(plausible) < len(plausible):
+        if np.count_nonzero(plausible) < len(plausible):  # faster than .all() on small arrays
             return self._check_all(measured_pose, age, interval, change, distance > max_distance)
-        # The usual case: the full check takes as long as an update of the filter.
+        # The usual case ends here, because all checks take as long as an update of the filter.
         self._last_measured = self._last_accepted = measured_pose
         self._accepted_age, self._elapsed = age, self._zeros
         self._apparent_speed = distance / interval
@@ -99,14 +99,14 @@ class OutlierGate:
     def _check_all(
         self, measured_pose: Array, age: Array, interval: Array, change: Array, is_far: Mask
     ) -> Array:
-        """Return the accepted poses (n, 3) after every check of the module's docstring.
+        """Return the accepted poses (n, 3) after all checks of the module's docstring.
 
         Args:
-            measured_pose: Measured poses (n, 3), NaN where a robot was not seen.
+            measured_pose: Measured poses (n, 3), NaN without a measurement.
             age: Age of the measurements, (n,) s.
             interval: Time since the capture of the last accepted measurement, (n,) s.
-            change: Difference to the last accepted poses, (n, 3).
-            is_far: Whether its translation is more than a robot can have moved, (n,).
+            change: Difference from the last accepted poses, (n, 3).
+            is_far: Robots whose position changed by more than they can have moved, (n,).
         """
         is_repeated = (measured_pose == self._last_measured).all(1)
         is_visible = ~np.isnan(measured_pose[:, 0])
@@ -114,7 +114,7 @@ class OutlierGate:
         self._far_count = _count_in_a_row(self._far_count, is_far, is_visible)
         is_confirmed = self._far_count >= MAX_REJECTIONS
         self._far_count = self._far_count * ~is_confirmed
-        # A new image, not the last one sent again.
+        # The image was captured after the last accepted one; it is not the same image sent again.
         is_new = self._elapsed - (age - self._accepted_age) > self._period / 2
         is_suspicious = is_repeated & is_new & (self._apparent_speed > STANDSTILL_SPEED_M_S)
         self._repeat_count = _count_in_a_row(self._repeat_count, is_suspicious, is_visible)
@@ -139,5 +139,5 @@ class OutlierGate:
 
 
 def _count_in_a_row(count: Array, event: Mask, is_checked: Mask) -> Array:
-    """Return how often in a row (n,) an event happened to the robots that are checked now."""
+    """Return updated counters (n,) of successive events; robots not checked keep their count."""
     return np.where(is_checked, (count + 1) * event, count)

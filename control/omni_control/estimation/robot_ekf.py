@@ -1,8 +1,8 @@
 """Extended Kalman filter for the state and the parameters of robots.
 
 The filter estimates pose, velocity, disturbance, and the parameters of `MotionModel`: couplings,
-inverse gains (1 / alpha), latency, creep, lag, and friction. Its inputs are vision and the commands
-that were sent.
+inverse gains (1 / alpha), dead time, creep, lag, and friction. Its inputs are vision measurements
+and sent commands.
 """
 
 import numpy as np
@@ -30,40 +30,43 @@ UNMEASURED = slice(6, SIZE)
 PARAMETERS = slice(9, SIZE)
 TRANSLATION_VELOCITY, TRANSLATION_GAINS = slice(3, 5), slice(11, 13)
 YAW_DISTURBANCES = slice(8, 11)  # disturbance of the turn rate, and couplings
-RESPONSE_PARAMETERS = slice(11, SIZE)  # inverse gains, latency, creep, lag, friction
+RESPONSE_PARAMETERS = slice(11, SIZE)  # inverse gains, dead time, creep, lag, friction
 # The same without the inverse gain of turning.
 TRANSLATION_PARAMETERS = [FORWARD_INVERSE_GAIN, SIDEWAYS_INVERSE_GAIN, *range(DEAD_TIME, SIZE)]
 
 # Prior standard deviations.
-# Inverse gains, and creep, lag and friction relative to the nominal values.
+# Inverse gains; then creep, lag and friction relative to their nominal values. Known and unknown:
+# whether the nominal model contains alpha.
 KNOWN_SIGMA, UNKNOWN_SIGMA = (0.07, 0.2, 0.35, 0.3), (0.12, 0.35, 0.5, 0.4)
 ZERO_SIGMA = 0.04, 0.01, 0.02  # creep, lag and friction with nominal value 0, s^2/m, s, m/s
 YAW_GAIN_SIGMA = 0.05
-GAIN_CORRELATION = 0.5  # of the inverse gains forward and sideways
+GAIN_CORRELATION = 0.5  # between the inverse gains forward and sideways
 DEAD_TIME_SIGMA = 1.2  # frames
 COUPLING_SIGMA = 0.1  # rad/m
 DISTURBANCE_SIGMA = 0.02, 0.02, 0.05  # m/s and rad/s
 
 # Time constants with which estimates return to the prior, s.
 DISTURBANCE_TIME_S, PARAMETER_TIME_S = (0.5, 0.5, 1.0), 12.0
-# Bounds of couplings (rad/m), inverse gains, latency (frames), creep, lag and friction.
-MIN_DEAD_TIME_CHANGE, MAX_DEAD_TIME_CHANGE = -9, 6  # from the nominal one
+# Bounds of couplings (rad/m), inverse gains, dead time (frames), creep (s^2/m), lag (s), and
+# friction (m/s). Those of the dead time are replaced: see MIN_DEAD_TIME_CHANGE.
+MIN_DEAD_TIME_CHANGE, MAX_DEAD_TIME_CHANGE = -9, 6  # from the nominal dead time, frames
 LOWER_BOUNDS = -1, -1, 0.8, 0.8, 0.8, 0, 0, MIN_LAG_S, 0
 UPPER_BOUNDS = 1, 1, 1.9, 1.9, 1.9, np.inf, 0.2, 0.1, 0.15
 
-# Process noise: unmodeled acceleration, the same relative to the modeled one, and in turning.
-ACCELERATION_M_S2, ACCELERATION_RATIO, TURN_ACCELERATION_RAD_S2 = 0.35, 0.3, 1.5
-MAX_NOISE_SCALE = 30.0  # of the process noise, for a high mean NIS
-NIS_FRAMES = 10  # time constant of the mean NIS
-MAX_NIS = 50.0  # above it, the robot was carried
+# Process noise: standard deviation of the unmodeled acceleration.
+ACCELERATION_M_S2, TURN_ACCELERATION_RAD_S2 = 0.35, 1.5
+ACCELERATION_RATIO = 0.3  # additional part, relative to the modeled acceleration
+MAX_NOISE_SCALE = 30.0  # the process noise grows with the mean NIS up to this factor
+NIS_FRAMES = 10  # time constant of the mean NIS, frames
+MAX_NIS = 50.0  # NIS above which the robot may have been carried
 TRUSTED_NIS = 1.5  # mean NIS up to which parameters are learned at the full rate
-EVIDENT_M_S = 0.1  # below it, dry friction may hold a robot and hide its parameters
-STEADY_M_S2 = 2.0  # above it, wheels may slide and hide the gains
-MAX_BRAKING_M_S2 = 9.81
+EVIDENT_M_S = 0.1  # speed below which dry friction may hold a robot and hide its parameters
+STEADY_M_S2 = 2.0  # acceleration above which wheels may slide and hide the gains
+MAX_BRAKING_M_S2 = 9.81  # deceleration by friction with a coefficient of 1
 # A robot is unresponsive if its velocity, averaged over RESPONSE_FRAMES, stays below a fraction
 # MIN_RESPONSE of its commands for SILENT_FRAMES.
 RESPONSE_FRAMES, MIN_RESPONSE, SILENT_FRAMES = 8, 0.4, 5
-JACOBIAN_STEP = 1e-5  # finite differences of states
+JACOBIAN_STEP = 1e-5  # perturbation of a state for finite differences, in its unit
 
 
 class RobotEkf:
@@ -72,12 +75,13 @@ class RobotEkf:
     Args:
         model: Nominal model.
         n: Number of robots.
-        noise: Standard deviation of vision, per axis of a pose, m, m, rad.
-        learns: Whether disturbance and parameters are estimated or stay at their nominal values.
+        noise: Standard deviations of measured x, y and heading, m, m, rad.
+        learns: Whether disturbance and parameters are estimated. Otherwise they stay at their
+            nominal values.
 
     Attributes:
         dynamics: Motion model.
-        state: States (n, 18); see `motion_model` for their layout.
+        state: States (n, 18) with the layout of the constants in `motion_model`.
         covariance: Covariances of the states, (n, 18, 18).
         mean_nis: Running mean of the normalized innovation squared (NIS), (n,); 1 for a robot that
             follows the model.
@@ -133,11 +137,11 @@ class RobotEkf:
 
     @property
     def dead_time(self) -> Array:
-        """Time from the sending of a command until it begins to act, (n,) frames."""
+        """Time from sending a command to its first effect, (n,) frames."""
         return self.state[:, DEAD_TIME]
 
     def update(self, observation: Observation) -> None:
-        """Predict over the filter steps of a frame, then correct the states by its vision."""
+        """Predict over the filter steps of a frame, then correct the states by its measurements."""
         if not self._started:
             self._started = True
             self.state[:, POSE] = observation.pose
@@ -147,7 +151,7 @@ class RobotEkf:
         self._correct(observation.measured_pose, step.capture_offset[:, None], command)
 
     def predict(self, observation: Observation) -> Array:
-        """Return the states (n, 18) at the time when the command of this frame begins to act."""
+        """Return the states (n, 18) predicted for the end of the dead time."""
         dead_time, sent = self.dead_time + self._frames_behind, observation.sent_commands
         count = int(np.ceil(dead_time.max()))
         state = self.state
@@ -158,7 +162,7 @@ class RobotEkf:
         return state
 
     def _advance(self, sent: CommandHistory, step: FilterStep) -> Array:
-        """Predict states and covariance over a step; return the commands (n, 3) that acted."""
+        """Predict states and covariances over a step; return the commands (n, 3) in effect."""
         command, next_state, transition = self._linearize(sent, step.frames_behind)
         speed_change = np.hypot(*(next_state - self.state)[:, TRANSLATION_VELOCITY].T)
         self._limit_learning(transition, speed_change)
@@ -174,7 +178,12 @@ class RobotEkf:
         return command
 
     def _linearize(self, sent: CommandHistory, frames_behind: Array) -> tuple[Array, Array, Array]:
-        """Return commands that act (n, 3), next states (n, 18), and the Jacobian (n, 18, 18)."""
+        """Linearize a step that ends `frames_behind` (n,) frames before the present.
+
+        Returns:
+            Commands that act in the step, (n, 3); states after it, (n, 18); and Jacobians of these
+            by the states before it, (n, 18, 18).
+        """
         dead_time = (self.dead_time + frames_behind)[:, None]
         latencies = np.maximum(dead_time + np.array([0, -1, 1])[:, None, None], 0)
         command, newer, older = sent.get_delayed(latencies)
@@ -186,15 +195,17 @@ class RobotEkf:
         return command, ends[0], jacobian
 
     def _limit_learning(self, transition: Array, speed_change: Array) -> None:
-        """Reduce in place what poses and velocities teach about the parameters.
+        """Reduce in place the effect of parameters on motion, and with it the rate of learning.
 
-        - Large innovations count less: for the inverse gain of turning in proportion, for all other
-          parameters by the square.
-        - A slow axis counts less, for all but that gain: dry friction may hold it.
-        - High acceleration counts less for the inverse gains of translation: wheels may slide.
+        - While innovations are large, parameters are learned more slowly: the inverse gain of
+          turning by the factor TRUSTED_NIS / mean NIS, all others by its square.
+        - All others are also learned more slowly from an axis that moves slowly, because dry
+          friction may hold it.
+        - The inverse gains of translation are learned more slowly while the robot accelerates hard,
+          because wheels may slide.
 
         Args:
-            transition: Jacobians (n, 18, 18).
+            transition: Jacobians (n, 18, 18) of a step.
             speed_change: Change of the velocity in this step, (n,) m/s.
         """
         speed = np.hypot(*self.state[:, TRANSLATION_VELOCITY].T)
@@ -208,7 +219,12 @@ class RobotEkf:
         transition[:, MOTION, TRANSLATION_GAINS] /= steadiness
 
     def _add_process_noise(self, covariance: Array, speed_change: Array) -> None:
-        """Add the process noise of a step in place; see `_limit_learning`."""
+        """Add the process noise of a step to covariances (n, 18, 18) in place.
+
+        Args:
+            covariance: Predicted covariances (n, 18, 18).
+            speed_change: Change of the velocity in this step, (n,) m/s.
+        """
         scale = np.clip(self.mean_nis, 1, MAX_NOISE_SCALE)
         absolute = (ACCELERATION_M_S2 * self.period) ** 2
         unmodeled = absolute + (ACCELERATION_RATIO * speed_change) ** 2
@@ -224,7 +240,7 @@ class RobotEkf:
         """Correct the states by measured poses.
 
         Args:
-            measured_pose: Measured poses (n, 3), NaN where a robot was not seen.
+            measured_pose: Measured poses (n, 3), NaN without a measurement.
             offset: Time from the state to the capture, (n, 1) s.
             command: Commands that acted in the last step, (n, 3).
         """
@@ -244,7 +260,7 @@ class RobotEkf:
         distance = np.hypot(innovation[:, 0], innovation[:, 1])
         is_relocated = (nis > MAX_NIS) & (distance > MAX_BRAKING_M_S2 * self.period**2)
         for i in np.flatnonzero(is_relocated):
-            # No motion leads there: the robot was carried, or the camera was moved.
+            # No motion of the robot explains this: it was carried, or the camera was moved.
             corrected[i], corrected_covariance[i] = state[i], covariance[i]
             corrected[i, :2] += innovation[i, :2]
             corrected_covariance[i, :2], corrected_covariance[i, :, :2] = 0.0, 0.0
@@ -258,7 +274,7 @@ class RobotEkf:
         self._count_silent_frames(command)
 
     def _count_silent_frames(self, command: Array) -> None:
-        """Count the frames in which robots do not respond to the commands (n, 3) that act."""
+        """Count successive frames in which robots do not respond to their commands (n, 3)."""
         rim_scale = np.array([1.0, 1.0, self.dynamics.arm])
         commanded, velocity = command * rim_scale, self.state[:, VELOCITY] * rim_scale
         powers = (commanded * np.array([commanded, velocity])).sum(2)

@@ -1,13 +1,13 @@
 """Tracking of robots from camera measurements and commands: outlier gate and Kalman filter.
 
-Per axis the filter's state is the position x and a drift b, the velocity that the commands do not
-explain:
+For each axis the state of the filter is the position x and a drift b, the part of the velocity that
+the commands do not explain:
 
-    x(k+1) = x(k) + q(k) + T b(k) + noise of standard deviation GAIN_ERROR |q|
-    b(k+1) = b(k) exp(-T / DRIFT_TIME_S) + noise
+    x(k+1) = x(k) + q(k) + T b(k) + noise of standard deviation DISPLACEMENT_NOISE_RATIO |q(k)|
+    b(k+1) = b(k) exp(-T / DRIFT_TIME_S) + noise of variance DRIFT_NOISE_DENSITY^2 T
 
-with q the commanded displacement. The deviation from the commands differs between plants. The
-process noise is therefore scaled until the normalized innovations squared (NIS) average 1.
+with the commanded displacement q. How much robots deviate from their commands is not known. The
+process noise is therefore scaled until the mean normalized innovation squared (NIS) is 1.
 """
 
 import math
@@ -20,13 +20,14 @@ from omni_control.estimation.delayed_measurements import FilterStep, plan_steps
 from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.kinematics import Array, wrap_angle
 
-GAIN_ERROR = 0.06  # standard deviation of the displacement in a frame over the commanded one
-DRIFT_RATES = 0.1, 0.1, 0.5  # random walk of the drift, m/s and rad/s per square root of a second
-DRIFT_TIME_S = 0.5
-SCALE_MEMORY = 0.97  # decay per frame of what the scale of the process noise has learned
-MAX_NIS = 9.0  # 3 sigma
+# Standard deviation of the displacement in a frame, relative to the commanded displacement.
+DISPLACEMENT_NOISE_RATIO = 0.06
+DRIFT_NOISE_DENSITY = 0.1, 0.1, 0.5  # of the random walk of the drift, m/s and rad/s per sqrt(s)
+DRIFT_TIME_S = 0.5  # time constant with which the drift decays
+SCALE_GAIN = 1 - 0.97  # relative change of the noise scale per frame and unit of NIS above 1
+MAX_NIS = 9.0  # 3 sigma; larger values change the noise scale no further
 SCALE_BOUNDS = 0.1, 100.0
-CAMERA_RESOLUTION = 1e-5, 1e-5, 1e-4  # m and rad
+MIN_MEASUREMENT_SIGMA = 1e-5, 1e-5, 1e-4  # m and rad, for cameras without noise
 
 
 class KalmanFilter:
@@ -39,18 +40,18 @@ class KalmanFilter:
             rad.
 
     Attributes:
-        pose: Filtered poses (n, 3); headings count full turns.
+        pose: Filtered poses, (n, 3); headings are unwrapped (continuous, not limited to (-pi, pi]).
         drift: Part of the twist that the commands do not explain, (n, 3).
-        twist: Filtered twists (n, 3).
+        twist: Filtered twists: commanded twist plus drift, (n, 3).
     """
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
         self._period = period
-        self._measurement_variance = np.maximum(noise, CAMERA_RESOLUTION) ** 2
+        self._measurement_variance = np.maximum(noise, MIN_MEASUREMENT_SIGMA) ** 2
         self._drift_decay = math.exp(-period / DRIFT_TIME_S)
-        self._drift_noise = np.square(DRIFT_RATES) * period
+        self._drift_noise = np.square(DRIFT_NOISE_DENSITY) * period
         self.pose, (self.drift, self.twist) = pose.copy(), np.zeros((2, *pose.shape))
-        # The axes are independent, so that three numbers per axis hold its 2x2 covariance.
+        # The axes are independent: each has a symmetric 2x2 covariance, stored as three numbers.
         self._pose_variance = np.zeros_like(pose) + self._measurement_variance
         self._covariance, self._drift_variance = np.zeros((2, *pose.shape))
         self._noise_scale = np.ones_like(pose)
@@ -63,7 +64,7 @@ class KalmanFilter:
 
     @property
     def normalized_innovation(self) -> Array:
-        """Innovations over their standard deviations (n, 3); NaN for robots that were not seen."""
+        """Innovations over their standard deviations, (n, 3); NaN without a measurement."""
         return self._innovation / np.sqrt(self._innovation_variance)
 
     def update(
@@ -73,14 +74,15 @@ class KalmanFilter:
         step: FilterStep,
         capture_displacement: Array | float = 0.0,
     ) -> Array:
-        """Predict the poses by the commands, correct them by measurements, and return them (n, 3).
+        """Predict poses (n, 3) from commands, correct them by measurements, and return them.
 
         Args:
-            measured_pose: Measured poses (n, 3); NaN where a robot was not seen.
-            displacement: Commanded displacement since the last frame, (n, 3), m and rad.
-            step: Step of the filter; its last one in this frame takes the measurements.
+            measured_pose: Measured poses, (n, 3); NaN without a measurement, and in every step of a
+                frame but the last.
+            displacement: Commanded displacement during the step, (n, 3), m and rad.
+            step: Filters that do not advance, and times of capture.
             capture_displacement: Commanded displacement from the end of the step to the capture of
-                the measurements, (n, 3).
+                the measurements, (n, 3), m and rad.
         """
         process_noise = self._predict(displacement, step.frozen[:, None])
         offset = step.capture_offset[:, None]
@@ -89,9 +91,10 @@ class KalmanFilter:
         return self.pose
 
     def _predict(self, displacement: Array, frozen: NDArray[np.bool_]) -> Array:
-        """Advance state and covariance by a frame; return the process noise of the poses (n, 3)."""
+        """Advance state and covariance by a frame; return the variance added to the poses."""
         period, decay = self._period, self._drift_decay
-        process_noise = self._noise_scale * (GAIN_ERROR * displacement) ** 2
+        process_noise = self._noise_scale * (DISPLACEMENT_NOISE_RATIO * displacement) ** 2
+        # With the covariance P: P_xx grows by 2 T P_xb + T^2 P_bb = T (P_xb + (P_xb + T P_bb)).
         covariance = self._covariance + period * self._drift_variance
         pose_growth = period * (self._covariance + covariance)
         state = [
@@ -101,7 +104,7 @@ class KalmanFilter:
             decay * covariance,
             decay**2 * self._drift_variance + self._noise_scale * self._drift_noise,
         ]
-        if np.count_nonzero(frozen):
+        if np.count_nonzero(frozen):  # faster than .any() on small arrays
             previous = (
                 self.pose,
                 self.drift,
@@ -120,9 +123,16 @@ class KalmanFilter:
         capture_displacement: Array | float,
         process_noise: Array,
     ) -> None:
-        """Correct state and covariance by poses (n, 3) captured a time `offset` (n, 1) later, s."""
+        """Correct state and covariance by measured poses.
+
+        Args:
+            measured_pose: Measured poses, (n, 3), NaN without a measurement.
+            offset: Time from the state to the capture of the measurements, (n, 1) s.
+            capture_displacement: Commanded displacement in that time, (n, 3), m and rad.
+            process_noise: Variance added to the poses in the last step, (n, 3).
+        """
         expected, expected_variance = self.pose, self._pose_variance + self._measurement_variance
-        # Covariance of pose and drift with the expected measurement.
+        # Covariances of pose and drift with the expected measurement x + offset b.
         pose_covariance, drift_covariance = self._pose_variance, self._covariance
         if np.count_nonzero(offset):
             expected = self.pose + capture_displacement + offset * self.drift
@@ -149,7 +159,7 @@ class KalmanFilter:
         self._pose_variance = self._pose_variance - pose_gain * pose_covariance
         self._drift_variance = self._drift_variance - drift_gain * drift_covariance
         self._covariance = self._covariance - pose_gain * drift_covariance
-        growth = np.exp((1 - SCALE_MEMORY) * (np.minimum(nis, MAX_NIS) - 1))
+        growth = np.exp(SCALE_GAIN * (np.minimum(nis, MAX_NIS) - 1))
         scale = np.maximum(self._noise_scale * growth, SCALE_BOUNDS[0])
         self._noise_scale = np.minimum(scale, SCALE_BOUNDS[1])
 
@@ -160,15 +170,15 @@ class VisionTracker:
     Args:
         pose: Initial poses, (n, 3).
         noise: Standard deviation of measurements, (n, 3), m and rad.
-        latency: Time from a command to its effect, (n, 1) frames.
+        latency: Dead time plus lag of the robots, (n, 1) frames.
         period: Length of a frame, s.
         gate: Outlier gate of these robots.
 
     Attributes:
-        filter: Kalman filter; it is behind the present where measurements are late.
-        memory_frames: Number of commands that may have acted in the last frame.
-        pose, twist: Estimates for this frame, (n, 3).
-        steps: Steps that the filter made in this frame.
+        filter: Kalman filter; with late measurements its state lies in the past.
+        memory_frames: Number of sent commands that a frame without late measurements needs.
+        pose, twist: Estimated present poses and twists, (n, 3).
+        steps: Steps of the filter in this frame.
     """
 
     def __init__(
@@ -184,13 +194,16 @@ class VisionTracker:
         self.steps: tuple[FilterStep, ...] = (self._default_step,)
 
     def update(self, measured_pose: Array, age: Array, sent: CommandHistory) -> Array:
-        """Process the measurements of a frame; return the poses (n, 3) that pass the gate.
+        """Update the estimates by measurements, and return the accepted measurements.
 
         Args:
-            measured_pose: Poses measured by vision (n, 3), NaN where a robot was not seen.
+            measured_pose: Poses measured by vision, (n, 3), NaN without a measurement.
             age: Time from the capture of each measurement to this frame, (n,) s.
             sent: Commands up to the previous frame, at least `memory_frames` plus
                 `MAX_FRAMES_BEHIND` of them.
+
+        Returns:
+            Measured poses that passed the outlier gate, (n, 3), NaN for all others.
         """
         accepted = self._gate.reject_outliers(measured_pose, age)
         if np.count_nonzero(age) or np.count_nonzero(self.steps[-1].frames_behind):
@@ -202,7 +215,7 @@ class VisionTracker:
         return accepted
 
     def _update_delayed(self, accepted: Array, age: Array, sent: CommandHistory) -> None:
-        """Process a frame with late measurements, or with a filter behind the present."""
+        """Process a frame with late measurements, or with a filter whose state lies in the past."""
         latency, period = self._latency, self._period
         is_visible = ~np.isnan(accepted[:, 0])
         self.steps = plan_steps(self.steps[-1].frames_behind, age, is_visible, period)
@@ -214,7 +227,8 @@ class VisionTracker:
             is_final = step is self.steps[-1]
             measured = accepted if is_final else np.full_like(accepted, np.nan)
             self.filter.update(measured, displacement, step, capture_displacement)
-        drift = self.filter.drift
+        # From the state of the filter to the present.
+        frames_behind, drift = self.steps[-1].frames_behind[:, None], self.filter.drift
         fractions = sent.get_pending_fractions(
             latency + frames_behind
         ) - sent.get_pending_fractions(latency)
