@@ -15,11 +15,11 @@ from omni_mj.viz import plotting
 from omni_mj.viz.seed_figure import draw_seed_statistics
 
 Summary = dict[str, Any]
-BASELINES = ("comp-flc", "flc")  # whose error is 1 in the color scale, if it was compared
-MAX_RATIO = 10.0  # of errors, at the ends of the color scale
-TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10)  # of the color scale
-DARK_RATIO = 4.0  # beyond, cells are so dark that their text is white
-CELL_IN = (1.1, 0.24)  # width and height of a cell
+BASELINES = ("comp-flc", "flc")  # the first of them that was run has the ratio 1
+MAX_RATIO = 10.0  # error over the baseline's error at the upper end of the color scale
+TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10)  # ratios labeled on the color scale
+DARK_RATIO = 4.0  # ratio beyond which a cell is so dark that its text is white
+CELL_IN = (1.1, 0.24)  # width and height of a cell, inches
 
 
 def save_comparison_figure(summary: Summary, stem: Path) -> None:
@@ -36,24 +36,26 @@ def save_comparison_figure(summary: Summary, stem: Path) -> None:
 
 
 def draw_heat_map(entries: dict[str, Summary], privileged: list[str], figure: Figure) -> None:
-    """Draw the maximum position error of each controller in each scenario.
+    """Draw the errors of all controllers in all scenarios as a heat map.
 
-    The number in a cell is the error in cm, mean over the seeds. The color is its ratio to the
-    error of a baseline controller in the same scenario. The least error of a scenario, privileged
-    controllers aside, is bold.
+    A cell shows the maximum position error in a run, in cm, averaged over the seeds. Its color
+    shows the ratio to the baseline controller's error in the same scenario. The smallest error of
+    each scenario is bold; privileged controllers do not count. Rows are sorted by name, with the
+    scenarios of faults at the end.
 
     Args:
-        entries: Entries of a summary, all with results, by scenario.
-        privileged: Controllers that know the true state.
+        entries: Mapping from scenario name to its entry in a summary, all with results.
+        privileged: Names of the controllers that know the true state.
         figure: Empty figure.
     """
+    scenarios = sorted(entries, key=lambda name: (name.startswith("fault"), name))
     controllers = list(dict.fromkeys(name for e in entries.values() for name in e["results"]))
     baseline = next(name for name in (*BASELINES, *controllers) if name in controllers)
-    errors = _maximum_errors(entries, controllers)
-    with np.errstate(invalid="ignore"):  # infinite over infinite, where both failed
-        ratios = errors / errors[:, [controllers.index(baseline)]]
+    errors = _mean_maximum_errors([entries[name] for name in scenarios], controllers)
+    finite_errors = np.where(np.isfinite(errors), errors, np.nan)
+    ratios = finite_errors / finite_errors[:, [controllers.index(baseline)]]
     width, height = CELL_IN
-    figure.set_size_inches(3.2 + width * len(controllers), 1.7 + height * len(entries))
+    figure.set_size_inches(3.2 + width * len(controllers), 1.7 + height * len(scenarios))
     axes = figure.subplots()
     image = axes.imshow(
         np.ma.masked_invalid(ratios),
@@ -63,41 +65,47 @@ def draw_heat_map(entries: dict[str, Summary], privileged: list[str], figure: Fi
     )
     is_privileged = np.array([name in privileged for name in controllers])
     _write_errors(axes, errors, ratios, is_privileged)
-    labels = [name + "\n(privileged)" * (name in privileged) for name in controllers]
+    labels = [f"{name}\n(privileged)" if name in privileged else name for name in controllers]
     axes.set_xticks(range(len(labels)), labels)
-    axes.set_yticks(range(len(entries)), list(entries))
+    axes.set_yticks(range(len(scenarios)), scenarios)
     axes.tick_params(length=0, labeltop=True, labelbottom=False)
     axes.grid(visible=False)
     label = f"error / error of {baseline}"
     figure.colorbar(image, ax=axes, label=label, ticks=TICKS, format="{x:g}").minorticks_off()
     n_seeds = max(len(entry["seeds"]) for entry in entries.values())
     figure.suptitle(
-        f"Maximum position error in cm, mean over seeds (n = {n_seeds}); bold: least error"
+        f"Maximum position error in cm, mean over seeds (n = {n_seeds}); bold: smallest error"
     )
 
 
-def _maximum_errors(entries: dict[str, Summary], controllers: list[str]) -> Array:
-    """Return maximum position errors, (scenarios, controllers) m.
+def _mean_maximum_errors(entries: list[Summary], controllers: list[str]) -> Array:
+    """Return maximum position errors, averaged over the seeds, (scenarios, controllers) m.
 
     An error is infinite if a seed failed, and NaN if the controller was not run.
     """
     errors = np.full((len(entries), len(controllers)), np.nan)
-    for i, entry in enumerate(entries.values()):
+    for i, entry in enumerate(entries):
         for name, result in entry["results"].items():
             errors[i, controllers.index(name)] = mean_position_error(result, "max")
     return errors
 
 
 def _write_errors(axes: Axes, errors: Array, ratios: Array, is_privileged: np.ndarray) -> None:
-    """Write each error in cm into its cell, the least of a scenario in bold."""
-    lowest_errors = np.where(is_privileged | np.isnan(errors), np.inf, errors).min(axis=1)
+    """Write each error into its cell, the smallest of a scenario in bold.
+
+    Errors that look equal after rounding are bold together.
+
+    Args:
+        axes: Axes of the heat map.
+        errors: Errors, infinite or NaN without one, (scenarios, controllers) m.
+        ratios: Errors over the baseline's error, NaN where the cell has no color, same shape.
+        is_privileged: Whether a controller knows the true state, (controllers,).
+    """
+    smallest_errors = np.where(is_privileged | np.isnan(errors), np.inf, errors).min(axis=1)
     for (i, j), error in np.ndenumerate(errors):
-        if np.isfinite(error):
-            label = f"{100 * error:.2f}" if error < 0.1 else f"{100 * error:.1f}"
-        else:
-            label = DASH if np.isnan(error) else "failed"
+        label = _format_error(error)
+        is_smallest = np.isfinite(error) and label == _format_error(smallest_errors[i])
         is_dark = abs(np.log(ratios[i, j])) > np.log(DARK_RATIO)
-        is_best = error == lowest_errors[i] and not is_privileged[j]
         axes.text(
             j,
             i,
@@ -105,5 +113,14 @@ def _write_errors(axes: Axes, errors: Array, ratios: Array, is_privileged: np.nd
             ha="center",
             va="center",
             color="white" if is_dark else "black",
-            weight="bold" if is_best else "normal",
+            weight="bold" if is_smallest and not is_privileged[j] else "normal",
         )
+
+
+def _format_error(error: float) -> str:
+    """Return an error in m as text in cm."""
+    if np.isnan(error):
+        return DASH
+    if np.isinf(error):
+        return "failed"
+    return f"{100 * error:.2f}" if error < 0.1 else f"{100 * error:.1f}"

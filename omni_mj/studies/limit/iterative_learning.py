@@ -1,14 +1,14 @@
 """Iterative learning control (ILC) without noise: the best run of a robot that repeats its path.
 
-In each trial several rows track commands that are optimized from the best run so far. They need
-feedback, because rolling contacts do not repeat exactly. Other rows track the best run with random
-changes of its commands. The differences between rows identify a model of the deviations
-(`run_deviation_model`), from which the next commands are optimized: with the errors e of the best
-run, its commands u, and the deviations dp = G du, the optimal change minimizes
+A trial simulates several rows. Some track commands that are optimized from the best run so far.
+They need feedback, because rolling contacts do not repeat exactly. The others track the best run
+with random changes of its commands. Differences between rows identify a linear model of the
+deviations, dp = G du (`run_deviation_model`). For the best run with errors e and commands u, the
+next change of commands du minimizes
 
     |e + G du|^2 + rho |du|^2    subject to    |u + du| <= v,   |change of u + du in a frame| <= a T
 
-The limits v and a apply to lengths of vectors in the plane.
+The limits v and a apply to lengths of vectors in the plane, and to turn rates separately.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,26 +33,28 @@ from omni_mj.studies.limit.run_deviation_model import SCALE, DeviationModel
 from omni_mj.studies.limit.run_tracker import FeedbackSettings, RunTracker
 from omni_mj.studies.run_scenario import AfterFrame, StartProgress
 
-# Optimization: iterations of ADMM, relaxation (Boyd et al., section 3.4.3), and rho in s^2
-ADMM_ITERATIONS, RELAXATION, RHO = 400, 1.6, 2e-8
-# Penalties of ADMM on commands and their changes; they only affect the speed of convergence
+ADMM_ITERATIONS = 400
+RELAXATION = 1.6  # of ADMM; Boyd et al., section 3.4.3
+RHO = 2e-8  # weight of command changes, s^2
+# Penalties of ADMM on commands and their changes, s^2; they only affect the speed of convergence
 COMMAND_PENALTY, CHANGE_PENALTY = 2e-5, 2e-4
 
 Statistic = Literal["max", "mean"]
 STATISTICS: tuple[Statistic, ...] = ("max", "mean")
-# Function of extrapolated poses, sent headings and last commands that returns commands
+# Function that maps extrapolated poses, sent headings and last commands to commands
 CommandFunction = Callable[[Array, Array, Array], Array]
-INITIAL_CONTROLLERS = ("comp-flc", "adaptive-comp-flc")  # whose best run learning starts from
-# Rows that apply the optimized change: fraction of it, and command weight of the regulator
+INITIAL_CONTROLLERS = ("comp-flc", "adaptive-comp-flc")  # learning starts from their best run
+# Rows that apply the optimized change: fraction of it, and command weight of the regulator, s^2
 OPTIMIZED_ROWS = tuple(product((1.0, 0.3), (0.03, 0.003)))
-EXPLORING_ROWS = 3
-EXPLORING_WEIGHT = 0.1
-EXPLORATION_STD = np.array([0.1, 0.1, 0.5])  # of their random changes, m/s and rad/s
-# Rows with larger maximum errors than both are not used to fit the local model
+# Rows that apply random changes: number, command weight in s^2, standard deviation in m/s and rad/s
+EXPLORING_ROWS, EXPLORING_WEIGHT = 3, 0.1
+EXPLORATION_STD = np.array([0.1, 0.1, 0.5])
+# A row is not used to fit the deviation model if its maximum error exceeds both limits.
 MAX_ERROR_RATIO, MAX_ERROR_M = 4.0, 0.05  # relative to the best row; absolute
-HEADING_WEIGHT_M = 0.01  # per rad
-# Learning ends after three trials that each improve less than both
-MAX_IDLE_TRIALS, MIN_IMPROVEMENT, MIN_IMPROVEMENT_M = 3, 0.04, 2e-5
+HEADING_WEIGHT_M = 0.01  # position error that counts as much as a heading error of 1 rad
+# A trial is idle if the cost falls by less than either limit. Learning ends after three in a row.
+MAX_IDLE_TRIALS = 3
+MIN_IMPROVEMENT, MIN_IMPROVEMENT_M = 0.04, 2e-5  # fraction of the cost; absolute
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ class Runs:
     """Runs of n rows over F frames.
 
     Attributes:
-        sent: Commands within the limits, (F, n, 3).
+        sent: Sent commands, after the limits, (F, n, 3).
         poses: True poses, (F, n, 3).
         errors: Poses minus the reference, (F, n, 3); infinite for a row that failed.
     """
@@ -79,24 +81,27 @@ class Runs:
 
     @property
     def best(self) -> "Runs":
-        """The run with the least cost, as n = 1."""
+        """The row with the lowest cost, with n = 1."""
         row = [int(self.cost.argmin())]
         return Runs(*(values[:, row] for values in (self.sent, self.poses, self.errors)))
 
     def error(self, statistic: Statistic, heading_weight_m: float = HEADING_WEIGHT_M) -> Array:
-        """Return the maximum or mean of position error plus weighted heading error, (n,) m."""
+        """Return the maximum or mean over the frames of the weighted error, (n,) m.
+
+        The error of a frame is the position error plus `heading_weight_m` per rad of heading error.
+        """
         position = np.hypot(self.errors[..., 0], self.errors[..., 1])
         error = position + heading_weight_m * np.abs(self.errors[..., 2])
         return error.max(0) if statistic == "max" else error.mean(0)
 
     @property
     def cost(self) -> Array:
-        """The cost that learning minimizes: mean of maximum and mean error, (n,) m."""
+        """The cost that learning minimizes: (maximum error + mean error) / 2, (n,) m."""
         return (self.error("max") + self.error("mean")) / 2
 
 
 def controller_from_function(label: str, function: CommandFunction) -> type[Controller]:
-    """Return a controller class that sends the commands of a function."""
+    """Return a controller class, named `label`, that sends the commands of a function."""
 
     def command(self: Controller, frame: int, observation: Observation) -> Array:
         return function(
@@ -111,7 +116,7 @@ def controller_from_function(label: str, function: CommandFunction) -> type[Cont
 def run_function(
     scenario: Scenario, seeds: Sequence[int], function: CommandFunction, after_frame: AfterFrame
 ) -> Runs:
-    """Run robots that are commanded by a function, each with its own seed and world."""
+    """Run one robot per seed, each in its own world, with the commands of a function."""
     label = "tracking"
     rows = [
         Row(i, 0, label, seed, scenario.settings, scenario.robot) for i, seed in enumerate(seeds)
@@ -131,13 +136,14 @@ def learn_run(
 
     Args:
         scenario: Scenario without noise; its first seed is used.
-        max_trials: Largest number of trials. Learning ends earlier if it no longer improves.
-        history: Receives maximum and mean position error of the best run, m, after each trial.
+        max_trials: Maximum number of trials. Learning ends earlier if it no longer improves.
+        history: Empty list. It receives the maximum and mean position error of the best run, m,
+            before the first trial and after each trial.
         start_progress: Called with a title and the number of frames before each trial. It returns a
             function that is called with each frame's number and may raise `StoppedError`.
 
     Returns:
-        The best run, and the model of deviations from it.
+        The best run, and the deviation model for changes of its commands.
 
     Raises:
         OmniError: No controller reaches the end of the scenario.
@@ -162,7 +168,7 @@ def learn_run(
         commands = best.sent + fractions * (optimized[:, None] - best.sent)
         poses = best.poses + fractions * (predicted[:, None] - best.errors)
         tracker = RunTracker(model, commands, poses, scenario, feedback)
-        exploration = _random_changes(random, n_frames, len(feedback))
+        exploration = _draw_changes(random, n_frames, len(feedback))
         changes = iter(np.where(fractions == 0, exploration, 0.0))
         runs = run_function(
             scenario,
@@ -188,10 +194,10 @@ def optimize_commands(
     sparse linear system with constant coefficients and projections in closed form.
 
     Args:
-        model: Deviations from the run.
+        model: Deviation model of the run.
         limits: Limits of the commands.
         errors: Poses of the run minus the reference, (F, 3).
-        commands: Its sent commands, (F, 3).
+        commands: Sent commands of the run, (F, 3).
 
     Returns:
         The optimal commands (F, 3), and the predicted errors (F, 3).
@@ -222,20 +228,20 @@ def optimize_commands(
 
 
 def _project(vectors: Array, limits: MotionLimits) -> Array:
-    """Return commands and their changes per frame, stacked in (6F,), within the limits."""
-    plane = np.array([[limits.speed], [limits.acceleration * PERIOD_S]])
+    """Project commands and their changes per frame, stacked in (6F,), onto the limits."""
+    max_lengths = np.array([[limits.speed], [limits.acceleration * PERIOD_S]])
     turn = np.array([limits.turn_rate, limits.turn_acceleration * PERIOD_S])[:, None, None]
     vectors = vectors.reshape(2, -1, 3)
-    length = np.maximum(np.hypot(vectors[..., 0], vectors[..., 1]), 1e-12)
-    short = vectors[..., :2] * np.minimum(1.0, plane / length)[..., None]
-    return np.concatenate([short, np.clip(vectors[..., 2:], -turn, turn)], axis=2).ravel()
+    lengths = np.maximum(np.hypot(vectors[..., 0], vectors[..., 1]), 1e-12)
+    translation = vectors[..., :2] * np.minimum(1.0, max_lengths / lengths)[..., None]
+    return np.concatenate([translation, np.clip(vectors[..., 2:], -turn, turn)], axis=2).ravel()
 
 
 def _initial_run(scenario: Scenario, after_frame: AfterFrame) -> Runs:
-    """Return the best run of the controllers that learning starts from.
+    """Return the best run of `INITIAL_CONTROLLERS`.
 
     Raises:
-        OmniError: None of them reaches the end of the scenario.
+        OmniError: No controller reaches the end of the scenario.
     """
     simulation = Simulation(scenario, INITIAL_CONTROLLERS, [scenario.seed])
     simulation.run(after_frame)
@@ -247,15 +253,19 @@ def _initial_run(scenario: Scenario, after_frame: AfterFrame) -> Runs:
     return best
 
 
-def _random_changes(random: np.random.Generator, frames: int, rows: int) -> Array:
-    """Return random changes of commands, smoothed over two frames, (frames, rows, 3)."""
-    changes = EXPLORATION_STD * random.standard_normal((frames, rows, 3))
+def _draw_changes(random: np.random.Generator, n_frames: int, n_rows: int) -> Array:
+    """Draw random changes of commands, smoothed over two frames, (n_frames, n_rows, 3)."""
+    changes = EXPLORATION_STD * random.standard_normal((n_frames, n_rows, 3))
     changes[1:] += changes[:-1].copy()
     return changes / np.sqrt(2)
 
 
 def _refit_model(model: DeviationModel, reference: Array, runs: Runs) -> DeviationModel:
-    """Return the model fitted to the runs near the best one, if there are enough of them."""
+    """Fit the model to the differences between the best run and the runs near it.
+
+    Returns:
+        The fitted model, or `model` if fewer than three runs are near the best one.
+    """
     max_error = runs.error("max")
     rows = np.argsort(max_error, kind="stable")
     near = rows[max_error[rows] < max(MAX_ERROR_RATIO * max_error[rows[0]], MAX_ERROR_M)]

@@ -1,7 +1,8 @@
-"""Limit study: the least error that is possible on a plant, next to the errors of controllers.
+"""Limit study: the smallest error that is possible on a plant, and the errors of controllers.
 
-A robot learns the commands of its path without noise. Feedback settings are tuned under noise on
-seeds of their own. Then it drives the scenario's seeds next to the package's controllers.
+A robot learns the commands of its path without noise (`iterative_learning`). Then feedback is added
+(`run_tracker`) and tuned under noise, on other seeds than the scenario's. Last, the robot and the
+package's controllers drive the scenario with the same seeds.
 """
 
 import time
@@ -42,8 +43,8 @@ from omni_mj.studies.run_scenario import (
 )
 
 LIMIT, WITHOUT_NOISE = "limit", "limit without noise"
-SEEDS, ITERATIONS = 20, 16
-# Seeds for tuning the feedback: their number, and their distance from the scenario's seeds
+SEEDS, ITERATIONS = 20, 16  # defaults
+# The feedback is tuned on this many seeds, counted from the scenario's seed plus an offset.
 TUNING_SEEDS, TUNING_SEED_OFFSET = 5, 1_000_000
 TUNING_GRID = tuple(
     FeedbackSettings(weight, noise_factor)
@@ -51,14 +52,16 @@ TUNING_GRID = tuple(
 )
 DEFINITIONS = {
     "limit": (
-        "least error found for robots that know the plant and see what any controller sees: the "
-        "limit of information"
+        "smallest error found for robots that know the plant and get the same measurements as any "
+        "controller: the limit of information"
     ),
     "limit without noise": (
-        "least error found for robots without disturbance that see the true state: the limit of "
-        "the plant"
+        "smallest error found for robots without noise and disturbances: the limit of the plant"
     ),
-    "trials": "maximum and mean position error, m, of the best run without noise after each trial",
+    "trials": (
+        "maximum and mean position error, m, of the best run without noise, before the first trial "
+        "and after each trial"
+    ),
 }
 
 
@@ -67,7 +70,8 @@ class LimitResult(Result):
     """Result of the limit study. Its rows and frames are those of the final comparison.
 
     Attributes:
-        history: Maximum and mean position error of the best run without noise after each trial, m.
+        history: Maximum and mean position error, m, of the best run without noise, before the first
+            trial and after each trial.
     """
 
     history: list[dict[Statistic, float]] = field(default_factory=list)
@@ -77,7 +81,7 @@ class LimitResult(Result):
         return super().summary() | {"limit": {"definitions": DEFINITIONS, "trials": self.history}}
 
     def table(self) -> str:
-        """Return the limits and the controllers' errors as lines of text; empty if incomplete."""
+        """Return limits and errors of controllers as lines of text; empty if incomplete."""
         if not self.complete:
             return ""
         ((name, entry),) = self.summary()["scenarios"].items()
@@ -106,20 +110,20 @@ def find_limit(
     *,
     start_progress: StartProgress = no_progress,
 ) -> LimitResult:
-    """Find the least error that is possible in a scenario, on its plant.
+    """Find the smallest error that is possible in a scenario on its plant.
 
-    The robot is the nominal one; `[randomization]` is not used.
+    The robot has its nominal parameters; `[randomization]` is ignored.
 
     Args:
-        scenario: Scenario or its name; its controllers are not used.
-        seeds: Consecutive seeds, or a number of seeds that start at 0, for the comparison.
-        iterations: Largest number of learning trials.
+        scenario: Scenario or its name; its controllers are ignored.
+        seeds: Seeds of the comparison: consecutive seeds, or a number of seeds that start at 0.
+        iterations: Maximum number of learning trials, at least 2.
         start_progress: Called with a title and the number of frames before each run. It returns a
             function that is called with each frame's number and may raise `StoppedError`.
 
     Returns:
-        Errors of "limit", with noise, of "limit without noise", and of the package's controllers
-        that do not know the true state.
+        Errors of "limit" (with noise), of "limit without noise", and of the package's controllers
+        except those that know the true state.
 
     Raises:
         OmniError: The scenario does not exist, has several robots per world, the seeds are not
@@ -148,7 +152,7 @@ def check_limit(scenario: Scenario, iterations: int) -> None:
     n_robots = len(scenario.settings.world.start_poses)
     if n_robots > 1:
         raise OmniError(
-            f"the limit is found for one robot, and world.start_poses of {scenario.name!r} has "
+            f"the limit study needs one robot, but world.start_poses of {scenario.name!r} has "
             f"{n_robots} poses; give one: --set world.start_poses=[[0,0,0]]"
         )
     if iterations < 2:
@@ -156,7 +160,7 @@ def check_limit(scenario: Scenario, iterations: int) -> None:
 
 
 def remove_noise(scenario: Scenario) -> Scenario:
-    """Return the scenario without noise, disturbance and jitter."""
+    """Return the scenario without noise, misses, disturbances, jitter and changes of alpha."""
     kinematic = scenario.settings.kinematic
     mean_alpha = (kinematic.alpha_low + kinematic.alpha_high) / 2
     settings = scenario.settings.replace(
@@ -176,7 +180,7 @@ def remove_noise(scenario: Scenario) -> Scenario:
 def _learn_and_compare(
     result: LimitResult, scenario: Scenario, iterations: int, start_progress: StartProgress
 ) -> None:
-    """Learn a run, tune the feedback, compare with the controllers, and fill in the result.
+    """Learn a run, tune its feedback, compare it with the controllers, and fill in the result.
 
     Raises:
         StoppedError: The study was stopped.
@@ -210,7 +214,10 @@ def _learn_and_compare(
 def _tune_feedback(
     scenario: Scenario, run: Runs, model: DeviationModel, start_progress: StartProgress
 ) -> FeedbackSettings:
-    """Return the settings with the least errors on the tuning seeds."""
+    """Return the feedback settings with the smallest errors on the tuning seeds.
+
+    Maximum and mean error count equally, each relative to its smallest value.
+    """
     seeds = [scenario.seed + TUNING_SEED_OFFSET + i for i in range(TUNING_SEEDS)]
     feedback = [settings for settings in TUNING_GRID for _ in seeds]
     tracker = RunTracker(model, run.sent, run.poses, scenario, feedback)

@@ -4,9 +4,9 @@ Near a run, a change du of the commands changes the robot's velocity v and pose 
 
     dv(k) = A(k) dv(k-1) + B0(k) du(k-D) + B1(k) du(k-D-1),      dp(k+1) = dp(k) + T dv(k)
 
-with the dead time D. This is a first-order lag with a transition between two samples. Wheels that
-creep have a lag that grows with speed, so A and B are polynomials of the reference's speed,
-acceleration and turn rate, in the body frame.
+with the dead time D and the period T of a frame. This is a first-order lag whose input may change
+between two frames. The lag of creeping wheels grows with speed. So A, B0 and B1 are polynomials of
+the reference's speed, acceleration and turn rate, in the body frame.
 """
 
 from dataclasses import dataclass
@@ -18,20 +18,20 @@ import scipy.sparse as sp
 from omni_control.kinematics import Array, body_to_world
 from omni_mj.config.settings import PERIOD_S
 
-SMOOTHING_FRAMES = 11
+SMOOTHING_FRAMES = 11  # of the reference's acceleration
 TURN_SCALE_RAD_S = 5.0  # turn rate that counts as one in the polynomials
-ARM_M = 0.1  # lever that turns an angle into a length: the robot's radius
-SCALE = np.array([1.0, 1.0, ARM_M])  # weights of x, y and heading
+ARM_M = 0.1  # length per angle: about the robot's radius
+SCALE = np.array([1.0, 1.0, ARM_M])  # factors that turn x, y and heading into lengths
 
 
 @dataclass(frozen=True, eq=False)
 class DeviationModel:
-    """Matrices of F frames in the world frame; m, rad, s.
+    """Matrices of the model in F frames, world frame; see the equation of this module.
 
     Attributes:
         velocity: A, shape (F, 3, 3).
         command: B0 and B1, shape (2, F, 3, 3).
-        delay: D, frames.
+        delay: Dead time D, frames.
     """
 
     velocity: Array
@@ -45,11 +45,17 @@ class DeviationModel:
 
     @classmethod
     def prior(cls, frames: int, delay: int, lag_s: float) -> "DeviationModel":
-        """Return the model of a robot that follows its commands with a first-order lag."""
+        """Return the model of a robot with the same first-order lag along all axes.
+
+        Args:
+            frames: Number of frames F.
+            delay: Dead time D, frames.
+            lag_s: Time constant, s.
+        """
         decay = np.exp(-PERIOD_S / lag_s) if lag_s else 0.0
         # Fraction of a frame's displacement that is due to the previous velocity
         previous = lag_s * (1 - decay) / PERIOD_S
-        weights = np.array([1 - previous, previous - decay])
+        weights = np.array([1 - previous, previous - decay])  # B0 and B1; A + B0 + B1 = 1
         return cls(
             np.tile(decay * np.eye(3), (frames, 1, 1)),
             weights[:, None, None, None] * np.tile(np.eye(3), (frames, 1, 1)),
@@ -58,13 +64,13 @@ class DeviationModel:
 
     @classmethod
     def fit(cls, reference: Array, delay: int, poses: Array, commands: Array) -> "DeviationModel":
-        """Fit the model by least squares to the differences between runs.
+        """Fit the model by least squares to the differences of n runs from another one.
 
         Args:
-            reference: Poses (F, 3) near which all runs are.
+            reference: Poses (F, 3) of the reference; all runs must be near them.
             delay: Dead time, frames.
-            poses: Differences of poses from one run, (F, n, 3).
-            commands: Differences of sent commands from that run, (F, n, 3).
+            poses: Differences of poses, (F, n, 3).
+            commands: Differences of sent commands, (F, n, 3).
         """
         # Body axes in the world frame, (F, 3, 3)
         body_axes = body_to_world(np.eye(3), reference[:, 2:]).swapaxes(1, 2)
@@ -84,7 +90,10 @@ class DeviationModel:
         return cls(in_world[0], in_world[1:], delay)
 
     def operators(self) -> tuple[sp.csc_matrix, sp.csc_matrix]:
-        """Return sparse M (6F, 6F) and N (6F, 3F) of M [dp; dv] = N du, frames stacked."""
+        """Return the model of all frames as sparse M (6F, 6F) and N (6F, 3F).
+
+        Together they state M [dp; dv] = N du. Each vector stacks its values of all frames.
+        """
         size = 3 * self.frames
 
         def shift(frames: int) -> sp.spmatrix:
@@ -98,7 +107,7 @@ class DeviationModel:
 
 
 def _polynomial_basis(reference: Array) -> Array:
-    """Return the terms of the polynomials in each frame, (F, terms)."""
+    """Return 1, speed, speed^2, smoothed acceleration and scaled turn rate of frames, (F, 5)."""
     velocity = np.gradient(reference, PERIOD_S, axis=0)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     window = np.hanning(SMOOTHING_FRAMES + 2)[1:-1]

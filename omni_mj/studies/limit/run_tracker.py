@@ -1,16 +1,16 @@
 """LQR tracking of a recorded run: its commands plus feedback on the estimated deviation.
 
-A Kalman filter on `DeviationModel` estimates how each robot deviates from its run. The heading of
-the firmware has an error c, and its gyro a bias b that is partly known. Both follow
-`omni_mj.robot.firmware`:
+A Kalman filter on `DeviationModel` estimates how each robot deviates from its run. It also
+estimates the error c of the firmware's heading and the remaining bias b of its gyro. Both follow
+`omni_mj.robot.firmware`, with its heading gain g and bias gain h:
 
     c(k+1) = c(k) + T b(k) + T g e(k),    b(k+1) = b(k) + T h e(k),
 
-where e(k) is the heading that was sent minus the heading held at that time. They act as changes of
-the command: a rotation by -c, and the turn rate -b / (1 + turn gain). So does the gain by which the
-speeds of the kinematic plant differ from commands. A linear quadratic regulator acts on the
-deviation predicted at the end of the dead time, which is optimal for a robot with dead time (D. L.
-Kleinman, IEEE Trans. Automatic Control 14, 1969).
+where e(k) is the received heading minus the firmware's heading at the time it was sent. The effects
+of c and b equal a change of the command: a rotation by -c, and the turn rate -b / (1 + turn gain).
+The kinematic plant scales commands by an unknown gain, which equals a change of the command too. A
+linear quadratic regulator acts on the deviation predicted for the end of the dead time, which is
+optimal for a robot with dead time (D. L. Kleinman, IEEE Trans. Automatic Control 14, 1969).
 """
 
 from collections.abc import Sequence
@@ -24,18 +24,20 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.studies.limit.run_deviation_model import SCALE, DeviationModel
 
-# Indices of the state. Drift is the lasting part of the velocity error.
+# Indices of the state: deviations of pose and velocity, slowly changing velocity disturbance,
+# heading error c, gyro bias b, and relative error of the kinematic plant's speeds.
 POSE, VELOCITY, DRIFT = slice(0, 3), slice(3, 6), slice(6, 9)
 HEADING_OFFSET, BIAS, GAIN = 9, 10, slice(11, 14)
 N_STATES = 14
+# States whose process noise is tuned by `FeedbackSettings.noise_factor`
 IS_TRANSLATION = np.array([1, 1, 0, 1, 1, 0, 1, 1, 0, 0, 0, 1, 1, 1], bool)
 DRIFT_DECAY = np.exp(-1 / 30.0)  # per frame
-MIN_NOISE = 2e-6  # m or rad, of the measured pose; avoids a division by zero
-# Standard deviations per frame of model errors: velocity and drift in m/s and rad/s, held heading
-# in rad. They predict the poses of tigers-v2016 on `rect` best.
+MIN_NOISE = 2e-6  # m or rad, of the measured pose; keeps its covariance invertible
+# Standard deviations per frame of model errors: velocity and drift in m/s and rad/s, heading error
+# in rad. Of all values tried, they predict the poses of tigers-v2016 on `rect` best.
 MODEL_ERROR = np.array([0, 0, 0, 5e-4, 5e-4, 2e-3, 2e-5, 2e-5, 4e-5, 2.5e-4, 0, 0, 0, 0])
-# Iterations that invert the disturbance of a command. It is at most 0.2 of the command, so the
-# remaining error is negligible.
+# Fixed-point iterations for the command whose disturbed effect is the desired one. The disturbance
+# is at most 0.2 of the command, so the remaining error is negligible.
 INVERSION_ITERATIONS = 5
 
 
@@ -43,9 +45,10 @@ class FeedbackSettings(NamedTuple):
     """Settings of filter and regulator.
 
     Attributes:
-        weight: Weight of commands relative to deviations in the regulator, s^2. Its root is about
-            the time constant of the feedback.
-        noise_factor: Factor on the filter's process noise of translation.
+        weight: Weight of commands relative to deviations in the regulator, s^2. Its square root is
+            about the time constant of the feedback.
+        noise_factor: Factor on the standard deviations of the filter's process noise of
+            translation.
     """
 
     weight: float
@@ -53,13 +56,13 @@ class FeedbackSettings(NamedTuple):
 
 
 class RunTracker:
-    """Tracker of n robots near n recorded runs, called once per frame.
+    """Tracker that keeps n robots near n recorded runs; it is called once per frame.
 
     Args:
         model: Deviation model of all runs.
-        commands: Commands of the runs, (F, n, 3), or (F, 1, 3) for one run of all robots.
+        commands: Sent commands of the runs, (F, n, 3), or (F, 1, 3) for one run of all robots.
         poses: Poses of the runs, same shape.
-        scenario: Its noise, radio and firmware are used.
+        scenario: Scenario whose noise, plant and firmware are known to the tracker.
         feedback: Settings of each robot.
     """
 
@@ -82,7 +85,7 @@ class RunTracker:
         self._commands = np.pad(commands, [(self._offset, 0), (0, 0), (0, 0)])
         self._poses = poses
         self._sent = np.zeros((self._offset + model.frames, n, 3))
-        self._headings = np.zeros((model.frames, n))  # sent minus true heading at that time
+        self._headings = np.zeros((model.frames, n))  # sent minus estimated heading
         self._frame = -1
         firmware = settings.firmware
         self._heading_gain = has_firmware * PERIOD_S * firmware.heading_gain
@@ -106,12 +109,12 @@ class RunTracker:
         self._covariance[:, GAIN, GAIN] = gain**2 * np.eye(3)
 
     def __call__(self, measured: Array, heading: Array, last_command: Array) -> Array:
-        """Return commands (n, 3), before the limits.
+        """Return the commands of the next frame, before the limits, (n, 3).
 
         Args:
-            measured: Poses reported by vision, (n, 3); NaN if there is none.
-            heading: Heading sent along with the command, (n,) rad.
-            last_command: Commands sent in the previous frame, (n, 3).
+            measured: See `predict`.
+            heading: See `predict`.
+            last_command: See `predict`.
         """
         predicted, frame = self.predict(measured, heading, last_command), self._frame
         effective_frame, now = frame + self._delay, frame + self._offset
@@ -126,12 +129,12 @@ class RunTracker:
         return command
 
     def predict(self, measured: Array, heading: Array, last_command: Array) -> Array:
-        """Advance the filter by a frame and predict the states when its command takes effect.
+        """Advance the filter by a frame, and predict the states at the end of the dead time.
 
         Args:
-            measured: Poses reported by vision, (n, 3); NaN if there is none.
-            heading: Heading sent along with the command, (n,) rad.
-            last_command: Commands sent in the previous frame, (n, 3).
+            measured: Poses reported by vision, (n, 3); NaN without a detection.
+            heading: Headings that are sent together with the commands, (n,) rad.
+            last_command: Commands sent in the previous frame, after the limits, (n, 3).
 
         Returns:
             Predicted states, (n, N_STATES).
@@ -151,7 +154,8 @@ class RunTracker:
     def _advance_filter(self) -> None:
         """Advance states and covariances by a frame.
 
-        `_next_state` is affine, so its differences are its Jacobian.
+        `_next_state` is affine in the state. So the columns of its Jacobian are differences between
+        its values for unit vectors and for zero.
         """
         states = np.zeros((1 + N_STATES, *self._state.shape))
         states[1:] = np.eye(N_STATES)[:, None]
@@ -164,41 +168,43 @@ class RunTracker:
         self._covariance = jacobian @ self._covariance @ jacobian.swapaxes(1, 2) + noise
 
     def _next_state(self, state: Array, frame: int) -> Array:
-        """Return states (..., n, N_STATES) one frame after `frame`."""
+        """Return the states (..., n, N_STATES) one frame later, from those of a frame."""
         velocity = state[..., VELOCITY] @ self._velocity_matrix[frame].T + state[..., DRIFT]
-        for lag, matrix in enumerate(self._command_matrix[:, frame]):
-            # Sent a dead time, and a dead time plus a frame, before
-            command = self._sent[frame - lag + 1]
+        for age, matrix in enumerate(self._command_matrix[:, frame]):
+            # B0 acts on the command that was sent a dead time ago, B1 on the one before.
+            command = self._sent[frame - age + 1]
             change = (
-                command - self._commands[frame - lag + 1] + self._firmware_error(state, command)
+                command - self._commands[frame - age + 1] + self._firmware_error(state, command)
             )
             velocity = velocity + change @ matrix.T
-        following = state.copy()
-        following[..., VELOCITY] = velocity
-        following[..., POSE] += PERIOD_S * velocity
-        following[..., DRIFT] *= DRIFT_DECAY
-        following[..., GAIN] *= self._gain_decay
+        next_state = state.copy()
+        next_state[..., VELOCITY] = velocity
+        next_state[..., POSE] += PERIOD_S * velocity
+        next_state[..., DRIFT] *= DRIFT_DECAY
+        next_state[..., GAIN] *= self._gain_decay
         bias = state[..., BIAS]
-        following[..., HEADING_OFFSET] += PERIOD_S * bias
+        next_state[..., HEADING_OFFSET] += PERIOD_S * bias
         if frame >= self._delay:
+            # e(k), with the heading error a dead time ago: c(k-D) = c(k) - D T b(k)
             sent = self._headings[frame - self._delay]
             error = sent - state[..., HEADING_OFFSET] + self._delay * PERIOD_S * bias
-            following[..., HEADING_OFFSET] += self._heading_gain * error
-            following[..., BIAS] += self._bias_gain * error
-        return following
+            next_state[..., HEADING_OFFSET] += self._heading_gain * error
+            next_state[..., BIAS] += self._bias_gain * error
+        return next_state
 
     def _firmware_error(self, state: Array, command: Array) -> Array:
-        """Return the command change (..., n, 3) equivalent to heading offset, bias and gain."""
+        """Return the command change (..., n, 3) with the effect of heading error, bias and gain."""
         offset, bias = state[..., HEADING_OFFSET], state[..., BIAS]
-        rotation = offset * command[:, 1], -offset * command[:, 0], -self._bias_effect * bias
-        return np.stack(rotation, axis=-1) + state[..., GAIN] * command
+        # Rotation by -c, for a small c
+        change = offset * command[:, 1], -offset * command[:, 0], -self._bias_effect * bias
+        return np.stack(change, axis=-1) + state[..., GAIN] * command
 
     def _disturbance(self, state: Array, command: Array, frame: int) -> Array:
-        """Return the command change (n, 3) equivalent to all disturbances when it takes effect."""
+        """Return the command change (n, 3) with the effect of all disturbances in a frame."""
         return self._firmware_error(state, command) + state[:, DRIFT] @ self._inverse[frame].T
 
     def _correct(self, deviation: Array) -> None:
-        """Condition states and covariances on measured deviations (n, 3) from the runs' poses."""
+        """Correct states and covariances with measured deviations (n, 3) from the runs' poses."""
         innovation = deviation - self._state[:, POSE]
         innovation[:, 2] = wrap_angle(innovation[:, 2])
         is_visible = ~np.isnan(innovation[:, 0])
@@ -216,8 +222,8 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
     """Return the process noise of the filter for a scenario's plant and settings.
 
     Returns:
-        Standard deviation of each state per frame, (N_STATES,); standard deviation of the gain by
-        which speeds differ from commands, and its decay per frame.
+        Standard deviation of each state per frame, (N_STATES,); and of the kinematic plant's
+        relative error of speeds, the standard deviation and the decay per frame.
     """
     settings, deviations = scenario.settings, np.zeros(N_STATES)
     if scenario.plant in WHEELED_PLANTS:
@@ -244,17 +250,18 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
 
 
 def regulator_gains(model: DeviationModel, weight: float) -> Array:
-    """Return the gains of the time-varying linear quadratic regulator.
+    """Compute the gains of the time-varying linear quadratic regulator.
 
-    They minimize the sum over frames of |dp|^2 + weight |du|^2, with angles times the robot's
-    radius. The Riccati recursion runs backward from the last frame.
+    They minimize the sum over frames of |dp|^2 + weight |du|^2, with angles times `ARM_M`. The
+    Riccati recursion runs backward from the last frame.
 
     Args:
         model: Deviation model, with F frames.
         weight: Weight of commands, s^2.
 
     Returns:
-        K (F, 3, 9) of du(k) = -K(k) [dp, dv, du(k-1)], at the time when du(k) takes effect.
+        K (F, 3, 9) of du(k) = -K(k) [dp, dv, du(k-1)]. Here dp and dv are the deviations in the
+        frame in which du(k) takes effect.
     """
     state_cost, command_cost = np.zeros((9, 9)), weight * np.diag(SCALE**2)
     state_cost[POSE, POSE] = np.diag(SCALE**2)
