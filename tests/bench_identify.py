@@ -4,8 +4,8 @@
     python tests/bench_identify.py measured FOLDER
 
 `coverage` counts how often 95 % intervals contain the true value. Each log has a robot of `ROBOTS`
-with random creep, drag, loop gain and latency, and half of the moves of the scenario identify
-(20 s). The start robot's file differs in creep, drag, mass and latency; its radius is as accurate
+with random creep, drag, loop gain and dead time, and half of the moves of the scenario identify
+(20 s). The start robot's file differs in creep, drag, mass and dead time; its radius is as accurate
 as the program assumes. Logs in --folder are reused.
 
 `measured` identifies the robot omni3 of sousarbarb/optiodom (MIT; R. B. Sousa et al., J. Intell.
@@ -138,7 +138,7 @@ def true_numbers(settings: Settings) -> dict[str, float]:
         "wheels.roller_friction": settings.drivetrain.roller_friction,
         "wheels.radius_m": ROLLING_RADIUS * settings.wheels.radius_m,
         "wheels.arm_m": settings.wheels.arm_m,
-        "commands.latency_s": settings.radio.delay_frames * PERIOD_S - half_step,
+        "commands.dead_time_s": settings.radio.delay_frames * PERIOD_S - half_step,
     }
     parameters |= dict.fromkeys(
         ("wheels.clock_offset_s", "wheels.slope_x_rad", "wheels.slope_y_rad"), 0.0

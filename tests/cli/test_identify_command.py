@@ -21,7 +21,7 @@ def test_a_log_gives_parameters_a_report_and_a_robot_file(
 ) -> None:
     assert invoke("identify", log, "--out", tmp_path / "out") == 0
     assert "motion by commands: residuals of positions" in capsys.readouterr().out
-    late = strict(tmp_path / "out" / "identify.json")["estimates"]["commands.latency_s"]
+    late = strict(tmp_path / "out" / "identify.json")["estimates"]["commands.dead_time_s"]
     assert late["value"] == pytest.approx(0.1, abs=0.005)
     low, high = late["interval_95"]
     assert low < late["value"] < high
@@ -53,14 +53,14 @@ def test_an_invalid_log_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_gaps_and_lines_without_a_pose_are_skipped(log: Path, tmp_path: Path) -> None:
-    """Half a second and one pose in ten are missing: same latency within five standard errors."""
+    """Half a second and one pose in ten are missing: dead time within five standard errors."""
     columns = make_log(wheels=False)
     lost = np.random.default_rng(0).random(len(columns["time_s"])) < 0.1
     columns |= {name: np.where(lost, np.nan, columns[name]) for name in POSE}
     is_kept = (columns["time_s"] < 3.1) | (columns["time_s"] > 3.6)
     write_csv(log, {name: values[is_kept] for name, values in columns.items()})
     assert invoke("identify", log, "--out", tmp_path / "out", "--quiet") == 0
-    late = strict(tmp_path / "out" / "identify.json")["estimates"]["commands.latency_s"]
+    late = strict(tmp_path / "out" / "identify.json")["estimates"]["commands.dead_time_s"]
     assert late["value"] == pytest.approx(0.1, abs=5 * late["standard_error"])
 
 

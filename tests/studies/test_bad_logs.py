@@ -11,7 +11,7 @@ import pytest
 from benches.studies import read_logs
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_logs import COMMAND, CREEP_STIFFNESS, LATENCY_S, POSE, Columns, make_log
+from synthetic_logs import COMMAND, CREEP_STIFFNESS, DEAD_TIME_S, POSE, Columns, make_log
 
 import omni_mj as om
 
@@ -76,11 +76,11 @@ def test_csv_dialects_give_the_same_numbers(
 
 
 def test_ten_lines_per_second_suffice(tmp_path: Path) -> None:
-    """Latency and creep stiffness are within five standard errors."""
+    """Dead time and creep stiffness are within five standard errors."""
     result = om.identify(
         [write_parquet(tmp_path / "log.parquet", make_log(9.3, 10, speed=1.6, wheels=False))]
     )
-    for name, value in (("latency_s", LATENCY_S), ("creep_stiffness", CREEP_STIFFNESS)):
+    for name, value in (("dead_time_s", DEAD_TIME_S), ("creep_stiffness", CREEP_STIFFNESS)):
         estimate = result[f"commands.{name}"]
         assert estimate.value == pytest.approx(value, abs=5 * estimate.standard_error)
 

@@ -9,7 +9,7 @@ import pytest
 from synthetic_logs import (
     COMMAND,
     CREEP_STIFFNESS,
-    LATENCY_S,
+    DEAD_TIME_S,
     POSE,
     SETTINGS,
     WHEELS,
@@ -35,10 +35,10 @@ def identify_log(columns: Columns, folder: Path) -> IdentificationResult:
 
 @pytest.mark.parametrize("is_other_robot", [False, True], ids=["default", "other"])
 def test_parameters_are_identified_from_a_log(is_other_robot: bool, tmp_path: Path) -> None:
-    """Within four standard errors; creep stiffness within 10 %, latency within 0.3 frames."""
+    """Within four standard errors; creep stiffness within 10 %, dead time within 0.3 frames."""
     result = identify_log(make_log(**OTHER if is_other_robot else {}), tmp_path)
-    latency, stiffness, slope = (
-        (5 / 60, 3.0, 0.0314) if is_other_robot else (LATENCY_S, CREEP_STIFFNESS, 0.0)
+    dead_time, stiffness, slope = (
+        (5 / 60, 3.0, 0.0314) if is_other_robot else (DEAD_TIME_S, CREEP_STIFFNESS, 0.0)
     )
     assert not result.misfits
     for name, value in (
@@ -47,11 +47,11 @@ def test_parameters_are_identified_from_a_log(is_other_robot: bool, tmp_path: Pa
         ("wheels.clock_offset_s", 0.0),
         ("wheels.slope_x_rad", slope * np.cos(np.radians(20))),
         ("wheels.slope_y_rad", slope * np.sin(np.radians(20))),
-        ("commands.latency_s", latency),
+        ("commands.dead_time_s", dead_time),
     ):
         assert abs(result[name].value - value) < 4 * result[name].standard_error, name
     assert result["wheels.creep_stiffness"].value == pytest.approx(stiffness, rel=0.1)
-    assert result["commands.latency_s"].value == pytest.approx(latency, abs=0.3 / 60)
+    assert result["commands.dead_time_s"].value == pytest.approx(dead_time, abs=0.3 / 60)
     lag = om.load_robot("tigers-v2016").facts["lag_forward_s"]
     assert result["commands.lag_forward_s"].value == pytest.approx(lag, abs=0.005)
 

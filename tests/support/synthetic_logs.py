@@ -13,7 +13,7 @@ POSE = ("x_m", "y_m", "heading_rad")
 COMMAND = ("vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s")
 WHEELS = ("wheel_1_rad", "wheel_2_rad", "wheel_3_rad", "wheel_4_rad")
 SETTINGS = om.load_scenario("rect").settings
-LATENCY_S, CREEP_STIFFNESS = 0.1, SETTINGS.drivetrain.creep_stiffness
+DEAD_TIME_S, CREEP_STIFFNESS = 0.1, SETTINGS.drivetrain.creep_stiffness
 Columns = dict[str, np.ndarray]
 
 

@@ -12,7 +12,7 @@ from omni_control.traction import GRAVITY
 from omni_mj.config import nominal_model
 from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.studies.identify.parameter_fit import RANGES, Fit
-from omni_mj.studies.identify.slip_dynamics import LATENCY, RobotDynamics
+from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, RobotDynamics
 
 # Excitation that identifies creep: speed, acceleration at what speed, and duration of each
 FAST_M_S, ACCELERATION_M_S2, MOVING_M_S, MIN_DURATION_S = 1.0, 1.0, 0.5, 0.2
@@ -45,7 +45,7 @@ class ParameterInfo(NamedTuple):
 
 
 PARAMETERS = {
-    LATENCY: ParameterInfo("latency of the loop", "s", "", 0.5 * PERIOD_S, 8e-4),
+    DEAD_TIME: ParameterInfo("dead time of the loop", "s", "", 0.5 * PERIOD_S, 8e-4),
     "clock_offset_s": ParameterInfo("clock offset of poses", "s", "", 0.5 * PERIOD_S, 4.5e-4),
     "creep_stiffness": ParameterInfo("creep stiffness C", "", "creep", 0.25, 0.014, relative=True),
     "rolling_resistance": ParameterInfo("rolling resistance p", "", "creep", 0.02, 7e-3),
@@ -213,7 +213,10 @@ def derive_parameters(
     }
     slip = nominal_model.compute_creep_law(settings.model_copy(update=sections))
     (forward, sideways, turning), drag = map(float, slip.gain), slip.drag / settings.body.mass_kg
-    derived = {"clock_offset_s" if by_wheels else LATENCY: p[LATENCY], "creep_stiffness": stiffness}
+    derived = {
+        "clock_offset_s" if by_wheels else DEAD_TIME: p[DEAD_TIME],
+        "creep_stiffness": stiffness,
+    }
     for name in ("rolling_resistance", "roller_friction", "heading_offset_rad"):
         derived[name] = p[name]
     if by_wheels:

@@ -27,7 +27,7 @@ from omni_mj.studies.identify.derived_parameters import (
 from omni_mj.studies.identify.log_segments import cut_segments
 from omni_mj.studies.identify.parameter_fit import Fit, fit_parameters
 from omni_mj.studies.identify.robot_logs import RobotLog, read_logs
-from omni_mj.studies.identify.slip_dynamics import LATENCY, Parameters, RobotDynamics
+from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, Parameters, RobotDynamics
 
 # A radius that differs from the file's by more than both is taken from the data
 MAX_RADIUS_DEVIATION, MAX_RADIUS_SIGMAS = 0.025, 3.0
@@ -42,10 +42,10 @@ CONTACT_PARAMETERS = (
 )
 # Parameters that are always fitted
 FREE_PARAMETERS = {
-    "wheels": (LATENCY, "scale", "arm", "heading_offset_rad"),
-    "commands": (LATENCY, "scale", "compliance_s", "dry_friction_m_s", "heading_offset_rad"),
+    "wheels": (DEAD_TIME, "scale", "arm", "heading_offset_rad"),
+    "commands": (DEAD_TIME, "scale", "compliance_s", "dry_friction_m_s", "heading_offset_rad"),
 }
-MIN_LATENCY_S = 0.01  # at the start of a fit to commands
+MIN_DEAD_TIME_S = 0.01  # at the start of a fit to commands
 
 
 @dataclass
@@ -68,7 +68,7 @@ class IdentificationResult:
     remarks: list[str] = field(default_factory=list)
 
     def __getitem__(self, name: str) -> Estimate:
-        """Return an estimate by name, such as "commands.latency_s"."""
+        """Return an estimate by name, such as "commands.dead_time_s"."""
         return self.estimates[name]
 
     @property
@@ -115,7 +115,7 @@ class IdentificationResult:
             for source, fit in self.fits.items()
         }
         return {
-            "format": 6,
+            "format": 7,
             "robot": self.start.robot,
             "logs": self.logs,
             "remarks": self.remarks,
@@ -183,10 +183,10 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
         )
         return
     start = dynamics.nominal_parameters(settings, by_wheels)
-    start[LATENCY] = float(np.median(delays))
+    start[DEAD_TIME] = float(np.median(delays))
     if not by_wheels:
         lag = 2 * start["compliance_s"] / len(dynamics.rim_directions)
-        start[LATENCY] = max(start[LATENCY] - lag, MIN_LATENCY_S)
+        start[DEAD_TIME] = max(start[DEAD_TIME] - lag, MIN_DEAD_TIME_S)
     free = list(FREE_PARAMETERS[source])
     if not by_wheels and "turning" not in missing_excitation:
         free.append("turn_rate_gain")

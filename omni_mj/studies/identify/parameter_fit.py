@@ -21,7 +21,7 @@ from scipy.stats import norm
 from omni_control.kinematics import Array
 from omni_mj.studies.identify.log_segments import MIN_SEGMENTS, LogSegments
 from omni_mj.studies.identify.slip_dynamics import (
-    LATENCY,
+    DEAD_TIME,
     Parameters,
     RobotDynamics,
     simulate_segments,
@@ -56,7 +56,7 @@ RANGES = {
     "turn_rate_gain": ParameterRange(0.3, 1e-2, -0.5, 10.0),
     "slope_x_m_s2": ParameterRange(0.1, 1e-2, -2.0, 2.0),
     "slope_y_m_s2": ParameterRange(0.1, 1e-2, -2.0, 2.0),
-    LATENCY: ParameterRange(0.01, 1e-4, -0.5, 0.6),
+    DEAD_TIME: ParameterRange(0.01, 1e-4, -0.5, 0.6),
 }
 INITIAL_STEPS = 0.02 * np.eye(4)  # finite differences of heading and twist: rad, m/s and rad/s
 # Singular values of the initial states, relative to the largest, that are treated as zero

@@ -15,7 +15,7 @@ FIELDS = {
     "wheels.creep_stiffness": ("drivetrain", "creep_stiffness"),
     "wheels.rolling_resistance": ("carpet", "rolling_resistance"),
     "wheels.roller_friction": ("drivetrain", "roller_friction"),
-    "commands.latency_s": ("radio", "delay_frames"),
+    "commands.dead_time_s": ("radio", "delay_frames"),
     "commands.lag_forward_s": ("control", "assumed_lag_s"),
     "commands.friction_forward_m_s": ("control", "assumed_friction_loss_m_s"),
     "commands.creep_forward_s2_m": ("control", "assumed_creep_s2_m"),
@@ -54,7 +54,7 @@ def list_changes(estimates: Mapping[str, Estimate]) -> Changes:
 def _format_change(name: str, estimate: Estimate) -> str:
     """Return the value as TOML, with estimate and standard error in a comment."""
     value, size, unit = f"{float(f'{estimate.value:.5g}')}", 1.0, estimate.unit
-    if name == "commands.latency_s":
+    if name == "commands.dead_time_s":
         value, size, unit = str(round(estimate.value / PERIOD_S)), PERIOD_S, "frames"
     estimate_text = f"{estimate.value / size:.4g} +- {estimate.standard_error / size:.2g}"
     estimate_text = f"{estimate_text} {unit}".rstrip()

@@ -1,24 +1,28 @@
 r"""Motion of a robot on creeping wheels, for many segments and parameter sets at once.
 
-Wheel i has the rim direction d_i = (cosines, arm) and the normal force N_i, and travels at |v_i|
-over the carpet. Its rim speed r_i differs from the ground speed d_i nu in proportion to its
-traction f_i:
+Let nu be the body twist and M the mass matrix. Wheel i has the rim direction d_i = (cosines, arm)
+and the normal force N_i, and its center moves at the speed |v_i| over the carpet. The rim speed r_i
+exceeds the speed d_i nu of the center along the rim. The difference, which is the slip, is
+proportional to the traction f_i:
 
     r_i - d_i nu = (z + |v_i| / (C N_i)) f_i,        |f_i| <= sqrt(mu^2 - b^2) N_i
-    M nu' = sum f_i d_i - drag + slope,              nu: body twist
+    M nu' = sum f_i d_i - drag + slope
 
-C is the creep stiffness. The drag is that of `omni_mj.robot.wheel_carpet_forces`: rolling
-resistance p N_i against the travel of a wheel, roller bearings b N_i along its axle, and three
-terms that grow with speed (see `RobotDynamics`). Normal forces change with the acceleration,
-because the center of mass is above the floor. If encoders are the input, r_i is the measured rim
-speed times a scale, and z is 0. If commands are the input, r_i is the commanded rim speed and 1/z
-the stiffness of the wheel loops. Then along an axis
+C is the creep stiffness, z the compliance of the wheel loops, mu the friction coefficient. The drag
+is that of `omni_mj.robot.wheel_carpet_forces`: rolling resistance p N_i against the motion of a
+wheel, roller bearings b N_i along its axle, and three terms that grow with speed (see
+`RobotDynamics`). Normal forces change with the acceleration, because the center of mass is above
+the floor. A slope of the carpet is a constant acceleration in the world frame.
+
+The inputs u are wheel speeds or commands. For wheel speeds, r_i is the rim speed by the encoder
+times a scale, and z is 0. For commands, r_i is the commanded rim speed, and z is not 0. Then the
+velocity v along an axis follows
 
     (tau + T0 |v|) (v' + drag / m) = K u - v,
     T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.
 
-Turn rates pass a loop with the gyro, (1 + k) u - k w. All forces are divided by the mass. A slope
-of the carpet is a constant acceleration in the world frame.
+A gyro loop with the gain k turns the commanded turn rate u into (1 + k) u - k w, with the turn rate
+w of the robot. In the code, masses and forces are divided by the robot's mass.
 """
 
 from collections.abc import Mapping
@@ -35,16 +39,18 @@ from omni_mj.robot.wheel_carpet_forces import AT_REST_M_S
 from omni_mj.studies.identify.log_segments import LogSegments
 
 Parameters = dict[str, float]
-LATENCY = "latency_s"  # name of the parameter: delay of the inputs
-ROLLER_KG = 0.0015  # models/ssl_robot.xml; rollers turn with the rims, 1 to 2 % of the robot's mass
-DRY_FRICTION_M_S = 0.05  # wheel speed above which the dry friction of wheel and motor is complete
-# Two rollers touch at each handover; rollers spin up before they carry; rubber is compressed.
-# Measured on the plant without dry drag: three robots, 0.6 to 1.9 m/s, three directions, within
-# 0.04 N.
+DEAD_TIME = "dead_time_s"  # name of the parameter
+ROLLER_KG = 0.0015  # of models/ssl_robot.xml; all rollers are 1 to 2 % of the robot's mass
+DRY_FRICTION_M_S = 0.05  # rim speed below which dry friction fades linearly to zero
+# Factors on the drag of rollers, because two of them touch at each handover and because they spin
+# up before they carry a load; and drag of compressed rubber over normal force and rim speed, s/m.
+# Fitted to three robots on the plant without rolling resistance and roller friction, 0.6 to 1.9 m/s
+# in three directions, within 0.04 N.
 HANDOVER_FACTOR, SPIN_UP_FACTOR, COMPRESSION_S_M = 1.5, 1.1, 0.004
-MIN_COMPLIANCE_S = 1e-4  # least compliance z m of a wheel
-MAX_LOOP_DELAY = 0.15  # relative to the compliance of a wheel loop; the mass stays positive
-MIN_LOAD = 0.02 * GRAVITY  # least normal force of a wheel over the robot's mass
+MIN_COMPLIANCE_S = 1e-4  # smallest compliance z m of a wheel
+# Largest delay of a wheel loop relative to its compliance. It keeps the effective mass positive.
+MAX_LOOP_DELAY = 0.15
+MIN_LOAD = 0.02 * GRAVITY  # smallest normal force of a wheel over the robot's mass, m/s^2
 STEP_S = 0.01  # longest integration step
 
 
@@ -53,20 +59,20 @@ class RobotDynamics:
     """Known properties of a robot with W wheels. Masses and forces are divided by its mass.
 
     Attributes:
-        rim_directions: Directions of rims, (W, 3).
-        axle_directions: Directions of axles, (W, 3).
+        rim_directions: Rows d_i that map a body twist to the speed along each rim, (W, 3).
+        axle_directions: Rows that map a body twist to the speed along each axle, (W, 3).
         wheel_radius: Radius of the wheels, m.
-        com_x: Center of mass in front of the center of the wheels, m.
-        mass_matrix: Matrix (3, 3) for the derivative of a twist.
+        com_x: Position of the center of mass in front of the center of the wheels, m.
+        mass_matrix: Matrix M (3, 3) of body and rollers.
         loads: Normal forces at rest, (W,) m/s^2.
-        load_transfer: Normal force per acceleration, (2, W).
-        roller_viscosity: Drag of a wheel's rollers over its speed along the axle, 1/s.
-        spin_up_drag: Drag of rollers that spin up, over that speed and the rim speed, 1/m.
+        load_transfer: Change of normal forces per acceleration forward and sideways, (2, W).
+        roller_viscosity: Drag of a wheel's rollers per speed along the axle, 1/s.
+        spin_up_drag: Drag of rollers that spin up, per speed along the axle and rim speed, 1/m.
         commutation: Relative increase of a motor's resistance per rim speed, s/m.
-        rotor_inertia: Inertia of a motor, as a mass at the rim.
+        rotor_inertia: Inertia of a motor as a mass at the rim, without unit.
         command_wait: Mean time until the wheel loops use a new command, s.
-        loop_delay: Delay of the wheel speed in the wheel loops, times their fraction of the
-            stiffness, s.
+        loop_delay: Delay of the measured wheel speed, times the loop's contribution to its total
+            stiffness (the remainder is back-EMF), s.
         gyro_delay: Delay of the turn rate in the gyro loop, s.
     """
 
@@ -128,26 +134,26 @@ class RobotDynamics:
         )
 
     def nominal_parameters(self, settings: Settings, by_wheels: bool) -> Parameters:
-        """Return the parameters of the settings.
+        """Return the parameters of the model for the settings of a robot.
 
         Args:
             settings: Settings of the robot.
-            by_wheels: Whether wheel speeds are the input, otherwise commands.
+            by_wheels: Whether the inputs are wheel speeds, otherwise commands.
 
         Returns:
-            latency_s: Delay of the inputs.
-            scale, arm: Effective over nominal rim speed, and arm.
-            heading_offset_rad: Angle from the measured heading to the robot's axes.
+            dead_time_s: Delay of the inputs, s.
+            scale, arm: Ratios of effective to nominal rim speed, and of effective to nominal arm.
+            heading_offset_rad: Angle from the measured heading to the robot's x-axis.
             creep_compliance: 1 / C.
             rolling_resistance, roller_friction: p and b.
             slope_x_m_s2, slope_y_m_s2: Acceleration by the slope of the carpet, world frame.
             friction: Friction coefficient mu.
             compliance_s: Compliance z m of the wheel loops; 0 for wheel speeds.
-            dry_friction_m_s: Speed that dry friction costs a wheel loop.
-            turn_rate_gain: Gain k of the gyro loop.
+            dry_friction_m_s: Rim speed lost by dry friction; 0 for wheel speeds.
+            turn_rate_gain: Gain k of the gyro loop; 0 for wheel speeds.
         """
         nominal = {
-            LATENCY: 0.0,
+            DEAD_TIME: 0.0,
             "scale": 1.0,
             "arm": 1.0,
             "heading_offset_rad": 0.0,
@@ -176,19 +182,20 @@ def simulate_segments(
 ) -> Array:
     """Simulate S segments with P parameter sets.
 
-    Each step uses its mean input and the coefficients at its middle. It is solved by the (0, 2)
-    Pade approximant of the exponential: second order, and stable for any stiffness.
+    In each step, the input is its mean and the coefficients are those of the middle of the step.
+    The step is then solved with the (0, 2) Pade approximant of the exponential, which is of second
+    order and stable for any stiffness.
 
     Args:
         dynamics: The robot.
         segments: Inputs and times.
-        p: Parameters by name, (P, 1); see `RobotDynamics.nominal_parameters`.
+        p: Mapping from name to parameter, (P, 1); see `RobotDynamics.nominal_parameters`.
         initial: Pose, twist and acceleration at the first sample, world frame, (S, P, 3, 3).
 
     Returns:
         Poses at all samples, world frame, (S, P, m, 3).
     """
-    delay, heading_offset = p[LATENCY][:, 0], p["heading_offset_rad"][:, 0]
+    delay, heading_offset = p[DEAD_TIME][:, 0], p["heading_offset_rad"][:, 0]
     slope = np.concatenate([p["slope_x_m_s2"], p["slope_y_m_s2"], np.zeros_like(p["friction"])], -1)
     model = _SlipModel(dynamics, segments, p)
     substeps = max(1, int(np.ceil(segments.period / STEP_S)))
@@ -220,12 +227,12 @@ def simulate_segments(
 
 
 class _SlipModel:
-    """Equation of motion M nu' = force - resistance nu of P parameter sets.
+    """Equation of motion of P parameter sets, linearized to M nu' = force - resistance nu.
 
     Args:
         dynamics: The robot.
         segments: S segments.
-        p: Parameters by name, (P, 1).
+        p: Mapping from name to parameter, (P, 1).
     """
 
     def __init__(
@@ -241,14 +248,15 @@ class _SlipModel:
     def linearize(
         self, inputs: Array, heading: Array, twist: Array, acceleration: Array, slope_force: Array
     ) -> tuple[Array, Array, Array]:
-        """Return mass (..., 3, 3), resistance (..., 3, 3) and force (S, P, 3) at a twist.
+        """Return mass (..., 3, 3), resistance (..., 3, 3) and force (S, P, 3) at a body twist.
 
         Args:
             inputs: Wheel speeds or commands, (S, P, K).
             heading: Measured heading, (S, P).
             twist: Body twist, (S, P, 3).
-            acceleration: Body acceleration, which shifts the normal forces, (S, P, 3).
-            slope_force: Force of the slope, body frame, (S, P, 3).
+            acceleration: Acceleration in the previous step, body frame, which changes the normal
+                forces, (S, P, 3).
+            slope_force: Force by the slope, body frame, (S, P, 3).
         """
         dynamics, p, rims = self._dynamics, self._p, self._rim_directions
         rolling_speed, axle_speed = _apply(rims, twist), twist @ dynamics.axle_directions.T
@@ -263,6 +271,7 @@ class _SlipModel:
             compliance = compliance + loop_compliance
         stiffness = 1 / np.maximum(compliance, MIN_COMPLIANCE_S)
         slip_speed = np.maximum(np.abs(rim_speed - rolling_speed), 1e-9)
+        # A sliding wheel has the stiffness of a secant through the friction limit.
         stiffness = np.minimum(stiffness, self._friction * load / slip_speed)
         rolling = p["rolling_resistance"] * load / np.maximum(speed, AT_REST_M_S)
         bearing = p["roller_friction"] * load / np.maximum(np.abs(axle_speed), AT_REST_M_S)
@@ -302,7 +311,7 @@ class _SlipModel:
         return p["scale"] * rim - friction, compliance
 
     def _effective_mass(self, stiffness: Array, loop_compliance: Array, gyro: Array) -> Array:
-        """Return the mass with rotors that turn with the rims, and with delays of the loops."""
+        """Return the mass matrix with the inertia of rotors and the delays of the loops."""
         dynamics = self._dynamics
         delay = np.minimum(dynamics.loop_delay, MAX_LOOP_DELAY * loop_compliance)
         inertia = stiffness * (dynamics.rotor_inertia * loop_compliance - delay)
@@ -317,14 +326,14 @@ def _integrate_step(
     """Integrate mass nu' = force - resistance nu over steps of duration h.
 
     Args:
-        mass: (..., 3, 3).
-        resistance: (..., 3, 3).
-        force: (..., 3).
-        start: Twist at the start, (..., 3).
-        h: Durations, (S, 1, 1) s.
+        mass: Mass matrices, (..., 3, 3).
+        resistance: Resistance matrices, (..., 3, 3).
+        force: Forces, (..., 3).
+        start: Body twists at the start of the step, (..., 3).
+        h: Durations of the step, (S, 1, 1) s.
 
     Returns:
-        Twist at the end, and displacement, body frame, (..., 3).
+        Body twists at the end, and displacements, body frame, (..., 3).
     """
     unit = np.eye(3)
     x = h[..., None] * np.linalg.solve(mass, resistance)
