@@ -1,4 +1,7 @@
-"""Parameters of the robot with intervals, or the reason why the data do not identify them."""
+"""Derive a robot's parameters from a fit, with 95 % intervals.
+
+A parameter that the data do not determine is marked as not identified, with the reason.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,11 +17,12 @@ from omni_mj.config.settings import PERIOD_S, Settings
 from omni_mj.studies.identify.parameter_fit import RANGES, Fit
 from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, RobotDynamics
 
-# Excitation that identifies creep: speed, acceleration at what speed, and duration of each
+# To identify creep, a log needs the speed FAST_M_S for MIN_DURATION_S, and the acceleration
+# ACCELERATION_M_S2 above the speed MOVING_M_S for MIN_DURATION_S.
 FAST_M_S, ACCELERATION_M_S2, MOVING_M_S, MIN_DURATION_S = 1.0, 1.0, 0.5, 0.2
-# Root mean square of motion along an axis that identifies its gain
+# To identify the gain of an axis, the velocity along it needs this root mean square.
 MIN_RMS_M_S, MIN_RMS_RAD_S = 0.1, 0.3
-# Residuals over noise beyond which nothing is identified
+# Nothing is identified from a misfit whose residuals exceed this multiple of the noise.
 MAX_NOISE_RATIO_BY_WHEELS, MAX_NOISE_RATIO_BY_COMMANDS = 10.0, 2.0
 AXES = ("forward", "sideways")
 
@@ -27,12 +31,11 @@ class ParameterInfo(NamedTuple):
     """Properties of a derived parameter.
 
     Attributes:
-        title: Meaning.
+        title: Meaning, for tables.
         unit: Unit, empty for a ratio.
-        excitation: Excitations that it needs: forward, sideways, turning, creep; see
-            `find_missing_excitation`.
-        limit: Half width of the 95 % interval beyond which it is not identified.
-        model_error: Standard error of the model itself, by `tests/bench_identify.py`.
+        excitation: Required excitations, separated by spaces; see `find_missing_excitation`.
+        limit: Largest half width of the 95 % interval of an identified parameter.
+        model_error: Standard error caused by the model, measured by `tests/bench_identify.py`.
         relative: Whether `limit` and `model_error` are relative to the value.
     """
 
@@ -78,15 +81,15 @@ class Estimate:
     """Estimate of a parameter of the robot.
 
     Attributes:
-        name: Name of the parameter.
-        title: Its meaning.
-        unit: Its unit.
-        source: "commands" or "wheels".
+        name: Name of the parameter, a key of `PARAMETERS`.
+        title: Meaning, for tables.
+        unit: Unit, empty for a ratio.
+        source: Inputs of the fit: "commands" or "wheels".
         value: Estimated value.
-        standard_error: Its standard error.
+        standard_error: Standard error of the value.
         low: Lower end of the 95 % interval.
-        high: Upper end.
-        why_not: Reason why the data do not identify it, or None.
+        high: Upper end of the 95 % interval.
+        why_not: Reason why the data do not identify the parameter, or None.
     """
 
     name: str
@@ -101,11 +104,11 @@ class Estimate:
 
     @property
     def is_identified(self) -> bool:
-        """Whether the data identify it."""
+        """Whether the data identify the parameter."""
         return self.why_not is None
 
     def report(self) -> dict[str, Any]:
-        """Return plain values for JSON, without numbers if it is not identified."""
+        """Return plain values for JSON; without numbers if the parameter is not identified."""
         head = {"title": self.title, "unit": self.unit, "source": self.source, "value": self.value}
         if not self.is_identified:
             return head | {"value": None, "not_identifiable": self.why_not}
@@ -116,14 +119,15 @@ class Estimate:
 
 
 def find_missing_excitation(twists: Sequence[Array], period: float) -> dict[str, str]:
-    """Return the excitations that a motion lacks, each with the reason.
+    """Return the excitations that the motion in all logs lacks.
 
     Args:
         twists: Twists of each log, body frame, (F, 3).
-        period: Period of the lines, s.
+        period: Time between lines of the logs, s.
 
     Returns:
-        Reasons by excitation: "motion", "creep", "forward", "sideways" and "turning".
+        Mapping from a missing excitation to the reason. Excitations are "motion", "creep",
+        "forward", "sideways" and "turning".
     """
     window = max(1, round(0.1 / period))
     rms = np.sqrt((np.concatenate(twists) ** 2).mean(0))
@@ -140,7 +144,7 @@ def find_missing_excitation(twists: Sequence[Array], period: float) -> dict[str,
         present = [f"{np.quantile(values, 0.99):.2f}" for values in (speed, acceleration)]
         reasons["creep"] = (
             f"it needs {FAST_M_S:g} m/s and {ACCELERATION_M_S2:g} m/s^2; "
-            f"these data hold {present[0]} m/s and {present[1]} m/s^2"
+            f"these data reach {present[0]} m/s and {present[1]} m/s^2"
         )
     for i, axis in enumerate(AXES):
         if rms[i] < MIN_RMS_M_S:
@@ -153,12 +157,14 @@ def find_missing_excitation(twists: Sequence[Array], period: float) -> dict[str,
 def estimate_parameters(
     fit: Fit, settings: Settings, missing_excitation: Mapping[str, str]
 ) -> Iterator[Estimate]:
-    """Yield all parameters that depend on the fitted ones, with errors by the delta method.
+    """Yield an estimate of each parameter that depends on fitted ones.
+
+    Standard errors follow from the covariance of the fit by the delta method.
 
     Args:
-        fit: The fit.
+        fit: Fit of the slip dynamics.
         settings: Settings of the start robot.
-        missing_excitation: Missing excitations; see `find_missing_excitation`.
+        missing_excitation: Missing excitations and reasons; see `find_missing_excitation`.
     """
     by_wheels, free = fit.segments.are_wheels, fit.free
 
@@ -188,18 +194,18 @@ def estimate_parameters(
 def derive_parameters(
     dynamics: RobotDynamics, settings: Settings, p: Mapping[str, float], by_wheels: bool
 ) -> dict[str, float]:
-    """Return the parameters of a robot whose dynamics have the parameters p.
+    """Return the values of `PARAMETERS` for parameters p of the slip dynamics.
 
-    `omni_mj.config.nominal_model` has the equations.
+    The equations are those of `omni_mj.config.nominal_model`.
 
     Args:
-        dynamics: The robot.
+        dynamics: Known properties of the robot.
         settings: Settings of the start robot.
-        p: Parameters by name; see `RobotDynamics.nominal_parameters`.
-        by_wheels: Whether wheel speeds were the input, otherwise commands.
+        p: Mapping from name to parameter; see `RobotDynamics.nominal_parameters`.
+        by_wheels: Whether the inputs were wheel speeds, otherwise commands.
 
     Returns:
-        Values by the names of `PARAMETERS`.
+        Mapping from keys of `PARAMETERS` to values; only those that the inputs determine.
     """
     scale, stiffness = p["scale"], 1 / max(p["creep_compliance"], 1e-9)
     arm = settings.wheels.arm_m * p["arm"]
@@ -248,14 +254,14 @@ def derive_parameters(
 def _why_not_identified(
     fit: Fit, name: str, value: float, half: float, missing_excitation: Mapping[str, str]
 ) -> str | None:
-    """Return the reason why a parameter is not identified, or None.
+    """Return the reason why a parameter is not identified, or None if it is.
 
     Args:
-        fit: The fit.
+        fit: Fit of the slip dynamics.
         name: Name of the parameter.
-        value: Its value.
-        half: Half width of its 95 % interval.
-        missing_excitation: Missing excitations.
+        value: Value of the parameter.
+        half: Half width of the 95 % interval.
+        missing_excitation: Missing excitations and reasons; see `find_missing_excitation`.
     """
     info = PARAMETERS[name]
     for excitation in info.excitation.split():
@@ -267,7 +273,7 @@ def _why_not_identified(
     if name in fit.at_bound or is_creep_at_bound:
         return f"the fit stopped at a bound, {value:.3g} {info.unit}".rstrip()
     limit = info.limit * (abs(value) if info.relative else 1.0)
-    if not half <= limit:
+    if not half <= limit:  # also if it is NaN
         width = f"its 95 % interval is +-{half:.2g} {info.unit}".rstrip()
         return f"{width}, wider than +-{limit:.2g}"
     return None

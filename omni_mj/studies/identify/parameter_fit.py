@@ -1,12 +1,14 @@
 """Least-squares fit of the slip dynamics to segments with free initial states.
 
-Poses predicted through each segment are compared with measured ones. Headings are weighted by the
-ratio of the noises. The initial pose and twist of each segment are eliminated by variable
-projection with Kaufman's Jacobian (Kaufman 1975, BIT 15, 49), so that scipy's `least_squares`
-solves for the parameters only. Residuals of a model error persist for more than one sample. So
-standard errors are those of sums over whole segments (Liang and Zeger 1986, Biometrika 73, 13), or
-those of white noise where these are larger. Intervals are Student's. If the model lacks a property
-of the robot, standard errors grow by the ratio of persistent residuals to their allowed size.
+Poses predicted through each segment are compared with measured ones. Residuals of headings are
+weighted by the ratio of position noise to heading noise. The initial pose and twist of each segment
+are eliminated by variable projection with Kaufman's Jacobian (Kaufman 1975, BIT 15, 49). So scipy's
+`least_squares` solves for the parameters only.
+
+Residuals caused by an error of the model are correlated over several samples. So standard errors
+are clustered by segment (Liang and Zeger 1986, Biometrika 73, 13), or those of white noise where
+these are larger. Intervals use Student's t. If the model lacks a property of the robot, standard
+errors grow by the ratio of persistent residuals to their allowed size.
 """
 
 from collections.abc import Sequence
@@ -29,13 +31,13 @@ from omni_mj.studies.identify.slip_dynamics import (
 
 
 class ParameterRange(NamedTuple):
-    """Numerical properties of a parameter.
+    """Bounds and step sizes of a parameter, in its unit.
 
     Attributes:
-        scale: Size of a relevant change.
+        scale: Size of a relevant change, for the trust region and tolerances.
         step: Step of finite differences.
-        low: Lowest value.
-        high: Highest value.
+        low: Smallest value.
+        high: Largest value.
     """
 
     scale: float
@@ -58,14 +60,17 @@ RANGES = {
     "slope_y_m_s2": ParameterRange(0.1, 1e-2, -2.0, 2.0),
     DEAD_TIME: ParameterRange(0.01, 1e-4, -0.5, 0.6),
 }
-INITIAL_STEPS = 0.02 * np.eye(4)  # finite differences of heading and twist: rad, m/s and rad/s
-# Singular values of the initial states, relative to the largest, that are treated as zero
+# Steps of finite differences of the initial heading in rad and twist in m/s and rad/s
+INITIAL_STEPS = 0.02 * np.eye(4)
+# Singular values of the initial states below this fraction of the largest are treated as zero.
 RANK_TOLERANCE = 1e-3
-MAX_LAG = 5  # samples over which persistent residuals are measured
-FALSE_ALARM_RATE = 0.01  # of a misfit
-# Persistent residuals of positions in m and headings in rad that 95 % of simulated logs stay below
+MAX_LAG = 5  # samples; largest shift at which the covariance of residuals is measured
+FALSE_ALARM_RATE = 0.01  # probability of a misfit although the model describes the robot
+# Allowed persistent residuals of positions in m and headings in rad. They are the 95 % quantiles
+# over simulated logs.
 ALLOWED_BY_WHEELS, ALLOWED_BY_COMMANDS = (0.3e-3, 2.5e-3), (0.6e-3, 4e-3)
-# Segments with this many times the median residual are outliers, if they are few enough
+# A segment whose residual exceeds this multiple of the median is an outlier. Outliers are left out
+# unless they exceed this fraction of all segments.
 OUTLIER_RATIO, MAX_OUTLIER_FRACTION = 3.0, 0.25
 
 
@@ -75,11 +80,11 @@ class Residuals:
 
     Attributes:
         rms: Root mean square.
-        noise: Part that changes from sample to sample.
-        persistent: Root of the mean covariance of samples up to `MAX_LAG` apart; noise has none.
-        allowed: Persistent part of robots that the model describes.
-        misfit: Whether the persistent part is larger, with a false alarm rate of
-            `FALSE_ALARM_RATE`.
+        noise: Standard deviation of the white part.
+        persistent: Square root of the mean covariance between samples that are 1 to `MAX_LAG`
+            apart; 0 for white noise.
+        allowed: Largest value of `persistent` for a robot that the model describes.
+        misfit: Whether `persistent` exceeds `allowed` significantly; see `FALSE_ALARM_RATE`.
     """
 
     rms: float
@@ -95,10 +100,11 @@ class Fit:
 
     Attributes:
         free: Names of the n fitted parameters.
-        covariance: Their covariance, (n, n); huge for parameters that the data do not show.
+        covariance: Covariance of the fitted parameters, (n, n); huge for parameters that the data
+            do not determine.
         parameters: All parameters by name; see `RobotDynamics.nominal_parameters`.
-        quantile: Student's quantile of 95 % intervals.
-        at_bound: Names of parameters that stopped at a bound.
+        quantile: Half width of a 95 % interval over the standard error, by Student's t.
+        at_bound: Names of the fitted parameters that stopped at a bound.
         residuals: Residuals of "positions" in m and "headings" in rad.
         dynamics: The robot.
         segments: The segments.
@@ -120,7 +126,7 @@ class Fit:
 
 
 class ProjectedProblem:
-    """Residuals and Jacobian after projection onto the complement of the initial states.
+    """Least-squares problem in the parameters, with the initial states projected out.
 
     Args:
         dynamics: The robot.
@@ -129,8 +135,9 @@ class ProjectedProblem:
         free: Names of the n parameters that are fitted.
 
     Attributes:
-        jacobian: Derivatives by free parameters at the last point, (S, m, 3, n).
-        weights: Residual in m per unit of x, y and heading, (3,).
+        jacobian: Derivatives of the residuals by the free parameters at the last evaluated point,
+            (S, m, 3, n).
+        weights: Weights of residuals of x, y and heading, (3,).
     """
 
     def __init__(
@@ -148,11 +155,16 @@ class ProjectedProblem:
         self.jacobian = np.empty(0)
 
     def parameters(self, x: Array) -> Parameters:
-        """Return all parameters for free ones."""
+        """Return all parameters by name, for values x (n,) of the free ones."""
         return self.start | dict(zip(self.free, x.tolist(), strict=True))
 
     def residual(self, x: Array) -> Array:
-        """Return weighted residuals (S, m, 3) for free parameters, and update the Jacobian."""
+        """Return weighted residuals (S, m, 3) for free parameters x, and update the Jacobian.
+
+        Predictions change linearly with the initial position and, to first order, with the initial
+        heading and twist. So the best initial state is a linear least-squares solution, and its
+        contribution is subtracted from residuals and derivatives.
+        """
         count, m = self.segments.time.shape
         predicted = self._perturbed_predictions(x)
         steps = np.concatenate([INITIAL_STEPS.diagonal(), self.steps])[:, None]
@@ -168,7 +180,12 @@ class ProjectedProblem:
         return residual
 
     def _perturbed_predictions(self, x: Array) -> Array:
-        """Return weighted poses (S, 5 + n, 3 m): nominal, four initial states, n parameters."""
+        """Return weighted poses predicted for a parameter vector x and its perturbations.
+
+        Returns:
+            Poses (S, 5 + n, 3 m): without perturbation, with perturbed initial heading and twist
+            (four), and with each free parameter perturbed (n).
+        """
         n, (count, m) = 5 + len(self.free), self.segments.time.shape
         sets = {name: np.full((n, 1), value) for name, value in self.parameters(x).items()}
         for i, name in enumerate(self.free):
@@ -180,7 +197,7 @@ class ProjectedProblem:
         return (poses * self.weights).reshape(count, n, 3 * m)
 
     def solve(self, x: Array) -> Array:
-        """Return the free parameters with the least squares, from a start x."""
+        """Return the free parameters with the smallest squared residuals, starting at x."""
         solution: Array = least_squares(
             lambda x: self.residual(x).ravel(),
             np.clip(x, self.low + 1e-3 * self.scale, self.high - 1e-3 * self.scale),
@@ -209,7 +226,7 @@ def fit_parameters(
         segments: At least two segments.
         start: Initial parameters by name.
         free: Names of the parameters that are fitted.
-        drop_outliers: Whether to fit again without outliers if there are a few.
+        drop_outliers: Whether to fit again without the outliers if there are only a few.
     """
     problem = ProjectedProblem(dynamics, segments, start, free)
     x = problem.solve(np.array([start[name] for name in free]))
@@ -241,7 +258,12 @@ def fit_parameters(
 
 
 def measure_residuals(values: Array, allowed: float) -> Residuals:
-    """Return the statistics of residuals (S, m, k), with the allowed persistent part."""
+    """Return the statistics of residuals (S, m, k).
+
+    Args:
+        values: Residuals, m or rad.
+        allowed: See `Residuals.allowed`.
+    """
     products = [values[:, lag:] * values[:, :-lag] for lag in range(1, MAX_LAG + 1)]
     power = float((values**2).mean())
     covariance = float(np.mean([product.mean() for product in products]))
@@ -256,14 +278,16 @@ def robust_covariance(jacobian: Array, residual: Array) -> Array:
     """Return the covariance (n, n) of parameters, robust to correlation within segments.
 
     Args:
-        jacobian: (S, m, 3, n).
-        residual: (S, m, 3).
+        jacobian: Derivatives of the residuals, (S, m, 3, n).
+        residual: Weighted residuals, (S, m, 3).
     """
     n = jacobian.shape[-1]
+    # Columns are normalized to length 1, so that the inverse is accurate for any units.
     length = np.maximum(np.sqrt((jacobian**2).sum((0, 1, 2))), 1e-9)
     unit = jacobian / length
     flat = unit.reshape(-1, n)
     inverse = np.linalg.inv(flat.T @ flat + 1e-12 * np.eye(n))
+    # Correction for the degrees of freedom: six initial states per segment, and n parameters
     freedom = residual.size / max(residual.size - 6 * len(residual) - n, 1)
     scores = inverse @ np.einsum("smkn,smk->ns", unit, residual)
     robust = scores @ scores.T * freedom

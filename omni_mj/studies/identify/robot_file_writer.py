@@ -8,7 +8,7 @@ from omni_mj.config.settings import PERIOD_S
 from omni_mj.studies.identify.derived_parameters import Estimate
 
 Changes = dict[tuple[str, str], str]  # section and field -> value as TOML, with a comment
-# Estimate -> section and field of settings. Estimates by commands belong to the team's model.
+# Estimate -> section and field of settings. Assumptions in [control] are those of the team's model.
 FIELDS = {
     "wheels.radius_m": ("wheels", "radius_m"),
     "wheels.arm_m": ("wheels", "arm_m"),
@@ -23,27 +23,27 @@ FIELDS = {
     "commands.gain_forward": ("control", "assumed_alpha_forward"),
     "commands.gain_sideways": ("control", "assumed_alpha_sideways"),
 }
-DRAG = ("wheels.rolling_resistance", "wheels.roller_friction")
-# Least values that settings allow; 0 for all others
+DRAG_ESTIMATES = ("wheels.rolling_resistance", "wheels.roller_friction")
+# Smallest values that settings allow; 0 for all others
 MINIMA = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}
 
 
 def list_changes(estimates: Mapping[str, Estimate]) -> Changes:
-    """Return the changes of a robot's file that identified estimates make.
+    """Return the changes of a robot's file for all identified estimates.
 
-    Estimates that settings do not allow are left out.
+    Estimates that the settings do not allow are left out.
 
     Args:
-        estimates: Estimates by source and name, such as "wheels.arm_m".
+        estimates: Mapping from source and name, such as "wheels.arm_m", to estimate.
     """
     usable = {
         name
         for name, estimate in estimates.items()
         if estimate.is_identified and estimate.value >= MINIMA.get(estimate.name, 0.0)
     }
-    # A log determines the sum of both drags better than each of them.
-    if not usable >= set(DRAG):
-        usable -= set(DRAG)
+    # A log determines the sum of both better than each, so neither is written without the other.
+    if not usable >= set(DRAG_ESTIMATES):
+        usable -= set(DRAG_ESTIMATES)
     return {
         field: _format_change(name, estimates[name])
         for name, field in FIELDS.items()
@@ -66,8 +66,8 @@ def apply_changes(start: str, changes: Mapping[tuple[str, str], str], logs: Sequ
 
     Args:
         start: Text of the start robot's file.
-        changes: Values as TOML, by section and field.
-        logs: Names of the logs, for the first line.
+        changes: Mapping from section and field to value as TOML.
+        logs: Names of the logs, for the first line of the text.
     """
     section = ""
     names = " ".join(", ".join(logs).split())
