@@ -6,19 +6,19 @@ from collections.abc import Iterator
 from omni_mj.config.validation import FROM_ROBOT, SettingsModel, setting
 
 RAD_S_PER_RPM = math.pi / 30
-# Relative tolerances: of the voltage that the no-load rows imply, because rows are rounded and
-# motors vary; and of the nominal torque, because datasheets print the torque of the air gap or of
-# the shaft, and their torque constants differ by 8 %.
+# Relative tolerance of the voltage that the no-load rows imply: rows are rounded, and motors vary.
 NO_LOAD_TOLERANCE = 0.05
+# Relative tolerance of the nominal torque: datasheets print that of the air gap or of the shaft,
+# and a torque constant that differs by up to 8 %.
 TORQUE_TOLERANCE = 0.2
 
 
 class MotorSettings(SettingsModel):
     """A motor as in its datasheet, and the gear. Thermal defaults: maxon EC 45 flat 50 W.
 
-    A brushed motor with the resistance R and the torque constant k of a datasheet, V = R I + k w,
-    is faster at the nominal current than the datasheet says. Commutation causes a further voltage
-    drop X |w| I. The coefficient X follows from the datasheet's nominal point:
+    With the resistance R and the torque constant k of a datasheet, V = R I + k w gives a higher
+    speed w at the nominal voltage and current than the datasheet. The reason is a further voltage
+    drop X |w| I by commutation. The coefficient X follows from the nominal point:
 
         V_N = R I_N + X w_N I_N + k w_N.
 

@@ -7,7 +7,7 @@ from omni_mj.config.validation import SettingsModel, setting
 
 
 class VisionSettings(SettingsModel):
-    """Cameras. Default noise and misses: profile "Realistic" of ER-Force's simulator."""
+    """Cameras. Default noise and misses are those of ER-Force's simulator, profile "Realistic"."""
 
     position_noise_m: float = setting(
         0.0013, "standard deviation of the measured position, per axis", "m", low=0, high=1
@@ -17,12 +17,16 @@ class VisionSettings(SettingsModel):
     )
     miss_probability: float = setting(
         0.02,
-        "probability per frame that a robot stops being detected for miss_frames",
+        "probability per frame that the robot becomes undetected for miss_frames",
         low=0,
         high=0.9,
     )
     miss_frames: int = setting(
-        1, "number of frames in which the robot is then not detected", "frames", low=1, high=600
+        1,
+        "number of consecutive frames in which the robot is then undetected",
+        "frames",
+        low=1,
+        high=600,
     )
     rate_hz: float = setting(
         float(FRAME_RATE_HZ),
@@ -42,26 +46,27 @@ class VisionSettings(SettingsModel):
     )
     cameras: int = setting(
         1,
-        "serve: number of cameras; 2 or 3 divide the field's length, 4 its quadrants",
+        "omni-mj serve: number of cameras; each covers an equal part of the field's length "
+        "(2, 3) or a quadrant (4)",
         low=1,
         high=4,
     )
     overlap_m: float = setting(
         0.4,
-        "serve: width of the strips where the images of two cameras overlap",
+        "omni-mj serve: width of the strips where the images of two cameras overlap",
         "m",
         low=0,
         high=4,
     )
     camera_offset_m: float = setting(
         0.0,
-        "serve: standard deviation of camera positions, per axis (observed: 0.02)",
+        "omni-mj serve: standard deviation of camera positions, per axis (observed: 0.02)",
         "m",
         low=0,
         high=0.5,
     )
     clock_offset_s: float = setting(
-        0.0, "serve: standard deviation of a camera's clock offset", "s", low=0, high=10
+        0.0, "omni-mj serve: standard deviation of a camera's clock offset", "s", low=0, high=10
     )
 
 

@@ -83,13 +83,17 @@ class RandomizationSettings(SettingsModel):
 
 
 class DisturbanceSettings(SettingsModel):
-    """A disturbance, uniformly distributed in +-amplitude, drawn per frame and axis (table 4)."""
+    """A disturbance, uniform in [-amplitude, amplitude], drawn per frame and axis (table 4)."""
 
     velocity_m_s: float = setting(
-        0.0, "kinematic plant: amplitude of the velocity added to equation 7", "m/s", low=0, high=10
+        0.0,
+        "kinematic plant: amplitude of a velocity that is added in equation 7",
+        "m/s",
+        low=0,
+        high=10,
     )
     force_n: float = setting(
-        0.0, "wheeled plants: amplitude of the force on the chassis", "N", low=0, high=1000
+        0.0, "wheeled plants: amplitude of a force on the chassis", "N", low=0, high=1000
     )
 
 

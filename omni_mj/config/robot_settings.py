@@ -101,9 +101,9 @@ class WheelSettings(SettingsModel):
         n_needed = math.pi / math.acos(1 - roller_radius / radius)
         if count <= n_needed:
             yield (
-                f"wheels.rollers = {count} of wheels.roller_radius_m = {roller_radius:g} do not close "
-                f"a wheel of wheels.radius_m = {radius:g}, because their ends do not meet; take at "
-                f"least {math.floor(n_needed) + 1}, or thicker ones"
+                f"wheels.rollers = {count} of wheels.roller_radius_m = {roller_radius:g} do not "
+                f"close a wheel of wheels.radius_m = {radius:g}, because their ends do not meet; "
+                f"take at least {math.floor(n_needed) + 1}, or thicker ones"
             )
         elif self.model == "two-rollers":
             # All others are at least the angle 2 pi / n from the lowest point of the wheel.
@@ -111,8 +111,8 @@ class WheelSettings(SettingsModel):
             if clearance < CONTACT_DEPTH_M:
                 yield (
                     f"wheels.rollers = {count} is too many for wheels.model = two-rollers: with "
-                    f"wheels.roller_radius_m = {roller_radius:g} more than two of a wheel touch the "
-                    "carpet; take wheels.model = rollers"
+                    f"wheels.roller_radius_m = {roller_radius:g} more than two of a wheel touch "
+                    "the carpet; take wheels.model = rollers"
                 )
 
 
