@@ -126,9 +126,7 @@ def _run_comparison(
         result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
 
     with console.report_write_errors(folder), console.show_progress(quiet) as start_progress:
-        output_folders.write_initial_files(
-            folder, "compare", console.command_line(), scenarios, trajectories
-        )
+        output_folders.write_initial_files(folder, "compare", scenarios, trajectories)
         return compare_study.compare(
             scenarios,
             scenarios[0].controllers,
@@ -144,6 +142,6 @@ def _save_tables(result: "Result", folder: Path) -> None:
     from omni_mj.atomic_files import write_text
     from omni_mj.studies import compare_table
 
-    result.repeat_command = console.command_line()
+    result.repeat_command = console.get_command_line()
     result.save_summary(folder)
     write_text(folder / "compare.md", compare_table.to_markdown(result.summary()))

@@ -5,7 +5,7 @@ import os
 import shlex
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -16,10 +16,11 @@ from omni_control.errors import OmniError, to_printable
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome, Result
+    from omni_mj.studies.run_scenario import AfterFrame, StartProgress
 
-BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130  # exit codes
-MAX_EVENTS = 5
-MAX_MESSAGE_LENGTH = 4000
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes; the last is 128 + SIGINT
+MAX_EVENTS = 5  # printed after a run
+MAX_MESSAGE_LENGTH = 4000  # characters of a line on stderr
 
 
 def run_program(command: click.Command) -> NoReturn:
@@ -39,10 +40,10 @@ def invoke_command(command: click.Command, arguments: list[str]) -> NoReturn:
     are printed on stderr, one line each.
     """
     name = "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
-    line = f"{name} {shlex.join(arguments)}"
+    command_line = f"{name} {shlex.join(arguments)}"
     try:
-        line.encode()
-        code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=line)
+        command_line.encode()  # raises UnicodeError
+        code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=command_line)
         print(end="", flush=True)
     except click.exceptions.Abort:
         exit_with_error("interrupted", INTERRUPTED)
@@ -57,8 +58,8 @@ def invoke_command(command: click.Command, arguments: list[str]) -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(FAILED)
     except OSError as error:
-        file = error.filename or "standard output"
-        exit_with_error(f"{file}: {error.strerror or error}", FAILED)
+        file_name = error.filename or "standard output"
+        exit_with_error(f"{file_name}: {error.strerror or error}", FAILED)
     except UnicodeError:
         exit_with_error("file names and all other arguments must be UTF-8", BAD_INPUT)
     except (MemoryError, ImportError) as error:
@@ -66,7 +67,7 @@ def invoke_command(command: click.Command, arguments: list[str]) -> NoReturn:
     sys.exit(code if isinstance(code, int) else 0)
 
 
-def command_line() -> str | None:
+def get_command_line() -> str | None:
     """Return the command line of the running command, or None if none is running."""
     context = click.get_current_context(silent=True)
     return None if context is None else context.obj
@@ -120,7 +121,7 @@ def describe_outputs(folder: Path, outputs: Iterable[str]) -> str:
 
 
 @contextmanager
-def show_progress(quiet: bool) -> Iterator[Callable[[str, int], Callable[[int], None]]]:
+def show_progress(quiet: bool) -> "Iterator[StartProgress]":
     """Show progress bars on stderr.
 
     Yields:
@@ -133,10 +134,10 @@ def show_progress(quiet: bool) -> Iterator[Callable[[str, int], Callable[[int], 
     is_hidden = quiet or not sys.stderr.isatty()
     with Progress(console=Console(stderr=True), transient=True, disable=is_hidden) as display:
 
-        def start_progress(title: str, total: int) -> Callable[[int], None]:
+        def start_progress(title: str, n_frames: int) -> "AfterFrame":
             for finished_task in display.task_ids:
                 display.remove_task(finished_task)
-            task = display.add_task(title, total=total)
+            task = display.add_task(title, total=n_frames)
             return lambda frame: display.update(task, completed=frame + 1)
 
         yield start_progress

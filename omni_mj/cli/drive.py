@@ -124,6 +124,7 @@ def drive_command(
     from omni_mj.live import drive_setup
     from omni_mj.studies.run_scenario import StoppedError
 
+    # The other values are fields of ConnectionOptions.
     out, overwrite, dry_run = map(values.pop, ("out", "overwrite", "dry_run"))
     connection = drive_setup.ConnectionOptions(overrides=overrides, **values)
     if dry_run:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from omni_control.errors import OmniError
 from omni_mj.atomic_files import read_json
+from omni_mj.cli import console
 
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
@@ -50,18 +51,22 @@ def prepare_folder(out: Path | None, name: str, outputs: Iterable[str], overwrit
 def write_initial_files(
     folder: Path,
     study: str,
-    command: str | None,
     scenarios: "Sequence[Scenario]",
     frames: bool = True,
 ) -> None:
     """Write the provenance and a summary without results, which remain if the run is killed.
 
-    Arguments are those of `omni_mj.results.provenance.save_provenance`.
+    Args:
+        folder: Folder of the run.
+        study: Name of the command.
+        scenarios: Scenarios of the run.
+        frames: Whether trajectories will be saved.
     """
     from omni_mj.results import provenance
     from omni_mj.results.result import Outcome, Result
 
-    provenance.save_provenance(folder, study, command, scenarios, frames)
+    command_line = console.get_command_line()
+    provenance.save_provenance(folder, study, command_line, scenarios, frames)
     outcomes = [Outcome.not_run(scenario) for scenario in scenarios]
     Result(outcomes, scenarios[0].labels, seeds=scenarios[0].seed_list).save_summary(folder)
 

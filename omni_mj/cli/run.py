@@ -108,7 +108,7 @@ def run_and_save(
 
     run_scenario.quiet_mujoco()
     scenario = simulation.scenario
-    output_folders.write_initial_files(folder, study, console.command_line(), [scenario])
+    output_folders.write_initial_files(folder, study, [scenario])
     write_text(folder / "scenario.toml", scenario.to_toml())
     with ExitStack() as stack:
         recordings: list[Any] = []
@@ -135,7 +135,7 @@ def run_and_save(
         result = run_scenario.build_result(simulation, outcome)
         allow_code = ["--allow-code"] if scenario.names_user_code else []
         words = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml"), *allow_code]
-        result.repeat_command = shlex.join(words) if study == "run" else console.command_line()
+        result.repeat_command = shlex.join(words) if study == "run" else console.get_command_line()
         result.save_files(folder)
     return result
 

@@ -62,7 +62,7 @@ def identify_command(
     with console.report_write_errors(folder):
         result.save(folder)
         provenance.save_provenance(
-            folder, "identify", console.command_line(), [result.start], frames=False
+            folder, "identify", console.get_command_line(), [result.start], frames=False
         )
     if not output.quiet:
         print(result.table())
@@ -220,15 +220,14 @@ def _run_study(
     """
     outputs = (*OUTPUTS, f"{name}.png", f"{name}.svg", *output_folders.PROVENANCE)
     folder = output_folders.prepare_folder(output.out, name, outputs, output.overwrite)
-    command = console.command_line()
     with (
         console.report_write_errors(folder),
         Interrupts() as interrupts,
         console.show_progress(output.quiet) as start_progress,
     ):
-        output_folders.write_initial_files(folder, name, command, scenarios, frames=name == "limit")
+        output_folders.write_initial_files(folder, name, scenarios, frames=name == "limit")
         result = measure(interrupts.add_check(start_progress))
-        result.repeat_command = command
+        result.repeat_command = console.get_command_line()
     with console.report_write_errors(folder):
         result.save_files(folder)
         if result.table():

@@ -42,19 +42,20 @@ def results_table(summary: Summary, effort: bool = False, paper: bool = True) ->
     if effort:
         headings.append("excess effort, m/s²")
     headings += ["settled, s", "change, %"]
+    n_columns = len(headings)
+    if several:
+        headings = ["scenario", *headings]
     rows = []
     for name, entry in entries.items():
         lines = list(_controller_rows(summary, entry, axes, effort))
         if has_paper:
             lines += _paper_rows(entry, axes)
         for i, line in enumerate(lines):
-            line += [""] * (len(headings) - len(line))
+            line += [""] * (n_columns - len(line))
             rows.append(["" if i else name, *line] if several else line)
     name = "Controllers compared" if several else next(iter(summary["scenarios"]))
     plants = dict.fromkeys(describe_plant(entry) for entry in summary["scenarios"].values())
     title = f"{name}, {' and '.join(plants)}{describe_seeds(summary)}; maximum/mean errors"
-    if several:
-        headings = ["scenario", *headings]
     n_labels = 2 if several else 1
     position = AXIS_COLUMNS["position"][0]
     return drop_equal_columns(Table(title, headings, rows, n_labels), kept_headings=[position])
