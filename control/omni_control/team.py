@@ -28,6 +28,7 @@ from omni_control.estimation.vision_tracker import VisionTracker
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import CommandLimiter
 
+# Called with the indices (m,) of the robots that failed, and the reason.
 FailureHandler = Callable[[NDArray[np.intp], ControllerError], None]
 
 
@@ -36,32 +37,36 @@ class Team:
 
     Args:
         controllers: One controller, or several with different robots.
-        start_poses: Initial poses (n, 3), m and rad; headings count full turns from there.
-        rows: Robot indices of each controller. Default: consecutive indices in the order of the
-            controllers.
-        on_failure: Called with the failed rows and the reason if a controller fails. These robots
-            are sent zero from then on, and the others go on. Default: the reason is raised.
+        start_poses: Initial poses (n, 3), m and rad. Estimated headings are unwrapped from there:
+            continuous, not limited to (-pi, pi].
+        robot_indices: Indices of the robots of each controller. Default: consecutive indices in the
+            order of the controllers.
+        on_failure: Called with the indices (m,) of robots and a `ControllerError` if their
+            controller fails. The team sends zero to them from then on; the others continue.
+            Default: the error is raised.
 
     Attributes:
         n: Number of robots.
         frame: Frame number k of the latest observation; -1 before the first.
-        filter: Vision filter of all robots.
-        estimate, twist: Filtered poses and twists (n, 3); read-only.
-        failed: Mask of the rows that failed or were stopped, (n,).
+        filter: Kalman filter of all robots. If measurements are delayed, its state is that of an
+            earlier frame.
+        estimate: Estimated present poses, (n, 3); read-only.
+        twist: Estimated present twists, (n, 3); read-only.
+        inactive: Mask of the robots that failed or were stopped, (n,).
         knows_truth: Whether a controller needs the true state in `observe`.
-        last_command: Commands sent in the latest frame, (n, 3); initially zero. Set it if other
-            commands were sent.
+        last_command: Commands sent in the latest frame, (n, 3); initially zero. Overwrite it if the
+            robots received other commands than those returned.
 
     Raises:
         OmniError: There is no controller, frame lengths differ, the start poses are not finite
-            numbers (n, 3), or a robot has no controller or two.
+            numbers (n, 3), or `robot_indices` does not assign every robot to one controller.
     """
 
     def __init__(
         self,
         controllers: Controller | Sequence[Controller],
         start_poses: ArrayLike,
-        rows: Sequence[ArrayLike] | None = None,
+        robot_indices: Sequence[ArrayLike] | None = None,
         *,
         on_failure: FailureHandler | None = None,
     ) -> None:
@@ -69,11 +74,13 @@ class Team:
             [controllers] if isinstance(controllers, Controller) else list(controllers)
         )
         pose = np.array(start_poses, float)
-        if pose.ndim != 2 or pose.shape[1] != 3 or not np.isfinite(pose).all():
+        if pose.ndim != 2 or pose.shape[1] != 3:
             raise OmniError(f"start_poses must be finite poses (n, 3), got shape {pose.shape}")
+        if not np.isfinite(pose).all():
+            raise OmniError("start_poses must be finite poses (n, 3), got NaN or infinite numbers")
         self.n, self.frame, self.estimate = len(pose), -1, pose
         self._sizes = [len(c.predicted_pose) for c in self.controllers]
-        self._rows = _assign_rows(self._sizes, rows, self.n)
+        self._robot_indices = _assign_robots(self._sizes, robot_indices, self.n)
         self._on_failure = on_failure
 
         period = self.controllers[0].model.period
@@ -82,14 +89,14 @@ class Team:
                 "the models of a team's controllers must have frames of the same length"
             )
         models = np.empty(self.n, object)
-        for controller, controller_rows in zip(self.controllers, self._rows, strict=True):
-            models[controller_rows] = controller.model
+        for controller, robots in zip(self.controllers, self._robot_indices, strict=True):
+            models[robots] = controller.model
         delays = np.array([model.delay_frames for model in models])
         self._delay_frames = int(delays[0]) if (delays == delays[0]).all() else delays
         noise = np.array([model.vision_noise for model in models])
         limits = [model.limits for model in models]
         latency = np.array([[model.latency_frames] for model in models])
-        self._limit_command = CommandLimiter(limits, period)
+        self._command_limiter = CommandLimiter(limits, period)
         gate = OutlierGate(noise, limits, period)
         self._tracker = VisionTracker(pose, noise, latency, period, gate)
         self.filter = self._tracker.filter
@@ -105,8 +112,8 @@ class Team:
         ]
 
         self.twist = self._tracker.twist
-        self.last_command, self.failed = np.zeros((self.n, 3)), np.zeros(self.n, bool)
-        self._observation: Observation | None = None  # None after commands were sent
+        self.last_command, self.inactive = np.zeros((self.n, 3)), np.zeros(self.n, bool)
+        self._observation: Observation | None = None  # None until robots are observed in a frame
         self._true_observation: Observation | None = None
 
     def observe(
@@ -121,7 +128,7 @@ class Team:
             measured_poses: Measured poses (n, 3), heading in (-pi, pi]; NaN if a robot was not
                 detected.
             true_state: True poses and twists, (n, 3) each, for controllers that know the truth;
-                headings count full turns.
+                headings are unwrapped.
             measurement_age: Time from the capture of each measurement to this frame, (n,) s.
                 Default: 0.
 
@@ -130,10 +137,11 @@ class Team:
                 the true state is missing.
         """
         measured = _as_array(measured_poses, (self.n, 3), "measured_poses")
-        measured[self.failed] = np.nan
+        measured[self.inactive] = np.nan
         age = np.zeros(self.n)
         if measurement_age is not None:
             age = _as_array(measurement_age, (self.n,), "measurement_age")
+        # Faster than .all() on small arrays. False for NaN.
         if np.count_nonzero(age >= 0) < self.n:
             raise OmniError(f"measurement_age must be at least 0 s, got {measurement_age!r}")
         if self.knows_truth and true_state is None:
@@ -148,19 +156,19 @@ class Team:
         for values in (tracker.pose, tracker.twist, accepted, age):
             values.flags.writeable = False
         self._observation = Observation(
-            tracker.pose,
-            tracker.twist,
-            accepted,
-            self._sent,
-            period,
-            self._delay_frames,
-            age,
-            tracker.steps,
+            pose=tracker.pose,
+            twist=tracker.twist,
+            measured_pose=accepted,
+            sent_commands=self._sent,
+            period=period,
+            delay_frames=self._delay_frames,
+            measurement_age=age,
+            filter_steps=tracker.steps,
         )
         if self.knows_truth and true_state is not None:
             pose, twist = (_as_array(values, (self.n, 3), "true_state") for values in true_state)
-            # The true state of a failed row may be NaN.
-            pose[self.failed], twist[self.failed] = tracker.pose[self.failed], 0.0
+            # The true state of an inactive robot may be NaN.
+            pose[self.inactive], twist[self.inactive] = tracker.pose[self.inactive], 0.0
             self._true_observation = Observation(
                 pose, twist, pose, self._sent, period, self._delay_frames
             )
@@ -170,11 +178,11 @@ class Team:
         """Return the commands (n, 3) within the limits, and record them as sent.
 
         Args:
-            override: Commands (n, 3) in place of those of the controllers. Default: ask the
+            override: Commands (n, 3) in place of those of the controllers. Default: those of the
                 controllers.
 
         Raises:
-            OmniError: There was no observation since the last commands, or `override` is not an
+            OmniError: Robots were not observed since the last commands, or `override` is not an
                 array of finite numbers (n, 3).
             ControllerError: A controller failed, and there is no `on_failure`.
         """
@@ -182,15 +190,15 @@ class Team:
             raise OmniError("robots must be observed before they are commanded, in every frame")
         if override is None:
             desired = np.zeros((self.n, 3))
-            for i, rows in enumerate(self._rows):
-                if np.count_nonzero(self.failed[rows]) < self._sizes[i]:
-                    desired[rows] = self._call_controller(i)
+            for i, robots in enumerate(self._robot_indices):
+                if np.count_nonzero(self.inactive[robots]) < self._sizes[i]:
+                    desired[robots] = self._call_controller(i)
         else:
             desired = _as_array(override, (self.n, 3), "commands")
             if np.count_nonzero(np.isnan(desired)):
                 raise OmniError("commands must be finite numbers")
-        command = self._limit_command(desired, self.last_command)
-        command[self.failed] = 0.0
+        command = self._command_limiter(desired, self.last_command)
+        command[self.inactive] = 0.0
         self.last_command, self._observation = command, None
         return command.copy()
 
@@ -200,44 +208,49 @@ class Team:
         true_state: tuple[ArrayLike, ArrayLike] | None = None,
         measurement_age: ArrayLike | None = None,
     ) -> Array:
-        """Call `observe` and `command`; return the commands (n, 3)."""
+        """Observe the robots and return the commands (n, 3); see `observe` and `command`."""
         self.observe(measured_poses, true_state, measurement_age)
         return self.command()
 
-    def stop(self, rows: RowSelection) -> None:
+    def stop(self, robots: RowSelection) -> None:
         """Stop robots: send them zero, and ignore failures of their controllers."""
-        self.failed[rows] = True
+        self.inactive[robots] = True
 
     @property
     def predicted_pose(self) -> Array:
-        """Predicted poses of the controllers, (n, 3); NaN for failed rows."""
+        """Poses for which the latest commands were computed, (n, 3); NaN for inactive robots.
+
+        See `Controller`.
+        """
         return self._merge_channel("predicted_pose")
 
     @property
     def alpha_hat(self) -> Array:
-        """See `Controller`."""
+        """Latest estimates of alpha per axis, (n, 3), see `Controller`; NaN for inactive robots."""
         return self._merge_channel("alpha_hat")
 
     @property
     def latency_hat(self) -> Array:
-        """See `Controller`."""
+        """Latest estimates of the latency per axis, (n, 3), frames, see `Controller`."""
         return self._merge_channel("latency_hat")
 
     @property
     def channels(self) -> dict[str, Array]:
-        """Further recorded values of the controllers, (n, k) by name; NaN for rows without it."""
+        """Further recorded values of the controllers, (n, k) by name; NaN for robots without it."""
         names = dict.fromkeys(name for channels in self._channels for name in channels)
         return {
             name: self._merge_channel(name) for name in names if name not in RECORDED_ATTRIBUTES
         }
 
     def _call_controller(self, i: int) -> Array:
-        """Return the commands of controller i, (rows, 3); zero for rows that fail."""
-        controller, rows = self.controllers[i], self._rows[i]
+        """Return the commands of controller i, (size, 3); zero for robots that fail."""
+        controller, indices = self.controllers[i], self._robot_indices[i]
         observation = self._true_observation if controller.knows_truth else self._observation
         assert observation is not None, "checked in observe"
-        selection = observation.select(rows, self._memory_frames[i], controller.model.delay_frames)
-        robots, name = np.arange(self.n)[rows], type(controller).__name__
+        selection = observation.select(
+            indices, self._memory_frames[i], controller.model.delay_frames
+        )
+        robots, name = np.arange(self.n)[indices], type(controller).__name__
         try:
             commands = np.asarray(controller.command(self.frame, selection))
             if commands.shape != selection.pose.shape or commands.dtype.kind == "c":
@@ -255,15 +268,15 @@ class Team:
             return np.zeros((len(robots), 3))
         is_finite = np.isfinite(commands)
         if np.count_nonzero(is_finite) < is_finite.size:
-            invalid = np.asarray(~is_finite.all(1))
+            is_invalid = np.asarray(~is_finite.all(1))
             reason = f"{name} returned commands that are not finite in frame {self.frame}"
-            self._fail(robots[invalid], ControllerError(reason))
-            commands = np.where(invalid[:, None], 0.0, commands)
+            self._fail(robots[is_invalid], ControllerError(reason))
+            commands = np.where(is_invalid[:, None], 0.0, commands)
         return commands
 
-    def _fail(self, rows: NDArray[np.intp], reason: ControllerError) -> None:
-        """Stop rows that have not failed before, and report or raise the reason."""
-        new_failures = rows[~self.failed[rows]]
+    def _fail(self, robots: NDArray[np.intp], reason: ControllerError) -> None:
+        """Report or raise the reason for a failure of robots, and stop those still active."""
+        new_failures = robots[~self.inactive[robots]]
         if not len(new_failures):
             return
         if self._on_failure is None:
@@ -272,41 +285,54 @@ class Team:
         self._on_failure(new_failures, reason)
 
     def _merge_channel(self, name: str) -> Array:
-        """Return a recorded value of all controllers, (n, k); NaN for rows without it."""
+        """Combine values recorded by the controllers into one array (n, k).
+
+        Robots whose controller does not record the name, and inactive robots, are NaN.
+        """
         width = max(channels[name].shape[1] for channels in self._channels if name in channels)
         merged = np.full((self.n, width), np.nan)
-        for channels, rows in zip(self._channels, self._rows, strict=True):
+        for channels, robots in zip(self._channels, self._robot_indices, strict=True):
             if name in channels:
-                merged[rows, : channels[name].shape[1]] = channels[name]
-        merged[self.failed] = np.nan
+                merged[robots, : channels[name].shape[1]] = channels[name]
+        merged[self.inactive] = np.nan
         return merged
 
 
-def _assign_rows(
-    sizes: Sequence[int], rows: Sequence[ArrayLike] | None, n: int
+def _assign_robots(
+    sizes: Sequence[int], robot_indices: Sequence[ArrayLike] | None, n: int
 ) -> list[RowSelection]:
-    """Return the rows of each controller among n robots, as slices where possible.
+    """Return the indices of each controller's robots, as a slice if they are consecutive.
 
     Indexing by a slice does not copy.
 
+    Args:
+        sizes: Number of robots of each controller.
+        robot_indices: See `Team`.
+        n: Number of robots.
+
     Raises:
-        OmniError: A robot has no controller, or two.
+        OmniError: A robot has no controller or two, or a controller has no robots or another
+            number of indices than robots.
     """
-    if rows is None:
-        indices = np.split(np.arange(n), np.cumsum(sizes)[:-1])
+    if not n or 0 in sizes or sum(sizes) != n:
+        raise OmniError(f"{n} robots need one controller each, got controllers of {sizes} robots")
+    if robot_indices is None:
+        selections = np.split(np.arange(n), np.cumsum(sizes)[:-1])
     else:
-        indices = [np.asarray(controller_rows, int) for controller_rows in rows]
-    has_sizes = [len(controller_rows) for controller_rows in indices] == list(sizes)
-    is_partition = sorted(np.concatenate([[], *indices])) == list(range(n))
-    if not (has_sizes and is_partition and n) or 0 in sizes:
+        selections = [np.asarray(indices, int) for indices in robot_indices]
+    if [len(selection) for selection in selections] != list(sizes):
         raise OmniError(
-            f"{n} robots need one controller each, got controllers of {sizes} robots, rows {rows}"
+            f"robot_indices must list the {sizes} robots of the controllers, got {robot_indices}"
+        )
+    if sorted(np.concatenate(selections)) != list(range(n)):
+        raise OmniError(
+            f"robots 0 to {n - 1} need one controller each, got robot_indices {robot_indices}"
         )
     return [
         slice(int(selection[0]), int(selection[-1]) + 1)
         if (np.diff(selection) == 1).all()
         else selection
-        for selection in indices
+        for selection in selections
     ]
 
 
@@ -314,14 +340,14 @@ def _as_array(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
     """Return a copy of numbers of a given shape; NaN is allowed.
 
     Raises:
-        OmniError: The shape is wrong, or a number is infinite.
+        OmniError: A value is not a number, the shape is wrong, or a number is infinite.
     """
     try:
         array = np.array(values, float)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
+    except (TypeError, ValueError) as error:
+        raise OmniError(f"{name} must be numbers {shape}: {error}") from None
     if array.shape != shape:
-        raise OmniError(f"{name} must be finite numbers {shape}, not of shape {array.shape}")
+        raise OmniError(f"{name} must be numbers {shape}, not of shape {array.shape}")
     if np.count_nonzero(np.isinf(array)):
-        raise OmniError(f"{name} must be finite numbers {shape}, got infinite ones")
+        raise OmniError(f"{name} must be finite or NaN, got infinite numbers")
     return array

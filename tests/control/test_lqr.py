@@ -49,7 +49,7 @@ def gain_of(delay: int, lag: float) -> Array:
     gains: list[Array] = []
     for index in range(2 + delay):
         controller = Lqr(make_model(delay, lag), REST, 1)
-        robot, sent = controller.robot, make_empty_history(controller)
+        robot, sent = controller.nominal, make_empty_history(controller)
         pose, commands = (
             np.full((1, 3), LITTLE * (index == 0)),
             np.zeros((2 + delay, 1, 3)),

@@ -82,7 +82,7 @@ def test_failed_rows_are_sent_zero_and_the_others_go_on() -> None:
 
         team = team_with(how, handle)
         reported = run_team(team, make_plant(make_start_poses(6)), make_noise(6, 12))
-        assert (model, np.flatnonzero(team.failed).tolist()) == ([rows], rows), how
+        assert (model, np.flatnonzero(team.inactive).tolist()) == ([rows], rows), how
         healthy_rows = [row for row in range(6) if row not in rows]
         for name, values in reported.items():
             np.testing.assert_array_equal(

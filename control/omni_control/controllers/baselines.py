@@ -1,6 +1,6 @@
 """Baseline controllers: proportional (p), Smith predictor (smith), linear quadratic (lqr).
 
-They assume the same nominal robot: dead time, a first-order lag, and nothing else.
+All use the same nominal robot: dead time and a first-order lag. lqr adds a disturbance estimate.
 """
 
 import math
@@ -12,8 +12,8 @@ from omni_control.delay_compensation import CommandHistory
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import Reference
 
-# Usable braking, as a fraction of the limit of commanded acceleration. The carpet may give less,
-# and a command acts late.
+# Assumed deceleration of a braking robot, as a fraction of the limit of commanded acceleration.
+# Wheels may slide at less than the limit, and commands act after the latency.
 BRAKING_FRACTION = 0.25
 
 
@@ -38,7 +38,9 @@ class NominalRobot:
         n: Number of robots.
 
     Attributes:
-        velocity_decay, coast_time_s: `decay` and `coast` above; both are zero without a lag.
+        velocity_decay: `decay` above, the ratio of the velocities v(k+1) and v(k) at zero command.
+        coast_time_s: `coast` above, the displacement in a frame at zero command, divided by v(k).
+            Both are zero without a lag.
         velocity: v(k), (n, 3).
         displacement: x(k) - x(k-1), (n, 3).
     """
@@ -50,7 +52,7 @@ class NominalRobot:
         self.velocity, self.displacement = np.zeros((2, n, 3))
 
     def advance(self, sent: CommandHistory) -> None:
-        """Advance to this frame, with the commands that acted in the previous frame."""
+        """Advance by a frame to the present, with the commands that acted in the previous frame."""
         command = sent.get_latest(1, skip=self._delay_frames)[0]
         self.displacement, self.velocity = self._step(self.velocity, command)
 
@@ -68,7 +70,7 @@ class NominalRobot:
         return pose, velocity
 
     def _step(self, velocity: Array, command: Array) -> tuple[Array, Array]:
-        """Return the displacement in a frame, and the velocity at its end."""
+        """Return the displacement (n, 3) in a frame, and the velocity (n, 3) at its end."""
         displacement = self.coast_time_s * velocity + (self._period - self.coast_time_s) * command
         return displacement, self.velocity_decay * velocity + (1 - self.velocity_decay) * command
 
@@ -77,8 +79,8 @@ def compute_simc_gain(latency_s: float) -> float:
     """Return the proportional gain K = 1 / (2 latency), 1/s, for an integrator with a latency.
 
     This is the SIMC rule for tight control, tau_c = theta (S. Skogestad, Simple analytic rules for
-    model reduction and PID controller tuning, J. Process Control 13, 2003). The phase margin is 61
-    degrees, the gain margin pi.
+    model reduction and PID controller tuning, J. Process Control 13, 2003). The lag is lumped into
+    the dead time theta = latency. The phase margin is then 61 degrees, the gain margin pi.
     """
     return 1 / (2 * latency_s)
 
@@ -86,7 +88,9 @@ def compute_simc_gain(latency_s: float) -> float:
 def compute_lqr_gain(
     transition: Array, input_vector: Array, state_weight: Array, command_weight: float
 ) -> Array:
-    """Return the gain K (m,) of u = -K x that minimizes the sum of x' Q x + r u^2 over all frames.
+    """Return the gain K (m,) of u = -K x that minimizes the sum of x' Q x + r u^2.
+
+    The sum is over infinitely many frames.
 
     Args:
         transition: A (m, m) of x(k+1) = A x(k) + B u(k).
@@ -98,16 +102,16 @@ def compute_lqr_gain(
     from scipy.linalg import solve_discrete_are
 
     b = input_vector[:, None]
-    cost = solve_discrete_are(transition, b, state_weight, np.array([[command_weight]]))
-    return np.linalg.solve(command_weight + b.T @ cost @ b, b.T @ cost @ transition)[0]
+    cost_to_go = solve_discrete_are(transition, b, state_weight, np.array([[command_weight]]))
+    return np.linalg.solve(command_weight + b.T @ cost_to_go @ b, b.T @ cost_to_go @ transition)[0]
 
 
 class Proportional(Controller):
     """p: proportional control with velocity feedforward, gain by the SIMC rule.
 
-    Like FLC it compares the present pose with the present reference. The latency of the gain
-    includes one more frame: half a frame for the mean hold time of a command, and half a frame for
-    the resolution of the dead time.
+    Like the paper's FLC (`Flc`) it compares the present pose, `predicted_pose`, with the present
+    reference. The gain is that for the nominal latency plus one frame: half a frame because a
+    command is held for a frame, and half a frame for the rounding of the dead time to frames.
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
@@ -124,26 +128,27 @@ class Proportional(Controller):
 class SmithPredictor(Controller):
     """smith: Smith predictor with proportional control of the nominal robot.
 
-    The feedback is the model without dead time, plus the measurement, minus the model with dead
-    time (O. J. M. Smith, Closer control of loops with dead time, Chem. Eng. Progress 53, 1957).
-    The robot integrates its commands, so that the two models differ by the effect of the commands
-    in flight. The feedforward is that of the time when the robot responds.
+    The fed-back pose is the measured pose plus the difference between the outputs of the models
+    without and with dead time (O. J. M. Smith, Closer control of loops with dead time, Chem. Eng.
+    Progress 53, 1957). For an integrating robot this difference is the effect of the commands in
+    flight. The fed-back pose is therefore `predicted_pose`, that at the end of the dead time. The
+    feedforward is the velocity of the reference at the end of the latency, when the robot responds.
 
-    The gain follows the SIMC rule for the remaining latency: the lag and one frame, see
-    `Proportional`. A Smith predictor of an integrating plant has a steady-state error under a
-    constant disturbance, such as drag (K. Watanabe and M. Ito, IEEE Trans. Automatic Control 26,
-    1981).
+    The gain follows the SIMC rule for the latency that is not predicted: the lag and one frame (see
+    `Proportional`). A Smith predictor of an integrating plant has a steady-state error under a
+    constant disturbance, such as friction (K. Watanabe and M. Ito, IEEE Trans. Automatic Control
+    26, 1981).
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         super().__init__(model, reference, n)
         self.gain = compute_simc_gain(model.lag_s + model.period)
-        self.robot = NominalRobot(model, n)
+        self.nominal = NominalRobot(model, n)
 
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
-        self.robot.advance(observation.sent_commands)
-        self.predicted_pose, _ = self.robot.predict(
+        self.nominal.advance(observation.sent_commands)
+        self.predicted_pose, _ = self.nominal.predict(
             observation.pose, observation.commands_in_flight
         )
         target, feedforward = self.reference.at(
@@ -157,34 +162,38 @@ class SmithPredictor(Controller):
 class Lqr(Controller):
     """lqr: linear quadratic regulator with dead time, lag, preview and disturbance estimate.
 
-    Per axis the state is the error of position and velocity, and the commands in flight. Their
-    effect cannot be changed. The optimal gain is therefore the gain for a robot without dead time,
-    applied to the state predicted at the end of the dead time (D. L. Kleinman, IEEE Trans.
-    Automatic Control 14, 1969).
+    **Gain.** Per axis the state is the error of position and velocity, and the commands in flight.
+    The effect of the commands in flight cannot be changed. The optimal gain is therefore the gain
+    for a robot without dead time, applied to the state predicted for the end of the dead time
+    (D. L. Kleinman, IEEE Trans. Automatic Control 14, 1969).
 
     The weights follow Bryson's rule: a position error of `error_range_m` costs as much as a
-    correction of `speed_range_m_s`. The heading has the same ratio, as the displacement of a point
-    on the robot. The reference is previewed by dead time and lag. It yields command, position and
-    velocity of a robot that follows it exactly, for a constant acceleration over the lag.
+    correction of `speed_range_m_s`. The heading has the same gain: for the displacement of a point
+    on the robot, the ratio of both costs is the same at any distance from the center.
 
-    The deviation of the robot from the model is treated as a constant disturbance of its velocity.
-    Without it, drag and alpha would cause a steady-state error. The time constant of the estimate
-    is the latency plus one frame.
+    **Reference.** It is previewed by the latency. The feedforward and the desired state are the
+    command and the state of a nominal robot that follows the reference exactly.
+    `predicted_pose` is the pose at the end of the latency.
 
-    The estimate is limited to `speed_range_m_s`, the largest correction of the fuzzy controllers,
-    and to that over `error_range_m` for the turn rate. Wheels that slide, a robot that is off, or
-    a jump of the pose exceed it. No command compensates for these, and the estimate would wind up.
+    **Disturbance.** Motion that the model does not explain is treated as a constant disturbance of
+    the velocity. Without this estimate, friction and alpha would cause a steady-state error. The
+    time constant of the estimate is the latency plus one frame.
 
-    The returning speed is limited to one from which the robot can brake within the error. The
-    quadratic cost does not know the limit of acceleration and would overshoot.
+    The estimate is limited to `speed_range_m_s`, and for the turn rate to
+    `speed_range_m_s / error_range_m`. It would exceed these limits if wheels slide, if a robot is
+    off, or if its pose jumps. No command compensates for these, and the estimate would wind up.
+
+    **Braking.** The position feedback is limited to the speed from which the robot can stop within
+    the remaining error: v <= sqrt(2 a d). The quadratic cost does not contain the limit of
+    acceleration. Without this limit the robot would overshoot.
     """
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         super().__init__(model, reference, n)
-        self.robot = robot = NominalRobot(model, n)
+        self.nominal = nominal = NominalRobot(model, n)
         self.gain = compute_lqr_gain(
-            np.array([[1.0, robot.coast_time_s], [0.0, robot.velocity_decay]]),
-            np.array([model.period - robot.coast_time_s, 1 - robot.velocity_decay]),
+            np.array([[1.0, nominal.coast_time_s], [0.0, nominal.velocity_decay]]),
+            np.array([model.period - nominal.coast_time_s, 1 - nominal.velocity_decay]),
             np.diag([model.error_range_m**-2, 0.0]),
             model.speed_range_m_s**-2,
         )
@@ -200,40 +209,48 @@ class Lqr(Controller):
 
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
-        self.robot.advance(observation.sent_commands)
+        self.nominal.advance(observation.sent_commands)
         self._estimate_disturbance(observation.pose)
-        position, velocity = self.robot.predict(observation.pose, observation.commands_in_flight)
-        position = position + self.model.delay_frames * self.model.period * self.disturbance
+        pose, velocity = self.nominal.predict(observation.pose, observation.commands_in_flight)
+        pose = pose + self.model.delay_frames * self.model.period * self.disturbance
         velocity = velocity + self.disturbance
-        self.predicted_pose = position + self.model.lag_s * velocity
-        desired_pose, desired_velocity, feedforward = self._nominal_state_on_reference(frame)
-        error = compute_pose_error(desired_pose, position)
-        distances = np.column_stack([*2 * [np.hypot(*error.T[:2])], np.abs(error[:, 2])])
-        max_speed = np.sqrt(2 * self._braking * distances)
-        max_gain = max_speed / np.maximum(distances, 1e-9)
-        position_correction = error * np.minimum(self.gain[0], max_gain)
-        velocity_correction = self.gain[1] * (desired_velocity - velocity)
-        return feedforward - self.disturbance + (position_correction + velocity_correction)
+        self.predicted_pose = pose + self.model.lag_s * velocity
+        desired_pose, desired_velocity, feedforward = self._compute_desired_state(frame)
+        error = compute_pose_error(desired_pose, pose)
+        # d of the docstring: the distance for x and y, and the absolute heading error.
+        error_magnitude = np.column_stack([*2 * [np.hypot(*error.T[:2])], np.abs(error[:, 2])])
+        max_speed = np.sqrt(2 * self._braking * error_magnitude)
+        max_gain = max_speed / np.maximum(error_magnitude, 1e-9)
+        pose_feedback = error * np.minimum(self.gain[0], max_gain)
+        velocity_feedback = self.gain[1] * (desired_velocity - velocity)
+        return feedforward - self.disturbance + (pose_feedback + velocity_feedback)
 
     def _estimate_disturbance(self, pose: Array) -> None:
-        """Update the velocity disturbance by the motion that the model does not explain.
+        """Filter the velocity by which the robots deviate from the model.
 
         Args:
             pose: Present poses (n, 3).
         """
         last_pose = pose if self._last_pose is None else self._last_pose
         self._last_pose = pose
-        unexplained = compute_pose_error(pose, last_pose) - self.robot.displacement
-        deviation = unexplained / self.model.period
+        unexplained_displacement = compute_pose_error(pose, last_pose) - self.nominal.displacement
+        deviation = unexplained_displacement / self.model.period
         self.disturbance = self.disturbance + (deviation - self.disturbance) / (
             self.model.latency_frames + 2
         )
         self.disturbance = np.clip(self.disturbance, -self._max_disturbance, self._max_disturbance)
 
-    def _nominal_state_on_reference(self, frame: int) -> tuple[Array, Array, Array]:
-        """Return pose, velocity and command (n, 3) at the end of the dead time.
+    def _compute_desired_state(self, frame: int) -> tuple[Array, Array, Array]:
+        """Return pose, velocity and command (n, 3) of a nominal robot that follows the reference.
 
-        They are those of a nominal robot that follows the reference exactly.
+        The pose and the velocity are those at the end of the dead time, when the command acts. At
+        the end of the latency, t + lag, the reference has the pose x, the mean velocity u until the
+        next frame, which is the feedforward command, and the acceleration a. Thus
+
+            x(t) = x - lag (u - a T / 2) + lag^2 a / 2 = x - lag u + lag (lag + T) a / 2
+
+        The velocity of the nominal robot follows commands that change by a T per frame with a
+        constant difference: v = u - a T / (1 - decay).
         """
         period, lag = self.model.period, self.model.lag_s
         target, feedforward = self.reference.at(
@@ -243,5 +260,5 @@ class Lqr(Controller):
         self._last_feedforward = feedforward
         acceleration = (feedforward - last_feedforward) / period
         pose = target - lag * feedforward + lag * (lag + period) / 2 * acceleration
-        velocity = feedforward - period / (1 - self.robot.velocity_decay) * acceleration
+        velocity = feedforward - period / (1 - self.nominal.velocity_decay) * acceleration
         return pose, velocity, feedforward
