@@ -1,4 +1,4 @@
-"""Firmware, motors and battery of a robot together, from frame to frame and from cycle to cycle."""
+"""Electronics of a robot: firmware, motors and battery, advanced by frames and by cycles."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -61,19 +61,22 @@ class ElectronicsState(NamedTuple):
     firmware: FirmwareState
     motors: MotorState
     battery: BatteryState
-    source: BatterySource  # the battery in this frame
-    inputs: FrameInputs  # of this frame
+    source: BatterySource  # Thevenin equivalent of the battery in this frame
+    inputs: FrameInputs  # faults, disturbances and vision's headings in this frame
 
 
 class CycleRecord(NamedTuple):
-    """Motors and batteries in a cycle, (W, n) unless another shape is given."""
+    """Motors and batteries in a cycle, (W, n) unless another shape is given.
 
-    wheel_speed: Array  # rad/s
-    voltage: Array  # at the motors, V
-    current: Array  # of the motors, A
+    The record of a frame has a leading axis of cycles in every field.
+    """
+
+    wheel_speed: Array  # speed of the hubs at the beginning of the cycle, rad/s
+    voltage: Array  # voltage at the motor terminals, V
+    current: Array  # motor current, A
     is_limited: Array  # whether the driver limited the current
-    battery_voltage: Array  # (n,) V
-    battery_current: Array  # (n,) A
+    battery_voltage: Array  # voltage at the battery terminals, (n,) V
+    battery_current: Array  # current that the drivers take from the battery, (n,) A
 
 
 def make_electronics(
@@ -90,8 +93,8 @@ def make_electronics(
         settings: One per robot.
         kinematics: Geometry of their wheels.
         heading: Heading at the start, (n,) rad.
-        magnet_factor: Torque constant of each motor over the data sheet's, (W, n).
-        n_frames: Length of the firmware's memory of headings.
+        magnet_factor: Ratio of each motor's torque constant to the data sheet's, (W, n).
+        n_frames: Number of past headings that the firmware stores, one per frame.
         has_faults: Whether processors and encoders may fail.
     """
     firmware = make_firmware_parameters(settings, kinematics)
@@ -128,7 +131,7 @@ def begin_frame(
         p: Parameters.
         s: State.
         inputs: Inputs of the frame.
-        wheel_angle: Angles at the last cycle, (W, n) rad.
+        wheel_angle: True angles of the wheels at the last cycle, (W, n) rad.
     """
     firmware = s.firmware
     if inputs.encoder_scale is not None:
@@ -152,14 +155,17 @@ def run_cycle(
     wheel_angle: Array,
     wheel_speed: Array,
 ) -> tuple[ElectronicsState, CycleRecord]:
-    """Advance sensors, firmware, drivers, motor currents and battery by a cycle of the wheel loops.
+    """Advance sensors, firmware, drivers, motor currents and battery by a cycle of 1/960 s.
 
     Args:
         p: Parameters.
         s: State.
-        gyro: Turn rate at the gyro, without its error, (n,) rad/s.
-        wheel_angle: Angles at the encoders, (W, n) rad.
-        wheel_speed: True speeds, (W, n) rad/s.
+        gyro: True turn rate at the gyro, (n,) rad/s.
+        wheel_angle: True angles at the encoders, (W, n) rad.
+        wheel_speed: True speeds of the wheels, (W, n) rad/s.
+
+    Returns:
+        The state after the cycle, and the record of the cycle.
     """
     inputs = s.inputs
     gyro_rate = gyro + inputs.gyro_error
@@ -187,14 +193,14 @@ def run_cycle(
 def end_frame(
     p: ElectronicsParameters, s: ElectronicsState, record: CycleRecord
 ) -> ElectronicsState:
-    """Warm motors and discharge batteries by the records of a frame.
+    """Advance motor temperatures and battery charge by the currents of a frame.
 
     Args:
         p: Parameters.
         s: State.
         record: Records of the frame's cycles, with a leading axis of cycles.
     """
-    # Sums over cycles, which are on the axis of the wheels
+    # (cycles, n): `sum_wheels` sums over the last axis but one, which here counts cycles.
     mean_battery_current = sum_wheels(record.battery_current) / len(record.battery_current)
     return s._replace(
         motors=update_temperatures(p.motors, s.motors, record.current, record.wheel_speed),
@@ -205,13 +211,13 @@ def end_frame(
 def stack_telemetry(
     s: ElectronicsState, record: CycleRecord, wheel_angle: Array, wheel_speed: Array, slip: Array
 ) -> Array:
-    """Return the columns of `omni_mj.plants.telemetry.Telemetry` as rows, (10 W + 4, n).
+    """Return the quantities of `omni_mj.plants.telemetry.Telemetry` stacked, (10 W + 4, n).
 
     Args:
         s: State at the end of a frame.
         record: Records of the frame's cycles, with a leading axis of cycles.
-        wheel_angle: True angles, (W, n) rad.
-        wheel_speed: True speeds, (W, n) rad/s.
+        wheel_angle: True angles of the wheels, (W, n) rad.
+        wheel_speed: True speeds of the wheels, (W, n) rad/s.
         slip: Speed at which rims slide over the carpet, (W, n) m/s.
     """
     xp = namespace(wheel_angle)
@@ -220,7 +226,7 @@ def stack_telemetry(
     battery_voltage = record.battery_voltage[:, None]
     is_powered = battery_voltage > 0
     duty = xp.where(is_powered, abs_voltage / xp.where(is_powered, battery_voltage, 1.0), 0.0)
-    rows = [
+    quantities = [
         wheel_angle,
         wheel_speed,
         record.voltage[-1],
@@ -236,4 +242,4 @@ def stack_telemetry(
         s.battery.voltage[None],
         slip,
     ]
-    return xp.concatenate(rows, axis=0)
+    return xp.concatenate(quantities, axis=0)

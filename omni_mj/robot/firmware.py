@@ -1,14 +1,16 @@
-"""Firmware: from a received velocity to the duties of the motors.
+"""Firmware: from a received command to the duty cycles of the motor drivers.
 
-The firmware rotates commanded velocities into its own frame by the heading that it estimates, adds
-a turn-rate loop on the gyro, and runs a PID loop for each wheel. The loops compute in volts of a
-nominal battery and command duties, so a low battery weakens them. They know the motors' data
-sheet, from which they feed the back-EMF forward. Slow loops (`firmware.rate_hz`) read sensors in
-every k-th cycle only, and hold their duties in between.
+The firmware estimates the robot's heading, rotates the commanded velocity into the body frame
+(equation 2 of the paper), and computes wheel speeds (inverse of equation 3). It adds a turn-rate
+loop on the gyro, and runs a PID loop for each wheel. The PID loops feed the back-EMF forward,
+computed with the torque constant of the motors' data sheet.
 
-Commands are velocities in the world frame, velocities in the body frame, or speeds of the rims.
-A robot that receives nothing new for `firmware.timeout_s` halts: its wheels are held at rest.
-Equations are those of the paper: 2 rotates the velocity, the inverse of 3 gives wheel speeds.
+The PID loops compute voltages for a nominal battery and command the duty cycle voltage / nominal
+voltage. A battery below the nominal voltage therefore lowers their gain. Loops slower than the
+cycle (`firmware.rate_hz`) run in every k-th cycle, and hold the duty cycles in between.
+
+Commands are velocities in the world frame, velocities in the body frame, or wheel speeds. A robot
+that receives no new command for `firmware.timeout_s` halts: its wheels are held at rest.
 """
 
 from typing import Any
@@ -32,13 +34,25 @@ from omni_mj.robot.firmware_state import (
     FrameInputs,
 )
 
-DERATING_BAND_K = 10.0  # derating begins this far below the winding's temperature limit
+# Derating begins this far below the temperature limit of the winding, K
+DERATING_BAND_K = 10.0
 
 
 def accept_command(
     p: FirmwareParameters, s: FirmwareState, cycle: Array, command: FirmwareCommand
 ) -> FirmwareState:
-    """Store a command that applies from this cycle on, and restart the timeout."""
+    """Store a command that applies from this cycle on, and restart the timeout.
+
+    For the velocity (x, y) and the heading a, the body moves forward at x cos a + y sin a and
+    sideways at y cos a - x sin a. Wheel speeds are linear in both, so they are
+    cos a speeds_at_0_deg + sin a speeds_at_90_deg, and both terms are stored.
+
+    Args:
+        p: Parameters.
+        s: State.
+        cycle: Number of cycles before this one.
+        command: Command; only new ones restart the timeout.
+    """
     xp = namespace(command.velocity)
     x, y, turn_rate = command.velocity
     halt_cycle = xp.where(command.is_new, cycle + p.timeout_cycles, s.halt_cycle)
@@ -47,6 +61,8 @@ def accept_command(
     return s._replace(
         speeds_at_0_deg=x * p.wheel_per_forward + y * p.wheel_per_sideways,
         speeds_at_90_deg=y * p.wheel_per_forward - x * p.wheel_per_sideways,
+        # The loop subtracts gain * measured turn rate, so that a robot that turns at the commanded
+        # rate gets that rate.
         turn_rate=turn_rate * (1 + p.turn_rate_gain),
         halt_cycle=halt_cycle,
         in_body_frame=command.in_body_frame,
@@ -55,11 +71,11 @@ def accept_command(
 
 
 def set_encoder_scale(s: FirmwareState, scale: Array, angle: Array) -> FirmwareState:
-    """Change the encoders' scale, with an offset that keeps the shown angles continuous.
+    """Change the scale of the encoders, with an offset that keeps measured angles continuous.
 
     Args:
         s: State.
-        scale: Shown over true angle from now on, (W, n).
+        scale: Ratio of measured to true angle from now on, (W, n).
         angle: True angles of the wheels now, (W, n) rad.
     """
     offset = s.encoder_offset + (s.encoder_scale - scale) * angle
@@ -73,16 +89,17 @@ def switch_processors(
     inputs: FrameInputs,
     angle: Array,
 ) -> FirmwareState:
-    """Switch processors off or on, and let some robots ignore commands.
+    """Switch processors off or on, and halt robots that ignore commands.
 
-    A processor that restarts has lost its memory. Its robot halts until vision sends a heading.
+    A processor that restarts has lost its memory. Its robot halts until a heading measured by
+    vision arrives.
 
     Args:
         p: Parameters.
         s: State.
         cycle: Number of cycles before this one.
-        inputs: Inputs of the frame. The loops of robots whose processors are off do not run, and
-            their duties are zero.
+        inputs: Inputs of the frame. While a processor is off, its loops do not run and its duty
+            cycles are zero.
         angle: Angles of the wheels, (W, n) rad.
     """
     is_off = inputs.processor_is_off
@@ -98,7 +115,7 @@ def switch_processors(
         error_integral=clear_memory(s.error_integral),
         speed_error=clear_memory(s.speed_error),
         gyro_bias=clear_memory(s.gyro_bias),
-        encoder_count=xp.where(restarts, count_encoders(p, s, angle), s.encoder_count),
+        encoder_count=xp.where(restarts, compute_encoder_counts(p, s, angle), s.encoder_count),
         duty=xp.where(is_off, 0.0, s.duty),
         halt_cycle=xp.where(ignores_commands, xp.minimum(s.halt_cycle, cycle), s.halt_cycle),
         is_off=is_off,
@@ -108,7 +125,13 @@ def switch_processors(
 
 
 def set_heading(s: FirmwareState, mask: Array, heading: Array) -> FirmwareState:
-    """Set the heading estimate of the masked robots (n,), rad, and clear their heading memory."""
+    """Restart the heading estimate of some robots, and reset their estimate of the gyro's bias.
+
+    Args:
+        s: State.
+        mask: Robots to change, (n,).
+        heading: New estimate, (n,) or () rad. It replaces past estimates as well.
+    """
     xp = namespace(s.heading)
     return s._replace(
         heading=xp.where(mask, heading, s.heading),
@@ -124,8 +147,9 @@ def correct_heading(
 ) -> FirmwareState:
     """Correct heading and gyro bias by vision (complementary filter), at the beginning of a frame.
 
-    Vision's heading arrives with a command and is as old as the command. It is compared with the
-    robot's estimate at the time when the command was sent.
+    A command carries vision's heading of the frame in which it is sent. The firmware compares it
+    with its own estimate for that frame, and corrects its present estimate by a fraction of the
+    difference. A robot that lacks a heading takes that of vision.
 
     Args:
         p: Parameters.
@@ -135,7 +159,7 @@ def correct_heading(
     """
     vision_heading = inputs.vision_heading
     xp = namespace(vision_heading)
-    n_frames = len(s.past_headings)
+    memory_frames = len(s.past_headings)
     if s.lacks_heading is not None:
         initializes = s.lacks_heading & ~xp.isnan(vision_heading)
         s = set_heading(s, initializes, vision_heading)
@@ -144,11 +168,12 @@ def correct_heading(
             ignores_commands=xp.where(initializes, inputs.ignores_commands, s.ignores_commands),
         )
         vision_heading = xp.where(initializes | s.is_off, np.nan, vision_heading)
-    is_current_frame = xp.arange(n_frames)[:, None] == frame % n_frames
+    is_current_frame = xp.arange(memory_frames)[:, None] == frame % memory_frames
     past_headings = xp.where(is_current_frame, s.heading, s.past_headings)
-    sent_frame = (frame - inputs.heading_age) % n_frames
-    heading_then = past_headings[sent_frame, xp.arange(len(vision_heading))]
-    error = xp.where(xp.isnan(vision_heading), heading_then, vision_heading) - heading_then
+    sent_frame = (frame - inputs.heading_age) % memory_frames
+    past_heading = past_headings[sent_frame, xp.arange(len(vision_heading))]
+    error = xp.where(xp.isnan(vision_heading), past_heading, vision_heading) - past_heading
+    # Wrapped to (-pi, pi]
     error = error - 2 * np.pi * xp.ceil(error / (2 * np.pi) - 0.5)
     correction = p.heading_gain * error
     heading = s.heading + correction
@@ -156,14 +181,24 @@ def correct_heading(
         heading=heading,
         cosine=xp.cos(heading),
         sine=xp.sin(heading),
-        # Corrected as well, so that the same error is not corrected again by later headings
+        # Corrected as well, so that later headings do not correct the same error again
         past_headings=past_headings + correction,
         gyro_bias=s.gyro_bias - p.gyro_bias_gain * error,
     )
 
 
 def derate_motors(p: FirmwareParameters, s: FirmwareState, winding: Array) -> FirmwareState:
-    """Limit |V - K w| <= R I_max near the temperature limit of the windings (W, n), deg C."""
+    """Limit motor currents near the temperature limit of the windings.
+
+    The current I = (V - K w) / R is limited to I_max by |V - K w| <= R I_max, with the voltage V,
+    the back-EMF K w and the resistance R of the data sheet. I_max falls linearly over
+    `DERATING_BAND_K`, to zero at the temperature limit.
+
+    Args:
+        p: Parameters.
+        s: State.
+        winding: Temperatures of the windings, (W, n) deg C.
+    """
     if p.winding_limit is None:
         return s
     xp = namespace(winding)
@@ -172,8 +207,8 @@ def derate_motors(p: FirmwareParameters, s: FirmwareState, winding: Array) -> Fi
     return s._replace(voltage_margin=xp.where(fraction < 1, margin, np.inf))
 
 
-def count_encoders(p: FirmwareParameters, s: FirmwareState, angle: Array) -> Array:
-    """Return the counts (W, n) of encoders on wheels at true angles (W, n) in rad."""
+def compute_encoder_counts(p: FirmwareParameters, s: FirmwareState, angle: Array) -> Array:
+    """Return encoder counts (W, n) from the true angles of the wheels, (W, n) rad."""
     if s.encoder_scale is not None:
         angle = s.encoder_scale * angle + s.encoder_offset
     return straight_through_floor(angle * p.counts_per_rad)
@@ -182,13 +217,13 @@ def count_encoders(p: FirmwareParameters, s: FirmwareState, angle: Array) -> Arr
 def run_wheel_loops(
     p: FirmwareParameters, s: FirmwareState, cycle: Array, gyro: Array, angle: Array
 ) -> FirmwareState:
-    """Run the control loops that are due in this cycle: gyro integration, wheel PID, duties.
+    """Run the loops that are due in this cycle: integrate the gyro, and compute duty cycles.
 
     Args:
         p: Parameters.
         s: State.
         cycle: Number of cycles before this one.
-        gyro: Turn rate that the gyro shows, (n,) rad/s.
+        gyro: Turn rate measured by the gyro, (n,) rad/s.
         angle: Angles of the wheels, (W, n) rad.
     """
     is_due: Any = None
@@ -205,18 +240,19 @@ def run_wheel_loops(
 def _run_loops(
     p: FirmwareParameters, s: FirmwareState, cycle: Array, gyro: Array, angle: Array
 ) -> FirmwareState:
-    """Run the control loops of all robots; see `run_wheel_loops`.
+    """Run the loops of all robots once; arguments as for `run_wheel_loops`.
 
-    PID with feedforward: V = K_ff w_d + kp e + kd de/dt + ki int e dt with e = w_d - w. The
-    integral is frozen while the voltage is saturated in the error's direction (anti-windup).
+    PID with feedforward: V = K_ff w_d + kp e + kd de/dt + ki int e dt, with the voltage V, the
+    desired wheel speed w_d, the measured wheel speed w, and the error e = w_d - w. The integral is
+    frozen while the voltage is saturated in the direction of the error (anti-windup).
     """
     xp = namespace(gyro)
     turn_rate = gyro - s.gyro_bias
-    turn = turn_rate * p.period
-    cosine, sine = rotate((s.cosine, s.sine), *cos_sin_small(turn))
+    turn_angle = turn_rate * p.period
+    cosine, sine = rotate((s.cosine, s.sine), *cos_sin_small(turn_angle))
     is_halted = cycle >= s.halt_cycle
     desired_speed = _compute_desired_speeds(p, s, (cosine, sine), turn_rate, is_halted)
-    count = count_encoders(p, s, angle)
+    count = compute_encoder_counts(p, s, angle)
     speed = (count - s.encoder_count) / (p.counts_per_rad * p.period)
     error = desired_speed - speed
     voltage = p.feedforward * desired_speed + p.kp * error
@@ -231,7 +267,7 @@ def _run_loops(
         back_emf = p.nominal_back_emf_constant * speed
         voltage = clip(voltage, back_emf - s.voltage_margin, back_emf + s.voltage_margin)
     return s._replace(
-        heading=s.heading + turn,
+        heading=s.heading + turn_angle,
         cosine=cosine,
         sine=sine,
         encoder_count=count,
@@ -250,11 +286,14 @@ def _compute_desired_speeds(
 ) -> Array:
     """Return desired wheel speeds: equation 2, the turn-rate loop, and the inverse of equation 3.
 
+    The turn-rate loop turns the wheels at r + gain (r - measured turn rate) for the commanded turn
+    rate r.
+
     Args:
         p: Parameters.
         s: State.
-        cos_sin: Cosine and sine of the heading, (n,) each.
-        turn_rate: Measured turn rate without bias, (n,) rad/s.
+        cos_sin: Cosine and sine of the estimated heading, (n,) each.
+        turn_rate: Turn rate measured by the gyro, less the estimated bias, (n,) rad/s.
         is_halted: Robots whose wheels are held at rest, (n,).
 
     Returns:

@@ -9,65 +9,69 @@ from omni_control.kinematics import Kinematics
 from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings, gather
 from omni_mj.robot.array_ops import Array
 
-CYCLE_S = 1 / CYCLE_RATE_HZ
-CYCLES = round(PERIOD_S * CYCLE_RATE_HZ)  # in a camera frame
-# Current limit over the nominal current at which derating begins. It falls linearly to zero at the
-# winding's temperature limit.
+CYCLE_S = 1 / CYCLE_RATE_HZ  # duration of a cycle, s
+CYCLES = round(PERIOD_S * CYCLE_RATE_HZ)  # number of cycles in a camera frame
+# Current limit at the beginning of derating, relative to the nominal current. The limit then falls
+# linearly to zero at the temperature limit of the winding.
 DERATING_CURRENT_RATIO = 2.0
 
 
 class FirmwareParameters(NamedTuple):
     """Gains and nominal values of the firmware, (n,) unless another shape is given."""
 
-    cycles_per_run: Array  # from one run of the loops to the next; None if all run in every cycle
-    period: Array  # between runs, s
-    timeout_cycles: Array  # cycles without a new command after which the robot halts
-    heading_gain: Array  # fraction of the difference to vision's heading corrected in a frame
-    gyro_bias_gain: Array  # correction of the gyro's bias for that difference, 1/s
-    turn_rate_gain: Array  # of the turn-rate loop
-    counts_per_rad: Array  # of the encoders, at the wheel
-    kp: Array  # V s/rad
-    ki: Array  # V/rad; None if no robot has an integral or derivative term
-    kd: Array  # V s^2/rad; None as ki
+    # Cycles from one run of the loops to the next; None if all robots run them in every cycle
+    cycles_per_run: Array
+    period: Array  # time from one run of the loops to the next, s
+    timeout_cycles: Array  # cycles without a new command after which the robot halts; inf for never
+    heading_gain: Array  # fraction of the heading error, by vision, that a frame corrects, 1
+    # Correction of the gyro's bias in a frame, per heading error, 1/s
+    gyro_bias_gain: Array
+    turn_rate_gain: Array  # gain of the turn-rate loop, 1
+    counts_per_rad: Array  # encoder counts per radian of the wheel, 1/rad
+    kp: Array  # proportional gain of the wheel loop, V s/rad
+    # Integral gain of the wheel loop, V/rad; None if no robot has an integral or derivative term
+    ki: Array
+    kd: Array  # derivative gain of the wheel loop, V s^2/rad; None as ki
     feedforward: Array  # voltage per desired wheel speed, V s/rad
-    nominal_back_emf_constant: Array  # by the data sheet, at the wheel, V s/rad
-    nominal_resistance: Array  # by the data sheet, ohm
-    nominal_voltage: Array  # of the battery, V
+    nominal_back_emf_constant: Array  # back-EMF per wheel speed, by the data sheet, V s/rad
+    nominal_resistance: Array  # terminal resistance by the data sheet, ohm
+    nominal_voltage: Array  # nominal voltage of the battery, V
     # Winding temperature at which derating leaves no current, deg C; None if no robot derates
     winding_limit: Array
-    derating_current: Array  # at which derating begins, A
+    derating_current: Array  # current limit at the beginning of derating, A
     wheel_per_forward: Array  # wheel speed per forward velocity, (W, n) rad/m
     wheel_per_sideways: Array  # wheel speed per sideways velocity, (W, n) rad/m
-    wheel_per_turn: Array  # wheel speed per turn rate, (W, n)
+    wheel_per_turn: Array  # wheel speed per turn rate, (W, n) 1
 
 
 class FirmwareCommand(NamedTuple):
     """Commands that the radio delivers, (n,) unless another shape is given."""
 
-    velocity: Array  # and turn rate, (3, n) m/s, m/s, rad/s
-    is_new: Array  # whether it arrived in this frame
-    # Whether the velocity is in the body frame; None if all are in the world frame
+    velocity: Array  # twist: velocity along x and y, turn rate, (3, n) m/s, m/s, rad/s
+    is_new: Array  # whether the command arrived in this frame
+    # Whether the velocity is in the body frame; None if all velocities are in the world frame
     in_body_frame: Array = None
-    # Speeds of the wheels in place of the velocity, (W, n) rad/s; NaN where there is none, None if
-    # there are none at all
+    # Wheel speeds that replace the velocity, (W, n) rad/s; NaN for robots that get a velocity, None
+    # if all robots do
     wheel_speeds: Array = None
 
 
 class FrameInputs(NamedTuple):
     """Inputs of a frame other than the command, (n,) unless another shape is given."""
 
-    # Vision's heading that arrived since the frame before, rad; NaN where none did
+    # Heading measured by vision that arrived since the previous frame, rad; NaN if none arrived
     vision_heading: Array
     heading_age: Array  # frames since that heading was sent
-    gyro_error: Array  # noise and bias, rad/s
-    push_force: Array  # on the chassis, world frame, (2, n) N
+    gyro_error: Array  # noise and bias of the gyro, rad/s
+    push_force: Array  # disturbance force on the chassis, world frame, (2, n) N
     battery_voltage_factor: Array  # fraction of the battery's voltage that its contacts pass
-    gyro_scale: Array = None  # shown over true turn rate; None if no robot has faults
-    encoder_scale: Array = None  # shown over true angle, (W, n); None as gyro_scale
-    # Current that drivers hold, (W, n) A; NaN where the firmware drives; None if it always does
+    gyro_scale: Array = None  # ratio of measured to true turn rate; None if no robot has faults
+    encoder_scale: Array = None  # ratio of measured to true angle, (W, n); None as gyro_scale
+    # Current that drivers hold in place of the firmware's duty cycle, (W, n) A; NaN where the
+    # firmware drives, None if it drives all motors
     current_setpoint: Array = None
-    ignores_commands: Array = None  # whether the robot does; None as gyro_scale
-    processor_is_off: Array = None  # None as gyro_scale
+    ignores_commands: Array = None  # whether the robot ignores commands; None as gyro_scale
+    processor_is_off: Array = None  # whether the processor is off; None as gyro_scale
     # Whether the robot has failed, so that its drivers short the motors; None if no robot has
     has_failed: Array = None
 
@@ -75,34 +79,37 @@ class FrameInputs(NamedTuple):
 class FirmwareState(NamedTuple):
     """Memory of the firmware, (n,) unless another shape is given."""
 
-    heading: Array  # estimate, rad
-    cosine: Array  # of the heading
-    sine: Array
-    gyro_bias: Array  # estimate, rad/s
-    past_headings: Array  # ring buffer of the estimates at the beginning of frames, (frames, n) rad
-    halt_cycle: Array  # cycle from which the robot halts
+    heading: Array  # estimated heading, unwrapped, rad
+    cosine: Array  # cosine of the estimated heading
+    sine: Array  # sine of the estimated heading
+    gyro_bias: Array  # estimated bias of the gyro, rad/s
+    # Ring buffer of the estimated headings at the beginning of frames, (frames, n) rad
+    past_headings: Array
+    halt_cycle: Array  # cycle from which the robot halts unless a new command arrives
     speeds_at_0_deg: Array  # wheel speeds for the commanded velocity at heading 0, (W, n) rad/s
-    speeds_at_90_deg: Array  # the same at heading 90 degrees
+    speeds_at_90_deg: Array  # the same at heading 90 degrees, (W, n) rad/s
     turn_rate: Array  # commanded turn rate times 1 + turn_rate_gain, rad/s
-    encoder_count: Array  # at the last run, (W, n)
-    duty: Array  # of the drivers, (W, n) in [-1, 1]
-    in_body_frame: Array = None  # see `FirmwareCommand`
-    wheel_speeds: Array = None  # see `FirmwareCommand`
+    encoder_count: Array  # encoder counts at the last run of the loops, (W, n)
+    duty: Array  # duty cycles of the drivers, (W, n) in [-1, 1]
+    # Whether the commanded velocity is in the body frame; None if all are in the world frame
+    in_body_frame: Array = None
+    wheel_speeds: Array = None  # commanded wheel speeds, (W, n) rad/s, NaN or None for a velocity
     # Largest difference of a motor's voltage from its back-EMF, (W, n) V; None without derating
     voltage_margin: Array = None
-    error_integral: Array = None  # of the wheels' speed error, (W, n) rad; None if `ki` is None
-    speed_error: Array = None  # of the wheels at the last run, (W, n) rad/s; None as error_integral
-    # Shown over true angle of the wheels, (W, n); None if no robot has faults
+    error_integral: Array = None  # integral of the wheel speed error, (W, n) rad; None as `ki`
+    speed_error: Array = None  # wheel speed error at the last run, (W, n) rad/s; None as `ki`
+    # Ratio of measured to true angle of the wheels, (W, n); None if no robot has faults
     encoder_scale: Array = None
-    encoder_offset: Array = None  # shown angle at the true angle 0, (W, n) rad; None as the scale
-    is_off: Array = None  # whether the processor is off; None as the scale
-    # Whether the processor has restarted and waits for a heading from vision; None as the scale
+    # Measured angle of a wheel at the true angle 0, (W, n) rad; None as encoder_scale
+    encoder_offset: Array = None
+    is_off: Array = None  # whether the processor is off; None as encoder_scale
+    # Whether the processor has restarted and waits for a heading from vision; None as encoder_scale
     lacks_heading: Array = None
-    ignores_commands: Array = None  # None as the scale
+    ignores_commands: Array = None  # whether the robot ignores commands; None as encoder_scale
 
 
 def make_undisturbed_inputs(n: int) -> FrameInputs:
-    """Return the inputs of a frame without vision, pushes and errors of sensors, for n robots."""
+    """Return the inputs of a frame for n robots without vision, push forces and sensor errors."""
     zeros = np.zeros(n)
     return FrameInputs(np.full(n, np.nan), np.zeros(n, int), zeros, np.zeros((2, n)), np.ones(n))
 

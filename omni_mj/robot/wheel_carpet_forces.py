@@ -10,31 +10,34 @@ the normal force N so that k l^2 / 2 = C N, with one number C per robot, its cre
 
     s = |v| f / (N C),    |f| <= mu N.
 
-|v| is the speed of the wheel's center over the carpet in any direction, because rollers bring
-fresh rubber along the axle as well. A wheel at rest does not creep. If a robot with W wheels, whose
-directions have the cosines d_i, accelerates at a, its body is slower than its wheels by
+|v| is the speed of the wheel's center over the carpet in any direction, because rollers that travel
+along the axle bring fresh rubber as well. A wheel at rest does not creep. Let a robot with W wheels
+drive at v and accelerate at a, and d_i be the cosine of the angle between its direction of travel
+and that of the rim of wheel i. With gravity g, its body is slower than its wheels by
 
     s / v = T a,    T = W / (g C sum d_i^2).
 
-This law was measured on robots of TIGERs Mannheim (`omni-mj slip`).
+Logs of TIGERs Mannheim's robots confirm this law (`omni-mj slip`).
 
-**In MuJoCo** a hinge between hub and rim slides; the contacts below do not. Its dry friction is
-the limit mu N R. For a torque tau = f R and a step h the slip's angular speed is w = -h Q tau with
-Q = |v| / (h R^2 N C). As a constraint a + Q tau = -w / h this is backward Euler for the law above.
-MuJoCo's impedance is d = A / (A + Q) with the hinge's inverse inertia A. The normal force is the
-one that the contacts carried in the step before.
+**In MuJoCo** the contacts between rollers and carpet never slide. The hinge between hub and rim of
+a wheel with the radius R slides in their place. Its dry friction is the limit mu N R. For a torque
+tau = f R and a step h, the angular speed of the slip is w = -h Q tau with Q = |v| / (h R^2 N C).
+With the angular acceleration a of the hinge, the constraint a + Q tau = -w / h is backward Euler
+for the law above. MuJoCo's impedance is d = A / (A + Q) with the hinge's inverse inertia A. The
+normal force is that of the contacts in the previous step.
 
-**Drag** acts where wheels touch, in proportion to the normal force N.
+**Drag** acts at the contacts of the wheels, in proportion to the normal force N.
 
-- Pile: the fibers are pressed down in front of a wheel and push against it, radially, so not about
-  its axle. The force is p N against the wheel's travel. Fibers lean (nap): to first order in the
-  lean, p grows by nap cos(angle between the travel and the direction straight against the fibers).
+- Carpet: a wheel presses fibers down in front of it. They push radially against the wheel, without
+  a moment about its axle. The force is p N against the wheel's travel. Fibers lean (nap). To first
+  order, p grows by the factor 1 + nap cos(angle between the travel and the direction straight
+  against the fibers).
 - Roller bearings: rollers turn on plain bearings as the wheel travels along its axle. The force is
   b N against that travel. It goes through the contact, and leaves sqrt(mu^2 - b^2) N of the
-  friction circle to the rim.
+  friction circle for the traction of the rim.
 
 Both are forces on the body, which the wheels must overcome by traction and therefore by creep.
-Drag and travel change slowly, and are computed every `DRAG_CYCLES` cycles of the wheel loops.
+They change slowly, and are computed every `DRAG_CYCLES` cycles of the wheel loops.
 """
 
 from collections.abc import Sequence
@@ -47,54 +50,58 @@ from omni_mj.config.settings import Settings, gather
 from omni_mj.robot.array_ops import Array, namespace, rotate, safe_sqrt, sum_wheels
 
 DRAG_CYCLES = 4  # cycles of the wheel loops from one computation of drag to the next
-AT_REST_M_S = 0.01  # speed below which dry drag fades linearly to zero
-MIN_LOAD_N = 1e-3  # normal force assumed for a wheel in the air
-UNUSED_PATCH = 0.0, 0.0, -1.0, 0.0  # its negative radius covers nothing
+AT_REST_M_S = 0.01  # speed below which drag fades linearly to zero, m/s
+MIN_LOAD_N = 1e-3  # normal force assumed for a wheel in the air, N
+UNUSED_PATCH = 0.0, 0.0, -1.0, 0.0  # a patch whose negative radius covers nothing
 
-Patches = Sequence[tuple[float, float, float, float]]  # x, y, radius in m, friction coefficient
+# Circular patches of another friction: x, y and radius in m, coefficient of friction
+Patches = Sequence[tuple[float, float, float, float]]
 
 
 class CarpetParameters(NamedTuple):
     """Carpet and wheels of n robots, (n,) unless another shape is given."""
 
-    friction: Array  # coefficient of the carpet
-    # Patches of another friction: x, y, radius, m, and coefficient, (patches, 4, n). Where patches
-    # overlap, the last one counts. None if there are none.
+    friction: Array  # coefficient of friction of the carpet, 1
+    # Circular patches of another friction: x, y and radius in m, coefficient, (patches, 4, n).
+    # Where patches overlap, the last one counts. None if there are none.
     patches: Array
-    rolling_resistance: Array  # p: rolling resistance over normal force
-    nap: Array  # relative rise of p straight against the fibers; None if no fibers lean
-    fiber_direction: Array  # straight against the fibers, world frame, (2, n)
-    friction_factor: Array  # friction of each wheel over the carpet's, (W, n)
-    # Angle over which rollers are missing, from a wheel's angle 0 on, (W, n) rad; None if nowhere
+    rolling_resistance: Array  # p: rolling resistance over normal force, 1
+    nap: Array  # relative rise of p straight against the fibers, 1; None if no fibers lean
+    fiber_direction: Array  # unit vector straight against the fibers, world frame, (2, n)
+    friction_factor: Array  # ratio of each wheel's friction to the carpet's, (W, n)
+    # Angle of the sector without rollers, which starts at the wheel angle 0, (W, n) rad; None if no
+    # rollers are missing
     missing_angle: Array
-    roller_friction: Array  # b: friction of the rollers' bearings over normal force
-    # 1 / (R^2 C), (W, n): slip speed, rad/s, for 1 N m of torque, 1 N of normal force and 1 m/s. On
-    # the plant mujoco it is scaled to Q / A.
+    roller_friction: Array  # b: friction of the rollers' bearings over normal force, 1
+    # 1 / (R^2 C): slip speed times normal force, per torque and speed of travel, (W, n) rad/m^2. On
+    # the plant mujoco it is divided by h A, so that it gives Q / A.
     creep_compliance: Array
-    radius: Array  # of the wheels, (W, n) m
-    arm: Array  # from the center of the wheels to where they touch, m
-    axle: Array  # directions of the axles, body frame, (2, W, n)
+    radius: Array  # R: radius of the wheels, (W, n) m
+    arm: Array  # distance of the wheels' contacts from the center of the wheels, m
+    axle: Array  # unit vectors along the axles, body frame, (2, W, n)
 
 
 class ChassisMotion(NamedTuple):
     """Pose and twist of the center of the wheels, (n,)."""
 
-    x: Array  # m, world frame
-    y: Array
-    cosine: Array  # of the heading
-    sine: Array
-    velocity: tuple[Array, Array]  # forward and sideways, m/s
+    x: Array  # position, world frame, m
+    y: Array  # position, world frame, m
+    cosine: Array  # cosine of the heading
+    sine: Array  # sine of the heading
+    velocity: tuple[Array, Array]  # forward and sideways velocity, body frame, m/s
     turn_rate: Array  # rad/s
 
 
 class Drag(NamedTuple):
-    """Drag of carpet and bearings, and limits of traction, until they are computed again."""
+    """Drag of carpet and bearings, and limits of traction, constant for `DRAG_CYCLES` cycles."""
 
-    force: tuple[Array, Array]  # forward and sideways, (n,) N each
-    moment: Array  # about the center of the wheels, (n,) N m
-    # Slip speed over torque, times normal force: |v| times `creep_compliance`, (W, n)
+    force: tuple[Array, Array]  # forward and sideways drag force, body frame, (n,) N each
+    moment: Array  # moment of the drag about the center of the wheels, (n,) N m
+    # |v| times `creep_compliance`: slip speed times normal force, per torque, (W, n) rad/(m s)
     slip_compliance: Array
-    torque_per_load: Array  # Coulomb's limit of the rim's torque over normal force, (W, n) m
+    # Coulomb's limit of the rim's torque over normal force: R sqrt(mu^2 - b^2), where b is the part
+    # that the bearings use, (W, n) m
+    torque_per_load: Array
     axle_speed: Array  # speed of the wheels along their axles, (W, n) m/s
 
 
@@ -106,7 +113,7 @@ def make_carpet_parameters(
     Args:
         settings: One per robot.
         kinematics: Geometry of their wheels.
-        friction_factor: Friction of each wheel over the carpet's, (W, n).
+        friction_factor: Ratio of each wheel's friction to the carpet's, (W, n).
         wear: Loss of each wheel's radius, (W, n) m.
     """
     names = "rolling_resistance", "nap", "nap_direction_deg", "friction"
@@ -135,7 +142,7 @@ def stack_patches(patches_by_robot: Sequence[Patches], min_patches: int = 0) -> 
 
     Args:
         patches_by_robot: Patches of friction on each robot's carpet.
-        min_patches: Least length of the first axis; unused entries cover nothing.
+        min_patches: Smallest length of the first axis; unused entries cover nothing.
     """
     n_patches = max(min_patches, *(len(patches) for patches in patches_by_robot))
     if not n_patches:
@@ -148,13 +155,13 @@ def stack_patches(patches_by_robot: Sequence[Patches], min_patches: int = 0) -> 
 def compute_drag(
     p: CarpetParameters, motion: ChassisMotion, load: Array, wheel_angle: Array
 ) -> Drag:
-    """Compute the drag of pile and bearings, the slip compliance, and Coulomb's limit at the rims.
+    """Compute the drag of carpet and bearings, the slip compliance, and Coulomb's limit.
 
     Args:
         p: Parameters.
-        motion: Motion of the robots.
+        motion: Motion of the centers of the wheels.
         load: Normal force of the wheels, (W, n) N.
-        wheel_angle: Angles, (W, n) rad; used for wheels that lack rollers.
+        wheel_angle: Angles of the wheels, (W, n) rad; used for wheels that lack rollers.
     """
     xp = namespace(load)
     axle_x, axle_y = p.axle
@@ -167,7 +174,7 @@ def compute_drag(
     # Direction of the wheel's travel along the axle and along the rim, shorter than 1 near rest
     axle_direction = axle_speed * inverse_speed
     rim_direction = rim_speed * inverse_speed
-    # On ice the rollers slide before their bearings turn.
+    # On ice, where mu < b, rollers slide instead of turning on their bearings.
     bearing_drag = (
         xp.minimum(p.roller_friction, friction)
         / xp.maximum(abs(axle_speed), AT_REST_M_S)
@@ -194,7 +201,10 @@ def compute_drag(
 
 
 def _compute_friction(p: CarpetParameters, motion: ChassisMotion, wheel_angle: Array) -> Array:
-    """Return the coefficient of friction of each wheel, (W, n), on patches and missing rollers."""
+    """Return the coefficient of friction under each wheel, (W, n).
+
+    Patches replace the carpet's coefficient. It is zero at angles where rollers are missing.
+    """
     xp = namespace(wheel_angle)
     friction = p.friction * p.friction_factor
     if p.patches is not None:
@@ -203,7 +213,7 @@ def _compute_friction(p: CarpetParameters, motion: ChassisMotion, wheel_angle: A
             distance_x = motion.x + wheel_x - x
             distance_y = motion.y + wheel_y - y
             squared_distance = distance_x * distance_x + distance_y * distance_y
-            # The sign of the radius is kept, so that an unused patch covers nothing.
+            # The square has the sign of the radius, so that an unused patch covers nothing.
             is_inside = squared_distance < radius * abs(radius)
             friction = xp.where(is_inside, patch_friction * p.friction_factor, friction)
     if p.missing_angle is not None:
@@ -215,11 +225,11 @@ def compute_torque_limit(torque_per_load: Array, load: Array) -> tuple[Array, Ar
     """Return Coulomb's limit of the rims' torques, mu N R.
 
     Args:
-        torque_per_load: See `Drag`, (W, n) m.
-        load: Normal force, (W, n) N.
+        torque_per_load: Largest torque over normal force, mu R, (W, n) m.
+        load: Normal force N of the wheels, (W, n) N.
 
     Returns:
-        Largest torque, (W, n) N m, and the normal force, at least `MIN_LOAD_N`.
+        Largest torque, (W, n) N m, and the normal force, at least `MIN_LOAD_N`, (W, n) N.
     """
     positive_load = namespace(load).maximum(load, MIN_LOAD_N)
     return torque_per_load * positive_load, positive_load
