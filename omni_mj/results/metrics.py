@@ -44,13 +44,13 @@ def row_metrics(log: Log, failures: Sequence[Failure] = ()) -> dict[str, Array]:
         log: The log.
         failures: Failures of rows.
     """
-    error, failed = tracking_errors(log), [failure.row for failure in failures]
-    metrics = _error_statistics(error, log.lengths)
-    reference, position_error = log.channel("ref"), error["position"]
-    effort = _mean_square_effort(log.channel("command")[..., :2])
-    metrics["effort_m_s2"] = np.sqrt(effort)
+    errors, failed = tracking_errors(log), [failure.row for failure in failures]
+    metrics = _error_statistics(errors, log.lengths)
+    reference, position_error = log.channel("ref"), errors["position"]
+    mean_square = _mean_square_acceleration(log.channel("command")[..., :2])
+    metrics["effort_m_s2"] = np.sqrt(mean_square)
     metrics["excess_effort_m_s2"] = np.sqrt(
-        np.maximum(effort - _mean_square_effort(_reference_velocity(reference)), 0.0)
+        np.maximum(mean_square - _mean_square_acceleration(_reference_velocity(reference)), 0.0)
     )
     metrics["settle_s"] = _settling_times(reference, position_error, log.lengths)
     infinite_if_failed = set(metrics)
@@ -73,7 +73,7 @@ def tracking_errors(log: Log) -> dict[str, Array]:
     """
     reference = log.channel("ref")
     x, y, heading = np.moveaxis(log.channel("pose") - reference, -1, 0)
-    cosine, sine = np.moveaxis(travel_direction(reference[..., :2]), -1, 0)
+    cosine, sine = np.moveaxis(_compute_travel_directions(reference[..., :2]), -1, 0)
     return {
         "x": np.abs(x),
         "y": np.abs(y),
@@ -84,7 +84,7 @@ def tracking_errors(log: Log) -> dict[str, Array]:
     }
 
 
-def travel_direction(reference: Array) -> Array:
+def _compute_travel_directions(reference: Array) -> Array:
     """Return the directions in which timed references travel, as unit vectors.
 
     The direction in a frame is that from the previous to the next frame. While the reference
@@ -135,7 +135,7 @@ def _error_statistics(errors: Mapping[str, Array], lengths: np.ndarray) -> dict[
     return metrics
 
 
-def _mean_square_effort(velocity: Array) -> Array:
+def _mean_square_acceleration(velocity: Array) -> Array:
     """Return the mean square of the acceleration of velocities that start from zero, shape (n,).
 
     Args:
