@@ -16,10 +16,10 @@ MIN_ALPHA, MAX_ALPHA = 0.5, 1.1
 class AlphaEstimator:
     """Ratio of achieved to commanded displacement in a sliding window, per robot and world axis.
 
-    Equation 8 sums the ratios of n_0 single frames and divides by T = 1/60 s. The paper expects
-    alpha in [0.7, 1], the usual ratio of achieved to commanded velocity. The sum as printed is
-    n_0 / T = 60 n_0 times as large, and it divides by zero at rest. The ratio of the displacements
-    in the window is used instead:
+    The paper assumes alpha, the ratio of achieved to commanded velocity, in [0.7, 1] (equation 7).
+    Equation 8 sums the ratios of n_0 single frames and divides by T = 1/60 s. As printed, the
+    result is n_0 / T = 60 n_0 times as large as alpha, and at rest it divides by zero. The ratio of
+    the displacements in the window is used instead:
 
         alpha = (dx dx_d + rho alpha_old) / (dx_d^2 + rho)
 

@@ -1,18 +1,22 @@
 """Fastest speed along a closed path, from rest to rest after some laps.
 
-**In the phase plane.** With z = v^2, v the speed and s the arc length, the acceleration along the
-path is z'/2 and that across it k z, with k the curvature. A limit a of the total acceleration
-leaves |z'| <= 2 sqrt(a^2 - k^2 z^2). Hence the angle arcsin(k z / a), by which the acceleration
-points away from the path, changes by at most 2 k ds. Where k hardly changes, steps along the path
-have a closed form. A forward pass accelerates as hard as this allows, and a backward pass brakes as
-hard. The result is the highest possible speed everywhere (Bobrow, Dubowsky and Gibson 1985; as two
-passes, Pham and Pham 2018).
+The unknown is the squared speed z = v^2 as a function of the arc length s. With the curvature k,
+the acceleration along the path is a_t = z'/2 and that across the path is a_n = k z.
 
-**As a linear program.** Combined limits of wheels are linear in the accelerations. These are linear
-in z, also the turn acceleration k z'/2 + k' z of a robot that faces along the path. Of two
-drives within such limits, the faster of both at each position keeps them too. One drive therefore
-has the highest z everywhere, and none takes less time (as a convex program, Verscheure and others
-2009).
+**Integration in two passes.** The limit a of the total acceleration means
+
+    |z'| <= 2 sqrt(a^2 - k^2 z^2)
+
+Hence the angle arcsin(k z / a) between acceleration and path changes by at most 2 k ds. In a cell
+of constant curvature, this has a closed solution. A forward pass accelerates as hard as the limits
+allow, and a backward pass brakes as hard. The result is the highest possible speed everywhere
+(Bobrow, Dubowsky and Gibson 1985; as two passes, Pham and Pham 2018).
+
+**Linear program.** The limits of wheels are linear in the accelerations, and all accelerations are
+linear in z and z'. This includes the turn acceleration k z'/2 + k' z of a robot that faces along
+the path. The pointwise maximum of two feasible speed profiles is feasible. Hence one profile is
+highest everywhere, and it takes the least time. Maximizing the sum of z finds it (as a convex
+program, Verscheure and others 2009).
 """
 
 import math
@@ -21,12 +25,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
 from omni_control.traction import WheelLimits, max_over_neighbors
 
-_N_SIDES = 32  # of the polygon inside the ellipse of accelerations, which is 0.5 % smaller
-_N_SOLVED_LAPS = 3  # the first, the last, and one for all laps between them
+_N_SIDES = 32  # of the polygon inside the ellipse of accelerations; it is 0.5 % smaller
+_N_SOLVED_LAPS = 3  # the first and last laps, and one that stands for all laps in between
 
 
 def integrate_speed_profile(
@@ -40,8 +45,8 @@ def integrate_speed_profile(
     """Return the highest squared speed at the ends of cells within all limits but those of wheels.
 
     Args:
-        step: Lengths of the cells, (cells,) m.
-        curvature: Absolute curvature at their ends, (cells + 1,) 1/m, above 0.
+        step: Lengths of the cells of one lap, (cells,) m.
+        curvature: Absolute curvature at the ends of the cells, (cells + 1,) 1/m, above 0.
         max_squared_speed: Squared limit of the speed in each cell, (cells,) m^2/s^2.
         limits: Limits of acceleration, turn rate and turn acceleration.
         laps: Number of laps.
@@ -53,23 +58,24 @@ def integrate_speed_profile(
     a = limits.acceleration
     turn_rate = limits.turn_rate if faces_along_path else np.inf
     turn_acceleration = limits.turn_acceleration if faces_along_path else np.inf
-    # Weight of the acceleration across the path, which limits turn into that along it.
+    # Facing along the path, a_n is sideways. Times this weight, it has the same limit as a_t.
     side_weight = limits.acceleration_ratio if faces_along_path else 1.0
     cell_curvature = (curvature[:-1] + curvature[1:]) / 2
     side_curvature = side_weight * cell_curvature
-    # From one end of a cell to the other, the angle of the acceleration changes by up to twice the
-    # angle by which the path turns, times `side_weight`. The square of the turn rate changes by up
-    # to twice that angle times the turn acceleration.
+    # In a cell, the path turns by k ds. The angle of the acceleration changes by at most
+    # 2 k ds side_weight, and the squared turn rate k^2 z by at most 2 k ds turn_acceleration.
     double_turn = 2 * cell_curvature * step
 
-    # Facing along the path, the turn acceleration is k times the acceleration along it plus k'/k
-    # times that across it. Its limits cut a strip out of the circle of radius a in which the
-    # acceleration must stay. Where the top of the circle (all acceleration across the path) is cut
-    # off, the highest point that is left is the corner, at this angle from the top.
-    slope = np.abs(np.diff(curvature)) / (step * cell_curvature) / side_weight
-    strip = np.minimum(turn_acceleration / (a * np.hypot(cell_curvature, slope)), 1)
-    corner = np.arccos(strip) - np.arctan2(cell_curvature, slope)
-    max_lateral = a * np.cos(np.maximum(corner, 0))
+    # Facing along the path, the turn acceleration is k a_t + (k'/k) a_n. Its limit allows a strip
+    # about the origin of the plane of a_t and weighted a_n. The acceleration must also lie in a
+    # circle of radius a. If the strip cuts off the top of the circle (a_t = 0, a_n = a), the
+    # largest a_n is at the corner where the edge of the strip meets the circle.
+    turn_per_lateral = np.abs(np.diff(curvature)) / (step * cell_curvature) / side_weight
+    normal_length = np.hypot(cell_curvature, turn_per_lateral)
+    half_width = np.minimum(turn_acceleration / (a * normal_length), 1)  # of the strip, over a
+    # Angle from the top to the corner; negative if the top is inside the strip.
+    corner_angle = np.arccos(half_width) - np.arctan2(cell_curvature, turn_per_lateral)
+    max_lateral = a * np.cos(np.maximum(corner_angle, 0))
 
     max_z = np.minimum(max_lateral / side_curvature, max_squared_speed)
     max_z = np.tile(np.minimum(max_z, (turn_rate / cell_curvature) ** 2), laps)
@@ -82,13 +88,16 @@ def integrate_speed_profile(
 
 
 def _accelerate(max_z: Array, coefficients: Array, curvature: Array) -> Array:
-    """Return the highest squared speeds (laps * cells + 1,) that acceleration can reach.
+    """Return the highest squared speeds (laps * cells + 1,) that a forward pass can reach.
+
+    At each cell end, this is the highest squared speed up to `max_z` that acceleration from the
+    previous cell end can reach.
 
     Args:
-        max_z: Upper bounds of the squared speeds.
-        coefficients: For each cell (3, cells): the sine of the acceleration's angle from the path
-            over the squared speed, s^2/m^2; the largest change of this angle, rad; and the largest
-            gain of the squared turn rate, rad^2/s^2.
+        max_z: Upper bounds of the squared speeds, (laps * cells + 1,) m^2/s^2.
+        coefficients: For each cell, (3, cells): the ratio k / a of the sine of the acceleration's
+            angle to the squared speed, s^2/m^2; the largest change of this angle, rad; and the
+            largest gain of the squared turn rate, rad^2/s^2.
         curvature: Absolute curvature at the ends of the cells, (cells + 1,) 1/m.
     """
     scales, rotations, turn_gains = coefficients
@@ -97,16 +106,16 @@ def _accelerate(max_z: Array, coefficients: Array, curvature: Array) -> Array:
     z = float(max_z[0])
     squared_speeds = [z]
     right_angle = math.pi / 2
-    # Python's floats, since each cell depends on the one before. With `min` of the three speeds,
-    # the loop would take half as long again.
+    # A loop over Python's floats, because each cell depends on the previous one. Comparisons
+    # instead of `min` save a third of its time.
     bounds = zip(max_z[1:].tolist(), cycle(lap), strict=False)
     for bound_z, (scale, rotation, decay, gain) in bounds:
         sine = scale * z
         angle = math.asin(sine) + rotation if sine < 1 else right_angle
-        on_circle = (math.sin(angle) if angle < right_angle else 1.0) / scale
-        z = decay * z + gain
-        if on_circle < z:
-            z = on_circle
+        max_reachable = (math.sin(angle) if angle < right_angle else 1.0) / scale
+        z = decay * z + gain  # the highest within the limit of turn acceleration
+        if max_reachable < z:
+            z = max_reachable
         if bound_z < z:
             z = bound_z
         squared_speeds.append(z)
@@ -116,12 +125,13 @@ def _accelerate(max_z: Array, coefficients: Array, curvature: Array) -> Array:
 class ClosedPath(NamedTuple):
     """Cells of a closed path.
 
-    The body acceleration is `twist` z'/2 + `twist_slope` z, with z the squared speed.
+    With the squared speed z, the body acceleration is `twist` z'/2 + `twist_slope` z.
 
     Args:
         step: Lengths of the cells, (cells,) m.
         twist: Body twist per speed, (3, cells).
-        twist_slope: Its change along the path in world axes, seen in the body frame, (3, cells).
+        twist_slope: Derivative of the twist by arc length, differentiated in the world frame and
+            expressed in body axes, (3, cells).
     """
 
     step: Array
@@ -135,7 +145,7 @@ def solve_speed_profile_on_wheels(
     """Return the highest squared speed at the ends of cells within all limits but those of jerk.
 
     Args:
-        path: The path.
+        path: Cells of one lap.
         limits: Limits of velocity and acceleration.
         wheels: Limits of the wheels.
         capacity: Fraction of the friction, drag included, and of the rim speed that may be used.
@@ -143,8 +153,11 @@ def solve_speed_profile_on_wheels(
 
     Returns:
         Squared speeds (laps * cells + 1,), m^2/s^2.
+
+    Raises:
+        OmniError: The linear program has no solution.
     """
-    # Imported here, since it takes longer than all other imports together.
+    # Imported here, because it takes longer than all other imports together.
     from scipy.optimize import linprog
     from scipy.sparse import diags_array, vstack
 
@@ -153,7 +166,8 @@ def solve_speed_profile_on_wheels(
     per_z = rows @ path.twist_slope / 2
     solved_laps, n_cells = min(laps, _N_SOLVED_LAPS), len(path.step)
     n = solved_laps * n_cells
-    # Each constraint couples the z at both ends of a cell.
+    # Each constraint holds in the middle of a cell, with z' = (z_end - z_start) / step and
+    # z = (z_start + z_end) / 2. It couples the z at both ends.
     at_start, at_end = np.tile([per_z - per_slope, per_z + per_slope], solved_laps)
     matrix = vstack(
         [
@@ -165,6 +179,8 @@ def solve_speed_profile_on_wheels(
     max_z = np.concatenate([[0], np.minimum(max_z[:-1], max_z[1:]), [0]])
     z_range = np.stack([0 * max_z, max_z], axis=1)
     result = linprog(-np.ones(n + 1), matrix, np.tile(bounds, solved_laps).ravel(), bounds=z_range)
+    if not result.success:
+        raise OmniError(f"found no speed profile within the limits of the wheels: {result.message}")
     z = np.maximum(result.x, 0)
     middle_laps = [z[n_cells : 2 * n_cells]] * (laps - solved_laps)
     return np.concatenate([z[:n_cells], *middle_laps, z[n_cells:]])
@@ -176,8 +192,8 @@ def _make_constraints(
     """Return linear constraints on body accelerations [ax, ay, turn acceleration] in each cell.
 
     Returns:
-        rows (constraints, 3) and bounds (constraints, cells): rows @ acceleration <= bounds; and
-        the highest squared speeds (cells,), m^2/s^2.
+        rows (constraints, 3) and bounds (constraints, cells), such that
+        rows @ acceleration <= bounds; and the highest squared speeds (cells,), m^2/s^2.
     """
     angles = 2 * np.pi * np.arange(_N_SIDES) / _N_SIDES
     side = limits.side_acceleration or limits.acceleration
