@@ -65,7 +65,7 @@ def create_time_axes(
     grid = figure.subplots(rows, columns, sharex=True, squeeze=False, **options)
     grid[0, 0].xaxis.set_major_formatter(lambda time, _: f"{FRAME_RATE_HZ * time:g}\n{time:g} s")
     for axes in grid[-1]:
-        axes.set_xlabel("frames of 1/60 s (fp)")
+        axes.set_xlabel("frames of 1/60 s")
     return grid
 
 

@@ -30,7 +30,8 @@ PEAKS = {  # largest value of all motors -> heading
     "peak_current_a": "peak, A",
     "peak_winding_temperature_c": "winding, °C",
 }
-ALPHA = ("alpha x", "alpha y")
+DISPLACEMENT_RATIOS = ("displacement ratio x", "displacement ratio y")
+WHEELED_PLANTS = {"mujoco", "planar"}  # which ignore the settings [kinematic]
 Summary = dict[str, Any]
 ENVIRONMENT = jinja2.Environment(  # compiles a template once
     loader=jinja2.PackageLoader("omni_mj.viz"),
@@ -144,9 +145,9 @@ def _encode_images(folder: Path) -> dict[str, str]:
 
 
 def _motor_table(entry: Summary) -> Table:
-    """Return effort, limits reached, peaks of the motors and alpha of each controller."""
+    """Return effort, limits reached, peaks of the motors and displacement ratios."""
     limits = [f"{label}, %" for label in METRIC_LABELS.values()]
-    headings = ["controller", "effort, m/s²", *limits, *PEAKS.values(), *ALPHA]
+    headings = ["controller", "effort, m/s²", *limits, *PEAKS.values(), *DISPLACEMENT_RATIOS]
     rows = []
     for controller, result in entry["results"].items():
         fractions = [result["saturation"][name]["median"] for name in METRIC_LABELS]
@@ -162,10 +163,10 @@ def _motor_table(entry: Summary) -> Table:
         )
     title = (
         "Effort; percentage of the frames in which a limit is reached, and mean duty cycle; peaks "
-        "of all motors and seeds; 5th/50th/95th percentile of alpha in windows of 0.25 s (the paper"
-        " reports 0.7 to 1)"
+        "of all motors and seeds; 5th/50th/95th percentile of the displacement ratio in windows of "
+        "0.25 s (the paper's alpha: 0.7 to 1)"
     )
-    return drop_equal_columns(Table(title, headings, rows, 1), kept_headings=ALPHA)
+    return drop_equal_columns(Table(title, headings, rows, 1), kept_headings=DISPLACEMENT_RATIOS)
 
 
 def _settings_table(entries: Mapping[str, Summary]) -> Table:
@@ -185,7 +186,9 @@ def _settings_table(entries: Mapping[str, Summary]) -> Table:
         title = "Settings in which they differ"
         for name, entry in entries.items():
             columns[name] |= {"plant": entry["plant"], "robot": entry["robot"]}
-    names = dict.fromkeys(name for values in columns.values() for name in values)
+    names = list(dict.fromkeys(name for values in columns.values() for name in values))
+    if {entry["plant"] for entry in entries.values()} <= WHEELED_PLANTS:
+        names = [name for name in names if not name.startswith("kinematic.")]
     rows = []
     for name in names:
         values = [column.get(name) for column in columns.values()]

@@ -7,11 +7,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.spatial import KDTree
 
 from omni_control.kinematics import Array
 from omni_mj.config.settings import FRAME_RATE_HZ
-from omni_mj.results.alpha_windows import ALPHA_WINDOW_FRAMES
 from omni_mj.results.result import Outcome
 from omni_mj.results.result_tables import describe_plant
 from omni_mj.viz import plotting, style
@@ -21,16 +19,18 @@ from omni_mj.viz.seed_figure import draw_seed_statistics
 MIN_SEEDS = 3  # for a figure of statistics over seeds
 TITLES = {
     "error": "Absolute errors in x, y and heading",
-    "path": "Paths in m, and close-ups in cm of the points farthest from the reference",
-    "command": "Commanded velocities in the world frame, compared with the reference's",
-    "alpha": "Motor correction factor alpha, estimated and measured",
+    "path": "Paths, and close-ups in cm at each controller's largest position error",
+    "command": "Commands exceed the reference's velocity to make up for a gain below 1 and lag",
+    "alpha": "Estimates of alpha, and the displacement ratio, which contains gain and lag",
 }
+# Title of "alpha" if both controllers run on a plant with lag: comp-flc's estimate is the ratio.
+ALPHA_FINDING = "comp-flc takes lag for gain; adaptive-comp-flc estimates them separately"
+ALPHA_CONTROLLERS = {"comp-flc", "adaptive-comp-flc"}
 MIN_HEADING_ERROR_DEG = 0.06  # largest error below which the heading has no panel
 PAPER_ALPHA_RANGE = (0.7, 1.0)  # section 2 of the paper
-# Half the width of a close-up: in deviations from the path, and at least in m.
-CLOSE_UP_DEVIATIONS, MIN_CLOSE_UP_M = 1.25, 0.005
+# Half the width of a close-up: in largest position errors, and at least in cm.
+CLOSE_UP_ERRORS, MIN_CLOSE_UP_CM = 1.25, 0.5
 CLOSE_UP_COLUMNS = 4
-PATH_STEP_M = 0.0005  # between points of the path to which distances are computed
 Robots = Sequence[RecordedRobot]
 
 
@@ -53,8 +53,13 @@ def save_run_figures(outcome: Outcome, folder: Path, svg: bool = False) -> None:
         for failure in outcome.failures
         if failure.seed == seed
     ]
+    titles = dict(TITLES)
+    if outcome.entry["plant"] != "kinematic" and ALPHA_CONTROLLERS.issubset(
+        outcome.entry["results"]
+    ):
+        titles["alpha"] = ALPHA_FINDING
     for name, draw in choose_figures(outcome).items():
-        title = "\n".join([f"{TITLES[name]}: {context}", *failures]) if name in TITLES else ""
+        title = "\n".join([f"{titles[name]}: {context}", *failures]) if name in titles else ""
         with plotting.figure_file(folder / name, title, svg) as figure:
             draw(figure)
 
@@ -86,7 +91,7 @@ def draw_errors(robots: Robots, failed: Collection[str], figure: Figure) -> None
         failed: Names of the robots that failed.
         figure: Empty figure.
     """
-    labels = ["|error| in x, cm", "|error| in y, cm", "|heading error|, deg"]
+    labels = ["|error| in x, cm", "|error| in y, cm", "|heading error|, °"]
     largest = max(np.abs(robot.pose_error()[:, 2]).max() for robot in robots)
     labels = labels if largest > MIN_HEADING_ERROR_DEG else labels[:2]
     for axes in _draw_columns(
@@ -99,7 +104,8 @@ def draw_errors(robots: Robots, failed: Collection[str], figure: Figure) -> None
 def draw_paths(robots: Robots, failed: Collection[str], figure: Figure) -> None:
     """Draw all paths (figures 7 and 10 of the paper) and, below, a close-up for each controller.
 
-    A close-up shows the point of the controller's path that is farthest from the reference path.
+    A close-up is centered on the robot at its largest position error. A ring marks the reference
+    of the same frame.
 
     Args:
         robots: One robot per controller.
@@ -119,20 +125,25 @@ def draw_paths(robots: Robots, failed: Collection[str], figure: Figure) -> None:
         if robot.name in failed:
             label = f"{robot.name} failed"
             overview.plot(*path[-1], "X", color=color, ms=8, mec="black", zorder=6, label=label)
-        distance = distance_to_path(reference, path)
-        center, deviation = path[distance.argmax()], float(distance.max())
+        errors_cm = robot.position_error()
+        frame = errors_cm.argmax()
+        center = path[frame]
         axes = figure.add_subplot(grid[1 + i // columns, i % columns])
         _draw_path_lines(axes, robots, reference, center, 100)
-        half_width_cm = 100 * max(CLOSE_UP_DEVIATIONS * deviation, MIN_CLOSE_UP_M)
+        ring = 100 * (robot["ref"][frame, :2] - center)
+        axes.plot([0, ring[0]], [0, ring[1]], "o-", color="black", mfc=color, lw=1, zorder=5)
+        label = "reference at the largest position error"
+        axes.plot(*ring, "o", mfc="white", mec="black", mew=1.5, ms=8, zorder=6, label=label)
+        half_width_cm = max(CLOSE_UP_ERRORS * errors_cm[frame], MIN_CLOSE_UP_CM)
         limits = (-half_width_cm, half_width_cm)
-        label = f"{100 * deviation:.3g} cm from the path"
+        label = f"{errors_cm[frame]:.2f} cm position error"
         axes.set(xlim=limits, ylim=limits, xlabel=label, title=robot.name)
         axes.spines[:].set(visible=True, color=color, linewidth=1.5)
         # Squares at the same point have different sizes, so that none hides another.
         overview.plot(*center, "s", mfc="none", mec=color, ms=9 + 3 * i, mew=1.5, zorder=7)
     overview.margins(0.06)
     overview.set(xlabel="x, m", ylabel="y, m")
-    plotting.add_legend(figure, [overview])
+    plotting.add_legend(figure, figure.axes)
 
 
 def draw_commands(robots: Robots, failed: Collection[str], figure: Figure) -> None:
@@ -174,7 +185,7 @@ def draw_alpha(robots: Robots, figure: Figure) -> None:
         color = style.color(robot.style_index)
         paper_label = "range of the paper, 0.7 to 1"
         axes.axhspan(*PAPER_ALPHA_RANGE, color="#EEEEEE", lw=0, zorder=0, label=paper_label)
-        measured_label = f"displacement achieved / commanded in {ALPHA_WINDOW_FRAMES} frames"
+        measured_label = "displacement ratio, achieved / commanded in 0.25 s (gain and lag)"
         axes.plot(time, measured, color="black", lw=1, zorder=4, label=measured_label)
         label = "estimate, in the controller's color"
         axes.plot(time, estimate, color=color, lw=2, zorder=3, label=label)
@@ -184,15 +195,6 @@ def draw_alpha(robots: Robots, figure: Figure) -> None:
         axes.set(title=f"{robot.name}, {'xy'[axis]}", ylabel="" if axis else "alpha")
     grid[0, 0].set_ylim(ALPHA_RANGE)
     plotting.add_legend(figure, grid.flat)
-
-
-def distance_to_path(path: Array, points: Array) -> Array:
-    """Return the distances of points (m, 2) from a path (n, 2) of straight segments, (m,) m."""
-    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    arc = np.concatenate([[0.0], np.cumsum(lengths)])
-    steps = np.linspace(0, arc[-1], 1 + int(arc[-1] / PATH_STEP_M))
-    dense_path = np.column_stack([np.interp(steps, arc, coordinate) for coordinate in path.T])
-    return np.asarray(KDTree(dense_path).query(points)[0])
 
 
 def _draw_columns(

@@ -22,7 +22,7 @@ SETTLING_TIME = "settling time\nin s"
 PANELS: dict[str, tuple[float, tuple[str, ...]]] = {
     "maximum position\nerror in cm": (100, ("error_m", "position", "max")),
     "mean position\nerror in cm": (100, ("error_m", "position", "mean")),
-    "maximum heading\nerror in degrees": (180 / np.pi, ("error_rad", "heading", "max")),
+    "maximum heading\nerror in °": (180 / np.pi, ("error_rad", "heading", "max")),
     "excess effort\nin m/s²": (1, ("excess_effort_m_s2",)),
     SETTLING_TIME: (1, ("settle_s",)),
 }

@@ -104,6 +104,8 @@ def test_a_close_up_shows_the_largest_deviation_of_each_controller(controllers: 
         path = next(line for line in axes.get_lines() if str(line.get_label()).startswith("c"))
         assert np.max(path.get_ydata()) == pytest.approx(0, abs=0.1)
         assert float(axes.get_xlabel().split()[0]) == pytest.approx(5.1, rel=0.03)
+        ring = axes.get_lines()[-1].get_xydata()
+        np.testing.assert_allclose(ring, [[0, -5.1]], atol=0.15)
 
 
 @given(st.lists(st.sampled_from([*CONTROLLERS, *USER_CONTROLLERS]), unique=True, min_size=1))
@@ -125,14 +127,18 @@ def test_line_styles_are_distinct_without_color_and_fixed_for_built_in_controlle
 
 
 def test_a_heat_map_holds_the_maximum_error_of_all_seeds() -> None:
-    """In cm; "failed" where a seed has no value, and no line for a scenario without results."""
+    """In cm; "failed" where a seed has no value, and no line for a scenario without results.
+
+    Scenarios with faults come last.
+    """
     run = make_outcome(ends={5: 100}).entry
-    entries = {"s1": make_outcome().entry, "s2": run, "s3": run | {"results": {}}}
+    good = make_outcome().entry
+    entries = {"fault": good, "s1": good, "s2": run, "s3": run | {"results": {}}}
     figure = draw_comparison({name: e for name, e in entries.items() if e["results"]}, ["c1"])
     axes = figure.axes[0]
     cells = [text.get_text() for text in axes.texts]
-    assert cells == ["0.14", "1.56", "0.14", "failed"]
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["s1", "s2"]
+    assert cells == ["0.14", "1.56", "0.14", "failed", "0.14", "1.56"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["s1", "s2", "fault"]
 
 
 def test_a_figure_over_seeds_has_a_dot_at_each_mean() -> None:

@@ -96,7 +96,7 @@ def _tracking_plots() -> list[Plot]:
         ),
         Plot("error/x", "position error in x, cm", lambda robot: robot.pose_error()[:, :1]),
         Plot("error/y", "position error in y, cm", lambda robot: robot.pose_error()[:, 1:2]),
-        Plot("error/heading", "heading error, deg", lambda robot: robot.pose_error()[:, 2:]),
+        Plot("error/heading", "heading error, °", lambda robot: robot.pose_error()[:, 2:]),
     ]
 
 
