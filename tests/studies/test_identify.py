@@ -153,16 +153,16 @@ WRONG: dict[str, tuple[Callable[[Columns], Columns], str]] = {
 BAD: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "cm": (
         lambda c: c | {"x_m": 100 * c["x_m"], "y_m": 100 * c["y_m"]},
-        "times as fast as by the commands",
+        "times as fast as the commands say",
     ),
     "degrees": (
         lambda c: c | {"heading_rad": np.degrees(c["heading_rad"])},
-        "turns .* as fast as by the commands",
+        "turns .* as fast as the commands say",
     ),
     "swapped": (lambda c: swapped(c, *COMMAND[:2]), MIRRORED),
     "mirrored": (lambda c: c | {COMMAND[1]: -c[COMMAND[1]]}, MIRRORED),
     "clockwise": (lambda c: c | {"heading_rad": -c["heading_rad"]}, "headings turn clockwise"),
-    "turned": (lambda c: c | {"x_m": -c["x_m"], "y_m": -c["y_m"]}, "turned by -?1[78]. degrees"),
+    "turned": (lambda c: c | {"x_m": -c["x_m"], "y_m": -c["y_m"]}, "rotated by -?1[78]. degrees"),
     "body": (
         lambda c: {k.replace("world", "body"): v for k, v in c.items()},
         "along the field's axes",

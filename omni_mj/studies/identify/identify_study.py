@@ -1,8 +1,9 @@
-"""Identify a robot from its logs: parameters, residuals, and what the data do not identify.
+"""Identify the parameters of a robot from its logs.
 
-`robot_logs` reads files and `log_checks` rejects logs that cannot be this robot's. `log_segments`
-cuts them, `slip_dynamics` predicts the motion, `parameter_fit` fits it, `derived_parameters`
-computes estimates, and `robot_file_writer` writes them into a robot's file.
+`robot_logs` reads the files, and `log_checks` rejects logs of another robot or in other units.
+`log_segments` cuts logs into segments, `slip_dynamics` predicts the motion in them, and
+`parameter_fit` fits it. `derived_parameters` computes the estimates, and `robot_file_writer` writes
+them into a robot's file.
 """
 
 import json
@@ -29,9 +30,10 @@ from omni_mj.studies.identify.parameter_fit import Fit, fit_parameters
 from omni_mj.studies.identify.robot_logs import RobotLog, read_logs
 from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, Parameters, RobotDynamics
 
-# A radius that differs from the file's by more than both is taken from the data
+# The radius of the file is rejected if the fitted one deviates by more than both limits: a fraction
+# of the radius, and a number of standard errors.
 MAX_RADIUS_DEVIATION, MAX_RADIUS_SIGMAS = 0.025, 3.0
-# Rolling radius over the file's (rubber is compressed), and its standard error
+# Rolling radius over the radius of the file, with compressed rubber, and its standard error
 ROLLING_RADIUS, RADIUS_ERROR = 0.9988, 0.002
 CONTACT_PARAMETERS = (
     "creep_compliance",
@@ -40,12 +42,12 @@ CONTACT_PARAMETERS = (
     "slope_x_m_s2",
     "slope_y_m_s2",
 )
-# Parameters that are always fitted
+# Parameters that are always fitted, by source of the inputs
 FREE_PARAMETERS = {
     "wheels": (DEAD_TIME, "scale", "arm", "heading_offset_rad"),
     "commands": (DEAD_TIME, "scale", "compliance_s", "dry_friction_m_s", "heading_offset_rad"),
 }
-MIN_DEAD_TIME_S = 0.01  # at the start of a fit to commands
+MIN_DEAD_TIME_S = 0.01  # smallest initial value of a fit to commands
 
 
 @dataclass
@@ -55,10 +57,10 @@ class IdentificationResult:
     Attributes:
         start: Scenario with the start robot.
         logs: Names of the logs.
-        estimates: All estimates, identified or not, by source and name, such as
+        estimates: All estimates, identified or not. Keys are source and name, such as
             "wheels.creep_stiffness".
-        fits: Fits to "wheels" and "commands".
-        remarks: Remarks, one line each.
+        fits: Fits by source of the inputs: "wheels" and "commands".
+        remarks: Remarks for the user, one line each.
     """
 
     start: Scenario
@@ -73,11 +75,12 @@ class IdentificationResult:
 
     @property
     def misfits(self) -> list[str]:
-        """Residuals that show that the model lacks a property of the robot, one line each."""
+        """Messages about residuals that the model cannot explain, one line each."""
         return [
             f"motion by {source}: persistent residuals of {quantity} are "
-            f"{1e3 * residuals.persistent:.2f} (mm or mrad), at most {1e3 * residuals.allowed:g} "
-            "for robots that the model describes: it lacks a property of this one"
+            f"{1e3 * residuals.persistent:.2f} (mm or mrad), but at most "
+            f"{1e3 * residuals.allowed:g} for robots that the model describes: it lacks a property "
+            "of this one"
             for source, fit in self.fits.items()
             for quantity, residuals in fit.residuals.items()
             if residuals.misfit
@@ -125,8 +128,9 @@ class IdentificationResult:
         }
 
     def save(self, folder: Path) -> None:
-        """Write identify.json and robot.toml, which refers to a custom model by its path."""
+        """Write identify.json and robot.toml."""
         changes = robot_file_writer.list_changes(self.estimates)
+        # The path of a custom model is made absolute, because robot.toml has another folder.
         if model := self.start.settings.model.file:
             changes["model", "file"] = json.dumps(Path(model).resolve().as_posix())
         start = robot_files.find_robot_file(self.start.robot).read_text("utf-8")
@@ -144,13 +148,13 @@ def identify(
     """Identify a robot from its logs.
 
     Args:
-        logs: CSV or Parquet files, or one of them; see docs/how-to/identify-a-robot.md.
-        robot: Name or file of the start robot, with the geometry of the wheels and initial
-            parameters.
-        model: MJCF of the robot, which sets geometry and masses. Default: the robot file's.
+        logs: CSV or Parquet files, or one file; see docs/how-to/identify-a-robot.md.
+        robot: Name or file of the start robot, which sets the geometry of the wheels and the
+            initial parameters.
+        model: MJCF file of the robot, which sets geometry and masses. Default: the robot file's.
 
     Raises:
-        OmniError: A log is not what it claims to be, or is too short.
+        OmniError: A log cannot be read, is too short, or fails a check of `log_checks`.
     """
     paths = [logs] if isinstance(logs, Path | str) else logs
     start = load_scenario("rect", robot=robot, model=model or {})
@@ -158,7 +162,7 @@ def identify(
 
 
 def identify_logs(logs: Sequence[RobotLog], start: Scenario) -> IdentificationResult:
-    """Identify a robot from logs, beginning with the robot of a scenario."""
+    """Identify a robot from logs, starting with the robot of a scenario."""
     result = IdentificationResult(start, [log.name for log in logs])
     for source in ("wheels", "commands"):
         if logs_with_source := [log for log in logs if source in log.inputs]:
@@ -167,10 +171,10 @@ def identify_logs(logs: Sequence[RobotLog], start: Scenario) -> IdentificationRe
 
 
 def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]) -> None:
-    """Fit the model to one source of inputs and add the estimates to the result.
+    """Fit the model to one source of inputs, and add the estimates to the result.
 
     Raises:
-        OmniError: Wheels or axes are not those of this robot, or the logs are too short.
+        OmniError: A log fails a check of `log_checks`, or the logs are too short.
     """
     settings, by_wheels = result.start.settings, source == "wheels"
     dynamics = RobotDynamics.from_settings(settings)
@@ -184,7 +188,7 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
         return
     start = dynamics.nominal_parameters(settings, by_wheels)
     start[DEAD_TIME] = float(np.median(delays))
-    if not by_wheels:
+    if not by_wheels:  # the delay of commands is dead time plus lag
         lag = 2 * start["compliance_s"] / len(dynamics.rim_directions)
         start[DEAD_TIME] = max(start[DEAD_TIME] - lag, MIN_DEAD_TIME_S)
     free = list(FREE_PARAMETERS[source])
@@ -195,7 +199,7 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
     if n_outliers := len(segments) - len(fit.segments):
         result.remarks.append(
             f"{source}: {n_outliers} of {len(segments)} segments with far larger residuals are "
-            "left out: sliding wheels, a push, or a false detection"
+            "left out; causes may be sliding wheels, a collision, or a false detection"
         )
     if by_wheels and "creep_compliance" in free:
         fit = _apply_radius_prior(result, fit)
@@ -210,7 +214,7 @@ def _check_logs(
     """Return the twists of each log, body frame, (F, 3), and the delays of the inputs, s.
 
     Raises:
-        OmniError: A log is not of this robot.
+        OmniError: A log fails a check of `log_checks`.
     """
     twists, delays = [], []
     by_wheels = source == "wheels"
@@ -228,13 +232,13 @@ def _check_logs(
 def _prepare_contacts(
     wheel_fit: Fit | None, start: Parameters, lacks_creep: bool
 ) -> tuple[str, ...]:
-    """Set the start of the contact parameters and return those that are fitted.
+    """Set the initial contact parameters, and return the names of those to fit.
 
     If a fit to wheels identified creep and drag, they are not fitted to commands again.
 
     Args:
-        wheel_fit: Fit to wheels, if there is one already.
-        start: Parameters; the contact parameters are changed in place.
+        wheel_fit: Fit to wheels, or None.
+        start: Initial parameters; the contact parameters are changed in place.
         lacks_creep: Whether the motion does not excite creep.
     """
     if wheel_fit and "creep_compliance" in wheel_fit.free:
@@ -251,8 +255,8 @@ def _prepare_contacts(
 def _apply_radius_prior(result: IdentificationResult, fit: Fit) -> Fit:
     """Condition a fit on the wheel radius of the robot's file, unless the data contradict it.
 
-    Drag lowers the speed through creep, as a smaller radius does. Data determine only the sum of
-    both well.
+    Drag and a smaller radius both lower the speed, and the data cannot tell them apart well. The
+    radius enters as a measurement of the scale with the standard error `RADIUS_ERROR`.
     """
     i = fit.free.index("scale")
     scale, variance = fit.parameters["scale"], fit.covariance[i, i]

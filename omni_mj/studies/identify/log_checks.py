@@ -1,9 +1,9 @@
 """Check units, axes, signs and wheel order of a log, and estimate the delay of its inputs.
 
-Displacements over 0.1 s are compared with integrals of the inputs. The explained part of the motion
-is the squared correlation between them. For translation, displacements in the plane are correlated
-as complex numbers. This correlation does not depend on the angle between the axes, and its phase is
-that angle.
+Displacements over 0.1 s are compared with integrals of the inputs. The squared correlation between
+them is the explained part of the motion. Displacements in the plane are correlated as complex
+numbers. The magnitude of this correlation does not depend on the angle between the axes of inputs
+and motion. Its phase is that angle.
 """
 
 from typing import NamedTuple
@@ -18,31 +18,33 @@ from omni_mj.studies.identify.robot_logs import MIN_LINES, RobotLog, integrate_i
 
 MIN_PERIOD_S, MAX_PERIOD_S = 5e-4, 0.5  # from line to line
 WINDOW_S = 0.1  # duration of a displacement
-MAX_WINDOWS = 2000
-MAX_DELAY_S, DELAY_STEP_S = 0.5, 1 / 120
-MIN_RMS_M_S, MIN_RMS_RAD_S = 0.05, 0.2  # of motion whose axes are checked
-# Valid ratio of motion to inputs; outside, units are wrong
+MAX_WINDOWS = 2000  # number of displacements
+MAX_DELAY_S, DELAY_STEP_S = 0.5, 1 / 120  # candidates of the delay
+MIN_RMS_M_S, MIN_RMS_RAD_S = 0.05, 0.2  # slower motion is not checked
+# Range of the ratio of motion to inputs. If the ratio is outside, units are wrong.
 VALID_RATIOS = {"wheels": (0.5, 2.0), "commands": (0.25, 2.5)}
-MIN_EXPLAINED = 0.3  # part of the motion that inputs must explain
-MISTAKE_ADVANTAGE, MISTAKE_EXPLAINED = 0.1, 0.6  # a mistake must explain as much more, and as much
-MAX_ANGLE_RAD = 0.5  # between the axes of inputs and motion
-ANGLE_PENALTY = 0.2  # of the score if the angle is larger
-# Correlation of a wheel's expected and measured speed
-MIN_CORRELATION = 0.6  # below, the wheel does not turn as any other
-HIGH_CORRELATION = 0.8  # with another wheel, if it is in the wrong order
-ORDER_ADVANTAGE = 0.1  # by which that must be better
-MIN_SPEED_RATIO = 0.3  # expected speed over the fastest wheel's, to detect a missing wheel
+MIN_EXPLAINED = 0.3  # smallest valid explained part
+# A mistake is reported if it raises the score by this advantage, and to at least this value.
+MISTAKE_ADVANTAGE, MISTAKE_EXPLAINED = 0.1, 0.6
+MAX_ANGLE_RAD = 0.5  # largest valid angle between the axes of inputs and motion
+ANGLE_PENALTY = 0.2  # subtracted from the score if the angle is larger
+# Correlations of a wheel's expected speed with the measured speeds in the log
+MIN_CORRELATION = 0.6  # if all are lower, the wheel does not turn
+HIGH_CORRELATION = 0.8  # reached by another wheel's column if columns are in the wrong order
+ORDER_ADVANTAGE = 0.1  # of that column over the wheel's own
+MIN_SPEED_RATIO = 0.3  # below this fraction of the fastest expected speed, a wheel may stand still
 
 
 class Match(NamedTuple):
     """Agreement between inputs and motion at their best delay.
 
     Attributes:
-        explained: Mean explained part of translation and rotation; of one if the other is absent.
-            NaN if both are.
-        delay: The delay, s.
-        angle: Angle from inputs to motion, rad; NaN without translation.
-        ratios: Motion over inputs of translation and rotation, by root mean squares; NaN if absent.
+        explained: Mean explained part of translation and rotation, or that of the only one that is
+            present; NaN without motion.
+        delay: Delay at which the inputs explain most of the motion, s.
+        angle: Angle from the axes of inputs to those of motion, rad; NaN without translation.
+        ratios: Root mean square of motion over that of inputs, for translation and rotation; NaN
+            for one that is absent.
     """
 
     explained: float
@@ -52,7 +54,7 @@ class Match(NamedTuple):
 
     @property
     def score(self) -> float:
-        """The explained part, minus a penalty if axes are rotated."""
+        """The explained part, minus a penalty if the axes are rotated."""
         return self.explained - ANGLE_PENALTY * (abs(self.angle) > MAX_ANGLE_RAD)
 
 
@@ -74,11 +76,11 @@ def twists_by_wheels(log: RobotLog, geometry: Kinematics) -> Array:
 def check_and_estimate_delay(
     log: RobotLog, inputs: Array, source: str, geometry: Kinematics
 ) -> float:
-    """Check a log and return the delay at which its inputs explain the motion best, s.
+    """Check a log, and return the delay at which its inputs explain the motion best, s.
 
     Args:
         log: The log.
-        inputs: Twists (F, 3) that act until the next line.
+        inputs: Twists by wheels or commands, (F, 3). Each acts until the next line.
         source: "wheels" or "commands".
         geometry: Wheels of the start robot.
 
@@ -109,8 +111,8 @@ def check_and_estimate_delay(
         )
     if abs(match.angle) > MAX_ANGLE_RAD:
         raise OmniError(
-            f"{log.name}: motion is turned by {np.degrees(match.angle):.0f} degrees from the "
-            f"{source}; x is forward, y to the left, heading counter-clockwise"
+            f"{log.name}: the motion is rotated by {np.degrees(match.angle):.0f} degrees from the "
+            f"{source}; x must be forward, y to the left, heading counter-clockwise"
         )
     return match.delay
 
@@ -120,10 +122,10 @@ def _check_units(log: RobotLog, match: Match, source: str) -> None:
     low, high = VALID_RATIOS[source]
     for verb, ratio in zip(("moves", "turns"), match.ratios, strict=True):
         if not np.isnan(ratio) and not low < ratio < high:
-            gear = ", and wheels behind the gear" * (source == "wheels")
+            gear = ", and wheels behind the gear" if source == "wheels" else ""
             raise OmniError(
-                f"{log.name}: the robot {verb} {ratio:.2g} times as fast as by the {source}; "
-                f"are all in m, rad and s{gear}?"
+                f"{log.name}: the robot {verb} {ratio:.2g} times as fast as the {source} say; "
+                f"are all columns in m, rad and s{gear}?"
             )
 
 
@@ -139,7 +141,7 @@ def _check_axes(log: RobotLog, inputs: Array, match: Match, source: str) -> None
     }
     if not by_wheels:
         axes = "field" if in_body else "robot"
-        mistakes[f"they are along the {axes}'s axes"] = ([1, 1, 1], not in_body)
+        mistakes[f"commands are along the {axes}'s axes"] = ([1, 1, 1], not in_body)
     best, mistake = max(
         (_match_motion(log.time, log.pose * signs, inputs, frame, by_wheels).score, mistake)
         for mistake, (signs, frame) in mistakes.items()
@@ -149,14 +151,14 @@ def _check_axes(log: RobotLog, inputs: Array, match: Match, source: str) -> None
 
 
 def _match_motion(time: Array, pose: Array, inputs: Array, in_body: bool, by_wheels: bool) -> Match:
-    """Return how well inputs explain poses, at the best delay.
+    """Return the agreement between inputs and poses at the best delay.
 
     Args:
-        time: (F,) s.
-        pose: (F, 3).
+        time: Times of the lines, (F,) s.
+        pose: Measured poses, world frame, (F, 3).
         inputs: Twists, (F, 3).
         in_body: Whether the twists are in the body frame.
-        by_wheels: Whether poses may be later than the inputs, as they are for wheels.
+        by_wheels: Whether the delay may be negative, as that of encoders with another clock.
     """
     start, motion = _displacements(time, pose, in_body)
     integral = integrate_inputs(time, inputs)

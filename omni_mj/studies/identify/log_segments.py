@@ -10,9 +10,9 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.studies.identify.robot_logs import MAX_GAP_PERIODS, RobotLog, integrate_inputs
 
-SEGMENT_S = 0.75
-MIN_SEGMENTS, MIN_POSES = 4, 8  # in all; in each segment
-SKIPPED_S = 0.3  # after the start of a log and each gap: previous commands are unknown
+SEGMENT_S = 0.75  # duration of a segment
+MIN_SEGMENTS, MIN_POSES = 4, 8  # of all logs; of a segment
+SKIPPED_S = 0.3  # left out after the start of a log and after a gap, where commands are unknown
 INITIAL_FIT_S = 0.25  # of a segment, from which its initial state is estimated
 LOG_SPACING_S = 10.0  # between logs on the common time axis
 
@@ -24,9 +24,9 @@ class LogSegments:
     Attributes:
         are_wheels: Whether inputs are wheel speeds in rad/s, otherwise twists in m/s and rad/s.
         period: Median time between samples, s.
-        integral: Integral of the inputs over time.
-        time: Time of each sample, (S, m) s.
-        pose: Measured pose, world frame, (S, m, 3).
+        integral: Integral of the inputs of all logs, as a function of time.
+        time: Times of the samples on the common time axis, (S, m) s.
+        pose: Measured poses, world frame, (S, m, 3).
         in_body: Whether twists are in the body frame, (S,).
     """
 
@@ -41,18 +41,18 @@ class LogSegments:
         return len(self.time)
 
     def select(self, mask: np.ndarray) -> "LogSegments":
-        """Return the segments of a mask (S,)."""
+        """Return the segments that a boolean mask (S,) selects."""
         return replace(self, time=self.time[mask], pose=self.pose[mask], in_body=self.in_body[mask])
 
     def mean_inputs(self, delay: Array, substeps: int) -> tuple[Array, Array]:
-        """Return the mean inputs of all integration steps.
+        """Return the mean inputs and durations of all integration steps.
 
         Args:
             delay: Delays of the inputs, (P,) s.
             substeps: Integration steps from one sample to the next.
 
         Returns:
-            Mean input of each step, (S, P, q, K), and its duration, (S, q) s.
+            Mean inputs of q steps, (S, P, q, K), and durations of the steps, (S, q) s.
         """
         m = self.time.shape[1]
         edge_indices = np.linspace(0, m - 1, substeps * (m - 1) + 1)
@@ -79,7 +79,7 @@ def cut_segments(
 
     Args:
         logs: At least one log.
-        inputs: Twists or wheel speeds of each log that act until the next line, (F, K).
+        inputs: Twists or wheel speeds of each log, (F, K). Each acts until the next line.
         are_wheels: Whether inputs are wheel speeds.
 
     Raises:

@@ -1,8 +1,8 @@
 """Read logs of robots from CSV and Parquet files.
 
-docs/how-to/identify-a-robot.md names the columns. From a trajectory.parquet of omni-mj, `vision_*`
-where valid, `command_*` and `wheel_angle_*` are read. Each controller, seed and slot is a log of
-its own.
+docs/how-to/identify-a-robot.md names the columns. A trajectory.parquet of omni-mj is read too: its
+columns `vision_*` (where valid), `command_*` and `wheel_angle_*`. Each controller, seed and slot is
+a separate log.
 """
 
 import os
@@ -41,11 +41,11 @@ class RobotLog:
     """Log of one robot with F lines.
 
     Attributes:
-        name: File name, and controller, seed and slot if the file has several robots.
-        time: Increasing, (F,) s.
-        pose: Measured pose, world frame, heading continuous, (F, 3). NaN without a detection.
-        inputs: By source. "wheels": mean wheel speeds from each line to the next, (F, W) rad/s.
-            "commands": twists that act until the next line, (F, 3).
+        name: File name; with controller, seed and slot if the file has several robots.
+        time: Increasing times of the lines, (F,) s.
+        pose: Measured poses with unwrapped headings, world frame, (F, 3). NaN without a detection.
+        inputs: Mapping from source to inputs. "wheels": mean wheel speeds from each line to the
+            next, (F, W) rad/s. "commands": twists that act until the next line, (F, 3).
         in_body: Whether commands are in the body frame.
     """
 
@@ -57,10 +57,11 @@ class RobotLog:
 
 
 def read_logs(file: Path | str) -> list[RobotLog]:
-    """Return the logs in a CSV or Parquet file.
+    """Read the logs in a CSV or Parquet file, one log per robot.
 
     Raises:
-        OmniError: The file cannot be read, columns are missing, or time does not increase.
+        OmniError: The file cannot be read, columns or values are missing, or time does not
+            increase.
     """
     path = Path(file)
     columns = _read_columns(path)
@@ -96,7 +97,10 @@ def read_logs(file: Path | str) -> list[RobotLog]:
 
 
 def integrate_inputs(time: Array, inputs: Array) -> BSpline:
-    """Return the integral over time of inputs (F, K) that each act until the next line."""
+    """Return the integral of inputs (F, K) as a function of time.
+
+    Each input acts until the time of the next line, the last one for 1 s.
+    """
     ends = np.append(time, time[-1] + 1)
     total = np.cumsum(np.diff(ends)[:, None] * inputs, axis=0)
     return make_interp_spline(ends, np.concatenate([np.zeros_like(total[:1]), total]), k=1)
@@ -110,7 +114,7 @@ def _robot_names(columns: Columns, lines: int) -> np.ndarray:
 
 
 def _clean(log: RobotLog) -> RobotLog:
-    """Return a log with continuous headings, without repeated lines and poses.
+    """Return a log with unwrapped headings, without repeated lines and poses.
 
     Raises:
         OmniError: There are too few lines, times are not valid, or commands are missing.
@@ -140,7 +144,7 @@ def _clean(log: RobotLog) -> RobotLog:
 
 
 def _wheel_columns(columns: Columns) -> tuple[bool, list[str]]:
-    """Return whether the wheels' columns are angles, and the names of these columns."""
+    """Return whether the columns of wheels hold angles, and the names of these columns."""
     for pattern in WHEEL_PATTERNS:
         if names := list(takewhile(columns.__contains__, map(pattern.format, count(1)))):
             return pattern.endswith("_rad"), names
@@ -151,9 +155,9 @@ def _mean_speeds(time: Array, values: Array, is_angle: bool) -> Array:
     """Return mean speeds from each line to the next; the last line repeats the previous one.
 
     Args:
-        time: (F,) s.
-        values: Wheel angles in rad, or speeds in rad/s, (F, W).
-        is_angle: Whether they are angles.
+        time: Times of the lines, (F,) s.
+        values: Wheel angles in rad, or wheel speeds in rad/s, (F, W).
+        is_angle: Whether the values are angles.
     """
     if is_angle:
         # Lines with equal times are removed later.
@@ -188,6 +192,7 @@ def _read_csv(path: Path) -> pa.Table:
 
     With semicolons or tabs the decimal separator may be a comma.
     """
+    # Only the first two lines are decoded here, to find the separators.
     with path.open(encoding="utf-8", errors="replace") as text:
         header, row = text.readline(), text.readline()
     separator = max(",;\t", key=header.count)
@@ -204,7 +209,7 @@ def _to_numbers(path: Path, columns: Columns, names: Sequence[str]) -> Array:
     """Return columns as numbers, (F, names).
 
     Raises:
-        OmniError: A column holds something else.
+        OmniError: A column holds values that are not numbers.
     """
     values = [np.zeros((len(columns["time_s"]), 0))]
     for name in names:

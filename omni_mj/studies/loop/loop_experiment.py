@@ -1,11 +1,11 @@
-"""Experiment of the loop study: all controllers step, and are then disturbed by a multisine.
+"""Experiment of the loop study: a step of the reference, then a multisine added to the command.
 
-Robots head along x. They are at rest, or they drive forward and weave. At constant speed a
-controller that identifies the robot cannot observe its latency; the weave turns an error of 1/8 s
-in latency into 3 cm.
+Robots head along x. They are at rest, or they drive forward and weave. Adaptive controllers cannot
+observe the latency at constant speed. With the weave, an error of 1/8 s in latency is a position
+error of 3 cm.
 
-Rows come in pairs with opposite steps and disturbances under the same noise. Half their difference
-is the response. Camera noise, the weave and the ripple of rollers are the same in both and cancel.
+Rows come in pairs with opposite steps and disturbances under the same noise. The response is half
+their difference. Camera noise, the weave and the ripple of rollers are the same in both and cancel.
 """
 
 import itertools
@@ -31,13 +31,13 @@ CASES = {
     "driving, sideways": (True, 1),
 }
 SPEED_M_S, ACCELERATION_M_S2 = 1.0, 2.0  # forward, of robots that drive
-WEAVE_M_S, WEAVE_FRAMES = 0.25, 480  # amplitude, forward and sideways; period
-# The multisine repeats after half a weave. The weave accelerates in the first of two measured
-# periods and decelerates in the second, so that it does not appear in the spectrum.
+WEAVE_M_S, WEAVE_FRAMES = 0.25, 480  # amplitude forward and sideways; period
+# A weave lasts two periods of the multisine. Its acceleration in the second one is opposite to that
+# in the first, so it does not appear in the spectrum over both.
 PERIOD_FRAMES, N_PERIODS = WEAVE_FRAMES // 2, 2
 HARMONICS = np.array([1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24])  # of the multisine
-FREQUENCIES = 2 * np.pi * HARMONICS / (PERIOD_FRAMES * PERIOD_S)  # rad/s: 1.6 to 38
-RMS_M_S = 0.04  # of the multisine
+FREQUENCIES = 2 * np.pi * HARMONICS / (PERIOD_FRAMES * PERIOD_S)  # 1.6 to 38 rad/s
+RMS_M_S = 0.04  # root mean square of the multisine
 STEP_M = 0.05  # half the input range of the fuzzy controller
 WARM_UP_FRAMES = 3 * FRAME_RATE_HZ
 STEP_FRAMES = 3 * FRAME_RATE_HZ
@@ -55,14 +55,14 @@ def make_multisine(seed: int) -> Array:
     return RMS_M_S * np.sqrt(2 / len(HARMONICS)) * total
 
 
-def driving_pose(frame: Array) -> Array:
-    """Return the pose of a robot that drives, without a step.
+def driving_displacement(frame: Array) -> Array:
+    """Return how far a driving robot has moved along its reference, without a step.
 
     Args:
-        frame: Frames, (..., m, 3).
+        frame: Frame numbers, the same for x, y and heading, (..., m, 3).
 
     Returns:
-        Displacement since frame 0 in m and rad, (..., m, 3).
+        Displacements in x, y and heading since frame 0, (..., m, 3) m and rad.
     """
     time, ramp_s = PERIOD_S * np.maximum(frame, 0), SPEED_M_S / ACCELERATION_M_S2
     forward = SPEED_M_S * (
@@ -77,12 +77,12 @@ def driving_pose(frame: Array) -> Array:
 class SteppedReference:
     """A reference whose poses step while its twists do not; see `omni_control.reference.Reference`.
 
-    Controllers do not see a step in advance, however far they preview.
+    A preview does not show the step in advance.
 
     Attributes:
-        is_driving: Whether each robot drives forward, (n, 1).
-        offset: Added to the poses of all frames from now on, (n, 3).
-        rows: Robots of these arrays that the reference is for.
+        is_driving: Whether each row's robot drives forward, (n, 1).
+        offset: Size of the step in x, y and heading, (n, 3); changed in place when the step occurs.
+        rows: Indices of the rows that the reference is for.
     """
 
     is_driving: np.ndarray
@@ -100,25 +100,25 @@ class SteppedReference:
         start = start[:, None] if start.ndim == 1 else start
         frames = np.broadcast_to(start, pose.shape) + np.arange(float(count))[:, None, None]
         is_driving = self.is_driving[self.rows]
-        poses = is_driving * driving_pose(frames)
-        next_poses = is_driving * driving_pose(frames + 1)
+        poses = is_driving * driving_displacement(frames)
+        next_poses = is_driving * driving_displacement(frames + 1)
         return poses + self.offset[self.rows], (next_poses - poses) / PERIOD_S
 
 
 class LoopExperiment:
     """Simulation with a row for each controller, case, seed and sign, in this order.
 
-    The loop is opened where commands are sent: behind filter, controller and limits. The team does
-    not know the disturbance that is added there; it remembers its own command as sent. So the loop
-    gain counts a controller's own prediction as part of the controller, and the robot with its dead
-    time as the plant.
+    The disturbance is added to the command that is sent, after filter, controller and limits. The
+    team does not know it, and stores its own command as the sent one. So filter, controller and
+    prediction belong to the controller C of the loop gain, and the robot with its dead time is the
+    plant P.
 
     Args:
         scenario: Controllers, seeds, robot, plant, and all settings except the reference.
 
     Attributes:
         simulation: Simulation of all rows.
-        row_labels: "case" and "sign" of each row, (n,).
+        row_labels: Arrays "case" (a key of `CASES`) and "sign" (1 or -1), (n,) each.
         disturbance: Added to the command along each row's axis, (TOTAL_FRAMES, n) m/s.
     """
 
@@ -159,7 +159,7 @@ class LoopExperiment:
         return send_twists(self.simulation, self._disturbed_commands(), after_frame)
 
     def _disturbed_commands(self) -> Iterator[Array]:
-        """Yield the commands of each frame with the disturbance."""
+        """Yield the commands of each frame, with the disturbance, (n, 3)."""
         team = self.simulation.team
         for frame, disturbance in enumerate(self.disturbance):
             if frame == WARM_UP_FRAMES:
@@ -168,16 +168,17 @@ class LoopExperiment:
             desired = team.command()
             disturbed = desired.copy()
             disturbed[self._row_axes] += disturbance
-            # The slew-rate limit compares with the last command: let the disturbance pass.
+            # The disturbance is part of the last command while the frame is sent, so that the
+            # slew-rate limit does not reduce it.
             team.last_command = disturbed
             yield disturbed
             team.last_command = desired
 
     def paired_responses(self) -> tuple[Array, Array, Array]:
-        """Return position, command and disturbance along each row's axis.
+        """Return the responses of position, command and disturbance along each row's axis.
 
-        They are half the difference of each pair of rows, in m and m/s, of shape (TOTAL_FRAMES,
-        controllers, cases, seeds).
+        A response is half the difference of a pair of rows, in m or m/s, with the shape
+        (TOTAL_FRAMES, controllers, cases, seeds).
         """
         log = self.simulation.log
         position, sent = (log.channel(name)[:, *self._row_axes] for name in ("pose", "command"))

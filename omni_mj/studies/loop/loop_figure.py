@@ -10,22 +10,22 @@ from omni_mj.studies.loop.loop_metrics import interpolate_gains
 from omni_mj.studies.loop.loop_study import LoopMeasurement, LoopResult
 from omni_mj.viz import plotting, style
 
-COLUMN_IN, PANELS_IN = 3.4, (2.6, 2.2, 2.2, 3.4)  # width of a case, heights of its panels
+COLUMN_IN, PANELS_IN = 3.4, (2.6, 2.2, 2.2, 3.4)  # width of a case, heights of its panels, inches
 LABELS = (
     "step response in cm",
     "gain |L|",
     "phase of L in degrees",
     "imaginary part of L",
 )
-# Radius 1 / Ms of the circle around -1. A loop outside of it has a gain margin of at least 2 and a
-# phase margin of at least 29 degrees.
+# Sensitivity Ms of a circle around -1 with the radius 1 / Ms. A loop gain outside of the circle has
+# a gain margin of at least 2 and a phase margin of at least 29 degrees.
 SENSITIVITY = 2.0
 TICKS_RAD_S = (2, 5, 10, 20)
 GUIDE = {"color": style.REFERENCE, "lw": 1, "zorder": 1}  # line style of levels and of the circle
 
 
 def save_loop_figure(result: LoopResult, stem: Path) -> None:
-    """Draw all loops into `stem`.png and `stem`.svg, a column per case."""
+    """Draw all loops into `stem`.png and `stem`.svg, with a column of panels per case."""
     size = (COLUMN_IN * max(len(result.loops), 2), sum(PANELS_IN))
     title = f"Step responses and loop gains of controllers: {result.title}"
     with plotting.figure_file(stem, title, svg=True, figsize=size) as figure:
@@ -51,7 +51,7 @@ def _draw_loop(panels: np.ndarray, loop: LoopMeasurement, label: str, line: dict
     frequencies, gains = interpolate_gains(FREQUENCIES, loop.gains)
     gain.loglog(frequencies, np.abs(gains), **line)
     angle = np.degrees(np.unwrap(np.angle(gains)))
-    shift = 360 * np.ceil(angle[0] / 360)  # so that the first angle is in (-360, 0]
+    shift = 360 * np.ceil(angle[0] / 360)  # moves the first angle into (-360, 0]
     phase.semilogx(frequencies, angle - shift, **line)
     nyquist.plot(gains.real, gains.imag, **line)
 

@@ -1,8 +1,8 @@
-"""Metrics of a control loop: those of its step response, and its stability margins.
+"""Metrics of a control loop: its step response and its stability margins.
 
-The loop gain is estimated from a disturbance d, which is added to the controller's command u. The
-robot is sent u + d. In a linear loop of controller C and plant P, u = -C P (u + d). At each
-frequency the loop gain is L = C P = -u / (u + d), and the response to d is d / (1 + L).
+The loop gain is estimated with a disturbance d that is added to the controller's command u, so that
+the robot receives u + d. In a linear loop of controller C and plant P, u = -C P (u + d). At each
+frequency, the loop gain is L = C P = -u / (u + d), and the robot receives u + d = d / (1 + L).
 """
 
 from typing import NamedTuple
@@ -16,19 +16,19 @@ from omni_mj.studies.loop.loop_experiment import FREQUENCIES, HARMONICS, PERIOD_
 
 Gains = NDArray[np.complex128]
 COARSE_BAND_M, FINE_BAND = 0.005, 0.02  # settling bands: distance, and fraction of the step
-STEADY_FRAMES = FRAME_RATE_HZ // 2  # at the end, for the steady-state error
-_N_INTERPOLATED = 2000  # frequencies between the lowest and the highest
+STEADY_FRAMES = FRAME_RATE_HZ // 2  # last frames, whose mean error is the steady-state error
+_N_INTERPOLATED = 2000  # number of frequencies of an interpolated loop gain
 
 
 class StepMetrics(NamedTuple):
     """Metrics of a step response; NaN for an event that does not occur in the record.
 
     Attributes:
-        rise_time_s: Time from 10 % to 90 % of the step.
+        rise_time_s: Time from 10 % to 90 % of the step, s.
         overshoot: Largest excess over the step, fraction of the step.
-        settling_5_mm_s: Time from which on the error stays below 5 mm.
-        settling_2_percent_s: Time from which on the error stays below 2 % of the step.
-        steady_state_error_m: Mean error of the last half second.
+        settling_5_mm_s: Settling time to an error of at most 5 mm, s.
+        settling_2_percent_s: Settling time to an error of at most 2 % of the step, s.
+        steady_state_error_m: Mean error of the last half second, m.
     """
 
     rise_time_s: float
@@ -39,15 +39,15 @@ class StepMetrics(NamedTuple):
 
 
 class StabilityMargins(NamedTuple):
-    """Distance of a loop from instability; NaN if there is no such margin.
+    """Stability margins of a loop; NaN for a margin that does not exist.
 
     Attributes:
-        crossover_rad_s: Lowest frequency at which |L| falls below one.
-        phase_deg: Phase margin: least additional phase lag at a crossover that makes the loop
-            unstable.
-        delay_s: Delay margin: least additional dead time that makes it unstable.
-        gain: Gain margin: least factor on the gain that makes it unstable.
-        sensitivity: Ms, largest |1 / (1 + L)|: largest amplification of a disturbance.
+        crossover_rad_s: Lowest frequency at which |L| falls below one, rad/s.
+        phase_deg: Phase margin: smallest additional phase lag at a crossover that makes the loop
+            unstable, degrees.
+        delay_s: Delay margin: smallest additional dead time that makes the loop unstable, s.
+        gain: Gain margin: smallest factor on the gain that makes the loop unstable.
+        sensitivity: Ms, the maximum of |1 / (1 + L)|: largest amplification of a disturbance.
     """
 
     crossover_rad_s: float
@@ -79,28 +79,32 @@ def compute_step_metrics(response: Array, step: float) -> StepMetrics:
 def estimate_loop_gain(command: Array, disturbance: Array) -> Gains:
     """Return L at `FREQUENCIES`, (harmonics,), from cross spectra with the disturbance.
 
+    L = -S_ud / (S_ud + S_dd), with spectra summed over periods and seeds.
+
     Args:
-        command: Command of the controller over whole periods, (frames, seeds) m/s.
-        disturbance: Disturbance added to it, same shape.
+        command: Command u of the controller over whole periods, (frames, seeds) m/s.
+        disturbance: Disturbance d that was added to the command, same shape.
     """
     periods = (
         values.reshape(-1, PERIOD_FRAMES, values.shape[-1]) for values in (command, disturbance)
     )
     u, d = (np.fft.rfft(values, axis=1)[:, HARMONICS] for values in periods)
-    with np.errstate(invalid="ignore"):  # rows that failed
+    with np.errstate(invalid="ignore"):  # NaN of rows that failed
         gains: Gains = -(u * d.conj()).sum((0, 2)) / ((u + d) * d.conj()).sum((0, 2))
     return gains
 
 
 def interpolate_gains(frequencies: Array, gains: Gains) -> tuple[Array, Gains]:
-    """Interpolate a loop gain: log |L| linearly over log frequency, the phase over frequency.
+    """Interpolate a loop gain on a dense, logarithmic grid of frequencies.
+
+    log |L| is interpolated linearly over log frequency, the phase linearly over frequency.
 
     Args:
-        frequencies: Increasing, rad/s (f,).
-        gains: Complex, (f,).
+        frequencies: Increasing frequencies, (f,) rad/s.
+        gains: Loop gain at these frequencies, complex, (f,).
 
     Returns:
-        Frequencies (m,) and gains (m,).
+        Frequencies (m,) rad/s, and the loop gain at them, (m,).
     """
     fine = np.geomspace(frequencies[0], frequencies[-1], _N_INTERPOLATED)
     magnitude = np.exp(np.interp(np.log(fine), np.log(frequencies), np.log(np.abs(gains))))
@@ -114,10 +118,11 @@ def compute_margins(gains: Gains) -> StabilityMargins:
         return StabilityMargins(*[np.nan] * 5)
     fine, curve = interpolate_gains(FREQUENCIES, gains)
     magnitude = np.abs(curve)
-    half_turns = np.floor((np.unwrap(np.angle(curve)) / np.pi + 1) / 2)
+    # The number of turns changes where the phase passes -180 degrees plus whole turns.
+    turns = np.floor((np.unwrap(np.angle(curve)) / np.pi + 1) / 2)
     crossovers = np.flatnonzero((magnitude[:-1] >= 1) & (magnitude[1:] < 1))
     phase_margins = np.angle(-curve[crossovers])
-    at_180_degrees = np.flatnonzero((half_turns[:-1] != half_turns[1:]) & (magnitude[:-1] < 1))
+    at_180_degrees = np.flatnonzero((turns[:-1] != turns[1:]) & (magnitude[:-1] < 1))
     return StabilityMargins(
         crossover_rad_s=_min_or_nan(fine[crossovers]),
         phase_deg=_min_or_nan(np.degrees(phase_margins)),
@@ -140,7 +145,7 @@ def _crossing_time(fraction: Array, level: float) -> float:
 
 
 def _settling_time(error: Array, band: float) -> float:
-    """Return the time from which on the error stays within a band, s; NaN if it does not."""
+    """Return the time after which the error stays within a band, s; NaN if it does not."""
     outside = np.flatnonzero(error > band)
     frame = int(outside[-1]) + 1 if outside.size else 0
     return PERIOD_S * frame if frame < len(error) else np.nan

@@ -48,17 +48,20 @@ DEFINITIONS = {
     ),
     "rise_time_s": "time from 10 % to 90 % of the step",
     "overshoot": "largest excess over the step, fraction of the step",
-    "settling_5_mm_s, settling_2_percent_s": "time from which on the error stays as small",
-    "steady_state_error_m": "error in the last half second of three",
+    "settling_5_mm_s, settling_2_percent_s": (
+        "time after which the error stays within 5 mm, or within 2 % of the step"
+    ),
+    "steady_state_error_m": "mean error in the last half second of three",
     "gain": (
-        "L = -u / (u + d) by Fourier transform: u the team's command, d a disturbance added to it "
-        "before the radio, unknown to the team; half the difference of two robots as well"
+        "L = -u / (u + d) by Fourier transform: u is the team's command, d a disturbance that is "
+        "added to it before the radio and unknown to the team; both are half the difference of two "
+        "robots with opposite disturbances"
     ),
     "crossover_rad_s": "lowest frequency at which abs(L) falls below one",
-    "phase_deg": "phase margin: 180 degrees + phase of L at a crossover, the least",
-    "delay_s": "delay margin: phase margin over frequency, the least",
-    "gain_margin": "1 / abs(L) where the phase is -180 degrees and abs(L) < 1, the least",
-    "sensitivity": "Ms, largest abs(1 / (1 + L)) at the measured frequencies",
+    "phase_deg": "phase margin: smallest 180 degrees + phase of L at a crossover",
+    "delay_s": "delay margin: smallest phase margin over frequency at a crossover",
+    "gain_margin": "smallest 1 / abs(L) where the phase is -180 degrees and abs(L) < 1",
+    "sensitivity": "Ms, largest abs(1 / (1 + L)) in the measured range of frequencies",
 }
 # Heading, factor and decimal places of each field of `StepMetrics` and `StabilityMargins`
 STEP_COLUMNS = (
@@ -78,7 +81,7 @@ MARGIN_COLUMNS = (
 
 
 class LoopMeasurement(NamedTuple):
-    """One controller in one case.
+    """Loop gain, step response and metrics of one controller in one case.
 
     Attributes:
         gains: L at `FREQUENCIES`, complex, (harmonics,).
@@ -93,7 +96,7 @@ class LoopMeasurement(NamedTuple):
     margins: StabilityMargins
 
     def report(self) -> dict[str, Any]:
-        """Return the measurement as plain values; None for a value that does not exist."""
+        """Return plain values for JSON; None for a value that does not exist."""
         return {
             "rms_m_s": experiments.RMS_M_S,
             "step_m": STEP_M,
@@ -109,7 +112,7 @@ class LoopResult(Result):
     """Result of the loop study. Its rows hold case and sign.
 
     Attributes:
-        loops: Measurements by case and controller; empty if the study was stopped.
+        loops: Case -> controller -> measurement; empty if the study was stopped.
     """
 
     loops: Mapping[str, Mapping[str, LoopMeasurement]] = field(default_factory=dict)
@@ -176,8 +179,8 @@ def measure_loop(
     """Measure step responses and stability margins of control loops.
 
     Args:
-        scenario: Scenario, or its name, with robot, plant, seeds and settings; its reference is not
-            used.
+        scenario: Scenario, or its name, with robot, plant, seeds and settings; its reference is
+            ignored.
         controllers: Names, `file.py:Class`, or classes derived from `Controller`. Default: all
             built-in controllers that do not know the true state.
         start_progress: Called with a title and the number of frames. It returns a function that is
@@ -214,7 +217,7 @@ def measure_loop(
 def _evaluate(
     experiment: LoopExperiment, labels: Sequence[str]
 ) -> dict[str, dict[str, LoopMeasurement]]:
-    """Return the measurements of an experiment that ran to its end, by case and controller."""
+    """Return case -> controller -> measurement of an experiment that ran to its end."""
     position, command, disturbance = experiment.paired_responses()
     command = command[-experiments.MEASURED_FRAMES :]
     disturbance = disturbance[-experiments.MEASURED_FRAMES :]
