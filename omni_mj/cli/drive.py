@@ -215,7 +215,7 @@ def _drive(
             clock = "this computer's clock" if leader is None else f"camera {leader}"
             show(f"robots {', '.join(map(str, live.ids))}; frames at 60 Hz from {clock}")
             gc.collect()
-            gc.freeze()  # collecting everything imported would delay the robots
+            gc.freeze()  # later collections skip all present objects, and delay no frame
             result = run.run_and_save(live, folder, rerun_targets, interrupts, quiet, "drive")
     summary = latency_fit.summarize(live)
     write_text(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")

@@ -155,7 +155,7 @@ def serve_command(
         if not quiet:
             click.echo(_describe_server(server))
         gc.collect()
-        gc.freeze()  # collecting everything imported would delay several frames
+        gc.freeze()  # later collections skip all present objects, and delay no frame
         reason = None
         try:
             server.run(interrupts.check, values["duration_s"])
@@ -189,7 +189,8 @@ def _start_recording(
 
         recording = stack.enter_context(ServedRecording(target, row.settings))
         sinks.append(recording.send)
-    recorder = Recorder(server.world, folder and folder / "trajectory.parquet", sinks)
+    table_path = None if folder is None else folder / "trajectory.parquet"
+    recorder = Recorder(server.world, table_path, sinks)
     server.after_frame = recorder.add
     stack.callback(recorder.close)
 
