@@ -23,8 +23,8 @@ class CommandHistory:
         acts in                           u0     u1    u2     ?      <- x(k) includes u0's effect,
                                                                         u1 and u2 are in flight
 
-    Equation 11 sums to i = k, which includes the command that is being computed. The k_d commands
-    in flight are meant.
+    The sum of equation 11 ends at i = k, and thus includes the command that is being computed. Here
+    the sum contains only the k_d commands in flight.
 
     A latency need not be an integer, nor the same for all robots and axes. With a latency of 1.5
     frames, one command acted in the first half of the previous frame and the next one in its
@@ -43,7 +43,7 @@ class CommandHistory:
         self._sent, self.length = commands, len(commands)
 
     def append(self, command: Array) -> None:
-        """Add the commands (n, 3) sent in the previous frame. Views returned before stay valid."""
+        """Add the commands (n, 3) of the previous frame. Arrays returned earlier stay valid."""
         if self.length:
             self._store(np.concatenate([self._sent[1:], command[None]]))
 
@@ -80,12 +80,14 @@ class CommandHistory:
         return fractions
 
     def get_delayed(self, latency: float | Array) -> Array:
-        """Return the mean of the commands that acted in the previous frame, (..., n, 3).
+        """Return the mean command that acted during the previous frame, (..., n, 3).
+
+        A latency that is not an integer interpolates between two commands.
 
         Args:
             latency: Frames; one for all, (..., n, 1), or (..., n, 3).
         """
-        # Most teams have one latency. This branch saves a tenth of their time.
+        # Most teams have one latency. This branch saves 10 % of the time of their filters.
         if isinstance(latency, float | int):
             newest = self.length - 1 - int(latency)
             return np.asarray(
@@ -93,8 +95,8 @@ class CommandHistory:
             )
         frames = latency.astype(int)
         robots, axes = np.arange(self._sent.shape[1])[:, None], np.arange(3)
-        row = self.length - 1 - frames
-        newer, older = self._sent[row, robots, axes], self._sent[row - 1, robots, axes]
+        index = self.length - 1 - frames
+        newer, older = self._sent[index, robots, axes], self._sent[index - 1, robots, axes]
         return np.asarray(newer + (latency - frames) * (older - newer))
 
 

@@ -67,7 +67,7 @@ def compute_memberships(values: Array) -> Array:
 
 
 def compute_centroids(heights: Array) -> Array:
-    """Return the centroids (outputs, n) of the union of sets clipped at (5, outputs, n)."""
+    """Return the centroids (outputs, n) of unions of sets clipped at heights (5, outputs, n)."""
     # numpy sums the rows in order if there are at least two outputs, otherwise pairwise.
     u = np.minimum(
         np.minimum(heights.take(_LEFT_SETS, axis=0), heights.take(_RIGHT_SETS, axis=0)),

@@ -1,1 +1,1 @@
-"""Controllers: the base class, the paper's controllers, and those that they are compared with."""
+"""Controllers: the base class, the paper's controllers, and controllers for comparison."""

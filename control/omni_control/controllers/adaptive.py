@@ -27,16 +27,17 @@ from omni_control.fuzzy_rules import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import IteratedReference, Reference
 
-# With 20 frames nothing changes in the scenarios league, waypoints and slippery.
+# Number of planned commands. 20 give the same results in scenarios league, waypoints, slippery.
 HORIZON_FRAMES = 10
 
 
 class InverseFlc(Controller):
     """inverse-flc: inverse and prediction of the nominal robot model, with the fuzzy controller.
 
-    `RobotEkf` predicts pose and velocity at the time when the command will act. The command is the
-    inverse of the model for the reference of that time, plus the fuzzy controller's correction of
-    the remaining error. It knows as much of a robot as `adaptive-comp-flc`, and learns nothing.
+    `RobotEkf` predicts pose and velocity for the time when the command will act. The command is the
+    inverse of the model for the reference at that time, plus the fuzzy controller's correction of
+    the remaining error. The model has the initial parameters of `adaptive-comp-flc`, which this
+    controller does not adapt.
     """
 
     learns: ClassVar[bool] = False
@@ -74,6 +75,7 @@ class InverseFlc(Controller):
         )
         correction = self.fuzzy(extrapolated_error)
         distance, speed = (np.hypot(*vector.T) for vector in (extrapolated_error, correction))
+        # The correction decays at the rate at which it reduces the error: speed / distance.
         decay = np.exp(-period * speed / np.maximum(distance, 1e-12))[:, None]
         decays = decay ** np.arange(HORIZON_FRAMES)[:, None, None]
         desired = planned[..., :2] + decays * correction
@@ -108,8 +110,9 @@ class InverseFlc(Controller):
     def _preview_reference(self, frame: Array, count: int) -> tuple[Array, Array]:
         """Return poses and twists (2 + count, n, 3) of the reference from `frame` - 1 on.
 
-        An iterated reference is planned anew in every frame. Its state before `frame` is its
-        previous answer, and it must be advanced.
+        An iterated reference is planned anew in every frame. It has no pose for `frame` - 1, so
+        that the pose of `frame` is repeated. Its twist for `frame` - 1 is that of the previous
+        call. It advances by a call of `at`.
 
         Args:
             frame: Frame at which the commands will act, (n,).
@@ -132,9 +135,10 @@ class InverseFlc(Controller):
         """
         ekf = self.filter
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        lag = ekf.dynamics.compute_time_constants(ekf.state, speed[:, None])
+        # tau = lag / g;  T = 2 tau / (1 + sqrt(1 + 2 k tau / g))
+        tau = ekf.dynamics.compute_time_constants(ekf.state, speed[:, None])
         gain = self.fuzzy.gain_at_zero
-        lead_time = 2 * lag / (1 + np.sqrt(1 + 2 * gain * lag / ekf.state[:, INVERSE_GAIN]))
+        lead_time = 2 * tau / (1 + np.sqrt(1 + 2 * gain * tau / ekf.state[:, INVERSE_GAIN]))
         body_error = world_to_body(velocity_error, heading)
         return np.asarray(body_to_world(lead_time * body_error, heading)[:, :2])
 
@@ -161,7 +165,7 @@ class InverseFlc(Controller):
 class AdaptiveCompFlc(InverseFlc):
     """adaptive-comp-flc: comp-FLC that identifies latency, alpha, slip and friction online.
 
-    It is `inverse-flc` with the model, and the disturbance, that are estimated while driving.
+    It is `inverse-flc` with model parameters and a disturbance that are estimated while driving.
     """
 
     learns = True
@@ -170,8 +174,8 @@ class AdaptiveCompFlc(InverseFlc):
 class Oracle(AdaptiveCompFlc):
     """oracle: adaptive-comp-flc that knows the true state in every frame; not a competitor.
 
-    Its error is the price of the dead time alone: disturbances during the dead time, and parameters
-    that show only after the first motion. It identifies unknown parameters from true poses.
+    It identifies unknown parameters from true poses. Its error has two causes: disturbances during
+    the dead time, and parameters that can be identified only after the first motion.
     """
 
     knows_truth = True

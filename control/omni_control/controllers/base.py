@@ -43,8 +43,9 @@ class TeamModel:
             0: unknown.
         creep_sideways_s2_m: Same for sideways acceleration, s^2/m. Default: computed from
             `creep_s2_m` and the directions of the wheels.
-        alpha: Motor correction factors at a steady speed, forward and sideways. If they are given,
-            lag, drag and creep are trusted more, too. Default: unknown, 0.7 to 1.
+        alpha: Motor correction factors, the steady ratio of achieved to commanded velocity, forward
+            and sideways. If they are given, filters also assume smaller uncertainties of lag,
+            friction and creep. Default: unknown, 0.7 to 1.
         error_range_m, speed_range_m_s: Ranges of the fuzzy controller, m and m/s.
         heading_gain: Turn rate per heading error of the heading control, 1/s.
         alpha_window_frames: Window of the estimate of alpha (equation 8), frames.
@@ -101,19 +102,19 @@ class TeamModel:
 class Observation:
     """State of n robots in a frame as far as the team knows it, world frame.
 
-    Headings are continuous over full turns, except those of vision.
+    Headings are unwrapped (continuous, not limited to (-pi, pi]), except those of vision.
 
     Args:
-        pose: Filtered [x, y, heading], (n, 3).
-        twist: Filtered [vx, vy, w], (n, 3).
+        pose: Estimated present [x, y, heading], (n, 3).
+        twist: Estimated present [vx, vy, w], (n, 3).
         measured_pose: Pose that vision reported in this frame, (n, 3), heading in (-pi, pi]; NaN
             if the robot was not detected.
         sent_commands: Commands sent in earlier frames, after the limits; read-only.
         period: Length of a frame T, s.
         delay_frames: Nominal dead time k_d, frames; one for all robots, or (n,).
         measurement_age: Age of the measurements at the start of this frame, (n,) s. Default: 0.
-        filter_steps: Steps of filters that process delayed measurements. Default: one step to
-            this frame.
+        filter_steps: Steps by which a filter processes the measurements of this frame, which may
+            be delayed. Default: one step to this frame.
     """
 
     pose: Array
@@ -128,7 +129,7 @@ class Observation:
     def select(
         self, rows: RowSelection, n_commands: int, delay_frames: int | Array
     ) -> "Observation":
-        """Return a copy for some robots, with `n_commands` sent commands and that dead time."""
+        """Return a copy for some robots, with their dead time and their latest sent commands."""
         return Observation(
             self.pose[rows].copy(),
             self.twist[rows].copy(),
@@ -184,13 +185,16 @@ class Controller:
         n: Number of robots.
 
     Attributes:
-        predicted_pose: Pose (n, 3) for which the last command was computed; recorded.
-        alpha_hat: Estimated motor correction factors (n, 3); 1 without an estimate; recorded.
-        latency_hat: Estimated time from a command to its effect, forward, sideways and turning,
+        predicted_pose: Pose (n, 3) for which the latest command was computed: the present one, or
+            that predicted for the end of the dead time or of the latency, as the controller
+            chooses; NaN before the first command; recorded.
+        alpha_hat: Estimates of alpha in the latest frame, forward, sideways and turning, (n, 3); 1
+            without an estimate; recorded.
+        latency_hat: Estimates of the latency in the latest frame, forward, sideways and turning,
             (n, 3), frames; NaN without an estimate; recorded.
         channels: Further values to record in each frame, by name: (n,) or (n, k).
-        memory_frames: Number of commands in `observation.sent_commands`. A constructor may raise
-            it.
+        memory_frames: Number of commands in `observation.sent_commands`. A constructor may
+            increase it.
         knows_truth: Whether the controller observes the true pose and twist instead of vision.
     """
 
@@ -238,7 +242,7 @@ def collect_channels(controller: Controller, n: int) -> dict[str, Array]:
 
 
 def describe_error(failing_class: type, error: Exception) -> str:
-    """Return the line in the file of a class that raised an exception, and its message."""
+    """Return ' (FILE, line N): TYPE: MESSAGE' for an exception raised in the file of a class."""
     try:
         file = inspect.getfile(failing_class)
     except (TypeError, OSError):  # a class without a file

@@ -37,32 +37,38 @@ class Flc(Controller):
 
 
 class CompFlc(Flc):
-    """comp-FLC: FLC on the pose and the reference predicted at the end of the dead time."""
+    """comp-FLC: FLC at the end of the dead time.
+
+    It compares the pose predicted for that time (equation 11) with the reference at that time.
+    """
 
     compensates_lag: ClassVar[bool] = False
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         super().__init__(model, reference, n)
-        self.latency = model.latency_frames if self.compensates_lag else model.delay_frames
+        self.latency_frames = model.latency_frames if self.compensates_lag else model.delay_frames
         window_frames = model.alpha_window_frames
-        self.memory_frames = window_frames + math.ceil(self.latency)
-        self.alpha = AlphaEstimator(n, window_frames, round(self.latency), model.period)
+        self.memory_frames = window_frames + math.ceil(self.latency_frames)
+        self.alpha_estimator = AlphaEstimator(
+            n, window_frames, round(self.latency_frames), model.period
+        )
 
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
         pose, sent = observation.pose, observation.sent_commands
-        self.alpha_hat[:, :2] = self.alpha.update(pose[:, :2], sent)
-        count = math.ceil(self.latency)
-        in_flight = sent.get_pending_fractions(self.latency, count) * sent.get_latest(count)
+        self.alpha_hat[:, :2] = self.alpha_estimator.update(pose[:, :2], sent)
+        n_commands = math.ceil(self.latency_frames)
+        fractions = sent.get_pending_fractions(self.latency_frames, n_commands)
+        in_flight = fractions * sent.get_latest(n_commands)
         predicted_pose = pose + predict_displacement(in_flight, self.alpha_hat, self.model.period)
-        return self.track(frame + self.latency, predicted_pose)
+        return self.track(frame + self.latency_frames, predicted_pose)
 
 
 class CompFlcLag(CompFlc):
     """comp-flc-lag: comp-FLC that compensates the dead time and the lag of the wheel loops.
 
-    The paper's compensator knows the dead time of the radio only. All other controllers here also
-    know the lag.
+    The paper's compensator takes only the dead time of the radio into account. All controllers
+    here except `flc` and `comp-flc` also take the lag into account.
     """
 
     compensates_lag = True

@@ -8,8 +8,8 @@ frame, obey
     e_p(k+1) = e_p(k) + C e_v(k) + M w(k) + r    C = displacement during that decay, M = (T - C) / g
 
 Here w is the correction of the command: the command minus the inverse of the law for the reference.
-The inverse reaches the reference's velocities at the ends of each frame. The residual r is its
-error of position. D, G, C, M act along the body axes; they are rotated into the world frame with
+The inverse reaches the reference's velocities at the ends of each frame, but not its positions: r
+is the position error that it causes in a frame. D, G, C, M act along the body axes; they are rotated into the world frame with
 the heading that is expected in that frame.
 
 **Quadratic programs.** Per robot: minimize w' H w / 2 + c' w over N corrections w, such that the
@@ -18,7 +18,7 @@ commands s = planned + w satisfy
     |s(k) - s(k-1)| <= max_step,  |s(k)| <= max_speed
 
 Octagons replace the circles. Their corners lie on the circle, one of them in the direction of
-travel, where most is needed. Half-way between corners they exclude 8 %. The problem is always
+travel, where the limits matter most. Half-way between corners they exclude 8 % of the radius. The problem is always
 feasible, because repeating the last command is a solution: if that command lies outside a side of
 the octagon of speeds, the side is moved out to it.
 
@@ -127,12 +127,12 @@ class Mpc(AdaptiveCompFlc):
         start = world_to_body(velocities[:-1], headings)
         end = world_to_body(velocities[1:], headings)
         speed = np.hypot(start[..., 0], start[..., 1])
-        lag = ekf.dynamics.compute_time_constants(ekf.state, speed[..., None])
+        tau = ekf.dynamics.compute_time_constants(ekf.state, speed[..., None])  # lag / g
         inverse_gain = ekf.state[:, INVERSE_GAIN]
-        decay = np.exp(-period / lag)
-        coast_time = (1 - decay) * lag
+        decay = np.exp(-period / tau)
+        coast_time = (1 - decay) * tau
         steady_velocity = (end - decay * start) / (1 - decay)
-        displacement = body_to_world(period * steady_velocity + lag * (start - end), headings)
+        displacement = body_to_world(period * steady_velocity + tau * (start - end), headings)
         residual = displacement[..., :2] - np.diff(positions, axis=0)
 
         cosine, sine = np.cos(headings), np.sin(headings)
@@ -149,7 +149,7 @@ class Mpc(AdaptiveCompFlc):
         position_effect = rotate_scales((period - coast_time) / inverse_gain)
         velocity_effect = rotate_scales((1 - decay) / inverse_gain)
         correction_effect = np.concatenate([position_effect, velocity_effect], axis=-2)
-        return transition, correction_effect, rotate_scales(lag)[-1]
+        return transition, correction_effect, rotate_scales(tau)[-1]
 
     @staticmethod
     def _predict_errors(

@@ -77,7 +77,9 @@ def load_controller_class(name: str) -> type[Controller]:
 
 def get_parameters(controller_class: type[Controller]) -> dict[str, Parameter]:
     """Return names and default values of a controller's parameters, those of base classes first."""
-    return {name: getattr(controller_class, name) for name in _parameter_types(controller_class)}
+    return {
+        name: getattr(controller_class, name) for name in _get_parameter_types(controller_class)
+    }
 
 
 def validate_parameters(
@@ -90,7 +92,7 @@ def validate_parameters(
     Raises:
         OmniError: A name is unknown, or a value has another type. One line per error.
     """
-    types = _parameter_types(controller_class)
+    types = _get_parameter_types(controller_class)
     validated: dict[str, Parameter] = {}
     errors = []
     for name, value in values.items():
@@ -100,8 +102,8 @@ def validate_parameters(
             continue
         expected = types[name]
         accepted, description = _ACCEPTED[expected]
-        fits = isinstance(value, accepted) and isinstance(value, bool) == (expected is bool)
-        if fits and (isinstance(value, str) or math.isfinite(value)):  # type: ignore[arg-type]
+        is_valid = isinstance(value, accepted) and isinstance(value, bool) == (expected is bool)
+        if is_valid and (isinstance(value, str) or math.isfinite(value)):  # type: ignore[arg-type]
             validated[name] = expected(value)
         else:
             errors.append(
@@ -155,7 +157,7 @@ def make_controller(
     return instance
 
 
-def _parameter_types(controller_class: type[Controller]) -> dict[str, type]:
+def _get_parameter_types(controller_class: type[Controller]) -> dict[str, type]:
     """Return the types of a controller's parameters, from the annotations of its class."""
     types_by_name = {accepted.__name__: accepted for accepted in _ACCEPTED}
     annotations: dict[str, object] = {}
