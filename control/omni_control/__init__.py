@@ -1,8 +1,11 @@
 """Motion control of omnidirectional robots: a team's computer without simulator and files.
 
 It contains kinematics, references, fuzzy control, delay compensation and estimation, and needs
-numpy and scipy only. `Team` runs in the simulated loop and on real robots. All arrays have a
-leading axis of robots.
+numpy and scipy only. `Team` runs in the simulated loop and on real robots. Arrays of robots have
+the shape (n, ...).
+
+"The paper", its equations and its sections refer to Sheikhlar, Zarghami, Fakharian and Menhaj:
+Delay Compensation on Fuzzy Trajectory Tracking Control of Omni-Directional Mobile Robots.
 """
 
 from importlib import import_module

@@ -1,14 +1,14 @@
 """Limits of wheels on a carpet: forces and moments on the robot within friction, and rim speeds.
 
-A sliding wheel gives Coulomb's friction along its rim, mu times its load, and nothing along its
-axle, where its rollers turn. Each wheel thus adds a segment, in both directions of its force and
-moment on the body, [ax, ay, moment]. The sum of all segments is a zonotope, each face of which is
-spanned by two of them (McMullen 1971, On zonotopes). Wheels can meet a demand if it lies on the
-inner side of every face.
+A wheel exerts at most Coulomb friction along its rim, mu times its load. Along its axle its rollers
+turn, and it exerts no force. The forces and moments [ax, ay, moment] per mass that one wheel can
+exert on the body form a line segment about zero. The sum of the segments of all wheels is a
+zonotope. Each of its faces is spanned by two segments (McMullen 1971, On zonotopes). A demand is
+feasible if it lies on the inner side of every face.
 
-Loads follow from statics and differ between wheels. With wheels at 60, 135, 225 and 300 degrees
-those in front are nearer to the center and bear 29 % of the weight each, those behind 21 %. Wheels
-push against drag too: see `WheelLimits`.
+Loads follow from statics and differ between wheels. With wheels at 60, 135, 225 and 300 degrees,
+each front wheel carries 29 % of the weight and each rear wheel 21 %, because the front wheels are
+nearer to the center along x. Wheels must also overcome drag: see `WheelLimits`.
 """
 
 import math
@@ -23,8 +23,8 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
 
 GRAVITY = 9.81  # m/s^2
-_NEIGHBORS = 2  # cells on either side
-_PARALLEL = 1e-9  # norm of a cross product below which two wheels span no face
+_NEIGHBORS = 2  # cells on either side of a cell whose drag is considered
+_PARALLEL = 1e-9  # norm of a cross product up to which two wheels are parallel and span no face
 
 
 def compute_traction_limits(
@@ -38,8 +38,8 @@ def compute_traction_limits(
     Args:
         kinematics: Geometry of the wheels; the center of mass is above their middle.
         friction: Coefficient of friction between rollers and carpet.
-        com_height: Height of the center of mass above the carpet, m. Acceleration shifts load
-            from wheel to wheel; 0 neglects that.
+        com_height: Height of the center of mass above the carpet, m. With 0, the load transfer by
+            acceleration is neglected.
 
     Raises:
         OmniError: The robot does not stand on these wheels.
@@ -62,7 +62,7 @@ class WheelLimits:
         com_height: Height of the center of mass above the carpet, m.
         rolling_resistance: Drag of the carpet against the motion of a wheel, over its load.
         roller_friction: Friction of the rollers' bearings against motion along the axle, over the
-            wheel's load; it also takes its part of the circle of friction.
+            wheel's load. It reduces the friction that is left along the rim (friction circle).
         max_rim_speed: Highest speed of a rim, m/s.
 
     Raises:
@@ -94,15 +94,15 @@ class WheelLimits:
 
     @property
     def max_drag_fraction(self) -> float:
-        """Fraction of their friction that drag takes at most; an upper bound, a few % too high."""
+        """Upper bound of the fraction of friction that drag takes; a few percent too high."""
         return float(self._max_drag.max())
 
     def compute_peak_utilization(self, poses: Array, period: float) -> float:
         """Return the largest fraction of friction or of rim speed that a trajectory needs.
 
         Args:
-            poses: One per frame, (frames, 3), from rest to rest. Accelerations are their second
-                differences.
+            poses: Pose of each frame, (frames, 3), from rest to rest. Accelerations are their
+                second differences.
             period: Length of a frame, s.
         """
         heading, velocity = poses[:, 2], np.diff(poses, axis=0) / period
@@ -116,12 +116,12 @@ class WheelLimits:
         return float(max(friction, rim_speeds.max(initial=0) / self.max_rim_speed))
 
     def compute_friction_utilization(self, acceleration: Array, twist: Array) -> Array:
-        """Return the needed fraction of friction (n,) for body accelerations and twists (n, 3)."""
+        """Return the fraction of friction (n,) that body accelerations and twists (n, 3) need."""
         rows, drag = self.get_friction_constraints(twist)
         return (acceleration @ rows.T + drag).max(1)
 
     def compute_max_acceleration(self, direction: float) -> float:
-        """Return the highest acceleration from rest without turning, m/s^2; 0 if there is none.
+        """Return the highest acceleration from rest in a direction, without turning, m/s^2.
 
         Args:
             direction: Angle from the body's x axis, rad.
@@ -133,10 +133,10 @@ class WheelLimits:
         """Return the faces of the zonotope as linear constraints on body accelerations.
 
         Args:
-            twist: Body twists (n, 3) of the robot.
+            twist: Body twists, (n, 3); they determine the drag.
 
         Returns:
-            rows (faces, 3) and drag (n, faces): a body acceleration a (n, 3) needs the fraction
+            rows (faces, 3) and drag (n, faces). A body acceleration a (n, 3) needs the fraction
             `max(a @ rows.T + drag)` of the friction.
         """
         acceleration_rows, force_rows = self._faces
@@ -148,10 +148,11 @@ class WheelLimits:
     ) -> float:
         """Return the factor by which accelerations may grow if all act at once, in any direction.
 
-        Drag is the highest that any motion causes.
+        The highest drag of any motion is assumed.
 
         Args:
-            acceleration: Highest acceleration forward, m/s^2; an ellipse up to the next one.
+            acceleration: Highest acceleration forward, m/s^2. Between forward and sideways, the
+                limit is an ellipse.
             side_acceleration: Highest acceleration sideways, m/s^2.
             turn_acceleration: Highest turn acceleration in either direction, rad/s^2.
         """
@@ -181,18 +182,18 @@ class WheelLimits:
     def _faces(self) -> tuple[Array, Array]:
         """Faces of the zonotope: rows for accelerations and for drag forces, (faces, 3) each.
 
-        An acceleration a is feasible under a drag force d if
-        acceleration_rows @ a - force_rows @ d <= 1.
+        An acceleration a = [ax, ay, gyration_radius^2 turn acceleration] is feasible under the drag
+        d (per mass) if acceleration_rows @ a - force_rows @ d <= 1.
 
-        A wheel k exerts m_k = [-sin, cos, arm] on the body per force. Its load is g n_k + s_k a,
-        where s_k a is the part that the acceleration a = [ax, ay, gyration_radius^2 b] shifts.
-        Along a normal v, the zonotope reaches sum |m_k v| mu (g n_k + s_k a), which must be at
-        least v (a - d). The last faces state that no load is negative.
+        Wheel k exerts m_k = [-sin, cos, arm] on the body per unit of force. Its load per mass is
+        g n_k + s_k a, where n_k is its fraction of the weight and s_k a the load transfer. Along a
+        normal v, the zonotope extends to sum |m_k v| mu (g n_k + s_k a). This must be at least
+        v (a - d). The last faces state that no load is negative.
         """
         wheel_forces, (static_load, load_transfer) = self.kinematics.matrix, self._loads
         if static_load.min() <= 0:
             raise OmniError(
-                "the wheels do not stand around the robot's center of mass: it would topple"
+                "the wheels do not surround the robot's center of mass: it would topple"
             )
         spanned = np.array([np.cross(*pair) for pair in combinations(wheel_forces, 2)])
         spanned = spanned[np.linalg.norm(spanned, axis=1) > _PARALLEL]
@@ -239,9 +240,9 @@ def compute_load_distribution(kinematics: Kinematics, com_height: float) -> tupl
 def compute_load_matrix(kinematics: Kinematics) -> Array:
     """Return the loads of wheels (wheels, 3) per vertical force, and per its moments in x and y.
 
-    The moments are force times position, so that the last two columns have the unit 1/m. Wheels
-    are equal springs under a rigid body: of all balanced loads they bear those with the least sum
-    of squares.
+    A moment is force times position, so the last two columns have the unit 1/m. Wheels act like
+    equal springs under a rigid body. Of all loads in equilibrium, theirs have the least sum of
+    squares.
     """
     positions = kinematics.arm * kinematics.axles[:, :2]
     return np.asarray(np.linalg.pinv(np.insert(positions, 0, 1.0, axis=1).T))
@@ -250,8 +251,8 @@ def compute_load_matrix(kinematics: Kinematics) -> Array:
 def max_over_neighbors(drag: Array, ends: Literal["edge", "wrap"]) -> Array:
     """Return the largest drag (cells, faces) of each cell of a path and its neighbors.
 
-    The friction of the rollers' bearings changes sign where a path crosses the direction of an
-    axle, which may happen within a frame.
+    The friction of a roller's bearings changes sign where the speed along its axle does. This may
+    happen within a frame, between the cells of two samples.
 
     Args:
         drag: Fraction of friction that drag takes in each cell, (cells, faces).

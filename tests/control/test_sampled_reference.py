@@ -42,7 +42,7 @@ def test_robots_with_different_references_get_the_answers_of_their_own() -> None
     references = [REFERENCE, SampledReference(POSES[::-1][:3], T), SampledReference(POSES + 1.0, T)]
     combined, n = PerRobotReference(references), len(references)
     pose, rng = np.zeros((n, 3)), np.random.default_rng(0)
-    for frame in (0, 2.4, -3.0, 1e3, rng.uniform(-2, 12, n)):
+    for frame in (0, np.int64(5), 2.4, -3.0, 1e3, rng.uniform(-2, 12, n)):
         robot_frames = [frame if np.ndim(frame) == 0 else frame[i : i + 1] for i in range(n)]
         pairs = list(zip(references, robot_frames, strict=True))
         answers = [reference.at(k, ANYWHERE) for reference, k in pairs]
@@ -52,5 +52,7 @@ def test_robots_with_different_references_get_the_answers_of_their_own() -> None
             np.testing.assert_array_equal(combined.at(frame, pose)[i], expected)
             expected = np.concatenate([preview[i] for preview in previews], axis=-2)
             np.testing.assert_array_equal(combined.preview(frame, pose, 4)[i], expected)
+    rested = combined.with_rest(2, 1).poses[:, 0]
+    np.testing.assert_array_equal(rested, REFERENCE.with_rest(2, 1).poses)
     with pytest.raises(OmniError, match="same length"):
         PerRobotReference([REFERENCE, SampledReference(POSES, 2 * T)])

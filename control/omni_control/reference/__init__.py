@@ -1,6 +1,6 @@
-"""Desired poses of robots over time.
+"""References: desired poses and twists of robots over time.
 
-They are known in advance (`timed`, `curves`) or planned anew in each frame (`iterated`).
+A reference is known in advance (`timed`, `curves`) or planned anew in each frame (`iterated`).
 """
 
 from omni_control.reference.curves import CURVES, CurveReference

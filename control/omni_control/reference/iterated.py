@@ -1,8 +1,9 @@
-"""Reference that is planned anew in every frame from where the robot is.
+"""Reference that is planned anew in every frame from the pose of the robot.
 
-This is the mode "iteratively updated" of section 3-A. The robot moves towards its way-point as fast
-as the limits of speed and acceleration allow and stops there exactly, in whole frames. The rule
-needs the present velocity only, so that it also recovers from disturbances.
+This is the mode "iteratively updated" of the paper's section 3-A. The robot moves towards its
+way-point as fast as the limits of speed and acceleration allow and stops there exactly, in whole
+frames. The rule depends only on the present pose and velocity. It therefore also recovers from
+disturbances.
 """
 
 from typing import NamedTuple
@@ -20,14 +21,14 @@ ARRIVAL_RADIUS_M, ARRIVAL_ANGLE_RAD = 0.02, 0.1
 
 
 class _Plan(NamedTuple):
-    """Last answer to n robots, and the start of the next one.
+    """Desired poses and twists of n robots in the latest frame, and state of the planning.
 
     Args:
-        frame: Frame of the answer.
-        pose, twist: The answer, (n, 3).
-        next_pose: Poses to which the answer leads, (n, 3).
+        frame: Latest frame.
+        pose, twist: Desired poses and twists in this frame, (n, 3).
+        next_pose: Desired poses in the next frame, (n, 3).
         waypoint: Index of the way-point that each robot approaches, (n,).
-        rest_frames: Frames still to be spent at the first way-point.
+        rest_frames: Remaining frames of rest at the first way-point.
     """
 
     frame: float | Array
@@ -39,22 +40,22 @@ class _Plan(NamedTuple):
 
 
 class IteratedReference:
-    """Reference planned anew in every frame from where the robot is.
+    """Reference planned anew in every frame from the pose of the robot.
 
-    A robot that has reached a way-point turns to the next one, still slowing down. The plan
-    advances by one step when it is asked for another frame than the last time. The same frame gets
-    the same answer again.
+    A robot approaches the next way-point as soon as it has come near to the last one, while it is
+    still slowing down. A call of `at` for a new frame advances the plan by one step. A repeated
+    call for the same frame returns the same result.
 
-    The directions in which a robot must drive and turn next depend on its disturbances. The limits
-    are therefore reduced in advance until the wheels can meet all of them at once, in any
-    direction. Jerk is not limited, since the reference answers disturbances immediately.
+    The directions in which a robot must accelerate depend on disturbances. The limits are therefore
+    reduced in advance until the wheels can keep all of them at once, in any direction. Jerk is not
+    limited, because the reference responds to disturbances immediately.
 
     Args:
         waypoints: Poses [x, y, heading], (points, 3).
         limits: Limits of velocity and acceleration.
         period: Length of a frame, s.
-        n: Number of robots; each makes its own progress.
-        rest_frames: Frames spent at the first way-point.
+        n: Number of robots; each progresses independently.
+        rest_frames: Frames of rest at the first way-point.
 
     Raises:
         OmniError: There are no way-points, one is not three finite numbers, or jerk is limited.
@@ -71,7 +72,7 @@ class IteratedReference:
         if limits.jerk or limits.turn_jerk:
             raise OmniError(
                 "a reference that is planned anew in every frame cannot limit jerk, "
-                "because it answers disturbances immediately"
+                "because it responds to disturbances immediately"
             )
         self.waypoints = as_poses(waypoints)
         self.limits, self.period = limits.reduce_for_wheels(), period
@@ -80,7 +81,7 @@ class IteratedReference:
         self._plan = _Plan(np.nan, start, np.zeros((n, 3)), start, waypoint, rest_frames)
 
     def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
-        """Return the poses expected a frame after the last answer, and the twists from `pose` on.
+        """Return the poses planned in the previous frame, and the twists from `pose` on.
 
         See `Reference`.
         """
@@ -88,7 +89,7 @@ class IteratedReference:
         return self._plan.pose.copy(), self._plan.twist.copy()
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
-        """Return the plan for robots that follow it from `pose` on; see `Reference`."""
+        """Return poses and twists of robots that follow the plan from `pose`; see `Reference`."""
         plan, (poses, twists) = self._plan, np.empty((2, count, *pose.shape))
         for i in range(count):
             plan = self._advance(plan, frame + i, pose)
@@ -97,7 +98,7 @@ class IteratedReference:
         return poses, twists
 
     def _advance(self, plan: _Plan, frame: float | Array, pose: Array) -> _Plan:
-        """Return the plan for `frame`, which follows another one."""
+        """Return the plan of `frame` from that of the previous frame."""
         if np.array_equal(frame, plan.frame):
             return plan
         frame, target = np.array(frame, float), self.waypoints[plan.waypoint]
@@ -114,17 +115,17 @@ class IteratedReference:
 def approach_pose(
     pose: Array, twist: Array, target: Array, limits: MotionLimits, period: float
 ) -> Array:
-    """Return the twists (n, 3) of the next frame for poses that shall stop at target poses.
+    """Return the twists (n, 3) of the next frame for robots that approach and stop at target poses.
 
     Position and heading are approached independently, each within its own limits. Braking is
-    planned with the lowest limit of acceleration among the headings still to come. That limit rises
-    as these become fewer, so that the plan can always be kept. It is exact for a robot that does
-    not turn, and careful for one that does. The change of velocity in a frame is limited at the
-    robot's heading in that frame. It is shared between braking the part that leads past the target
-    and gaining speed towards it.
+    planned with the lowest limit of acceleration at any heading between the present one and the
+    target's. That limit can only rise as the robot turns, so the plan always stays feasible. It is
+    exact for a robot that does not turn, and conservative for one that does. The change of velocity
+    in a frame is limited at the heading in that frame. If it exceeds the limit, all its components
+    are scaled down alike: towards the target and across.
 
     Args:
-        pose: Poses (n, 3); headings count full turns.
+        pose: Poses (n, 3); headings are unwrapped (continuous, not limited to (-pi, pi]).
         twist: Twists of the last frame (n, 3), world frame.
         target: Target poses (n, 3).
         limits: Limits of speed and acceleration.
@@ -160,13 +161,13 @@ def _compute_velocity_change(
     """Return the desired change of velocity (n, d) in a frame, before it is limited.
 
     Args:
-        offset: Set-point minus position, (n, d) m, d = 1 or 2.
-        velocity: Velocity of the last frame, (n, d) m/s.
-        max_speed: Highest speed, m/s.
-        braking: Deceleration that is planned, one or (n, 1), m/s^2.
-        max_gain: Highest gain of the speed towards the set-point, one or (n, 1), m/s. It must be at
-            least the largest change that the limits allow. Otherwise a robot that could stop in
-            this frame would not, if its offset, and with it the direction, is a rounding error.
+        offset: Target minus position, (n, d) m or rad, d = 1 or 2.
+        velocity: Velocity of the last frame, (n, d) m/s or rad/s.
+        max_speed: Highest speed.
+        braking: Planned deceleration, one or (n, 1).
+        max_gain: Highest gain of the speed towards the target in a frame, one or (n, 1). It must be
+            at least the largest change that the limits allow. Otherwise a robot at the target, with
+            an offset in a random direction by rounding, might not stop in this frame.
         period: Length of a frame, s.
     """
     distance = _norm(offset)
@@ -180,9 +181,9 @@ def _compute_velocity_change(
 def _compute_stopping_speed(distance: Array, acceleration: float | Array, period: float) -> Array:
     """Return the highest speed from which a point can stop after exactly a given distance.
 
-    A point that moves s, s - 1, s - 2, ... units of a T^2 in successive frames of length T covers
-    m (m + 1) / 2 units in m frames. Between these distances the speed is linear, so that it falls
-    by exactly one unit in each frame but the last.
+    A point decelerates by a in frames of length T. If it moves m, m - 1, ..., 1 units of a T^2 in
+    successive frames, it covers m (m + 1) / 2 units in m frames. Between these distances the speed
+    is interpolated linearly. It then falls by exactly one unit in each frame but the last.
 
     Args:
         distance: Distances (n, 1), at least 0, m.
@@ -204,5 +205,5 @@ def _norm(vector: Array) -> Array:
 
 
 def _sum_columns(vector: Array) -> Array:
-    """Return the sum of one or two columns, (n, 1); `np.sum` takes longer than all else here."""
+    """Return the sum of one or two columns, (n, 1); `np.sum` would take most of the time here."""
     return vector[:, :1] + vector[:, 1:] if vector.shape[1] == 2 else vector

@@ -1,8 +1,8 @@
 """Limits of motions and commands: velocity, acceleration and jerk (section 3-A of the paper).
 
-A robot accelerates differently forward and sideways (section 3-A: "not the same because of the
-robot's structure"). In between, the highest acceleration lies on an ellipse about the axes of its
-body. In stretched coordinates the ellipse is a circle, and one limit holds for all directions: see
+The highest accelerations forward and sideways differ (section 3-A: "not the same because of the
+robot's structure"). In between, the limit is an ellipse in the body's axes. In stretched
+coordinates the ellipse is a circle, and one limit holds for all directions: see
 `MotionLimits.to_isotropic`.
 """
 
@@ -21,8 +21,8 @@ from omni_control.traction import WheelLimits
 class MotionLimits:
     """Limits of a reference or of commands.
 
-    The defaults are those of the paper's reference (section 2), with a turn rate and acceleration
-    to match. The last four limits are for references only.
+    The default speed and acceleration are those of the paper's reference (section 2), and the
+    limits of turning are chosen to match. The last four limits apply to references only.
 
     Args:
         speed: Highest speed in any direction, m/s.
@@ -32,9 +32,9 @@ class MotionLimits:
         side_acceleration: Highest acceleration along the body's y axis, m/s^2; `acceleration` is
             then the highest along its x axis, with an ellipse in between. Default: the same in all
             directions.
-        jerk: Highest change of the acceleration, a vector in the world frame, m/s^3. Default: not
-            limited.
-        turn_jerk: Highest change of the turn acceleration, rad/s^3. Default: not limited.
+        jerk: Highest rate of change of the acceleration vector in the world frame, m/s^3. Default:
+            not limited.
+        turn_jerk: Highest rate of change of the turn acceleration, rad/s^3. Default: not limited.
         wheels: Combined limits of the wheels. Default: none.
 
     Raises:
@@ -78,13 +78,14 @@ class MotionLimits:
         return np.stack([c * x + s * y, self.acceleration_ratio * (c * y - s * x)], axis=1)
 
     def compute_time_scale(self, poses: Array, period: float) -> float:
-        """Return the factor by which a trajectory must take longer to keep the limits.
+        """Return the factor by which the duration of a trajectory must grow to keep the limits.
 
-        The limits apply to differences of poses. The limits of the wheels are not checked: see
+        The factor is at most 1 if the trajectory keeps them. The limits apply to finite differences
+        of poses. The limits of the wheels are not checked: see
         `WheelLimits.compute_peak_utilization`.
 
         Args:
-            poses: One per frame, (frames, 3), from rest to rest.
+            poses: Pose of each frame, (frames, 3), from rest to rest.
             period: Length of a frame, s.
         """
         velocity = np.pad(np.diff(poses, axis=0) / period, ((2, 2), (0, 0)))
@@ -103,7 +104,7 @@ class MotionLimits:
         )
 
     def reduce_for_wheels(self) -> "MotionLimits":
-        """Return limits that the wheels can meet all at once, in any direction."""
+        """Return limits of which the wheels can reach all at once, in any direction."""
         if self.wheels is None:
             return self
         side = self.side_acceleration or self.acceleration
@@ -127,14 +128,14 @@ class MotionLimits:
     ) -> float | Array:
         """Return the lowest limit of acceleration along an offset while the robot turns.
 
-        Away from the weaker axis of the body, the limit rises up to the other axis. Over a range of
-        headings it is therefore lowest at one of the ends, or where the weaker axis points along
+        From the weaker to the stronger axis of the body, the limit rises steadily. Over a range of
+        headings it is therefore lowest at one of the ends, or where the weaker axis is parallel to
         the offset.
 
         Args:
-            offset: Directions (n, 2), world frame.
-            heading: First headings, (n,) rad.
-            target_heading: Last headings, (n,) rad.
+            offset: Vectors in the directions of interest, (n, 2), world frame.
+            heading: Headings at the start of the turn, (n,) rad.
+            target_heading: Headings at the end of the turn, (n,) rad.
 
         Returns:
             One limit for all robots, or (n, 1), m/s^2.
@@ -153,10 +154,11 @@ class MotionLimits:
     def compute_max_component(self, offset: Array, heading: Array) -> float | Array:
         """Return the largest component along an offset of any acceleration within the limits.
 
-        Between the axes, the farthest point of the ellipse along the offset lies beside it.
+        Between the axes of the body, the acceleration with the largest component is not parallel to
+        the offset.
 
         Args:
-            offset: Directions (n, 2), world frame.
+            offset: Vectors in the directions of interest, (n, 2), world frame.
             heading: Headings of the robots, (n,) rad.
 
         Returns:
@@ -170,7 +172,7 @@ class MotionLimits:
 
 
 class CommandLimiter:
-    """Limits the commands of n robots and the change of their commands from frame to frame.
+    """Limiter of the commands of n robots and of their change from frame to frame.
 
     Translation is limited by its norm, rotation by its absolute value.
 
@@ -181,7 +183,10 @@ class CommandLimiter:
 
     def __init__(self, limits: Sequence[MotionLimits], period: float) -> None:
         speed, turn_rate, acceleration, turn_acceleration = np.array(
-            [[s.speed, s.turn_rate, s.acceleration, s.turn_acceleration] for s in limits]
+            [
+                [limit.speed, limit.turn_rate, limit.acceleration, limit.turn_acceleration]
+                for limit in limits
+            ]
         ).T[..., None]
         self._max_command = speed, turn_rate
         self._max_change = acceleration * period, turn_acceleration * period

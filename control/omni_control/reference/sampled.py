@@ -17,22 +17,22 @@ class Reference(Protocol):
         """Return the desired poses (n, 3) at a frame, and the twists (n, 3) to the next frame.
 
         Args:
-            frame: Frame, one for all robots or one each (n,). It need not be whole: a robot may
-                look ahead by a latency of 6.4 frames. A reference that is planned anew in every
-                frame does not look ahead. It uses the frame only to recognize a repeated question.
-            pose: Poses of the robots at that frame, known or predicted, (n, 3). A reference known
+            frame: Frame number, one for all robots or one per robot (n,). It may be fractional: a
+                robot may look ahead by a latency of 6.4 frames. A reference that is planned anew in
+                every frame does not look ahead. It uses the frame only to detect a repeated call.
+            pose: Measured or predicted poses of the robots at that frame, (n, 3). A reference known
                 in advance ignores them.
         """
         ...
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
-        """Return the answers of `at` in successive frames to robots that follow the reference.
+        """Return the results of `at` in successive frames for robots that follow the reference.
 
-        The reference is not changed: later answers are the same with a preview and without.
+        The state of the reference does not change: a preview has no effect on later results.
 
         Args:
             frame: First frame, as for `at`.
-            pose: Poses of the robots at that frame, known or predicted, (n, 3).
+            pose: Measured or predicted poses of the robots at that frame, (n, 3).
             count: Number of frames.
 
         Returns:
@@ -42,14 +42,15 @@ class Reference(Protocol):
 
 
 class SampledReference:
-    """Reference known in advance, the same for all robots.
+    """Reference known in advance, one for all robots or one per robot.
 
     Args:
-        poses: One per frame from the start on, (frames, 3), or one per robot, (frames, n, 3).
+        poses: Pose of each frame, (frames, 3) for all robots or (frames, n, 3) per robot. Headings
+            are unwrapped (continuous, not limited to (-pi, pi]).
         period: Length of a frame, s.
 
     Attributes:
-        poses: Read-only poses, which controllers share.
+        poses: Poses as above, read-only because controllers share them.
 
     Raises:
         OmniError: There are no poses, or one is not three finite numbers.
@@ -70,18 +71,19 @@ class SampledReference:
 
     def with_rest(self, initial_frames: int, final_frames: int = 0) -> "SampledReference":
         """Return the reference with additional frames of rest at its start and at its end."""
-        rest = (initial_frames, final_frames), (0, 0)
+        rest = [(initial_frames, final_frames), *(self.poses.ndim - 1) * [(0, 0)]]
         return SampledReference(np.pad(self.poses, rest, "edge"), self.period)
 
     def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
         """Return poses and twists at a frame; see `Reference`.
 
-        Both are linear between frames. Before the first frame and after the last, robots rest.
+        Both are interpolated linearly between frames. Before the first frame and after the last,
+        the reference rests.
         """
-        if not isinstance(frame, float | int):
+        if isinstance(frame, np.ndarray):
             poses, twists = self.preview(frame, pose, 1)
             return poses[0], twists[0]
-        # One frame for all robots is the usual case. Arrays of indices take four times as long.
+        # One frame for all robots is the usual case. Indexing by arrays takes four times as long.
         frame = min(max(frame, 0), self.frames - 1)
         index = int(frame)
         start, end = self._samples[index], self._samples[min(index + 1, self.frames - 1)]
@@ -91,21 +93,21 @@ class SampledReference:
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
         """Return poses and twists of successive frames; see `Reference`."""
-        final = self.frames - 1
-        frames = np.minimum(np.maximum(frame + np.arange(count)[:, None], 0), final)
+        last_frame = self.frames - 1
+        frames = np.minimum(np.maximum(frame + np.arange(count)[:, None], 0), last_frame)
         index = frames.astype(int)
         start = self._samples[index, self._robots]
-        end = self._samples[np.minimum(index + 1, final), self._robots]
+        end = self._samples[np.minimum(index + 1, last_frame), self._robots]
         samples = start + (frames - index)[..., None] * (end - start)
         samples = np.repeat(samples, len(pose) // samples.shape[1], axis=1)
         return samples[..., :3], samples[..., 3:]
 
 
 class PerRobotReference(SampledReference):
-    """References known in advance, a different one for each robot of a controller.
+    """Combination of references known in advance, one per robot of a controller.
 
     Args:
-        references: One for each of n robots, with frames of the same length.
+        references: One reference per robot, all with the same period and with poses (frames, 3).
 
     Attributes:
         poses: Read-only poses, (frames, n, 3). Shorter references rest at their end.
@@ -127,10 +129,10 @@ class PerRobotReference(SampledReference):
 
 
 def as_poses(poses: ArrayLike) -> Array:
-    """Return poses or way-points as a read-only array (..., 3).
+    """Return poses or way-points as a read-only array (..., 3) of two or more dimensions.
 
     Raises:
-        OmniError: There are none, or one is not three finite numbers.
+        OmniError: There are no poses, or one is not three finite numbers.
     """
     try:
         array = np.array(poses, float)

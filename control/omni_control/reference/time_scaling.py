@@ -11,8 +11,8 @@ from omni_control.reference.motion_limits import MotionLimits
 from omni_control.traction import WheelLimits
 
 ROUNDING = 1e-9  # relative tolerance of limits
-_N_WINDOWS = 24  # number of smoothing windows that are tried
-_MIN_REDUCTION = 1.005  # least factor by which the demand on wheels is reduced when it was too high
+_N_WINDOWS = 24  # number of lengths of the moving average to try
+_MIN_REDUCTION = 1.005  # smallest factor by which the demand on wheels is reduced if too high
 
 
 class PathTiming:
@@ -44,13 +44,15 @@ def sample_path(
 ) -> Array:
     """Return poses (frames, 3) from rest to rest on a path within all limits but those of wheels.
 
-    The limits hold for differences of sampled poses. These are means of the velocity and the
-    acceleration over a frame or two, and a mean vector is no longer than the longest of its
-    vectors. The whole drive is slowed down for three reasons: it ends with a whole frame, steps
-    between cells are inexact, and a body that turns within a frame would exceed its ellipse.
+    The limits hold for finite differences of the sampled poses. These are means of velocity and
+    acceleration over one or two frames, so sampling a feasible timing nearly keeps the limits. The
+    whole timing is then slowed down for three reasons: the duration becomes a whole number of
+    frames, the integration over cells is inexact, and a body that turns within a frame may leave
+    its ellipse of accelerations.
 
-    If jerk is limited, the timing is smoothed: the parameter of each frame is a moving average,
-    which is on the path as well. The length of the average is searched for the fastest drive.
+    If jerk is limited, a moving average smooths the path parameter over time. The averaged
+    parameter is still on the path. The length of the average that gives the shortest drive is
+    chosen.
 
     Args:
         path: Function from parameters (frames,) to poses (frames, 3).
@@ -109,9 +111,9 @@ def slow_down_for_wheels(
 
 
 def _list_windows(limits: MotionLimits, period: float) -> list[int]:
-    """Return the lengths of moving averages to try, in frames.
+    """Return the lengths of the moving average to try, in frames.
 
-    They reach up to 3 a / j: to reverse the full acceleration a takes 2 a / j with jerk j.
+    The longest is 3 a / j. Reversing the full acceleration a with the jerk j takes 2 a / j.
     """
     rise_times = (
         limits.acceleration / (limits.jerk or np.inf),

@@ -3,17 +3,18 @@
 If only velocity and acceleration are limited, `approach_pose` drives the segment: translation and
 heading each as fast as their own limits allow.
 
-If jerk is limited, both are as smooth as the time allows, in the shortest time in which all limits
-hold. A move of length d is a step of d smoothed by three moving averages. The first, over n_v
-frames, has the constant velocity d / n_v. The second, over n_a frames, changes velocity by
-d / (n_v n_a) per frame. The third, over n_j frames, changes acceleration by d / (n_v n_a n_j). If
-n_a >= n_j and n_v >= n_a + n_j, nothing overlaps, and these are the highest values. The move takes
-n_v + n_a + n_j frames. The fastest move with limited jerk, of up to seven phases, has this form
-(Biagiotti and Melchiorri 2012, FIR filters for online trajectory planning).
+If jerk is limited, the segment takes the shortest time in which all limits hold. In this time,
+translation and heading are as smooth as possible. A move of length d is a step of d smoothed by
+three moving averages. The first, over n_v frames, has the constant velocity d / n_v. The second,
+over n_a frames, changes the velocity by d / (n_v n_a) per frame. The third, over n_j frames,
+changes the acceleration by d / (n_v n_a n_j) per frame. If n_a >= n_j and n_v >= n_a + n_j, these
+phases do not overlap, and these are the highest values. The move takes n_v + n_a + n_j frames. The
+fastest move with limited jerk, of up to seven phases, has this form (Biagiotti and Melchiorri 2012,
+FIR filters for online trajectory planning).
 
 If the wheels cannot do both at once, translation and heading are synchronized: the heading is
-linear along the segment. The acceleration that is left depends on the position alone, so that the
-fastest drive is an integral from each end.
+linear along the segment. The available acceleration then depends on the position only, and the
+fastest timing is integrated from both ends.
 """
 
 import math
@@ -30,8 +31,8 @@ from omni_control.reference.sampled import SampledReference, as_poses
 from omni_control.reference.time_scaling import ROUNDING, PathTiming, slow_down_for_wheels
 from omni_control.traction import WheelLimits, max_over_neighbors
 
-_N_CELLS = 200  # of a segment on which wheels limit the drive
-_AT_REST = 1e-9  # m, rad and their rates; below it there is only rounding
+_N_CELLS = 200  # of a segment on which the wheels limit the timing
+_AT_REST = 1e-9  # distance (m, rad) and speed (m/s, rad/s) up to which a robot has arrived
 
 
 class TimedReference(SampledReference):
@@ -55,7 +56,7 @@ class TimedReference(SampledReference):
         dwell_frames: int = 0,
     ) -> None:
         points = as_poses(waypoints)
-        # Laps repeat their segments.
+        # Repeated laps have the same segments, which are planned once.
         segments, indices = np.unique(
             np.stack([points[:-1], points[1:]], axis=1), axis=0, return_inverse=True
         )
@@ -72,8 +73,8 @@ def _plan_segments(segments: Array, limits: MotionLimits, period: float) -> list
     A segment ends with a frame of rest, or two if jerk is limited.
 
     Args:
-        segments: Pairs of poses (segments, 2, 3). All are planned together, with the results of
-            planning each alone.
+        segments: Start and end of each segment, (segments, 2, 3). All are planned at once, with
+            the same result as one by one.
         limits: Motion limits.
         period: Length of a frame, s.
     """
@@ -101,7 +102,7 @@ def _slow_down_for_wheels(
 
 
 def _plan_fastest(start: Array, end: Array, limits: MotionLimits, period: float) -> list[Array]:
-    """Return n drives, each from a start to an end (n, 3), within velocity and acceleration."""
+    """Return n trajectories from start to end poses (n, 3) without limits of jerk and wheels."""
     pose, twist, poses = start, np.zeros_like(start), [start]
     arrival_frames = np.full(len(start), -1)
     while (arrival_frames < 0).any():
@@ -118,14 +119,14 @@ def _plan_fastest(start: Array, end: Array, limits: MotionLimits, period: float)
 
 
 def _plan_smooth(start: Array, end: Array, limits: MotionLimits, period: float) -> Array:
-    """Return the drive (frames, 3) of the fewest frames in which smooth moves keep all limits."""
+    """Return the shortest smooth trajectory (frames, 3) within all limits but those of wheels."""
     distance, turn = np.hypot(*(end - start)[:2]), abs(end[2] - start[2])
     if not distance and not turn:
         return start[None]
     jerk = (limits.jerk or math.inf) * period**3
     turn_jerk = (limits.turn_jerk or math.inf) * period**3
 
-    def drive(frames: int) -> Array | None:
+    def plan(frames: int) -> Array | None:
         translation = _smooth_step(distance, limits.speed * period, jerk, frames)
         rotation = _smooth_step(turn, limits.turn_rate * period, turn_jerk, frames)
         if translation is None or rotation is None:
@@ -133,13 +134,13 @@ def _plan_smooth(start: Array, end: Array, limits: MotionLimits, period: float) 
         poses = _interpolate(start, end, np.array([translation, translation, rotation]))
         return poses if limits.compute_time_scale(poses, period) <= 1 + ROUNDING else None
 
-    enough = 1
-    while drive(enough) is None:
-        enough *= 2
+    upper_bound = 1
+    while plan(upper_bound) is None:
+        upper_bound *= 2
     shortest = bisect_left(
-        range(enough), True, lo=enough // 2, key=lambda frames: drive(frames) is not None
+        range(upper_bound), True, lo=upper_bound // 2, key=lambda frames: plan(frames) is not None
     )
-    return drive(shortest)  # type: ignore[return-value]
+    return plan(shortest)  # type: ignore[return-value]
 
 
 def _smooth_step(distance: float, speed: float, jerk: float, frames: int) -> Array | None:
@@ -149,8 +150,8 @@ def _smooth_step(distance: float, speed: float, jerk: float, frames: int) -> Arr
 
     Args:
         distance: Length of the move, m or rad.
-        speed: Highest change per frame.
-        jerk: Highest change of the acceleration per frame, per frame.
+        speed: Highest speed, m or rad per frame.
+        jerk: Highest jerk, m or rad per frame^3.
         frames: Duration of the step.
 
     Returns:
@@ -188,13 +189,13 @@ def _plan_timing_on_wheels(
     """
     offset = np.tile(end - start, (_N_CELLS, 1))
     heading = start[2] + offset[:, 2] * (np.arange(_N_CELLS) + 0.5) / _N_CELLS
-    twist = world_to_body(offset, heading)  # per progress
+    twist = world_to_body(offset, heading)  # per unit of progress
     rows, drag = wheels.get_friction_constraints(twist)
     body_demand = np.hypot(*limits.to_isotropic(offset[:, :2], heading).T) / limits.acceleration
     turn_demand = np.abs(offset[:, 2]) / limits.turn_acceleration
     demand = np.maximum(body_demand, turn_demand)
     wheel_demand = twist @ rows.T / (capacity - max_over_neighbors(drag, "edge"))
-    # Change of the squared rate from cell to cell, speeding up and braking.
+    # Largest change of the squared rate of progress in a cell, speeding up and braking.
     gains = 2 / _N_CELLS / np.maximum(demand, wheel_demand.max(1))
     losses = 2 / _N_CELLS / np.maximum(demand, -wheel_demand.min(1))
     min_duration = max(
