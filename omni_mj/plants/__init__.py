@@ -1,4 +1,4 @@
-"""Plants: simulated robots that move when commanded, all with one interface (`Plant`)."""
+"""Plants: simulated robots that carry out commands, all with one interface (`Plant`)."""
 
 from typing import Protocol
 
@@ -8,7 +8,7 @@ from omni_mj.plants.telemetry import Telemetry
 
 
 class Plant(Protocol):
-    """n robots, constructed from their rows and start poses (n, 3): `MujocoPlant(rows, poses)`.
+    """Interface of n simulated robots, constructed as `MujocoPlant(rows, start_poses)`.
 
     Attributes:
         geometry: Geometry of the wheels, or None for a plant without wheels.
@@ -17,7 +17,7 @@ class Plant(Protocol):
     geometry: Kinematics | None
 
     def pose(self) -> Array:
-        """Return true poses, world frame, (n, 3) m, m, rad; headings count full turns."""
+        """Return true poses, world frame, (n, 3) m, m, rad; headings are unwrapped."""
         ...
 
     def twist(self) -> Array:
@@ -25,11 +25,14 @@ class Plant(Protocol):
         ...
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
-        """Advance by one frame in which the robots apply the commands that they `received`.
+        """Advance by one frame of 1/60 s.
+
+        Args:
+            received: Commands that the radio delivers at the beginning of the frame.
 
         Returns:
-            Rows that failed in this frame, each with the cause in words. A failed row stays where
-            it is and does not influence others. Its pose is no longer meaningful.
+            Mapping from each row that failed in this frame to the cause in words. A failed row
+            stops and does not influence others. Its pose is no longer meaningful.
         """
         ...
 

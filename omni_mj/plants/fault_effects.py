@@ -1,9 +1,11 @@
 """Effects of faults on robots with wheels.
 
-Whenever a fault begins or ends, the effects of all active faults are applied anew to the robots as
-they were built. So a fault that has ended leaves nothing behind, and a robot's numbers do not
-depend on faults of others in its batch. Forces, payloads, slopes and biases of several faults add
-up, factors multiply, and of several values that replace a setting the last one counts.
+If a fault begins or ends, the effects of all active faults are applied to the nominal robots. A
+fault that has ended therefore leaves no effect, and a robot's results do not depend on the faults of
+other robots in its batch.
+
+If several faults of a kind are active, their forces, payloads, slopes and biases add up, and their
+factors are multiplied. If they replace the value of a setting, the last one counts.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -20,7 +22,8 @@ from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
 from omni_mj.network.random_streams import Noise, Stream
 from omni_mj.robot.wheel_carpet_forces import stack_patches
 
-BLOCKED_HUB_NM = 100.0  # dry friction of a blocked hub: more than motor and carpet can overcome
+# Dry friction of a blocked hub, N m, which motor and carpet cannot overcome
+BLOCKED_HUB_NM = 100.0
 
 
 class ChangeableBodies(Protocol):
@@ -30,7 +33,7 @@ class ChangeableBodies(Protocol):
         """Replace all payloads of all robots.
 
         Args:
-            payloads: Rows and their payloads.
+            payloads: Pairs of a row and its payload.
         """
 
     def set_slope(self, slope: Array) -> None:
@@ -41,10 +44,19 @@ class ChangeableBodies(Protocol):
         """
 
     def block_hubs(self, is_blocked: np.ndarray) -> None:
-        """Block the hubs of the masked wheels (W, n), and free all others."""
+        """Block the hubs of some wheels, and free all others.
+
+        Args:
+            is_blocked: Whether each hub is blocked, (W, n).
+        """
 
     def displace_robot(self, robot: int, displacement: tuple[float, float, float]) -> None:
-        """Move a robot by a displacement in the world, m, m, rad, and bring it to rest."""
+        """Move a robot by a displacement, and bring it to rest.
+
+        Args:
+            robot: Row of the robot.
+            displacement: Change of the pose, world frame, (3,) m, m, rad.
+        """
 
 
 class FaultEffects:
@@ -52,14 +64,15 @@ class FaultEffects:
 
     Args:
         rows: Rows of the robots.
-        plant: Plant with an attribute `parameters`, which has fields `electronics` and `carpet`.
+        plant: Plant with an attribute `parameters`, whose fields `electronics` and `carpet` change.
         bodies: Bodies of the robots.
 
     Attributes:
-        push_force: Force on the chassis, world frame, (n, 2) N.
-        gyro_bias: Added to the gyros, (n, 1) rad/s.
+        push_force: Force of pushes on the chassis, world frame, (n, 2) N.
+        gyro_bias: Bias that faults add to the gyros, (n, 1) rad/s.
         current_setpoint: 0 A for motors whose drivers are off, NaN for others, (W, n).
-        inputs: Fields of `omni_mj.robot.firmware_state.FrameInputs` that faults set, by name.
+        inputs: Mapping from field of `omni_mj.robot.firmware_state.FrameInputs` to its value, for
+            fields that faults set.
     """
 
     def __init__(self, rows: Sequence[Row], plant: Any, bodies: ChangeableBodies) -> None:
@@ -88,7 +101,7 @@ class FaultEffects:
         )
 
     def begin_frame(self) -> None:
-        """Apply the faults that begin or end in the next frame, and draw its encoder dropouts."""
+        """Apply faults that begin or end in the next frame, and draw its encoder dropouts."""
         active = self._schedule.update(self._frame)
         self._frame += 1
         if active is not None:
@@ -171,6 +184,7 @@ class FaultEffects:
         self.inputs = {
             "battery_voltage_factor": _combine(active, faults.BrownOut, robot_ones),
             "gyro_scale": _combine(active, faults.GyroScale, robot_ones),
+            # The product of factors of 0 is 0 for rows with such a fault, 1 for others.
             "ignores_commands": _combine(active, faults.FirmwareTimeout, robot_ones, _zero) == 0,
             "processor_is_off": _combine(active, faults.Reboot, robot_ones, _zero) == 0,
         }
@@ -188,14 +202,15 @@ def _combine(
     get_value: Callable[[Any], Any] = attrgetter("factor"),
     operator: Callable[[Any, Any], Any] = mul,
 ) -> Array:
-    """Combine the nominal value of each robot or wheel with those of the active faults of a kind.
+    """Return the values of robots or wheels under all active faults of a kind.
 
     Args:
         active: Active faults.
-        kind: Class of the faults that count.
+        kind: Class of the faults to apply.
         nominal: Values without faults, of robots (n, ...) or wheels (W, n).
         get_value: Returns the value of a fault. Default: its attribute `factor`.
-        operator: Combines the value so far with that of a fault. Default: multiplication.
+        operator: Maps the present value and that of a fault to the new value. Default:
+            multiplication.
     """
     result = nominal.copy()
     for row, fault in active.of_kind(kind):

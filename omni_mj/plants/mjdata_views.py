@@ -1,4 +1,4 @@
-"""Views of the robots in a batch of MuJoCo worlds: values that a plant reads and writes live."""
+"""Views of robots in a batch of MuJoCo worlds, through which a plant reads and writes values."""
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
@@ -24,12 +24,13 @@ _MASS_FIELDS = "body_mass", "body_subtreemass", "body_ipos", "body_inertia", "bo
 
 
 class EntryView:
-    """Some entries of an array over worlds as (k, n): k values of each of n robots.
+    """View of some entries of an array over worlds as (k, n): k values of each of n robots.
 
     Args:
-        array: Live array, (worlds, ...).
-        columns: Indices along its second axis for the robot in each slot, (slots, k) or (slots, 1).
-        component: Index along its third axis. Default: all of it, for one column.
+        array: Array of the batch, which MuJoCo reads and writes, (worlds, ...).
+        columns: Indices along its second axis for the robot in each slot, (slots, k), or (slots, 1)
+            if `component` is None and the array has three axes.
+        component: Index along its third axis. Default: all components of the one column.
     """
 
     def __init__(self, array: Array, columns: Ids, component: int | None = None) -> None:
@@ -38,8 +39,8 @@ class EntryView:
         offsets = as_strided(np.arange(size), array.shape, array.strides)
         entries = offsets[:, columns] if component is None else offsets[:, columns, component]
         self._indices: Ids = np.ascontiguousarray(entries.reshape(-1, entries.shape[-1]).T)
-        # Indexing one flat axis takes a tenth of the time of indexing two or three, at every step
-        # of the physics.
+        # This runs at every step of the physics. Indexing one flat axis takes a tenth of the time
+        # of indexing two or three.
         self._flat = as_strided(array, (size,), (array.itemsize,))
 
     def get(self) -> Array:
@@ -52,25 +53,34 @@ class EntryView:
 
 
 class RobotViews(ChangeableBodies):
-    """Live values of n robots with W wheels, each of shape (k, n).
+    """Views of n robots with W wheels in a batch, each of shape (k, n).
 
     Args:
         batch: Batch of the robots' worlds.
-        world: World as built.
+        world: Model of each world.
 
     Attributes:
-        qpos, qvel: All positions and speeds of a robot.
-        pose, velocity: Of the free joint: m and quaternion (7, n), m/s and rad/s (6, n).
-        wheel_angle, wheel_speed: Of the hubs, (W, n) rad and rad/s.
-        gyro, encoders: Values of these sensors, (1, n) rad/s and (W, n) rad.
-        voltage: Of the dcmotors, (W, n) V.
-        resistance, torque_constant: Of the dcmotors, (W, n) ohm and N m/A.
+        qpos: Positions of all joints of a robot.
+        qvel: Velocities of all joints of a robot.
+        pose: Position and quaternion (w, x, y, z) of the free joint, (7, n) m and 1.
+        velocity: Velocity and angular velocity of the free joint, (6, n) m/s and rad/s.
+        wheel_angle: Angles of the hubs, (W, n) rad.
+        wheel_speed: Speeds of the hubs, (W, n) rad/s.
+        gyro: Turn rate at the gyro sensors, (1, n) rad/s.
+        encoders: Angles at the encoder sensors, (W, n) rad.
+        voltage: Voltages of the dcmotors, (W, n) V.
+        resistance: Resistances of the dcmotors, (W, n) ohm.
+        torque_constant: Torque constants of the dcmotors, (W, n) N m/A.
         wrench: Force and torque on the chassis, world frame, (6, n) N and N m.
-        load: Normal force of the wheels, (W, n) N.
-        center_of_mass: Of the chassis, from the center of the wheels' contacts, (3, n) m.
-        slip_angle, slip_speed, slip_limit, slip_impedance: Of the hinges of rims, (W, n) rad,
-            rad/s, N m and 1.
-        roller_speeds: Of a wheel's rollers at the bottom and next to it, (W, n) rad/s each.
+        load: Normal forces of the wheels, (W, n) N.
+        center_of_mass: Center of mass of the chassis, body frame from the center of the wheels'
+            contacts, (3, n) m. An array, not a view.
+        slip_angle: Angles of the slip hinges, which turn rims on hubs, (W, n) rad.
+        slip_speed: Speeds of the slip hinges, (W, n) rad/s.
+        slip_limit: Dry friction of the slip hinges, (W, n) N m.
+        slip_impedance: Impedances of the slip hinges, (W, n) 1.
+        roller_speeds: Two views: speeds of each wheel's roller at the bottom, and of the one that
+            follows it, (W, n) rad/s each.
     """
 
     def __init__(self, batch: Batch, world: World) -> None:
@@ -99,7 +109,7 @@ class RobotViews(ChangeableBodies):
         self.roller_speeds = [EntryView(qvel, ids("roller_dofs")[:, :, i]) for i in range(2)]
 
     def _ids(self, name: str) -> Ids:
-        """Return an attribute of `Robot` for the robot in each slot, (slots, ...)."""
+        """Return a field of `RobotIndices` for the robot in each slot, (slots, ...)."""
         return np.array([getattr(robot, name) for robot in self._world.robots])
 
     def _view_model(self, field: str, columns: Ids, component: int | None = None) -> EntryView:
@@ -107,10 +117,14 @@ class RobotViews(ChangeableBodies):
         return EntryView(self._batch.expand(field), columns, component)
 
     def write_variation(self, settings: Sequence[Settings], variation: RobotVariation) -> None:
-        """Write settings and deviations of each robot into the models: friction, wear, mass.
+        """Write friction, roller wear and chassis mass of each robot into the models.
 
-        Constants that MuJoCo derives from masses stay. They scale contacts and slip hinges, which
-        must be the same for all robots.
+        Constants that MuJoCo derives from masses are not updated. They scale contacts and slip
+        hinges, which must be the same for all robots.
+
+        Args:
+            settings: One per robot.
+            variation: Deviations of the robots from their settings.
         """
         hubs = self._ids("wheel_dofs")
         rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
@@ -147,8 +161,8 @@ class RobotViews(ChangeableBodies):
             )
         roller_wear = np.repeat(wear, robot.rollers.shape[1], axis=0)
         radius = size[:, :1]
-        # A barrel's profile is curved as the wheel (see `shape`): its half length squared is the
-        # product of the radii.
+        # The profile of a roller has the wheel's radius of curvature, so the square of its half
+        # length is the product of the roller's radius and the wheel's.
         wheel_radius = self._world.kinematics.radius
         length_ratio = np.sqrt((1 - roller_wear / radius) * (1 - roller_wear / wheel_radius))
         worn_radius = radius - roller_wear
@@ -156,11 +170,11 @@ class RobotViews(ChangeableBodies):
             self._view_model("geom_size", geoms, axis).set(values)
 
     def _change_chassis_mass(self, factor: Array, shift: Array) -> None:
-        """Change mass and center of the chassis.
+        """Change mass, inertia and center of mass of the chassis.
 
         Args:
-            factor: Of its mass and inertia, (1, n).
-            shift: Of its center of mass, (3, n) m.
+            factor: Factors of mass and inertia, (1, n).
+            shift: Displacements of the center of mass, body frame, (3, n) m.
         """
         mass, subtree_mass, center, inertia = (
             self._view_model(name, self._chassis) for name in _MASS_FIELDS[:4]
@@ -172,10 +186,13 @@ class RobotViews(ChangeableBodies):
         inertia.set(inertia.get() * factor)
 
     def wrap_rollers(self, pitch: float) -> None:
-        """Turn the rims of two-roller wheels back by whole pitches (rad) that they have passed.
+        """Turn the rims of two-roller wheels back by the whole pitches that they have turned.
 
-        Call this after every step and before anything else reads the state; see
-        `omni_mj.mjcf.rollers`.
+        See "Two rollers per wheel" in `omni_mj.mjcf.rollers`. Call this after every step, before
+        other code reads the state.
+
+        Args:
+            pitch: Angle between neighboring rollers, rad.
         """
         slip_angle = self.slip_angle.get()
         n_pitches = np.floor((self.wheel_angle.get() + slip_angle) * (1 / pitch))
@@ -183,8 +200,9 @@ class RobotViews(ChangeableBodies):
             return
         self.slip_angle.set(slip_angle - n_pitches * pitch)
         bottom, following = (speeds.get() for speeds in self.roller_speeds)
-        # One pitch forward the following roller becomes the bottom one, one pitch back the bottom
-        # roller the following one. Rollers that come from elsewhere are at rest.
+        # After one pitch forward, the following roller becomes the bottom one. After one pitch
+        # backward, the bottom roller becomes the following one. Other rollers that reach the carpet
+        # are at rest.
         new_bottom = np.where(n_pitches == 1, following, 0.0)
         new_following = np.where(n_pitches == -1, bottom, 0.0)
         self.roller_speeds[0].set(np.where(n_pitches == 0, bottom, new_bottom))
@@ -196,13 +214,23 @@ class RobotViews(ChangeableBodies):
         """Return the motion of the centers of the wheels, for robots that stand upright."""
         x, y, _, w, _, _, z = self.pose.get()
         velocity = self.velocity.get()
+        # The quaternion of the heading a is (w, 0, 0, z) = (cos(a / 2), 0, 0, sin(a / 2)).
         cosine = w * w - z * z
         sine = 2 * w * z
         body_velocity = rotate(velocity[:2], cosine, -sine)
         return ChassisMotion(x, y, cosine, sine, body_velocity, velocity[5])
 
     def write_drag(self, drag: Drag, motion: ChassisMotion, push_force: Array) -> None:
-        """Write drag and push forces (2, n) in N, world frame, to the chassis."""
+        """Write drag and push forces to the chassis.
+
+        MuJoCo applies the force at the chassis's center of mass. Drag acts on the carpet, at the
+        center of the wheels, so its moments about the center of mass are added.
+
+        Args:
+            drag: Drag of carpet and bearings.
+            motion: Motion of the centers of the wheels.
+            push_force: Push forces on the center of mass, world frame, (2, n) N.
+        """
         x, y = rotate(drag.force, motion.cosine, motion.sine)
         forward, sideways = drag.force
         push_x, push_y = push_force
@@ -216,19 +244,20 @@ class RobotViews(ChangeableBodies):
         """Write Coulomb's limits and impedances of creep to the slip hinges.
 
         Args:
-            drag: Newest drag, with a slip compliance of Q / A.
-            load: Normal forces, (W, n) N.
+            drag: Latest drag. Its slip compliance is Q / A times the normal force; see
+                `omni_mj.robot.wheel_carpet_forces`.
+            load: Normal forces of the wheels, (W, n) N.
         """
         limit, positive_load = compute_torque_limit(drag.torque_per_load, load)
         self.slip_limit.set(limit)
-        # d = A / (A + Q)
+        # d = A / (A + Q), with numerator and denominator multiplied by the normal force over A
         self.slip_impedance.set(positive_load / (positive_load + drag.slip_compliance))
 
-    # Faults change robots from the values that they had before the first fault.
+    # Changes by faults, relative to the values before the first fault
 
     @cached_property
     def _unloaded_chassis(self) -> list[tuple[EntryView, Array]]:
-        """Mass fields of each chassis, and their values without payloads."""
+        """Views of the mass properties of each chassis, and their values without payloads."""
         views = [self._view_model(name, self._chassis) for name in _MASS_FIELDS]
         return [(view, view.get()) for view in views]
 
@@ -243,8 +272,9 @@ class RobotViews(ChangeableBodies):
             height = payload.height_m or chassis_height[row]
             position = np.array([*center[:2, row], height])
             offset = position - center[:, row]
-            # Two bodies turn about their common center of mass as their reduced mass does at their
-            # distance.
+            # Parallel axis theorem: the inertia of two bodies about their common center of mass
+            # exceeds the sum of their own inertias by that of the reduced mass m M / (m + M) at
+            # the distance between them.
             fraction = payload_kg / (mass[0, row] + payload_kg)
             added_inertia = mass[0, row] * fraction * point_mass_inertia(offset)
             mass[:, row] += payload_kg
@@ -261,7 +291,7 @@ class RobotViews(ChangeableBodies):
         self.center_of_mass = center
 
     def set_slope(self, slope: Array) -> None:
-        """See `ChangeableBodies`. Gravity is tilted in the world's axes, on wheels as well."""
+        """See `ChangeableBodies`. Tilt gravity in the world frame, for all bodies of a world."""
         normal = np.sqrt(np.maximum(1 - (slope**2).sum(1), 0.0))
         gravity = -float(self._world.model.opt.gravity[2])
         robots_per_world = len(self._world.robots)
@@ -273,12 +303,13 @@ class RobotViews(ChangeableBodies):
         self._hub_friction.set(np.where(is_blocked, BLOCKED_HUB_NM, self._nominal_hub_friction))
 
     def displace_robot(self, robot: int, displacement: tuple[float, float, float]) -> None:
-        """See `ChangeableBodies`. Tilt and height of the robot stay."""
+        """See `ChangeableBodies`. Tilt and height of the robot do not change."""
         pose = self.pose.get()
         speeds = self.qvel.get()
         x, y, turn = displacement
         pose[:2, robot] += x, y
-        # Product of the turn's quaternion and that of the robot, in pairs w, z and x, y
+        # Product of the quaternions of the turn and of the robot. A turn about z rotates the pairs
+        # (w, z) and (x, y) by half its angle.
         for pair in ([3, 6], [4, 5]):
             pose[pair, robot] = rotate(pose[pair, robot], np.cos(turn / 2), np.sin(turn / 2))
         speeds[:, robot] = 0.0
@@ -292,10 +323,10 @@ def _add_inertia(moments: Array, quaternion: Array, added: Array) -> tuple[Array
     Args:
         moments: Principal moments of the body, (3,) kg m^2.
         quaternion: Orientation of its principal axes, (4,).
-        added: Inertia, in the body's frame, (3, 3) kg m^2.
+        added: Inertia to add, in the body's frame, (3, 3) kg m^2.
 
     Returns:
-        Principal moments (3,) and quaternion (4,) of the sum.
+        Principal moments (3,), kg m^2, and quaternion (4,) of the sum.
     """
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, quaternion)

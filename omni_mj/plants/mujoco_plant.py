@@ -1,4 +1,4 @@
-"""The plant `mujoco`: robots of models/ in batches of worlds, driven by their firmware."""
+"""The plant `mujoco`: batches of MuJoCo worlds with robots that their firmware drives."""
 
 import copy
 import os
@@ -32,11 +32,13 @@ from omni_mj.robot.firmware import set_heading
 from omni_mj.robot.firmware_state import CYCLES
 from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES, CarpetParameters, Drag, compute_drag
 
-# Robots from which several threads gain more in a step than they lose by waiting for each other
+# Number of robots from which several threads are faster than one
 MIN_ROBOTS_FOR_THREADS = 16
-# A robot topples at 45 degrees: sine squared of half the tilt, x^2 + y^2 of the quaternion
+# A robot has toppled at a tilt of 45 degrees. The quaternion's x^2 + y^2 is the squared sine of half
+# the tilt.
 TOPPLED_SINE_SQUARED = np.sin(np.deg2rad(45) / 2) ** 2
-INSTABILITY_WARNINGS = [  # after which MuJoCo silently resets a simulation
+# Warnings after which MuJoCo silently resets a simulation
+INSTABILITY_WARNINGS = [
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
     mujoco.mjtWarning.mjWARN_BADQACC,
@@ -47,24 +49,25 @@ class MujocoParameters(NamedTuple):
     """Parameters of n robots on the plant `mujoco`."""
 
     electronics: ElectronicsParameters
-    carpet: CarpetParameters
+    carpet: CarpetParameters  # its creep compliance is scaled for slip hinges
 
 
 class MujocoPlant(WheeledPlantBase):
     """Robots with roller wheels on carpet that collide with robots and walls of their world.
 
     Args:
-        rows: Rows of all robots, world by world in the order of their slots. Every world has
-            equally many. The parts of their models (`RobotShape`) and the physics must be the same.
-        start_poses: Poses at the start, (n, 3).
-        threads: Threads of the physics, on which results do not depend. Default: one below
+        rows: Rows of all robots, world by world in the order of their slots. All worlds have the
+            same number of robots. The settings `MODEL_SETTINGS` must be the same in all rows.
+        start_poses: Poses at the start, world frame, (n, 3) m, m, rad.
+        threads: Number of threads of the physics. Results do not depend on it. Default: one below
             `MIN_ROBOTS_FOR_THREADS` robots, otherwise one per core.
-        with_hulls: Whether robots collide with each other and with walls, wherever they start.
-            Default: if a world has several robots, which then may not start in each other.
+        with_hulls: Whether robots collide with each other and with walls. If given, overlapping
+            start poses are accepted. Default: they collide if a world has several robots, and may
+            not overlap at the start.
 
     Raises:
-        OmniError: Rows that cannot share a batch, a robot that starts in another or in a wall, or
-            a robot's model that lacks a part.
+        OmniError: Rows cannot share a batch, a robot overlaps another or a wall at the start, or
+            the model of a robot lacks a part.
     """
 
     def __init__(
@@ -87,11 +90,11 @@ class MujocoPlant(WheeledPlantBase):
         if threads is None:
             threads = 1 if n < MIN_ROBOTS_FOR_THREADS else os.cpu_count() or 1
         model = copy.copy(world.model)
-        # The battery limits voltages, also where braking motors lift its voltage.
+        # The battery limits voltages, which may exceed the model's range while motors brake.
         model.actuator_ctrllimited[:] = 0
         self._batch = Batch(model, n_worlds, min(threads, n_worlds))
         warnings = slice(INSTABILITY_WARNINGS[0], INSTABILITY_WARNINGS[-1] + 1)
-        # Live counts of the warnings, (worlds, 3)
+        # Numbers of warnings so far, which MuJoCo updates, (worlds, 3)
         self._warning_counts = np.asarray(self._batch.warning)[:, warnings, 1]
         variation = RobotVariation.draw(rows)
         self._views = RobotViews(self._batch, world)
@@ -100,7 +103,7 @@ class MujocoPlant(WheeledPlantBase):
         self._heading = self._start_poses[:, 2].copy()
         super().__init__(rows, world.kinematics, variation, self._heading)
         self._failed = np.zeros(n, bool)
-        self._active_worlds: np.ndarray | None = None  # those to step; None for all
+        self._active_worlds: np.ndarray | None = None  # indices of worlds to step; None for all
         self._reset_worlds(np.arange(n_worlds))
         if robots_per_world > 1 and with_hulls is None:
             check_start_poses(rows, world.model, self._batch.bind("qpos"))
@@ -110,20 +113,20 @@ class MujocoPlant(WheeledPlantBase):
             self._roller_pitch = 2 * np.pi / wheels.rollers
         self._make_parameters()
         self._drag: Drag
-        self._cycle = 0  # in the frame
+        self._cycle = 0  # number of cycles so far in this frame
         self._records = list[CycleRecord]()
-        # Headings of vision that arrived in this frame, rad, and their ages in frames, (n,)
+        # Vision's headings that arrived in this frame, rad, NaN if none, and ages in frames, (n,)
         self._no_vision: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
         self._vision = self._no_vision
         self._start_faults(self._views)
 
     def _make_parameters(self) -> None:
-        """Set parameters and initial state of the robots; encoders start at their counts now."""
+        """Set parameters and initial state; encoder counts start at the present wheel angles."""
         electronics, state = self._initial_electronics
         carpet = self._nominal_carpet
         model = self._world.model
         inverse_inertia = model.dof_invweight0[self._world.robots[0].slip_dofs][:, None]
-        # Slip hinges have the compliance Q / A.
+        # 1 / (R^2 C h A), with which slip hinges get Q / A (`omni_mj.robot.wheel_carpet_forces`)
         compliance = carpet.creep_compliance / (model.opt.timestep * inverse_inertia)
         carpet = carpet._replace(creep_compliance=compliance)
         self.parameters = MujocoParameters(electronics, carpet)
@@ -156,15 +159,15 @@ class MujocoPlant(WheeledPlantBase):
         return self.advance_cycles(CYCLES, received)
 
     def advance_cycles(self, n_cycles: int, received: ReceivedCommand | None) -> dict[int, str]:
-        """Advance by cycles of the wheel loops, at most to the end of the frame.
+        """Advance by some cycles of 1/960 s, at most to the end of the frame.
 
         Args:
             n_cycles: Number of cycles.
-            received: Commands that apply from now on, if any arrived. Headings of vision are used
-                at the beginning of the next frame.
+            received: Commands that apply from now on, or None if none arrived. Vision's headings in
+                them are used at the beginning of the next frame.
 
         Returns:
-            At the end of a frame the rows that failed, as `advance`; otherwise nothing.
+            At the end of a frame a mapping from failed row to cause, as `advance`; otherwise empty.
         """
         if received is not None:
             self._receive(received)
@@ -185,12 +188,17 @@ class MujocoPlant(WheeledPlantBase):
         return self._stop_failed_rows()
 
     def compute_heading(self) -> Array:
-        """Return headings by the quaternions, also of tilted robots, (n,) rad in (-pi, pi]."""
+        """Return the headings of robots, which may be tilted, (n,) rad in (-pi, pi]."""
         w, x, y, z = self._views.pose.get()[3:]
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     def set_heading_estimate(self, robot: int, heading: float) -> None:
-        """Set the heading (rad) that a robot's firmware assumes, as if it was put down there."""
+        """Set the heading estimate of a robot's firmware.
+
+        Args:
+            robot: Row of the robot.
+            heading: New estimate, rad.
+        """
         mask = np.arange(len(self._rows)) == robot
         firmware = set_heading(self.electronics.firmware, mask, np.array(heading))
         self.electronics = self.electronics._replace(firmware=firmware)
@@ -207,8 +215,8 @@ class MujocoPlant(WheeledPlantBase):
         )
 
     def _begin_frame(self) -> None:
-        """Apply the changes from frame to frame: faults, disturbances, vision, motor heat."""
-        # This may change parameters, so it comes before they are read.
+        """Apply changes from frame to frame: faults, disturbances, vision's headings, motor heat."""
+        # Faults that begin or end change `self.parameters` here, so read them afterwards.
         inputs = self._make_inputs(*self._vision, self._failed)
         parameters = self.parameters.electronics
         _, wheel_angle = self._sensor_values
@@ -234,8 +242,8 @@ class MujocoPlant(WheeledPlantBase):
             self._drag = compute_drag(self.parameters.carpet, motion, load, wheel_angle)
             views.write_drag(self._drag, motion, self.electronics.inputs.push_force)
         motors = self.electronics.motors
-        # MuJoCo's dcmotor has a constant resistance R in place of R + X |w|. This is the voltage
-        # that drives the same current through it.
+        # MuJoCo's dcmotor has the constant resistance R in place of R + X |w| (see
+        # `omni_mj.robot.motors`). The voltage K w + R I drives the same current I through it.
         views.voltage.set(
             motors.back_emf_constant * wheel_speed + record.current * motors.resistance
         )
@@ -244,8 +252,8 @@ class MujocoPlant(WheeledPlantBase):
     def _after_step(self, is_first: bool, is_last: bool) -> None:
         """Read sensors and update slip hinges after the first or last physics step of a cycle."""
         if is_first:
-            # MuJoCo computed them at the step's beginning, so they are one cycle old in the next
-            # cycle, however many steps a cycle has.
+            # MuJoCo computes sensors at the beginning of a step. Reading them after the first step
+            # makes them one cycle old in the next cycle, for any number of steps per cycle.
             self._read_sensors()
         if self._roller_pitch is not None:
             self._views.wrap_rollers(self._roller_pitch)
@@ -257,7 +265,11 @@ class MujocoPlant(WheeledPlantBase):
         self._sensor_values = self._views.gyro.get()[0], self._views.encoders.get()
 
     def _reset_worlds(self, worlds: np.ndarray) -> None:
-        """Put the robots of some worlds to their start poses, at rest, and read their sensors."""
+        """Move the robots of some worlds to their start poses, at rest, and read all sensors.
+
+        Args:
+            worlds: Indices of the worlds, (k,).
+        """
         slots = np.arange(self._robots_per_world)
         rows = (worlds[:, None] * self._robots_per_world + slots).ravel()
         rest_qpos = self._world.rest_qpos[np.array([robot.qpos for robot in self._world.robots])]
@@ -275,9 +287,10 @@ class MujocoPlant(WheeledPlantBase):
         self._read_sensors()
 
     def _stop_failed_rows(self) -> dict[int, str]:
-        """Stop the rows that became unstable or toppled, and return them with the causes."""
+        """Stop rows that became unstable or toppled, and return a mapping from row to cause."""
         _, x, y, _ = self._views.pose.get()[3:]
         has_toppled = (x * x + y * y > TOPPLED_SINE_SQUARED) & ~self._failed
+        # np.count_nonzero is faster than .any() on small arrays.
         if not (has_toppled.any() or np.count_nonzero(self._warning_counts)):
             return {}
         is_unstable = np.repeat(self._warning_counts > 0, self._robots_per_world, axis=0)
@@ -293,11 +306,11 @@ class MujocoPlant(WheeledPlantBase):
 
         Args:
             rows: Rows to switch off.
-            unstable_rows: Those of them that became unstable; their worlds are reset first.
+            unstable_rows: The rows among them that became unstable. Their worlds are reset first.
         """
         self._failed[rows] = True
         if len(unstable_rows):
             self._reset_worlds(np.unique(unstable_rows // self._robots_per_world))
-        is_over = self._failed.reshape(-1, self._robots_per_world).all(1)
-        self._batch.bind("qvel")[is_over] = 0.0
-        self._active_worlds = np.flatnonzero(~is_over)
+        is_finished = self._failed.reshape(-1, self._robots_per_world).all(1)
+        self._batch.bind("qvel")[is_finished] = 0.0
+        self._active_worlds = np.flatnonzero(~is_finished)

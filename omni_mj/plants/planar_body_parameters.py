@@ -1,16 +1,19 @@
 """Parameters of bodies on the plant `planar`: masses, inertias and wheels, from settings.
 
-**Along the axle** a roller spins at v / q as its wheel travels at v, with the distance q of its
-axis from the carpet. It comes down about at rest, because its bearing (damping d) has braked it. It
-takes on the speed of the carpet at the rate b while it stands, over the angle T. With the inertia I
-and the pitch p of the rollers, the mean force over speed is
+**Drag of rollers along the axle.** While a wheel travels along its axle at v, a roller on the
+carpet spins at v / q, where q is the distance of its axis from the carpet. It comes down almost at
+rest, because its bearing (damping d, N m s/rad) has braked it. On the carpet it takes on the
+carpet's speed at the rate b, 1/s, while the wheel turns by the angle T at w. With the inertia I of
+a roller, the pitch p (angle between neighboring rollers), and < > for the mean over the contact,
+the mean force over v is
 
     <1 / q^2> (d T / p + (I - d / b) w / p (1 - exp(-b T / w))).
 
-The rate b is FRICTION_RATE_HZ in d / b. In the exponential it is SPIN_RATE_HZ, the same in steps of
-a cycle. In the second term 1 / q^2 is halfway between its mean and its value where rollers come
-down, and T is shorter by the square of their ratio. The result is within 6 % of the sum over steps,
-up to 100 rad/s.
+The first term is the drag of the bearing, the second the impulse that spins up a roller. The rate b
+is FRICTION_RATE_HZ in d / b, and SPIN_RATE_HZ, its equivalent in steps of a cycle, in the
+exponential. In the second term, 1 / q^2 is halfway between its mean and its value where rollers
+come down, and T is multiplied by the square of the ratio of mean to value. The result is within 6 %
+of the sum over steps, up to w = 100 rad/s.
 """
 
 from collections.abc import Iterable, Sequence
@@ -35,22 +38,22 @@ from omni_mj.robot.array_ops import sum_wheels
 from omni_mj.robot.firmware_state import CYCLE_S
 from omni_mj.robot.planar_dynamics import BodyParameters, RollerResponse
 
-# Damping of a roller's contact along the carpet
+# Damping of a roller's contact along the carpet, N s/m
 CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFNESS_RATIO * FRICTION_RATE_HZ
-# Rate at which rollers take on the carpet's speed, in steps of a cycle, as contacts of the plant
-# mujoco act
+# Rate at which rollers take on the carpet's speed on the plant mujoco, 1/s. A step of a cycle leaves
+# this fraction of the difference: 1 - CYCLE_S FRICTION_RATE_HZ = exp(-CYCLE_S SPIN_RATE_HZ).
 SPIN_RATE_HZ = -np.log(1 - CYCLE_S * FRICTION_RATE_HZ) / CYCLE_S
 
 
 class RigidBodies(NamedTuple):
-    """n rigid bodies."""
+    """Mass properties of n rigid bodies in the plane."""
 
     mass: Array  # (n,) kg
     center: Array  # center of mass, body frame from the center of the wheels, (n, 3) m
     inertia: Array  # about the vertical axis through the center of mass, (n,) kg m^2
 
     def combine(self, added: "RigidBodies") -> "RigidBodies":
-        """Return both together, by the parallel axis theorem with the reduced mass."""
+        """Return the mass properties of both bodies joined, by the parallel axis theorem."""
         mass = self.mass + added.mass
         first_moment = self.mass[:, None] * self.center + added.mass[:, None] * added.center
         squared_distance = ((self.center - added.center)[:, :2] ** 2).sum(1)
@@ -64,10 +67,10 @@ class PlanarBodyBuilder:
     Args:
         settings: One per robot.
         variation: Deviations of the robots from their settings.
-        world: World with the first robot; its wheels are those of all.
+        world: World with the first robot, whose wheels represent those of all robots.
 
     Raises:
-        OmniError: The wheels weigh more than a robot.
+        OmniError: The wheels are at least as heavy as a robot.
     """
 
     def __init__(
@@ -92,12 +95,12 @@ class PlanarBodyBuilder:
         self._rim_inertia = float(axle @ rim_inertia @ axle)
         self._roller_inertia = float(model.body_inertia[robot.rollers[0, 0]].min())
         self._gravity = -float(model.opt.gravity[2])
-        self._weigh_robots(variation, world)
+        self._set_unloaded_bodies(variation, world)
 
-    def _weigh_robots(self, variation: RobotVariation, world: World) -> None:
-        """Set mass properties of the chassis, and of robots without payloads.
+    def _set_unloaded_bodies(self, variation: RobotVariation, world: World) -> None:
+        """Set the mass properties of the chassis, and of robots without payloads.
 
-        The settings describe the robot with its wheels; a robot's variation is that of its chassis.
+        The settings describe the robot with its wheels. Deviations apply to the chassis only.
         """
         n = len(self._settings)
         names = "mass_kg", "com_height_m", "com_x_m", "yaw_inertia_kg_m2"
@@ -113,7 +116,7 @@ class PlanarBodyBuilder:
             )
         robots = RigidBodies(mass, np.column_stack([center_x, np.zeros(n), height]), inertia)
         wheels = RigidBodies(np.full(n, wheels_mass), wheels_center, wheels_inertia[2, 2])
-        # The chassis is the robot less its wheels.
+        # The chassis is the robot without its wheels, which are added with negative mass.
         chassis = robots.combine(RigidBodies(-wheels.mass, wheels.center, -wheels.inertia))
         factor = variation.mass_factor[:, 0]
         shift = np.column_stack([variation.center_offset, np.zeros(n)])
@@ -126,7 +129,7 @@ class PlanarBodyBuilder:
         """Return the parameters of robots that carry payloads on a slope.
 
         Args:
-            payloads: Rows and their payloads.
+            payloads: Pairs of a row and its payload.
             slope: Fractions of gravity along the world's x and y, positive downhill, (n, 2).
         """
         robots = self._add_payloads(payloads)
@@ -191,11 +194,13 @@ class PlanarBodyBuilder:
     def _compute_rolling_mass(
         self, jacobian: Array, axle_jacobian: Array, response: RollerResponse
     ) -> Array:
-        """Return the mass matrix of rims and of rollers that turn along the axles, (3, 3, n).
+        """Return the mass matrix of rims and of standing rollers, (3, 3, n) kg, kg m and kg m^2.
+
+        A roller of the inertia I adds the mass I / q^2 along the axle.
 
         Args:
-            jacobian: Rim speed per twist, (3, W, n).
-            axle_jacobian: Speed along the axle per twist, (3, W, n).
+            jacobian: Rim speed per twist, (3, W, n) rad/m, rad/m, 1.
+            axle_jacobian: Speed along the axle per twist, (3, W, n) 1, 1, m.
             response: Response of the wheels.
         """
         rims = self._rim_inertia * jacobian[:, None] * jacobian
@@ -205,7 +210,7 @@ class PlanarBodyBuilder:
     def _compute_roller_drag(self, response: RollerResponse) -> tuple[Array, Array, Array]:
         """Return roller_drag, spin_up and spin_up_speed of `BodyParameters`; see the module."""
         bearing_damping = gather(self._settings, "drivetrain.roller_damping_nm_s")
-        # Time in which a bearing brakes its roller until it comes down again, s
+        # Time in which a bearing brakes a lifted roller: one turn of the wheel at 50 rad/s
         lifted_s = 2 * np.pi / SPEEDS_RAD_S[0]
         braked_fraction = 1 - np.exp(-bearing_damping / self._roller_inertia * lifted_s)
         spin_up_inertia = (
@@ -226,10 +231,13 @@ class PlanarBodyBuilder:
 
 
 def _distribute_load(contact: Array) -> Array:
-    """Return normal forces that are linear in position, for a unit force and two unit moments.
+    """Return the normal forces of wheels for a unit force and for two unit moments.
+
+    The forces are linear in the position of the wheels (equal springs under a rigid body). With a
+    row (1, x, y) of the matrix A for each wheel, they are the rows of (A'A)^-1 A'.
 
     Args:
-        contact: Positions of the wheels' contacts, (2, W, n) m.
+        contact: Positions x and y of the wheels' contacts, (2, W, n) m.
 
     Returns:
         Normal forces, (3, W, n) 1, 1/m, 1/m.

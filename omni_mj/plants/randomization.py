@@ -1,20 +1,21 @@
 """Randomization of robots with wheels: deviations drawn once, disturbances drawn in each frame.
 
-Each robot has its own random streams, which depend on its seed only. In each frame it gets push
-forces and an error of its gyro. Push forces are the disturbance of table 4 in the paper as a force:
-uniform within an amplitude, per axis and frame. The error of a gyro is a constant bias, drawn once,
-and white noise, both normal.
+Each robot has its own random streams, which depend on its seed only.
 
-**Domain randomization** draws deviations of a robot from its nominal data.
-Friction, magnets and mass are drawn as factors, the center of mass as an offset. They are normal
-numbers, truncated at 3 standard deviations, so that no wheel gets nonsense. Wear only takes away,
-and rings are changed when they are worn. At any time a wheel may be anywhere between new and due,
-so its loss of radius is uniform.
+**Disturbances.** Each frame draws a push force and a gyro error. The push force is the disturbance
+of table 4 of the paper as a force: uniform within an amplitude, per axis and frame. The gyro error
+is the sum of a constant bias, drawn once, and white noise. Both are normally distributed.
 
-Wear takes rubber from the rollers. The axle is lowered by as much, so that every wheel carries the
-normal force that it carried when new. Otherwise two opposite wheels that have lost 0.13 mm would
-carry nothing, because the spring between roller and carpet yields by 0.07 mm only
-(`omni_mj.mjcf.rollers`). A real pile yields by a millimeter or so, which is a guess.
+**Domain randomization** draws deviations of a robot from its nominal data. Friction, torque
+constants and mass get random factors, the center of mass gets an offset. All are normally
+distributed, and truncated at 3 standard deviations to exclude implausible values. Wear of wheels is
+uniformly distributed between 0 and a limit: it only reduces radii, and worn rubber is replaced at
+the limit.
+
+Wear reduces the radius of the rollers. The axle is lowered by the same amount, so the normal forces
+of the wheels do not change. Otherwise two opposite wheels that have lost 0.13 mm would carry
+nothing, because the spring between roller and carpet yields by 0.07 mm only
+(`omni_mj.mjcf.rollers`). A real carpet yields by about a millimeter (an assumption).
 """
 
 from collections.abc import Sequence
@@ -27,18 +28,19 @@ from omni_mj.config.rows import Row
 from omni_mj.config.settings import gather
 from omni_mj.network.random_streams import Noise, Stream
 
-MAX_DEVIATIONS = 3.0  # standard deviations at which normal numbers are truncated
+# Deviation at which normal numbers are truncated, in standard deviations
+MAX_DEVIATIONS = 3.0
 
 
 class RobotVariation(NamedTuple):
     """Deviations of n robots with W wheels from their settings.
 
     Attributes:
-        friction_factor: Friction of each wheel over the carpet's, (n, W).
+        friction_factor: Ratio of each wheel's friction to the carpet's, (n, W).
         wear: Loss of each wheel's radius, (n, W) m.
-        magnet_factor: Torque constant of each motor over the data sheet's, (n, W).
-        mass_factor: Mass of the chassis over the settings', (n, 1).
-        center_offset: Offset of the chassis' center of mass, forward and sideways, (n, 2) m.
+        magnet_factor: Ratio of each motor's torque constant to the data sheet's, (n, W).
+        mass_factor: Ratio of the chassis's mass to the nominal one, (n, 1).
+        center_offset: Offset of the chassis's center of mass, forward and sideways, (n, 2) m.
     """
 
     friction_factor: Array
@@ -49,7 +51,7 @@ class RobotVariation(NamedTuple):
 
     @classmethod
     def draw(cls, rows: Sequence[Row]) -> Self:
-        """Draw the deviations of rows from their seeds. All rows must have equally many wheels."""
+        """Draw the deviations of rows with their seeds. All must have the same number of wheels."""
         names = (
             "wheel_friction_std",
             "max_wear_m",
@@ -75,7 +77,7 @@ class RobotVariation(NamedTuple):
         )
 
     def to_columns(self) -> dict[str, Array]:
-        """Return the deviations of each row as name -> (n,); empty if no robot deviates."""
+        """Return a mapping from name to deviations (n,); empty if no robot deviates."""
         factors = self.friction_factor, self.magnet_factor, self.mass_factor
         deviations = *(factor - 1 for factor in factors), self.wear, self.center_offset
         if not any(deviation.any() for deviation in deviations):
@@ -124,7 +126,7 @@ class Disturbances:
         """Draw the errors of the gyros in the next frame.
 
         Args:
-            bias: Constant part, (n, 1) rad/s; `gyro_bias` and that of faults.
+            bias: Sum of `gyro_bias` and the bias due to faults, (n, 1) rad/s.
 
         Returns:
             Errors, (n,) rad/s.
@@ -133,7 +135,10 @@ class Disturbances:
 
 
 def _to_truncated_normal(uniform: Array) -> Array:
-    """Map uniform numbers in [0, 1] to truncated standard normal numbers, by the inverse CDF."""
+    """Map uniform numbers in [0, 1] to truncated standard normal numbers, by the inverse CDF.
+
+    With the CDF F, the number is F^-1(F(-3) + (1 - 2 F(-3)) u) for the uniform number u.
+    """
     # Imported here, because the import takes longer than to build a world of nominal robots.
     from scipy.special import ndtr, ndtri
 

@@ -31,8 +31,8 @@ class WheeledPlantBase:
     Attributes:
         geometry: Geometry of the wheels when new.
         variation: Deviations of the robots from their settings.
-        min_heading_memory: Frames for which firmware remembers its headings at least. Older
-            headings from vision do not correct it.
+        min_heading_memory: Smallest number of frames for which the firmware stores its headings.
+            Older headings from vision cannot correct it.
     """
 
     geometry: Kinematics | None
@@ -53,9 +53,9 @@ class WheeledPlantBase:
         self._fault_effects: FaultEffects | None = None
         settings = [row.settings for row in rows]
         zeros = np.zeros((1, *variation.magnet_factor.T.shape))
-        # Record of the frame just past
+        # Record of the latest frame
         self._record = CycleRecord(zeros, zeros, zeros, zeros, zeros[:, 0], zeros[:, 0])
-        max_latency = max(
+        max_delay_frames = max(
             compute_max_delay_frames(row.settings.radio, row.settings.fault) for row in rows
         )
         self._initial_electronics: tuple[ElectronicsParameters, ElectronicsState] = (
@@ -64,7 +64,7 @@ class WheeledPlantBase:
                 kinematics,
                 heading,
                 np.ascontiguousarray(variation.magnet_factor.T),
-                n_frames=max(max_latency, self.min_heading_memory) + 1,
+                n_frames=max(max_delay_frames, self.min_heading_memory) + 1,
                 has_faults=any(row.faults for row in rows),
             )
         )
@@ -76,21 +76,25 @@ class WheeledPlantBase:
         )
 
     def _start_faults(self, bodies: ChangeableBodies) -> None:
-        """Apply faults from now on, to robots as they are now."""
+        """Apply faults from now on. The robots are nominal as they are now.
+
+        Args:
+            bodies: Bodies of the robots.
+        """
         if any(row.faults for row in self._rows):
             self._fault_effects = FaultEffects(self._rows, self, bodies)
 
     def set_motor_currents(self, current: Array) -> None:
-        """Let drivers hold currents from the next frame on, whatever the firmware commands.
+        """Let drivers hold currents from the next frame on, in place of the firmware's commands.
 
         Args:
-            current: (n, W) A, as far as the battery's voltage can drive it; NaN where the firmware
-                drives. With 0 A a robot rolls out.
+            current: Motor currents, (n, W) A; NaN where the firmware drives. The battery's voltage
+                limits them. With 0 A a robot coasts.
         """
         self._current_setpoint = None if np.isnan(current).all() else np.array(current, float).T
 
     def _make_command(self, received: ReceivedCommand) -> FirmwareCommand:
-        """Return what the radio delivered as arrays for the firmware."""
+        """Return the received command as arrays for the firmware."""
         wheel_speeds = None
         if received.rim_speeds is not None:
             assert self.geometry is not None
@@ -105,8 +109,8 @@ class WheeledPlantBase:
         """Return the inputs of the next frame, with disturbances and faults.
 
         Args:
-            vision_heading: Headings that arrived from vision, (n,) rad, NaN where none did.
-            heading_age: Frames since they were sent, (n,).
+            vision_heading: Headings that arrived from vision, (n,) rad; NaN where none arrived.
+            heading_age: Frames since these headings were sent, (n,).
             has_failed: Robots that have failed, on which no force acts, (n,).
         """
         push_force = self._disturbances.draw_push_force()
