@@ -190,7 +190,7 @@ def _print_tables(result: "Result") -> None:
         return
     console.print_summary_sentence(summary)
     optional_tables = (
-        result_tables.results_table(summary),
+        result_tables.terminal_results_table(summary),
         result_tables.saturation_table(summary),
         result_tables.recovery_table(summary),
     )

@@ -8,7 +8,13 @@ from typing import Any
 from omni_mj.results.metrics import EXCURSION, RECOVERED_M, RECOVERY, RECOVERY_WINDOW_S
 from omni_mj.results.saturation import DUTY, METRIC_LABELS
 from omni_mj.results.seed_statistics import SeedStatistics
-from omni_mj.results.text_table import DASH, Table, drop_equal_columns, format_number
+from omni_mj.results.text_table import (
+    DASH,
+    Table,
+    drop_equal_columns,
+    fits_terminal,
+    format_number,
+)
 
 PAPER_PREFIX = "paper's "  # before the names of controllers whose errors the paper reports
 AXIS_COLUMNS = {  # axis -> heading, key in the summary, factor to the heading's unit
@@ -59,6 +65,12 @@ def results_table(summary: Summary, effort: bool = False, paper: bool = True) ->
     n_labels = 2 if several else 1
     position = AXIS_COLUMNS["position"][0]
     return drop_equal_columns(Table(title, headings, rows, n_labels), kept_headings=[position])
+
+
+def terminal_results_table(summary: Summary) -> Table:
+    """Return `results_table`, without the paper's errors if they do not fit the terminal."""
+    with_paper = results_table(summary)
+    return with_paper if fits_terminal(with_paper) else results_table(summary, paper=False)
 
 
 def saturation_table(summary: Summary) -> Table | None:

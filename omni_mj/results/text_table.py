@@ -24,8 +24,8 @@ def format_table(text_table: Table) -> str:
     """Return a table as lines of plain text that fit the terminal.
 
     Columns without any text are left out. If the table is too wide, units go to a second line of
-    the headings. Columns that still do not fit follow in another block below. Long labels of rows
-    get a line of their own.
+    the headings. Columns that still do not fit follow in another block below, without rows that
+    are empty there. Long labels of rows get a line of their own.
 
     Args:
         text_table: Table to print. Units follow a comma in its headings.
@@ -49,22 +49,36 @@ def format_table(text_table: Table) -> str:
     return "\n".join([*title, body])
 
 
+def fits_terminal(text_table: Table) -> bool:
+    """Return whether all columns of a table fit the terminal next to each other."""
+    columns = zip(text_table.headings, *text_table.rows, strict=True)
+    return _width([_split_heading(column) for column in columns]) <= TERMINAL_WIDTH
+
+
 def drop_equal_columns(text_table: Table, kept_headings: Collection[str] = ()) -> Table:
     """Return a table without columns that are empty or have the same value in all rows.
+
+    The title names these values.
 
     Args:
         text_table: Table. Its left-aligned columns stay.
         kept_headings: Headings of columns that stay even if all their values are equal.
     """
-    columns = []
+    columns, equal_values = [], []
     for i, column in enumerate(zip(text_table.headings, *text_table.rows, strict=True)):
         values = [cell for cell in column[1:] if cell not in ("", DASH)]
         is_equal = len(values) > 1 and len(set(values)) == 1
         is_informative = values and (column[0] in kept_headings or not is_equal)
         if i < text_table.left_columns or is_informative:
             columns.append(column)
+        elif values:
+            quantity, _, unit = column[0].partition(", ")
+            equal_values.append(f"{quantity} {values[0]} {unit}".rstrip())
     headings, *rows = map(list, zip(*columns, strict=True))
-    return Table(text_table.title, headings, rows, text_table.left_columns)
+    title = text_table.title
+    if equal_values:
+        title += f"; equal for all: {', '.join(equal_values)}"
+    return Table(title, headings, rows, text_table.left_columns)
 
 
 def format_markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -105,6 +119,8 @@ def _format_block(labels: Sequence[Column], values: Sequence[Column]) -> str:
     widths = [_column_width(column) for column in columns]
     lines = []
     for label, *texts in zip(*columns, strict=True):
+        if label and not any(texts[len(labels) - 1 :]):
+            continue
         if len(label) > MAX_LABEL_WIDTH:
             lines.append(textwrap.fill(label, TERMINAL_WIDTH))
             label = ""

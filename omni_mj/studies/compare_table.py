@@ -91,20 +91,23 @@ def verdict_table(summary: Summary) -> Table:
     for scenario, entry in summary["scenarios"].items():
         for statistic, errors in (entry["verdict"] or {"errors": {}})["errors"].items():
             changes = [_format_change(errors["against"].get(name)) for name in baselines]
-            beaten = f"{len(errors['beats'])} of {len(errors['against'])}"
-            best = errors["best_competitor"] or DASH
-            rows.append([scenario, STATISTIC_LABELS[statistic], *changes, beaten, best])
+            row = [scenario, STATISTIC_LABELS[statistic], *changes]
+            if len(baselines) > 1:
+                row.append(f"{len(errors['beats'])} of {len(errors['against'])}")
+                row.append(errors["best_competitor"] or DASH)
+            rows.append(row)
     headings = ["scenario", "error", *(f"vs {name}" for name in baselines)]
-    headings += ["beats", "best of the others"]
+    if len(baselines) > 1:
+        headings += ["beats", "best of the others"]
     return Table(f"Verdicts on {subject}", headings, rows, 2)
 
 
 def _verdict_caption(summary: Summary) -> str:
     """Return the sentence that explains the numbers of the verdict table."""
     return (
-        f"Position error of {summary['subject']} relative to each other controller's, change in "
-        f"%; {WITHIN_CHANCE} within chance: paired by seed, p above {100 * SIGNIFICANCE_LEVEL:g} % "
-        "after Holm's correction for all verdicts. Privileged controllers are not compared."
+        f"Position error of {summary['subject']} (mean over the seeds) relative to each other "
+        f"controller's, change in %; {WITHIN_CHANCE} within chance: paired by seed, p above "
+        f"{100 * SIGNIFICANCE_LEVEL:g} % after Holm's correction for all verdicts. Privileged controllers are not compared."
     )
 
 
