@@ -23,7 +23,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
 
 GRAVITY = 9.81  # m/s^2
-_NEIGHBORS = 2  # cells on either side of a cell whose drag is considered
+_N_NEIGHBORS = 2  # cells on either side of a cell whose drag is considered
 _PARALLEL = 1e-9  # norm of a cross product up to which two wheels are parallel and span no face
 
 
@@ -126,8 +126,10 @@ class WheelLimits:
         Args:
             direction: Angle from the body's x axis, rad.
         """
-        unit = np.array([[math.cos(direction), math.sin(direction), 0.0]])
-        return float(1 / self.compute_friction_utilization(unit, np.zeros((1, 3))).max())
+        unit_acceleration = np.array([[math.cos(direction), math.sin(direction), 0.0]])
+        return float(
+            1 / self.compute_friction_utilization(unit_acceleration, np.zeros((1, 3))).max()
+        )
 
     def get_friction_constraints(self, twist: Array) -> tuple[Array, Array]:
         """Return the faces of the zonotope as linear constraints on body accelerations.
@@ -157,9 +159,9 @@ class WheelLimits:
             turn_acceleration: Highest turn acceleration in either direction, rad/s^2.
         """
         forward, sideways, turning = np.abs(self._faces[0]).T
-        reach = np.hypot(acceleration * forward, side_acceleration * sideways)
-        reach += self.gyration_radius**2 * turn_acceleration * turning
-        return float(1 / (reach / (1 - self._max_drag)).max())
+        demand = np.hypot(acceleration * forward, side_acceleration * sideways)
+        demand += self.gyration_radius**2 * turn_acceleration * turning
+        return float(1 / (demand / (1 - self._max_drag)).max())
 
     def compute_rim_speeds(self, twist: Array) -> Array:
         """Return the absolute speeds of the rims (n, wheels) at body twists (n, 3), m/s."""
@@ -198,10 +200,10 @@ class WheelLimits:
         spanned = np.array([np.cross(*pair) for pair in combinations(wheel_forces, 2)])
         spanned = spanned[np.linalg.norm(spanned, axis=1) > _PARALLEL]
         normals = np.concatenate([spanned, -spanned])
-        grip = math.sqrt(max(self.friction**2 - self.roller_friction**2, _PARALLEL))
-        reach = grip * np.abs(normals @ wheel_forces.T)
+        rim_friction = math.sqrt(max(self.friction**2 - self.roller_friction**2, _PARALLEL))
+        extent = rim_friction * np.abs(normals @ wheel_forces.T)
         force_rows = np.concatenate([normals, np.zeros_like(load_transfer)])
-        load_weights = np.concatenate([reach, np.eye(len(static_load))])
+        load_weights = np.concatenate([extent, np.eye(len(static_load))])
         capacity = GRAVITY * (load_weights @ static_load)[:, None]
         return (force_rows - load_weights @ load_transfer) / capacity, force_rows / capacity
 
@@ -258,6 +260,6 @@ def max_over_neighbors(drag: Array, ends: Literal["edge", "wrap"]) -> Array:
         drag: Fraction of friction that drag takes in each cell, (cells, faces).
         ends: "edge" for a path with ends, "wrap" for a closed path.
     """
-    padded = np.pad(drag, ((_NEIGHBORS, _NEIGHBORS), (0, 0)), ends)
-    shifted = [padded[i : i + len(drag)] for i in range(2 * _NEIGHBORS + 1)]
+    padded = np.pad(drag, ((_N_NEIGHBORS, _N_NEIGHBORS), (0, 0)), ends)
+    shifted = [padded[i : i + len(drag)] for i in range(2 * _N_NEIGHBORS + 1)]
     return np.max(shifted, axis=0)

@@ -25,14 +25,14 @@ class FilterStep(NamedTuple):
     Attributes:
         frames_behind: Frames from the end of the step to the present, (n,). In the last step of a
             frame it is valid for all filters, before that only for those that are not frozen.
-        frozen: Filters that do not advance in this step, because they are already at the frame
+        is_frozen: Filters that do not advance in this step, because they are already at the frame
             boundary before the capture, (n,).
         capture_offset: Time from the filter's state after the last step of this frame to the
             capture of the measurement, (n,) s; negative if the measurement is older.
     """
 
     frames_behind: Array
-    frozen: NDArray[np.bool_]
+    is_frozen: NDArray[np.bool_]
     capture_offset: Array
 
     @classmethod
@@ -43,7 +43,7 @@ class FilterStep(NamedTuple):
 
     def select(self, rows: RowSelection) -> "FilterStep":
         """Return the step of some robots."""
-        return FilterStep(self.frames_behind[rows], self.frozen[rows], self.capture_offset[rows])
+        return FilterStep(self.frames_behind[rows], self.is_frozen[rows], self.capture_offset[rows])
 
 
 def plan_steps(

@@ -88,7 +88,9 @@ class OutlierGate:
         max_distance = self._max_speed * interval + self._noise_margin
         plausible = (distance > 0) & (distance <= max_distance) & (np.abs(change[:, 2]) < np.pi / 2)
         if np.count_nonzero(plausible) < len(plausible):  # faster than .all() on small arrays
-            return self._check_all(measured_pose, age, interval, change, distance > max_distance)
+            return self._apply_all_checks(
+                measured_pose, age, interval, change, distance > max_distance
+            )
         # The usual case ends here, because all checks take as long as an update of the filter.
         self._last_measured = self._last_accepted = measured_pose
         self._accepted_age, self._elapsed = age, self._zeros
@@ -96,7 +98,7 @@ class OutlierGate:
         self._far_count = self._reversed_count = self._repeat_count = self._zeros
         return measured_pose
 
-    def _check_all(
+    def _apply_all_checks(
         self, measured_pose: Array, age: Array, interval: Array, change: Array, is_far: Mask
     ) -> Array:
         """Return the accepted poses (n, 3) after all checks of the module's docstring.

@@ -58,10 +58,10 @@ ACCELERATION_M_S2, TURN_ACCELERATION_RAD_S2 = 0.35, 1.5
 ACCELERATION_RATIO = 0.3  # additional part, relative to the modeled acceleration
 MAX_NOISE_SCALE = 30.0  # the process noise grows with the mean NIS up to this factor
 NIS_FRAMES = 10  # time constant of the mean NIS, frames
-MAX_NIS = 50.0  # NIS above which the robot may have been carried
+RELOCATION_NIS = 50.0  # NIS above which the robot may have been carried
 TRUSTED_NIS = 1.5  # mean NIS up to which parameters are learned at the full rate
-EVIDENT_M_S = 0.1  # speed below which dry friction may hold a robot and hide its parameters
-STEADY_M_S2 = 2.0  # acceleration above which wheels may slide and hide the gains
+EVIDENT_SPEED_M_S = 0.1  # below it, dry friction may hold a robot and hide its parameters
+STEADY_ACCELERATION_M_S2 = 2.0  # above it, wheels may slide and hide the gains
 MAX_BRAKING_M_S2 = 9.81  # deceleration by friction with a coefficient of 1
 # A robot is unresponsive if its velocity, averaged over RESPONSE_FRAMES, stays below a fraction
 # MIN_RESPONSE of its commands for SILENT_FRAMES.
@@ -102,8 +102,9 @@ class RobotEkf:
         times = np.array([*DISTURBANCE_TIME_S, *9 * [PARAMETER_TIME_S]])
         self._decay = np.append(np.ones(6), np.exp(-self.period / times))
         covariance = learns * self._make_prior_covariance(model)
-        renewal = np.sqrt(1 - self._decay**2)
-        self._renewed_covariance = covariance * np.outer(renewal, renewal)
+        # Noise that keeps the prior covariance stationary under the decay: (1 - decay^2) P.
+        noise_ratio = np.sqrt(1 - self._decay**2)
+        self._parameter_noise = covariance * np.outer(noise_ratio, noise_ratio)
         self._vision_covariance = np.diag(np.maximum(noise, [1e-4, 1e-4, 1e-3])) ** 2
         covariance[POSE, POSE] = self._vision_covariance
         self.state = np.tile(self.dynamics.prior, (n, 1))
@@ -112,8 +113,8 @@ class RobotEkf:
         self._perturbations = np.concatenate([0 * step[:1], step, -step])[:, None]
         self.memory_frames = model.delay_frames + MAX_DEAD_TIME_CHANGE + 8
         self.mean_nis = np.ones(n)
-        # Running means of the squared command, and of the command times the velocity.
-        self._powers = np.zeros((2, n))
+        # Running means of the squared command, and of the command times the velocity, (2, n).
+        self._mean_powers = np.zeros((2, n))
         self._silent_frames = np.zeros(n)  # frames without a response
         self._started = False
 
@@ -169,12 +170,13 @@ class RobotEkf:
         transition *= self._decay[:, None]
         predicted = self._decay * next_state + (1 - self._decay) * self.dynamics.prior
         covariance = transition @ self.covariance @ transition.swapaxes(1, 2)
+        # An unresponsive robot teaches nothing about disturbances and parameters.
         is_responsive = (self._silent_frames < SILENT_FRAMES)[:, None, None]
         covariance[:, MOTION, UNMEASURED] *= is_responsive
         covariance[:, UNMEASURED, MOTION] *= is_responsive
         self._add_process_noise(covariance, speed_change)
-        self.state = np.where(step.frozen[:, None], self.state, predicted)
-        self.covariance = np.where(step.frozen[:, None, None], self.covariance, covariance)
+        self.state = np.where(step.is_frozen[:, None], self.state, predicted)
+        self.covariance = np.where(step.is_frozen[:, None, None], self.covariance, covariance)
         return command
 
     def _linearize(self, sent: CommandHistory, frames_behind: Array) -> tuple[Array, Array, Array]:
@@ -185,14 +187,15 @@ class RobotEkf:
             by the states before it, (n, 18, 18).
         """
         dead_time = (self.dead_time + frames_behind)[:, None]
-        latencies = np.maximum(dead_time + np.array([0, -1, 1])[:, None, None], 0)
-        command, newer, older = sent.get_delayed(latencies)
-        command_slope = (older - newer) / (latencies[2] - latencies[1])  # per frame of latency
+        dead_times = np.maximum(dead_time + np.array([0, -1, 1])[:, None, None], 0)
+        command, newer, older = sent.get_delayed(dead_times)
+        # Derivative of the acting command by the dead time, for the Jacobian.
+        command_slope = (older - newer) / (dead_times[2] - dead_times[1])
         commands = command + self._perturbations[..., DEAD_TIME, None] * command_slope
-        ends = self.dynamics.step(self.state + self._perturbations, commands, self.period)
-        above, below = ends[1 : SIZE + 1], ends[SIZE + 1 :]
-        jacobian = np.moveaxis((above - below) / (2 * JACOBIAN_STEP), 0, -1)
-        return command, ends[0], jacobian
+        next_states = self.dynamics.step(self.state + self._perturbations, commands, self.period)
+        plus, minus = next_states[1 : SIZE + 1], next_states[SIZE + 1 :]
+        jacobian = np.moveaxis((plus - minus) / (2 * JACOBIAN_STEP), 0, -1)
+        return command, next_states[0], jacobian
 
     def _limit_learning(self, transition: Array, speed_change: Array) -> None:
         """Reduce in place the effect of parameters on motion, and with it the rate of learning.
@@ -211,12 +214,13 @@ class RobotEkf:
         speed = np.hypot(*self.state[:, TRANSLATION_VELOCITY].T)
         turn_speed = self.dynamics.arm * np.abs(self.state[:, TURN_RATE])
         axis_speeds = np.stack(2 * [speed, speed, turn_speed], 1)
-        visibility = np.minimum(axis_speeds / EVIDENT_M_S, 1) ** 2
+        evidence = np.minimum(axis_speeds / EVIDENT_SPEED_M_S, 1) ** 2
         trust = np.minimum(TRUSTED_NIS / self.mean_nis, 1)[:, None, None]
-        steadiness = 1 + (speed_change[:, None, None] / (STEADY_M_S2 * self.period)) ** 2
+        steady_change = STEADY_ACCELERATION_M_S2 * self.period
+        unsteadiness = 1 + (speed_change[:, None, None] / steady_change) ** 2
         transition[:, MOTION, RESPONSE_PARAMETERS] *= trust
-        transition[:, MOTION, TRANSLATION_PARAMETERS] *= visibility[..., None] * trust
-        transition[:, MOTION, TRANSLATION_GAINS] /= steadiness
+        transition[:, MOTION, TRANSLATION_PARAMETERS] *= evidence[..., None] * trust
+        transition[:, MOTION, TRANSLATION_GAINS] /= unsteadiness
 
     def _add_process_noise(self, covariance: Array, speed_change: Array) -> None:
         """Add the process noise of a step to covariances (n, 18, 18) in place.
@@ -231,10 +235,10 @@ class RobotEkf:
         covariance[:, [3, 4], [3, 4]] += (scale * unmodeled)[:, None]
         turn_noise = scale * (TURN_ACCELERATION_RAD_S2 * self.period) ** 2
         covariance[:, TURN_RATE, TURN_RATE] += turn_noise
-        covariance += self._renewed_covariance
+        covariance += self._parameter_noise
         growth = np.sqrt(scale[:, None, None]) - 1
-        renewed = self._renewed_covariance[YAW_DISTURBANCES, YAW_DISTURBANCES]
-        covariance[:, YAW_DISTURBANCES, YAW_DISTURBANCES] += growth * renewed
+        parameter_noise = self._parameter_noise[YAW_DISTURBANCES, YAW_DISTURBANCES]
+        covariance[:, YAW_DISTURBANCES, YAW_DISTURBANCES] += growth * parameter_noise
 
     def _correct(self, measured_pose: Array, offset: Array, command: Array) -> None:
         """Correct the states by measured poses.
@@ -258,7 +262,7 @@ class RobotEkf:
         corrected = state + (kalman_gain @ innovation[..., None])[..., 0]
         corrected_covariance = covariance - kalman_gain @ cross_covariance.swapaxes(1, 2)
         distance = np.hypot(innovation[:, 0], innovation[:, 1])
-        is_relocated = (nis > MAX_NIS) & (distance > MAX_BRAKING_M_S2 * self.period**2)
+        is_relocated = (nis > RELOCATION_NIS) & (distance > MAX_BRAKING_M_S2 * self.period**2)
         for i in np.flatnonzero(is_relocated):
             # No motion of the robot explains this: it was carried, or the camera was moved.
             corrected[i], corrected_covariance[i] = state[i], covariance[i]
@@ -269,7 +273,7 @@ class RobotEkf:
         corrected[:, PARAMETERS] = np.clip(corrected[:, PARAMETERS], *self._bounds)
         self.state = corrected
         self.covariance = (corrected_covariance + corrected_covariance.swapaxes(1, 2)) / 2
-        change = (np.minimum(nis, MAX_NIS) - self.mean_nis) / NIS_FRAMES
+        change = (np.minimum(nis, RELOCATION_NIS) - self.mean_nis) / NIS_FRAMES
         self.mean_nis = self.mean_nis + is_visible * change
         self._count_silent_frames(command)
 
@@ -278,8 +282,8 @@ class RobotEkf:
         rim_scale = np.array([1.0, 1.0, self.dynamics.arm])
         commanded, velocity = command * rim_scale, self.state[:, VELOCITY] * rim_scale
         powers = (commanded * np.array([commanded, velocity])).sum(2)
-        self._powers += (powers - self._powers) / RESPONSE_FRAMES
-        command_power, response_power = self._powers
+        self._mean_powers += (powers - self._mean_powers) / RESPONSE_FRAMES
+        command_power, response_power = self._mean_powers
         is_silent = response_power < MIN_RESPONSE * command_power
-        is_silent &= command_power > EVIDENT_M_S**2
+        is_silent &= command_power > EVIDENT_SPEED_M_S**2
         self._silent_frames = (self._silent_frames + 1) * is_silent

@@ -84,13 +84,13 @@ class KalmanFilter:
             capture_displacement: Commanded displacement from the end of the step to the capture of
                 the measurements, (n, 3), m and rad.
         """
-        process_noise = self._predict(displacement, step.frozen[:, None])
+        process_noise = self._predict(displacement, step.is_frozen[:, None])
         offset = step.capture_offset[:, None]
         self._correct(measured_pose, offset, capture_displacement, process_noise)
         self.twist = displacement / self._period + self.drift
         return self.pose
 
-    def _predict(self, displacement: Array, frozen: NDArray[np.bool_]) -> Array:
+    def _predict(self, displacement: Array, is_frozen: NDArray[np.bool_]) -> Array:
         """Advance state and covariance by a frame; return the variance added to the poses."""
         period, decay = self._period, self._drift_decay
         process_noise = self._noise_scale * (DISPLACEMENT_NOISE_RATIO * displacement) ** 2
@@ -104,7 +104,7 @@ class KalmanFilter:
             decay * covariance,
             decay**2 * self._drift_variance + self._noise_scale * self._drift_noise,
         ]
-        if np.count_nonzero(frozen):  # faster than .any() on small arrays
+        if np.count_nonzero(is_frozen):  # faster than .any() on small arrays
             previous = (
                 self.pose,
                 self.drift,
@@ -112,7 +112,7 @@ class KalmanFilter:
                 self._covariance,
                 self._drift_variance,
             )
-            state = [np.where(frozen, *values) for values in zip(previous, state, strict=True)]
+            state = [np.where(is_frozen, *values) for values in zip(previous, state, strict=True)]
         self.pose, self.drift, self._pose_variance, self._covariance, self._drift_variance = state
         return process_noise
 
@@ -187,7 +187,7 @@ class VisionTracker:
         self.filter, self._gate = KalmanFilter(pose, period, noise), gate
         self._latency, self._period = latency, period
         # Looking up commands is faster for one latency than for an array.
-        self._common_latency = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
+        self._compact_latency = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
         self._default_step = FilterStep.to_present(len(latency))
         self.memory_frames = math.ceil(latency.max()) + 1
         self.pose, self.twist = self.filter.pose, self.filter.twist
@@ -209,7 +209,7 @@ class VisionTracker:
         if np.count_nonzero(age) or np.count_nonzero(self.steps[-1].frames_behind):
             self._update_delayed(accepted, age, sent)
         else:
-            displacement = sent.get_delayed(self._common_latency) * self._period
+            displacement = sent.get_delayed(self._compact_latency) * self._period
             self.pose = self.filter.update(accepted, displacement, self._default_step)
             self.twist, self.steps = self.filter.twist, (self._default_step,)
         return accepted
