@@ -1,6 +1,6 @@
-"""Least-squares estimates of latency and gain, from a pulse or from a whole run.
+"""Least-squares estimates of latency and gain, from a pulse of turn rates or from a whole run.
 
-The model: a robot's displacement is its gain times the integral of the commands, delayed by the
+In the model, a robot's displacement is the gain times the integral of the commands, delayed by the
 latency. The integral is piecewise linear, so the latency need not be a whole number of frames.
 """
 
@@ -16,12 +16,13 @@ from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.live_loop import Live
 
 LATENCIES = np.arange(0.0, 30.0, 0.02)  # candidates, frames
-# Turn rates of a pulse, rad/s. However slowly they change, none of the turn is left. The latest
-# response is awaited.
+# Turn rates of a pulse, rad/s, one per frame. They add up to no turn, even if the robot follows
+# them with a lag. The frames at the end wait for the response.
 PULSE = np.repeat([3.0, -3.0, 3.0, 0.0], [8, 16, 8, 42])
-# Displacements are compared over this window. Over a whole run, creep and pushes would add up.
+# Displacements are compared over this window. Over longer times, disturbances would add up.
 WINDOW_FRAMES = 6
-MIN_MOTION = 0.05  # root of the sum of squared displacements of a robot that moves, m or rad
+# Smallest root of the sum of squared displacements of a robot that moves, m or rad
+MIN_MOTION = 0.05
 CAMERA_FIGURES = "frames", "rate_hz", "mean_age_s"
 
 
@@ -29,8 +30,8 @@ class LatencyFit(NamedTuple):
     """Response of a robot to commands.
 
     Attributes:
-        latency: Latency, frames; NaN if unknown.
-        gain: Achieved over commanded velocity; NaN if unknown.
+        latency: Latency, frames; NaN if the robot hardly moved.
+        gain: Achieved over commanded velocity; NaN if the robot hardly moved.
     """
 
     latency: float
@@ -38,7 +39,7 @@ class LatencyFit(NamedTuple):
 
 
 def measure_pulse(live: Live) -> list[LatencyFit]:
-    """Turn all robots to and fro by about 20 degrees, and return their responses."""
+    """Turn all robots by about 20 degrees to both sides, and return their responses."""
     for rate in PULSE:
         live.step(np.tile([0.0, 0.0, rate], (len(live.rows), 1)))
     return _fit_rows(live, slice(2, 3))
@@ -58,7 +59,7 @@ def fit_latency(velocities: Array, positions: Array, *, is_angle: bool = False) 
         is_angle: Whether positions are angles.
 
     Returns:
-        Latency and gain; NaN if the robot hardly moved.
+        Latency and gain that explain the most of the displacements.
     """
     displacement = positions[WINDOW_FRAMES:] - positions[:-WINDOW_FRAMES]
     displacement = wrap_angle(displacement) if is_angle else displacement
@@ -84,7 +85,7 @@ def fit_latency(velocities: Array, positions: Array, *, is_angle: bool = False) 
 
 
 def summarize(live: Live) -> dict[str, Any]:
-    """Return the content of link.json: cameras, frames, messages, and responses of the robots."""
+    """Return the content of link.json: cameras, frames, robots and messages."""
     frame_clock, team, robots = live.frame_clock, live.team, []
     estimates = zip(live.ids, measure_run(live), team.latency_hat, team.alpha_hat, strict=True)
     for number, response, latency, alpha in estimates:
@@ -130,8 +131,8 @@ def describe(summary: Mapping[str, Any]) -> list[str]:
 
 def _fit_rows(live: Live, axes: slice) -> list[LatencyFit]:
     """Fit the measured poses of each robot along some axes to the commands."""
-    sent, is_visible = (live.log.channel(name)[..., axes] for name in ("applied", "vision"))
+    sent, measured = (live.log.channel(name)[..., axes] for name in ("applied", "vision"))
     return [
-        fit_latency(sent[:, row], is_visible[:, row], is_angle=axes.start == 2)
+        fit_latency(sent[:, row], measured[:, row], is_angle=axes.start == 2)
         for row in range(len(live.rows))
     ]

@@ -20,7 +20,7 @@ from omni_mj.simulation.log import Log
 from omni_mj.simulation.simulation import CameraModel, RadioModel, Simulation
 
 SILENT_FRAMES, LOST_FRAMES = round(SILENT_S * FRAME_RATE_HZ), round(LOST_S * FRAME_RATE_HZ)
-MEMORY_FRAMES = 64  # stored turn rates, more than the longest latency
+MEMORY_FRAMES = 64  # number of stored turn rates, which exceeds the longest latency
 
 
 class LivePlant:
@@ -29,12 +29,12 @@ class LivePlant:
     Args:
         rows: One per robot.
         start: Initial poses, shape (n, 3), m and rad.
-        driven: Whether `Live` drives them.
+        driven: Whether `Live` drives the robots.
 
     Attributes:
         measured: Poses measured by vision, shape (n, 3), NaN for robots that were not detected.
-        age: Ages of the measurements, shape (n,), s.
-        unseen: Number of frames since each robot was detected, shape (n,).
+        measurement_age: Ages of the measurements, shape (n,), s; None before the first frame.
+        unseen: Number of frames since each robot was last detected, shape (n,).
 
     Raises:
         OmniError: The plant is used outside of `omni-mj drive`.
@@ -42,14 +42,14 @@ class LivePlant:
 
     def __init__(self, rows: Sequence[Row], start: Array, *, driven: bool = False) -> None:
         if not driven:
-            raise OmniError("the plant live is external robots; use omni-mj drive")
+            raise OmniError("the plant 'live' stands for external robots; use omni-mj drive")
         self.geometry: Kinematics | None = rows[0].settings.wheels.kinematics
         self.measurement_age: Array | None = None
         self.measured, self._start, self.unseen = np.array(start), start, np.zeros(len(rows), int)
         self._telemetry = Telemetry.without_wheels(len(rows), len(self.geometry.azimuths))
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the measured poses, and which robots were detected; see `Cameras`."""
+        """Return measured poses, and whether each robot was detected; see `CameraModel`."""
         return self.measured.copy(), ~np.isnan(self.measured[:, 0])
 
     def pose(self) -> Array:
@@ -61,7 +61,7 @@ class LivePlant:
         return np.full_like(self._start, np.nan)
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
-        """Return the robots that vision has lost since the last frame, with the reason."""
+        """Return a mapping from the row of each robot that vision has just lost to the reason."""
         self.unseen = np.where(np.isnan(self.measured[:, 0]), self.unseen + 1, 0)
         return {
             int(row): f"was not seen for {LOST_S:g} s"
@@ -76,7 +76,7 @@ class LivePlant:
 class Live(Simulation):
     """The loop of `Simulation` with external robots.
 
-    A robot that vision does not detect gets a command to stop, and fails after 3 s.
+    A robot that vision no longer detects gets a command to stop after 0.5 s, and fails after 3 s.
 
     Args:
         scenario: Scenario with the plant "live".
@@ -114,7 +114,7 @@ class Live(Simulation):
         return super().done or self.frame >= self._max_frames
 
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
-        """See `Simulation`. Robots get a command to stop at the end, also after an exception."""
+        """See `Simulation`. At the end, also after an exception, robots get a command to stop."""
         try:
             return super().run(after_frame)
         finally:
@@ -123,7 +123,7 @@ class Live(Simulation):
     def step(self, command: Array | None = None) -> None:
         """See `Simulation`.
 
-        Skipped frames are recorded without a measurement. Robots kept the last command in them.
+        Skipped frames are recorded without a measurement and with the last command that was sent.
         """
         latency, alpha = self.team.latency_hat[:, 2], self.team.alpha_hat[:, 2]
         self._turn_latency = np.where(np.isfinite(latency), latency, self._nominal_latency)
@@ -138,11 +138,12 @@ class Live(Simulation):
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
         """Send commands, shape (n, 3), to robots with estimated headings, shape (n,).
 
-        A command includes the predicted heading in the middle of the frame in which it acts.
+        A command includes the heading predicted for the middle of the frame in which it acts.
         """
         if (is_unseen := self._plant.unseen > SILENT_FRAMES).any():
             command = np.where(is_unseen[:, None], 0.0, command)
             self.team.last_command = command
+        # Fraction of each stored turn rate that has not acted yet
         in_flight = np.clip(self._turn_latency - np.arange(MEMORY_FRAMES)[:, None], 0.0, 1.0)
         turn = (in_flight * self._turn_rates).sum(0) + command[:, 2] / 2
         headings = heading + self._turn_alpha * turn * PERIOD_S
@@ -159,7 +160,7 @@ class Live(Simulation):
         return ReceivedCommand(command, heading, np.zeros(len(command), int))
 
     def stop(self) -> None:
-        """Command all robots to stop. Repeat it, because packets may be lost."""
+        """Command all robots to stop, three times because packets may be lost."""
         self._sent = np.zeros_like(self._sent)
         for _ in range(3):
             self._radio.send([VelocityCommand(number, 0.0, 0.0, 0.0, 0.0) for number in self.ids])

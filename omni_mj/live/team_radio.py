@@ -50,7 +50,8 @@ class SenderConfig:
         host: Address of the robots or their simulator. None: the default address of the team.
         color: Color of the team.
         interface: Address of the network interface that sends packets.
-        reaches_both_teams: Whether the other team's port gets an empty packet per frame.
+        reaches_both_teams: Whether the other team's port also gets a packet, without commands, in
+            each frame.
     """
 
     host: Address | None
@@ -62,7 +63,7 @@ class SenderConfig:
 class TeamRadio:
     """Base class of a team's own radio: `omni-mj drive --radio my_radio.py:MyRadio`.
 
-    Derive from it and implement `send`, which is called 60 times per second and must not block.
+    Derive a class and implement `send`, which is called 60 times per second and must not block.
     Commands are within the limits of `[control]`. Robots that vision has lost get a command to
     stop. `close` is called at the end.
 
@@ -85,8 +86,8 @@ class TeamRadio:
 class SimulatorRadio(TeamRadio):
     """Sends one datagram of the ssl-simulation-protocol per frame to the team's port.
 
-    The other team's port may get an empty datagram, because grSim stops a team while nobody
-    commands its opponents.
+    If requested, the other team's port gets an empty datagram per frame. grSim needs it, because it
+    stops a team if its opponents get no packets.
     """
 
     def __init__(self, config: SenderConfig, messages: MessageCounter) -> None:
@@ -101,7 +102,7 @@ class SimulatorRadio(TeamRadio):
             )
 
     def send(self, commands: Sequence[VelocityCommand]) -> None:
-        """See `Radio`."""
+        """See `TeamRadio`."""
         self._read_answers()
         packet = RobotControl()
         for command in commands:
@@ -120,11 +121,11 @@ class SimulatorRadio(TeamRadio):
             )
 
     def close(self) -> None:
-        """See `Radio`."""
+        """See `TeamRadio`."""
         self._socket.close()
 
     def _read_answers(self) -> None:
-        """Count the errors that the simulator reports."""
+        """Read the simulator's responses, and count the errors that they report."""
         while True:
             try:
                 response = parse_message(RobotControlResponse, self._socket.recv(MAX_DATAGRAM))

@@ -1,1 +1,1 @@
-"""The alpha study: how far and how late robots follow their commands, and why."""
+"""The alpha study: gain and lag of robots that follow velocity commands, and their causes."""

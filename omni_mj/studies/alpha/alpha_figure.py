@@ -22,10 +22,10 @@ QUANTITIES = {
     "lag_s": "lag in ms",
 }
 MARKERS = "os^"  # of directions, for readers who cannot distinguish the colors
-COLUMNS = 4  # of conditions
-CAUSES_IN, CONDITIONS_IN = 3.2, 4.0  # height of the causes, and of a line of conditions
-BAR_WIDTH = 0.27  # if causes are 1 apart
-MAX_LINEAR_RATIO = 30  # of the largest and smallest value on a linear axis
+COLUMNS = 4  # conditions side by side
+CAUSES_IN, CONDITIONS_IN = 3.2, 4.0  # heights of the causes and of a line of conditions, inches
+BAR_WIDTH = 0.27  # with a distance of 1 between causes
+MAX_LINEAR_RATIO = 30  # largest value over smallest value of a linear axis
 
 
 def save_alpha_figure(result: AlphaResult, stem: Path) -> None:
@@ -58,7 +58,7 @@ def save_alpha_figure(result: AlphaResult, stem: Path) -> None:
 
 
 def _draw_causes(study: AlphaStudy, name: str, axes: Axes) -> None:
-    """Draw the contribution of each cause to a quantity, next to that of the wheel loop alone."""
+    """Draw the contributions of the wheel loop and of each cause to a quantity as bars."""
     is_lag = name == "lag_s"
     wheel_loop = getattr(study.wheel_loop, name) - (0.0 if is_lag else 1.0)
     contributions = {"wheel loop": wheel_loop} | study.contributions(name)

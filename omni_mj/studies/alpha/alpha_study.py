@@ -60,25 +60,28 @@ DEFINITIONS = {
         "slope of the achieved over the commanded speed in the second half of the ramp up"
     ),
     "lag_s": (
-        "displacement missing after the ramp up plus overrun after the ramp down, both relative to "
-        "steady gain x commanded displacement; divided by 2 x gain x speed"
+        "(missing displacement after the ramp up + excess displacement after the ramp down) / "
+        "(2 x steady gain x speed), both compared with steady gain x commanded displacement"
     ),
-    "share": "Shapley value: mean change over all orders in which the causes can be added; adds up",
+    "share": (
+        "Shapley value of a cause: mean change by adding it, over all orders in which the causes "
+        "can be added; these contributions add up to the total effect"
+    ),
 }
-# No limits of the command, no noise, no disturbance
+# Settings without effective limits of commands, noise and disturbances
 UNDISTURBED = {
     "control": {"max_speed_m_s": 20, "max_acceleration_m_s2": 1000},
     "vision": {"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
     "disturbance": {"force_n": 0},
 }
-Trials = Sequence[tuple[Settings, RampProfile]]  # settings share one shape, see `plants.mujoco`
+Trials = Sequence[tuple[Settings, RampProfile]]
 # Quantity of `RampResponse` -> factor to the table's unit, decimal places
 _FORMATS = {"steady_gain": (1.0, 3), "acceleration_gain": (1.0, 3), "lag_s": (1000.0, 0)}
 _HEADINGS = ["forward/sideways", "", "steady gain", "gain speeding up", "lag, ms"]
 
 
 class Commanded(Controller):
-    """Placeholder for a controller; the robots are sent the profile."""
+    """Placeholder for a controller in the rows; the study itself commands the robots."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ class AlphaStudy:
     """Responses of all trials. Their last axis is the direction of motion, see `DIRECTIONS`.
 
     Attributes:
-        condition_values: Values of the conditions that were varied one by one, by name.
+        condition_values: Condition -> values under which it was varied, all others nominal.
         baseline: Response of the robot with the scenario's settings, (directions,).
         by_condition: Condition -> response under its values, (values, directions).
         by_causes: Response of a worn robot with every combination of `CAUSES`. The leading axes,
@@ -109,7 +112,7 @@ class AlphaStudy:
         return self.by_causes.at((0,) * len(CAUSES))
 
     def contributions(self, quantity: str) -> dict[str, Array]:
-        """Return each cause's contribution to a quantity of `Response`, (directions,)."""
+        """Return each cause's contribution to a quantity of `RampResponse`, (directions,)."""
         return shapley_values(getattr(self.by_causes, quantity))
 
     def report(self) -> dict[str, Any]:
@@ -189,7 +192,7 @@ def measure_alpha(
     Args:
         scenario: Scenario, or its name, with the robot and its settings. Its reference, dead time
             and camera noise are not used.
-        condition_values: Values of the conditions to vary one by one, by name.
+        condition_values: Condition -> values. Conditions are varied one by one.
         start_progress: Called with a title and the number of frames. It returns a function that is
             called with each frame's number and may raise `StoppedError`.
 
@@ -231,7 +234,10 @@ def measure_alpha(
 
 
 def _prepare_trials(scenario: Scenario, trials: Trials) -> tuple[Simulation, Array]:
-    """Return a simulation with a row per trial and direction, and its twists (frames, rows, 3).
+    """Return a simulation with a row per trial and direction, and its commands.
+
+    Returns:
+        The simulation, and the twists to send, (frames, rows, 3).
 
     Raises:
         OmniError: The plant has no wheels.
@@ -257,7 +263,7 @@ def _prepare_trials(scenario: Scenario, trials: Trials) -> tuple[Simulation, Arr
 
 
 def _profile_columns(trials: Trials) -> dict[str, np.ndarray]:
-    """Return direction and profile of each row."""
+    """Return the columns of each row's direction and profile."""
     columns = {"direction": np.array([*DIRECTIONS] * len(trials))}
     for name in vars(PROFILE):
         values = [vars(profile)[name] for _, profile in trials]
@@ -266,9 +272,9 @@ def _profile_columns(trials: Trials) -> dict[str, np.ndarray]:
 
 
 def _measure_responses(trials: Trials, positions: Array) -> RampResponse:
-    """Return the response (trials, directions) for positions (frames, rows, 2).
+    """Return the responses (trials, directions) of robots with positions (frames, rows, 2).
 
-    It is NaN for robots that failed.
+    The response of a robot that failed is NaN.
     """
     directions = np.array([*DIRECTIONS.values()])
     travelled = (positions.reshape(len(positions), -1, *directions.shape) * directions).sum(-1)
@@ -296,7 +302,7 @@ def _build_study(condition_values: ConditionValues, response: RampResponse) -> A
 
 
 def _format_response(response: RampResponse, sign: str = "") -> list[str]:
-    """Return each quantity as text: forward/sideways."""
+    """Return each quantity as text, forward and sideways separated by a slash."""
     return [
         "/".join(
             f"{factor * getattr(response, name)[axis]:{sign}.{digits}f}"

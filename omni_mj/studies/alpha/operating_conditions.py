@@ -1,7 +1,7 @@
 """Operating conditions of the alpha study, and the causes of lost gain and of lag.
 
-Conditions are varied one by one. Causes are removed in all combinations (an ablation), and Shapley
-values say how much each contributes.
+Conditions are varied one by one. Causes are removed in all combinations (an ablation). Shapley
+values are the contributions of the causes.
 """
 
 import itertools
@@ -101,7 +101,7 @@ def apply_condition(
 def ablate_causes(settings: Settings) -> list[Settings]:
     """Return the settings of a worn robot with every combination of `CAUSES`.
 
-    The first has none of them, the last has all. The last cause changes first.
+    The first settings have no cause, the last ones have all. The last cause changes fastest.
     """
     worn, ablated = settings, []
     for condition, value in WORN.items():
@@ -137,7 +137,7 @@ def shapley_values(values: Array) -> dict[str, Array]:
 
 
 def _frictionless_no_load(settings: Settings) -> dict[str, float]:
-    """Return a motor's no-load data if it had no friction: only its back-EMF limits its speed."""
+    """Return the no-load data of a motor without friction, whose speed only back-EMF limits."""
     motor = settings.motor
     return {
         "no_load_current_a": 0.0,

@@ -1,12 +1,12 @@
-"""Fits of gain K, slip time T and drag as TIGERs Mannheim make them, and their closed form.
+"""Fits of gain K, slip time T and drag by the method of TIGERs Mannheim, and their closed form.
 
-The fits are those of `identifyBotModelV2.m` of Sumatra. u is the speed by the wheels and v the
-speed of the body along a move; both are sampled in the middle of each frame.
+The fits are those of `identifyBotModelV2.m` of Sumatra. u is the speed of the wheels along a move,
+v the speed of the body. Both are sampled in the middle of each frame.
 
-If a robot rolls out without motor current, it is decelerated by the drag D through the contacts and
-by the friction torque tau of hubs, gear, motor and wheel bearings. The decelerated mass is that of
-the body, m, and the inertia I of the parts that turn with the hubs. With the wheels' radius R and
-rim directions d
+A robot that rolls out without motor current is decelerated by the drag D through the contacts and
+by the friction torque tau of hubs, gear, motor and wheel bearings. The decelerated mass consists of
+the mass m of the body and of the inertia I of the parts that turn with the hubs. With the radius R
+of the wheels and the rim directions d
 
     deceleration = (D_j + sum |d_ij| tau / R) / (m + sum d_ij^2 I / R^2).
 
@@ -28,8 +28,10 @@ from omni_mj.studies.slip.slip_moves import AXES, Move, MoveRecord
 MIN_LAG_S = 0.001  # added to T |u| in the published model
 SUBSTEPS = 4  # of a frame
 SETTLING_SAMPLES = 3  # left out after the motors are switched off: 50 ms
-AT_REST_M_S = 0.05  # end of a roll-out
-ROLL_OUT_SPEEDS = np.array([0.5, 0.5, 3.5])  # half the mean speed of the moves, m/s and rad/s
+AT_REST_M_S = 0.05  # speed at which a roll-out ends
+# Half the mean speed of the moves forward, sideways (m/s) and turning (rad/s): the mean speed of a
+# roll-out
+ROLL_OUT_SPEEDS = np.array([0.5, 0.5, 3.5])
 
 
 @dataclass(frozen=True)
@@ -39,11 +41,10 @@ class SlipFit:
     Attributes:
         moves: The moves.
         fitted: "gain", "time" and "deceleration" of each move, (n,); NaN if not identifiable.
-        measured: Means over the moves, by the names of `slip_study.QUANTITIES`; NaN if there are
-            none.
-        closed_form: The same quantities by the closed form of the slip model.
-        wheel_speeds: Speed along each move by the encoders, (F, n).
-        body_speeds: Speed of the body along each move, (F, n).
+        measured: Quantity of `slip_study.QUANTITIES` -> mean over the moves; NaN without moves.
+        closed_form: Quantity -> value by the closed form of the slip model.
+        wheel_speeds: Speed u of the wheels along each move by encoder, (F, n) m/s or rad/s.
+        body_speeds: Speed v of the body along each move, (F, n) m/s or rad/s.
     """
 
     moves: Sequence[Move]
@@ -61,7 +62,7 @@ def fit_moves(
 
     Args:
         settings: Settings of the robot.
-        moves: Its moves.
+        moves: Moves of the robot, n.
         record: Record of these moves.
         mass: Mass that turns decelerations into drag, kg.
         inertia: Yaw inertia that turns angular decelerations into drag torque, kg m^2.
@@ -154,8 +155,8 @@ def mean_deceleration(v: Array, is_coasting: np.ndarray, at_rest: float = AT_RES
 
     Args:
         v: Speed along the move, positive, (F,).
-        is_coasting: In which samples the motors carry no current, (F,).
-        at_rest: Speed below which the roll-out has ended.
+        is_coasting: Whether the motors carry no current, for each sample, (F,).
+        at_rest: Speed below which the roll-out has ended, in the unit of v.
     """
     coasting = v[is_coasting][SETTLING_SAMPLES:]
     slow = np.flatnonzero(coasting < at_rest)

@@ -1,10 +1,10 @@
 """The moves with which TIGERs Mannheim identify a robot, and what the robot records.
 
-A straight move goes from one end of a 3 m track to the other: accelerate at 2 m/s^2, hold the
-speed, then either brake to a stop or, 0.5 s of travel before the end, switch the motors off and
-roll out.
-Moves are forward and sideways, in both directions. A turn on the spot accelerates at 12 rad/s^2,
-holds for 3 s, and rolls out. Source: `IdentifyBotModelRole.java` of Sumatra.
+A straight move goes from one end of a 3 m track to the other: accelerate at 2 m/s^2, and hold the
+speed. Then either brake to a stop at the end, or switch the motors off at a distance of 0.5 s times
+the speed from the end, and roll out. Moves are forward and sideways, in both directions. A turn on
+the spot accelerates at 12 rad/s^2, holds the turn rate for 3 s, and rolls out. Source:
+`IdentifyBotModelRole.java` of Sumatra.
 """
 
 from collections.abc import Iterator, Sequence
@@ -55,7 +55,7 @@ class Move:
 
     @property
     def phase_times(self) -> tuple[float, float, float, float]:
-        """Times of start, full speed, end of full speed, and stop if the robot brakes, s."""
+        """Times at which ramp up, full speed and ramp down begin, and at which it ends, s."""
         ramp = abs(self.speed) / self.acceleration
         full_speed = REST_S + ramp
         return REST_S, full_speed, full_speed + self.hold_s, full_speed + self.hold_s + ramp
@@ -76,7 +76,7 @@ class Move:
         return self.speed * fraction[:, None] * np.eye(3)[AXES.index(self.axis)]
 
     def is_coasting(self, frames: int) -> np.ndarray:
-        """Return in which frames (frames,) the motors are off."""
+        """Return whether the motors are off, for each frame, (frames,)."""
         return self.rolls_out & (PERIOD_S * np.arange(frames) + 1e-9 >= self.phase_times[2])
 
 
@@ -89,7 +89,8 @@ class MoveRecord:
 
     Attributes:
         wheel_twists: Twist by the encoders, (F, n, 3).
-        body_twists: True twist, (F, n, 3). TIGERs use a filter's, which errs by 0.1 % of the speed.
+        body_twists: True twist, (F, n, 3). TIGERs Mannheim use the estimate of a filter, whose
+            error is 0.1 % of the speed.
         simulation: The simulation that was run.
         stopped: Reason why it ended early, or None.
     """
@@ -124,7 +125,7 @@ def identification_moves() -> list[Move]:
 
 
 def longest_move(moves: Sequence[Move]) -> int:
-    """Return the frames of the longest move."""
+    """Return the number of frames of the longest move."""
     return max(move.frames for move in moves)
 
 
@@ -160,7 +161,7 @@ def record_moves(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFr
 
 
 def _command_moves(simulation: Simulation, moves: Sequence[Move], frames: int) -> Iterator[Array]:
-    """Yield the twists (n, 3) of each frame; keep the motor currents of robots that coast at 0."""
+    """Yield the twists (n, 3) of each frame, and set the motor currents of coasting robots to 0."""
     plant = simulation.plant
     assert isinstance(plant, MujocoPlant)
     n_wheels = len(simulation.rows[0].settings.wheels.azimuths_deg)

@@ -5,9 +5,10 @@
 TIGERs Mannheim identified three robots with `matlab/identification/identifyBotModelV2.m` of their
 Sumatra. The results are in `robot_impl.c` of their Firmware (`src/main2016` until 2023,
 `src/main2019`; TIGERs-Mannheim/Firmware at 2177659 and ef794dd). They are for comparison only.
-Their x is our y: K and T of their y are ours forward. They measured drag in roll-outs forward.
-Their firmware uses it as the sideways drag, and takes 1/1.28 to 1/1.30 of it forward, which was not
-measured; if they entered it so, forward drag is 3.41, 2.07 and 4.14 N.
+Their x-axis is our y-axis, so K and T of their y are our K and T forward. They measured drag in
+roll-outs forward. But their firmware uses this value as sideways drag, and 1/1.28 to 1/1.30 of it
+as forward drag, which was not measured. If the firmware is right, forward drag is 3.41, 2.07 and
+4.14 N.
 """
 
 import re
@@ -47,7 +48,7 @@ QUANTITIES: dict[str, tuple[str, str, int, tuple[float, ...]]] = {
     "drag_forward": ("roll-out drag forward", "N", 2, (4.44, 2.65, 5.3)),
     "drag_turning": ("roll-out drag turning", "N m", 3, (0.14, 0.097, 0.2)),
 }
-# Name -> label, and the mass that turned decelerations into forces, kg
+# Name -> label, and the mass with which TIGERs Mannheim turned decelerations into forces, kg
 ROBOTS = {
     "tigers-v2016": ("2016", 2.65),
     "tigers-v2020": ("2020, direct drive", 2.46),
@@ -57,14 +58,17 @@ PUBLISHED = {
     robot: {name: values[i] for name, (*_, values) in QUANTITIES.items() if values}
     for i, robot in enumerate(ROBOTS)
 }
-# Yaw inertia over mass and arm squared, which turned angular decelerations into torques
+# Their yaw inertia / (mass x arm^2), which turned angular decelerations into torques
 INERTIA_RATIO = 0.55
 DEFINITIONS = {
     "gain, time": (
         "K and T of v' = (K u - v) / (T |u| + 1 ms): least squares over whole moves, "
         "mean over moves"
     ),
-    "u, v": "speed by the wheels' encoders, and of the body; for turning T |u| is T l |u|",
+    "u, v": (
+        "speed of the wheels by encoder, and of the body; for turning, T |u| is T l |u| with the "
+        "arm l"
+    ),
     "drag": (
         "mean deceleration of a robot without motor current, times the mass of the published fit"
     ),
@@ -77,7 +81,7 @@ class SlipResult(Result):
     """Result of the slip study. Its rows hold each move and its fit.
 
     Attributes:
-        robots: Fits of the robots that were driven, by name.
+        robots: Name of a robot that was driven -> its fits.
     """
 
     robots: dict[str, SlipFit] = field(default_factory=dict)
@@ -95,7 +99,7 @@ class SlipResult(Result):
         return "\n".join(map(self._format_robot, self.robots))
 
     def _quantities(self, name: str) -> dict[str, dict[str, Any]]:
-        """Return the values of each quantity of a robot; None where there is none."""
+        """Return quantity -> unit and values of a robot; None for a value that does not exist."""
         robot, quantities = self.robots[name], {}
         for quantity, (_, unit, _, _) in QUANTITIES.items():
             measured = robot.measured[quantity]
