@@ -1,1 +1,1 @@
-"""The sweep: one scenario under many settings and seeds, in shards that survive a kill."""
+"""The sweep: one scenario under many settings and seeds, saved shard by shard."""

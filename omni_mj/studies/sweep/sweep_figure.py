@@ -18,15 +18,16 @@ from omni_mj.viz import plotting, style
 
 ERROR_LABEL = "median of the maximum position error in cm"
 RATE_LABEL = "robots that failed in %"
-INTERVAL_OFFSET = 0.03  # of the axis, between the intervals of controllers at one value
-MAX_TICKS = 8
+# Width of all intervals at one value side by side, as a fraction of the axis
+INTERVAL_OFFSET = 0.03
+MAX_TICKS = 8  # of an axis
 
 
 def save_sweep_figure(result: SweepResult, path: Path) -> None:
     """Draw a sweep over its first two settings into a PNG file; nothing without settings.
 
-    If further settings vary, their worst values are drawn. A mean would need weights that nobody
-    stated.
+    If further settings vary, each point shows the worst case over them. A mean would depend on how
+    their values were chosen.
     """
     plan = result.plan
     if not plan.axes:
@@ -74,7 +75,7 @@ def _draw_maps(figure: Figure, result: SweepResult) -> None:
     (row_name, row_values), (column_name, column_values), *_ = result.plan.axes.items()
     names = result.plan.scenario.labels
     shape = len(row_values), len(column_values), -1, len(names)
-    # The worst over all further settings; NaN are ignored
+    # The worst case over all further settings; NaN are ignored
     errors = np.fmax.reduce(_collect(result, MAX_ERROR, "median").reshape(shape), axis=2)
     rates = np.fmax.reduce(_collect(result, "failure_rate").reshape(shape), axis=2)
     finite = errors[np.isfinite(errors) & (errors > 0)]
@@ -110,7 +111,8 @@ def _draw_map(axes: Axes, values: Array, colors: dict[str, Any]) -> Any:
 def _collect(result: SweepResult, *path: str) -> Array:
     """Return a statistic of each point and controller times 100, (points, controllers).
 
-    It is infinite if robots failed, and NaN if it is missing.
+    The statistic is infinite if it is None in the summary, because robots failed. It is NaN for
+    points that have not been run.
 
     Args:
         result: The sweep.

@@ -22,18 +22,18 @@ from omni_mj.studies.run_scenario import check_memory, choose_shared_backend
 
 Value = int | float | str | bool
 BATCH_SIZE = 128  # robots that are simulated together
-MAX_VALUES = 1000  # of an axis
+MAX_VALUES = 1000  # number of values of an axis
 
 
 def check_axes(vary: Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[Value, ...]]:
-    """Return the axes of a sweep if they are valid: section.field -> values in their order.
+    """Return the axes of a sweep as a mapping from `section.field` to values.
 
     Args:
         vary: Settings `section.field` and their values.
 
     Raises:
-        OmniError: A setting does not exist, has no values, too many, or one twice, or is varied
-            twice.
+        OmniError: A setting does not exist or is varied twice; or it has no values, more than
+            `MAX_VALUES`, or a value twice.
     """
     axes: dict[str, tuple[Value, ...]] = {}
     for name, values in vary:
@@ -46,7 +46,7 @@ def check_axes(vary: Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[Val
                 f"{name} must have 1 to {MAX_VALUES} values, each once, not {format_value(plain)}"
             )
         if name in axes:
-            raise OmniError(f"{name} is varied twice; give all of its values at once")
+            raise OmniError(f"{name} is varied twice; give all of its values in one --vary")
         axes[name] = tuple(plain)
     return axes
 
@@ -54,7 +54,8 @@ def check_axes(vary: Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[Val
 def parse_axis(text: str) -> tuple[str, Iterable[Any]]:
     """Parse an axis, such as `carpet.friction=0.3:1.0:8` or `a.b=1,2,4`.
 
-    LOW:HIGH:N has N values, including both ends. For integers, LOW:HIGH:STEP has a step.
+    LOW:HIGH:N gives N values, including both ends. For settings that are integers, the third number
+    is the step: LOW:HIGH:STEP.
 
     Raises:
         OmniError: The text cannot be parsed, or there is no such setting.
@@ -107,7 +108,7 @@ class SweepPlan:
     batch_size: int = BATCH_SIZE
 
     def __post_init__(self) -> None:
-        """Check every point, and choose the backend of all shards."""
+        """Check the settings at every point, and choose one backend for all shards."""
         if self.batch_size < 1:
             raise OmniError(f"batch size must be at least 1, not {self.batch_size}")
         if not self.axes and not self.scenario.distributions:
@@ -116,15 +117,15 @@ class SweepPlan:
             )
         scenario = choose_shared_backend(self.scenario, self.batch_size)
         object.__setattr__(self, "scenario", scenario)
-        _ = self.point_scenarios
+        _ = self.point_scenarios  # raises OmniError if a point is not valid
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields without cached properties, to send to another process."""
+        """Return the fields without cached properties, which other processes compute again."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
     def points(self) -> list[dict[str, Value]]:
-        """Values of the axes at all points of the grid; the last axis changes first."""
+        """Values of the axes at all points of the grid; the last axis changes fastest."""
         return [dict(zip(self.axes, point, strict=True)) for point in product(*self.axes.values())]
 
     @cached_property
@@ -171,7 +172,7 @@ class SweepPlan:
         )
 
     def check(self, processes: int) -> None:
-        """Raise OmniError if this many processes are not valid or do not fit into memory."""
+        """Raise OmniError if the number of processes is not valid or needs too much memory."""
         if processes < 1:
             raise OmniError(f"jobs must be at least 1, not {processes}")
         runs = max(len(shard.runs) for shard in self.shards)

@@ -1,7 +1,4 @@
-"""Statistics of a sweep, and their tables.
-
-These are failure rates, errors, rank correlations, and the worst runs.
-"""
+"""Statistics of a sweep and their tables: failure rates, errors, rank correlations, worst runs."""
 
 import shlex
 from itertools import groupby
@@ -28,8 +25,8 @@ def summarize_points(all_rows: pa.Table, axes: list[str]) -> list[dict[str, Any]
     """Return the statistics of each point and controller.
 
     Failure rates have Wilson's 95 % interval, which is also valid for 0 of n failures. Medians have
-    an interval by order statistics, which assumes no distribution. An error is infinite for a robot
-    that failed. Below 6 samples there is no interval.
+    a 95 % interval by order statistics, which assumes no distribution and needs 6 samples. The
+    error of a robot that failed is infinite.
 
     Args:
         all_rows: Rows of the sweep; those of a point and controller are adjacent.
@@ -64,7 +61,7 @@ def _failure_rate(rows: pa.Table) -> dict[str, Any]:
 
 
 def _error_statistics(errors: np.ndarray) -> dict[str, float | None]:
-    """Return median, its interval, and 90th percentile; None if infinite or unknown."""
+    """Return median, 95 % interval of the median, and 90th percentile; None if not finite."""
     interval = quantile_test(errors, p=0.5).confidence_interval(CONFIDENCE)
     with np.errstate(invalid="ignore"):  # infinity minus infinity
         median = np.median(errors)
@@ -74,9 +71,12 @@ def _error_statistics(errors: np.ndarray) -> dict[str, float | None]:
 
 
 def rank_correlations(all_rows: pa.Table) -> list[dict[str, Any]]:
-    """Return Spearman's correlation of each varied or drawn number with each controller's errors.
+    """Return Spearman's correlations between settings that are numbers and controllers' errors.
 
-    A robot that failed ranks last. The correlation is None if all errors are equal.
+    Robots that failed have the highest rank. The correlation is None if all errors are equal.
+
+    Args:
+        all_rows: Rows of the sweep.
     """
     correlations = []
     controllers = all_rows["controller"].to_numpy(zero_copy_only=False)
@@ -98,14 +98,15 @@ def rank_correlations(all_rows: pa.Table) -> list[dict[str, Any]]:
 
 
 def worst_runs(all_rows: pa.Table, plan: SweepPlan, folder: Path) -> list[dict[str, Any]]:
-    """Return the worst runs, with a command that repeats each.
+    """Return the worst runs, each with the command that repeats it.
 
-    Runs that failed come first, then those with the largest errors.
+    Runs that failed come first, the earliest failure at the top, then those with the largest
+    errors.
 
     Args:
         all_rows: Rows of the sweep.
         plan: Plan of the sweep.
-        folder: Folder of the sweep, with its scenario.
+        folder: Folder of the sweep, which holds the scenario.
     """
     scenario = plan.scenario
     controllers = dict(
@@ -127,7 +128,7 @@ def worst_runs(all_rows: pa.Table, plan: SweepPlan, folder: Path) -> list[dict[s
 
 
 def format_sweep_tables(plan: SweepPlan, summary: dict[str, Any]) -> str:
-    """Return the tables as text; of a large sweep only the lines with the most failures."""
+    """Return the tables as text; for a large sweep only the worst lines."""
     points = summary["points"]
     if len(points) > MAX_LINES:
         points = sorted(points, key=_badness)[:MAX_LINES]

@@ -1,4 +1,8 @@
-"""Run a sweep shard by shard. A shard's rows are stored at once, so they are computed only once."""
+"""Run a sweep shard by shard.
+
+The rows of a shard are stored as soon as it is done, so a sweep that was stopped or killed can be
+resumed.
+"""
 
 import gc
 import json
@@ -43,7 +47,7 @@ ROWS, SHARDS = "rows.parquet", "shards"
 
 @dataclass(frozen=True)
 class SweepResult:
-    """Result of a sweep, perhaps not complete.
+    """Result of a complete or stopped sweep.
 
     Attributes:
         plan: Plan of the sweep.
@@ -101,7 +105,7 @@ def sweep(
             scenario's.
         seeds: Consecutive seeds, or a number of seeds that start at 0; the same at all points.
             Default: the scenario's.
-        out: Folder of the sweep. If it holds a part of the same sweep, the rest is run.
+        out: Folder of the sweep. If it holds shards of the same sweep, only the others are run.
         batch_size: Largest number of robots that are simulated together. Memory grows with it, not
             with the number of runs.
         run_options: `jobs`, `executor` and `start_progress` of `run_sweep`.
@@ -126,7 +130,7 @@ def run_sweep(
 
     Args:
         plan: Plan of the sweep.
-        out: Its folder.
+        out: Folder of the sweep.
         jobs: Number of local processes.
         executor: Executor that runs shards instead, such as that of a Dask cluster.
         start_progress: Called with a title and the number of frames of all shards. It returns a
@@ -196,8 +200,8 @@ def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_fr
     Args:
         plan: Plan of the sweep.
         shard: The shard.
-        after_frame: Called with each frame's number. If it raises an exception, nothing of the
-            shard is kept.
+        after_frame: Called with each frame's number. If it raises an exception, the shard is
+            discarded.
 
     Returns:
         A row per robot: `point`, the settings that vary, `controller`, `seed`, `slot`,

@@ -1,4 +1,4 @@
-"""Run shards in parallel, on this machine or a Dask cluster. Only the caller writes files."""
+"""Run shards in parallel, on this machine or on a Dask cluster. Only the caller writes files."""
 
 import multiprocessing
 import signal
@@ -56,7 +56,7 @@ def run_shards(
             except BrokenProcessPool:
                 raise OmniError(
                     "a process of --jobs was killed, perhaps for lack of memory; completed shards "
-                    "are kept: continue with the same command and fewer --jobs"
+                    "are saved: to resume, repeat the command with fewer --jobs"
                 ) from None
             except OmniError:
                 raise
@@ -68,10 +68,10 @@ def run_shards(
 def _run_on_worker(
     run_shard: RunShard, plan: SweepPlan, shard: Shard, expected: dict[str, str]
 ) -> pa.Table:
-    """Return a shard's table if this worker has the expected versions.
+    """Run a shard if this worker has the expected versions of packages and source.
 
     Raises:
-        OmniError: It has other versions.
+        OmniError: The worker has other versions.
     """
     actual = dependencies()
     differences = [
