@@ -1,4 +1,4 @@
-"""The paper's plant: equation 7, with scripted alpha and an additive disturbance."""
+"""The plant `kinematic`: equation 7 of the paper, with random alpha and disturbance."""
 
 from collections.abc import Sequence
 
@@ -15,11 +15,15 @@ from omni_mj.plants.telemetry import Telemetry
 
 
 class KinematicPlant:
-    """x(k+1) = x(k) + T (alpha u(k) + w(k)) per axis; the dead time is the radio's.
+    """Robots that move by x(k+1) = x(k) + T (alpha u(k) + w(k)) per axis, equation 7 of the paper.
+
+    x is the pose, T the frame of 1/60 s, u the received command, alpha the ratio of achieved to
+    commanded velocity, and w a velocity disturbance. The radio adds the dead time. Alpha is random
+    within its limits unless a fault sets it.
 
     Args:
         rows: One per robot; robots do not collide.
-        start_poses: Poses at the start, (n, 3).
+        start_poses: Poses at the start, world frame, (n, 3) m, m, rad.
     """
 
     geometry: Kinematics | None = None
@@ -39,7 +43,7 @@ class KinematicPlant:
         self._disturbance = np.zeros(self._pose.shape)
         self._schedule = FaultSchedule([row.faults for row in rows], Alpha, Kidnap)
         self._frame = 0
-        # Alpha that faults set, (n, 1), NaN where none does; None before the first fault
+        # Alpha that faults set, (n, 1), NaN for rows without such a fault; None if there was none
         self._fault_alpha: Array | None = None
         n_wheels = len(rows[0].settings.wheels.azimuths_deg)
         self._telemetry = Telemetry.without_wheels(len(rows), n_wheels)
@@ -49,11 +53,11 @@ class KinematicPlant:
         return self._pose
 
     def twist(self) -> Array:
-        """See `Plant`. The twist is that of the frame just past."""
+        """See `Plant`. The twist is that of the latest frame."""
         return self._twist
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
-        """See `Plant`. Robots move along the world's axes, whatever their heading."""
+        """See `Plant`. Commands are velocities in the world frame, independent of the heading."""
         alpha_range = self._alpha_high - self._alpha_low
         alpha = np.clip(
             self._alpha_low + alpha_range * self._quantiles.draw(),
@@ -69,7 +73,7 @@ class KinematicPlant:
         return {}
 
     def telemetry(self) -> Telemetry:
-        """See `Plant`. All is NaN, because there are no wheels."""
+        """See `Plant`. All quantities are NaN, because there are no wheels."""
         return self._telemetry
 
     def _apply_faults(self) -> None:
@@ -90,12 +94,12 @@ class KinematicPlant:
 class _AlphaQuantiles:
     """Random numbers, each uniform in [0, 1], with a correlation time per row.
 
-    With a correlation time of zero every frame is drawn anew. Otherwise normal numbers follow a
-    stationary autoregressive process of first order, and their distribution function maps them to
-    uniform ones.
+    If the correlation time is zero, the numbers of each frame are independent. Otherwise normal
+    numbers follow the stationary autoregressive process z(k+1) = c z(k) + sqrt(1 - c^2) e(k) with
+    the correlation c from frame to frame, and their distribution function maps them to uniform ones.
 
     Args:
-        correlation_time_s: (n, 1).
+        correlation_time_s: Time in which the correlation falls to 1 / e, (n, 1) s.
         seeds: One per row.
     """
 
@@ -103,7 +107,7 @@ class _AlphaQuantiles:
         self._uniform = Noise(seeds, Stream.ALPHA, 3)
         self._normal = Noise(seeds, Stream.ALPHA, 3, "standard_normal")
         self._is_correlated = correlation_time_s > 0
-        # Correlation from frame to frame; 0 for times far below a frame
+        # Correlation from frame to frame, 1; 0 for correlation times far below a frame
         self._correlation = np.exp(-PERIOD_S / np.maximum(correlation_time_s, 1e-6))
         self._process = self._normal.next()
 

@@ -25,7 +25,7 @@ from omni_mj.robot.electronics import stack_telemetry
 from omni_mj.robot.planar_dynamics import BodyParameters, BodyState
 from omni_mj.robot.planar_robot import PlanarParameters, PlanarState, advance_frame
 
-# Causes of failures
+# Causes of failures, as `advance` returns them
 UNSTABLE = "became unstable: its pose is not a number"
 WOULD_TOPPLE = "would topple over, which the plant planar does not simulate"
 
@@ -35,11 +35,11 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
 
     Args:
         rows: Rows of the robots; all must have the same wheels.
-        start_poses: Poses at the start, (n, 3).
+        start_poses: Poses at the start, world frame, (n, 3) m, m, rad.
 
     Raises:
-        OmniError: Rows that this plant cannot simulate: robots that share a world or differ in
-            their wheels, a custom model, or a robot lighter than its wheels.
+        OmniError: Robots share a world or differ in their wheels, a model is a custom one, or a
+            robot is lighter than its wheels.
     """
 
     def __init__(self, rows: Sequence[Row], start_poses: Array) -> None:
@@ -125,7 +125,7 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         self._payloads = list(payloads)
         old = self.parameters.body
         new = self._rebuild_bodies()
-        # Shift of the center of mass, body frame
+        # Displacement of the center of mass, body frame, m
         shift = old.center - new.center
         state = self.state
         body = state.body
@@ -154,7 +154,7 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         self._stop_robots(np.arange(len(pose)) == robot, pose)
 
     def _rebuild_bodies(self) -> BodyParameters:
-        """Set the bodies' parameters for the payloads, slopes and blocked hubs of now."""
+        """Set and return the bodies' parameters for present payloads, slopes and blocked hubs."""
         body = self._body_builder.build(self._payloads, self._slope)
         dry_friction = np.where(self._hub_is_blocked, BLOCKED_HUB_NM, body.hub_dry_friction)
         body = body._replace(hub_dry_friction=dry_friction)
@@ -162,7 +162,12 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         return body
 
     def _stop_robots(self, mask: np.ndarray, pose: Array) -> None:
-        """Put the masked robots (n,) to rest at their rows of a pose array (n, 3)."""
+        """Bring some robots to rest.
+
+        Args:
+            mask: Robots to stop, (n,).
+            pose: Poses for these robots; other rows are not used, (n, 3) m, m, rad.
+        """
         state = self.state
         body = make_body_at_rest(self.parameters.body, pose)
         body = body._replace(hub_angle=state.body.hub_angle, encoder_angle=state.body.encoder_angle)
@@ -177,7 +182,7 @@ def make_body_at_rest(p: BodyParameters, pose: Array) -> BodyState:
 
     Args:
         p: Parameters.
-        pose: Of the centers of the wheels, world frame, (n, 3) m, m, rad.
+        pose: Poses of the centers of the wheels, world frame, (n, 3) m, m, rad.
     """
     x, y, heading = np.array(pose.T)
     cosine = np.cos(heading)

@@ -1,25 +1,29 @@
 """Wheels of the plant `planar`: mean forces of rollers on a carpet that yields.
 
-On the plant `mujoco` these forces come from contacts (`omni_mj.mjcf.rollers`). Here they
-are computed once for each wheel geometry and a number of normal forces. A roller is a barrel of the
-radius r and the half length sqrt(R r) on a wheel of the radius R. At the angle phi from the bottom
-it reaches below the axle as far as its support function says,
+On the plant `mujoco` these forces come from contacts (`omni_mj.mjcf.rollers`). Here they are
+tabulated once for each wheel geometry, over the normal force of the wheel.
+
+A roller is an ellipsoid with the radius r and the half length sqrt(R r) on a wheel of the radius R.
+At the angle phi from the bottom it extends below the axle by its support function
 
     h(phi) = (R - r) cos phi + sqrt(r^2 cos^2 phi + R r sin^2 phi).
 
-Robots are too heavy to follow every roller, so the axle stays at a height z. A roller with h > z
-stands on a spring and a damper. The wheel turns at w and presses it down at the speed w h'(phi):
+The inertia of the robot keeps the axle at a constant height z while rollers pass. A roller with
+h > z stands on a spring (stiffness K) and a damper (damping c). The wheel turns at w and presses
+the roller down at the speed w h'(phi), with the force
 
     f = max(0, K (h - z) + c w h').
 
-The mean over phi carries the normal force, which gives z. The same mean gives
+The sum of f over rollers, averaged over the angle of the wheel, is the normal force. This condition
+gives z. The same average gives
 
-- the rolling radius, which is the mean lever (h + z) / 2 of the contacts;
-- the rolling loss, a torque f h', about proportional to w;
-- the lift, a force about proportional to w^2: contacts press more as rollers come down than they
-  pull as these go up, because they cannot pull.
+- the rolling radius, the mean lever arm (h + z) / 2 of the contacts;
+- the rolling loss, the torque of f h', almost proportional to w;
+- the lift, a force almost proportional to w^2: the damper adds more force as rollers come down than
+  it subtracts as they go up, because a contact cannot pull.
 
-Loss and lift fade where the wheel turns fast. The normal force ripples by the first harmonic of f.
+At high speed, loss and lift grow more slowly than these powers of w. The ripple of the normal force
+is the first harmonic of f.
 """
 
 from functools import lru_cache
@@ -33,9 +37,9 @@ from omni_mj.mjcf.rollers import STIFFNESS_N_M, compute_carpet_damping
 from omni_mj.robot.array_ops import Array
 from omni_mj.robot.planar_dynamics import RollerResponse
 
-# Slow and fast speed of a wheel from which loss, lift and ripple are computed, rad/s
+# Slow and fast speed of a wheel, at which loss, lift and ripple are computed, rad/s
 SPEEDS_RAD_S = 50.0, 100.0
-_LOADS_N = 2.0 ** np.arange(-2, 6, 0.25)  # normal forces of the table that is interpolated
+_LOADS_N = 2.0 ** np.arange(-2, 6, 0.25)  # normal forces of the table, N
 
 
 def interpolate_response(wheels: WheelSettings, load: Array) -> RollerResponse:
@@ -93,8 +97,8 @@ def _compute_response(wheels: WheelSettings, load: float) -> RollerResponse:
         for forces, speed in zip(turning_forces, SPEEDS_RAD_S, strict=True)
     ]
     lifts = [(compute_forces(rest_height, speed).sum() - load) / speed**2 for speed in SPEEDS_RAD_S]
-    # Complex amplitude of the first harmonic. The force's is twice these sums over negative and
-    # positive frequencies; that of `compute_ripple_wave` is 2 / pi^3.
+    # Complex amplitude of the first harmonic: that of the force is twice these sums, and that of
+    # `compute_ripple_wave` is 2 / pi^3.
     harmonic = np.exp(1j * wheels.rollers * phi)
     rest_ripple = rest_forces @ harmonic
     turning_ripple = turning_forces[0] @ harmonic

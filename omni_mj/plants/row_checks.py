@@ -9,7 +9,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.rows import Row
 
-# Depth to which robots may overlap each other or a wall at the start: that of a hard contact
+# Depth to which robots may overlap each other or a wall at the start, m: that of a hard contact
 _MAX_OVERLAP_M = 1e-3
 # Settings on which the model of the plant `mujoco` depends
 MODEL_SETTINGS = (
@@ -23,14 +23,14 @@ MODEL_SETTINGS = (
 
 
 def check_equal_settings(rows: Sequence[Row], names: Sequence[str]) -> None:
-    """Check that some settings are the same in all rows.
+    """Check that all rows have the same values of some settings.
 
     Args:
         rows: Rows of a batch.
         names: Names of settings or of their sections.
 
     Raises:
-        OmniError: Rows differ.
+        OmniError: A row differs from the first one.
     """
     for number, row in enumerate(rows):
         differences = [
@@ -46,7 +46,7 @@ def check_equal_settings(rows: Sequence[Row], names: Sequence[str]) -> None:
 
 
 def check_start_poses(rows: Sequence[Row], model: mujoco.MjModel, positions: Array) -> None:
-    """Check that no robot overlaps another or a wall, because contacts would throw it away.
+    """Check that no robot overlaps another or a wall, from which contacts would push it violently.
 
     Args:
         rows: Rows of the robots.
@@ -65,8 +65,8 @@ def check_start_poses(rows: Sequence[Row], model: mujoco.MjModel, positions: Arr
                 body, other_body = (model.geom(geom).name for geom in contact.geom)
                 world_number = rows[world * len(rows) // len(positions)].world_index
                 raise OmniError(
-                    f"world {world_number}: {body!r} and {other_body!r} start in each other, "
-                    f"{-1e3 * contact.dist:.0f} mm deep; move their start poses apart"
+                    f"world {world_number}: {body!r} and {other_body!r} overlap at the start by "
+                    f"{-1e3 * contact.dist:.0f} mm; move their start poses apart"
                 )
 
 

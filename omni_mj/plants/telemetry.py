@@ -11,26 +11,26 @@ from omni_control.kinematics import Array
 class Telemetry:
     """Quantities of n robots with W wheels at a frame; NaN on a plant without wheels.
 
-    Peaks and means are over the physics steps of the frame just past.
+    Peaks and means are over the cycles of the latest frame.
 
     Args:
-        columns: All quantities side by side in the order of the attributes, (n, 10 W + 4). The
+        columns: All quantities, concatenated in the order of the attributes, (n, 10 W + 4). The
             attributes are views of it.
 
     Attributes:
-        wheel_angle: (n, W) rad.
-        wheel_speed: (n, W) rad/s.
-        voltage: Motor voltage, (n, W) V.
-        current: Motor current, (n, W) A.
-        voltage_mean: (n, W) V.
-        current_mean: (n, W) A.
-        duty_peak: Largest duty of any motor, 1 for the battery's full voltage, (n,).
-        voltage_peak: Largest magnitude over the motors, (n,) V.
-        current_peak: Largest magnitude over the motors, (n,) A.
-        current_limited: Fraction of the steps in which the driver limited the current, (n, W).
-        winding: Temperature, (n, W) deg C.
-        housing: Temperature, (n, W) deg C.
-        battery: Voltage under load, (n,) V.
+        wheel_angle: Angles of the wheels, (n, W) rad.
+        wheel_speed: Speeds of the wheels, (n, W) rad/s.
+        voltage: Motor voltages, (n, W) V.
+        current: Motor currents, (n, W) A.
+        voltage_mean: Mean motor voltages, (n, W) V.
+        current_mean: Mean motor currents, (n, W) A.
+        duty_peak: Largest duty cycle of any motor, 1 for the battery's full voltage, (n,).
+        voltage_peak: Largest magnitude of the voltages of all motors, (n,) V.
+        current_peak: Largest magnitude of the currents of all motors, (n,) A.
+        current_limited: Fraction of the cycles in which the driver limited the current, (n, W).
+        winding: Temperatures of the windings, (n, W) deg C.
+        housing: Temperatures of the housings, (n, W) deg C.
+        battery: Voltage of the battery under load, (n,) V.
         slip: Speed at which rims slide over the carpet, (n, W) m/s.
     """
 
@@ -65,7 +65,7 @@ class Telemetry:
 
         Args:
             n: Number of robots.
-            n_wheels: Wheels that the columns are for.
+            n_wheels: Number of wheels W that sets the number of columns.
         """
         return cls(np.full((n, _N_PER_WHEEL * n_wheels + len(_PER_ROBOT)), np.nan))
 

@@ -1,12 +1,12 @@
 """Array operations that run under numpy, and under JAX while it compiles or differentiates.
 
-Functions of this package take the namespace of their arguments (`namespace`). States and
-parameters are NamedTuples of arrays. The last axis counts robots, the axis before it wheels: a
-quantity of a robot has the shape (n,), a quantity of a wheel (W, n). An optional field is None if
-no robot of the batch has that property, so that nothing is computed for it.
+Functions of this package call the functions of the module that their arguments belong to, numpy or
+jax.numpy (`namespace`). States and parameters are NamedTuples of arrays. The last axis counts
+robots, the axis before it wheels: a quantity per robot has the shape (n,), a quantity per wheel
+(W, n). An optional field is None if no robot of the batch needs it, which saves its computation.
 
-Sums over wheels are written term by term, because numpy's own sums round differently for different
-numbers of robots.
+Sums over wheels are written term by term, because the rounding of numpy's own sums depends on the
+number of robots.
 """
 
 from collections.abc import Callable
@@ -17,27 +17,29 @@ import numpy as np
 Array = Any  # of numpy or of JAX
 State = TypeVar("State", bound=NamedTuple)
 
-MIN_SQUARE = 1e-24  # under a square root, so that its derivative stays finite at zero
+# Smallest radicand of `safe_sqrt`, at which the derivative of the root is finite
+MIN_SQUARE = 1e-24
 
 
 def namespace(array: Array) -> Any:
     """Return the module whose functions take this array: numpy or jax.numpy."""
-    # The test of the type saves the call of a method, 0.3 us.
+    # The test of the type saves a method call, 0.3 us.
     return np if type(array) is np.ndarray else array.__array_namespace__()
 
 
 def is_numpy(array: Array) -> bool:
-    """Return whether an array is numpy's, which means that its values are known."""
+    """Return whether an array is numpy's. While JAX compiles, arrays have no values to test."""
     return isinstance(array, (np.ndarray, np.generic))
 
 
 def any_true(mask: Array) -> bool:
-    """Return whether any element may be true. Under JAX, which traces without values, always."""
+    """Return whether any element may be true: under JAX, which traces without values, always."""
+    # np.count_nonzero is faster than .any() and .all() on small arrays.
     return not is_numpy(mask) or bool(np.count_nonzero(mask))
 
 
 def select(condition: Array, new: State, old: State) -> State:
-    """Return the `new` state for robots where a condition (n,) holds, and the `old` elsewhere."""
+    """Return the `new` state for robots whose condition (n,) is true, the `old` one for others."""
     if is_numpy(condition) and np.count_nonzero(condition) == condition.size:
         return new
     xp = namespace(condition)
@@ -70,12 +72,12 @@ def rotate(vector: Array, cosine: Array, sine: Array) -> tuple[Array, Array]:
     """Rotate vectors by the angle with this cosine and sine.
 
     Args:
-        vector: Both components, as an array (2, ...) or a pair of arrays.
-        cosine: Of the angle.
-        sine: See `cosine`.
+        vector: Components x and y, as an array (2, ...) or a pair of arrays.
+        cosine: Cosine of the angle, counter-clockwise.
+        sine: Sine of the angle.
 
     Returns:
-        Both components.
+        Components x and y of the rotated vectors.
     """
     x, y = vector
     return cosine * x - sine * y, sine * x + cosine * y
@@ -84,8 +86,8 @@ def rotate(vector: Array, cosine: Array, sine: Array) -> tuple[Array, Array]:
 def cos_sin_small(angle: Array) -> tuple[Array, Array]:
     """Return cosine and sine of angles below 0.1 rad.
 
-    XLA computes a cosine again in each loop that uses it, which takes a third of the time of a
-    cycle. Under JAX Taylor series replace it, with errors below 3e-13.
+    Under JAX these are Taylor series with errors below 3e-13. XLA would compute a cosine again in
+    each loop that uses it, which takes a third of the time of a cycle.
     """
     if is_numpy(angle):
         return np.cos(angle), np.sin(angle)
@@ -95,11 +97,14 @@ def cos_sin_small(angle: Array) -> tuple[Array, Array]:
 
 
 def solve_symmetric(a: Array, b: Array) -> Array:
-    """Solve a x = b by a = L D L' for symmetric positive definite matrices.
+    """Solve a x = b for symmetric positive definite matrices, by the factorization a = L D L'.
 
     Args:
         a: Matrices, (3, 3, n).
-        b: Right sides, (3, n).
+        b: Right-hand sides, (3, n).
+
+    Returns:
+        Solutions x, (3, n).
     """
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = a
     x, y, z = b
@@ -115,9 +120,9 @@ def solve_symmetric(a: Array, b: Array) -> Array:
 
 
 def straight_through_floor(x: Array) -> Array:
-    """Round down, with the derivative of the argument (straight-through estimator).
+    """Round down, with the derivative 1 in place of the true 0 (straight-through estimator).
 
-    The true derivative is zero, and would hide the wheels behind their encoders from gradients.
+    With a zero derivative no gradient would pass through the encoders.
     """
     if is_numpy(x):
         return np.floor(x)
@@ -132,7 +137,7 @@ def scan(
     """Apply a step a fixed number of times and stack its records.
 
     Args:
-        step: State -> (next state, record of the step).
+        step: Function that maps a state to the next state and the record of the step.
         state: NamedTuple of arrays.
         n_steps: Number of steps.
         like: An array of the same namespace.
@@ -159,15 +164,15 @@ def iterate_while(
     if not max_steps:
         return state
 
-    def step_and_go_on(state: Any) -> Any:
+    def step_and_repeat(state: Any) -> Any:
         return iterate_while(step, step(state), is_unfinished, max_steps - 1)
 
     unfinished = is_unfinished(state)
     if is_numpy(unfinished):
-        return step_and_go_on(state) if np.count_nonzero(unfinished) else state
+        return step_and_repeat(state) if np.count_nonzero(unfinished) else state
     from jax import lax
 
-    return lax.cond(unfinished.any(), step_and_go_on, lambda state: state, state)
+    return lax.cond(unfinished.any(), step_and_repeat, lambda state: state, state)
 
 
 def stack_records(records: list[Any]) -> Any:

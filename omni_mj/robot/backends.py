@@ -4,10 +4,10 @@ A backend stores parameters and state of n robots, and runs functions
 
     (parameters, state, *inputs) -> (state, outputs).
 
-To pass an array to a compiled program costs 1 to 3 us, and a state has sixty arrays. So
-`JaxBackend` packs parameters, state and inputs into one array each, and unpacks state and outputs.
-A frame of one robot takes half the time. Batches are padded with copies of the last robot to a few
-sizes, because every new size compiles anew.
+Passing an array to a compiled program costs 1 to 3 us, and a state has sixty arrays. `JaxBackend`
+therefore packs parameters, state and inputs into one array each, and unpacks state and outputs.
+This halves the time of a frame of one robot. Each batch size needs a compilation of its own, so
+batches are padded with copies of the last robot to one of a few sizes.
 """
 
 import importlib.util
@@ -23,13 +23,13 @@ import numpy as np
 
 from omni_control.errors import OmniError
 
-SMALL_BATCH_SIZES = 1, 16  # of compiled programs
-BATCH_STEP = 64  # larger batches are multiples of this
-# Measured times of numpy on the plant planar: a frame of any batch, and each robot in it
-NUMPY_FRAME_S = 3e-3
-NUMPY_ROBOT_S = 2e-5
-JAX_START_S = 5.0  # import and compilation
-# One robot compiles in half the time, and runs as fast.
+SMALL_BATCH_SIZES = 1, 16  # numbers of robots for which programs are compiled
+BATCH_STEP = 64  # larger batches are padded to multiples of this number of robots
+# Measured time of a frame with numpy on the plant planar: NUMPY_FRAME_S + NUMPY_ROBOT_S per robot
+NUMPY_FRAME_S = 3e-3  # s
+NUMPY_ROBOT_S = 2e-5  # s
+JAX_START_S = 5.0  # measured time of import and compilation, s
+# Halves the time of compilation for one robot, without loss of speed
 COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}
 
 Function = Callable[..., tuple[Any, Any]]
@@ -40,17 +40,17 @@ ShapeAndType = tuple[tuple[int, ...], Any]
 def choose_backend(setting: str, plant: str, n_robots: int, n_frames: int) -> str:
     """Return the backend, numpy or jax, for a value of `physics.backend`.
 
-    The plant mujoco spends its time in MuJoCo, where compiled functions gain nothing. On planar
-    JAX is chosen if numpy would take longer than the import of JAX and the compilation.
+    The plant mujoco spends its time in MuJoCo, which JAX does not accelerate. On the plant planar
+    auto chooses JAX if numpy would take longer than the import of JAX and the compilation.
 
     Args:
         setting: auto, numpy or jax.
         plant: Name of the plant.
         n_robots: Number of robots.
-        n_frames: Frames of the run.
+        n_frames: Number of frames of the run.
 
     Raises:
-        OmniError: JAX is set for a plant that it does not compute, or is not installed.
+        OmniError: The setting is jax, but the plant does not support it or it is not installed.
     """
     if setting == "jax":
         if plant in ("mujoco", "kinematic"):
@@ -94,13 +94,13 @@ class NumpyBackend:
 
 @cache
 def make_unpack(structure: Any, shapes_and_types: tuple[ShapeAndType, ...]) -> Unpack:
-    """Return the function that unpacks NamedTuples of arrays from one array.
+    """Return a function that unpacks NamedTuples of arrays from one array.
 
     The result is cached, so that equal structures share a compiled program.
 
     Args:
-        structure: JAX's description of the NamedTuples.
-        shapes_and_types: RobotShape and type of each array.
+        structure: Tree definition of the NamedTuples (`jax.tree.structure`).
+        shapes_and_types: Shape and type of each array.
     """
     ends = [0, *accumulate(math.prod(shape) for shape, _ in shapes_and_types)]
 
@@ -116,7 +116,7 @@ def make_unpack(structure: Any, shapes_and_types: tuple[ShapeAndType, ...]) -> U
 
 
 def pack(tree: Any, xp: Any = np) -> tuple[Any, Unpack]:
-    """Return the arrays of NamedTuples as one array (size,), and the function that unpacks it."""
+    """Return the arrays of NamedTuples as one array (size,), and a function that unpacks it."""
     import jax
 
     leaves, structure = jax.tree.flatten(tree)
@@ -223,11 +223,11 @@ def compile_packed(
 
 @cache
 def _set_up_jax() -> None:
-    """Configure JAX: compiled programs are cached on disk, and run on one thread.
+    """Configure JAX: cache compiled programs on disk, and run them on one thread.
 
-    Operations on so few robots are too small to share. Without the pool of threads a frame costs
-    28 % less CPU time for 1 robot, 30 % less for 64, and 14 % less for 1,024. Set PJRT_NPROC before
-    to choose another number of threads.
+    The operations are too small to divide among threads. Without a pool of threads a frame costs
+    28 % less CPU time for 1 robot, 30 % less for 64, and 14 % less for 1,024. The environment
+    variable PJRT_NPROC sets another number of threads.
     """
     import jax
 

@@ -1,7 +1,8 @@
 """Battery: open-circuit voltage over charge, sag under load, and undervoltage protection.
 
-In a frame the battery is a Thevenin source: an open-circuit voltage behind an internal resistance.
-Charge and protection change from frame to frame, the voltage at the terminals from cycle to cycle.
+In a frame the battery is a Thevenin source: an open-circuit voltage in series with an internal
+resistance. Charge and protection change from frame to frame, the terminal voltage from cycle to
+cycle.
 """
 
 from collections.abc import Sequence
@@ -12,42 +13,45 @@ import numpy as np
 from omni_mj.config.settings import PERIOD_S, Settings, gather
 from omni_mj.robot.array_ops import Array, clip, namespace, sum_wheels
 
-# Open-circuit voltage of a LiPo cell over its state of charge: 4.2 V full, 3.7 V nominal at half,
-# steep below a tenth.
+# Open-circuit voltage of a LiPo cell in V over its state of charge: 4.2 V full, 3.7 V (nominal) at
+# half charge, and steep below a tenth
 CELL_CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
 CELL_VOLTAGE_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
-# Time constant with which the protection averages the voltage, or every hard start would trip it
+# Time constant with which the protection averages the voltage, s. Without the average every hard
+# start would trip it.
 PROTECTION_TIME_S = 1.0
 
 
 class BatteryParameters(NamedTuple):
     """Parameters of n batteries, (n,)."""
 
-    n_cells: Array  # in series
-    capacity: Array  # A s
+    n_cells: Array  # number of cells in series
+    capacity: Array  # charge of a full battery, A s
     resistance: Array  # internal resistance, ohm
-    cut_off_voltage: Array  # at which the protection switches off, V
+    cut_off_voltage: Array  # average voltage at which the protection switches off, V
 
 
 class BatterySource(NamedTuple):
     """Thevenin equivalent of n batteries in a frame, (n,).
 
-    A battery that is off shorts the motors.
+    With a battery that is off, both are zero and the motors are shorted.
     """
 
-    open_circuit_voltage: Array  # V
-    resistance: Array  # ohm
-    infinite_if_off: Array  # V; added to the voltage it makes the duty of a battery that is off 0
-    voltage_factor: Array  # fraction of the voltage that the contacts pass
+    open_circuit_voltage: Array  # voltage without load, V
+    resistance: Array  # internal resistance, ohm
+    # Infinite if the battery is off, otherwise 0, V. Added to the battery's voltage as a divisor, it
+    # makes the duty cycle 0.
+    infinite_if_off: Array
+    voltage_factor: Array  # fraction of the voltage that the contacts pass, 1
 
 
 class BatteryState(NamedTuple):
     """State of n batteries, (n,)."""
 
-    charge: Array  # state of charge, 1 if full
+    charge: Array  # state of charge, from 0 (empty) to 1 (full)
     average_voltage: Array  # filtered voltage that the protection compares with its limit, V
     is_on: Array  # whether the protection passes power
-    voltage: Array  # at the terminals, V
+    voltage: Array  # terminal voltage, V
 
 
 def make_battery(settings: Sequence[Settings]) -> tuple[BatteryParameters, BatteryState]:
@@ -86,10 +90,12 @@ def make_source(p: BatteryParameters, s: BatteryState, voltage_factor: Array) ->
 def apply_motor_load(
     s: BatteryState, source: BatterySource, voltage: Array, current: Array
 ) -> tuple[BatteryState, Array]:
-    """Compute the sag of the voltage, U = f (U0 - R I), under the motors' currents.
+    """Compute the terminal voltage under the motors' currents, U = f (U0 - R I).
 
-    Drivers pass power without loss, and braking motors charge the battery. A driver burns the power
-    that a motor generates beyond the battery's voltage, or with a battery that is off.
+    U0 is the open-circuit voltage, R the internal resistance, I the battery current, and f the
+    voltage factor. Drivers pass power without loss, so I is the sum of duty cycle times motor
+    current, and braking motors charge the battery. A driver dissipates the power that a motor
+    generates beyond the battery's voltage, or with a battery that is off.
 
     Args:
         s: State.
@@ -98,7 +104,7 @@ def apply_motor_load(
         current: Motor currents, (W, n) A.
 
     Returns:
-        The state, and the battery currents, (n,) A.
+        The state with the new terminal voltage, and the battery currents, (n,) A.
     """
     duty = clip(voltage / (s.voltage + source.infinite_if_off), -1.0, 1.0)
     battery_current = sum_wheels(duty * current)
@@ -109,7 +115,13 @@ def apply_motor_load(
 def discharge_battery(
     p: BatteryParameters, s: BatteryState, battery_current: Array
 ) -> BatteryState:
-    """Subtract a frame's mean current (n,) in A from the charge, and update the protection."""
+    """Subtract the charge that flows in a frame, and update the protection.
+
+    Args:
+        p: Parameters.
+        s: State.
+        battery_current: Mean battery current in the frame, (n,) A.
+    """
     charge = clip(s.charge - battery_current * PERIOD_S / p.capacity, 0.0, 1.0)
     s = s._replace(charge=charge)
     sag = s.is_on * p.resistance * battery_current

@@ -1,15 +1,16 @@
 """Motors and their drivers: current from voltage and speed, current limit, heat and its effects.
 
-Voltage of a DC motor: V = (R + X |w|) I + K w, where the commutation of a brushless motor adds
+The voltage of a DC motor is V = (R + X |w|) I + K w, with the current I, the wheel speed w, the
+resistance R, and the back-EMF constant K at the wheel. The commutation of a brushless motor adds
 the resistance X |w| (derived in `omni_mj.config.motor_settings`). A driver is an ideal chopper. If
-a current would exceed its limit, driving or braking, it lowers the voltage to the one that drives
-the limit.
+the current, driving or braking, would exceed its limit, the driver sets the voltage at which the
+current is at the limit.
 
 Heat flows through two nodes, as in the thermal rows of maxon's data sheets. The winding receives
-the copper losses R I^2 and passes heat to the housing. The housing receives the losses in the
-stator's iron and the bearings, X |w| I^2 and (dry + viscous |w|) |w|, and passes heat to the air.
-The resistance of copper rises with the winding's temperature. The magnets, which turn in the
-housing, weaken with the housing's temperature.
+the copper losses R I^2 and passes heat to the housing. The housing receives the commutation losses
+X |w| I^2 and the friction losses (dry friction + viscous friction |w|) |w|, and passes heat to the
+air. The resistance of copper rises with the winding's temperature. The magnets have the housing's
+temperature, and weaken as it rises.
 """
 
 from collections.abc import Sequence
@@ -22,32 +23,37 @@ from omni_mj.config.motor_settings import MotorSettings
 from omni_mj.config.settings import PERIOD_S, Settings, gather
 from omni_mj.robot.array_ops import Array, any_true, clip, namespace
 
-REFERENCE_C = 25.0  # at which the data sheet states resistance and torque constant
+# Temperature at which data sheets state resistance and torque constant, deg C
+REFERENCE_C = 25.0
 
 
 class MotorParameters(NamedTuple):
-    """Motors of n robots, at the wheel; (n,) unless another shape is given."""
+    """Motors of n robots, (n,) unless another shape is given.
 
-    gear_ratio: Array
-    cold_resistance: Array  # at 25 deg C, ohm
+    Speeds and torques are those at the wheel, behind the gear, unless noted.
+    """
+
+    gear_ratio: Array  # motor speed over wheel speed, 1
+    cold_resistance: Array  # R at 25 deg C, ohm
     cold_torque_constant: Array  # at 25 deg C, at the motor's shaft, (W, n) N m/A
-    commutation: Array  # resistance per wheel speed, ohm s/rad
-    current_limit: Array  # A
-    dry_friction: Array  # N m
-    viscous_friction: Array  # N m s/rad
+    commutation: Array  # X: resistance per wheel speed, ohm s/rad
+    current_limit: Array  # largest current of the driver, A
+    dry_friction: Array  # dry friction torque of motor and gear, N m
+    viscous_friction: Array  # friction torque per wheel speed, N m s/rad
     copper_coefficient: Array  # relative change of the resistance, 1/K
     magnet_coefficient: Array  # relative change of the torque constant, 1/K
     ambient: Array  # temperature of the air, deg C
-    thermal_step: Array  # temperatures after a frame, (2, 4, n); see `solve_thermal_nodes`
+    thermal_step: Array  # matrices of `solve_thermal_nodes`, (2, 4, n) 1 and K/W
 
 
 class MotorState(NamedTuple):
-    """Temperatures, and the constants that follow from them, (W, n)."""
+    """Temperatures of motors, and the constants that follow from them, (W, n)."""
 
-    winding: Array  # temperature, deg C
-    housing: Array  # temperature, deg C
-    resistance: Array  # ohm
-    back_emf_constant: Array  # V s/rad of the wheel, which equals torque per current there, N m/A
+    winding: Array  # temperature of the winding, deg C
+    housing: Array  # temperature of the housing, deg C
+    resistance: Array  # R, ohm
+    # K: back-EMF per wheel speed, V s/rad, which equals the torque at the wheel per current, N m/A
+    back_emf_constant: Array
 
 
 def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) -> MotorParameters:
@@ -55,7 +61,7 @@ def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) ->
 
     Args:
         settings: One per robot.
-        magnet_factor: Torque constant of each motor over the data sheet's, (W, n).
+        magnet_factor: Ratio of each motor's torque constant to the data sheet's, (W, n).
     """
     sheets = [s.motor for s in settings]
     gear_ratio = gather(sheets, "gear_ratio")
@@ -75,7 +81,13 @@ def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) ->
 
 
 def make_motor_state(p: MotorParameters, winding: Array, housing: Array) -> MotorState:
-    """Return motors at temperatures (W, n) in deg C: R and K change linearly with them."""
+    """Return motors whose R and K are those at given temperatures, on which they depend linearly.
+
+    Args:
+        p: Parameters.
+        winding: Temperatures of the windings, (W, n) deg C.
+        housing: Temperatures of the housings, (W, n) deg C.
+    """
     resistance = p.cold_resistance * (1 + p.copper_coefficient * (winding - REFERENCE_C))
     torque_constant = p.cold_torque_constant * (1 + p.magnet_coefficient * (housing - REFERENCE_C))
     return MotorState(winding, housing, resistance, torque_constant * p.gear_ratio)
@@ -85,14 +97,17 @@ def make_motor_state(p: MotorParameters, winding: Array, housing: Array) -> Moto
 def solve_thermal_nodes(s: MotorSettings) -> Array:
     """Solve C dT/dt = -G T + Q for winding and housing over a frame, by its two modes.
 
-    Scaling with the roots of the heat capacities C makes the matrix symmetric.
+    T are the temperatures over ambient, C the heat capacities, G the matrix of thermal conductances
+    and Q the heat flows into the nodes. With the eigenvalues r and eigenvectors U of the symmetric
+    matrix C^-1/2 G C^-1/2 and the duration h of a frame,
+
+        T(h) = C^-1/2 U exp(-r h) U' C^1/2 T(0) + C^-1/2 U (1 - exp(-r h)) / r U' C^-1/2 Q.
 
     Args:
         s: Motor with its thermal resistances and heat capacities.
 
     Returns:
-        Matrix (2, 4) that maps temperatures of winding and housing over ambient before, K, and the
-        heat into winding and housing, W, to these temperatures after the frame, K.
+        Matrix (2, 4) that maps T(0), K, and Q, W, to T(h), K.
     """
     winding_w_k = 1 / s.winding_housing_k_w
     housing_w_k = 1 / s.housing_ambient_k_w
@@ -118,7 +133,8 @@ def drive_motors(
         wheel_speed: Speeds of the wheels, (W, n) rad/s.
 
     Returns:
-        Voltages at the terminals, V, currents, A, and whether the driver limited the current.
+        Voltages at the motor terminals, (W, n) V, currents, (W, n) A, and whether the driver
+        limited the current, (W, n).
     """
     xp = namespace(voltage)
     back_emf = s.back_emf_constant * wheel_speed
@@ -140,13 +156,16 @@ def override_duty(
     wheel_speed: Array,
     battery_voltage: Array,
 ) -> Array:
-    """Return duties that drive set currents, V = K w + (R + X |w|) I, as far as the battery can.
+    """Return duty cycles that drive given currents, within the voltage of the battery.
+
+    The duty cycle is V over the battery's voltage, limited to [-1, 1], with
+    V = K w + (R + X |w|) I.
 
     Args:
         p: Parameters.
         s: State.
-        duty: Duties of the firmware, (W, n).
-        current_setpoint: Currents, (W, n) A; NaN where the firmware drives.
+        duty: Duty cycles that the firmware commands, (W, n).
+        current_setpoint: Currents to drive, (W, n) A; NaN where the firmware drives.
         wheel_speed: Speeds of the wheels, (W, n) rad/s.
         battery_voltage: Voltage at the terminals of the battery, (n,) V.
     """
@@ -171,7 +190,7 @@ def update_temperatures(
     """
     squares = currents * currents
     abs_speeds = abs(wheel_speeds)
-    # If speed and current swing together, the mean of the product is not the product of the means.
+    # Averaged as a product, because speed and current are correlated within a frame
     housing_losses = abs_speeds * (
         p.commutation * squares + p.dry_friction + p.viscous_friction * abs_speeds
     )
@@ -190,7 +209,7 @@ def update_temperatures(
         )
 
     predicted = make_motor_state(p, compute_temperature(0, s.resistance), s.housing)
-    # The resistance rises during the frame: with its mean the step is exact to second order.
+    # The resistance rises during the frame. With its mean, the step has second-order accuracy.
     mean_resistance = (s.resistance + predicted.resistance) / 2
     winding = compute_temperature(0, mean_resistance)
     return make_motor_state(p, winding, compute_temperature(1, mean_resistance))

@@ -1,4 +1,4 @@
-"""Robots of the plant `planar`, frame by frame: electronics, drag, and a body in the plane."""
+"""Frames and cycles of robots on the plant `planar`: electronics, drag, and a body in the plane."""
 
 from typing import NamedTuple
 
@@ -42,10 +42,11 @@ class PlanarState(NamedTuple):
 class FrameReport(NamedTuple):
     """Motion and telemetry at the end of a frame, (n,) unless another shape is given."""
 
-    pose: Array  # of the center of the wheels, world frame, (3, n) m, m, rad
-    twist: Array  # world frame, (3, n) m/s, m/s, rad/s
+    pose: Array  # pose of the center of the wheels, world frame, (3, n) m, m, rad
+    twist: Array  # twist of the center of the wheels, world frame, (3, n) m/s, m/s, rad/s
     topples: Array  # whether the robot would topple
-    telemetry: Array  # (10 W + 4, n), see `omni_mj.plants.telemetry.Telemetry`
+    # Quantities of `omni_mj.plants.telemetry.Telemetry` in that order, (10 W + 4, n)
+    telemetry: Array
 
 
 def advance_frame(
@@ -84,14 +85,15 @@ def compute_slow_forces(
     Args:
         p: Parameters of the bodies.
         carpet: Parameters of the carpet.
-        s: State.
-        inputs: Inputs of the frame, with the push forces.
+        s: State of the bodies.
+        inputs: Inputs of the frame, of which the push forces are used.
     """
     xp = namespace(s.x)
     drag = compute_drag(carpet, compute_center_motion(p, s), s.load, s.encoder_angle)
     response = p.response
     abs_speed = abs(s.rim_speed)
-    # Rollers are spun up and braked along the axle, and pressed into the carpet as the wheel turns.
+    # Along the axle rollers are spun up and braked (`omni_mj.plants.planar_body_parameters`). In the
+    # rolling direction the carpet resists them as they come down (`RollerResponse`).
     spun_up_fraction = 1 - xp.exp(-p.spin_up_speed / xp.maximum(abs_speed, 1.0))
     axle_force = -(p.roller_drag + p.spin_up * abs_speed * spun_up_fraction) * drag.axle_speed
     rolling_torque = (
@@ -122,7 +124,13 @@ def compute_slow_forces(
 def advance_cycle(
     p: PlanarParameters, s: PlanarState, slow: SlowForces
 ) -> tuple[PlanarState, CycleRecord]:
-    """Advance by a cycle of 1/960 s."""
+    """Advance by a cycle of 1/960 s.
+
+    Args:
+        p: Parameters.
+        s: State.
+        slow: Forces that are constant for `DRAG_CYCLES` cycles.
+    """
     body = s.body
     electronics, record = run_cycle(
         p.electronics, s.electronics, body.gyro_rate, body.encoder_angle, body.hub_speed
@@ -147,10 +155,13 @@ def make_report(p: PlanarParameters, s: PlanarState, record: CycleRecord) -> Fra
 
 
 def is_toppling(p: BodyParameters, s: BodyState) -> Array:
-    """Return whether the zero-moment point, averaged over a frame, is outside the wheels' polygon.
+    """Return whether the zero-moment point of a frame is outside the polygon of the contacts, (n,).
 
-    The zero-moment point is the one where weight and horizontal forces have no tilting moment.
+    About the zero-moment point, weight and horizontal forces have no tilting moment. For the weight
+    W and the mean tilting moment m it is at -m / W. It is outside the edge e that starts at the
+    contact c if it is on the right of it: e x (-m / W - c) < 0, or e x (m + c W) > 0.
     """
+    # Moments are sums over the cycles of a frame.
     weight = sum_wheels(p.static_load) * CYCLES
     moment_x, moment_y = s.tilting_moment[:, None] + p.contact * weight
     edge_x, edge_y = p.edge
