@@ -83,7 +83,7 @@ class Team:
         self._robot_indices = _assign_robots(self._sizes, robot_indices, self.n)
         self._on_failure = on_failure
 
-        period = self.controllers[0].model.period
+        self._period = period = self.controllers[0].model.period
         if any(c.model.period != period for c in self.controllers):
             raise OmniError(
                 "the models of a team's controllers must have frames of the same length"
@@ -152,7 +152,6 @@ class Team:
         tracker = self._tracker
         accepted = tracker.update(measured, age, self._sent)
         self.estimate, self.twist = tracker.pose, tracker.twist
-        period = self.controllers[0].model.period
         for values in (tracker.pose, tracker.twist, accepted, age):
             values.flags.writeable = False
         self._observation = Observation(
@@ -160,7 +159,7 @@ class Team:
             twist=tracker.twist,
             measured_pose=accepted,
             sent_commands=self._sent,
-            period=period,
+            period=self._period,
             delay_frames=self._delay_frames,
             measurement_age=age,
             filter_steps=tracker.steps,
@@ -170,7 +169,7 @@ class Team:
             # The true state of an inactive robot may be NaN.
             pose[self.inactive], twist[self.inactive] = tracker.pose[self.inactive], 0.0
             self._true_observation = Observation(
-                pose, twist, pose, self._sent, period, self._delay_frames
+                pose, twist, pose, self._sent, self._period, self._delay_frames
             )
         return self._observation
 
@@ -186,17 +185,17 @@ class Team:
                 array of finite numbers (n, 3).
             ControllerError: A controller failed, and there is no `on_failure`.
         """
-        if override is None and self._observation is None:
+        if override is not None:
+            desired = _as_array(override, (self.n, 3), "commands")
+            if np.count_nonzero(np.isnan(desired)):
+                raise OmniError("commands must be finite numbers, got NaN")
+        elif self._observation is None:
             raise OmniError("robots must be observed before they are commanded, in every frame")
-        if override is None:
+        else:
             desired = np.zeros((self.n, 3))
             for i, robots in enumerate(self._robot_indices):
                 if np.count_nonzero(self.inactive[robots]) < self._sizes[i]:
                     desired[robots] = self._call_controller(i)
-        else:
-            desired = _as_array(override, (self.n, 3), "commands")
-            if np.count_nonzero(np.isnan(desired)):
-                raise OmniError("commands must be finite numbers")
         command = self._command_limiter(desired, self.last_command)
         command[self.inactive] = 0.0
         self.last_command, self._observation = command, None
@@ -299,7 +298,7 @@ class Team:
 
 
 def _assign_robots(
-    sizes: Sequence[int], robot_indices: Sequence[ArrayLike] | None, n: int
+    sizes: list[int], robot_indices: Sequence[ArrayLike] | None, n: int
 ) -> list[RowSelection]:
     """Return the indices of each controller's robots, as a slice if they are consecutive.
 
@@ -320,7 +319,7 @@ def _assign_robots(
         selections = np.split(np.arange(n), np.cumsum(sizes)[:-1])
     else:
         selections = [np.asarray(indices, int) for indices in robot_indices]
-    if [len(selection) for selection in selections] != list(sizes):
+    if [len(selection) for selection in selections] != sizes:
         raise OmniError(
             f"robot_indices must list the {sizes} robots of the controllers, got {robot_indices}"
         )

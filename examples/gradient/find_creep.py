@@ -1,8 +1,8 @@
 """Identify the creep stiffness of a robot from one drive, by the gradient of the planar plant.
 
-JAX (extra `fast`) differentiates the equations of the plant: how the end of a drive changes with a
-parameter of the robot. Here a robot drives whose wheels creep more than nominal. Newton's method
-then finds its creep stiffness from the position where it ended.
+JAX (extra `fast`) computes the derivative of a drive's final position by a parameter of the robot.
+Here the wheels of the robot creep more than nominal. Newton's method finds their creep stiffness
+from the final position.
 """
 
 from functools import partial

@@ -20,8 +20,9 @@ from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, Settings
 from omni_mj.gym import observations
 from omni_mj.simulation.simulation import Simulation, batch_key
 
-ROBOT_RADIUS_M = 0.09  # the league's maximum; cost of a heading error, m/rad
-MAX_ERROR_M = 1.0
+# The league's maximum. A heading error costs as much as the displacement at this radius, m/rad.
+ROBOT_RADIUS_M = 0.09
+MAX_ERROR_M = 1.0  # default position error at which an episode terminates
 MAX_HISTORY_LENGTH = 600  # frames
 MAX_SEED = 2**63 - 1
 Numbers = NDArray[Any]
@@ -42,12 +43,17 @@ class EpisodeBatch:
     """Robots whose episodes started in the same frame: the rows of one simulation.
 
     Args:
-        simulation: Their simulation.
-        robots: Index of the environment of each row; -1 after it has started another episode.
+        simulation: Simulation of the n robots.
+        env_indices: Environment of each row, (n,); -1 if it has since started another episode.
+
+    Attributes:
+        reference: Reference of all rows.
+        last_frame: Last frame of each row's reference, (n,).
+        limits: Limits of speed (x, y) and turn rate of each row, (n, 3), m/s and rad/s.
     """
 
-    def __init__(self, simulation: Simulation, robots: NDArray[np.intp]) -> None:
-        self.simulation, self.robots = simulation, robots
+    def __init__(self, simulation: Simulation, env_indices: NDArray[np.intp]) -> None:
+        self.simulation, self.env_indices = simulation, env_indices
         references = simulation.references
         is_common = all(reference is references[0] for reference in references)
         self.reference = references[0] if is_common else PerRobotReference(references)
@@ -70,6 +76,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         max_error_m: Position error at which an episode terminates, m.
         autoreset_mode: When an ended episode is followed by the next one: in the next step, which
             ignores the action, or by `reset`. Until then a robot stays still with a reward of 0.
+        render_mode: Must be None; the environments do not draw.
         changes: Changes of a named scenario: plant, robot, and sections of settings, as in
             `om.load_scenario`.
 
@@ -94,11 +101,13 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         scenario = _load_single_robot_scenario(scenario, changes)
         if history_length is None:
             history_length = _compute_default_history_length(scenario)
-        if not 1 <= history_length <= MAX_HISTORY_LENGTH or not 0 < max_error_m < math.inf:
+        if not 1 <= history_length <= MAX_HISTORY_LENGTH:
             raise OmniError(
-                f"history_length must be from 1 to {MAX_HISTORY_LENGTH} frames, max_error_m above "
-                f"0, got {history_length} and {max_error_m}"
+                f"history_length must be from 1 to {MAX_HISTORY_LENGTH} frames, "
+                f"got {history_length}"
             )
+        if not 0 < max_error_m < math.inf:
+            raise OmniError(f"max_error_m must be above 0, got {max_error_m}")
         parameters = {ExternalController.__name__: {"history_length": history_length}}
         settings = Settings(**{**dict(scenario.settings), "controller": parameters})
         self.scenario = scenario.replace(controllers=(ExternalController,), settings=settings)
@@ -125,7 +134,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
 
         Args:
             seed: Seed of the first robot, counting up for the others; or one for each robot.
-            options: See above.
+            options: Options of Gymnasium; only `reset_mask` is used.
 
         Raises:
             OmniError: A seed draws settings that are not allowed.
@@ -151,9 +160,9 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         results = np.zeros((5, self.num_envs))
         self._batches = [batch for batch in self._batches if self._is_running(batch).any()]
         for batch in self._batches:
-            is_running, robots = self._is_running(batch), batch.robots
-            batch_results = self._step_batch(batch, actions[robots])
-            results[:, robots[is_running]] = batch_results[:, is_running]
+            is_running, env_indices = self._is_running(batch), batch.env_indices
+            batch_results = self._step_batch(batch, actions[env_indices])
+            results[:, env_indices[is_running]] = batch_results[:, is_running]
             self._update_observations(batch, is_running)
         reward, position_error, heading_error = results[:3]
         self._terminated |= results[3] > 0
@@ -184,9 +193,10 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         error = poses - batch.reference.at(simulation.frame, poses)[0]
         position_error = np.hypot(error[:, 0], error[:, 1])
         heading_error = np.abs(wrap_angle(error[:, 2]))
-        failed_rows = [failure.row for failure in simulation.failures]
-        has_failed = np.isin(np.arange(len(poses)), failed_rows)
+        has_failed = np.zeros(len(poses), bool)
+        has_failed[[failure.row for failure in simulation.failures]] = True
         terminated = has_failed | ~(position_error <= self.max_error_m)  # also if it is NaN
+        # A failed or terminated robot costs the maximum in all remaining frames.
         max_cost = self.max_error_m
         cost = np.where(has_failed, max_cost, position_error + ROBOT_RADIUS_M * heading_error)
         cost = np.minimum(cost, max_cost)
@@ -196,16 +206,16 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         return np.array([-cost, position_error, heading_error, terminated, truncated])
 
     def _start_episodes(
-        self, robots: NDArray[np.intp], seeds: Sequence[int | None]
+        self, env_indices: NDArray[np.intp], seeds: Sequence[int | None]
     ) -> dict[str, Any]:
-        """Start episodes of these robots at the start of their references; return their seeds."""
+        """Start episodes in these environments, and return the info with their seeds."""
         used_seeds, has_started = np.zeros(self.num_envs, np.int64), np.zeros(self.num_envs, bool)
-        self._terminated[robots] = self._truncated[robots] = False
-        has_started[robots] = True
+        self._terminated[env_indices] = self._truncated[env_indices] = False
+        has_started[env_indices] = True
         for batch in self._batches:
-            batch.robots[np.isin(batch.robots, robots)] = -1
+            batch.env_indices[np.isin(batch.env_indices, env_indices)] = -1
         groups: dict[object, dict[int, Row]] = {}
-        for i in robots.tolist():
+        for i in env_indices.tolist():
             seed = seeds[i]
             if seed is None:
                 seed = int(self._generators[i].integers(MAX_SEED))
@@ -225,7 +235,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
 
     def _is_running(self, batch: EpisodeBatch) -> Bools:
         """Return the mask of the rows of a batch whose episodes have not ended."""
-        return (batch.robots >= 0) & ~(self._terminated | self._truncated)[batch.robots]
+        return (batch.env_indices >= 0) & ~(self._terminated | self._truncated)[batch.env_indices]
 
     def _update_observations(self, batch: EpisodeBatch, rows: Bools | slice = slice(None)) -> None:
         """Write the observations of some rows of a batch."""
@@ -233,7 +243,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         batch_observations = observations.encode_observation(
             simulation.frame, simulation.observe(), batch.reference, self.history_length
         )
-        self._observations[batch.robots[rows]] = batch_observations[rows]
+        self._observations[batch.env_indices[rows]] = batch_observations[rows]
 
 
 class TrackEnv(gymnasium.Env[Numbers, Numbers]):
@@ -275,14 +285,15 @@ class TrackEnv(gymnasium.Env[Numbers, Numbers]):
 
 
 def _load_single_robot_scenario(scenario: Scenario | str, changes: dict[str, Any]) -> Scenario:
-    """Return the scenario with changes.
+    """Return a scenario by name with changes, or a `Scenario` object as it is.
 
     Raises:
         OmniError: A `Scenario` object is to be changed, or a world has several robots.
     """
     if isinstance(scenario, Scenario) and changes:
         raise OmniError(
-            f"{', '.join(changes)}: only a scenario given by name can be changed; change yours"
+            f"{', '.join(changes)}: only a scenario given by name can be changed here; change the "
+            "Scenario object with its method replace"
         )
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario, **changes)
     if len(loaded.settings.world.start_poses) > 1:

@@ -25,9 +25,9 @@ def get_observation_size(history_length: int) -> int:
 def encode_observation(
     frame: int, observation: Observation, reference: Reference, history_length: int
 ) -> NDArray[np.float32]:
-    """Return what a policy observes of n robots, (n, get_observation_size(history_length)).
+    """Return the observations of n robots for a policy, (n, get_observation_size(history_length)).
 
-    All vectors are [forward, left, counter-clockwise] in the robot's frame, as vision knows it:
+    All vectors are [forward, left, counter-clockwise] in the robot's frame (estimated heading):
 
     - the error of the filtered pose,
     - the errors of the pose predicted for alpha = 1 to the reference at each of `PREVIEW_FRAMES`
@@ -37,7 +37,7 @@ def encode_observation(
 
     Args:
         frame: Frame number.
-        observation: What the team knows of the robots.
+        observation: State of the robots as far as the team knows it.
         reference: Desired poses.
         history_length: Number of observed commands, at most those in `observation.sent_commands`.
     """
@@ -70,7 +70,7 @@ def decode_action(
     Args:
         action: [forward, left, counter-clockwise] of each robot, (n, 3), as fractions of the
             limits.
-        observation: What the team knows of the robots, with their headings.
+        observation: State of the robots, of which the headings are used.
         limits: Limits of commands for all robots; or [speed, speed, turn rate] of each, (n, 3).
 
     Raises:

@@ -93,10 +93,10 @@ def read_custom_robot(file: str | Path) -> CustomRobotSpec:
             "robot.xml"
         )
     change_times = tuple(
-        file.stat().st_mtime_ns for file in list_model_files(path) if file.is_file()
+        source.stat().st_mtime_ns for source in list_model_files(path) if source.is_file()
     )
     try:
-        return _read(path.resolve(), path.name, change_times)
+        return _read_robot_file(path.resolve(), path.name, change_times)
     except OmniError as error:
         lines = str(error).splitlines()
     except ValueError as error:  # from MuJoCo, may have several lines
@@ -105,8 +105,15 @@ def read_custom_robot(file: str | Path) -> CustomRobotSpec:
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, file: str, change_times: tuple[int, ...]) -> CustomRobotSpec:
-    """Read a robot's MJCF; files are read again after they have changed."""
+def _read_robot_file(path: Path, file: str, change_times: tuple[int, ...]) -> CustomRobotSpec:
+    """Read and adapt a robot's MJCF.
+
+    Args:
+        path: Path of the file.
+        file: Name of the file.
+        change_times: Times of the last change of all files of the model, ns. They are part of the
+            cache's key: changed files are read again.
+    """
     spec = mujoco.MjSpec.from_file(str(path))
     if spec.compiler.settotalmass > 0:
         raise OmniError(

@@ -12,7 +12,7 @@ from omni_mj.mjcf.part_recognition import Ids, RobotIndices, compute_initial_kin
 
 LENGTH_TOLERANCE_M = 5e-4  # of the geometry of equal wheels
 ANGLE_TOLERANCE_RAD = 0.01  # of axles that point at the robot's center, horizontally
-DIGITS = 10  # further digits are rounding errors of the compiler
+DIGITS = 10  # decimal places; further ones are rounding errors of the compiler
 _GEOM = mujoco.mjtGeom
 
 
@@ -137,6 +137,7 @@ def compute_support_distance(data: mujoco.MjData, geom: int, direction: Array) -
     elif kind == _GEOM.mjGEOM_BOX:
         extent = np.abs(local_direction) @ [a, b, c]
     else:
+        # Without the prefix mjGEOM_.
         raise OmniError(f"rollers and hulls cannot be geoms of type {kind.name[7:].lower()}")
     return float(direction @ data.geom_xpos[geom] + extent)
 
@@ -163,10 +164,10 @@ def compute_composite_inertia(
     for body, m, r in zip(indices, mass, positions - center, strict=True):
         axes = data.ximat[body].reshape(3, 3)
         principal = np.diag(model.body_inertia[body])
-        inertia += axes @ principal @ axes.T + m * point_mass_inertia(r)
+        inertia += axes @ principal @ axes.T + m * compute_point_mass_inertia(r)
     return float(mass.sum()), center, inertia
 
 
-def point_mass_inertia(r: Array) -> Array:
+def compute_point_mass_inertia(r: Array) -> Array:
     """Return the inertia (3, 3) about the origin of a unit mass at r (3,), m^2."""
     return np.asarray(r @ r * np.eye(3) - np.outer(r, r))

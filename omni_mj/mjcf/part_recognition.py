@@ -20,7 +20,7 @@ from omni_mj.config.validation import raise_errors
 Ids = NDArray[np.int_]
 # Rollers of a wheel that is reduced to those at the bottom (`wheels.model = two-rollers`).
 RETAINED_ROLLERS = 2
-MIN_COUNT = 3  # of wheels, and of rollers of a wheel
+MIN_COUNT = 3  # least number of wheels, and of rollers of a wheel
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
 _DCMOTOR_EXAMPLE = (
     '<dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'

@@ -23,9 +23,9 @@ constant of 1.7 ms, in which a roller that comes down reaches the speed of the c
 mass. `reduce_rollers` keeps two neighbors of each wheel and adds the mass of the others to its rim.
 When one of the two has reached the bottom and the other is a full pitch away,
 `omni_mj.plants.mjdata_views.RobotViews.wrap_rollers` turns the rim back by one pitch. The rollers
-are equal: the second roller takes the place and the spin of the one at the bottom. The first one,
-then 2 mm above the carpet, becomes the next roller. Hub and encoder do not change, because only the
-slip hinge is turned back.
+are equal: the second roller takes the position and the spin of the one at the bottom. The first
+one, then 2 mm above the carpet, becomes the next roller. Hub and encoder do not change, because
+only the slip hinge is turned back.
 
 Mass matrix. A lumped roller adds its mass, and its inertia by the parallel axis theorem, to the
 rim. Rim and remaining rollers together have the mass, center of mass and inertia of the full wheel
@@ -35,8 +35,8 @@ lag behind. That adds at most 0.9e-6 kg m^2 to the chassis's 0.012.
 
 Spin. A roller reaches the carpet with little spin: since its last contact 14 pitches have passed
 (55 ms at 100 rad/s), and its bearing slows it down within 15 ms. Spinning it up takes the impulse
-I v / q^2, 0.9 g times the sideways speed v, where q is its radius of rotation. This is a further
-drag, of one roller per pitch. The next roller therefore starts without spin.
+I v / q^2, 0.9 g times the sideways speed v, where q is the distance from its axis to the carpet.
+This is a further drag, of one roller per pitch. The next roller therefore starts without spin.
 """
 
 import math
@@ -55,9 +55,9 @@ from omni_mj.mjcf.part_recognition import (
 STIFFNESS_N_M = 1e5
 ADDED_MASS_KG = 1.0
 DAMPING_RATIO = 0.2
-FRICTION_RATE_HZ = 604.8  # 1/s
+FRICTION_RATE_HZ = 604.8  # 1/s, inverse of the time constant of friction, 1.7 ms
 FRICTION_STIFFNESS_RATIO = 45.0  # relative to that normal to the carpet: MuJoCo's impratio
-UNREACHABLE_FRICTION = 5.0
+UNREACHABLE_FRICTION = 5.0  # friction coefficient at which no contact slides
 MAX_IMPEDANCE = 0.9999  # MuJoCo's limit of d
 
 

@@ -23,7 +23,7 @@ from omni_mj.config.validation import raise_errors
 from omni_mj.mjcf.custom_robot import RobotSpec
 from omni_mj.mjcf.model_measurements import (
     compute_composite_inertia,
-    point_mass_inertia,
+    compute_point_mass_inertia,
     set_inertial,
 )
 
@@ -84,6 +84,7 @@ def build_robot_spec(shape: RobotShape) -> RobotSpec:
 
 @lru_cache(maxsize=16)
 def _build_default_robot(shape: RobotShape) -> RobotSpec:
+    """Return the specification of models/ssl_robot.xml with the numbers of a shape."""
     path = find_robot_mjcf()
     root = ElementTree.parse(path).getroot()
     _write_wheels(root, shape)
@@ -130,6 +131,7 @@ def _replicate_first(root: Element, path: str, count: int) -> list[Element]:
     for element in root.findall(path):
         parent.remove(element)
     text = ElementTree.tostring(template, encoding="unicode")
+    # Names of the first wheel and its parts contain _1.
     copies = [
         ElementTree.fromstring(text.replace("_1", f"_{number}")) for number in range(1, count + 1)
     ]
@@ -165,8 +167,8 @@ def _set_chassis_inertia(spec: mujoco.MjSpec, body: BodySettings) -> None:
     robot_inertia = np.diag(
         [body.tilt_inertia_kg_m2, body.tilt_inertia_kg_m2, body.yaw_inertia_kg_m2]
     )
-    wheel_offset = wheel_mass * point_mass_inertia(wheel_center - robot_center)
-    chassis_offset = mass * point_mass_inertia(center - robot_center)
+    wheel_offset = wheel_mass * compute_point_mass_inertia(wheel_center - robot_center)
+    chassis_offset = mass * compute_point_mass_inertia(center - robot_center)
     inertia = robot_inertia - wheel_inertia - wheel_offset - chassis_offset
     principal = np.linalg.eigvalsh(inertia)
     if principal[0] <= 0 or principal[2] > principal[:2].sum():

@@ -25,8 +25,8 @@ from omni_mj.mjcf.model_measurements import compute_support_distance
 from omni_mj.mjcf.part_recognition import Ids, RobotIndices, compute_initial_kinematics, find_robots
 from omni_mj.mjcf.settings_to_mjcf import RobotShape, build_robot_spec
 
-SETTLING_S = 0.25
-HULL_DIRECTIONS = 73
+SETTLING_S = 0.25  # time in which a robot comes to rest on the carpet
+HULL_DIRECTIONS = 73  # every 5 degrees, both ends included
 
 # Attributes that the field sets for the whole world.
 _WORLD_ATTRIBUTES = ("option", "visual", "stat", "memory", "nstack", "nconmax", "njmax")
@@ -84,6 +84,7 @@ def build_world(
 def _build_world(
     robot_spec: RobotSpec, shape: RobotShape, n_robots: int, substeps: int, with_hulls: bool
 ) -> World:
+    """Return a world; see `build_world`. Equal arguments return the same object."""
     field = mujoco.MjSpec.from_file(str(find_models_folder() / "field.xml"))
     spec, contact_geoms = robot_spec.spec.copy(), robot_spec.contact_geoms
     robot_model = spec.compile()
@@ -125,7 +126,7 @@ def _build_world(
         robots,
         rest_qpos,
         shape.wheels.kinematics,
-        np.array([[_find_load(model, rim) for rim in robot.rims] for robot in robots]),
+        np.array([[_find_load_address(model, rim) for rim in robot.rims] for robot in robots]),
         _compute_hull_radius(robot_model, robot_spec.hull_geoms),
     )
 
@@ -179,7 +180,7 @@ def _attach_robot(
         )
 
 
-def _find_load(model: mujoco.MjModel, rim: int) -> int:
+def _find_load_address(model: mujoco.MjModel, rim: int) -> int:
     """Return the address in sensordata of the vertical force on a rim."""
     return int(model.sensor(f"load/{model.body(rim).name}").adr[0]) + 2
 

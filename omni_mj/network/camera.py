@@ -30,7 +30,7 @@ _TIME_TOLERANCE_S = 1e-9  # for the comparison of times
 
 
 class Camera:
-    """Measures the poses of n robots in an image.
+    """Camera that measures the poses of n robots in an image.
 
     The biases of simultaneous faults add up. Of simultaneous wrong detections of a robot the last
     one counts.
@@ -71,7 +71,7 @@ class Camera:
             pose: True poses, (n, 3).
             frame: Frame of the loop in which this image is taken.
         """
-        # A robot is always detected in its first image, so that the team can place it.
+        # A robot is always detected in its first image, so that the team knows its pose.
         begins_miss = (self._miss_noise.next()[:, 0] < self._miss_probability) & (
             self._missed_images >= 0
         )
@@ -129,9 +129,7 @@ class ImageTiming:
         self._loss_noise = Noise(seeds, Stream.CAMERA_LOSSES)
         self._fault_noise = Noise(seeds, Stream.CAMERA_LATE)
         self._schedule = FaultSchedule(faults, VisionClockDrift, VisionJitter, VisionDelay)
-        self._delay_s = self._nominal_delay_s
-        # The clock's lag at time t is offset + drift t.
-        self._fault_jitter_s, self._clock_drift, self._clock_offset_s = np.zeros((3, len(seeds)))
+        self._apply_faults(ActiveFaults([]))
 
     def schedule_arrival(self, frame: int, time: float) -> tuple[Array, Array]:
         """Return the arrival time of an image, and the lag of its capture time.
@@ -155,6 +153,7 @@ class ImageTiming:
     def _apply_faults(self, active: ActiveFaults) -> None:
         """Set delay, jitter and clock error to those of the active faults."""
         self._delay_s = self._nominal_delay_s.copy()
+        # The clock's lag at time t is offset + drift t.
         self._fault_jitter_s, self._clock_drift, self._clock_offset_s = np.zeros(
             (3, len(self._nominal_delay_s))
         )
@@ -213,9 +212,9 @@ class Cameras:
         self.measurement_age: Array | None = None
 
     def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the poses (n, 3) that arrived since the last frame, and which did, (n,).
+        """Return the measured poses (n, 3) since the last frame, and whether a row has one (n,).
 
-        Rows without an arrival are NaN.
+        Rows without a measured pose are NaN.
 
         Args:
             pose: True poses in this frame, (n, 3).
@@ -280,9 +279,11 @@ class _CamerasWithSameRate:
                 self._take_image(time, last_pose + fraction * (pose - last_pose))
 
     def _take_image(self, time: float, pose: Array) -> None:
+        """Take an image of the true poses (n, 3) at a time, s."""
         frame = int((time + _TIME_TOLERANCE_S) * FRAME_RATE_HZ)
         poses = self._camera(pose, frame)
         arrival, clock_lag = self._timing.schedule_arrival(frame, time)
+        # A row that loses the image gets no pose from it, and does not wait for it.
         poses[np.isinf(arrival)] = np.nan
         arrival[np.isinf(arrival)] = time
         self._images_in_flight.append(_Image(time, poses, arrival, clock_lag))

@@ -39,7 +39,7 @@ class FaultSchedule:
         self._active: list[tuple[int, Fault]] = []
 
     def update(self, frame: int) -> ActiveFaults | None:
-        """Return the faults that are active in a frame, or None if they are the previous ones."""
+        """Return the faults that are active in a frame, or None if they have not changed."""
         active = [(row, fault) for row, fault, start, end in self._spans if start <= frame < end]
         if active == self._active:
             return None

@@ -132,7 +132,7 @@ class Radio:
         self._begin_frame()
 
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
-        """Send commands (n, 3) and headings (n,); return what the robots apply in this frame."""
+        """Send commands (n, 3) and headings (n,); return the commands applied in this frame."""
         packets = np.empty((len(command), 4))
         packets[:, :3], packets[:, 3] = command, heading
         self.send(packets)
@@ -150,6 +150,7 @@ class Radio:
         is_sent = np.full(len(self._sent_ticks), robots is None)
         if robots is not None:
             is_sent[robots] = True
+        # Rounded: integers from -jitter to jitter, all with the same probability.
         jitter = (2 * self._jitter + 1) * self._jitter_noise.next()[:, 0] - (self._jitter + 0.5)
         arrival = self._tick + self._delay + np.rint(jitter).astype(int)
         loss, burst, duplicate, reorder = self._fault_noise.next().T
@@ -205,6 +206,8 @@ class Radio:
         uniform = self._burst_noise.next()[:, 0]
         self._burst_pass_probability[:] = 1.0
         for (row, bursts), is_lossy in self._burst_states.items():
+            # Markov chain with the mean duration 1 / leave of a burst, and the fraction
+            # enter / (enter + leave) of frames in bursts.
             leave = 1 / bursts.mean_burst_frames
             enter = leave * bursts.burst_fraction / (1 - bursts.burst_fraction)
             is_lossy = bool(uniform[row] >= leave if is_lossy else uniform[row] < enter)

@@ -41,7 +41,7 @@ class Noise:
     Args:
         seeds: Seed of each row.
         stream: Purpose of the numbers.
-        size: Quantity of numbers per row and step, k.
+        size: Number of values per row and step, k.
         distribution: Method of numpy's generator: uniform in [0, 1), or normal.
     """
 
@@ -58,7 +58,7 @@ class Noise:
         self._size, self._distribution, self._position = size, distribution, BLOCK_LENGTH
 
     def next(self) -> Array:
-        """Return the next value of each row, (n, k)."""
+        """Return the next values of each row, (n, k)."""
         if self._position == BLOCK_LENGTH:
             shape = BLOCK_LENGTH, self._size
             blocks = [getattr(rng, self._distribution)(shape) for rng in self._generators]

@@ -12,7 +12,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.faults import Payload
 from omni_mj.config.settings import Settings, gather
-from omni_mj.mjcf.model_measurements import point_mass_inertia
+from omni_mj.mjcf.model_measurements import compute_point_mass_inertia
 from omni_mj.mjcf.part_recognition import Ids
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies
@@ -276,7 +276,7 @@ class RobotViews(ChangeableBodies):
             # exceeds the sum of their own inertias by that of the reduced mass m M / (m + M) at
             # the distance between them.
             fraction = payload_kg / (mass[0, row] + payload_kg)
-            added_inertia = mass[0, row] * fraction * point_mass_inertia(offset)
+            added_inertia = mass[0, row] * fraction * compute_point_mass_inertia(offset)
             mass[:, row] += payload_kg
             subtree_mass[:, row] += payload_kg
             center[:, row] += fraction * offset

@@ -205,7 +205,7 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
         ({"scenario": "recht"}, "unknown scenario"),
         ({"plant": "planer"}, "unknown plant"),
         ({"history_length": 0}, "history_length must be from 1"),
-        ({"max_error_m": 0.0}, "max_error_m above 0"),
+        ({"max_error_m": 0.0}, "max_error_m must be above 0"),
         ({"world": {"start_poses": [[0, 0, 0], [0, 2, 0]]}}, "an environment has one robot"),
         ({"radio": {"delay_frames": {"normal": [6, 1]}}}, "give history_length="),
         ({"autoreset_mode": "SameStep"}, "must be NextStep or Disabled"),

@@ -9,8 +9,8 @@ frame, obey
 
 Here w is the correction of the command: the command minus the inverse of the law for the reference.
 The inverse reaches the reference's velocities at the ends of each frame, but not its positions: r
-is the position error that it causes in a frame. D, G, C, M act along the body axes; they are rotated into the world frame with
-the heading that is expected in that frame.
+is the position error that it causes in a frame. D, G, C, M act along the body axes; they are
+rotated into the world frame with the heading that is expected in that frame.
 
 **Quadratic programs.** Per robot: minimize w' H w / 2 + c' w over N corrections w, such that the
 commands s = planned + w satisfy
@@ -18,9 +18,9 @@ commands s = planned + w satisfy
     |s(k) - s(k-1)| <= max_step,  |s(k)| <= max_speed
 
 Octagons replace the circles. Their corners lie on the circle, one of them in the direction of
-travel, where the limits matter most. Half-way between corners they exclude 8 % of the radius. The problem is always
-feasible, because repeating the last command is a solution: if that command lies outside a side of
-the octagon of speeds, the side is moved out to it.
+travel, where the limits matter most. Half-way between corners they exclude 8 % of the radius. The
+problem is always feasible, because repeating the last command is a solution: if that command lies
+outside a side of the octagon of speeds, the side is moved out to it.
 
 If the unconstrained minimum satisfies the limits, it is the solution, and is found by linear
 equations. Otherwise piqp's interior point method finds the solution (R. Schwan, Y. Jiang, D. Kuhn

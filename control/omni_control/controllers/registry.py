@@ -11,12 +11,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from importlib.util import find_spec
 
-from omni_control.controllers.base import (
-    Controller,
-    TeamModel,
-    collect_channels,
-    describe_error,
-)
+from omni_control.controllers.base import Controller, TeamModel, collect_channels, describe_error
 from omni_control.errors import ControllerError, OmniError, suggest_names
 from omni_control.reference import Reference
 
