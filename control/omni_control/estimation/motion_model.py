@@ -159,9 +159,9 @@ class MotionModel:
         steady_velocity = (next_velocity - decay * velocity) / (1 - decay)
         friction = self._compute_friction(state, (velocity + next_velocity) / 2)
         command = steady_velocity * state[..., INVERSE_GAIN] + friction
-        deficit, acceleration = command - velocity, (next_velocity - velocity) / self._period
+        acceleration = (next_velocity - velocity) / self._period
         command[..., 2] -= self._yaw_coupling.compute_turn_rate(
-            state, velocity, acceleration, deficit
+            state, velocity, acceleration, command - velocity
         )
         return body_to_world(command, heading)
 

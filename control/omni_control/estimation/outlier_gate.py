@@ -89,7 +89,7 @@ class OutlierGate:
         plausible = (distance > 0) & (distance <= max_distance) & (np.abs(change[:, 2]) < np.pi / 2)
         if np.count_nonzero(plausible) < len(plausible):  # faster than .all() on small arrays
             return self._apply_all_checks(
-                measured_pose, age, interval, change, distance > max_distance
+                measured_pose, age, interval, change, distance, max_distance
             )
         # The usual case ends here, because all checks take as long as an update of the filter.
         self._last_measured = self._last_accepted = measured_pose
@@ -99,7 +99,13 @@ class OutlierGate:
         return measured_pose
 
     def _apply_all_checks(
-        self, measured_pose: Array, age: Array, interval: Array, change: Array, is_far: Mask
+        self,
+        measured_pose: Array,
+        age: Array,
+        interval: Array,
+        change: Array,
+        distance: Array,
+        max_distance: Array,
     ) -> Array:
         """Return the accepted poses (n, 3) after all checks of the module's docstring.
 
@@ -108,11 +114,12 @@ class OutlierGate:
             age: Age of the measurements, (n,) s.
             interval: Time since the capture of the last accepted measurement, (n,) s.
             change: Difference from the last accepted poses, (n, 3).
-            is_far: Robots whose position changed by more than they can have moved, (n,).
+            distance: Distance from the last accepted positions, (n,) m.
+            max_distance: Highest distance that a robot can have moved, plus noise, (n,) m.
         """
         is_repeated = (measured_pose == self._last_measured).all(1)
         is_visible = ~np.isnan(measured_pose[:, 0])
-        is_far = is_visible & is_far
+        is_far = is_visible & (distance > max_distance)
         self._far_count = _count_in_a_row(self._far_count, is_far, is_visible)
         is_confirmed = self._far_count >= MAX_REJECTIONS
         self._far_count = self._far_count * ~is_confirmed
@@ -133,7 +140,6 @@ class OutlierGate:
         self._last_measured = np.where(is_visible[:, None], measured_pose, self._last_measured)
         self._last_accepted = np.where(is_accepted[:, None], accepted, self._last_accepted)
         is_fresh = is_accepted & ~is_repeated
-        distance = np.hypot(change[:, 0], change[:, 1])
         self._apparent_speed = np.where(is_fresh, distance / interval, self._apparent_speed)
         self._accepted_age = np.where(is_fresh, age, self._accepted_age)
         self._elapsed = self._elapsed * ~is_fresh

@@ -224,8 +224,7 @@ class VisionTracker:
             displacement = sent.get_delayed(latency + frames_behind) * period
             next_command = sent.get_delayed(latency + np.maximum(frames_behind - 1, 0.0))
             capture_displacement = offset / period * next_command * period
-            is_final = step is self.steps[-1]
-            measured = accepted if is_final else np.full_like(accepted, np.nan)
+            measured = accepted if step is self.steps[-1] else np.full_like(accepted, np.nan)
             self.filter.update(measured, displacement, step, capture_displacement)
         # From the state of the filter to the present.
         frames_behind, drift = self.steps[-1].frames_behind[:, None], self.filter.drift

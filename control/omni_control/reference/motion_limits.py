@@ -143,7 +143,7 @@ class MotionLimits:
         if self.acceleration_ratio == 1:
             return self.acceleration
         weak_axis = 0.0 if self.acceleration_ratio < 1 else np.pi / 2
-        bearings = _compute_bearing(offset) - np.stack([heading, target_heading])
+        bearings = np.arctan2(offset[:, 1], offset[:, 0]) - np.stack([heading, target_heading])
         limits = self.acceleration / np.hypot(
             np.cos(bearings), self.acceleration_ratio * np.sin(bearings)
         )
@@ -166,7 +166,7 @@ class MotionLimits:
         """
         if self.acceleration_ratio == 1:
             return self.acceleration
-        bearing = _compute_bearing(offset) - heading
+        bearing = np.arctan2(offset[:, 1], offset[:, 0]) - heading
         ratio = np.hypot(np.cos(bearing), np.sin(bearing) / self.acceleration_ratio)
         return self.acceleration * ratio[:, None]
 
@@ -206,10 +206,6 @@ def _max_norms(vectors: Array) -> tuple[float, float]:
     """Return the largest norm of the translation and of the rotation of vectors (n, 3)."""
     translation = np.hypot(vectors[:, 0], vectors[:, 1])
     return float(translation.max()), float(np.abs(vectors[:, 2]).max())
-
-
-def _compute_bearing(vector: Array) -> Array:
-    return np.arctan2(vector[:, 1], vector[:, 0])
 
 
 def _clip_translation_and_rotation(

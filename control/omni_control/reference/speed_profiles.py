@@ -197,8 +197,9 @@ def _make_constraints(
     """
     angles = 2 * np.pi * np.arange(_N_SIDES) / _N_SIDES
     side = limits.side_acceleration or limits.acceleration
-    x, y = np.cos(angles) / limits.acceleration, np.sin(angles) / side
-    ellipse = np.stack([x, y, 0 * angles], axis=1)
+    ellipse = np.stack(
+        [np.cos(angles) / limits.acceleration, np.sin(angles) / side, 0 * angles], axis=1
+    )
     turning = np.array([[0, 0, 1], [0, 0, -1]]) / limits.turn_acceleration
     twist = np.ascontiguousarray(path.twist.T)
     friction_rows, drag = wheels.get_friction_constraints(twist)

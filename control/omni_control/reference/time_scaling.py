@@ -115,9 +115,9 @@ def _list_windows(limits: MotionLimits, period: float) -> list[int]:
 
     The longest is 3 a / j. Reversing the full acceleration a with the jerk j takes 2 a / j.
     """
-    rise_times = (
+    rise_time = max(
         limits.acceleration / (limits.jerk or np.inf),
         limits.turn_acceleration / (limits.turn_jerk or np.inf),
     )
-    longest = 3 * max(rise_times) / period
+    longest = 3 * rise_time / period
     return sorted({max(round(longest * i / _N_WINDOWS), 1) for i in range(1, _N_WINDOWS + 1)})
