@@ -24,7 +24,9 @@ from omni_control.kinematics import Array, wrap_angle
 DISPLACEMENT_NOISE_RATIO = 0.06
 DRIFT_NOISE_DENSITY = 0.1, 0.1, 0.5  # of the random walk of the drift, m/s and rad/s per sqrt(s)
 DRIFT_TIME_S = 0.5  # time constant with which the drift decays
-SCALE_GAIN = 1 - 0.97  # relative change of the noise scale per frame and unit of NIS above 1
+# Relative change of the noise scale per frame, per unit by which the NIS differs from 1. The number
+# 0.03 differs in the last bit and would change all results.
+SCALE_GAIN = 1 - 0.97
 MAX_NIS = 9.0  # 3 sigma; larger values change the noise scale no further
 SCALE_BOUNDS = 0.1, 100.0
 MIN_MEASUREMENT_SIGMA = 1e-5, 1e-5, 1e-4  # m and rad, for cameras without noise
@@ -186,7 +188,7 @@ class VisionTracker:
     ) -> None:
         self.filter, self._gate = KalmanFilter(pose, period, noise), gate
         self._latency, self._period = latency, period
-        # Looking up commands is faster for one latency than for an array.
+        # One number if all latencies are equal: commands are then looked up faster.
         self._compact_latency = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
         self._default_step = FilterStep.to_present(len(latency))
         self.memory_frames = math.ceil(latency.max()) + 1
