@@ -225,8 +225,8 @@ def _prepare_hinges(
             hub.axis = -np.array(hub.axis)
         if is_outward == has_hub_direction:
             slip.axis = -np.array(slip.axis)
-        reference = (phase - initial_slip) if is_outward else (initial_slip - phase)
-        slip.ref = np.degrees(reference) if spec.compiler.degree else reference
+        slip_angle = (phase - initial_slip) if is_outward else (initial_slip - phase)
+        slip.ref = np.degrees(slip_angle) if spec.compiler.degree else slip_angle
         for name, value in _HINGE_FRICTION.items():
             setattr(hub, name, value)
             setattr(slip, name, value)

@@ -253,14 +253,14 @@ class _CamerasWithSameRate:
         self._last_pose, self._frame = pose, self._frame + 1
         measured, age = np.full(pose.shape, np.nan), np.zeros(len(pose))
         for image in self._images_in_flight:
-            arrives = (
+            has_arrived = (
                 (image.arrival <= now + _TIME_TOLERANCE_S)
                 & (image.time > self._newest_capture_time)
                 & ~np.isnan(image.poses[:, 0])
             )
-            measured[arrives] = image.poses[arrives]
-            age[arrives] = np.maximum(now - image.time + image.clock_lag[arrives], 0.0)
-            self._newest_capture_time[arrives] = image.time
+            measured[has_arrived] = image.poses[has_arrived]
+            age[has_arrived] = np.maximum(now - image.time + image.clock_lag[has_arrived], 0.0)
+            self._newest_capture_time[has_arrived] = image.time
         self._images_in_flight = [
             image
             for image in self._images_in_flight

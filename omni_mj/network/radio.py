@@ -206,11 +206,15 @@ class Radio:
         uniform = self._burst_noise.next()[:, 0]
         self._burst_pass_probability[:] = 1.0
         for (row, bursts), is_lossy in self._burst_states.items():
-            # Markov chain with the mean duration 1 / leave of a burst, and the fraction
-            # enter / (enter + leave) of frames in bursts.
-            leave = 1 / bursts.mean_burst_frames
-            enter = leave * bursts.burst_fraction / (1 - bursts.burst_fraction)
-            is_lossy = bool(uniform[row] >= leave if is_lossy else uniform[row] < enter)
+            # Markov chain with the mean duration 1 / exit of a burst, and the fraction
+            # entry / (entry + exit) of frames in bursts.
+            exit_probability = 1 / bursts.mean_burst_frames
+            entry_probability = (
+                exit_probability * bursts.burst_fraction / (1 - bursts.burst_fraction)
+            )
+            is_lossy = bool(
+                uniform[row] >= exit_probability if is_lossy else uniform[row] < entry_probability
+            )
             self._burst_states[row, bursts] = is_lossy
             self._burst_pass_probability[row] *= 1 - bursts.probability * is_lossy
 
