@@ -1,8 +1,8 @@
 """Effects of faults on robots with wheels.
 
 If a fault begins or ends, the effects of all active faults are applied to the nominal robots. A
-fault that has ended therefore leaves no effect, and a robot's results do not depend on the faults of
-other robots in its batch.
+fault that has ended therefore leaves no effect, and a robot's results do not depend on the faults
+of other robots in its batch.
 
 If several faults of a kind are active, their forces, payloads, slopes and biases add up, and their
 factors are multiplied. If they replace the value of a setting, the last one counts.

@@ -96,7 +96,7 @@ class _AlphaQuantiles:
 
     If the correlation time is zero, the numbers of each frame are independent. Otherwise normal
     numbers follow the stationary autoregressive process z(k+1) = c z(k) + sqrt(1 - c^2) e(k) with
-    the correlation c from frame to frame, and their distribution function maps them to uniform ones.
+    the correlation c from frame to frame. Their distribution function maps them to uniform ones.
 
     Args:
         correlation_time_s: Time in which the correlation falls to 1 / e, (n, 1) s.

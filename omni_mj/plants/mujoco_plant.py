@@ -34,8 +34,8 @@ from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES, CarpetParameters, Dra
 
 # Number of robots from which several threads are faster than one
 MIN_ROBOTS_FOR_THREADS = 16
-# A robot has toppled at a tilt of 45 degrees. The quaternion's x^2 + y^2 is the squared sine of half
-# the tilt.
+# A robot has toppled at a tilt of 45 degrees. The quaternion's x^2 + y^2 is the squared sine of
+# half the tilt.
 TOPPLED_SINE_SQUARED = np.sin(np.deg2rad(45) / 2) ** 2
 # Warnings after which MuJoCo silently resets a simulation
 INSTABILITY_WARNINGS = [
@@ -215,7 +215,7 @@ class MujocoPlant(WheeledPlantBase):
         )
 
     def _begin_frame(self) -> None:
-        """Apply changes from frame to frame: faults, disturbances, vision's headings, motor heat."""
+        """Apply changes from frame to frame: faults, disturbances, vision's headings, heat."""
         # Faults that begin or end change `self.parameters` here, so read them afterwards.
         inputs = self._make_inputs(*self._vision, self._failed)
         parameters = self.parameters.electronics

@@ -40,8 +40,8 @@ from omni_mj.robot.planar_dynamics import BodyParameters, RollerResponse
 
 # Damping of a roller's contact along the carpet, N s/m
 CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFNESS_RATIO * FRICTION_RATE_HZ
-# Rate at which rollers take on the carpet's speed on the plant mujoco, 1/s. A step of a cycle leaves
-# this fraction of the difference: 1 - CYCLE_S FRICTION_RATE_HZ = exp(-CYCLE_S SPIN_RATE_HZ).
+# Rate at which rollers take on the carpet's speed on the plant mujoco, 1/s. A step of a cycle
+# leaves this fraction of the difference: 1 - CYCLE_S FRICTION_RATE_HZ = exp(-CYCLE_S SPIN_RATE_HZ).
 SPIN_RATE_HZ = -np.log(1 - CYCLE_S * FRICTION_RATE_HZ) / CYCLE_S
 
 

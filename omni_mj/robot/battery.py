@@ -39,8 +39,8 @@ class BatterySource(NamedTuple):
 
     open_circuit_voltage: Array  # voltage without load, V
     resistance: Array  # internal resistance, ohm
-    # Infinite if the battery is off, otherwise 0, V. Added to the battery's voltage as a divisor, it
-    # makes the duty cycle 0.
+    # Infinite if the battery is off, otherwise 0, V. Added to the voltage that duty cycles are
+    # relative to, it makes them 0.
     infinite_if_off: Array
     voltage_factor: Array  # fraction of the voltage that the contacts pass, 1
 

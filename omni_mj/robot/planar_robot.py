@@ -92,8 +92,8 @@ def compute_slow_forces(
     drag = compute_drag(carpet, compute_center_motion(p, s), s.load, s.encoder_angle)
     response = p.response
     abs_speed = abs(s.rim_speed)
-    # Along the axle rollers are spun up and braked (`omni_mj.plants.planar_body_parameters`). In the
-    # rolling direction the carpet resists them as they come down (`RollerResponse`).
+    # Along the axle rollers are spun up and braked (`omni_mj.plants.planar_body_parameters`). In
+    # the rolling direction the carpet resists them as they come down (`RollerResponse`).
     spun_up_fraction = 1 - xp.exp(-p.spin_up_speed / xp.maximum(abs_speed, 1.0))
     axle_force = -(p.roller_drag + p.spin_up * abs_speed * spun_up_fraction) * drag.axle_speed
     rolling_torque = (
