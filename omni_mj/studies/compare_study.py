@@ -24,9 +24,9 @@ from omni_mj.studies.run_scenario import (
     run_simulation,
 )
 
-# Excluded by default: a long scenario, all faults at once, and maneuvers for identification
+# Scenarios excluded by default: a long one, all faults at once, and maneuvers for identification
 EXCLUDED = ("hot-motors", "fault-all", "identify")
-SEEDS = 10
+SEEDS = 10  # default number of seeds
 
 
 def compare(
@@ -86,7 +86,7 @@ def compare(
 
 
 def default_scenarios(plant: str = "mujoco") -> tuple[str, ...]:
-    """Return the built-in scenarios that are compared by default and whose faults the plant has."""
+    """Return the scenarios that are compared by default; all faults in them suit the plant."""
     kinds = fault_checks.list_supported_kinds(plant)
     names = (name for name in find_builtin_scenarios() if name not in EXCLUDED)
     return tuple(
@@ -106,7 +106,8 @@ def check_scenarios(scenarios: Sequence[Scenario], subject: str | None) -> None:
     for name in names:
         if names.count(name) > 1:
             raise OmniError(
-                f"two scenarios are called {name!r}; give each once, or files with different names"
+                f"two scenarios are called {name!r}; give each scenario once, and files with "
+                "different names"
             )
     if scenarios:
         check_subject(scenarios[0], subject)
@@ -115,10 +116,10 @@ def check_scenarios(scenarios: Sequence[Scenario], subject: str | None) -> None:
 def _run_to_end(
     scenario: Scenario, seeds: Sequence[int], title: str, start_progress: StartProgress
 ) -> Outcome:
-    """Return the outcome of a scenario, or the reason why it cannot be run.
+    """Run a scenario to its end; if it cannot be run, return an outcome with the reason.
 
     Raises:
-        StoppedError: The run was stopped. Its partial metrics are not comparable.
+        StoppedError: The run was stopped. Metrics of a part of it would not be comparable.
     """
     try:
         simulation = prepare_simulation(scenario, seeds=seeds)

@@ -1,4 +1,4 @@
-"""Tables of a comparison: errors, verdicts, and what could not be run."""
+"""Tables of a comparison: errors, verdicts, and notes about runs without a result."""
 
 from collections.abc import Iterable, Iterator
 from textwrap import fill
@@ -25,8 +25,8 @@ def print_comparison(summary: Summary) -> None:
     if errors.rows:
         print(format_table(errors))
         settling = (
-            "settled: s after the end of the reference's last move "
-            "(how many of all seeds settle, if not all)"
+            "settled: settling time, s after the end of the reference's last move "
+            "(number of seeds that settle, if not all do)"
         )
         print(fill(settling, TERMINAL_WIDTH))
         print("compare.md has the effort of the commands and all definitions\n")
@@ -65,7 +65,8 @@ def to_markdown(summary: Summary) -> str:
 def _error_matrix(summary: Summary, statistic: str) -> str:
     """Return position errors by scenario and controller as Markdown.
 
-    A cell holds the mean over the seeds, half its interval, and the number of failures.
+    A cell holds the mean over the seeds, half the width of its 95 % interval, and the number of
+    failures.
     """
     rows = []
     for scenario, entry in summary["scenarios"].items():
@@ -79,9 +80,10 @@ def _error_matrix(summary: Summary, statistic: str) -> str:
 
 
 def verdict_table(summary: Summary) -> Table:
-    """Return the subject's errors relative to every other competitor's.
+    """Return a table of the subject's errors relative to those of each other controller.
 
-    Each scenario has two rows, for its maximum and its mean error.
+    Each scenario has two rows, one for the maximum error and one for the mean error. Privileged
+    controllers are left out.
     """
     subject = summary["subject"]
     baselines = [
@@ -106,8 +108,9 @@ def _verdict_caption(summary: Summary) -> str:
     """Return the sentence that explains the numbers of the verdict table."""
     return (
         f"Position error of {summary['subject']} (mean over the seeds) relative to each other "
-        f"controller's, change in %; {WITHIN_CHANCE} within chance: paired by seed, p above "
-        f"{100 * SIGNIFICANCE_LEVEL:g} % after Holm's correction for all verdicts. Privileged controllers are not compared."
+        f"controller's, change in %; {WITHIN_CHANCE}: not significant (paired by seed, p above "
+        f"{100 * SIGNIFICANCE_LEVEL:g} % after Holm's correction for all verdicts). Privileged "
+        "controllers are not compared."
     )
 
 

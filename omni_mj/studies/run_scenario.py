@@ -1,4 +1,4 @@
-"""Run one scenario with all its controllers and compare them; parts that all studies use."""
+"""Run one scenario with all its controllers, and compare them; functions that all studies use."""
 
 import sys
 import time
@@ -18,7 +18,7 @@ from omni_mj.simulation.simulation import Simulation
 
 AfterFrame = Callable[[int], None]  # called with the number of each frame
 StartProgress = Callable[[str, int], AfterFrame]  # called with a title and the number of frames
-# Memory per robot and frame: log, reference, and temporary arrays of the metrics
+# Memory per robot and frame, bytes: log, reference, and temporary arrays of the metrics
 FRAME_BYTES = 1200
 
 
@@ -98,7 +98,7 @@ def run_simulation(simulation: Simulation, after_frame: AfterFrame = ignore_fram
     except StoppedError as error:
         stopped = str(error)
     log, drawn = simulation.log, simulation.drawn_parameters
-    # Their order must not depend on how rows were split into batches.
+    # The order of failures must not depend on how rows were split into batches.
     failures = sorted(simulation.failures, key=lambda failure: (failure.time_s, failure.row))
     measured = metrics.row_metrics(log, failures)
     wall_s = time.perf_counter() - start_time
@@ -128,7 +128,13 @@ def resolve_scenario(
     controllers: Sequence[str | type[Controller]] | None = None,
     seeds: int | Iterable[int] | None = None,
 ) -> Scenario:
-    """Return a scenario, loaded if it is a name, with other controllers and seeds if given."""
+    """Return a scenario with other controllers and seeds, if they are given.
+
+    Args:
+        scenario: The scenario, or the name of one to load.
+        controllers: See `run`.
+        seeds: See `run`.
+    """
     scenario = scenario if isinstance(scenario, Scenario) else load_with_overrides(str(scenario))
     if controllers is not None:
         is_one = isinstance(controllers, str | type)
@@ -140,9 +146,10 @@ def resolve_scenario(
 
 
 def list_seeds(seeds: int | Iterable[int]) -> list[int]:
-    """Return consecutive seeds, from 0 on if only their number is given.
+    """Return a list of consecutive seeds.
 
-    A scenario's file stores the first seed and their number.
+    Args:
+        seeds: The seeds, or the number of seeds that start at 0.
 
     Raises:
         OmniError: The seeds are not consecutive.
@@ -150,16 +157,16 @@ def list_seeds(seeds: int | Iterable[int]) -> list[int]:
     seed_list = list(range(seeds) if isinstance(seeds, int) else seeds)
     if not seed_list or seed_list != list(range(seed_list[0], seed_list[0] + len(seed_list))):
         raise OmniError(
-            f"seeds must count up one by one, such as range(5), got {seed_list}: a scenario's file "
-            "could not repeat the run; om.Simulation takes any seeds"
+            f"seeds must be consecutive, such as range(5), got {seed_list}: a scenario's file "
+            "holds only the first seed and their number; om.Simulation takes any seeds"
         )
     return seed_list
 
 
 def choose_shared_backend(scenario: Scenario, robots: int) -> Scenario:
-    """Return the scenario with the backend for this many robots, if its backend is "auto".
+    """Replace the backend "auto" of a scenario by the one for a number of robots.
 
-    Simulations of one study share a backend, because backends differ in the last bits.
+    All simulations of a study need the same backend, because backends differ in the last bits.
     """
     settings = scenario.settings
     if settings.physics.backend != "auto":
@@ -178,7 +185,7 @@ def check_subject(scenario: Scenario, subject: str | None) -> None:
 def check_memory(robots: int, frames: int) -> None:
     """Raise OmniError if robots that are simulated together need more memory than is free.
 
-    Without `/proc/meminfo` nothing is checked.
+    On systems without `/proc/meminfo`, nothing is checked.
     """
     try:
         free_b = 1024 * int(Path("/proc/meminfo").read_text().split("MemAvailable:")[1].split()[0])
@@ -188,7 +195,7 @@ def check_memory(robots: int, frames: int) -> None:
     if needed_b > free_b:
         raise OmniError(
             f"{robots} robots at once for {frames} frames take about {needed_b / 1e9:.2g} GB of "
-            f"memory, and {free_b / 1e9:.2g} GB are free; "
+            f"memory, but only {free_b / 1e9:.2g} GB are free; "
             "run fewer at a time, or a shorter scenario"
         )
 
@@ -213,7 +220,7 @@ def list_competitors() -> tuple[str, ...]:
 
 
 def quiet_mujoco() -> None:
-    """Turn off MuJoCo's warnings if it is loaded. Relevant ones become failures of rows."""
+    """Turn off MuJoCo's warnings if it is loaded. Rows report relevant ones as failures."""
     if "mujoco" in sys.modules:
         import mujoco
 

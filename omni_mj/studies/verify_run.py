@@ -1,4 +1,7 @@
-"""Verify a saved run: repeat it and compare the frames bit for bit, or the summary's numbers."""
+"""Verify a saved run: repeat it, and compare its frames bit for bit.
+
+If frames were not saved, the numbers of the summary are compared.
+"""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -33,7 +36,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 REPEATABLE_STUDIES = ("run", "compare")
-# Keys of a scenario's entry in summary.json that depend on the frames.
+# Keys of a scenario's entry in summary.json that depend on the frames
 RESULT_KEYS = ("failures", "drawn_parameters", "events", "results")
 ENVIRONMENT_KEYS = ("versions", "source", "git", "machine")  # of provenance.json
 
@@ -44,8 +47,8 @@ class VerifyResult:
 
     Attributes:
         rows: Number of rows that were run.
-        frames: Number of frames that were compared, over all rows.
-        differences: Differences from the saved run, a line each; empty if it repeats.
+        frames: Number of frames that were compared, summed over the rows; 0 if none were saved.
+        differences: Differences from the saved run, a line each; empty if the run repeats.
         remarks: Remarks about a changed environment and skipped scenarios, a line each.
     """
 
@@ -56,7 +59,7 @@ class VerifyResult:
 
     @property
     def repeats(self) -> bool:
-        """Whether there is no difference."""
+        """Whether the repetition is equal to the saved run."""
         return not self.differences
 
     def __str__(self) -> str:
@@ -71,12 +74,12 @@ class VerifyResult:
 
 
 def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> VerifyResult:
-    """Repeat the run in a folder and compare the results, as `omni-mj verify` does.
+    """Repeat the run in a folder, and compare the results, as `omni-mj verify` does.
 
     Args:
-        folder: Folder that a run, a comparison or `Result.save` created.
-        start_progress: Called with a title and a number of frames before a scenario is run. It
-            returns a function that is called after each frame.
+        folder: Folder of a run, of a comparison, or of `Result.save`.
+        start_progress: Called with a title and the number of frames before each scenario. It
+            returns a function that is called with each frame's number.
 
     Raises:
         OmniError: The run cannot be repeated; a line for each reason.
@@ -91,16 +94,18 @@ def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> V
         raise
     # Keys and values that no run writes
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
-        raise OmniError(f"{path} was changed after the run; make the run again") from error
+        raise OmniError(
+            f"files in {path} were changed after the run, so it cannot be repeated"
+        ) from error
 
 
 def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress) -> VerifyResult:
-    """Repeat all scenarios of a folder and compare them.
+    """Repeat and compare all scenarios in a folder.
 
     Args:
         path: Folder of the run.
         record: Content of its provenance.json.
-        start_progress: Starts the progress bar of a scenario, see `verify`.
+        start_progress: See `verify`.
     """
     _check_record(path, record)
     scenarios = summary.read_summary(path)["scenarios"]
@@ -140,7 +145,8 @@ def _check_record(path: Path, record: Mapping[str, Any]) -> None:
     """Raise `OmniError` if the study of a provenance.json cannot be repeated."""
     if record["format"] != PROVENANCE_FORMAT:
         raise OmniError(
-            f"{path / PROVENANCE_FILE} has format {record['format']!r}; supported is {PROVENANCE_FORMAT}"
+            f"{path / PROVENANCE_FILE} has format {record['format']!r}; "
+            f"it must be {PROVENANCE_FORMAT}"
         )
     if record["study"] not in REPEATABLE_STUDIES:
         raise OmniError(
@@ -152,11 +158,11 @@ def _check_record(path: Path, record: Mapping[str, Any]) -> None:
 def _load_saved_scenario(
     path: Path, scenario_path: Path, record: Mapping[str, Any], entry: Mapping[str, Any]
 ) -> Scenario:
-    """Return a scenario as it was run, with the copies of the user's files.
+    """Load a scenario as it was run, with the saved copies of the user's files.
 
     Args:
         path: Folder of the run.
-        scenario_path: File of the scenario in it.
+        scenario_path: File of the scenario in this folder.
         record: Entry of the scenario in provenance.json.
         entry: Entry of the scenario in summary.json.
 

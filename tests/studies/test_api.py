@@ -123,7 +123,7 @@ def test_a_number_of_seeds_starts_at_zero() -> None:
 
 def test_seeds_that_are_not_consecutive_are_rejected() -> None:
     for seeds in ([3, 7], [], [2, 1]):
-        with pytest.raises(om.OmniError, match="count up one by one"):
+        with pytest.raises(om.OmniError, match="must be consecutive"):
             om.run("rect", ["comp-flc"], seeds=seeds)
 
 
