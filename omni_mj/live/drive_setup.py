@@ -21,7 +21,7 @@ from omni_mj.live.ssl_vision import SslVision, TeamColor
 from omni_mj.live.team_radio import PORTS, SenderConfig, SimulatorRadio, TeamRadio
 from omni_mj.live.wire import VISION_GROUP, VISION_PORT
 
-# After this time frame rates are known within 1 %, clock offsets within a fraction of a ms.
+# After this time, frame rates are known within 1 % and clock offsets within a fraction of 1 ms.
 LISTEN_S = 1.5
 MAX_ROBOTS = 12
 MIN_GAIN = 0.3  # smallest gain of a robot that responds to a pulse
@@ -74,7 +74,7 @@ class ConnectionOptions:
         target = (
             parse_address(self.commands, PORTS[self.color], interface) if self.commands else None
         )
-        # A simulation that waits for commands would take an empty packet for one
+        # A simulator that waits for commands would advance by an empty packet.
         reaches_both_teams = self.pace != "vision"
         return SenderConfig(target, self.color, self.interface, reaches_both_teams)
 
@@ -87,7 +87,7 @@ def check_drivable(scenario: Scenario, options: ConnectionOptions) -> None:
     """Check that external robots can drive a scenario.
 
     Raises:
-        OmniError: They cannot; one line for each reason.
+        OmniError: External robots cannot drive it; one line for each reason.
     """
     distributions.require_fixed_settings(scenario.distributions, "drive")
     _ = options.vision_address, options.sender_config  # raise if malformed
@@ -172,7 +172,11 @@ def prepare_drive(
 
 
 def _dead_time(trial: Live) -> int:
-    """Measure the dead time by a pulse: latency minus the lag of the wheel loops, frames."""
+    """Measure the dead time with a pulse: latency minus the lag of the wheel loops, frames.
+
+    Raises:
+        OmniError: A robot does not respond.
+    """
     try:
         responses = measure_pulse(trial)
     finally:
@@ -222,7 +226,7 @@ def _chosen_ids(
 
 
 def _displaced(scenario: Scenario, poses: Array) -> Scenario:
-    """Return the scenario with start poses such that each reference starts at the robot's pose."""
+    """Return the scenario with start poses that let references start at the robots' poses."""
     x, y, heading = reference_factory.build_timed_reference(scenario.settings).poses[0]
     turn = wrap_angle(poses[:, 2] - heading)
     c, s = np.cos(turn), np.sin(turn)

@@ -14,11 +14,11 @@ from omni_mj.live.wire.league_pb2 import DetectedRobot, Detection, VisionPacket
 
 TeamColor = Literal["blue", "yellow"]
 
-WINDOW_FRAMES = 600  # to which a clock is fitted
-FIT_FRAMES = 30  # between fits
-RATES = 0.2, 5.0  # bounds of the rate of another computer's clock
-# Largest credible time from capture to use, or to sending. A larger or negative age means that
-# two different clocks made the time stamps.
+WINDOW_FRAMES = 600  # newest frames, to which a clock is fitted
+FIT_FRAMES = 30  # number of frames between two fits
+RATES = 0.2, 5.0  # bounds of the seconds of our clock per second of another clock
+# Largest credible time from capture to sending or to use, s. If the time is negative or larger, the
+# time stamps are from two different clocks.
 MAX_AGE_S = 0.25
 MAX_DISTANCE_M = 1e3  # from the field's centre
 STORED_FRAMES = 300  # detections of each robot by each camera
@@ -85,7 +85,7 @@ class VisionCamera:
         self._intervals = deque[float](maxlen=WINDOW_FRAMES)
 
     def add(self, detection: Detection, arrival: float) -> bool:
-        """Add a frame. Return whether it is new: neither late nor a repetition."""
+        """Add a frame, and return whether it is newer than all previous ones."""
         age = detection.t_sent - detection.t_capture
         age = age if 0 <= age <= MAX_AGE_S else 0.0
         sent_s = detection.t_capture + age
@@ -132,7 +132,13 @@ class SslVision:
         self._newest = dict[int, Detection]()  # since the last frame of the loop, by camera
 
     def add(self, data: bytes, arrival: float, sender: object = "") -> bool:
-        """Add a packet that arrived at our time, s. Return whether it is a new detection."""
+        """Add a packet, and return whether it is a new detection.
+
+        Args:
+            data: Bytes of the packet.
+            arrival: Time of arrival by our clock, s.
+            sender: Sender, for messages about malformed packets.
+        """
         try:
             packet = parse_message(VisionPacket, data)
             detection = packet.detection
@@ -186,7 +192,7 @@ class SslVision:
         return poses, ages
 
     def seen_ids(self) -> list[int]:
-        """Return the numbers of the team's robots in order."""
+        """Return the sorted numbers of the team's robots that were detected."""
         return sorted({number for color, number, _ in self.sightings if color == self.color})
 
     def median_poses(self) -> Array:
@@ -274,7 +280,7 @@ def _check(detection: Detection) -> None:
     """Check the numbers of a detection.
 
     Raises:
-        WireError: A time, position or heading is not finite, or a position is absurdly far away.
+        WireError: A time, position or heading is not finite, or a position is too far away.
     """
     robots = [*detection.robots_blue, *detection.robots_yellow]
     values = np.array(

@@ -239,7 +239,7 @@ def test_runs_that_cannot_be_repeated_give_one_line(
             put("provenance.json", '"study": "run"', '"study": "slip"'),
             "repeat the study: omni-mj run",
         ),
-        (put("provenance.json", '"robot": {', '"rob": {'), "was changed after the run"),
+        (put("provenance.json", '"robot": {', '"rob": {'), "were changed after the run"),
         (lambda: (folder / "trajectory.parquet").unlink(), "trajectory.parquet cannot be read"),
         (lambda: (folder / "scenario.toml").unlink(), "scenario.toml"),
         (lambda: (folder / "summary.json").unlink(), "has no summary.json"),

@@ -1,1 +1,1 @@
-"""`omni-mj serve`: a simulator of the league."""
+"""`omni-mj serve`: a simulator with the network protocols of the league."""

@@ -56,11 +56,12 @@ class FieldCamera:
     strip of the neighboring cells.
 
     Args:
-        number: Number of the camera, from 0, along x, then along y, from the lowest coordinates.
-        rows: One per robot. The first row's settings count for the camera as a whole.
+        number: Number of the camera, from 0. Cameras are numbered along x, then along y, from the
+            lowest coordinates.
+        rows: One per robot. The first row has the settings of the camera itself.
 
     Attributes:
-        due: Cycle of the next image.
+        due: Cycle in which the next image is taken.
     """
 
     def __init__(self, number: int, rows: Sequence[Row]) -> None:
@@ -82,7 +83,7 @@ class FieldCamera:
         self._half = (cell + self._vision.overlap_m) / 2
 
     def set_robots(self, rows: Sequence[Row], cycle: int) -> None:
-        """Observe these robots from a cycle on. Times of faults count from there."""
+        """Observe other robots from a cycle on; times of faults are relative to this cycle."""
         self._first_cycle = cycle
         self._timing = ImageTiming([self._vision], self._seeds, [rows[0].faults])
         seeds = [
@@ -163,7 +164,7 @@ class FieldCamera:
         )
 
     def _covers(self, points: Array) -> np.ndarray:
-        """Return which points, shape (n, 2), are in the camera's field of view."""
+        """Return whether each point, shape (n, 2), is in the camera's field of view."""
         return np.asarray((np.abs(points - self._centre) <= self._half).all(1))
 
     def _cycle_of(self, frame: int) -> int:

@@ -1,4 +1,4 @@
-"""Recorder of `serve`. It writes blocks, so that memory is bounded and a kill loses little."""
+"""Recorder of `serve`. It writes blocks of frames, which bounds memory and the loss by a kill."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 BLOCK_FRAMES = FRAME_RATE_HZ // 2
-PART_FRAMES = 10 * FRAME_RATE_HZ  # in one file; a killed process loses at most one
+PART_FRAMES = 10 * FRAME_RATE_HZ  # of a file; a killed process loses at most these frames
 
 Sink = Callable[[Sequence[str], Log], None]  # names of the robots, and their log
 

@@ -1,7 +1,7 @@
 """World of `serve`: robots of both teams on a field, a ball at rest, and cameras above.
 
-Time is counted in cycles of the wheel loops, 1/960 s. Cameras take images before a cycle begins. A
-command that arrives before a cycle acts in it, if there is no dead time.
+Time is counted in cycles of the wheel loops, 1/960 s. Cameras take images before a cycle begins.
+Without dead time, a command acts in the first cycle that begins after its arrival.
 """
 
 import math
@@ -120,7 +120,7 @@ class ServedWorld:
         return images
 
     def publish(self, image: Image) -> None:
-        """Make an image known to the teams, whose commands include the newest heading."""
+        """Store the measured headings of an image that is sent; later commands include them."""
         for name, heading in zip(image.names, image.poses[:, 2].tolist(), strict=True):
             if not math.isnan(heading) and image.cycle >= self._headings.get(name, (heading, 0))[1]:
                 self._headings[name] = heading, image.cycle
@@ -223,7 +223,7 @@ class ServedWorld:
         return errors
 
     def _find_obstacle(self, name: RobotName, poses: Mapping[RobotName, Array]) -> str | None:
-        """Return what a robot overlaps with; None if nothing."""
+        """Return "a wall" or "a robot" if the named robot overlaps with one, else None."""
         if (np.abs(poses[name][:2]) > np.array(SURFACE_M) / 2 - self._reach + CLEARANCE_M).any():
             return "a wall"
         distances = [
@@ -236,7 +236,7 @@ class ServedWorld:
         )
 
     def _build(self, poses: Mapping[RobotName, Array]) -> None:
-        """Build the world with these robots, at rest."""
+        """Build a world with robots at rest at these poses."""
         self.names, settings = list(poses), self._scenario.settings
         self.rows = [self._row(slot, name) for slot, name in enumerate(self.names)]
         self.plant = ServedPlant(self.rows, np.array([*poses.values()]))

@@ -24,9 +24,9 @@ from omni_mj.live.wire.league_pb2 import (
     VisionPacket,
 )
 
-SPAN_CYCLES = 4  # simulated at a time while no packet arrives and no image is due
+SPAN_CYCLES = 4  # largest number of cycles simulated at a time while no packet arrives
 CHECK_S = 0.1  # longest time between two checks for a stop request
-EARLY_S = 1e-9  # rounding error of the time at which a packet is due
+EARLY_S = 1e-9  # tolerance for rounding errors of the time at which a packet is due
 GEOMETRY_CYCLES = CYCLE_RATE_HZ  # between two packets with the geometry
 MAX_DELAY_S = 0.1  # delay after which the simulation no longer tries to catch up
 MAX_SPEED = 1000.0  # simulated seconds per second
@@ -102,11 +102,11 @@ class Server:
         self._stack.close()
 
     def _set_speed(self, speed: float) -> None:
-        """Continue at another speed."""
+        """Continue at another speed, and relate simulated time to real time anew."""
         self.speed, self._started = speed, (time.monotonic(), self.world.cycle)
 
     def _time_of(self, cycle: int) -> float:
-        """Return when a cycle is due (`time.monotonic`), s; infinity during a pause."""
+        """Return the time at which a cycle is due (`time.monotonic`), s; infinity in a pause."""
         time_s, first_cycle = self._started
         return (
             time_s + (cycle - first_cycle) / (self.speed * CYCLE_RATE_HZ)
@@ -115,7 +115,7 @@ class Server:
         )
 
     def _simulate_due_cycles(self) -> None:
-        """Simulate the cycles that are due, then wait for packets until the next one is."""
+        """Simulate the cycles that are due, then handle packets until the next cycle is due."""
         world, delay = self.world, time.monotonic() - self._time_of(self.world.cycle)
         if delay > MAX_DELAY_S:
             self.messages.add(
@@ -146,7 +146,7 @@ class Server:
                 self.after_frame()
 
     def _publish(self) -> None:
-        """Take the images that are due, and send those whose time has come."""
+        """Take the images that are due, and send the ones whose sending time has come."""
         for image in self.world.take_images():
             if math.isfinite(image.sent_s):
                 self._outbox.append(image)
@@ -177,7 +177,7 @@ class Server:
             )
 
     def _handle_requests(self, seconds: float) -> bool:
-        """Handle packets that arrive within some seconds. Return whether any arrived."""
+        """Handle packets that arrive within some seconds, and return whether any arrived."""
         events = self._selector.select(max(seconds, 0.0))
         for key, _ in events:
             if not self.lockstep:  # a command acts from the next cycle on
@@ -208,7 +208,7 @@ class Server:
                 )
 
     def _control_simulator(self, command: SimulatorCommand) -> list[SimulatorError]:
-        """Execute a command to the simulator. Return errors for refused parts."""
+        """Execute a command to the simulator, and return errors for its refused parts."""
         self.messages["simulator commands"] += 1
         errors = self.world.teleport(command.control)
         errors += [

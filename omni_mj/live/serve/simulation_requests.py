@@ -1,4 +1,4 @@
-"""Requests of the simulation protocol: commands, encoded as radio packets, and teleports."""
+"""Requests of the simulation protocol: commands, which become radio packets, and teleports."""
 
 import math
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ class Refusal(Exception):  # noqa: N818
 
     Args:
         code: Machine-readable code.
-        reason: Message for people.
+        reason: Message for users.
     """
 
     def __init__(self, code: str, reason: str) -> None:
