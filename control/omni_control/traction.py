@@ -42,7 +42,7 @@ def compute_traction_limits(
             acceleration is neglected.
 
     Raises:
-        OmniError: The robot does not stand on these wheels.
+        OmniError: The wheels do not surround the center of mass.
     """
     wheels = WheelLimits(kinematics, friction, gyration_radius=1.0, com_height=com_height)
     forward, backward, to_left, to_right = map(
@@ -66,8 +66,8 @@ class WheelLimits:
         max_rim_speed: Highest speed of a rim, m/s.
 
     Raises:
-        OmniError: A number is out of range, the robot does not stand on these wheels, or they
-            cannot even overcome drag.
+        OmniError: A number is out of range, the wheels do not surround the center of mass, or they
+            cannot overcome drag.
     """
 
     kinematics: Kinematics

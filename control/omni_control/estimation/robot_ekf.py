@@ -119,7 +119,7 @@ class RobotEkf:
         self._started = False
 
     def _make_prior_covariance(self, model: TeamModel) -> Array:
-        """Return the covariance (18, 18) of disturbances and parameters."""
+        """Return the prior covariance (18, 18); only disturbances and parameters are set."""
         correlation = np.eye(SIZE)
         forward_sideways = [FORWARD_INVERSE_GAIN, SIDEWAYS_INVERSE_GAIN]
         correlation[forward_sideways, forward_sideways[::-1]] = GAIN_CORRELATION
@@ -202,8 +202,8 @@ class RobotEkf:
 
         - While innovations are large, parameters are learned more slowly: the inverse gain of
           turning by the factor TRUSTED_NIS / mean NIS, all others by its square.
-        - All others are also learned more slowly from an axis that moves slowly, because dry
-          friction may hold it.
+        - All parameters but the inverse gain of turning are also learned more slowly from an axis
+          that moves slowly, because dry friction may hold it.
         - The inverse gains of translation are learned more slowly while the robot accelerates hard,
           because wheels may slide.
 

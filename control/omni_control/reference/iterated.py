@@ -27,7 +27,7 @@ class _Plan(NamedTuple):
         frame: Latest frame.
         pose, twist: Desired poses and twists in this frame, (n, 3).
         next_pose: Desired poses in the next frame, (n, 3).
-        waypoint: Index of the way-point that each robot approaches, (n,).
+        waypoint_index: Index of the way-point that each robot approaches, (n,).
         rest_frames: Remaining frames of rest at the first way-point.
     """
 
@@ -35,7 +35,7 @@ class _Plan(NamedTuple):
     pose: Array
     twist: Array
     next_pose: Array
-    waypoint: NDArray[np.intp]
+    waypoint_index: NDArray[np.intp]
     rest_frames: int
 
 
@@ -77,8 +77,8 @@ class IteratedReference:
         self.waypoints = as_poses(waypoints)
         self.limits, self.period = limits.reduce_for_wheels(), period
         start = np.repeat(self.waypoints[:1], n, axis=0)
-        waypoint = np.full(n, min(1, len(self.waypoints) - 1))
-        self._plan = _Plan(np.nan, start, np.zeros((n, 3)), start, waypoint, rest_frames)
+        waypoint_index = np.full(n, min(1, len(self.waypoints) - 1))
+        self._plan = _Plan(np.nan, start, np.zeros((n, 3)), start, waypoint_index, rest_frames)
 
     def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
         """Return the poses planned in the previous frame, and the twists from `pose` on.
@@ -101,15 +101,15 @@ class IteratedReference:
         """Return the plan of `frame` from that of the previous frame."""
         if np.array_equal(frame, plan.frame):
             return plan
-        frame, target = np.array(frame, float), self.waypoints[plan.waypoint]
+        frame, target = np.array(frame, float), self.waypoints[plan.waypoint_index]
         twist = approach_pose(pose, plan.twist, target, self.limits, self.period)
         offset = target - pose
         is_near = np.hypot(offset[:, 0], offset[:, 1]) < ARRIVAL_RADIUS_M
         has_arrived = is_near & (np.abs(offset[:, 2]) < ARRIVAL_ANGLE_RAD)
-        waypoint = np.minimum(plan.waypoint + has_arrived, len(self.waypoints) - 1)
+        waypoint_index = np.minimum(plan.waypoint_index + has_arrived, len(self.waypoints) - 1)
         if plan.rest_frames:
             return plan._replace(frame=frame, pose=plan.next_pose, rest_frames=plan.rest_frames - 1)
-        return _Plan(frame, plan.next_pose, twist, pose + twist * self.period, waypoint, 0)
+        return _Plan(frame, plan.next_pose, twist, pose + twist * self.period, waypoint_index, 0)
 
 
 def approach_pose(

@@ -89,7 +89,7 @@ def slow_down_for_wheels(
             the same object if the wheels can drive them.
         path: Function from parameters (frames,) to poses (frames, 3).
         plan_timing: Function from the limits of the wheels and a fraction of their capacity to the
-            fastest timing that needs no more than it.
+            fastest timing that needs at most this fraction.
         limits: Limits of velocity, acceleration and jerk, and of the wheels.
         period: Length of a frame, s.
 
@@ -100,7 +100,8 @@ def slow_down_for_wheels(
     if wheels is None:
         return poses
     while (utilization := wheels.compute_peak_utilization(poses, period)) > 1 + ROUNDING:
-        # At first the full capacity. Smoothing and whole frames need more than the timing.
+        # The first attempt uses the full capacity. Later ones use less, because smoothing and whole
+        # frames may need more than the timing.
         capacity = min(1.0, capacity / max(utilization, _MIN_REDUCTION))
         if capacity <= wheels.max_drag_fraction:
             raise OmniError(
