@@ -60,7 +60,7 @@ def test_a_gyro_bias_turns_the_estimated_heading() -> None:
     plant = plant_of([with_faults(fault, firmware=no_vision), noiseless(firmware=no_vision)])
     stand_still(plant, SETTLE_FRAMES + frames + 10)
     drift = estimated_heading(plant) - plant.pose()[:, 2]
-    # The gyro is a cycle late.
+    # The gyro measurement is one cycle old.
     np.testing.assert_allclose(drift, [bias * frames * FRAME_S, 0.0], atol=1e-4)
 
 

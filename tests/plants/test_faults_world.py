@@ -42,7 +42,7 @@ from omni_mj.plants.kinematic_plant import KinematicPlant
 
 
 def test_a_push_adds_momentum() -> None:
-    """M v = F t less friction, for any heading and direction; afterwards the speed stays."""
+    """M v = F t minus friction, for any heading and direction; the speed is then constant."""
     force, frames, bearings = 20.0, 6, (0.0, 90.0, -125.0)
     pushes = [
         {"kind": "push", "duration_s": frames * FRAME_S, "force_n": force, "direction_deg": b}
@@ -157,7 +157,7 @@ def test_traction_of_sliding_wheels_follows_the_friction_of_the_moment() -> None
 
 
 def test_a_patch_of_a_fault_acts_like_one_of_the_scenario_while_it_lasts() -> None:
-    """Bit for bit. It covers other patches, and does not act on robots next to it."""
+    """Bit for bit. It takes precedence over other patches, and does not act on robots next to it."""
     patched = {"friction": 0.8, "patches": [[0, 0, 5.0, 0.3]]}
     fault = {
         "kind": "friction-patch",

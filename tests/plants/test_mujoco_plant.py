@@ -53,7 +53,7 @@ def test_motion_does_not_depend_on_position_or_heading() -> None:
     assert np.hypot(*displacement[0, :2]) > 0.1
 
 
-def test_heading_counts_full_turns() -> None:
+def test_headings_are_unwrapped() -> None:
     spin_up, start, turn_rate = 20, 3.0, 10.0
     plant, commands = (
         plant_of([noiseless()] * 2, [[0, 0, start]] * 2),

@@ -159,7 +159,7 @@ def test_worn_wheels_roll_with_their_radius_and_stand_like_new_ones(model: str) 
     assert np.abs(standing.pose()).max() < 1e-4
 
 
-def test_traction_of_a_sliding_wheel_is_by_its_friction() -> None:
+def test_traction_of_a_sliding_wheel_is_proportional_to_its_friction() -> None:
     """With all wheels sliding, the moment is sum(mu_i N_i) arm, the force the sum of tractions."""
     deviation, mu, frames = 0.3, 0.1, 14
     base = {"firmware": {"kp": 0.4, "turn_rate_gain": 0.0}, "drivetrain": NO_DRAG["drivetrain"]}
