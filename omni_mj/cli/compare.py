@@ -45,7 +45,7 @@ OUTPUTS = (
     type=int,
     metavar="N",
     default=10,
-    help="Number of seeds, counted up from the first. Default: 10.",
+    help="Number of consecutive seeds. Default: 10.",
 )
 @click.option(
     "--seed",
@@ -72,8 +72,9 @@ def compare_command(
 ) -> None:
     """Compare controllers on many scenarios and seeds.
 
-    Prints and saves position errors and settling times, and tests with --subject whether
-    differences are significant. Without --controller, all installed controllers are compared.
+    Prints and saves position errors and settling times. With --subject, it also tests whether the
+    differences between that controller and the others are significant. Without --controller, all
+    installed controllers are compared.
     """
     from omni_control.controllers.registry import list_available_controllers
     from omni_mj.studies import compare_figure, compare_study, compare_table

@@ -25,7 +25,7 @@ FAST_WHEELS = "wheels.model=two-rollers"  # default of studies that drive many r
 @options.study_output_options("alpha")
 @options.collect_scenario_options
 def alpha_command(scenario_options: options.ScenarioOptions, output: options.StudyOutput) -> None:
-    """Measure gain and lag of a robot's response to commands, and what causes them."""
+    """Measure gain and lag of a robot's response to commands, and their causes."""
     from omni_mj.studies.alpha import alpha_figure
     from omni_mj.studies.alpha.alpha_study import measure_alpha
 
@@ -80,7 +80,7 @@ def identify_command(
     type=int,
     metavar="N",
     default=20,
-    help="Number of seeds with noise. Default: 20.",
+    help="Number of consecutive seeds of the runs with noise. Default: 20.",
 )
 @options.SEED
 @click.option(
@@ -88,7 +88,7 @@ def identify_command(
     type=int,
     metavar="N",
     default=16,
-    help="Largest number of learning iterations. Default: 16.",
+    help="Maximum number of learning iterations. Default: 16.",
 )
 @options.ALLOW_CODE
 @options.study_output_options("limit")
@@ -127,7 +127,8 @@ def limit_command(
     "controllers",
     metavar="NAME|FILE.py:Class",
     multiple=True,
-    help="Controller to measure; may be repeated. Default: all built-in ones except the oracle.",
+    help="Controller to measure; may be repeated. Default: all built-in ones except those that know "
+    "the true state.",
 )
 @click.option(
     "--scenario",

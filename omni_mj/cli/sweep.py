@@ -46,7 +46,7 @@ OUTPUTS = (
     type=int,
     default=128,
     metavar="N",
-    help="Robots simulated together; more need more memory. Default: 128.",
+    help="Largest number of robots simulated together; more need more memory. Default: 128.",
 )
 @click.option(
     "--jobs", type=int, default=1, metavar="N", help="Processes on this machine. Default: 1."
@@ -76,9 +76,9 @@ def sweep_command(
 ) -> None:
     """Run a scenario under all combinations of settings.
 
-    Prints failure rates and errors with confidence intervals, and draws them. To resume a sweep
-    that was stopped or killed, repeat its command with its folder as --out. Settings can be random:
-    --set carpet.friction='{uniform = [0.4, 0.9]}' draws a value for each seed.
+    Prints and draws failure rates and errors with confidence intervals. To resume a sweep that was
+    stopped or killed, repeat its command with its folder as --out. Settings can be random: --set
+    carpet.friction='{uniform = [0.4, 0.9]}' draws a value for each seed.
     """
     from omni_mj.studies.sweep import workers
     from omni_mj.studies.sweep.sweep_plan import SweepPlan, check_axes, parse_axis

@@ -103,14 +103,15 @@ def open_sender(interface: str = LOOPBACK) -> socket.socket:
 
 
 class Receiver(socket.socket):
-    """Receives datagrams for a multicast group, which it joins, or for this computer.
+    """Socket that receives datagrams for a multicast group or for this computer.
 
     Args:
-        target: The group or address, and the port. Port 0: any free port.
+        target: Multicast group to join, or address of this computer, and port. Port 0: any free
+            port.
         interface: Address of the network interface.
 
     Attributes:
-        address: The address and port that it is bound to.
+        address: Address and port of the socket.
 
     Raises:
         OmniError: The address is taken, or there is no such interface.
