@@ -127,8 +127,8 @@ def limit_command(
     "controllers",
     metavar="NAME|FILE.py:Class",
     multiple=True,
-    help="Controller to measure; may be repeated. Default: all built-in ones except those that know "
-    "the true state.",
+    help="Controller to measure; may be repeated. Default: all built-in ones that do not know the "
+    "true state.",
 )
 @click.option(
     "--scenario",
