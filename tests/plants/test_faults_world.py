@@ -157,7 +157,7 @@ def test_traction_of_sliding_wheels_follows_the_friction_of_the_moment() -> None
 
 
 def test_a_patch_of_a_fault_acts_like_one_of_the_scenario_while_it_lasts() -> None:
-    """Bit for bit. It takes precedence over other patches, and does not act on robots next to it."""
+    """Bit for bit. It overrides other patches, and does not act on robots next to it."""
     patched = {"friction": 0.8, "patches": [[0, 0, 5.0, 0.3]]}
     fault = {
         "kind": "friction-patch",

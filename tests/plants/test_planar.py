@@ -129,8 +129,8 @@ def test_a_rolling_and_turning_robot_follows_lagranges_equations() -> None:
     solution = solve_ivp(rates, (0, 30 * FRAME_S), [*start, 0.0], rtol=1e-9)
     forward, sideways, rate, heading = solution.y[:, -1]
     x, y, turn_rate = plant.twist()[0]
-    # The tolerance covers creep and the steps of a cycle. If the momentum of rims kept its direction
-    # in the world frame, the error would be 0.022 rad.
+    # The tolerance covers creep and the steps of a cycle. If the momentum of rims kept its
+    # direction in the world frame, the error would be 0.022 rad.
     expected = (forward + 1j * sideways) * np.exp(1j * heading)
     assert np.angle((x + 1j * y) / expected) == pytest.approx(0, abs=0.006)
     assert turn_rate == pytest.approx(rate, rel=0.005)
