@@ -214,12 +214,12 @@ class RobotEkf:
         speed = np.hypot(*self.state[:, TRANSLATION_VELOCITY].T)
         turn_speed = self.dynamics.arm * np.abs(self.state[:, TURN_RATE])
         axis_speeds = np.stack(2 * [speed, speed, turn_speed], 1)
-        evidence = np.minimum(axis_speeds / EVIDENT_SPEED_M_S, 1) ** 2
+        speed_weight = np.minimum(axis_speeds / EVIDENT_SPEED_M_S, 1) ** 2
         trust = np.minimum(TRUSTED_NIS / self.mean_nis, 1)[:, None, None]
         steady_change = STEADY_ACCELERATION_M_S2 * self.period
         unsteadiness = 1 + (speed_change[:, None, None] / steady_change) ** 2
         transition[:, MOTION, RESPONSE_PARAMETERS] *= trust
-        transition[:, MOTION, TRANSLATION_PARAMETERS] *= evidence[..., None] * trust
+        transition[:, MOTION, TRANSLATION_PARAMETERS] *= speed_weight[..., None] * trust
         transition[:, MOTION, TRANSLATION_GAINS] /= unsteadiness
 
     def _add_process_noise(self, covariance: Array, speed_change: Array) -> None:
@@ -230,11 +230,10 @@ class RobotEkf:
             speed_change: Change of the velocity in this step, (n,) m/s.
         """
         scale = np.clip(self.mean_nis, 1, MAX_NOISE_SCALE)
-        absolute = (ACCELERATION_M_S2 * self.period) ** 2
-        unmodeled = absolute + (ACCELERATION_RATIO * speed_change) ** 2
-        covariance[:, [3, 4], [3, 4]] += (scale * unmodeled)[:, None]
-        turn_noise = scale * (TURN_ACCELERATION_RAD_S2 * self.period) ** 2
-        covariance[:, TURN_RATE, TURN_RATE] += turn_noise
+        variance = (ACCELERATION_M_S2 * self.period) ** 2 + (ACCELERATION_RATIO * speed_change) ** 2
+        covariance[:, [3, 4], [3, 4]] += (scale * variance)[:, None]
+        turn_variance = (TURN_ACCELERATION_RAD_S2 * self.period) ** 2
+        covariance[:, TURN_RATE, TURN_RATE] += scale * turn_variance
         covariance += self._parameter_noise
         growth = np.sqrt(scale[:, None, None]) - 1
         parameter_noise = self._parameter_noise[YAW_DISTURBANCES, YAW_DISTURBANCES]
