@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omni_control.command_limiter import CommandLimiter
 from omni_control.controllers.base import (
     RECORDED_ATTRIBUTES,
     Controller,
@@ -26,7 +27,6 @@ from omni_control.estimation.delayed_measurements import MAX_FRAMES_BEHIND
 from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.estimation.vision_tracker import VisionTracker
 from omni_control.kinematics import Array
-from omni_control.reference.motion_limits import CommandLimiter
 
 # Called with the indices (m,) of the robots that failed, and the reason.
 FailureHandler = Callable[[NDArray[np.intp], ControllerError], None]

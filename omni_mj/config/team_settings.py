@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from omni_control.reference.curves import CURVES
+from omni_control.reference.curve_reference import CURVES
 from omni_mj.config.validation import FROM_ROBOT, Poses, SettingsModel, setting
 
 

@@ -19,8 +19,8 @@ from benches.logs import (
 from numpy.typing import NDArray
 
 import omni_mj as om
+from omni_control.command_limiter import CommandLimiter
 from omni_control.reference import MotionLimits
-from omni_control.reference.motion_limits import CommandLimiter
 
 T = 1 / 60
 RECT = om.load_scenario("rect").settings

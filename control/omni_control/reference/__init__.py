@@ -1,13 +1,14 @@
 """References: desired poses and twists of robots over time.
 
-A reference is known in advance (`timed`, `curves`) or planned anew in each frame (`iterated`).
+A reference is known in advance (`waypoint_reference`, `curve_reference`, `sampled_reference`) or
+planned anew in each frame (`replanned_reference`, the paper's "iteratively updated").
 """
 
-from omni_control.reference.curves import CURVES, CurveReference
-from omni_control.reference.iterated import IteratedReference
+from omni_control.reference.curve_reference import CURVES, CurveReference
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.reference.sampled import PerRobotReference, Reference, SampledReference
-from omni_control.reference.timed import TimedReference
+from omni_control.reference.replanned_reference import IteratedReference
+from omni_control.reference.sampled_reference import PerRobotReference, Reference, SampledReference
+from omni_control.reference.waypoint_reference import TimedReference
 
 __all__ = [
     "CURVES",

@@ -1,6 +1,7 @@
 """A bench of a team's parts: the internal names of `omni_control` that its tests use."""
 # ruff: noqa: F401
 
+from omni_control.command_limiter import CommandLimiter
 from omni_control.controllers.adaptive import AdaptiveCompFlc, anticipate
 from omni_control.controllers.baselines import (
     Lqr,
@@ -39,7 +40,6 @@ from omni_control.estimation.vision_tracker import KalmanFilter
 from omni_control.fuzzy_rules import LABELS, FuzzyLaw, compute_memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
 from omni_control.reference import PerRobotReference, Reference
-from omni_control.reference.curves import CURVES, Curve, CurveReference
-from omni_control.reference.iterated import ARRIVAL_RADIUS_M
-from omni_control.reference.motion_limits import CommandLimiter
+from omni_control.reference.curve_reference import CURVES, Curve, CurveReference
+from omni_control.reference.replanned_reference import ARRIVAL_RADIUS_M
 from omni_control.traction import compute_traction_limits

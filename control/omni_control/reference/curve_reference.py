@@ -15,7 +15,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.reference.sampled import SampledReference
+from omni_control.reference.sampled_reference import SampledReference
 from omni_control.reference.speed_profiles import (
     ClosedPath,
     integrate_speed_profile,

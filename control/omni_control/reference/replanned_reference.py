@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.reference.sampled import as_poses
+from omni_control.reference.sampled_reference import as_poses
 
 # Position and heading error within which a way-point is reached.
 ARRIVAL_RADIUS_M, ARRIVAL_ANGLE_RAD = 0.02, 0.1

@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omni_control.kinematics import Array, world_to_body
-from omni_control.reference.iterated import approach_pose
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.reference.sampled import SampledReference, as_poses
+from omni_control.reference.replanned_reference import approach_pose
+from omni_control.reference.sampled_reference import SampledReference, as_poses
 from omni_control.reference.time_scaling import ROUNDING, PathTiming, slow_down_for_wheels
 from omni_control.traction import WheelLimits, max_over_neighbors
 
