@@ -112,5 +112,5 @@ def test_robots_must_start_apart() -> None:
         ([[0, 0, 0], [0.1, 0, 0]], "robot_2/hull"),
         ([[0, 0, 0], [0, 3.65, 0]], "wall_left"),
     ):
-        with pytest.raises(OmniError, match=f"world 0: .*{where}.* mm deep"):
+        with pytest.raises(OmniError, match=f"world 0: .*{where}.* overlap at the start by .* mm"):
             plant_of([noiseless()] * 2, start, per_world=2)
