@@ -35,7 +35,7 @@ hooks: $(VENV)/.installed-test
 bench: $(VENV)/.installed-test
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_fuzzy.py
 	$(BIN)/python tests/bench_recording.py
-	$(BIN)/python tests/bench.py
+	PYTHONPATH=tests/support $(BIN)/python tests/bench.py
 	$(BIN)/python tests/bench_gym.py
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_serve.py
 
