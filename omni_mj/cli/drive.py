@@ -135,7 +135,7 @@ def drive_command(
         return
     scenario = _load_scenario(run.require_scenario(name), controller, robot, connection)
     drive_setup.check_drivable(scenario, connection)
-    rerun_targets: list[Path | str] = [*run.open_viewers(output_options)]
+    rerun_targets = run.open_viewers(output_options)
     folder = output_folders.prepare_folder(out, f"drive-{scenario.name}", OUTPUTS, overwrite)
     if output_options.record:
         rerun_targets.append(folder / "recording.rrd")

@@ -60,7 +60,7 @@ def run_command(
 
     scenario = scenario_options.load_scenario(require_scenario(name))
     simulation = run_scenario.prepare_simulation(scenario)
-    rerun_targets: list[Path | str] = [*open_viewers(output_options)]
+    rerun_targets = open_viewers(output_options)
     folder = output_folders.prepare_folder(out, scenario.name, OUTPUTS, overwrite)
     if output_options.record:
         rerun_targets.append(folder / "recording.rrd")
@@ -167,13 +167,16 @@ def exit_unless_complete(result: "Result", folder: Path, interrupts: Interrupts)
     console.exit_if_failed(result.outcomes)
 
 
-def open_viewers(output_options: options.OutputOptions) -> list[str]:
-    """Open a viewer for --view, and return the URLs of all viewers that show the run live."""
+def open_viewers(output_options: options.OutputOptions) -> list[Path | str]:
+    """Open a viewer for --view, and return the URLs of all viewers that show the run live.
+
+    Callers add the file of a recording.
+    """
     if not output_options.view and output_options.connect is None:
         return []
     from omni_mj.viz.recording import viewer
 
-    urls = []
+    urls: list[Path | str] = []
     if output_options.connect is not None:
         urls.append(viewer.validate_url(output_options.connect))
     if output_options.view:

@@ -132,7 +132,7 @@ def serve_command(
     poses = initial_setup.starting_poses(
         *(initial_setup.parse_robot_ids(values[team], f"--{team}") for team in ("blue", "yellow"))
     )
-    rerun_targets: list[str | Path] = [*run.open_viewers(output_options)]
+    rerun_targets = run.open_viewers(output_options)
     folder = None
     if out is not None:
         folder = output_folders.prepare_folder(out, scenario.name, OUTPUTS, overwrite)
