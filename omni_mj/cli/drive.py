@@ -58,12 +58,7 @@ OUTPUTS = (*run.OUTPUTS, "link.json")
     metavar="HOST[:PORT]",
     help="Where commands are sent. Default: 127.0.0.1:10301 for blue, :10302 for yellow.",
 )
-@click.option(
-    "--interface",
-    metavar="ADDRESS",
-    default="127.0.0.1",
-    help="Address of this computer in the robots' network. Default: 127.0.0.1.",
-)
+@options.INTERFACE
 @click.option(
     "--clock",
     "pace",

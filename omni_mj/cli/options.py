@@ -65,6 +65,12 @@ SEEDS = click.option(
 SUBJECT = click.option(
     "--subject", metavar="NAME", help="Controller to test against all others. Default: none."
 )
+INTERFACE = click.option(
+    "--interface",
+    metavar="ADDRESS",
+    default="127.0.0.1",
+    help="Address of this computer in the network. Default: 127.0.0.1.",
+)
 ALLOW_CODE = click.option(
     "--allow-code",
     is_flag=True,

@@ -81,12 +81,7 @@ PORT = click.IntRange(0, 65_535)
     default="224.5.23.2:10020",
     help="Where detections are sent. Default: 224.5.23.2:10020.",
 )
-@click.option(
-    "--interface",
-    metavar="ADDRESS",
-    default="127.0.0.1",
-    help="Address of this computer in the network. Default: 127.0.0.1.",
-)
+@options.INTERFACE
 @click.option(
     "--duration",
     "duration_s",
