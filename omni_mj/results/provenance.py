@@ -17,7 +17,6 @@ import omni_control
 from omni_control.controllers.registry import CONTROLLERS, get_parameters
 from omni_mj.atomic_files import write_text
 from omni_mj.config import plugins, robot_files
-from omni_mj.config.robot_files import read_model_files
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.summary import package_versions
 
@@ -135,7 +134,7 @@ def _describe_scenario(scenario: Scenario, files: dict[str, bytes]) -> dict[str,
     if name := scenario.settings.model.file:
         entry["model"] = {"name": Path(name).name}
         try:
-            contents = read_model_files(Path(name))
+            contents = robot_files.read_model_files(Path(name))
         except (OSError, ValueError) as error:
             entry["model"]["not_copied"] = f"could not be copied: {error}"
         else:
