@@ -15,7 +15,7 @@ import click
 from omni_control.errors import OmniError, to_printable
 
 if TYPE_CHECKING:
-    from omni_mj.results.result import Outcome, Result
+    from omni_mj.results.result import Outcome
     from omni_mj.studies.run_scenario import AfterFrame, StartProgress
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes; the last is 128 + SIGINT
@@ -105,12 +105,6 @@ def print_summary_sentence(summary: Mapping[str, Any]) -> None:
 
     if sentence := summary_sentence(summary):
         print(textwrap.fill(sentence, TERMINAL_WIDTH), end="\n\n")
-
-
-def print_result(result: "Result", folder: Path, outputs: Iterable[str]) -> None:
-    """Print the table of a study, and the outputs that are in its folder."""
-    print(result.table())
-    print(f"{describe_outputs(folder, outputs)} after {result.wall_s:.0f} s")
 
 
 def describe_outputs(folder: Path, outputs: Iterable[str]) -> str:

@@ -231,9 +231,11 @@ def _run_study(
         result.repeat_command = console.get_command_line()
     with console.report_write_errors(folder):
         result.save_files(folder)
-        if result.table():
+        table = result.table()
+        if table:
             draw(result, folder / name)
     if not output.quiet:
-        console.print_result(result, folder, outputs)
+        print(table)
+        print(f"{console.describe_outputs(folder, outputs)} after {result.wall_s:.0f} s")
     interrupts.exit_if_stopped(result.stopped, f"the results so far are in {folder}")
     console.exit_if_failed(result.outcomes)
