@@ -1,7 +1,6 @@
 """Figure of a comparison: a heat map, or a panel per statistic for a single scenario."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,11 +9,12 @@ from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
 from omni_mj.results.paired_comparison import mean_position_error
+from omni_mj.results.result_tables import Summary
+from omni_mj.results.summary import Entry
 from omni_mj.results.text_table import DASH
 from omni_mj.viz import plotting
 from omni_mj.viz.seed_figure import draw_seed_statistics
 
-Summary = dict[str, Any]
 BASELINES = ("comp-flc", "flc")  # the first of them that was run has the ratio 1
 MAX_RATIO = 10.0  # error over the baseline's error at the upper end of the color scale
 TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10)  # ratios labeled on the color scale
@@ -35,7 +35,7 @@ def save_comparison_figure(summary: Summary, stem: Path) -> None:
             draw_heat_map(entries, summary["privileged"], figure)
 
 
-def draw_heat_map(entries: dict[str, Summary], privileged: list[str], figure: Figure) -> None:
+def draw_heat_map(entries: dict[str, Entry], privileged: list[str], figure: Figure) -> None:
     """Draw the errors of all controllers in all scenarios as a heat map.
 
     A cell shows the maximum position error in a run, in cm, averaged over the seeds. Its color
@@ -78,7 +78,7 @@ def draw_heat_map(entries: dict[str, Summary], privileged: list[str], figure: Fi
     )
 
 
-def _mean_maximum_errors(entries: list[Summary], controllers: list[str]) -> Array:
+def _mean_maximum_errors(entries: list[Entry], controllers: list[str]) -> Array:
     """Return maximum position errors, averaged over the seeds, (scenarios, controllers) m.
 
     An error is infinite if a seed failed, and NaN if the controller was not run.

@@ -1,11 +1,11 @@
 """Tables of a comparison: errors, verdicts, and notes about runs without a result."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from textwrap import fill
 from typing import Any
 
 from omni_mj.results.paired_comparison import SIGNIFICANCE_LEVEL, STATISTIC_LABELS
-from omni_mj.results.result_tables import controller_label, format_mean, results_table
+from omni_mj.results.result_tables import Summary, controller_label, format_mean, results_table
 from omni_mj.results.text_table import (
     DASH,
     TERMINAL_WIDTH,
@@ -15,7 +15,6 @@ from omni_mj.results.text_table import (
     format_table,
 )
 
-Summary = dict[str, Any]
 WITHIN_CHANCE = "?"  # mark of a difference that chance may explain
 
 
@@ -114,7 +113,7 @@ def _verdict_caption(summary: Summary) -> str:
     )
 
 
-def _format_change(comparison: Summary | None) -> str:
+def _format_change(comparison: Mapping[str, Any] | None) -> str:
     """Return the change of an error in %, marked if chance may explain it."""
     if comparison is None or comparison["ratio"] is None:
         return DASH

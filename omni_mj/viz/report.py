@@ -17,8 +17,9 @@ from omni_control.errors import OmniError
 from omni_mj.atomic_files import write_text
 from omni_mj.config.settings import list_settings
 from omni_mj.results import result_tables
+from omni_mj.results.result_tables import Summary
 from omni_mj.results.saturation import METRIC_LABELS
-from omni_mj.results.summary import flatten, read_summary
+from omni_mj.results.summary import Entry, flatten, read_summary
 from omni_mj.results.summary_sentence import summary_sentence
 from omni_mj.results.text_table import DASH, Table, drop_equal_columns, format_number
 from omni_mj.viz.compare_table import verdict_table
@@ -32,7 +33,6 @@ PEAKS = {  # largest value of all motors -> heading
 }
 DISPLACEMENT_RATIOS = ("displacement ratio x", "displacement ratio y")
 WHEELED_PLANTS = {"mujoco", "planar"}  # which ignore the settings [kinematic]
-Summary = dict[str, Any]
 ENVIRONMENT = jinja2.Environment(  # compiles a template once
     loader=jinja2.PackageLoader("omni_mj.viz"),
     autoescape=True,
@@ -144,7 +144,7 @@ def _encode_images(folder: Path) -> dict[str, str]:
     return images
 
 
-def _motor_table(entry: Summary) -> Table:
+def _motor_table(entry: Entry) -> Table:
     """Return effort, limits reached, peaks of the motors and displacement ratios."""
     limits = [f"{label}, %" for label in METRIC_LABELS.values()]
     headings = ["controller", "effort, m/s²", *limits, *PEAKS.values(), *DISPLACEMENT_RATIOS]
@@ -169,7 +169,7 @@ def _motor_table(entry: Summary) -> Table:
     return drop_equal_columns(Table(title, headings, rows, 1), kept_headings=DISPLACEMENT_RATIOS)
 
 
-def _settings_table(entries: Mapping[str, Summary]) -> Table:
+def _settings_table(entries: Mapping[str, Entry]) -> Table:
     """Return the settings in which scenarios differ, or those of one that are not the default."""
     columns = {name: dict(flatten(entry["settings"])) for name, entry in entries.items()}
     if len(entries) == 1:

@@ -3,7 +3,6 @@
 from collections.abc import Collection
 from functools import reduce
 from operator import getitem
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,9 +10,10 @@ from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
 from omni_mj.results.result_tables import describe_plant
+from omni_mj.results.seed_statistics import SeedStatistics
+from omni_mj.results.summary import Entry
 from omni_mj.viz import plotting, style
 
-Summary = dict[str, Any]
 LINE_IN = 0.3  # height of a controller's line
 # Largest ratio of an axis's limits. Smaller errors, such as those of rounding, are not visible.
 MAX_RANGE = 1e4
@@ -29,7 +29,7 @@ PANELS: dict[str, tuple[float, tuple[str, ...]]] = {
 
 
 def draw_seed_statistics(
-    scenario: str, entry: Summary, privileged: Collection[str], figure: Figure
+    scenario: str, entry: Entry, privileged: Collection[str], figure: Figure
 ) -> None:
     """Draw each controller's means over the seeds with their intervals, a panel per statistic.
 
@@ -61,7 +61,7 @@ def draw_seed_statistics(
     figure.suptitle(f"Controllers compared: {scenario}, {describe_plant(entry)}, {seeds}")
 
 
-def _draw_means(axes: Axes, spreads: dict[str, Summary], scale: float) -> Array:
+def _draw_means(axes: Axes, spreads: dict[str, SeedStatistics], scale: float) -> Array:
     """Draw a controller's mean and half interval on each line; return the means, scaled.
 
     The mean is NaN, and is not drawn, if a seed failed or never settled.
