@@ -47,8 +47,9 @@ def to_markdown(summary: Summary) -> str:
     if verdicts.rows:
         verdict_rows = format_markdown(verdicts.headings, verdicts.rows)
         blocks += [f"## {verdicts.title}", _verdict_caption(summary), verdict_rows]
-    for statistic, name in {"max": "Maximum", "mean": "Mean"}.items():
-        blocks += [f"## {name} position error in cm", _error_matrix(summary, statistic)]
+    for statistic, label in STATISTIC_LABELS.items():
+        heading = f"## {label.capitalize()} position error in cm"
+        blocks += [heading, _error_matrix(summary, statistic)]
     definitions = summary["definitions"].items()
     versions = summary["versions"].items()
     blocks += [
