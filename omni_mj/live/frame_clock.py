@@ -14,7 +14,7 @@ from omni_mj.live.ssl_vision import SslVision, VisionCamera
 Pace = Literal["auto", "60", "vision"]
 
 SILENT_S = 0.5  # without a frame, after which robots are commanded to stop
-LOST_S = 3.0  # without a frame, after which the loop continues without vision
+LOST_S = 3.0  # without a frame, after which the loop follows the clock of this computer
 # Time to wait for frames of the other cameras after a frame of the leading camera, s.
 GRACE_S = 0.001
 # Largest relative difference from 60 Hz at which a camera can lead.
@@ -60,7 +60,8 @@ class FrameClock:
                 that sends about 60 frames per second, otherwise the clock.
 
         Raises:
-            OmniError: `pace` is "vision", but the camera does not send about 60 frames per second.
+            OmniError: `pace` is "vision", but the camera is known not to send about 60 frames per
+                second.
         """
         active_cameras = {camera for _, _, camera in self.vision.sightings}
         leader = min(self.vision.cameras, key=lambda number: (number not in active_cameras, number))
@@ -75,7 +76,7 @@ class FrameClock:
         self.leader = leader if pace == "vision" or (pace == "auto" and is_60_hz) else None
 
     def restart(self) -> None:
-        """Start the timing again from the newest frame."""
+        """Forget the last frame, and count skipped frames from 0. Call it after `choose_source`."""
         self.listen_for(SETTLE_S)
         self.skipped, self._tick = 0, -math.inf
 
@@ -86,7 +87,8 @@ class FrameClock:
 
         Args:
             expected: Expected poses of the robots, shape (n, 3), m and rad.
-            on_silence: Called every 0.5 s while no vision packet arrives.
+            on_silence: Called every 0.5 s without a frame of the leading camera. It is not called
+                while the loop follows the clock of this computer.
 
         Returns:
             Measured poses and their ages, see `SslVision.measurements`. Number of frames that were
@@ -107,6 +109,7 @@ class FrameClock:
                 rate = camera.clock.rate
                 self._tick = camera.sent_s
             else:
+                # The camera is lost: follow the clock of this computer from now on.
                 self.leader, now = None, time.monotonic()
                 previous_tick, self._tick = now - LOST_S, now
         elapsed = (

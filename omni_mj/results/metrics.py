@@ -16,9 +16,9 @@ AXES = ("x", "y", "position", "along_track", "cross_track", "heading")
 UNITS = dict.fromkeys(AXES, "m") | {"heading": "rad"}
 PERCENTILE = 99
 STATISTICS = ("max", f"p{PERCENTILE}", "mean", "rms")
-# The reference rests if its positions in the previous and next frame are this close: 30 um/s.
+# The reference rests if its positions in the previous and next frame are at most this far apart.
 STANDSTILL_M = 1e-6
-PEAKS = {  # metric -> channel of the log
+PEAKS = {  # metric, the largest value of a robot's motors -> channel of the log
     "peak_voltage_v": "voltage_peak",
     "peak_current_a": "current_peak",
     "peak_winding_temperature_c": "winding",
@@ -26,7 +26,7 @@ PEAKS = {  # metric -> channel of the log
 SETTLED_M = 0.01  # position error below which a robot has settled
 RECOVERY_WINDOW_S = 2.0  # time after a fault in which its effects are counted
 RECOVERED_M = 0.02  # position error below which a robot has recovered from a fault
-EXCURSION, RECOVERY = "excursion_m", "recovery_s"  # ends of metrics' names
+EXCURSION, RECOVERY = "excursion_m", "recovery_s"  # suffixes of the names of faults' metrics
 
 
 def row_metrics(log: Log, failures: Sequence[Failure] = ()) -> dict[str, Array]:
@@ -36,9 +36,12 @@ def row_metrics(log: Log, failures: Sequence[Failure] = ()) -> dict[str, Array]:
     `effort_m_s2`, `excess_effort_m_s2`, `settle_s`, the keys of `PEAKS` and of
     `saturation_metrics`, `fault_1_excursion_m`, `fault_1_recovery_s` and so on.
 
-    Errors, efforts and settling time of a failed row are infinite, so that failing improves no
-    average. Its other metrics are NaN, because they are not comparable. All metrics of a row
-    without frames are NaN, except for those that are infinite because it failed.
+    Effort is the root mean square of the commanded acceleration. Excess effort is the root of its
+    mean square minus that of the reference's acceleration, at least 0.
+
+    Errors, efforts, settling time and recoveries of a failed row are infinite, so that failing
+    improves no average. Its other metrics are NaN, because they are not comparable. All metrics of
+    a row without frames are NaN, except for those that are infinite because it failed.
 
     Args:
         log: The log.
@@ -126,7 +129,7 @@ def _error_statistics(errors: Mapping[str, Array], lengths: np.ndarray) -> dict[
     names = [f"{axis}_{statistic}_{UNITS[axis]}" for axis in AXES for statistic in STATISTICS]
     metrics = {name: np.full(len(lengths), np.nan) for name in names}
     for row in np.flatnonzero(lengths):
-        error = np.stack([values[: lengths[row], row] for values in errors.values()])
+        error = np.stack([errors[axis][: lengths[row], row] for axis in AXES])
         percentile = np.percentile(error, PERCENTILE, axis=1)
         rms = np.sqrt((error**2).mean(1))
         statistics = np.stack([error.max(1), percentile, error.mean(1), rms], axis=1)
@@ -136,7 +139,7 @@ def _error_statistics(errors: Mapping[str, Array], lengths: np.ndarray) -> dict[
 
 
 def _mean_square_acceleration(velocity: Array) -> Array:
-    """Return the mean square of the acceleration of velocities that start from zero, shape (n,).
+    """Return the mean square of the acceleration of velocities that start from rest, shape (n,).
 
     Args:
         velocity: Shape (frames, n, 2), m/s. NaN where a row has no frame.
@@ -179,8 +182,10 @@ def _settling_times(reference: Array, position_error: Array, lengths: np.ndarray
     """
     step = np.diff(reference, axis=0)
     motion_end = _frames_until_last((step != 0).any(-1) & ~np.isnan(step[..., 0]))
-    settled = _frames_until_last(position_error >= SETTLED_M)
-    return np.where(settled < lengths, np.maximum(settled - motion_end, 0) * PERIOD_S, np.inf)
+    settling_end = _frames_until_last(position_error >= SETTLED_M)
+    return np.where(
+        settling_end < lengths, np.maximum(settling_end - motion_end, 0) * PERIOD_S, np.inf
+    )
 
 
 def _frames_until_last(condition: np.ndarray) -> np.ndarray:

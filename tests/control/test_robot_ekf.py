@@ -11,7 +11,7 @@ from benches.control import (
     DISTURBANCE,
     INVERSE_GAIN,
     LAG,
-    SIZE,
+    STATE_SIZE,
     Array,
     MotionModel,
     RobotEkf,
@@ -189,7 +189,7 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
             total += ((rim.conjugate() * deficit).real + 0.083 * turn_deficit) / compliance
         return total
 
-    state = np.zeros((1, SIZE))
+    state = np.zeros((1, STATE_SIZE))
     state[:, [LAG, CREEP]] = lag, creep
     vectors = (
         np.array([[z.real, z.imag, turn]])
@@ -202,7 +202,7 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
 def test_wheels_at_right_angles_cause_no_turning_at_a_steady_speed() -> None:
     square = Kinematics(np.radians([45.0, 135.0, 225.0, 315.0]), 0.083, 0.0285)
     velocity, deficit = np.array([[0.7, 0.4, 0]]), np.array([[0.4, 1, 0]])
-    state = np.zeros((1, SIZE))
+    state = np.zeros((1, STATE_SIZE))
     state[:, [LAG, CREEP]] = 0.02, 0.05
     turn_rate = YawCoupling(square, 1.0).compute_turn_rate(
         state, velocity, np.zeros((1, 3)), deficit

@@ -4,11 +4,12 @@ For each body axis i (forward, sideways, turning), with the acting command u and
 
     (tau_i + g_i^2 c_i s_i) v'_i = u_i + b_i - f_i sgn(v)_i - g_i v_i
 
-    g    inverse gain 1 / alpha (equation 8): command per steady velocity
+    s    speed of the wheels, m/s
+    g    inverse gain 1 / alpha (equation 8 of the paper): command per steady velocity
     tau  lag of the wheel loops, s
-    c    creep coefficient, s^2/m: adds c times the wheel speed s to the lag, because rubber under
-         traction slips in proportion to speed
-    f    dry friction: velocity that it costs, against the direction of motion sgn(v) = v / s
+    c    creep coefficient, s^2/m: adds g^2 c s to the lag, because rubber under traction slips in
+         proportion to speed
+    f    dry friction: command that it cancels, against the direction of motion sgn(v) = v / s
     b    disturbance: everything else that acts like a command (a collision, a slope, a biased gyro)
 
 A velocity deficit u - v turns the robot in two ways. The wheels yield under traction, each to a
@@ -16,7 +17,7 @@ different degree (`YawCoupling`). A weak or sliding wheel and an eccentric cente
 a commanded turn rate of -kappa (u - v), with the coupling kappa.
 
 A command acts one dead time after it was sent. Of lag, creep and friction only the forward values
-are states. The values of the other axes are proportional to them: see `MotionModel.__init__`.
+are states. The values of the other axes follow by ratios that depend on the geometry.
 """
 
 import numpy as np
@@ -28,12 +29,13 @@ from omni_control.traction import GRAVITY, compute_load_distribution
 # Layout of the state: pose, velocity and disturbance in the world frame, then parameters.
 POSE, VELOCITY, DISTURBANCE = slice(0, 3), slice(3, 6), slice(6, 9)
 HEADING, TURN_RATE = 2, 5
-COUPLING = slice(9, 11)  # turn rate per velocity deficit forward and sideways, rad/m
+# kappa: a velocity deficit adds the turn rate -kappa (u - v); forward and sideways, rad/m.
+COUPLING = slice(9, 11)
 INVERSE_GAIN = slice(11, 14)
 FORWARD_INVERSE_GAIN, SIDEWAYS_INVERSE_GAIN = 11, 12
 DEAD_TIME = 14  # frames
 CREEP, LAG, FRICTION = 15, 16, 17  # forward: s^2/m, s, m/s
-SIZE = 18
+STATE_SIZE = 18
 
 # Typical wheels of the league, for robots with unknown geometry.
 LEAGUE_WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.08, 0.0285)
@@ -76,18 +78,19 @@ class MotionModel:
             creep_ratio = model.creep_sideways_s2_m / model.creep_s2_m
         self._lag_ratios = np.array([1.0, sideways_ratio, turning_ratio])
         self._creep_ratios = np.array([1.0, creep_ratio, turning_ratio])
-        # The velocity lost to dry friction is its force or moment over the stiffness. A friction
-        # force on each rim adds up to the mean of |d_x| forward, and to the moment arm in turning.
+        # The command that dry friction cancels is its force or moment over the stiffness. Friction
+        # forces of the rims add up to the mean of |d_x| forward, and to the moment arm in turning.
         mean_forward_component = np.abs(rim_directions[:, 0]).mean()
         turning_friction_ratio = (
             GYRO_RESIDUAL / self.arm * forward_stiffness / mean_forward_component
         )
         self._friction_ratios = np.array([1.0, sideways_ratio, turning_friction_ratio])
+        # Without known wheel angles, compliant wheels are assumed not to turn the robot.
         self._yaw_coupling = YawCoupling(wheels, GYRO_RESIDUAL if model.geometry else 0.0)
 
         self.prior = np.array(
             [
-                *INVERSE_GAIN.start * [0.0],
+                *np.zeros(INVERSE_GAIN.start),
                 *(1 / np.array([*(model.alpha or UNKNOWN_ALPHA), YAW_ALPHA])),
                 model.delay_frames,
                 model.creep_s2_m,
@@ -113,9 +116,11 @@ class MotionModel:
     def step(self, state: Array, command: Array, duration: Array | float) -> Array:
         """Return the states (..., n, 18) after commands have acted for a duration.
 
+        Only pose and velocity change.
+
         Args:
             state: States (..., n, 18).
-            command: Commands (..., n, 3), world frame.
+            command: Acting commands (..., n, 3), world frame: those sent one dead time earlier.
             duration: Time for which the commands act, one for all or (..., n), s.
         """
         duration = np.asarray(duration, float)[..., None]
@@ -171,7 +176,7 @@ class MotionModel:
         return np.stack([speed, speed, np.hypot(speed, self.arm * velocity[..., 2])], axis=-1)
 
     def _compute_friction(self, state: Array, velocity: Array) -> Array:
-        """Return the velocities (..., n, 3) lost to dry friction at body velocities (..., n, 3)."""
+        """Return the commands that dry friction cancels at body velocities, both (..., n, 3)."""
         rim_speed = np.maximum(self._compute_rim_speeds(velocity), SLOW_M_S)
         direction = velocity * [1.0, 1.0, self.arm] / rim_speed
         return self._friction_ratios * state[..., FRICTION, None] * direction
@@ -208,7 +213,8 @@ class YawCoupling:
         n_wheels = len(geometry.azimuths)
         self._static_load = n_wheels * static
         self._load_transfer = n_wheels / GRAVITY * dynamic[:, :2].T
-        self._arm, self._lever = geometry.arm, gyro_residual / geometry.arm
+        self._arm = geometry.arm
+        self._turn_rate_per_rim_speed = gyro_residual / geometry.arm
 
     def compute_turn_rate(
         self, state: Array, velocity: Array, acceleration: Array, deficit: Array
@@ -233,5 +239,5 @@ class YawCoupling:
         lag, creep = state[..., LAG, None], state[..., CREEP, None]
         stiffness = 1 / (lag + creep * wheel_speed / load)
         traction = stiffness * (deficit[..., :1] * rim_x + deficit[..., 1:2] * rim_y)
-        turn_rate: Array = self._lever * traction.sum(-1) / stiffness.sum(-1)
+        turn_rate: Array = self._turn_rate_per_rim_speed * traction.sum(-1) / stiffness.sum(-1)
         return turn_rate - (state[..., COUPLING] * deficit[..., :2]).sum(-1)

@@ -17,7 +17,7 @@ from omni_control.estimation.motion_model import (
     MIN_LAG_S,
     POSE,
     SIDEWAYS_INVERSE_GAIN,
-    SIZE,
+    STATE_SIZE,
     TURN_RATE,
     VELOCITY,
     MotionModel,
@@ -26,13 +26,17 @@ from omni_control.kinematics import Array, wrap_angle
 
 # Groups of states.
 MOTION = slice(0, 6)  # pose and velocity
-UNMEASURED = slice(6, SIZE)
-PARAMETERS = slice(9, SIZE)
+UNMEASURED = slice(6, STATE_SIZE)
+PARAMETERS = slice(9, STATE_SIZE)
 TRANSLATION_VELOCITY, TRANSLATION_GAINS = slice(3, 5), slice(11, 13)
 YAW_DISTURBANCES = slice(8, 11)  # disturbance of the turn rate, and couplings
-RESPONSE_PARAMETERS = slice(11, SIZE)  # inverse gains, dead time, creep, lag, friction
+RESPONSE_PARAMETERS = slice(11, STATE_SIZE)  # inverse gains, dead time, creep, lag, friction
 # The same without the inverse gain of turning.
-TRANSLATION_PARAMETERS = [FORWARD_INVERSE_GAIN, SIDEWAYS_INVERSE_GAIN, *range(DEAD_TIME, SIZE)]
+TRANSLATION_PARAMETERS = [
+    FORWARD_INVERSE_GAIN,
+    SIDEWAYS_INVERSE_GAIN,
+    *range(DEAD_TIME, STATE_SIZE),
+]
 
 # Prior standard deviations.
 # Inverse gains; then creep, lag and friction relative to their nominal values. Known and unknown:
@@ -109,7 +113,7 @@ class RobotEkf:
         covariance[POSE, POSE] = self._vision_covariance
         self.state = np.tile(self.dynamics.prior, (n, 1))
         self.covariance = np.tile(covariance, (n, 1, 1))
-        step = JACOBIAN_STEP * np.eye(SIZE)
+        step = JACOBIAN_STEP * np.eye(STATE_SIZE)
         self._perturbations = np.concatenate([0 * step[:1], step, -step])[:, None]
         self.memory_frames = model.delay_frames + MAX_DEAD_TIME_CHANGE + 8
         self.mean_nis = np.ones(n)
@@ -120,12 +124,12 @@ class RobotEkf:
 
     def _make_prior_covariance(self, model: TeamModel) -> Array:
         """Return the prior covariance (18, 18); only disturbances and parameters are set."""
-        correlation = np.eye(SIZE)
+        correlation = np.eye(STATE_SIZE)
         forward_sideways = [FORWARD_INVERSE_GAIN, SIDEWAYS_INVERSE_GAIN]
         correlation[forward_sideways, forward_sideways[::-1]] = GAIN_CORRELATION
         gain_sigma, *relative = KNOWN_SIGMA if model.alpha else UNKNOWN_SIGMA
         is_unknown = np.equal([model.creep_s2_m, model.lag_s, model.friction_loss_m_s], 0)
-        sigma = np.zeros(SIZE)
+        sigma = np.zeros(STATE_SIZE)
         sigma[UNMEASURED] = [
             *DISTURBANCE_SIGMA,
             *2 * [COUPLING_SIGMA],
@@ -193,7 +197,7 @@ class RobotEkf:
         command_slope = (older - newer) / (dead_times[2] - dead_times[1])
         commands = command + self._perturbations[..., DEAD_TIME, None] * command_slope
         next_states = self.dynamics.step(self.state + self._perturbations, commands, self.period)
-        plus, minus = next_states[1 : SIZE + 1], next_states[SIZE + 1 :]
+        plus, minus = next_states[1 : STATE_SIZE + 1], next_states[STATE_SIZE + 1 :]
         jacobian = np.moveaxis((plus - minus) / (2 * JACOBIAN_STEP), 0, -1)
         return command, next_states[0], jacobian
 

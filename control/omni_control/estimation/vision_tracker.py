@@ -24,10 +24,10 @@ from omni_control.kinematics import Array, wrap_angle
 DISPLACEMENT_NOISE_RATIO = 0.06
 DRIFT_NOISE_DENSITY = 0.1, 0.1, 0.5  # of the random walk of the drift, m/s and rad/s per sqrt(s)
 DRIFT_TIME_S = 0.5  # time constant with which the drift decays
-# Relative change of the noise scale per frame, per unit by which the NIS differs from 1. The number
-# 0.03 differs in the last bit and would change all results.
+# Relative change of the noise scale per frame, per unit by which the NIS differs from 1. It is not
+# written as 0.03, which differs in the last bit.
 SCALE_GAIN = 1 - 0.97
-MAX_NIS = 9.0  # 3 sigma; larger values change the noise scale no further
+MAX_NIS = 9.0  # 3 sigma; larger values are clipped to this
 SCALE_BOUNDS = 0.1, 100.0
 MIN_MEASUREMENT_SIGMA = 1e-5, 1e-5, 1e-4  # m and rad, for cameras without noise
 
@@ -55,7 +55,7 @@ class KalmanFilter:
         self.pose, (self.drift, self.twist) = pose.copy(), np.zeros((2, *pose.shape))
         # The axes are independent: each has a symmetric 2x2 covariance, stored as three numbers.
         self._pose_variance = np.zeros_like(pose) + self._measurement_variance
-        self._covariance, self._drift_variance = np.zeros((2, *pose.shape))
+        self._cross_covariance, self._drift_variance = np.zeros((2, *pose.shape))
         self._noise_scale = np.ones_like(pose)
         self._innovation, self._innovation_variance = np.full((2, *pose.shape), np.nan)
 
@@ -82,7 +82,8 @@ class KalmanFilter:
             measured_pose: Measured poses, (n, 3); NaN without a measurement, and in every step of a
                 frame but the last.
             displacement: Commanded displacement during the step, (n, 3), m and rad.
-            step: Filters that do not advance, and times of capture.
+            step: Robots whose state stays frozen in this step, and the time from the state to the
+                capture of their measurement.
             capture_displacement: Commanded displacement from the end of the step to the capture of
                 the measurements, (n, 3), m and rad.
         """
@@ -93,17 +94,17 @@ class KalmanFilter:
         return self.pose
 
     def _predict(self, displacement: Array, is_frozen: NDArray[np.bool_]) -> Array:
-        """Advance state and covariance by a frame; return the variance added to the poses."""
+        """Advance state and covariance by a frame; return the variance of displacement noise."""
         period, decay = self._period, self._drift_decay
         process_noise = self._noise_scale * (DISPLACEMENT_NOISE_RATIO * displacement) ** 2
         # With the covariance P: P_xx grows by 2 T P_xb + T^2 P_bb = T (P_xb + (P_xb + T P_bb)).
-        covariance = self._covariance + period * self._drift_variance
-        pose_growth = period * (self._covariance + covariance)
+        cross_covariance = self._cross_covariance + period * self._drift_variance
+        pose_growth = period * (self._cross_covariance + cross_covariance)
         state = [
             self.pose + period * self.drift + displacement,
             decay * self.drift,
             self._pose_variance + pose_growth + process_noise,
-            decay * covariance,
+            decay * cross_covariance,
             decay**2 * self._drift_variance + self._noise_scale * self._drift_noise,
         ]
         if np.count_nonzero(is_frozen):  # faster than .any() on small arrays
@@ -111,11 +112,13 @@ class KalmanFilter:
                 self.pose,
                 self.drift,
                 self._pose_variance,
-                self._covariance,
+                self._cross_covariance,
                 self._drift_variance,
             )
             state = [np.where(is_frozen, *values) for values in zip(previous, state, strict=True)]
-        self.pose, self.drift, self._pose_variance, self._covariance, self._drift_variance = state
+        self.pose, self.drift, self._pose_variance, self._cross_covariance, self._drift_variance = (
+            state
+        )
         return process_noise
 
     def _correct(
@@ -131,15 +134,16 @@ class KalmanFilter:
             measured_pose: Measured poses, (n, 3), NaN without a measurement.
             offset: Time from the state to the capture of the measurements, (n, 1) s.
             capture_displacement: Commanded displacement in that time, (n, 3), m and rad.
-            process_noise: Variance added to the poses in the last step, (n, 3).
+            process_noise: Variance of the displacement noise in the last step, (n, 3), also of
+                frozen robots.
         """
         expected, expected_variance = self.pose, self._pose_variance + self._measurement_variance
         # Covariances of pose and drift with the expected measurement x + offset b.
-        pose_covariance, drift_covariance = self._pose_variance, self._covariance
+        pose_covariance, drift_covariance = self._pose_variance, self._cross_covariance
         if np.count_nonzero(offset):
             expected = self.pose + capture_displacement + offset * self.drift
-            pose_covariance = self._pose_variance + offset * self._covariance
-            drift_covariance = self._covariance + offset * self._drift_variance
+            pose_covariance = self._pose_variance + offset * self._cross_covariance
+            drift_covariance = self._cross_covariance + offset * self._drift_variance
             expected_variance = (
                 pose_covariance
                 + offset * drift_covariance
@@ -160,7 +164,7 @@ class KalmanFilter:
         self.drift = self.drift + drift_gain * innovation
         self._pose_variance = self._pose_variance - pose_gain * pose_covariance
         self._drift_variance = self._drift_variance - drift_gain * drift_covariance
-        self._covariance = self._covariance - pose_gain * drift_covariance
+        self._cross_covariance = self._cross_covariance - pose_gain * drift_covariance
         growth = np.exp(SCALE_GAIN * (np.minimum(nis, MAX_NIS) - 1))
         scale = np.maximum(self._noise_scale * growth, SCALE_BOUNDS[0])
         self._noise_scale = np.minimum(scale, SCALE_BOUNDS[1])
@@ -225,10 +229,12 @@ class VisionTracker:
             frames_behind, offset = step.frames_behind[:, None], step.capture_offset[:, None]
             displacement = sent.get_delayed(latency + frames_behind) * period
             next_command = sent.get_delayed(latency + np.maximum(frames_behind - 1, 0.0))
+            # Not simplified, so that results stay the same to the last bit.
             capture_displacement = offset / period * next_command * period
             measured = accepted if step is self.steps[-1] else np.full_like(accepted, np.nan)
             self.filter.update(measured, displacement, step, capture_displacement)
-        # From the state of the filter to the present.
+        # From the state of the filter to the present: the fractions of a frame in which each
+        # command acts between them.
         frames_behind, drift = self.steps[-1].frames_behind[:, None], self.filter.drift
         fractions = sent.get_pending_fractions(
             latency + frames_behind

@@ -97,7 +97,7 @@ def _accelerate(max_z: Array, coefficients: Array, curvature: Array) -> Array:
         max_z: Upper bounds of the squared speeds, (laps * cells + 1,) m^2/s^2.
         coefficients: For each cell, (3, cells): the ratio k / a of the sine of the acceleration's
             angle to the squared speed, s^2/m^2; the largest change of this angle, rad; and the
-            largest gain of the squared turn rate, rad^2/s^2.
+            largest gain of the squared turn rate, rad^2/s^2. A factor on k is part of the ratio.
         curvature: Absolute curvature at the ends of the cells, (cells + 1,) 1/m.
     """
     scales, rotations, turn_gains = coefficients
@@ -142,13 +142,14 @@ class ClosedPath(NamedTuple):
 def solve_speed_profile_on_wheels(
     path: ClosedPath, limits: MotionLimits, wheels: WheelLimits, capacity: float, laps: int
 ) -> Array:
-    """Return the highest squared speed at the ends of cells within all limits but those of jerk.
+    """Return the highest squared speed at the ends of cells within all limits except jerk.
 
     Args:
         path: Cells of one lap.
         limits: Limits of velocity and acceleration.
         wheels: Limits of the wheels.
-        capacity: Fraction of the friction, drag included, and of the rim speed that may be used.
+        capacity: Usable fraction of the wheels' friction, to which drag counts, and of their
+            highest rim speed.
         laps: Number of laps.
 
     Returns:
@@ -162,13 +163,13 @@ def solve_speed_profile_on_wheels(
     from scipy.sparse import diags_array, vstack
 
     rows, bounds, max_z = _make_constraints(path, limits, wheels, capacity)
-    per_slope = rows @ path.twist / (2 * path.step)
-    per_z = rows @ path.twist_slope / 2
+    per_difference = rows @ path.twist / (2 * path.step)
+    per_sum = rows @ path.twist_slope / 2
     solved_laps, n_cells = min(laps, _N_SOLVED_LAPS), len(path.step)
     n = solved_laps * n_cells
     # Each constraint holds in the middle of a cell, with z' = (z_end - z_start) / step and
     # z = (z_start + z_end) / 2. It couples the z at both ends.
-    at_start, at_end = np.tile([per_z - per_slope, per_z + per_slope], solved_laps)
+    at_start, at_end = np.tile([per_sum - per_difference, per_sum + per_difference], solved_laps)
     matrix = vstack(
         [
             diags_array(ends, offsets=(0, 1), shape=(n, n + 1))
@@ -182,6 +183,8 @@ def solve_speed_profile_on_wheels(
     if not result.success:
         raise OmniError(f"found no speed profile within the limits of the wheels: {result.message}")
     z = np.maximum(result.x, 0)
+    # All middle laps are the second of three solved laps, which begins and ends at nearly the same
+    # speed.
     middle_laps = [z[n_cells : 2 * n_cells]] * (laps - solved_laps)
     return np.concatenate([z[:n_cells], *middle_laps, z[n_cells:]])
 

@@ -27,10 +27,10 @@ from omni_mj.studies.limit.run_deviation_model import SCALE, DeviationModel
 # Indices of the state: deviations of pose and velocity, slowly changing velocity disturbance,
 # heading error c, gyro bias b, and relative error of the kinematic plant's speeds.
 POSE, VELOCITY, DRIFT = slice(0, 3), slice(3, 6), slice(6, 9)
-HEADING_OFFSET, BIAS, GAIN = 9, 10, slice(11, 14)
+HEADING_OFFSET, BIAS, SPEED_ERROR = 9, 10, slice(11, 14)
 N_STATES = 14
-# States whose process noise is tuned by `FeedbackSettings.noise_factor`
-IS_TRANSLATION = np.array([1, 1, 0, 1, 1, 0, 1, 1, 0, 0, 0, 1, 1, 1], bool)
+# States whose process noise is tuned by `FeedbackSettings.noise_factor`.
+IS_TUNED = np.array([1, 1, 0, 1, 1, 0, 1, 1, 0, 0, 0, 1, 1, 1], bool)
 DRIFT_DECAY = np.exp(-1 / 30.0)  # per frame
 MIN_NOISE = 2e-6  # m or rad, of the measured pose; keeps its covariance invertible
 # Standard deviations per frame of model errors: velocity and drift in m/s and rad/s, heading error
@@ -47,8 +47,8 @@ class FeedbackSettings(NamedTuple):
     Attributes:
         weight: Weight of commands relative to deviations in the regulator, s^2. Its square root is
             about the time constant of the feedback.
-        noise_factor: Factor on the standard deviations of the filter's process noise of
-            translation.
+        noise_factor: Factor on the standard deviations of the filter's process noise, for the
+            states in `IS_TUNED`.
     """
 
     weight: float
@@ -81,11 +81,12 @@ class RunTracker:
         padding = [(0, model.delay), (0, 0), (0, 0)]
         self._velocity_matrix = np.pad(model.velocity, padding, "edge")
         self._command_matrix = np.pad(model.command, [(0, 0), *padding], "edge")
-        self._inverse = np.linalg.pinv(self._command_matrix.sum(0))
+        self._command_per_velocity = np.linalg.pinv(self._command_matrix.sum(0))
         self._commands = np.pad(commands, [(self._offset, 0), (0, 0), (0, 0)])
         self._poses = poses
         self._sent = np.zeros((self._offset + model.frames, n, 3))
-        self._headings = np.zeros((model.frames, n))  # sent minus estimated heading
+        # Sent heading minus the filter's heading, in each frame.
+        self._headings = np.zeros((model.frames, n))
         self._frame = -1
         firmware = settings.firmware
         self._heading_gain = has_firmware * PERIOD_S * firmware.heading_gain
@@ -96,9 +97,9 @@ class RunTracker:
         self._vision_covariance = np.diag(
             np.square([position_noise, position_noise, heading_noise])
         )
-        noise, gain, self._gain_decay = _process_noise(scenario)
+        noise, speed_error_sigma, self._speed_error_decay = _process_noise(scenario)
         self._noise = np.array(
-            [np.where(IS_TRANSLATION, robot.noise_factor, 1.0) * noise for robot in feedback]
+            [np.where(IS_TUNED, robot.noise_factor, 1.0) * noise for robot in feedback]
         )
         weights = {robot.weight for robot in feedback}
         regulators = {weight: regulator_gains(model, weight) for weight in weights}
@@ -106,15 +107,12 @@ class RunTracker:
         self._state = np.zeros((n, N_STATES))
         self._covariance = np.zeros((n, N_STATES, N_STATES))
         self._covariance[:, BIAS, BIAS] = has_firmware * settings.sensors.gyro_bias_rad_s**2
-        self._covariance[:, GAIN, GAIN] = gain**2 * np.eye(3)
+        self._covariance[:, SPEED_ERROR, SPEED_ERROR] = speed_error_sigma**2 * np.eye(3)
 
     def __call__(self, measured: Array, heading: Array, last_command: Array) -> Array:
-        """Return the commands of the next frame, before the limits, (n, 3).
+        """Return the commands to send in this frame, before the limits, (n, 3).
 
-        Args:
-            measured: See `predict`.
-            heading: See `predict`.
-            last_command: See `predict`.
+        The arguments are those of `predict`.
         """
         predicted, frame = self.predict(measured, heading, last_command), self._frame
         effective_frame, now = frame + self._delay, frame + self._offset
@@ -130,6 +128,8 @@ class RunTracker:
 
     def predict(self, measured: Array, heading: Array, last_command: Array) -> Array:
         """Advance the filter by a frame, and predict the states at the end of the dead time.
+
+        It must be called once per frame.
 
         Args:
             measured: Poses reported by vision, (n, 3); NaN without a detection.
@@ -171,7 +171,8 @@ class RunTracker:
         """Return the states (..., n, N_STATES) one frame later, from those of a frame."""
         velocity = state[..., VELOCITY] @ self._velocity_matrix[frame].T + state[..., DRIFT]
         for age, matrix in enumerate(self._command_matrix[:, frame]):
-            # B0 acts on the command that was sent a dead time ago, B1 on the one before.
+            # Age 0: the command sent one dead time ago. Age 1: the one before. The stored commands
+            # begin one dead time and one frame before the run.
             command = self._sent[frame - age + 1]
             change = (
                 command - self._commands[frame - age + 1] + self._firmware_error(state, command)
@@ -181,7 +182,7 @@ class RunTracker:
         next_state[..., VELOCITY] = velocity
         next_state[..., POSE] += PERIOD_S * velocity
         next_state[..., DRIFT] *= DRIFT_DECAY
-        next_state[..., GAIN] *= self._gain_decay
+        next_state[..., SPEED_ERROR] *= self._speed_error_decay
         bias = state[..., BIAS]
         next_state[..., HEADING_OFFSET] += PERIOD_S * bias
         if frame >= self._delay:
@@ -197,11 +198,14 @@ class RunTracker:
         offset, bias = state[..., HEADING_OFFSET], state[..., BIAS]
         # Rotation by -c, for a small c
         change = offset * command[:, 1], -offset * command[:, 0], -self._bias_effect * bias
-        return np.stack(change, axis=-1) + state[..., GAIN] * command
+        return np.stack(change, axis=-1) + state[..., SPEED_ERROR] * command
 
     def _disturbance(self, state: Array, command: Array, frame: int) -> Array:
         """Return the command change (n, 3) with the effect of all disturbances in a frame."""
-        return self._firmware_error(state, command) + state[:, DRIFT] @ self._inverse[frame].T
+        return (
+            self._firmware_error(state, command)
+            + state[:, DRIFT] @ self._command_per_velocity[frame].T
+        )
 
     def _correct(self, deviation: Array) -> None:
         """Correct states and covariances with measured deviations (n, 3) from the runs' poses."""
@@ -209,12 +213,12 @@ class RunTracker:
         innovation[:, 2] = wrap_angle(innovation[:, 2])
         is_visible = ~np.isnan(innovation[:, 0])
         innovation_covariance = self._covariance[:, POSE, POSE] + self._vision_covariance
-        gain = (
+        kalman_gain = (
             np.linalg.solve(innovation_covariance, self._covariance[:, POSE]).swapaxes(1, 2)
             * is_visible[:, None, None]
         )
-        self._state = self._state + (gain @ np.nan_to_num(innovation)[..., None])[..., 0]
-        covariance = self._covariance - gain @ self._covariance[:, POSE]
+        self._state = self._state + (kalman_gain @ np.nan_to_num(innovation)[..., None])[..., 0]
+        covariance = self._covariance - kalman_gain @ self._covariance[:, POSE]
         self._covariance = (covariance + covariance.swapaxes(1, 2)) / 2
 
 
@@ -235,7 +239,8 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
     kinematic = settings.kinematic
     deviations[VELOCITY] = 1e-9 + settings.disturbance.velocity_m_s / 3**0.5
     deviations[DRIFT] = 1e-9
-    gain = (
+    # Standard deviations of uniform distributions, here and for the disturbance: width / sqrt(12).
+    speed_error_sigma = (
         (kinematic.alpha_high - kinematic.alpha_low)
         / (kinematic.alpha_high + kinematic.alpha_low)
         / 3**0.5
@@ -245,15 +250,15 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
         if kinematic.alpha_correlation_time_s
         else 0.0
     )
-    deviations[GAIN] = gain * (1 - decay**2) ** 0.5
-    return deviations, gain, decay
+    deviations[SPEED_ERROR] = speed_error_sigma * (1 - decay**2) ** 0.5
+    return deviations, speed_error_sigma, decay
 
 
 def regulator_gains(model: DeviationModel, weight: float) -> Array:
     """Compute the gains of the time-varying linear quadratic regulator.
 
-    They minimize the sum over frames of |dp|^2 + weight |du|^2, with angles times `ARM_M`. The
-    Riccati recursion runs backward from the last frame.
+    They minimize the sum over frames of |dp|^2 + weight |du|^2, with angles scaled to lengths by
+    `SCALE`. The Riccati recursion runs backward from the last frame.
 
     Args:
         model: Deviation model, with F frames.
@@ -274,9 +279,10 @@ def regulator_gains(model: DeviationModel, weight: float) -> Array:
         transition[POSE, POSE] += np.eye(3)
         effect[VELOCITY], effect[6:] = model.command[0, k], np.eye(3)
         effect[POSE] = PERIOD_S * effect[VELOCITY]
-        information = command_cost + effect.T @ cost @ effect
-        gain = np.linalg.solve(information, effect.T @ cost @ transition)
+        command_hessian = command_cost + effect.T @ cost @ effect
+        gain = np.linalg.solve(command_hessian, effect.T @ cost @ transition)
         cost = state_cost + transition.T @ cost @ (transition - effect @ gain)
         gains[k - model.delay] = gain
+    # Commands of the last frames act after the run: they keep the last gain.
     gains[max(model.frames - model.delay, 0) :] = gains[max(model.frames - model.delay - 1, 0)]
     return gains

@@ -30,7 +30,7 @@ from omni_control.estimation.motion_model import (
     DISTURBANCE,
     INVERSE_GAIN,
     LAG,
-    SIZE,
+    STATE_SIZE,
     MotionModel,
     YawCoupling,
 )
