@@ -24,7 +24,9 @@ _MASS_FIELDS = "body_mass", "body_subtreemass", "body_ipos", "body_inertia", "bo
 
 
 class EntryView:
-    """View of some entries of an array over worlds as (k, n): k values of each of n robots.
+    """View of some entries of a batch array as (k, n): k values for each of n robots.
+
+    The robots are in the order of their worlds, then of their slots in a world.
 
     Args:
         array: Array of the batch, which MuJoCo reads and writes, (worlds, ...).
@@ -62,8 +64,9 @@ class RobotViews(ChangeableBodies):
     Attributes:
         qpos: Positions of all joints of a robot.
         qvel: Velocities of all joints of a robot.
-        pose: Position and quaternion (w, x, y, z) of the free joint, (7, n) m and 1.
-        velocity: Velocity and angular velocity of the free joint, (6, n) m/s and rad/s.
+        pose: Position and quaternion (w, x, y, z) of the free joint, (7, n) m and dimensionless.
+        velocity: Velocity (world frame) and angular velocity (body frame) of the free joint, (6, n)
+            m/s and rad/s.
         wheel_angle: Angles of the hubs, (W, n) rad.
         wheel_speed: Speeds of the hubs, (W, n) rad/s.
         gyro: Turn rate at the gyro sensors, (1, n) rad/s.
@@ -74,7 +77,7 @@ class RobotViews(ChangeableBodies):
         wrench: Force and torque on the chassis, world frame, (6, n) N and N m.
         load: Normal forces of the wheels, (W, n) N.
         center_of_mass: Center of mass of the chassis, body frame from the center of the wheels'
-            contacts, (3, n) m. An array, not a view.
+            contacts, (3, n) m. An array, not a view; `write_variation` sets it.
         slip_angle: Angles of the slip hinges, which turn rims on hubs, (W, n) rad.
         slip_speed: Speeds of the slip hinges, (W, n) rad/s.
         slip_limit: Dry friction of the slip hinges, (W, n) N m.
@@ -119,8 +122,9 @@ class RobotViews(ChangeableBodies):
     def write_variation(self, settings: Sequence[Settings], variation: RobotVariation) -> None:
         """Write friction, roller wear and chassis mass of each robot into the models.
 
-        Constants that MuJoCo derives from masses are not updated. They scale contacts and slip
-        hinges, which must be the same for all robots.
+        Call it before `write_drag` and `block_hubs`, which use what it stores. Constants that
+        MuJoCo derives from masses are not updated: they scale contacts and slip hinges, which must
+        be the same for all robots.
 
         Args:
             settings: One per robot.
@@ -211,7 +215,7 @@ class RobotViews(ChangeableBodies):
     # Forces of the carpet, by the laws of `omni_mj.robot.wheel_carpet_forces`
 
     def read_motion(self) -> ChassisMotion:
-        """Return the motion of the centers of the wheels, for robots that stand upright."""
+        """Return the motion of each robot's center of its wheels, for robots that stand upright."""
         x, y, _, w, _, _, z = self.pose.get()
         velocity = self.velocity.get()
         # The quaternion of the heading a is (w, 0, 0, z) = (cos(a / 2), 0, 0, sin(a / 2)).
@@ -228,7 +232,7 @@ class RobotViews(ChangeableBodies):
 
         Args:
             drag: Drag of carpet and bearings.
-            motion: Motion of the centers of the wheels.
+            motion: Motion of the center of the wheels.
             push_force: Push forces on the center of mass, world frame, (2, n) N.
         """
         x, y = rotate(drag.force, motion.cosine, motion.sine)
@@ -303,7 +307,7 @@ class RobotViews(ChangeableBodies):
         self._hub_friction.set(np.where(is_blocked, BLOCKED_HUB_NM, self._nominal_hub_friction))
 
     def displace_robot(self, robot: int, displacement: tuple[float, float, float]) -> None:
-        """See `ChangeableBodies`. Tilt and height of the robot do not change."""
+        """See `ChangeableBodies`. Tilt and height do not change; all speeds become zero."""
         pose = self.pose.get()
         speeds = self.qvel.get()
         x, y, turn = displacement

@@ -61,8 +61,8 @@ def accept_command(
     return s._replace(
         speeds_at_0_deg=x * p.wheel_per_forward + y * p.wheel_per_sideways,
         speeds_at_90_deg=y * p.wheel_per_forward - x * p.wheel_per_sideways,
-        # The loop subtracts gain * measured turn rate, so that a robot that turns at the commanded
-        # rate gets that rate.
+        # The turn loop's output is (1 + gain) r - gain * measured turn rate, which is r if the
+        # robot turns at the commanded rate r.
         turn_rate=turn_rate * (1 + p.turn_rate_gain),
         halt_cycle=halt_cycle,
         in_body_frame=command.in_body_frame,
@@ -191,8 +191,9 @@ def derate_motors(p: FirmwareParameters, s: FirmwareState, winding: Array) -> Fi
     """Limit motor currents near the temperature limit of the windings.
 
     The current I = (V - K w) / R is limited to I_max by |V - K w| <= R I_max, with the voltage V,
-    the back-EMF K w and the resistance R of the data sheet. I_max falls linearly over
-    `DERATING_BAND_K`, to zero at the temperature limit.
+    the back-EMF K w and the resistance R of the data sheet. I_max is the
+    derating current at `DERATING_BAND_K` below the temperature limit, and falls linearly to zero
+    there. Below this band it is unlimited.
 
     Args:
         p: Parameters.
@@ -306,6 +307,7 @@ def _compute_desired_speeds(
         sine = xp.where(s.in_body_frame, 0.0, sine)
     desired_turn_rate = s.turn_rate
     if any_true(is_halted):
+        # Cosine and sine of zero command no translation.
         cosine = xp.where(is_halted, 0.0, cosine)
         sine = xp.where(is_halted, 0.0, sine)
         desired_turn_rate = xp.where(is_halted, 0.0, desired_turn_rate)
