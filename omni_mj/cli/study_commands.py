@@ -9,9 +9,9 @@ import click
 
 from omni_mj.cli import console, options, output_folders
 from omni_mj.cli.interrupts import Interrupts
-from omni_mj.config.scenario import Scenario
 
 if TYPE_CHECKING:
+    from omni_mj.config.scenario import Scenario
     from omni_mj.studies.run_scenario import StartProgress
 
 OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "trajectory.parquet")
@@ -204,7 +204,7 @@ def slip_command(
 
 def _run_study(
     name: str,
-    scenarios: Sequence[Scenario],
+    scenarios: "Sequence[Scenario]",
     measure: "Callable[[StartProgress], Any]",
     draw: Callable[[Any, Path], None],
     output: options.StudyOutput,
