@@ -10,27 +10,21 @@ The value of a setting comes from the first of these that gives one:
 5. the defaults in `omni_mj.config.settings`.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from omni_control.errors import OmniError
 from omni_mj.config import nominal_model, robot_files
 from omni_mj.config.robot_files import DEFAULT_ROBOT
 from omni_mj.config.robot_settings import ModelSettings
 from omni_mj.config.settings import Settings, get_section_classes
-from omni_mj.config.validation import SettingsModel, merge_sections, raise_errors
-
-if TYPE_CHECKING:
-    from omni_mj.mjcf.custom_robot import CustomRobotSpec
+from omni_mj.config.validation import merge_sections, raise_errors
 
 # Sections from which the assumptions of the team are derived.
 HARDWARE_SECTIONS = ("body", "wheels", "motor", "firmware", "drivetrain", "carpet")
-RELATIVE_TOLERANCE = 1e-6  # within which a setting equals the value in MJCF
 _NO_SECTIONS: Mapping[str, Any] = {}  # default of mappings, never changed
 
 
@@ -80,33 +74,6 @@ def resolve_settings(
     return _build_settings(resolved)
 
 
-def read_custom_mjcf(model: ModelSettings) -> "CustomRobotSpec":
-    """Return the custom MJCF robot that the settings name.
-
-    Raises:
-        OmniError: The file does not exist, or lacks something. The message has one line per error.
-    """
-    from omni_mj.mjcf import custom_robot
-
-    return custom_robot.read_custom_robot(model.file)
-
-
-def find_mjcf_contradictions(sections: Mapping[str, Any], mjcf: "CustomRobotSpec") -> Iterator[str]:
-    """Yield a message for each value in sections that differs from a robot's MJCF."""
-    for section, fields in mjcf.implied_settings.items():
-        values = sections.get(section)
-        if not isinstance(values, (Mapping, SettingsModel)):
-            continue
-        values = dict(values)
-        for field, mjcf_value in fields.items():
-            value = values.get(field, mjcf_value)
-            if not _are_equal(mjcf_value, value):
-                yield (
-                    f"{section}.{field} = {value} contradicts {mjcf.file}, which has {mjcf_value}; "
-                    f"change the model, or leave out {section}.{field}"
-                )
-
-
 def _merge_with_mjcf(
     robot_sections: Mapping[str, Any], sections: Mapping[str, Any]
 ) -> dict[str, Any]:
@@ -118,8 +85,11 @@ def _merge_with_mjcf(
     if isinstance(model, Mapping):
         model = merged["model"] = ModelSettings(**model)
     if isinstance(model, ModelSettings) and model.file:
-        mjcf = read_custom_mjcf(model)
-        raise_errors(find_mjcf_contradictions(sections, mjcf))
+        # Imported here, because it imports MuJoCo, which most scenarios do not need for settings.
+        from omni_mj.mjcf.custom_robot import read_custom_robot
+
+        mjcf = read_custom_robot(model.file)
+        raise_errors(mjcf.find_contradictions(sections))
         merged = merge_sections(merged, mjcf.implied_settings)
     return merged
 
@@ -169,13 +139,3 @@ def _derive_assumptions(
 def _build_settings(sections: Mapping[str, Any]) -> Settings:
     """Return settings, with defaults for sections that are left out."""
     return Settings(**{name: {} for name in get_section_classes()} | dict(sections))
-
-
-def _are_equal(number_1: Any, number_2: Any) -> bool:
-    """Return whether two numbers or lists of numbers are equal within tolerance."""
-    try:
-        return np.shape(number_1) == np.shape(number_2) and np.allclose(
-            number_1, number_2, rtol=RELATIVE_TOLERANCE, atol=1e-9
-        )
-    except (TypeError, ValueError):
-        return False

@@ -12,7 +12,7 @@ Changes of the file, in addition to those of each plant (motor constants, fricti
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -23,7 +23,7 @@ import numpy as np
 
 from omni_control.errors import OmniError, to_printable
 from omni_mj.config.robot_files import list_model_files
-from omni_mj.config.validation import raise_errors
+from omni_mj.config.validation import SettingsModel, raise_errors
 from omni_mj.mjcf.model_measurements import WheelGeometry, compute_composite_inertia, measure_wheels
 from omni_mj.mjcf.part_recognition import (
     HINGE,
@@ -34,6 +34,7 @@ from omni_mj.mjcf.part_recognition import (
     find_slip_hinges,
 )
 
+RELATIVE_TOLERANCE = 1e-6  # within which a setting equals the value in MJCF
 # Solver parameters of the friction of hinges, same as in models/ssl_robot.xml.
 _HINGE_FRICTION = {
     "solimp_friction": [0.999, 0.9999, 0.001, 0.5, 2.0],
@@ -74,6 +75,21 @@ class CustomRobotSpec(RobotSpec):
 
     implied_settings: dict[str, dict[str, Any]]
     has_uniform_rollers: bool
+
+    def find_contradictions(self, sections: Mapping[str, Any]) -> Iterator[str]:
+        """Yield a message for each value in sections of settings that differs from the file."""
+        for section, fields in self.implied_settings.items():
+            values = sections.get(section)
+            if not isinstance(values, (Mapping, SettingsModel)):
+                continue
+            values = dict(values)
+            for field, mjcf_value in fields.items():
+                value = values.get(field, mjcf_value)
+                if not _are_equal(mjcf_value, value):
+                    yield (
+                        f"{section}.{field} = {value} contradicts {self.file}, which has "
+                        f"{mjcf_value}; change the model, or leave out {section}.{field}"
+                    )
 
 
 def read_custom_robot(file: str | Path) -> CustomRobotSpec:
@@ -325,3 +341,13 @@ def _find_drive_errors(model: mujoco.MjModel, robot: RobotIndices) -> Iterator[s
         if np.ptp(values) > 1e-6 * np.abs(values).max():
             listed = ", ".join(f"{value:g}" for value in values)
             yield f"motors must be equal, but their {quantity} are {listed}"
+
+
+def _are_equal(number_1: Any, number_2: Any) -> bool:
+    """Return whether two numbers or lists of numbers are equal within tolerance."""
+    try:
+        return np.shape(number_1) == np.shape(number_2) and np.allclose(
+            number_1, number_2, rtol=RELATIVE_TOLERANCE, atol=1e-9
+        )
+    except (TypeError, ValueError):
+        return False

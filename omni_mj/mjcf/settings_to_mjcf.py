@@ -15,12 +15,11 @@ import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.config import resolve
 from omni_mj.config.robot_files import find_robot_mjcf
 from omni_mj.config.robot_settings import BodySettings, ModelSettings, WheelSettings
 from omni_mj.config.settings import Settings
 from omni_mj.config.validation import raise_errors
-from omni_mj.mjcf.custom_robot import RobotSpec
+from omni_mj.mjcf.custom_robot import RobotSpec, read_custom_robot
 from omni_mj.mjcf.model_measurements import (
     compute_composite_inertia,
     compute_point_mass_inertia,
@@ -70,10 +69,10 @@ def build_robot_spec(shape: RobotShape) -> RobotSpec:
     """
     if not shape.model.file:
         return _build_default_robot(shape)
-    custom = resolve.read_custom_mjcf(shape.model)
+    custom = read_custom_robot(shape.model.file)
     motor = {"gear_ratio": shape.gear_ratio, "rotor_inertia_kg_m2": shape.rotor_inertia}
     sections = {"body": shape.body, "wheels": shape.wheels, "motor": motor}
-    raise_errors(resolve.find_mjcf_contradictions(sections, custom))
+    raise_errors(custom.find_contradictions(sections))
     if shape.wheels.model == "two-rollers" and not custom.has_uniform_rollers:
         raise OmniError(
             f"{custom.file}: wheels.model = two-rollers needs equal rollers, in one row, with one "
