@@ -54,11 +54,7 @@ def _derive_facts(settings: Settings) -> Mapping[str, float]:
     """Return the facts that `load_robot` documents, by name."""
     body, wheels, motor = settings.body, settings.wheels, settings.motor
     kinematics = wheels.kinematics
-    rim_speed = (
-        settings.firmware.nominal_voltage_v
-        / (motor.torque_constant_nm_a * motor.gear_ratio)
-        * wheels.radius_m
-    )
+    rim_speed = settings.firmware.nominal_voltage_v / motor.wheel_back_emf_v_s * wheels.radius_m
     support_radius = compute_support_margin(wheels.azimuths_deg, wheels.arm_m, body.com_x_m)
     tipping_limit = support_radius / body.com_height_m * GRAVITY
     axis_facts = {
