@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from omni_control.errors import OmniError, suggest_names
 from omni_mj.config.faults import FAULT_KINDS, Fault, RadioDelay, WheelFault
 from omni_mj.config.plugins import PLANTS, find_plant
-from omni_mj.config.validation import format_value, raise_errors
+from omni_mj.config.validation import collect_errors, format_value, raise_errors
 
 if TYPE_CHECKING:
     from omni_mj.config.settings import Settings
@@ -29,10 +29,8 @@ def parse_faults(fault_list: Any) -> tuple[Fault, ...]:
     faults: list[Fault] = []
     errors: list[str] = []
     for number, fault in enumerate(fault_list, 1):
-        try:
+        with collect_errors(errors, f"fault {number}: "):
             faults.append(fault if isinstance(fault, Fault) else _parse_fault(fault))
-        except OmniError as error:
-            errors += [f"fault {number}: {line}" for line in str(error).splitlines()]
     raise_errors(errors)
     return tuple(faults)
 

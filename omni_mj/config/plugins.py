@@ -16,7 +16,7 @@ from omni_control.controllers.registry import (
     validate_parameters,
 )
 from omni_control.errors import OmniError, suggest_names, to_printable
-from omni_mj.config.validation import raise_errors
+from omni_mj.config.validation import collect_errors, raise_errors
 
 ControllerSpec = str | type[Controller]  # a name, a class path "file.py:Class", or a class
 PLANTS: dict[str, str] = {  # to add a plant, add a line here
@@ -124,12 +124,10 @@ def validate_controller_parameters(
     errors: list[str] = []
     result: dict[str, dict[str, Any]] = {}
     for label, values in parameters.items():
-        try:
+        with collect_errors(errors, f"controller.{label}: "):
             if label not in specs:
                 raise OmniError(f"there is no such controller; {suggest_names(label, specs)}")
             result[label] = validate_parameters(find_controller(specs[label]), values)
-        except OmniError as error:
-            errors += [f"controller.{label}: {line}" for line in str(error).splitlines()]
     raise_errors(errors)
     return result
 

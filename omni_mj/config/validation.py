@@ -190,12 +190,17 @@ def raise_errors(messages: Iterable[str]) -> None:
 
 
 @contextmanager
-def collect_errors(messages: list[str]) -> Iterator[None]:
-    """End the `with` block at an `OmniError`, and append its message to a list."""
+def collect_errors(messages: list[str], prefix: str = "") -> Iterator[None]:
+    """End the `with` block at an `OmniError`, and append its message to a list.
+
+    Args:
+        messages: The list.
+        prefix: Text before each line of the message.
+    """
     try:
         yield
     except OmniError as error:
-        messages.append(str(error))
+        messages.append("\n".join(prefix + line for line in str(error).splitlines()))
 
 
 def format_value(value: object) -> str:
