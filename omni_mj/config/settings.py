@@ -1,6 +1,7 @@
 """All settings of a scenario, in sections. Each field has a meaning, a unit and a range."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from operator import attrgetter
 from typing import Any, Self
 
@@ -123,7 +124,8 @@ class Settings(SettingsModel):
         return self.model_dump(mode="json")
 
 
-def get_section_classes() -> dict[str, type[SettingsModel]]:
+@cache
+def get_section_classes() -> Mapping[str, type[SettingsModel]]:
     """Return a mapping from section to its class, without `controller` and `fault`."""
     classes = {name: field.annotation for name, field in Settings.model_fields.items()}
     return {
