@@ -1,6 +1,6 @@
 """The simulation loop, 60 frames per simulated second.
 
-Each frame: camera, tracker, reference, controller, limits, radio, plant, log. All robots are
+Each frame: camera, pose filter, reference, controller, limits, radio, plant, log. All robots are
 simulated together, as rows of arrays. `Simulation.run` repeats `observe` and `step`.
 """
 
