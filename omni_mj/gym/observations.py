@@ -41,16 +41,16 @@ def encode_observation(
         reference: Desired poses.
         history_length: Number of observed commands, at most those in `observation.sent_commands`.
     """
-    heading = observation.pose[:, 2]
+    heading, predicted_pose = observation.pose[:, 2], observation.predicted_pose
     target, _ = reference.at(frame, observation.pose)
     poses, twists = reference.preview(
-        frame + observation.delay_frames, observation.predicted_pose, PREVIEW_FRAMES[-1] + 1
+        frame + observation.delay_frames, predicted_pose, PREVIEW_FRAMES[-1] + 1
     )
     preview = list(PREVIEW_FRAMES)
     vectors = np.concatenate(
         [
             (target - observation.pose)[None],
-            poses[preview] - observation.predicted_pose,
+            poses[preview] - predicted_pose,
             twists[preview],
             observation.twist[None],
             observation.sent_commands.get_latest(history_length),
