@@ -116,19 +116,15 @@ class Radio:
         self._schedule = FaultSchedule(
             faults, RadioDelay, RadioLoss, RadioBurstLoss, RadioDuplicates, RadioReorder
         )
-        # Probabilities that a packet passes the losses and the bursts.
-        self._loss_pass_probability, self._burst_pass_probability = np.ones((2, n))
+        self._burst_pass_probability = np.ones(n)  # that a packet passes the bursts
         # Active bursts, and whether each is in its lossy state.
         self._burst_states = dict[tuple[int, RadioBurstLoss], bool]()
-        # Probabilities of duplicates and of late packets, and their additional frames.
-        self._duplicate_probability, self._reorder_probability = np.zeros((2, n))
-        self._duplicate_frames, self._reorder_frames = np.zeros((2, n), int)
         self._packets = np.tile(np.asarray(initial_packet, float), (n, 1))
         self._sent_ticks = np.full(n, -1)  # of the packets that robots hold
         self._newest_sent_ticks = np.full(n, -1)  # without duplicates and late packets
         # By tick of arrival, in the order of sending.
         self._deliveries = dict[int, list[_Delivery]]()
-        self._delay = self._nominal_delay  # of packets sent from now on, (n,) ticks
+        self._apply_faults(ActiveFaults([]))
         self._begin_frame()
 
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
@@ -220,9 +216,12 @@ class Radio:
 
     def _apply_faults(self, active: ActiveFaults) -> None:
         """Set delays and probabilities to those of the active faults."""
-        self._delay = self._nominal_delay.copy()
-        self._loss_pass_probability[:] = 1.0
-        self._duplicate_probability[:] = self._reorder_probability[:] = 0.0
+        n = len(self._nominal_delay)
+        self._delay = self._nominal_delay.copy()  # of packets sent from now on, ticks
+        self._loss_pass_probability = np.ones(n)  # that a packet passes the losses
+        # Probabilities of duplicates and of late packets, and their additional frames.
+        self._duplicate_probability, self._reorder_probability = np.zeros((2, n))
+        self._duplicate_frames, self._reorder_frames = np.zeros((2, n), int)
         for row, delay in active.of_kind(RadioDelay):
             self._delay[row] = delay.delay_frames * self._ticks_per_frame
         for row, loss in active.of_kind(RadioLoss):
