@@ -33,12 +33,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from omni_control.controllers.base import COMMAND_LIMITS
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import MotionLimits
 
 Mask = NDArray[np.bool_]
 
-SIMULATOR_LIMITS = 3.7, 26.0  # m/s and rad/s, robots in the league's simulators
+# Robots in the league's simulators, m/s and rad/s.
+SIMULATOR_LIMITS = COMMAND_LIMITS.speed, COMMAND_LIMITS.turn_rate
 STANDSTILL_SPEED_M_S = 0.01  # apparent speed up to which a robot may be standing
 COLLISION_SPEED_RATIO = 2.0  # speed after a collision over the speed before
 FALSE_ALARM = 1e-9  # probability per measurement that noise alone exceeds the margin
