@@ -19,9 +19,16 @@ from typing import ClassVar
 import numpy as np
 
 from omni_control.controllers.base import Controller, Observation, TeamModel
-from omni_control.estimation import motion_model
 from omni_control.estimation.delayed_measurements import MAX_FRAMES_BEHIND
-from omni_control.estimation.motion_model import DISTURBANCE, INVERSE_GAIN, POSE, VELOCITY
+from omni_control.estimation.motion_model import (
+    CREEP,
+    DEAD_TIME,
+    DISTURBANCE,
+    FRICTION,
+    INVERSE_GAIN,
+    POSE,
+    VELOCITY,
+)
 from omni_control.estimation.robot_ekf import RobotEkf
 from omni_control.fuzzy_rules import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
@@ -157,8 +164,7 @@ class InverseFlc(Controller):
             "velocity_disturbance": state[:, DISTURBANCE],
             "nis": ekf.mean_nis,
         }
-        for name in ("dead_time", "creep", "friction"):
-            column = getattr(motion_model, name.upper())
+        for name, column in (("dead_time", DEAD_TIME), ("creep", CREEP), ("friction", FRICTION)):
             self.channels |= {name: state[:, column], f"{name}_sigma": sigma[:, column]}
 
 
