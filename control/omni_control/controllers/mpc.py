@@ -1,16 +1,16 @@
 """Model predictive control with preview: optimal commands for the next frames within the limits.
 
-**Prediction.** Along each body axis the law of `RobotEkf` has a lag that depends on the speed. With
-the reference's speed it is linear. The errors of position and velocity, e_p and e_v, in the world
+**Prediction.** Along each body axis `MotionModel` has a lag that depends on the speed. With the
+reference's speed it is linear. The errors of position and velocity, e_p and e_v, in the world
 frame, obey
 
     e_v(k+1) = D e_v(k) + G w(k)                 D = decay of a velocity in a frame, G = (1 - D) / g
     e_p(k+1) = e_p(k) + C e_v(k) + M w(k) + r    C = displacement during that decay, M = (T - C) / g
 
-Here w is the correction of the command: the command minus the inverse of the law for the reference.
-The inverse reaches the reference's velocities at the ends of each frame, but not its positions: r
-is the position error that it causes in a frame. D, G, C, M act along the body axes; they are
-rotated into the world frame with the heading that is expected in that frame.
+Here w is the correction of the command: the command minus the inverse of the model for the
+reference. The inverse reaches the reference's velocities at the ends of each frame, but not its
+positions: r is the position error that it causes in a frame. D, G, C, M act along the body axes;
+they are rotated into the world frame with the heading that is expected in that frame.
 
 **Quadratic programs.** Per robot: minimize w' H w / 2 + c' w over N corrections w, such that the
 commands s = planned + w satisfy
@@ -52,7 +52,7 @@ _INRADIUS = np.cos(np.pi / 8)  # of an octagon with circumradius 1
 
 
 class Mpc(AdaptiveCompFlc):
-    """mpc: model predictive control with preview, on the identified law, within command limits.
+    """mpc: model predictive control with preview, on the identified model, within command limits.
 
     The state at the time when the command will act is predicted as in adaptive-comp-flc. The
     commands of the next N = 20 frames minimize
