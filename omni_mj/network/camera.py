@@ -202,9 +202,9 @@ class Cameras:
         faults: FaultsByRow,
     ) -> None:
         rates = gather(settings, "rate_hz")
-        self._groups: list[tuple[list[int], _CamerasWithSameRate]] = []
+        self._groups: list[tuple[np.ndarray, _CamerasWithSameRate]] = []
         for rate in np.unique(rates):
-            rows = np.flatnonzero(rates == rate).tolist()
+            rows: np.ndarray = np.flatnonzero(rates == rate)
             cameras = _CamerasWithSameRate(
                 [settings[i] for i in rows], [seeds[i] for i in rows], [faults[i] for i in rows]
             )
