@@ -59,10 +59,8 @@ class Camera:
         n = len(seeds)
         # Remaining images without a detection; negative before the first image.
         self._missed_images = np.full(n, -1.0)
-        self._is_lost, self._is_frozen = np.zeros((2, n), bool)
-        self._wrong_ids: list[tuple[int, VisionWrongId]] = []
-        self._biases: list[tuple[int, VisionBias]] = []
         self._last_measured = np.full((n, 3), np.nan)
+        self._apply_faults(ActiveFaults([]))
 
     def __call__(self, pose: Array, frame: int) -> Array:
         """Return the measured poses (n, 3); NaN for robots that were not detected.
@@ -90,11 +88,7 @@ class Camera:
     def _get_visible_poses(self, pose: Array, frame: int) -> Array:
         """Return the poses that faults show in place of the true poses (n, 3), without noise."""
         if (active := self._schedule.update(frame)) is not None:
-            self._is_lost[:] = self._is_frozen[:] = False
-            self._is_lost[[row for row, _ in active.of_kind(VisionLoss)]] = True
-            self._is_frozen[[row for row, _ in active.of_kind(VisionFreeze)]] = True
-            self._wrong_ids = list(active.of_kind(VisionWrongId))
-            self._biases = list(active.of_kind(VisionBias))
+            self._apply_faults(active)
         uniform, visible = self._fault_noise.next(), pose.copy()
         for row, bias in self._biases:
             if uniform[row, 1] < bias.probability:
@@ -103,6 +97,14 @@ class Camera:
             if uniform[row, 0] < wrong_id.probability:
                 visible[row] = wrong_id.x_m, wrong_id.y_m, np.radians(wrong_id.heading_deg)
         return visible
+
+    def _apply_faults(self, active: ActiveFaults) -> None:
+        """Set lost and frozen images, biases and wrong detections to those of the active faults."""
+        self._is_lost, self._is_frozen = np.zeros((2, len(self._missed_images)), bool)
+        self._is_lost[[row for row, _ in active.of_kind(VisionLoss)]] = True
+        self._is_frozen[[row for row, _ in active.of_kind(VisionFreeze)]] = True
+        self._wrong_ids = list(active.of_kind(VisionWrongId))
+        self._biases = list(active.of_kind(VisionBias))
 
 
 class ImageTiming:
