@@ -38,7 +38,7 @@ class RobotVariation(NamedTuple):
     Attributes:
         friction_factor: Ratio of each wheel's friction to the carpet's, (n, W).
         wear: Loss of each wheel's radius, (n, W) m.
-        magnet_factor: Ratio of each motor's torque constant to the data sheet's, (n, W).
+        magnet_factor: Ratio of each motor's torque constant to the datasheet's, (n, W).
         mass_factor: Ratio of the chassis's mass to the nominal one, (n, 1).
         center_offset: Offset of the chassis's center of mass, forward and sideways, (n, 2) m.
     """

@@ -93,7 +93,7 @@ def make_electronics(
         settings: One per robot.
         kinematics: Geometry of their wheels.
         heading: Heading at the start, (n,) rad.
-        magnet_factor: Ratio of each motor's torque constant to the data sheet's, (W, n).
+        magnet_factor: Ratio of each motor's torque constant to the datasheet's, (W, n).
         n_frames: Number of past headings that the firmware stores, one per frame.
         has_faults: Whether processors and encoders may fail.
     """

@@ -3,7 +3,7 @@
 The firmware estimates the robot's heading, rotates the commanded velocity into the body frame
 (equation 2 of the paper), and computes wheel speeds (inverse of equation 3). It adds a turn-rate
 loop on the gyro, and runs a PID loop for each wheel. The PID loops feed the back-EMF forward,
-computed with the torque constant of the motors' data sheet.
+computed with the torque constant of the motors' datasheet.
 
 The PID loops compute voltages for a nominal battery and command the duty cycle voltage / nominal
 voltage. A battery below the nominal voltage therefore lowers their gain. Loops slower than the
@@ -191,7 +191,7 @@ def derate_motors(p: FirmwareParameters, s: FirmwareState, winding: Array) -> Fi
     """Limit motor currents near the temperature limit of the windings.
 
     The current I = (V - K w) / R is limited to I_max by |V - K w| <= R I_max, with the voltage V,
-    the back-EMF K w and the resistance R of the data sheet. I_max is the
+    the back-EMF K w and the resistance R of the datasheet. I_max is the
     derating current at `DERATING_BAND_K` below the temperature limit, and falls linearly to zero
     there. Below this band it is unlimited.
 

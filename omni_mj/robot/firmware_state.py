@@ -33,8 +33,8 @@ class FirmwareParameters(NamedTuple):
     ki: Array
     kd: Array  # derivative gain of the wheel loop, V s^2/rad; None as ki
     feedforward: Array  # voltage per desired wheel speed, V s/rad
-    nominal_back_emf_constant: Array  # back-EMF per wheel speed, by the data sheet, V s/rad
-    nominal_resistance: Array  # terminal resistance by the data sheet, ohm
+    nominal_back_emf_constant: Array  # back-EMF per wheel speed, by the datasheet, V s/rad
+    nominal_resistance: Array  # terminal resistance by the datasheet, ohm
     nominal_voltage: Array  # nominal voltage of the battery, V
     # Winding temperature at which derating leaves no current, deg C; None if no robot derates
     winding_limit: Array

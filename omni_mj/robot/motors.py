@@ -6,7 +6,7 @@ the resistance X |w| (derived in `omni_mj.config.motor_settings`). A driver is a
 the current, driving or braking, would exceed its limit, the driver sets the voltage at which the
 current is at the limit.
 
-Heat flows through two nodes, as in the thermal rows of maxon's data sheets. The winding receives
+Heat flows through two nodes, as in the thermal rows of maxon's datasheets. The winding receives
 the copper losses R I^2 and passes heat to the housing. The housing receives the commutation losses
 X |w| I^2 and the friction losses (dry friction + viscous friction |w|) |w|, and passes heat to the
 air. The resistance of copper rises with the winding's temperature. The magnets have the housing's
@@ -23,7 +23,7 @@ from omni_mj.config.motor_settings import MotorSettings
 from omni_mj.config.settings import PERIOD_S, Settings, gather
 from omni_mj.robot.array_ops import Array, any_true, clip, namespace
 
-# Temperature at which data sheets state resistance and torque constant, deg C
+# Temperature at which datasheets state resistance and torque constant, deg C
 REFERENCE_C = 25.0
 
 
@@ -61,7 +61,7 @@ def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) ->
 
     Args:
         settings: One per robot.
-        magnet_factor: Ratio of each motor's torque constant to the data sheet's, (W, n).
+        magnet_factor: Ratio of each motor's torque constant to the datasheet's, (W, n).
     """
     sheets = [s.motor for s in settings]
     gear_ratio = gather(sheets, "gear_ratio")

@@ -1,4 +1,4 @@
-"""Motors by their data sheets, and their temperatures by the exact solution of the two nodes."""
+"""Motors by their datasheets, and their temperatures by the exact solution of the two nodes."""
 
 import numpy as np
 import pytest

@@ -187,7 +187,7 @@ def uses_jax(simulation: Simulation) -> bool:
 
 
 class Motor:
-    """A motor by the rows of its data sheet.
+    """A motor by the rows of its datasheet.
 
     Commutation is the voltage of the nominal row less that of resistance and back-EMF. The torque
     of the no-load row is friction.
