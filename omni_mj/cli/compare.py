@@ -77,8 +77,7 @@ def compare_command(
     installed controllers are compared.
     """
     from omni_control.controllers.registry import list_available_controllers
-    from omni_mj.studies import compare_study
-    from omni_mj.viz import compare_figure, compare_table
+    from omni_mj.studies import compare_figure, compare_study, compare_table
 
     plant = scenario_options.plant or "mujoco"
     controllers = scenario_options.controllers or list_available_controllers()
@@ -142,7 +141,7 @@ def _run_comparison(
 def _save_tables(result: "Result", folder: Path) -> None:
     """Write summary.json and compare.md."""
     from omni_mj.atomic_files import write_text
-    from omni_mj.viz import compare_table
+    from omni_mj.studies import compare_table
 
     result.repeat_command = console.get_command_line()
     result.save_summary(folder)

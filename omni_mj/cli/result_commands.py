@@ -65,9 +65,9 @@ def report_command(folders: tuple[Path, ...], out: Path | None) -> None:
         out = folders[0] / "report.html" if len(folders) == 1 else Path("comparison.html")
     if out.suffix != ".html":
         raise OmniError(f"--out {out} must be a file whose name ends in .html")
-    from omni_mj.viz import report
+    from omni_mj.report import html_report
 
-    report.write_report(folders, out)
+    html_report.write_report(folders, out)
     print(f"report in {out}")
 
 

@@ -149,9 +149,9 @@ def report_result(
             from omni_mj.viz import run_figures
 
             run_figures.save_run_figures(result.outcomes[0], folder / "figures", output_options.svg)
-        from omni_mj.viz import report
+        from omni_mj.report import html_report
 
-        report.write_report([folder], folder / "report.html")
+        html_report.write_report([folder], folder / "report.html")
     finally:
         if not quiet:  # at the end, because printing fails if the reader of the output has ended
             _print_tables(result)

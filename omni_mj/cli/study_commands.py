@@ -104,8 +104,8 @@ def limit_command(
     Without noise, commands are learned by repetition (iterative learning control). With noise, a
     linear quadratic regulator follows the learned run.
     """
+    from omni_mj.studies.compare_figure import save_comparison_figure
     from omni_mj.studies.limit.limit_study import check_limit, find_limit
-    from omni_mj.viz.compare_figure import save_comparison_figure
 
     scenario = replace(scenario_options, seed=scenario_options.seed or 0).load_scenario(name)
     check_limit(scenario, iterations)

@@ -1,1 +1,1 @@
-"""Tables, figures, reports, recordings for the rerun viewer, and films of runs."""
+"""Figures of runs, recordings for the rerun viewer, and films."""

@@ -21,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
-from omni_mj.viz import compare_table
+from omni_mj.studies import compare_table
 
 FRAMES, SEEDS = 60, 4
 

@@ -14,7 +14,8 @@ from omni_mj.config import scenario
 from omni_mj.config.settings import PERIOD_S
 from omni_mj.results import metrics, summary
 from omni_mj.results.result import Outcome
-from omni_mj.viz import compare_figure, run_figures, style
+from omni_mj.studies import compare_figure
+from omni_mj.viz import run_figures, style
 
 FRAMES, SPEED, ALPHA = 240, 0.5, 0.8
 NAMES = "path", "command", "error", "alpha", "seeds"  # of the figures of a run with all data

@@ -22,7 +22,7 @@ from omni_mj.results.saturation import METRIC_LABELS
 from omni_mj.results.summary import Entry, flatten, read_summary
 from omni_mj.results.summary_sentence import summary_sentence
 from omni_mj.results.text_table import DASH, Table, drop_equal_columns, format_number
-from omni_mj.viz.compare_table import verdict_table
+from omni_mj.studies.compare_table import verdict_table
 
 # File names of figures in the order of the page; the first one shows the finding.
 FIGURES = ("compare", "seeds", "error", "path", "command", "alpha")
@@ -34,7 +34,7 @@ PEAKS = {  # largest value of all motors -> heading
 DISPLACEMENT_RATIOS = ("displacement ratio x", "displacement ratio y")
 WHEELED_PLANTS = {"mujoco", "planar"}  # which ignore the settings [kinematic]
 ENVIRONMENT = jinja2.Environment(  # compiles a template once
-    loader=jinja2.PackageLoader("omni_mj.viz"),
+    loader=jinja2.PackageLoader("omni_mj.report"),
     autoescape=True,
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,
@@ -105,7 +105,7 @@ def _render_page(folders: Sequence[Path], summaries: Mapping[str, Summary]) -> s
         }
     else:
         # Imported here because matplotlib takes long to import.
-        from omni_mj.viz.compare_figure import save_comparison_figure
+        from omni_mj.studies.compare_figure import save_comparison_figure
 
         kind = "scenarios" if len(summaries) == 1 else "runs"
         page["title"] = f"Comparison of {len(entries)} {kind}"
