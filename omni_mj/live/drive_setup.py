@@ -201,12 +201,12 @@ def _with_measured(
     scenario: Scenario, options: ConnectionOptions, measured: Mapping[str, float]
 ) -> Scenario:
     """Return the scenario with measured values of settings that the user does not fix."""
-    settings = scenario.settings
-    for name, value in measured.items():
-        if not options.is_overridden(name) and np.isfinite(value):
-            section, field = name.split(".")
-            settings = settings.replace(**{section: {field: value}})
-    return scenario.replace(settings=settings)
+    values = {
+        name: value
+        for name, value in measured.items()
+        if not options.is_overridden(name) and np.isfinite(value)
+    }
+    return scenario.replace(settings=distributions.replace_values(scenario.settings, values))
 
 
 def _chosen_ids(
