@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array, body_to_world, wrap_angle
 from omni_mj.config import distributions, plugins, reference_factory
 from omni_mj.config.plugins import label_controller
 from omni_mj.config.scenario import Scenario
@@ -227,12 +227,10 @@ def _chosen_ids(
 
 def _displaced(scenario: Scenario, poses: Array) -> Scenario:
     """Return the scenario with start poses that let references start at the robots' poses."""
-    x, y, heading = reference_factory.build_timed_reference(scenario.settings).poses[0]
-    turn = wrap_angle(poses[:, 2] - heading)
-    c, s = np.cos(turn), np.sin(turn)
-    start_poses = np.column_stack(
-        [poses[:, 0] - (c * x - s * y), poses[:, 1] - (s * x + c * y), turn]
-    )
+    first = reference_factory.build_timed_reference(scenario.settings).poses[0]
+    turn = wrap_angle(poses[:, 2] - first[2])
+    start_poses = poses - body_to_world(first, turn)
+    start_poses[:, 2] = turn
     return scenario.replace(
         settings=scenario.settings.replace(world={"start_poses": start_poses.tolist()})
     )
