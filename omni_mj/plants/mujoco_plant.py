@@ -11,6 +11,7 @@ from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.rows import Row
+from omni_mj.config.settings import CYCLES_PER_FRAME
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mjdata_views import RobotViews
@@ -29,7 +30,6 @@ from omni_mj.robot.electronics import (
     stack_telemetry,
 )
 from omni_mj.robot.firmware import set_heading
-from omni_mj.robot.firmware_state import CYCLES
 from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES, CarpetParameters, Drag, compute_drag
 
 # Number of robots from which several threads are faster than one
@@ -156,7 +156,7 @@ class MujocoPlant(WheeledPlantBase):
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
-        return self.advance_cycles(CYCLES, received)
+        return self.advance_cycles(CYCLES_PER_FRAME, received)
 
     def advance_cycles(self, n_cycles: int, received: ReceivedCommand | None) -> dict[int, str]:
         """Advance by some cycles of 1/960 s, at most to the end of the frame.
@@ -178,7 +178,7 @@ class MujocoPlant(WheeledPlantBase):
             for substep in range(self._substeps):
                 self._batch.step(self._active_worlds)
                 self._after_step(substep == 0, substep == self._substeps - 1)
-        self._cycle = (self._cycle + n_cycles) % CYCLES
+        self._cycle = (self._cycle + n_cycles) % CYCLES_PER_FRAME
         if self._cycle:
             return {}
         self._record = stack_records(self._records)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Kinematics
-from omni_mj.config.settings import Settings, gather
+from omni_mj.config.settings import CYCLES_PER_FRAME, Settings, gather
 from omni_mj.robot.array_ops import Array, namespace, sum_wheels
 from omni_mj.robot.battery import (
     BatteryParameters,
@@ -26,7 +26,6 @@ from omni_mj.robot.firmware import (
     switch_processors,
 )
 from omni_mj.robot.firmware_state import (
-    CYCLES,
     FirmwareCommand,
     FirmwareParameters,
     FirmwareState,
@@ -138,7 +137,7 @@ def begin_frame(
         firmware = set_encoder_scale(firmware, inputs.encoder_scale, wheel_angle)
     if inputs.processor_is_off is not None:
         firmware = switch_processors(p.firmware, firmware, s.cycle, inputs, wheel_angle)
-    firmware = correct_heading(p.firmware, firmware, s.cycle // CYCLES, inputs)
+    firmware = correct_heading(p.firmware, firmware, s.cycle // CYCLES_PER_FRAME, inputs)
     motors = make_motor_state(p.motors, s.motors.winding, s.motors.housing)
     return s._replace(
         firmware=derate_motors(p.firmware, firmware, motors.winding),

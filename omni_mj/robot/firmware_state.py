@@ -10,7 +10,6 @@ from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings, gather
 from omni_mj.robot.array_ops import Array
 
 CYCLE_S = 1 / CYCLE_RATE_HZ  # duration of a cycle, s
-CYCLES = round(PERIOD_S * CYCLE_RATE_HZ)  # number of cycles in a camera frame
 # Current limit at the beginning of derating, relative to the nominal current. The limit then falls
 # linearly to zero at the temperature limit of the winding.
 DERATING_CURRENT_RATIO = 2.0

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from omni_mj.config.settings import CYCLES_PER_FRAME
 from omni_mj.robot.array_ops import Array, namespace, rotate, scan, sum_wheels
 from omni_mj.robot.electronics import (
     CycleRecord,
@@ -13,7 +14,7 @@ from omni_mj.robot.electronics import (
     run_cycle,
     stack_telemetry,
 )
-from omni_mj.robot.firmware_state import CYCLES, FirmwareCommand, FrameInputs
+from omni_mj.robot.firmware_state import FirmwareCommand, FrameInputs
 from omni_mj.robot.planar_dynamics import (
     BodyParameters,
     BodyState,
@@ -71,8 +72,10 @@ def advance_frame(
         return scan(lambda s: advance_cycle(p, s, slow), s, DRAG_CYCLES, cosine)
 
     s = PlanarState(electronics, body)
-    s, nested = scan(advance_drag_cycles, s, CYCLES // DRAG_CYCLES, cosine)
-    record = CycleRecord(*(values.reshape((CYCLES, *values.shape[2:])) for values in nested))
+    s, nested = scan(advance_drag_cycles, s, CYCLES_PER_FRAME // DRAG_CYCLES, cosine)
+    record = CycleRecord(
+        *(values.reshape((CYCLES_PER_FRAME, *values.shape[2:])) for values in nested)
+    )
     s = PlanarState(end_frame(p.electronics, s.electronics, record), s.body)
     return s, make_report(p, s, record)
 
@@ -162,7 +165,7 @@ def is_toppling(p: BodyParameters, s: BodyState) -> Array:
     contact c if it is on the right of it: e x (-m / W - c) < 0, or e x (m + c W) > 0.
     """
     # Moments are sums over the cycles of a frame.
-    weight = sum_wheels(p.static_load) * CYCLES
+    weight = sum_wheels(p.static_load) * CYCLES_PER_FRAME
     moment_x, moment_y = s.tilting_moment[:, None] + p.contact * weight
     edge_x, edge_y = p.edge
     return (edge_x * moment_y > edge_y * moment_x).any(0)

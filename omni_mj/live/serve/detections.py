@@ -11,14 +11,13 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.config.rows import Row
-from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ
+from omni_mj.config.settings import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.live.wire import MM_PER_M
 from omni_mj.live.wire.league_pb2 import Calibration, Detection, FieldSize, Point, Shape, Team
 from omni_mj.mjcf import field
 from omni_mj.network.camera import Camera, ImageTiming
 from omni_mj.network.random_streams import Noise, Seed, Stream
 
-CYCLES_PER_FRAME = CYCLE_RATE_HZ // FRAME_RATE_HZ
 SEED_OFFSET = 1000  # added to a camera's number, so that its seeds differ from those of slots
 BALL_RADIUS_M, ROBOT_RADIUS_M = 0.0215, 0.09
 ROBOT_HEIGHT_M = 0.15  # height of the pattern above the carpet

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_mj import parquet
-from omni_mj.config.settings import FRAME_RATE_HZ
-from omni_mj.live.serve.detections import CYCLES_PER_FRAME, RobotName
+from omni_mj.config.settings import CYCLES_PER_FRAME, FRAME_RATE_HZ
+from omni_mj.live.serve.detections import RobotName
 from omni_mj.live.serve.served_world import ServedWorld
 from omni_mj.live.serve.simulation_requests import robot_label
 from omni_mj.simulation.log import Log

@@ -6,8 +6,8 @@ import numpy as np
 
 from omni_control.kinematics import Array, world_to_body, wrap_angle
 from omni_mj.config.rows import Row
+from omni_mj.config.settings import CYCLES_PER_FRAME
 from omni_mj.plants.mujoco_plant import MujocoPlant
-from omni_mj.robot.firmware_state import CYCLES
 
 AWAY_M = 10.0  # height of the first removed robot; each further one is a meter higher
 # Number of frames for which a robot stores its headings. It ignores older measurements.
@@ -35,7 +35,7 @@ class ServedPlant(MujocoPlant):
     @property
     def cycles_left(self) -> int:
         """Return the number of cycles to the end of the frame; 0 at its beginning."""
-        return -self._cycle % CYCLES
+        return -self._cycle % CYCLES_PER_FRAME
 
     def pose(self) -> Array:
         """Return poses, also between frames, shape (n, 3)."""

@@ -14,9 +14,8 @@ from omni_control.kinematics import Array
 from omni_mj.config.faults import select_faults_of_robot
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import CYCLE_RATE_HZ
+from omni_mj.config.settings import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.live.serve.detections import (
-    CYCLES_PER_FRAME,
     FieldCamera,
     Image,
     RobotName,

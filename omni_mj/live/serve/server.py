@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import cast
 
-from omni_mj.config.settings import CYCLE_RATE_HZ
-from omni_mj.live.serve.detections import CYCLES_PER_FRAME, Image
+from omni_mj.config.settings import CYCLE_RATE_HZ, CYCLES_PER_FRAME
+from omni_mj.live.serve.detections import Image
 from omni_mj.live.serve.served_world import ServedWorld
 from omni_mj.live.serve.simulation_requests import Refusal
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver, error_reason, open_sender

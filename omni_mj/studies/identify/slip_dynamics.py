@@ -34,7 +34,7 @@ import numpy as np
 from omni_control.kinematics import Array, body_to_world, world_to_body
 from omni_control.traction import GRAVITY, compute_load_distribution
 from omni_mj.config import nominal_model
-from omni_mj.config.settings import CYCLE_RATE_HZ, FRAME_RATE_HZ, Settings
+from omni_mj.config.settings import CYCLE_RATE_HZ, CYCLES_PER_FRAME, Settings
 from omni_mj.robot.wheel_carpet_forces import AT_REST_M_S
 from omni_mj.studies.identify.log_segments import LogSegments
 
@@ -104,7 +104,6 @@ class RobotDynamics:
         # Radius at which a roller is spun up
         spin_up_radius = roller_radius - radius * (1 - np.cos(np.pi / n_rollers))
         cycles = round(CYCLE_RATE_HZ / settings.firmware.rate_hz)
-        frame_cycles = CYCLE_RATE_HZ // FRAME_RATE_HZ
         loop_gain = settings.firmware.kp + motor.wheel_back_emf_v_s
         load_distribution = compute_load_distribution(wheels.kinematics, body.com_height_m)
         damping = settings.drivetrain.roller_damping_nm_s
@@ -128,7 +127,8 @@ class RobotDynamics:
             * motor.gear_ratio
             / (motor.resistance_ohm * radius),
             rotor_inertia=motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 / (radius**2 * kg),
-            command_wait=float(np.mean(-frame_cycles * np.arange(cycles) % cycles)) / CYCLE_RATE_HZ,
+            command_wait=float(np.mean(-CYCLES_PER_FRAME * np.arange(cycles) % cycles))
+            / CYCLE_RATE_HZ,
             loop_delay=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / loop_gain,
             gyro_delay=(cycles / 2 + 1) / CYCLE_RATE_HZ,
         )
