@@ -71,7 +71,7 @@ def open_loop_outcome(
     simulation: Simulation,
     start_time: float,
     stopped: str | None,
-    measured: Mapping[str, np.ndarray],
+    row_metrics: Mapping[str, np.ndarray],
 ) -> Outcome:
     """Return the outcome of robots that were commanded without a controller.
 
@@ -82,11 +82,11 @@ def open_loop_outcome(
         simulation: The simulation that was run.
         start_time: Start of the study by `time.perf_counter`, s.
         stopped: Reason why it ended early, or None.
-        measured: Columns of numbers, one value per row.
+        row_metrics: Columns of numbers, one value per row.
     """
     log, failures = simulation.log, list(simulation.failures)
     wall_s = time.perf_counter() - start_time
     entry = summary.scenario_entry(
         scenario, log, failures, {}, wall_s, stopped, simulation.drawn_parameters
     )
-    return Outcome(scenario, entry, simulation.rows, failures, measured)
+    return Outcome(scenario, entry, simulation.rows, failures, row_metrics)

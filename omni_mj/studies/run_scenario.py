@@ -100,12 +100,12 @@ def run_simulation(simulation: Simulation, after_frame: AfterFrame = ignore_fram
     log, drawn = simulation.log, simulation.drawn_parameters
     # The order of failures must not depend on how rows were split into batches.
     failures = sorted(simulation.failures, key=lambda failure: (failure.time_s, failure.row))
-    measured = metrics.row_metrics(log, failures)
+    row_metrics = metrics.row_metrics(log, failures)
     wall_s = time.perf_counter() - start_time
     entry = summary.scenario_entry(
-        simulation.scenario, log, failures, measured, wall_s, stopped, drawn
+        simulation.scenario, log, failures, row_metrics, wall_s, stopped, drawn
     )
-    return Outcome(simulation.scenario, entry, log.rows, failures, measured, log, drawn)
+    return Outcome(simulation.scenario, entry, log.rows, failures, row_metrics, log, drawn)
 
 
 def build_result(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:
