@@ -17,7 +17,7 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.results.result import Result
 from omni_mj.results.seed_statistics import finite_or_none
 from omni_mj.results.text_table import Table, format_number, format_table
-from omni_mj.studies.loop import loop_experiment as experiments
+from omni_mj.studies.loop import loop_experiment
 from omni_mj.studies.loop.loop_experiment import CASES, FREQUENCIES, STEP_M, LoopExperiment
 from omni_mj.studies.loop.loop_metrics import (
     Gains,
@@ -38,8 +38,8 @@ from omni_mj.studies.run_scenario import (
 
 DEFINITIONS = {
     "rest, driving": (
-        f"the robot is at rest, or drives at {experiments.SPEED_M_S:g} m/s and weaves by "
-        f"{experiments.WEAVE_M_S:g} m/s forward and sideways"
+        f"the robot is at rest, or drives at {loop_experiment.SPEED_M_S:g} m/s and weaves by "
+        f"{loop_experiment.WEAVE_M_S:g} m/s forward and sideways"
     ),
     "forward, sideways": "direction of step and disturbance, in the body frame",
     "step": (
@@ -98,7 +98,7 @@ class LoopMeasurement(NamedTuple):
     def report(self) -> dict[str, Any]:
         """Return plain values for JSON; None for a value that does not exist."""
         return {
-            "rms_m_s": experiments.RMS_M_S,
+            "rms_m_s": loop_experiment.RMS_M_S,
             "step_m": STEP_M,
             "step": _finite_fields(self.step_metrics),
             "margins": _finite_fields(self.margins),
@@ -198,7 +198,7 @@ def measure_loop(
         name="loop", description="step responses and margins", paper_table=0
     )
     experiment = LoopExperiment(scenario)
-    stopped = experiment.run(start_progress("loop", experiments.TOTAL_FRAMES))
+    stopped = experiment.run(start_progress("loop", loop_experiment.TOTAL_FRAMES))
     outcome = open_loop_outcome(
         scenario, experiment.simulation, start_time, stopped, experiment.row_labels
     )
@@ -219,9 +219,9 @@ def _evaluate(
 ) -> dict[str, dict[str, LoopMeasurement]]:
     """Return case -> controller -> measurement of an experiment that ran to its end."""
     position, command, disturbance = experiment.paired_responses()
-    command = command[-experiments.MEASURED_FRAMES :]
-    disturbance = disturbance[-experiments.MEASURED_FRAMES :]
-    displacement = position[experiments.WARM_UP_FRAMES :][: experiments.STEP_FRAMES]
+    command = command[-loop_experiment.MEASURED_FRAMES :]
+    disturbance = disturbance[-loop_experiment.MEASURED_FRAMES :]
+    displacement = position[loop_experiment.WARM_UP_FRAMES :][: loop_experiment.STEP_FRAMES]
     displacement = (displacement - displacement[0]).mean(3)
 
     def evaluate_loop(i: int, j: int) -> LoopMeasurement:
