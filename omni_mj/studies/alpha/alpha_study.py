@@ -154,10 +154,9 @@ class AlphaStudy:
 
     def _cause_rows(self) -> Iterator[list[str]]:
         yield ["wheel loop and back-EMF alone", "", *_format_response(self.wheel_loop)]
+        contributions = [self.contributions(name) for name in RESPONSE_FIELDS]
         for cause in CAUSES:
-            contribution = RampResponse(
-                *(self.contributions(name)[cause] for name in RESPONSE_FIELDS)
-            )
+            contribution = RampResponse(*(shares[cause] for shares in contributions))
             yield [f"contribution of {cause}", "", *_format_response(contribution, "+")]
         yield ["sum: the worn robot", "", *_format_response(self.worn)]
 
