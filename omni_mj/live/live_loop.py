@@ -100,11 +100,8 @@ class Live(Simulation):
         ids: Sequence[int],
         max_frames: float = math.inf,
     ) -> None:
-        self.frame_clock, self.ids, self.messages = (
-            frame_clock,
-            list(ids),
-            frame_clock.vision.messages,
-        )
+        self.frame_clock, self.ids = frame_clock, list(ids)
+        self.messages = frame_clock.vision.messages
         self._radio, self._max_frames = radio, max_frames
         super().__init__(scenario)
 
@@ -173,10 +170,8 @@ class Live(Simulation):
             for robot in settings
         ]
         self._nominal_latency = np.array(latency)
-        self._sent, self._turn_rates = (
-            np.zeros_like(start_poses),
-            np.zeros((MEMORY_FRAMES, len(start_poses))),
-        )
+        self._sent = np.zeros_like(start_poses)
+        self._turn_rates = np.zeros((MEMORY_FRAMES, len(start_poses)))
         self.frame_clock.restart()
         return self._plant, self._plant, self
 

@@ -23,9 +23,8 @@ MAX_AGE_S = 0.25
 MAX_DISTANCE_M = 1e3  # from the field's centre
 STORED_FRAMES = 300  # detections of each robot by each camera
 STD_OF_MEDIAN = 1.4826  # standard deviation over median magnitude of normal numbers
-STD_OF_DIFFERENCES = math.sqrt(
-    6.0
-)  # standard deviation of a second difference, 1 -2 1, of independent numbers
+# Standard deviation of a second difference, 1 -2 1, of independent numbers
+STD_OF_DIFFERENCES = math.sqrt(6.0)
 
 
 class PeerClock:
@@ -231,10 +230,8 @@ class SslVision:
             for number, camera in sorted(self.cameras.items())
         ]
         for (color, number, camera), poses in sorted(self.sightings.items()):
-            (x, y, heading), (position_noise, heading_noise) = (
-                poses[-1],
-                noise_deviations(np.array(poses)),
-            )
+            x, y, heading = poses[-1]
+            position_noise, heading_noise = noise_deviations(np.array(poses))
             lines.append(
                 f"{color} {number}: at {x:.3f}, {y:.3f} m, {math.degrees(heading):.1f}°"
                 f" by camera {camera};"

@@ -74,10 +74,8 @@ def starting_poses(blue: Iterable[int], yellow: Iterable[int]) -> dict[RobotName
     result = dict[RobotName, Array]()
     for team, team_numbers, side in ((Team.BLUE, blue, -1.0), (Team.YELLOW, yellow, 1.0)):
         for k, number in enumerate(team_numbers):
-            x, y = (
-                SPACING_M * (1 + k // ROBOTS_PER_COLUMN),
-                SPACING_M * ((ROBOTS_PER_COLUMN - 1) / 2 - k % ROBOTS_PER_COLUMN),
-            )
+            x = SPACING_M * (1 + k // ROBOTS_PER_COLUMN)
+            y = SPACING_M * ((ROBOTS_PER_COLUMN - 1) / 2 - k % ROBOTS_PER_COLUMN)
             result[team, number] = np.array([side * x, -side * y, 0.0 if side < 0 else np.pi])
     if not 1 <= len(result) <= MAX_ROBOTS:
         raise OmniError(
