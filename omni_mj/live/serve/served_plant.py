@@ -34,7 +34,7 @@ class ServedPlant(MujocoPlant):
 
     @property
     def cycles_left(self) -> int:
-        """Return the number of cycles to the end of the frame; 0 at its beginning."""
+        """Number of cycles to the end of the frame; 0 at its beginning."""
         return -self._cycle % CYCLES_PER_FRAME
 
     def pose(self) -> Array:
@@ -70,13 +70,13 @@ class ServedPlant(MujocoPlant):
         super()._begin_frame()
 
     def _move(self, robot: int, pose: Array, height: float, twist: Array) -> None:
-        at, (x, y, heading) = self._views, pose
+        views, (x, y, heading) = self._views, pose
         wheel_speeds = self._world.kinematics.wheel_speeds(world_to_body(twist, heading))
         for array, value in (
-            (at.qvel, 0.0),
-            (at.pose, (x, y, height, np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2))),
-            (at.velocity, (*twist[:2], 0.0, 0.0, 0.0, twist[2])),
-            (at.wheel_speed, wheel_speeds),
+            (views.qvel, 0.0),
+            (views.pose, (x, y, height, np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2))),
+            (views.velocity, (*twist[:2], 0.0, 0.0, 0.0, twist[2])),
+            (views.wheel_speed, wheel_speeds),
         ):
             values = array.get()
             values[:, robot] = value
