@@ -243,7 +243,7 @@ def simulate_drift(
         seed: Seed of the random numbers.
         frames: Number of frames.
         n: Number of robots.
-        scale: Variance of the process noise over that which the filter assumes.
+        scale: Ratio of the process noise's variance to the variance that the filter assumes.
         missed: Fraction of the poses that are not seen.
     """
     rng = np.random.default_rng(seed)
