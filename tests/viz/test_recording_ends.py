@@ -43,13 +43,13 @@ class Breaks(Own):
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
+def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
     """A run of controllers that record own channels; one controller fails."""
     return record_run(tmp_path_factory.mktemp("own") / "recording.rrd", ["flc", Own, Breaks], SHORT)
 
 
-def test_channels_of_controllers_are_recorded(own: RecordedRun) -> None:
-    recorded, table = own.recorded, rows(own.table, "Own")
+def test_channels_of_controllers_are_recorded(recorded_run: RecordedRun) -> None:
+    recorded, table = recorded_run.recorded, rows(recorded_run.table, "Own")
     channels = {entity for entity in recorded.entities() if entity.startswith("/plots/channels/")}
     expected = {
         f"/plots/channels/{c}/{name}"
@@ -67,10 +67,12 @@ def test_channels_of_controllers_are_recorded(own: RecordedRun) -> None:
     assert all({"channels", "pull", "frame_number"} <= names for names in recorded.layouts())
 
 
-def test_a_failed_robot_is_recorded_up_to_its_failure_with_the_cause(own: RecordedRun) -> None:
-    assert sorted(own.recorded.frames("/world/Breaks/robot")) == list(range(70))
-    assert len(own.recorded.frames("/world/Own/robot")) > 100
-    texts = [row[0] for row in own.recorded.column("/events/Breaks", "TextLog:text")]
+def test_a_failed_robot_is_recorded_up_to_its_failure_with_the_cause(
+    recorded_run: RecordedRun,
+) -> None:
+    assert sorted(recorded_run.recorded.frames("/world/Breaks/robot")) == list(range(70))
+    assert len(recorded_run.recorded.frames("/world/Own/robot")) > 100
+    texts = [row[0] for row in recorded_run.recorded.column("/events/Breaks", "TextLog:text")]
     assert next(text for text in texts if "stopped" in text).startswith("1.17 s  Breaks: stopped: ")
     assert len(texts) == len(set(texts))
 
