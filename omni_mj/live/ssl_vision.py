@@ -20,7 +20,7 @@ RATES = 0.2, 5.0  # bounds of the seconds of our clock per second of another clo
 # Largest credible time from capture to sending or to use, s. If the time is negative or larger, the
 # time stamps are from two different clocks.
 MAX_AGE_S = 0.25
-MAX_DISTANCE_M = 1e3  # from the field's centre
+MAX_DISTANCE_M = 1e3  # from the field's center
 STORED_FRAMES = 300  # detections of each robot by each camera
 STD_OF_MEDIAN = 1.4826  # standard deviation over median magnitude of normal numbers
 # Standard deviation of a second difference, 1 -2 1, of independent numbers

@@ -76,7 +76,7 @@ class FieldCamera:
         self.due = self._cycle_of(0)
         columns, lines = CAMERA_GRIDS[self._vision.cameras]
         cell = np.array(field.SURFACE_M) / (columns, lines)
-        self._centre = (
+        self._center = (
             cell * (number % columns + 0.5, number // columns + 0.5) - np.array(field.SURFACE_M) / 2
         )
         self._half = (cell + self._vision.overlap_m) / 2
@@ -140,7 +140,7 @@ class FieldCamera:
 
     def calibration(self) -> Calibration:
         """Return the calibration: the camera looks straight down, without distortion."""
-        (x, y), z = MM_PER_M * self._centre, MM_PER_M * CAMERA_HEIGHT_M
+        (x, y), z = MM_PER_M * self._center, MM_PER_M * CAMERA_HEIGHT_M
         width, height = IMAGE_SIZE
         return Calibration(
             camera_id=self._number,
@@ -164,7 +164,7 @@ class FieldCamera:
 
     def _covers(self, points: Array) -> np.ndarray:
         """Return whether each point, shape (n, 2), is in the camera's field of view."""
-        return np.asarray((np.abs(points - self._centre) <= self._half).all(1))
+        return np.asarray((np.abs(points - self._center) <= self._half).all(1))
 
     def _cycle_of(self, frame: int) -> int:
         """Return the first cycle at or after the time of an image."""
