@@ -32,6 +32,13 @@ def wrap_angle(angle: ArrayLike) -> Array:
     return np.minimum(np.maximum(wrapped, _ABOVE_MINUS_PI), np.pi)
 
 
+def compute_pose_error(target: Array, pose: Array) -> Array:
+    """Return `target` minus `pose`, both (n, 3), with the heading error in (-pi, pi]."""
+    error = target - pose
+    error[:, 2] = wrap_angle(error[:, 2])
+    return error
+
+
 def body_to_world(twist: ArrayLike, heading: ArrayLike) -> Array:
     """Rotate body twists (..., 3) by `heading` (...) in rad into the world frame (equation 2)."""
     twist = np.asarray(twist, float)

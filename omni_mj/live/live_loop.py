@@ -7,7 +7,7 @@ import numpy as np
 
 from omni_control.controllers.base import Observation
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array, Kinematics, wrap_angle
+from omni_control.kinematics import Array, Kinematics, compute_pose_error
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
@@ -178,7 +178,7 @@ class Live(Simulation):
     def observe(self) -> Observation:
         """See `Simulation`. The estimated pose is recorded in place of the unknown true pose."""
         if self._observation is None:
-            difference = super().observe().extrapolated_pose - self.team.estimate
-            difference[:, 2] = wrap_angle(difference[:, 2])
+            vision = super().observe().extrapolated_pose
+            difference = compute_pose_error(vision, self.team.estimate)
             self._pose = self.team.estimate + np.nan_to_num(difference)
         return super().observe()

@@ -9,19 +9,12 @@ import numpy as np
 
 from omni_control.controllers.base import Controller, Observation, TeamModel
 from omni_control.delay_compensation import CommandHistory
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array, compute_pose_error
 from omni_control.reference import Reference
 
 # Assumed deceleration of a braking robot, as a fraction of the limit of commanded acceleration.
 # Wheels may slide at less than the limit, and commands act after the latency.
 BRAKING_FRACTION = 0.25
-
-
-def compute_pose_error(target: Array, pose: Array) -> Array:
-    """Return `target` minus `pose`, both (n, 3), with the heading error in (-pi, pi]."""
-    error = target - pose
-    error[:, 2] = wrap_angle(error[:, 2])
-    return error
 
 
 class NominalRobot:

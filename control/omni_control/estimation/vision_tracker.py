@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from omni_control.delay_compensation import CommandHistory
 from omni_control.estimation.delayed_measurements import FilterStep, plan_steps
 from omni_control.estimation.outlier_gate import OutlierGate
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array, compute_pose_error
 
 # Standard deviation of the displacement in a frame, relative to the commanded displacement.
 DISPLACEMENT_NOISE_RATIO = 0.06
@@ -150,8 +150,7 @@ class KalmanFilter:
                 + self._measurement_variance
                 + np.maximum(offset / self._period, 0.0) * process_noise
             )
-        innovation = measured_pose - expected
-        innovation[:, 2] = wrap_angle(innovation[:, 2])
+        innovation = compute_pose_error(measured_pose, expected)
         self._innovation, self._innovation_variance = innovation, expected_variance
         nis = innovation**2 / expected_variance
         pose_gain = pose_covariance / expected_variance

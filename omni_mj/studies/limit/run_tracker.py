@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array, compute_pose_error, wrap_angle
 from omni_mj.config.faults import WHEELED_PLANTS
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S
@@ -209,8 +209,7 @@ class RunTracker:
 
     def _correct(self, deviation: Array) -> None:
         """Correct states and covariances with measured deviations (n, 3) from the runs' poses."""
-        innovation = deviation - self._state[:, POSE]
-        innovation[:, 2] = wrap_angle(innovation[:, 2])
+        innovation = compute_pose_error(deviation, self._state[:, POSE])
         is_visible = ~np.isnan(innovation[:, 0])
         innovation_covariance = self._covariance[:, POSE, POSE] + self._vision_covariance
         kalman_gain = (
