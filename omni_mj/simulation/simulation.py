@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from omni_control.controllers.base import Controller, Observation
-from omni_control.errors import OmniError, to_printable
+from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
 from omni_mj.config import fault_checks, plugins, reference_factory
@@ -108,6 +108,10 @@ class Simulation:
         self._initial_rows = rows or build_rows(
             self._controller_classes, seed_list, scenario.settings_for_seed, scenario.robot
         )
+        for label in dict.fromkeys(row.controller for row in self._initial_rows):
+            if label not in self._controller_classes:
+                hint = suggest_names(label, self._controller_classes)
+                raise OmniError(f"a row names the controller {label!r}; {hint}")
         self._check_rows()
         self._choose_backend()
         self.reset()
