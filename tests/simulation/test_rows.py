@@ -13,6 +13,8 @@ from benches.short_simulations import (
     variants,
 )
 
+import omni_mj as om
+
 ROUTE = ("reference.waypoints=[[0,0],[0.25,0]]", "reference.settle_s=0.1", *FAST)
 
 
@@ -164,3 +166,11 @@ def test_robots_of_one_world_drive_next_to_each_other(plant: str) -> None:
     np.testing.assert_allclose(ref[:, 1, 2], 0.5 * np.pi)
     error = np.linalg.norm((log.channel("pose") - ref)[..., :2], axis=-1)
     assert error.max() < 0.06
+
+
+def test_a_row_whose_controller_the_scenario_lacks_is_named() -> None:
+    rows = simulation("kinematic", ROUTE, ("flc",), seeds=1).rows
+    with pytest.raises(
+        om.OmniError, match="a row names the controller 'flc'; choose from comp-flc"
+    ):
+        om.Simulation(om.load_scenario("rect", plant="kinematic"), ["comp-flc"], rows=rows)
