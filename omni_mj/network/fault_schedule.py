@@ -1,5 +1,6 @@
 """Faults that are active in each frame, for all rows of a batch."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -37,9 +38,18 @@ class FaultSchedule:
             if isinstance(fault, kinds)
         ]
         self._active: list[tuple[int, Fault]] = []
+        self._next_change = 0.0  # frame before which nothing starts or ends
 
     def update(self, frame: int) -> ActiveFaults | None:
-        """Return the faults that are active in a frame, or None if they have not changed."""
+        """Return the faults that are active in a frame, or None if they have not changed.
+
+        Args:
+            frame: Number of the frame, not below that of the previous call.
+        """
+        if frame < self._next_change:
+            return None
+        changes = (change for *_, start, end in self._spans for change in (start, end))
+        self._next_change = min((change for change in changes if change > frame), default=math.inf)
         active = [(row, fault) for row, fault, start, end in self._spans if start <= frame < end]
         if active == self._active:
             return None
