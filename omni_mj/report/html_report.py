@@ -15,6 +15,7 @@ import jinja2
 
 from omni_control.errors import OmniError
 from omni_mj.atomic_files import write_text
+from omni_mj.config.faults import WHEELED_PLANTS
 from omni_mj.config.settings import list_settings
 from omni_mj.results import result_tables
 from omni_mj.results.result_tables import Summary
@@ -32,7 +33,6 @@ PEAKS = {  # largest value of all motors -> heading
     "peak_winding_temperature_c": "winding, °C",
 }
 DISPLACEMENT_RATIOS = ("displacement ratio x", "displacement ratio y")
-WHEELED_PLANTS = {"mujoco", "planar"}  # which ignore the settings [kinematic]
 ENVIRONMENT = jinja2.Environment(  # compiles a template once
     loader=jinja2.PackageLoader("omni_mj.report"),
     autoescape=True,
@@ -187,7 +187,7 @@ def _settings_table(entries: Mapping[str, Entry]) -> Table:
         for name, entry in entries.items():
             columns[name] |= {"plant": entry["plant"], "robot": entry["robot"]}
     names = list(dict.fromkeys(name for values in columns.values() for name in values))
-    if {entry["plant"] for entry in entries.values()} <= WHEELED_PLANTS:
+    if all(entry["plant"] in WHEELED_PLANTS for entry in entries.values()):
         names = [name for name in names if not name.startswith("kinematic.")]
     rows = []
     for name in names:

@@ -74,12 +74,11 @@ class FieldCamera:
         # The fraction of a widely scaled normal number is uniformly distributed.
         self._phase_s = 0.0 if number == 0 else phase * 1e3 % 1.0 / self._vision.rate_hz
         self.due = self._cycle_of(0)
-        columns, lines = CAMERA_GRIDS[self._vision.cameras]
-        cell = np.array(field.SURFACE_M) / (columns, lines)
-        self._center = (
-            cell * (number % columns + 0.5, number // columns + 0.5) - np.array(field.SURFACE_M) / 2
-        )
-        self._half = (cell + self._vision.overlap_m) / 2
+        grid = CAMERA_GRIDS[self._vision.cameras]
+        cell_size = field.CARPET_SIZE_M / grid
+        cell_y, cell_x = divmod(number, grid[0])
+        self._center = cell_size * (cell_x + 0.5, cell_y + 0.5) - field.CARPET_SIZE_M / 2
+        self._half_size = (cell_size + self._vision.overlap_m) / 2
 
     def set_robots(self, rows: Sequence[Row], cycle: int) -> None:
         """Observe other robots from a cycle on; times of faults are relative to this cycle."""
@@ -144,7 +143,7 @@ class FieldCamera:
         width, height = IMAGE_SIZE
         return Calibration(
             camera_id=self._number,
-            focal_length=CAMERA_HEIGHT_M * np.min(IMAGE_SIZE / (2 * self._half)),
+            focal_length=CAMERA_HEIGHT_M * np.min(IMAGE_SIZE / (2 * self._half_size)),
             principal_point_x=width / 2,
             principal_point_y=height / 2,
             distortion=0.0,
@@ -164,7 +163,7 @@ class FieldCamera:
 
     def _covers(self, points: Array) -> np.ndarray:
         """Return whether each point, shape (n, 2), is in the camera's field of view."""
-        return np.asarray((np.abs(points - self._center) <= self._half).all(1))
+        return np.asarray((np.abs(points - self._center) <= self._half_size).all(1))
 
     def _cycle_of(self, frame: int) -> int:
         """Return the first cycle at or after the time of an image."""
@@ -179,11 +178,11 @@ def standard_field() -> FieldSize:
         "goal_width": field.GOAL_WIDTH_M,
         "goal_depth": field.GOAL_DEPTH_M,
         "goal_height": field.GOAL_HEIGHT_M,
-        "boundary_width": (field.SURFACE_M[0] - field.LENGTH_M) / 2,
-        "penalty_area_depth": field.DEFENCE_DEPTH_M,
-        "penalty_area_width": field.DEFENCE_WIDTH_M,
-        "center_circle_radius": field.CIRCLE_RADIUS_M,
-        "line_thickness": field.LINE_M,
+        "boundary_width": field.MARGIN_M,
+        "penalty_area_depth": field.PENALTY_AREA_DEPTH_M,
+        "penalty_area_width": field.PENALTY_AREA_WIDTH_M,
+        "center_circle_radius": field.CENTER_CIRCLE_RADIUS_M,
+        "line_thickness": field.LINE_WIDTH_M,
     }
     size = FieldSize(
         ball_radius=MM_PER_M * BALL_RADIUS_M, max_robot_radius=MM_PER_M * ROBOT_RADIUS_M

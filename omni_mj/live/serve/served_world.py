@@ -43,7 +43,7 @@ from omni_mj.live.wire.league_pb2 import (
     Team,
 )
 from omni_mj.mjcf import world_builder
-from omni_mj.mjcf.field import SURFACE_M
+from omni_mj.mjcf.field import CARPET_SIZE_M
 from omni_mj.network.radio import Radio
 
 MAX_ROBOTS = 12
@@ -223,7 +223,7 @@ class ServedWorld:
 
     def _find_obstacle(self, name: RobotName, poses: Mapping[RobotName, Array]) -> str | None:
         """Return "a wall" or "a robot" if the named robot overlaps with one, else None."""
-        if (np.abs(poses[name][:2]) > np.array(SURFACE_M) / 2 - self._reach + CLEARANCE_M).any():
+        if (np.abs(poses[name][:2]) > CARPET_SIZE_M / 2 - self._reach + CLEARANCE_M).any():
             return "a wall"
         distances = [
             math.dist(pose[:2], poses[name][:2])

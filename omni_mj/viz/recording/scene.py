@@ -58,7 +58,7 @@ def log_references(stream: FrameStream, references: Sequence[Array]) -> None:
 def log_field(stream: FrameStream) -> None:
     """Log carpet, lines and goals."""
     carpet = rr.Boxes3D(
-        half_sizes=[*np.array(field.SURFACE_M) / 2, 0.01],
+        half_sizes=[*field.CARPET_SIZE_M / 2, 0.01],
         centers=[0, 0, -0.011],
         colors=[CARPET_COLOR],
         fill_mode="solid",
@@ -70,10 +70,10 @@ def log_field(stream: FrameStream) -> None:
     )
     stream.log("world/field/goals", goals, static=True)
     angle = np.linspace(0, 2 * np.pi, 73)
-    circle = field.CIRCLE_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
+    circle = field.CENTER_CIRCLE_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
     lines = [circle, *np.reshape([*field.get_field_lines().values()], (-1, 2, 2))]
     strips = [points_above(line, 0.0) for line in lines]
-    shape = rr.LineStrips3D(strips, colors=[LINE_COLOR], radii=field.LINE_M / 2)
+    shape = rr.LineStrips3D(strips, colors=[LINE_COLOR], radii=field.LINE_WIDTH_M / 2)
     stream.log("world/field/lines", shape, static=True)
 
 
