@@ -37,9 +37,7 @@ from omni_mj.results.result import Result
 from omni_mj.results.text_table import Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.alpha.operating_conditions import (
-    AXES,
     CAUSES,
-    CONDITION_LABELS,
     CONDITION_VALUES,
     DIRECTIONS,
     PROFILE,
@@ -149,8 +147,7 @@ class AlphaStudy:
         yield ["the scenario's settings", "", *_format_response(self.baseline)]
         for name, response in self.by_condition.items():
             for i, value in enumerate(self.condition_values[name]):
-                label = "" if i else CONDITION_LABELS[name]
-                yield [label, f"{value:g}", *_format_response(response.at(i))]
+                yield ["" if i else name, f"{value:g}", *_format_response(response.at(i))]
 
     def _cause_rows(self) -> Iterator[list[str]]:
         yield ["wheel loop and back-EMF alone", "", *_format_response(self.wheel_loop)]
@@ -303,10 +300,7 @@ def _build_study(condition_values: ConditionValues, response: RampResponse) -> A
 def _format_response(response: RampResponse, sign: str = "") -> list[str]:
     """Return each quantity as text, forward and sideways separated by a slash."""
     return [
-        "/".join(
-            f"{factor * getattr(response, name)[axis]:{sign}.{digits}f}"
-            for axis in range(len(AXES))
-        )
+        "/".join(f"{factor * value:{sign}.{digits}f}" for value in getattr(response, name)[:2])
         for name, (factor, digits) in _FORMATS.items()
     ]
 

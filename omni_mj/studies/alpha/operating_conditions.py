@@ -1,7 +1,8 @@
 """Operating conditions of the alpha study, and the causes of lost gain and of lag.
 
-Conditions are varied one by one. Causes are removed in all combinations (an ablation). Shapley
-values are the contributions of the causes.
+A condition is a setting, `section.field`, or a field of the velocity profile. Conditions are varied
+one by one. Causes are removed in all combinations (an ablation). From the responses,
+`shapley_values` computes the contribution of each cause.
 """
 
 import itertools
@@ -11,63 +12,34 @@ from dataclasses import replace
 
 import numpy as np
 
-from omni_control.errors import OmniError, suggest_names
 from omni_control.kinematics import Array
+from omni_mj.config.distributions import replace_values
 from omni_mj.config.motor_settings import RAD_S_PER_RPM
-from omni_mj.config.settings import Settings
+from omni_mj.config.settings import Settings, find_setting
 from omni_mj.results.ramp_response import RampProfile
 
 ConditionValues = Mapping[str, Sequence[float]]
 # The fastest profile with which TIGERs Mannheim identify their robots
 PROFILE = RampProfile(speed_m_s=1.5, acceleration_m_s2=2.0)
+PROFILE_TEXT = f"{PROFILE.speed_m_s:g} m/s at {PROFILE.acceleration_m_s2:g} m/s²"
 CONDITION_VALUES: ConditionValues = {
     "speed_m_s": (0.5, 1.0, 1.5, 2.0),
     "acceleration_m_s2": (1.0, 2.0, 3.0, 4.0),
-    "friction": (0.5, 0.6, 0.8, 1.0),
-    "creep_stiffness": (1.5, 2.5, 5.0, 1000.0),
-    "rolling_resistance": (0.0, 0.05, 0.1, 0.15),
-    "winding_c": (25.0, 75.0, 120.0),
-    "charge": (1.0, 0.5, 0.15),
+    "carpet.friction": (0.5, 0.6, 0.8, 1.0),
+    "drivetrain.creep_stiffness": (1.5, 2.5, 5.0, 1000.0),
+    "carpet.rolling_resistance": (0.0, 0.05, 0.1, 0.15),
+    "motor.winding_c": (25.0, 75.0, 120.0),
+    "battery.charge": (1.0, 0.5, 0.15),
 }
-CONDITION_LABELS = {
-    "speed_m_s": "speed in m/s",
-    "acceleration_m_s2": "acceleration in m/s²",
-    "friction": "carpet friction",
-    "creep_stiffness": "creep stiffness",
-    "rolling_resistance": "rolling resistance",
-    "winding_c": "winding in °C",
-    "charge": "battery charge",
-}
-# Section of settings of each condition that is not part of the profile
-CONDITION_SECTIONS = {
-    "friction": "carpet",
-    "creep_stiffness": "drivetrain",
-    "rolling_resistance": "carpet",
-    "winding_c": "motor",
-    "charge": "battery",
-}
-PROFILE_TEXT = f"{PROFILE.speed_m_s:g} m/s at {PROFILE.acceleration_m_s2:g} m/s²"
-AXES = ("forward", "sideways")
 DIRECTIONS = {  # of motion, unit vectors in the body frame
     "forward": (1.0, 0.0),
     "sideways": (0.0, 1.0),
     "diagonal": (0.5**0.5, 0.5**0.5),
 }
-# A robot at the end of a game; its other settings are the scenario's
-WORN = {"winding_c": 120.0, "charge": 0.15}
-WORN_TEXT = f"windings at {WORN['winding_c']:g} °C, battery at {100 * WORN['charge']:g} %"
-
-# Cause -> function that removes it from settings
-CAUSES: dict[str, Callable[[Settings], Settings]] = {
-    "creep": lambda s: s.replace(drivetrain={"creep_stiffness": 1000.0}),
-    "drag": lambda s: s.replace(
-        carpet={"rolling_resistance": 0.0},
-        drivetrain={"roller_friction": 0.0, "gear_friction_nm": 0.0},
-        motor=_frictionless_no_load(s),
-    ),
-    "heat": lambda s: apply_condition(s, "winding_c", 25.0)[0],
-    "battery": lambda s: s.replace(battery={"charge": 0.5, "resistance_ohm": 0.0}),
-}
+WORN = {"motor.winding_c": 120.0, "battery.charge": 0.15}  # a robot at the end of a game
+WORN_TEXT = (
+    f"windings at {WORN['motor.winding_c']:g} °C, battery at {100 * WORN['battery.charge']:g} %"
+)
 
 
 def apply_condition(
@@ -75,27 +47,18 @@ def apply_condition(
 ) -> tuple[Settings, RampProfile]:
     """Return settings and profile with another value of one condition.
 
-    If the windings are hot, the housing gets the temperature of their thermal equilibrium.
-
     Args:
-        settings: All other settings.
-        condition: A key of `CONDITION_SECTIONS`, or a field of the profile.
-        value: Value in the unit of that setting.
+        settings: Settings without the condition.
+        condition: A field of `RampProfile`, or a setting `section.field`.
+        value: Value in the unit of that field.
 
     Raises:
-        OmniError: The condition does not exist.
+        OmniError: The condition does not exist, or its value is not allowed.
     """
     if condition in vars(PROFILE):
         return settings, replace(PROFILE, **{condition: value})
-    if condition not in CONDITION_SECTIONS:
-        choices = suggest_names(condition, [*vars(PROFILE), *CONDITION_SECTIONS])
-        raise OmniError(f"unknown condition {condition!r}; {choices}")
-    fields = {condition: value}
-    if condition == "winding_c":
-        motor = settings.motor
-        ratio = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
-        fields["housing_c"] = motor.ambient_c + ratio * (value - motor.ambient_c)
-    return settings.replace(**{CONDITION_SECTIONS[condition]: fields}), PROFILE
+    find_setting(condition)
+    return _replace_settings(settings, {condition: value}), PROFILE
 
 
 def ablate_causes(settings: Settings) -> list[Settings]:
@@ -103,13 +66,12 @@ def ablate_causes(settings: Settings) -> list[Settings]:
 
     The first settings have no cause, the last ones have all. The last cause changes fastest.
     """
-    worn, ablated = settings, []
-    for condition, value in WORN.items():
-        worn, _ = apply_condition(worn, condition, value)
-    for is_present in itertools.product((False, True), repeat=len(CAUSES)):
-        robot = worn
-        for remove, stays in zip(CAUSES.values(), is_present, strict=True):
-            robot = robot if stays else remove(robot)
+    ablated = []
+    for has_causes in itertools.product((False, True), repeat=len(CAUSES)):
+        robot = _replace_settings(settings, WORN)
+        for remove_cause, has_cause in zip(CAUSES.values(), has_causes, strict=True):
+            if not has_cause:
+                robot = remove_cause(robot)
         ablated.append(robot)
     return ablated
 
@@ -123,23 +85,52 @@ def shapley_values(values: Array) -> dict[str, Array]:
 
     Args:
         values: A quantity under every combination of causes. The leading axes, one per cause, have
-            two entries: without and with the cause. Further axes are kept.
+            two entries: without and with the cause. The contributions have the remaining axes.
     """
     contributions = {cause: np.zeros(values.shape[len(CAUSES) :]) for cause in CAUSES}
     for order in itertools.permutations(CAUSES):
-        present = dict.fromkeys(CAUSES, 0)
+        has_cause = dict.fromkeys(CAUSES, 0)
         for cause in order:
-            without = values[tuple(present.values())]
-            present[cause] = 1
-            change = values[tuple(present.values())] - without
+            value_without = values[tuple(has_cause.values())]
+            has_cause[cause] = 1
+            change = values[tuple(has_cause.values())] - value_without
             contributions[cause] += change / math.factorial(len(CAUSES))
     return contributions
 
 
-def _frictionless_no_load(settings: Settings) -> dict[str, float]:
-    """Return the no-load data of a motor without friction, whose speed only back-EMF limits."""
+def _replace_settings(settings: Settings, values: Mapping[str, float]) -> Settings:
+    """Return settings with other values, given by `section.field`.
+
+    If they contain the temperature of the windings, the housings get their temperature in thermal
+    equilibrium: as much heat flows from the windings to the housings as from these to the air.
+    """
+    values = dict(values)
+    if "motor.winding_c" in values:
+        motor = settings.motor
+        ratio = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
+        winding_rise = values["motor.winding_c"] - motor.ambient_c
+        values["motor.housing_c"] = motor.ambient_c + ratio * winding_rise
+    return replace_values(settings, values)
+
+
+def _remove_drag(settings: Settings) -> Settings:
+    """Return settings without rolling resistance and friction of rollers, gears and motors.
+
+    The no-load speed of a motor without friction is limited by back-EMF alone.
+    """
     motor = settings.motor
-    return {
-        "no_load_current_a": 0.0,
-        "no_load_rpm": motor.nominal_voltage_v / motor.torque_constant_nm_a / RAD_S_PER_RPM,
-    }
+    no_load_speed = motor.nominal_voltage_v / motor.torque_constant_nm_a
+    return settings.replace(
+        carpet={"rolling_resistance": 0.0},
+        drivetrain={"roller_friction": 0.0, "gear_friction_nm": 0.0},
+        motor={"no_load_current_a": 0.0, "no_load_rpm": no_load_speed / RAD_S_PER_RPM},
+    )
+
+
+# Cause -> function that removes it from settings
+CAUSES: dict[str, Callable[[Settings], Settings]] = {
+    "creep": lambda settings: settings.replace(drivetrain={"creep_stiffness": 1000.0}),
+    "drag": _remove_drag,
+    "heat": lambda settings: _replace_settings(settings, {"motor.winding_c": 25.0}),
+    "battery": lambda settings: settings.replace(battery={"charge": 0.5, "resistance_ohm": 0.0}),
+}
