@@ -27,6 +27,7 @@ from omni_mj.mjcf.settings_to_mjcf import RobotShape, build_robot_spec
 
 SETTLING_S = 0.25  # time in which a robot comes to rest on the carpet
 HULL_DIRECTIONS = 73  # every 5 degrees, both ends included
+MAX_IMPEDANCE = 0.9999  # MuJoCo's limit of d
 
 # Attributes that the field sets for the whole world.
 _WORLD_ATTRIBUTES = ("option", "visual", "stat", "memory", "nstack", "nconmax", "njmax")
@@ -90,7 +91,7 @@ def _build_world(
     robot_model = spec.compile()
     (single_robot,) = find_robots(robot_model)
     contact = rollers.make_roller_contact(
-        robot_model, single_robot.rollers.ravel(), shape.body.mass_kg / len(single_robot.wheels)
+        robot_model, single_robot, shape.body.mass_kg / len(single_robot.wheels)
     )
     if shape.wheels.model == "two-rollers":
         rollers.reduce_rollers(spec, robot_model, single_robot)
@@ -112,10 +113,9 @@ def _build_world(
     except ValueError as error:
         raise OmniError(f"{robot_spec.file}: {' '.join(str(error).split())}") from error
     robots = find_robots(model)
-    max_impedance = rollers.MAX_IMPEDANCE
     for robot in robots:  # backward Euler: a slip speed decays within a step
-        model.dof_solref[robot.slip_dofs] = -1.0, -max_impedance / model.opt.timestep
-        model.dof_solimp[robot.slip_dofs, :2] = max_impedance
+        model.dof_solref[robot.slip_dofs] = -1.0, -MAX_IMPEDANCE / model.opt.timestep
+        model.dof_solimp[robot.slip_dofs, :2] = MAX_IMPEDANCE
     if n_robots == 1:
         rest_qpos = _settle(model)
     else:

@@ -10,7 +10,7 @@ the mean force over v is
     <1 / q^2> (d T / p + (I - d / b) w / p (1 - exp(-b T / w))).
 
 The first term is the drag of the bearing, the second the impulse that spins up a roller. The rate b
-is FRICTION_RATE_HZ in d / b, and SPIN_RATE_HZ, its equivalent in steps of a cycle, in the
+is FRICTION_RATE_PER_S in d / b, and SPIN_UP_RATE_PER_S, its equivalent in steps of a cycle, in the
 exponential. In the second term, 1 / q^2 is halfway between its mean and its value where rollers
 come down, and T is multiplied by the square of the ratio of mean to value. The result is within 6 %
 of the sum over steps, up to w = 100 rad/s.
@@ -28,7 +28,7 @@ from omni_mj.config.settings import Settings, gather
 from omni_mj.mjcf.model_measurements import compute_composite_inertia
 from omni_mj.mjcf.rollers import (
     ADDED_MASS_KG,
-    FRICTION_RATE_HZ,
+    FRICTION_RATE_PER_S,
     FRICTION_STIFFNESS_RATIO,
 )
 from omni_mj.mjcf.world_builder import World
@@ -39,10 +39,11 @@ from omni_mj.robot.firmware_state import CYCLE_S
 from omni_mj.robot.planar_dynamics import BodyParameters, RollerResponse
 
 # Damping of a roller's contact along the carpet, N s/m
-CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFNESS_RATIO * FRICTION_RATE_HZ
-# Rate at which rollers take on the carpet's speed on the plant mujoco, 1/s. A step of a cycle
-# leaves this fraction of the difference: 1 - CYCLE_S FRICTION_RATE_HZ = exp(-CYCLE_S SPIN_RATE_HZ).
-SPIN_RATE_HZ = -np.log(1 - CYCLE_S * FRICTION_RATE_HZ) / CYCLE_S
+CONTACT_DAMPING_N_S_M = ADDED_MASS_KG * FRICTION_STIFFNESS_RATIO * FRICTION_RATE_PER_S
+# Rate at which rollers take on the carpet's speed on the plant mujoco, 1/s. After a step of a
+# cycle, the fraction 1 - CYCLE_S FRICTION_RATE_PER_S = exp(-CYCLE_S SPIN_UP_RATE_PER_S) of the
+# difference is left.
+SPIN_UP_RATE_PER_S = -np.log(1 - CYCLE_S * FRICTION_RATE_PER_S) / CYCLE_S
 
 
 class RigidBodies(NamedTuple):
@@ -214,14 +215,14 @@ class PlanarBodyBuilder:
         lifted_s = 2 * np.pi / SPEEDS_RAD_S[0]
         braked_fraction = 1 - np.exp(-bearing_damping / self._roller_inertia * lifted_s)
         spin_up_inertia = (
-            self._roller_inertia - bearing_damping / FRICTION_RATE_HZ
+            self._roller_inertia - bearing_damping / FRICTION_RATE_PER_S
         ) * braked_fraction
         n_rollers = self._settings[0].wheels.rollers
         inverse_square, inverse_square_down = response.inverse_square, response.inverse_square_down
         return (
             bearing_damping * response.standing_rollers * inverse_square,
             spin_up_inertia * (inverse_square + inverse_square_down) / 2 * n_rollers / (2 * np.pi),
-            SPIN_RATE_HZ
+            SPIN_UP_RATE_PER_S
             * response.standing_rollers
             * (inverse_square / inverse_square_down) ** 2
             * 2
