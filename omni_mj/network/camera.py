@@ -23,7 +23,7 @@ from omni_mj.config.faults import (
 )
 from omni_mj.config.network_settings import VisionSettings
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, gather
-from omni_mj.network.fault_schedule import ActiveFaults, FaultsByRow, FaultSchedule
+from omni_mj.network.fault_schedule import FaultsByRow, FaultSchedule
 from omni_mj.network.random_streams import Noise, Seed, Stream
 
 _TIME_TOLERANCE_S = 1e-9  # for the comparison of times
@@ -60,7 +60,7 @@ class Camera:
         # Remaining images without a detection; negative before the first image.
         self._missed_images = np.full(n, -1.0)
         self._last_measured = np.full((n, 3), np.nan)
-        self._apply_faults(ActiveFaults([]))
+        self._apply_faults()
 
     def __call__(self, pose: Array, frame: int) -> Array:
         """Return the measured poses (n, 3); NaN for robots that were not detected.
@@ -87,8 +87,8 @@ class Camera:
 
     def _get_visible_poses(self, pose: Array, frame: int) -> Array:
         """Return the poses that faults show in place of the true poses (n, 3), without noise."""
-        if (active := self._schedule.update(frame)) is not None:
-            self._apply_faults(active)
+        if self._schedule.advance(frame):
+            self._apply_faults()
         uniform, visible = self._fault_noise.next(), pose.copy()
         for row, bias in self._biases:
             if uniform[row, 1] < bias.probability:
@@ -98,13 +98,13 @@ class Camera:
                 visible[row] = wrong_id.x_m, wrong_id.y_m, np.radians(wrong_id.heading_deg)
         return visible
 
-    def _apply_faults(self, active: ActiveFaults) -> None:
+    def _apply_faults(self) -> None:
         """Set lost and frozen images, biases and wrong detections to those of the active faults."""
         self._is_lost, self._is_frozen = np.zeros((2, len(self._missed_images)), bool)
-        self._is_lost[[row for row, _ in active.of_kind(VisionLoss)]] = True
-        self._is_frozen[[row for row, _ in active.of_kind(VisionFreeze)]] = True
-        self._wrong_ids = list(active.of_kind(VisionWrongId))
-        self._biases = list(active.of_kind(VisionBias))
+        self._is_lost[[row for row, _ in self._schedule.list_active(VisionLoss)]] = True
+        self._is_frozen[[row for row, _ in self._schedule.list_active(VisionFreeze)]] = True
+        self._wrong_ids = list(self._schedule.list_active(VisionWrongId))
+        self._biases = list(self._schedule.list_active(VisionBias))
 
 
 class ImageTiming:
@@ -131,7 +131,7 @@ class ImageTiming:
         self._loss_noise = Noise(seeds, Stream.CAMERA_LOSSES)
         self._fault_noise = Noise(seeds, Stream.CAMERA_LATE)
         self._schedule = FaultSchedule(faults, VisionClockDrift, VisionJitter, VisionDelay)
-        self._apply_faults(ActiveFaults([]))
+        self._apply_faults()
 
     def schedule_arrival(self, frame: int, time: float) -> tuple[Array, Array]:
         """Return the arrival time of an image, and the lag of its capture time.
@@ -144,26 +144,26 @@ class ImageTiming:
             Arrival times (n,), s, infinite for a lost image; and the amounts (n,), s, by which the
             reported capture times are too early.
         """
-        if (active := self._schedule.update(frame)) is not None:
-            self._apply_faults(active)
+        if self._schedule.advance(frame):
+            self._apply_faults()
         delay = self._delay_s + self._fault_jitter_s * self._fault_noise.next()[:, 0]
         arrival = time + delay + self._jitter_s * self._jitter_noise.next()[:, 0]
         is_lost = self._loss_noise.next()[:, 0] < self._loss_probability
         clock_lag = self._clock_offset_s + self._clock_drift * time
         return np.where(is_lost, np.inf, arrival), clock_lag
 
-    def _apply_faults(self, active: ActiveFaults) -> None:
+    def _apply_faults(self) -> None:
         """Set delay, jitter and clock error to those of the active faults."""
         self._delay_s = self._nominal_delay_s.copy()
         # The clock's lag at time t is offset + drift t.
         self._fault_jitter_s, self._clock_drift, self._clock_offset_s = np.zeros(
             (3, len(self._nominal_delay_s))
         )
-        for row, delay in active.of_kind(VisionDelay):
+        for row, delay in self._schedule.list_active(VisionDelay):
             self._delay_s[row] = delay.delay_s
-        for row, jitter in active.of_kind(VisionJitter):
+        for row, jitter in self._schedule.list_active(VisionJitter):
             self._fault_jitter_s[row] += jitter.jitter_s
-        for row, clock in active.of_kind(VisionClockDrift):
+        for row, clock in self._schedule.list_active(VisionClockDrift):
             drift = clock.drift_ms_per_s / 1000
             self._clock_drift[row] += drift
             self._clock_offset_s[row] -= drift * clock.frame_span[0] * PERIOD_S

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 from omni_mj.config.faults import Fault
@@ -11,19 +10,8 @@ Kind = TypeVar("Kind", bound=Fault)
 FaultsByRow = Sequence[Sequence[Fault]]
 
 
-@dataclass(frozen=True)
-class ActiveFaults:
-    """Active faults as pairs (row, fault), sorted by row, then by their order in the scenario."""
-
-    faults: Sequence[tuple[int, Fault]]
-
-    def of_kind(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
-        """Return the active faults of a kind."""
-        return ((row, fault) for row, fault in self.faults if isinstance(fault, kind))
-
-
 class FaultSchedule:
-    """Start and end of the faults of all rows.
+    """Faults of all rows, and those that are active in the present frame.
 
     Args:
         faults: Faults of each row.
@@ -40,18 +28,26 @@ class FaultSchedule:
         self._active: list[tuple[int, Fault]] = []
         self._next_change = 0.0  # frame before which nothing starts or ends
 
-    def update(self, frame: int) -> ActiveFaults | None:
-        """Return the faults that are active in a frame, or None if they have not changed.
+    def advance(self, frame: int) -> bool:
+        """Advance to a frame, and return whether the active faults have changed.
 
         Args:
             frame: Number of the frame, not below that of the previous call.
         """
         if frame < self._next_change:
-            return None
+            return False
         changes = (change for *_, start, end in self._spans for change in (start, end))
         self._next_change = min((change for change in changes if change > frame), default=math.inf)
-        active = [(row, fault) for row, fault, start, end in self._spans if start <= frame < end]
-        if active == self._active:
-            return None
-        self._active = active
-        return ActiveFaults(active)
+        previous = self._active
+        self._active = [
+            (row, fault) for row, fault, start, end in self._spans if start <= frame < end
+        ]
+        return self._active != previous
+
+    def list_active(self, kind: type[Kind]) -> Iterator[tuple[int, Kind]]:
+        """Yield the active faults of a kind as pairs (row, fault).
+
+        They are sorted by row, then by their order in the scenario. None are active before the
+        first call of `advance`.
+        """
+        return ((row, fault) for row, fault in self._active if isinstance(fault, kind))

@@ -16,7 +16,7 @@ from omni_mj.config.faults import (
 )
 from omni_mj.config.network_settings import RadioSettings
 from omni_mj.config.settings import gather
-from omni_mj.network.fault_schedule import ActiveFaults, FaultsByRow, FaultSchedule
+from omni_mj.network.fault_schedule import FaultsByRow, FaultSchedule
 from omni_mj.network.random_streams import Noise, Seed, Stream
 
 
@@ -124,7 +124,7 @@ class Radio:
         self._newest_sent_ticks = np.full(n, -1)  # without duplicates and late packets
         # By tick of arrival, in the order of sending.
         self._deliveries = dict[int, list[_Delivery]]()
-        self._apply_faults(ActiveFaults([]))
+        self._apply_faults()
         self._begin_frame()
 
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
@@ -197,8 +197,8 @@ class Radio:
 
     def _begin_frame(self) -> None:
         """Apply the faults of the frame that begins."""
-        if (active := self._schedule.update(self._tick // self._ticks_per_frame)) is not None:
-            self._apply_faults(active)
+        if self._schedule.advance(self._tick // self._ticks_per_frame):
+            self._apply_faults()
         uniform = self._burst_noise.next()[:, 0]
         self._burst_pass_probability[:] = 1.0
         for (row, bursts), is_lossy in self._burst_states.items():
@@ -214,7 +214,7 @@ class Radio:
             self._burst_states[row, bursts] = is_lossy
             self._burst_pass_probability[row] *= 1 - bursts.probability * is_lossy
 
-    def _apply_faults(self, active: ActiveFaults) -> None:
+    def _apply_faults(self) -> None:
         """Set delays and probabilities to those of the active faults."""
         n = len(self._nominal_delay)
         self._delay = self._nominal_delay.copy()  # of packets sent from now on, ticks
@@ -222,16 +222,17 @@ class Radio:
         # Probabilities of duplicates and of late packets, and their additional frames.
         self._duplicate_probability, self._reorder_probability = np.zeros((2, n))
         self._duplicate_frames, self._reorder_frames = np.zeros((2, n), int)
-        for row, delay in active.of_kind(RadioDelay):
+        for row, delay in self._schedule.list_active(RadioDelay):
             self._delay[row] = delay.delay_frames * self._ticks_per_frame
-        for row, loss in active.of_kind(RadioLoss):
+        for row, loss in self._schedule.list_active(RadioLoss):
             self._loss_pass_probability[row] *= 1 - loss.probability
-        for row, duplicates in active.of_kind(RadioDuplicates):
+        for row, duplicates in self._schedule.list_active(RadioDuplicates):
             self._duplicate_probability[row] = duplicates.probability
             self._duplicate_frames[row] = duplicates.delay_frames
-        for row, reorder in active.of_kind(RadioReorder):
+        for row, reorder in self._schedule.list_active(RadioReorder):
             self._reorder_probability[row] = reorder.probability
             self._reorder_frames[row] = reorder.delay_frames
         self._burst_states = {
-            burst: self._burst_states.get(burst, False) for burst in active.of_kind(RadioBurstLoss)
+            burst: self._burst_states.get(burst, False)
+            for burst in self._schedule.list_active(RadioBurstLoss)
         }

@@ -1,24 +1,23 @@
 """Effects of faults on robots with wheels.
 
-If a fault begins or ends, the effects of all active faults are applied to the nominal robots. A
-fault that has ended therefore leaves no effect, and a robot's results do not depend on the faults
-of other robots in its batch.
+Whenever a fault begins or ends, the effects of all active faults are applied to the nominal robots.
+A fault that has ended therefore leaves no effect.
 
 If several faults of a kind are active, their forces, payloads, slopes and biases add up, and their
-factors are multiplied. If they replace the value of a setting, the last one counts.
+factors are multiplied. Of faults that replace a setting the last one counts, and of gaps of missing
+rollers in one wheel the largest.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from operator import add, attrgetter, mul
+from operator import attrgetter
 from typing import Any, Protocol
 
 import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.config import faults
-from omni_mj.config.faults import Payload
 from omni_mj.config.rows import Row
-from omni_mj.network.fault_schedule import ActiveFaults, FaultSchedule
+from omni_mj.network.fault_schedule import FaultSchedule
 from omni_mj.network.random_streams import Noise, Stream
 from omni_mj.robot.wheel_carpet_forces import stack_patches
 
@@ -29,7 +28,7 @@ BLOCKED_HUB_NM = 100.0
 class ChangeableBodies(Protocol):
     """Bodies of n robots that faults can change."""
 
-    def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
+    def set_payloads(self, payloads: Iterable[tuple[int, faults.Payload]]) -> None:
         """Replace all payloads of all robots.
 
         Args:
@@ -50,11 +49,11 @@ class ChangeableBodies(Protocol):
             is_blocked: Whether each hub is blocked, (W, n).
         """
 
-    def displace_robot(self, robot: int, displacement: tuple[float, float, float]) -> None:
+    def displace_robot(self, row: int, displacement: tuple[float, float, float]) -> None:
         """Move a robot by a displacement, and bring it to rest.
 
         Args:
-            robot: Row of the robot.
+            row: Row of the robot.
             displacement: Change of the pose, world frame, (3,) m, m, rad.
         """
 
@@ -84,16 +83,11 @@ class FaultEffects:
         faults_by_row = [row.faults for row in rows]
         self._schedule = FaultSchedule(faults_by_row, faults.WheeledRobotFault, faults.Kidnap)
         self._frame = 0
-        self._robot_ones = np.ones(len(rows))
-        self._wheel_ones = np.ones(plant.parameters.carpet.friction_factor.shape)
-        self._zero_vectors = np.zeros((len(rows), 2))
-        self._change_inputs(ActiveFaults([]))
-        n_wheels = len(self._wheel_ones)
-        self._dropout_noise = Noise(
-            [row.noise_seed for row in rows],
-            Stream.ENCODER_FAULTS,
-            n_wheels,
-        )
+        self._wheel_shape = plant.parameters.carpet.friction_factor.shape
+        self._update_inputs()
+        seeds = [row.noise_seed for row in rows]
+        self._dropout_noise = Noise(seeds, Stream.ENCODER_FAULTS, self._wheel_shape[0])
+        # Largest number of patches on a carpet. JAX would compile again for another length.
         self._max_patches = max(
             len(row.settings.carpet.patches)
             + sum(isinstance(fault, faults.FrictionPatch) for fault in row.faults)
@@ -101,130 +95,108 @@ class FaultEffects:
         )
 
     def begin_frame(self) -> None:
-        """Apply faults that begin or end in the next frame, and draw its encoder dropouts."""
-        active = self._schedule.update(self._frame)
+        """Apply faults that begin or end in this frame, and draw its encoder dropouts."""
+        if self._schedule.advance(self._frame):
+            self._change_parameters()
+            self._change_bodies()
+            self._update_inputs()
         self._frame += 1
-        if active is not None:
-            self._change_parameters(active)
-            self._change_bodies(active)
-            self._change_inputs(active)
         drops_out = self._dropout_probability > self._dropout_noise.next().T
         self.inputs["encoder_scale"] = np.where(drops_out, 0.0, self._encoder_scale)
 
-    def _change_parameters(self, active: ActiveFaults) -> None:
+    def _change_parameters(self) -> None:
         """Apply faults of carpet, wheels and magnets to the plant's parameters."""
         carpet = self._nominal_parameters.carpet
         electronics = self._nominal_parameters.electronics
-        wheel_ones = self._wheel_ones
+        friction = carpet.friction.copy()
+        for row, carpet_change in self._schedule.list_active(faults.Friction):
+            friction[row] = carpet_change.friction
         patches = [list(row.settings.carpet.patches) for row in self._rows]
-        for row, patch in active.of_kind(faults.FrictionPatch):
+        for row, patch in self._schedule.list_active(faults.FrictionPatch):
             patches[row].append((patch.x_m, patch.y_m, patch.radius_m, patch.friction))
-        n_missing = _combine(
-            active, faults.WheelMissingRollers, 0 * wheel_ones, attrgetter("rollers"), max
-        )
+        n_missing = np.zeros(self._wheel_shape)
+        for row, gap in self._schedule.list_active(faults.WheelMissingRollers):
+            wheel = gap.wheel - 1
+            n_missing[wheel, row] = max(n_missing[wheel, row], gap.rollers)
         n_rollers = np.array([row.settings.wheels.rollers for row in self._rows])
         carpet = carpet._replace(
-            friction=_combine(
-                active,
-                faults.Friction,
-                carpet.friction,
-                attrgetter("friction"),
-                lambda _, friction: friction,
-            ),
+            friction=friction,
             patches=stack_patches(patches, self._max_patches),
-            friction_factor=carpet.friction_factor * _combine(active, faults.WheelWorn, wheel_ones),
+            friction_factor=carpet.friction_factor * self._combine_factors(faults.WheelWorn),
             missing_angle=2 * np.pi * n_missing / n_rollers,
         )
         torque_constant = electronics.motors.cold_torque_constant
-        torque_constant = torque_constant * _combine(active, faults.MotorDemagnetized, wheel_ones)
+        torque_constant = torque_constant * self._combine_factors(faults.MotorDemagnetized)
         motors = electronics.motors._replace(cold_torque_constant=torque_constant)
         self._plant.parameters = self._plant.parameters._replace(
             carpet=carpet, electronics=electronics._replace(motors=motors)
         )
 
-    def _change_bodies(self, active: ActiveFaults) -> None:
+    def _change_bodies(self) -> None:
         """Apply payloads, slopes, blocked hubs and displacements to the bodies."""
-        if Payload in self._fault_types:
-            self._bodies.set_payloads(active.of_kind(Payload))
+        if faults.Payload in self._fault_types:
+            self._bodies.set_payloads(self._schedule.list_active(faults.Payload))
         if faults.Tilt in self._fault_types:
-            self._bodies.set_slope(
-                _combine(
-                    active,
-                    faults.Tilt,
-                    self._zero_vectors,
-                    lambda tilt: np.sin(np.radians(tilt.angle_deg)) * _unit_vector(tilt),
-                    add,
-                )
-            )
+            slope = np.zeros((len(self._rows), 2))
+            for row, tilt in self._schedule.list_active(faults.Tilt):
+                slope[row] += np.sin(np.radians(tilt.angle_deg)) * _unit_vector(tilt)
+            self._bodies.set_slope(slope)
         if faults.MotorBlocked in self._fault_types:
-            turns = _combine(active, faults.MotorBlocked, self._wheel_ones, _zero)
-            self._bodies.block_hubs(turns == 0)
-        for row, kidnap in active.of_kind(faults.Kidnap):
-            if kidnap.frame_span[0] == self._frame - 1:
+            self._bodies.block_hubs(self._is_affected(faults.MotorBlocked))
+        for row, kidnap in self._schedule.list_active(faults.Kidnap):
+            if kidnap.frame_span[0] == self._frame:
                 self._bodies.displace_robot(row, kidnap.displacement)
 
-    def _change_inputs(self, active: ActiveFaults) -> None:
-        """Apply faults of sensors, drivers, processors and supplies, and push forces."""
-        robot_ones = self._robot_ones
-        wheel_ones = self._wheel_ones
-        self.push_force = _combine(
-            active,
-            faults.Push,
-            self._zero_vectors,
-            lambda push: push.force_n * _unit_vector(push),
-            add,
-        )
-        self.gyro_bias = _combine(
-            active, faults.GyroBias, 0 * robot_ones[:, None], attrgetter("bias_rad_s"), add
-        )
-        self._encoder_scale = _combine(active, faults.EncoderScale, wheel_ones)
-        self._dropout_probability = 1 - _combine(
-            active, faults.EncoderDropout, wheel_ones, lambda fault: 1 - fault.probability
+    def _update_inputs(self) -> None:
+        """Set the attributes to the effects of active faults."""
+        self.push_force = np.zeros((len(self._rows), 2))
+        for row, push in self._schedule.list_active(faults.Push):
+            self.push_force[row] += push.force_n * _unit_vector(push)
+        self.gyro_bias = np.zeros((len(self._rows), 1))
+        for row, bias in self._schedule.list_active(faults.GyroBias):
+            self.gyro_bias[row] += bias.bias_rad_s
+        self._encoder_scale = self._combine_factors(faults.EncoderScale)
+        self._dropout_probability = 1 - self._combine_factors(
+            faults.EncoderDropout, lambda dropout: 1 - dropout.probability
         )
         self.inputs = {
-            "battery_voltage_factor": _combine(active, faults.BrownOut, robot_ones),
-            "gyro_scale": _combine(active, faults.GyroScale, robot_ones),
-            # The product of factors of 0 is 0 for rows with such a fault, 1 for others.
-            "ignores_commands": _combine(active, faults.FirmwareTimeout, robot_ones, _zero) == 0,
-            "processor_is_off": _combine(active, faults.Reboot, robot_ones, _zero) == 0,
+            "battery_voltage_factor": self._combine_factors(faults.BrownOut),
+            "gyro_scale": self._combine_factors(faults.GyroScale),
+            "ignores_commands": self._is_affected(faults.FirmwareTimeout),
+            "processor_is_off": self._is_affected(faults.Reboot),
         }
-        is_driven = _combine(active, faults.MotorDead, wheel_ones, _zero)
-        is_driven *= _combine(
-            active, faults.Reboot, robot_ones, lambda reboot: reboot.motors == "brake"
-        )
-        self.current_setpoint = np.where(is_driven, np.nan, 0.0)
+        is_off = self._is_affected(faults.MotorDead)
+        for row, reboot in self._schedule.list_active(faults.Reboot):
+            is_off[:, row] |= reboot.motors == "coast"
+        self.current_setpoint = np.where(is_off, 0.0, np.nan)
+
+    def _combine_factors(
+        self,
+        kind: type[faults.Fault],
+        get_factor: Callable[[Any], float] = attrgetter("factor"),
+    ) -> Array:
+        """Return the product of the factors of active faults of a kind; 1 without such a fault.
+
+        Args:
+            kind: Class of the faults.
+            get_factor: Returns the factor of a fault. Default: its attribute `factor`.
+
+        Returns:
+            Products for wheels, (W, n), if the fault is one of a wheel; otherwise for robots, (n,).
+        """
+        is_of_wheel = issubclass(kind, faults.WheelFault)
+        product = np.ones(self._wheel_shape if is_of_wheel else self._wheel_shape[1:])
+        for row, fault in self._schedule.list_active(kind):
+            index = (fault.wheel - 1, row) if isinstance(fault, faults.WheelFault) else row
+            product[index] *= get_factor(fault)
+        return product
+
+    def _is_affected(self, kind: type[faults.Fault]) -> np.ndarray:
+        """Return whether a fault of a kind affects each wheel, (W, n), or each robot, (n,)."""
+        return self._combine_factors(kind, lambda _: 0.0) == 0
 
 
-def _combine(
-    active: ActiveFaults,
-    kind: type[faults.Fault],
-    nominal: Array,
-    get_value: Callable[[Any], Any] = attrgetter("factor"),
-    operator: Callable[[Any, Any], Any] = mul,
-) -> Array:
-    """Return the values of robots or wheels under all active faults of a kind.
-
-    Args:
-        active: Active faults.
-        kind: Class of the faults to apply.
-        nominal: Values without faults, of robots (n, ...) or wheels (W, n).
-        get_value: Returns the value of a fault. Default: its attribute `factor`.
-        operator: Maps the present value and that of a fault to the new value. Default:
-            multiplication.
-    """
-    result = nominal.copy()
-    for row, fault in active.of_kind(kind):
-        index = (fault.wheel - 1, row) if isinstance(fault, faults.WheelFault) else row
-        result[index] = operator(result[index], get_value(fault))
-    return result
-
-
-def _zero(_: Any) -> float:
-    """Return 0: the factor of a fault that switches something off."""
-    return 0.0
-
-
-def _unit_vector(fault: Any) -> Array:
+def _unit_vector(fault: faults.Push | faults.Tilt) -> Array:
     """Return the direction of a push or slope, (2,)."""
     angle = np.radians(fault.direction_deg)
     return np.array([np.cos(angle), np.sin(angle)])

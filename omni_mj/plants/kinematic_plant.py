@@ -70,6 +70,7 @@ class KinematicPlant:
         self._disturbance[:, :2] = self._amplitude * (2 * self._disturbance_noise.next() - 1)
         self._twist = alpha * received.command + self._disturbance
         self._pose = self._pose + PERIOD_S * self._twist
+        self._frame += 1
         return {}
 
     def telemetry(self) -> Telemetry:
@@ -78,15 +79,13 @@ class KinematicPlant:
 
     def _apply_faults(self) -> None:
         """Set alpha and displace robots by the faults that begin or end in this frame."""
-        active = self._schedule.update(self._frame)
-        self._frame += 1
-        if active is None:
+        if not self._schedule.advance(self._frame):
             return
         self._fault_alpha = np.full((len(self._pose), 1), np.nan)
-        for row, fault in active.of_kind(Alpha):
+        for row, fault in self._schedule.list_active(Alpha):
             self._fault_alpha[row] = fault.alpha
-        for row, kidnap in active.of_kind(Kidnap):
-            if kidnap.frame_span[0] == self._frame - 1:
+        for row, kidnap in self._schedule.list_active(Kidnap):
+            if kidnap.frame_span[0] == self._frame:
                 self._pose = self._pose.copy()
                 self._pose[row] += kidnap.displacement
 

@@ -306,17 +306,17 @@ class RobotViews(ChangeableBodies):
         """See `ChangeableBodies`."""
         self._hub_friction.set(np.where(is_blocked, BLOCKED_HUB_NM, self._nominal_hub_friction))
 
-    def displace_robot(self, robot: int, displacement: tuple[float, float, float]) -> None:
+    def displace_robot(self, row: int, displacement: tuple[float, float, float]) -> None:
         """See `ChangeableBodies`. Tilt and height do not change; all speeds become zero."""
         pose = self.pose.get()
         speeds = self.qvel.get()
         x, y, turn = displacement
-        pose[:2, robot] += x, y
+        pose[:2, row] += x, y
         # Product of the quaternions of the turn and of the robot. A turn about z rotates the pairs
         # (w, z) and (x, y) by half its angle.
         for pair in ([3, 6], [4, 5]):
-            pose[pair, robot] = rotate(pose[pair, robot], np.cos(turn / 2), np.sin(turn / 2))
-        speeds[:, robot] = 0.0
+            pose[pair, row] = rotate(pose[pair, row], np.cos(turn / 2), np.sin(turn / 2))
+        speeds[:, row] = 0.0
         self.pose.set(pose)
         self.qvel.set(speeds)
 

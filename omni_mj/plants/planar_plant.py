@@ -147,11 +147,11 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         self._hub_is_blocked = is_blocked
         self._rebuild_bodies()
 
-    def displace_robot(self, robot: int, displacement: tuple[float, float, float]) -> None:
+    def displace_robot(self, row: int, displacement: tuple[float, float, float]) -> None:
         """See `ChangeableBodies`."""
         pose = self._pose.copy()
-        pose[robot] += displacement
-        self._stop_robots(np.arange(len(pose)) == robot, pose)
+        pose[row] += displacement
+        self._stop_robots(np.arange(len(pose)) == row, pose)
 
     def _rebuild_bodies(self) -> BodyParameters:
         """Set and return the bodies' parameters for present payloads, slopes and blocked hubs."""
