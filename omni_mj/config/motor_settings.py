@@ -8,8 +8,8 @@ from omni_mj.config.validation import FROM_ROBOT, SettingsModel, setting
 RAD_S_PER_RPM = math.pi / 30
 # Relative tolerance of the voltage that the no-load rows imply: rows are rounded, and motors vary.
 NO_LOAD_TOLERANCE = 0.05
-# Relative tolerance of the nominal torque: datasheets print that of the air gap or of the shaft,
-# and a torque constant that differs by up to 8 %.
+# Relative tolerance of the nominal torque: some datasheets give the torque of the air gap, others
+# that of the shaft, with torque constants that differ by up to 8 %.
 TORQUE_TOLERANCE = 0.2
 
 
@@ -18,13 +18,13 @@ class MotorSettings(SettingsModel):
 
     With the resistance R and the torque constant k of a datasheet, V = R I + k w gives a higher
     speed w at the nominal voltage and current than the datasheet. The reason is a further voltage
-    drop X |w| I by commutation. The coefficient X follows from the nominal point:
+    drop X |w| I by commutation. The coefficient X follows from the nominal point (index N):
 
         V_N = R I_N + X w_N I_N + k w_N.
 
     On maxon's datasheet, k I_N equals the nominal torque within 0.5 %. So this torque is that of
-    the air gap, and includes the motor's own friction. If it were the torque of the shaft, friction
-    would count twice, and the current would be 2.77 A instead of 2.52 A.
+    the air gap, and includes the motor's own friction. If it were the torque of the shaft, the
+    nominal current would be 2.77 A instead of 2.52 A.
 
     No datasheet says which fraction of the no-load friction is dry. TIGERs' firmware assumes that
     all of it is proportional to speed. The self-test of their v2020 (Nanotec DF45, test_motor.c)
@@ -69,29 +69,29 @@ class MotorSettings(SettingsModel):
     )
 
     winding_c: float = setting(
-        25.0, "initial temperature of the windings", "deg C", low=-20, high=200
+        25.0, "initial temperature of the winding", "deg C", low=-20, high=200
     )
     housing_c: float = setting(
-        25.0, "initial temperature of the housings", "deg C", low=-20, high=200
+        25.0, "initial temperature of the housing", "deg C", low=-20, high=200
     )
     ambient_c: float = setting(25.0, "temperature of the air", "deg C", low=-20, high=60)
     max_winding_c: float = setting(
-        125.0, "maximum temperature of the windings", "deg C", low=0, high=300
+        125.0, "maximum temperature of the winding", "deg C", low=0, high=300
     )
-    winding_housing_k_w: float = setting(
+    winding_housing_resistance_k_w: float = setting(
         8.28, "thermal resistance between winding and housing", "K/W", low=0.01, high=1e3
     )
-    housing_ambient_k_w: float = setting(
+    housing_ambient_resistance_k_w: float = setting(
         1.57, "thermal resistance between housing and air", "K/W", low=0.01, high=1e3
     )
-    winding_j_k: float = setting(
+    winding_heat_capacity_j_k: float = setting(
         3.48,
         "heat capacity of the winding: time constant 28.8 s over 8.28 K/W",
         "J/K",
         low=0.01,
         high=1e4,
     )
-    housing_j_k: float = setting(
+    housing_heat_capacity_j_k: float = setting(
         49.9,
         "heat capacity of the housing: time constant 78.3 s over 1.57 K/W",
         "J/K",
@@ -126,20 +126,9 @@ class MotorSettings(SettingsModel):
         return self.resistance_ohm * self.nominal_current_a + self.torque_constant_nm_a * speed
 
     @property
-    def no_load_friction_nm(self) -> float:
+    def _no_load_friction_nm(self) -> float:
         """Friction torque of the motor at the no-load speed, N m."""
         return self.torque_constant_nm_a * self.no_load_current_a
-
-    @property
-    def dry_friction_nm(self) -> float:
-        """Dry part of the friction torque, at the motor, N m."""
-        return self.dry_friction_fraction * self.no_load_friction_nm
-
-    @property
-    def viscous_friction_nm_s(self) -> float:
-        """Viscous part of the friction torque per motor speed, at the motor, N m s/rad."""
-        no_load_speed = self.no_load_rpm * RAD_S_PER_RPM
-        return (1 - self.dry_friction_fraction) * self.no_load_friction_nm / no_load_speed
 
     @property
     def wheel_back_emf_v_s(self) -> float:
@@ -149,30 +138,31 @@ class MotorSettings(SettingsModel):
     @property
     def wheel_dry_friction_nm(self) -> float:
         """Dry part of the friction torque, at the wheel, N m."""
-        return self.dry_friction_nm * self.gear_ratio
+        return self.dry_friction_fraction * self._no_load_friction_nm * self.gear_ratio
 
     @property
     def wheel_viscous_friction_nm_s(self) -> float:
         """Viscous part of the friction torque per wheel speed, at the wheel, N m s/rad."""
-        return self.viscous_friction_nm_s * self.gear_ratio**2
+        viscous_friction = (1 - self.dry_friction_fraction) * self._no_load_friction_nm
+        return viscous_friction / (self.no_load_rpm * RAD_S_PER_RPM) * self.gear_ratio**2
 
     def find_contradictions(self) -> Iterator[str]:
         """Yield a message for each row that contradicts the others."""
-        voltage, commutation = self.nominal_voltage_v, self.commutation_ohm_s
         advice = "; take all rows from one datasheet"
-        if commutation < 0:
+        nominal_voltage = f"motor.nominal_voltage_v = {self.nominal_voltage_v:g}"
+        if self.commutation_ohm_s < 0:
             yield (
-                "motor.nominal_rpm with motor.nominal_current_a takes "
-                f"{self._linear_voltage_v:.4g} V by motor.torque_constant_nm_a and "
-                f"motor.resistance_ohm, above motor.nominal_voltage_v = {voltage:g}{advice}"
+                "motor.nominal_rpm and motor.nominal_current_a need "
+                f"{self._linear_voltage_v:.4g} V with motor.torque_constant_nm_a and "
+                f"motor.resistance_ohm, above {nominal_voltage}{advice}"
             )
-        speed, current = self.no_load_rpm * RAD_S_PER_RPM, self.no_load_current_a
-        resistance = self.resistance_ohm + max(commutation, 0) * speed
-        needed_voltage = resistance * current + self.torque_constant_nm_a * speed
-        if abs(needed_voltage / voltage - 1) > NO_LOAD_TOLERANCE:
+        speed = self.no_load_rpm * RAD_S_PER_RPM
+        resistance = self.resistance_ohm + self.commutation_ohm_s * speed
+        voltage = resistance * self.no_load_current_a + self.torque_constant_nm_a * speed
+        if abs(voltage / self.nominal_voltage_v - 1) > NO_LOAD_TOLERANCE:
             yield (
-                f"motor.no_load_rpm with motor.no_load_current_a takes {needed_voltage:.4g} V by "
-                f"motor.torque_constant_nm_a, not motor.nominal_voltage_v = {voltage:g} within "
+                f"motor.no_load_rpm and motor.no_load_current_a need {voltage:.4g} V with "
+                f"motor.torque_constant_nm_a, not {nominal_voltage} within "
                 f"{NO_LOAD_TOLERANCE:.0%}{advice}"
             )
         torque = self.torque_constant_nm_a * self.nominal_current_a

@@ -109,12 +109,12 @@ def solve_thermal_nodes(s: MotorSettings) -> Array:
     Returns:
         Matrix (2, 4) that maps T(0), K, and Q, W, to T(h), K.
     """
-    winding_w_k = 1 / s.winding_housing_k_w
-    housing_w_k = 1 / s.housing_ambient_k_w
+    winding_w_k = 1 / s.winding_housing_resistance_k_w
+    housing_w_k = 1 / s.housing_ambient_resistance_k_w
     conductances = np.array(
         [[winding_w_k, -winding_w_k], [-winding_w_k, winding_w_k + housing_w_k]]
     )
-    root = np.sqrt([s.winding_j_k, s.housing_j_k])
+    root = np.sqrt([s.winding_heat_capacity_j_k, s.housing_heat_capacity_j_k])
     rates, modes = np.linalg.eigh(conductances / np.outer(root, root))
     remaining = modes * np.exp(-rates * PERIOD_S) @ modes.T * (root / root[:, None])
     received = modes * (-np.expm1(-rates * PERIOD_S) / rates) @ modes.T / np.outer(root, root)

@@ -151,11 +151,11 @@ def find_error(**sections: Any) -> str:
         ({"battery": {"cut_off_v": 17.0}}, "the 16.8 V of battery.series_cells = 4"),
         (
             {"motor": {"resistance_ohm": 4.0}},
-            "motor.nominal_rpm with motor.nominal_current_a takes",
+            "motor.nominal_rpm and motor.nominal_current_a need",
         ),
         (
             {"motor": {"no_load_rpm": 5500.0}},
-            "motor.no_load_rpm with motor.no_load_current_a takes",
+            "motor.no_load_rpm and motor.no_load_current_a need",
         ),
         ({"motor": {"nominal_torque_nm": 1.0}}, "is not motor.torque_constant_nm_a times"),
     ],

@@ -68,10 +68,16 @@ def test_temperatures_solve_the_differential_equation_of_two_nodes(
     s, frames = motor_settings(winding_c=40.0, housing_c=30.0), 3600
 
     def rates(_: float, t: np.ndarray) -> list[float]:
-        heat_flow = (t[0] - t[1]) / s.winding_housing_k_w
+        heat_flow = (t[0] - t[1]) / s.winding_housing_resistance_k_w
         copper = MAXON.resistance * (1 + s.winding_resistance_per_k * (t[0] - 25)) * current**2
-        housing = MAXON.housing_heat(current, speed) - (t[1] - s.ambient_c) / s.housing_ambient_k_w
-        return [(copper - heat_flow) / s.winding_j_k, (heat_flow + housing) / s.housing_j_k]
+        housing = (
+            MAXON.housing_heat(current, speed)
+            - (t[1] - s.ambient_c) / s.housing_ambient_resistance_k_w
+        )
+        return [
+            (copper - heat_flow) / s.winding_heat_capacity_j_k,
+            (heat_flow + housing) / s.housing_heat_capacity_j_k,
+        ]
 
     exact = solve_ivp(rates, (0, frames * FRAME_S), [40.0, 30.0], rtol=1e-10, atol=1e-9).y[:, -1]
     winding, housing = heat_motor(

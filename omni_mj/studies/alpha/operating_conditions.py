@@ -107,7 +107,9 @@ def _replace_settings(settings: Settings, values: Mapping[str, float]) -> Settin
     values = dict(values)
     if "motor.winding_c" in values:
         motor = settings.motor
-        ratio = motor.housing_ambient_k_w / (motor.housing_ambient_k_w + motor.winding_housing_k_w)
+        ratio = motor.housing_ambient_resistance_k_w / (
+            motor.housing_ambient_resistance_k_w + motor.winding_housing_resistance_k_w
+        )
         winding_rise = values["motor.winding_c"] - motor.ambient_c
         values["motor.housing_c"] = motor.ambient_c + ratio * winding_rise
     return replace_values(settings, values)
