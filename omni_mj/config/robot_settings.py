@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -114,6 +114,24 @@ class WheelSettings(SettingsModel):
                     f"wheels.roller_radius_m = {roller_radius:g} more than two of a wheel touch "
                     "the carpet; take wheels.model = rollers"
                 )
+
+
+class Mechanics(NamedTuple):
+    """The settings on which the MJCF model of a robot depends.
+
+    Attributes:
+        body: Mass and inertia.
+        wheels: Geometry and model of the wheels.
+        gear_ratio: Turns of the motor per turn of the wheel.
+        rotor_inertia: Inertia of a motor's rotor, kg m^2.
+        mjcf_file: Path of a custom robot's MJCF; empty for the standard robot shape.
+    """
+
+    body: BodySettings
+    wheels: WheelSettings
+    gear_ratio: float
+    rotor_inertia: float
+    mjcf_file: str
 
 
 class DrivetrainSettings(SettingsModel):

@@ -30,6 +30,7 @@ from omni_mj.config.robot_settings import (
     BodySettings,
     DrivetrainSettings,
     FirmwareSettings,
+    Mechanics,
     ModelSettings,
     SensorSettings,
     WheelSettings,
@@ -111,6 +112,14 @@ class Settings(SettingsModel):
     def hub_friction_nm(self) -> float:
         """Dry friction torque of a motor and its gear, at the wheel, N m."""
         return self.motor.wheel_dry_friction_nm + self.drivetrain.gear_friction_nm
+
+    @property
+    def mechanics(self) -> Mechanics:
+        """The settings on which the MJCF model of the robot depends."""
+        motor = self.motor
+        return Mechanics(
+            self.body, self.wheels, motor.gear_ratio, motor.rotor_inertia_kg_m2, self.model.file
+        )
 
     def replace(self, **sections: Any) -> Self:
         """Return a validated copy with other values: `settings.replace(radio={"delay_frames": 9})`.

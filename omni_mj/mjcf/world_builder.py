@@ -18,12 +18,13 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
+from omni_mj.config.robot_settings import Mechanics
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import rollers
 from omni_mj.mjcf.custom_robot import RobotSpec
 from omni_mj.mjcf.model_measurements import compute_support_distance
 from omni_mj.mjcf.part_recognition import Ids, RobotIndices, compute_initial_kinematics, find_robots
-from omni_mj.mjcf.settings_to_mjcf import RobotShape, build_robot_spec
+from omni_mj.mjcf.robot_builder import build_robot_spec
 
 SETTLING_S = 0.25  # time in which a robot comes to rest on the carpet
 HULL_DIRECTIONS = 73  # every 5 degrees, both ends included
@@ -61,7 +62,7 @@ def build_world(
     """Return a field with equal robots on it; repeated calls return the same object.
 
     Args:
-        settings: Settings of the robots. Only their `RobotShape` and the number of substeps
+        settings: Settings of the robots. Only their `mechanics` and the number of substeps
             matter. Default: those of the default robot.
         robots_per_world: Number of robots.
         with_hulls: Whether robots collide with each other and with walls. Default: if there are
@@ -71,10 +72,10 @@ def build_world(
         OmniError: The numbers of the robot are impossible, or a robot's file lacks a part.
     """
     settings = settings or resolve_settings()
-    shape = RobotShape.from_settings(settings)
+    mechanics = settings.mechanics
     return _build_world(
-        build_robot_spec(shape),
-        shape,
+        build_robot_spec(mechanics),
+        mechanics,
         robots_per_world,
         settings.physics.substeps,
         robots_per_world > 1 if with_hulls is None else with_hulls,
@@ -83,7 +84,7 @@ def build_world(
 
 @lru_cache(maxsize=16)
 def _build_world(
-    robot_spec: RobotSpec, shape: RobotShape, n_robots: int, substeps: int, with_hulls: bool
+    robot_spec: RobotSpec, mechanics: Mechanics, n_robots: int, substeps: int, with_hulls: bool
 ) -> World:
     """Return a world; see `build_world`. Equal arguments return the same object."""
     field = mujoco.MjSpec.from_file(str(find_models_folder() / "field.xml"))
@@ -91,9 +92,9 @@ def _build_world(
     robot_model = spec.compile()
     (single_robot,) = find_robots(robot_model)
     contact = rollers.make_roller_contact(
-        robot_model, single_robot, shape.body.mass_kg / len(single_robot.wheels)
+        robot_model, single_robot, mechanics.body.mass_kg / len(single_robot.wheels)
     )
-    if shape.wheels.model == "two-rollers":
+    if mechanics.wheels.model == "two-rollers":
         rollers.reduce_rollers(spec, robot_model, single_robot)
         remaining = {geom.name for geom in spec.geoms}
         contact_geoms = tuple(name for name in contact_geoms if name in remaining)
@@ -119,13 +120,13 @@ def _build_world(
     if n_robots == 1:
         rest_qpos = _settle(model)
     else:
-        single_world = _build_world(robot_spec, shape, 1, substeps, False)
+        single_world = _build_world(robot_spec, mechanics, 1, substeps, False)
         rest_qpos = np.tile(single_world.rest_qpos, n_robots)
     return World(
         model,
         robots,
         rest_qpos,
-        shape.wheels.kinematics,
+        mechanics.wheels.kinematics,
         np.array([[_find_load_address(model, rim) for rim in robot.rims] for robot in robots]),
         _compute_hull_radius(robot_model, robot_spec.hull_geoms),
     )

@@ -19,7 +19,6 @@ from omni_mj.config import fault_checks, plugins, reference_factory
 from omni_mj.config.rows import Row, build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import PERIOD_S, Settings
-from omni_mj.mjcf.settings_to_mjcf import RobotShape
 from omni_mj.network.camera import Cameras
 from omni_mj.network.radio import Radio, ReceivedCommand
 from omni_mj.plants import Plant
@@ -298,11 +297,11 @@ def batch_key(plant: str, settings: Settings) -> Hashable:
     """Return a key that is equal for settings whose rows can share a simulation.
 
     Such rows have the same number of robots in a world. On the plant mujoco they also share the
-    robot's shape and the physics settings, on planar the wheels.
+    robot's mechanics and the physics settings, on planar the wheels.
     """
     n_robots = len(settings.world.start_poses)
     if plant == "mujoco":
-        return RobotShape.from_settings(settings), settings.physics, n_robots
+        return settings.mechanics, settings.physics, n_robots
     if plant == "planar":
         return settings.wheels, n_robots
     return n_robots

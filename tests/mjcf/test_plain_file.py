@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.mjcf import world_builder
-from omni_mj.mjcf.settings_to_mjcf import RobotShape, build_robot_spec
+from omni_mj.mjcf.robot_builder import build_robot_spec
 
 DIGITS = 1e-6  # of the numbers in the files
 
@@ -26,7 +26,7 @@ def expected() -> list[str]:
     """Return the attributes that ssl_robot.xml must contain for the default robot."""
     settings = resolve_settings()
     wheels, motor, world = settings.wheels, settings.motor, world_builder.build_world()
-    (chassis,) = build_robot_spec(RobotShape.from_settings(settings)).spec.worldbody.bodies
+    (chassis,) = build_robot_spec(settings.mechanics).spec.worldbody.bodies
     pair = {
         name: getattr(world.model, f"pair_{name}")[0]
         for name in ("solref", "solimp", "solreffriction")

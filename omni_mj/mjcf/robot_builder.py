@@ -1,14 +1,12 @@
-"""The specification of a robot from its settings: models/ssl_robot.xml with the settings' numbers.
+"""Builder of a robot's MJCF specification: models/ssl_robot.xml with the numbers of its settings.
 
-The file contains chassis, hull, sensors, and a wheel of hub, rim and rollers. The settings contain
-sizes, masses and counts: sections `body` and `wheels`, and gear and rotor of section `motor`. The
-file's first wheel is copied for each azimuth. The mass of the chassis is that of the robot minus
-that of the wheels.
+The file defines chassis, hull, sensors, and wheels of hub, rim and rollers. The settings define
+sizes, masses and counts, see `Mechanics`. The file's first wheel is copied to each azimuth. The
+mass of the chassis is that of the robot minus that of the wheels.
 """
 
 import math
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
 from functools import lru_cache
 
 import mujoco
@@ -16,8 +14,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.config.robot_files import find_robot_mjcf
-from omni_mj.config.robot_settings import BodySettings, ModelSettings, WheelSettings
-from omni_mj.config.settings import Settings
+from omni_mj.config.robot_settings import BodySettings, Mechanics, WheelSettings
 from omni_mj.config.validation import raise_errors
 from omni_mj.mjcf.custom_robot import RobotSpec, read_custom_robot
 from omni_mj.mjcf.model_measurements import (
@@ -29,51 +26,21 @@ from omni_mj.mjcf.model_measurements import (
 Element = ElementTree.Element
 
 
-@dataclass(frozen=True)
-class RobotShape:
-    """The settings on which the model of a robot depends.
-
-    Args:
-        body: Mass and inertia.
-        wheels: Geometry and model of the wheels.
-        gear_ratio: Turns of the motor per turn of the wheel.
-        rotor_inertia: Inertia of the motor's rotor, kg m^2.
-        model: A user's own model, if there is one.
-    """
-
-    body: BodySettings
-    wheels: WheelSettings
-    gear_ratio: float
-    rotor_inertia: float
-    model: ModelSettings
-
-    @classmethod
-    def from_settings(cls, settings: Settings) -> "RobotShape":
-        """Return the shape of a robot with these settings."""
-        motor = settings.motor
-        return cls(
-            settings.body,
-            settings.wheels,
-            motor.gear_ratio,
-            motor.rotor_inertia_kg_m2,
-            settings.model,
-        )
-
-
-def build_robot_spec(shape: RobotShape) -> RobotSpec:
-    """Return the specification of a robot: ours with the shape's numbers, or a user's own model.
+def build_robot_spec(mechanics: Mechanics) -> RobotSpec:
+    """Return the specification of a robot of the standard shape, or of a custom robot.
 
     Raises:
-        OmniError: The model lacks a part, or numbers contradict it or each other. One line per
-            error.
+        OmniError: A custom robot lacks a part, or settings contradict its file or each other. One
+            line per error.
     """
-    if not shape.model.file:
-        return _build_default_robot(shape)
-    custom = read_custom_robot(shape.model.file)
-    motor = {"gear_ratio": shape.gear_ratio, "rotor_inertia_kg_m2": shape.rotor_inertia}
-    sections = {"body": shape.body, "wheels": shape.wheels, "motor": motor}
+    body, wheels, gear_ratio, rotor_inertia, mjcf_file = mechanics
+    if not mjcf_file:
+        return _build_standard_robot(mechanics)
+    custom = read_custom_robot(mjcf_file)
+    motor = {"gear_ratio": gear_ratio, "rotor_inertia_kg_m2": rotor_inertia}
+    sections = {"body": body, "wheels": wheels, "motor": motor}
     raise_errors(custom.find_contradictions(sections))
-    if shape.wheels.model == "two-rollers" and not custom.has_uniform_rollers:
+    if wheels.model == "two-rollers" and not custom.has_uniform_rollers:
         raise OmniError(
             f"{custom.file}: wheels.model = two-rollers needs equal rollers, in one row, with one "
             "geom each; use rollers"
@@ -82,23 +49,23 @@ def build_robot_spec(shape: RobotShape) -> RobotSpec:
 
 
 @lru_cache(maxsize=16)
-def _build_default_robot(shape: RobotShape) -> RobotSpec:
-    """Return the specification of models/ssl_robot.xml with the numbers of a shape."""
+def _build_standard_robot(mechanics: Mechanics) -> RobotSpec:
+    """Return the specification of models/ssl_robot.xml with the numbers of the settings."""
     path = find_robot_mjcf()
     root = ElementTree.parse(path).getroot()
-    _write_wheels(root, shape)
+    _write_wheels(root, mechanics)
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     spec.modelfiledir = str(path.parent)
-    _set_chassis_inertia(spec, shape.body)
-    for key in list(spec.keys):  # their size is not that of a world
+    _set_chassis_inertia(spec, mechanics.body)
+    for key in list(spec.keys):  # a keyframe fits only the world of one robot
         spec.delete(key)
     rollers = tuple(geom.name for geom in spec.geoms if geom.parent.name.startswith("roller_"))
     return RobotSpec(path.name, spec, rollers)
 
 
-def _write_wheels(root: Element, shape: RobotShape) -> None:
-    """Put a copy of the first wheel, with its motor and its encoder, at each azimuth."""
-    wheels, count = shape.wheels, len(shape.wheels.azimuths_deg)
+def _write_wheels(root: Element, mechanics: Mechanics) -> None:
+    """Put a copy of the first wheel at each azimuth, with a motor, gear and encoder."""
+    wheels, count = mechanics.wheels, len(mechanics.wheels.azimuths_deg)
     frames = _replicate_first(root, "worldbody/body/frame", count)
     for azimuth, frame in zip(wheels.azimuths_deg, frames, strict=True):
         frame.set("euler", f"0 0 {azimuth!r}")
@@ -107,8 +74,8 @@ def _write_wheels(root: Element, shape: RobotShape) -> None:
     _replicate_first(root, "actuator/dcmotor", count)
     _replicate_first(root, "sensor/jointpos", count)
     motor = _find_child(root, "default/dcmotor")
-    motor.set("gear", repr(shape.gear_ratio))
-    motor.set("armature", repr(shape.rotor_inertia))
+    motor.set("gear", repr(mechanics.gear_ratio))
+    motor.set("armature", repr(mechanics.rotor_inertia))
 
 
 def _write_rollers(frame: Element, wheels: WheelSettings) -> None:
@@ -146,33 +113,34 @@ def _find_child(parent: Element, path: str) -> Element:
 
 
 def _set_chassis_inertia(spec: mujoco.MjSpec, body: BodySettings) -> None:
-    """Set mass and inertia of the chassis to those of the robot minus those of its other bodies.
+    """Set mass and inertia of the chassis to those of the robot minus those of the wheels.
 
     Raises:
         OmniError: The remaining mass or inertia is impossible.
     """
     (chassis,) = spec.worldbody.bodies
     model = spec.compile()
-    wheel_bodies = [number for number in range(1, model.nbody) if number != chassis.id]
+    wheel_bodies = [i for i in range(1, model.nbody) if i != chassis.id]
     wheel_mass, wheel_center, wheel_inertia = compute_composite_inertia(model, wheel_bodies)
     mass = body.mass_kg - wheel_mass
-    robot_center = np.array([body.com_x_m, 0.0, body.com_height_m])
     if mass <= 0:
         raise OmniError(
             f"body.mass_kg must be more than the {wheel_mass:.3f} kg of the wheels, "
             f"not {body.mass_kg:g}"
         )
+    robot_center = np.array([body.com_x_m, 0.0, body.com_height_m])
     center = (body.mass_kg * robot_center - wheel_mass * wheel_center) / mass
+    # Inertias about the robot's center of mass, by the parallel axis theorem.
     robot_inertia = np.diag(
         [body.tilt_inertia_kg_m2, body.tilt_inertia_kg_m2, body.yaw_inertia_kg_m2]
     )
-    wheel_offset = wheel_mass * compute_point_mass_inertia(wheel_center - robot_center)
-    chassis_offset = mass * compute_point_mass_inertia(center - robot_center)
-    inertia = robot_inertia - wheel_inertia - wheel_offset - chassis_offset
-    principal = np.linalg.eigvalsh(inertia)
-    if principal[0] <= 0 or principal[2] > principal[:2].sum():
+    wheel_shift = wheel_mass * compute_point_mass_inertia(wheel_center - robot_center)
+    chassis_shift = mass * compute_point_mass_inertia(center - robot_center)
+    inertia = robot_inertia - wheel_inertia - wheel_shift - chassis_shift
+    moments = np.linalg.eigvalsh(inertia)  # principal moments, ascending
+    if moments[0] <= 0 or moments[2] > moments[0] + moments[1]:
         raise OmniError(
             "body.yaw_inertia_kg_m2 and body.tilt_inertia_kg_m2 leave the chassis without its "
-            f"wheels the principal inertias {principal} kg m^2, which no body has"
+            f"wheels the principal inertias {moments} kg m^2, which no body has"
         )
     set_inertial(chassis, mass, center, inertia)
