@@ -2,19 +2,22 @@
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console, options, output_folders
+from omni_mj.cli import console, options, output_folders, run
 from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from omni_mj.studies.sweep.sweep_plan import SweepPlan
 
+SWEEP_FILE = "sweep.json"  # written first; a folder that contains it is resumed
 OUTPUTS = (
-    "sweep.json",
+    SWEEP_FILE,
     "scenario.toml",
     "rows.parquet",
     "summary.json",
@@ -83,48 +86,45 @@ def sweep_command(
     from omni_mj.studies.sweep import workers
     from omni_mj.studies.sweep.sweep_plan import SweepPlan, check_axes, parse_axis
 
-    if name is None:
-        raise OmniError(
-            "--scenario is missing: omni-mj sweep --scenario rect --vary carpet.friction=0.3:1.0:8"
-        )
-    scenario = scenario_options.load_scenario(name)
+    scenario = scenario_options.load_scenario(run.require_scenario(name))
     plan = SweepPlan(scenario, check_axes(map(parse_axis, axes)), batch_size)
     plan.check(jobs)  # before the folder is created
     if cluster and jobs > 1:
         raise OmniError("--jobs are processes on this machine; it cannot be used with --cluster")
-    if out is None or not (out / OUTPUTS[0]).exists():
+    if out is None or not (out / SWEEP_FILE).exists():
         out = output_folders.prepare_folder(out, "sweep", OUTPUTS, overwrite=False)
     with workers.cluster(cluster) if cluster else nullcontext() as executor:
-        _run_sweep(plan, out, quiet, jobs=jobs, executor=executor)
+        _run_sweep(plan, out, quiet, jobs, executor)
 
 
-def _run_sweep(plan: "SweepPlan", folder: Path, quiet: bool, **run_options: Any) -> None:
-    """Run the remaining shards of a sweep, save its tables and figure, and print them.
+def _run_sweep(
+    plan: "SweepPlan", folder: Path, quiet: bool, jobs: int, executor: "Executor | None"
+) -> None:
+    """Run the remaining shards of a sweep, save its table and figure, and print the results.
 
     Args:
-        plan: Points of the sweep.
+        plan: Plan of the sweep.
         folder: Folder of the results.
         quiet: Whether nothing is printed.
-        **run_options: Further arguments of `run_sweep`.
+        jobs: Number of local processes.
+        executor: Executor that runs the shards instead, or None.
     """
-    from omni_mj.studies.run_scenario import quiet_mujoco
     from omni_mj.studies.sweep import sweep_figure, sweep_statistics, sweep_study
 
     with console.report_write_errors(folder):
         with Interrupts() as interrupts, console.show_progress(quiet) as start_progress:
-            quiet_mujoco()
-            start_progress = interrupts.add_check(start_progress)
+            start_checked_progress = interrupts.add_check(start_progress)
             result = sweep_study.run_sweep(
-                plan, folder, start_progress=start_progress, **run_options
+                plan, folder, jobs=jobs, executor=executor, start_progress=start_checked_progress
             )
-        progress = f"{result.n_done} of {len(plan.shards)} shards"
+        progress_text = f"{result.n_done} of {len(plan.shards)} shards"
         if result.n_done:
             sweep_statistics.save_sweep_table(plan, result.summary, folder / "sweep.md")
             sweep_figure.save_sweep_figure(result, folder / "sweep.png")
             if not quiet:
                 print(sweep_statistics.format_sweep_tables(plan, result.summary))
                 print(f"repeat the worst run: {result.summary['worst'][0]['repeat_command']}")
-                print(f"{progress} done; {console.describe_outputs(folder, OUTPUTS)}")
+                print(f"{progress_text} done; {console.describe_outputs(folder, OUTPUTS)}")
     interrupts.exit_if_stopped(
-        result.stopped, f"{progress} are in {folder}; to resume, repeat with --out {folder}"
+        result.stopped, f"{progress_text} are in {folder}; to resume, repeat with --out {folder}"
     )
