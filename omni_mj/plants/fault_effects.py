@@ -125,9 +125,11 @@ class FaultEffects:
             friction_factor=carpet.friction_factor * self._combine_factors(faults.WheelWorn),
             missing_angle=2 * np.pi * n_missing / n_rollers,
         )
-        torque_constant = electronics.motors.cold_torque_constant
-        torque_constant = torque_constant * self._combine_factors(faults.MotorDemagnetized)
-        motors = electronics.motors._replace(cold_torque_constant=torque_constant)
+        motors = electronics.motors
+        motors = motors._replace(
+            cold_torque_constant=motors.cold_torque_constant
+            * self._combine_factors(faults.MotorDemagnetized)
+        )
         self._plant.parameters = self._plant.parameters._replace(
             carpet=carpet, electronics=electronics._replace(motors=motors)
         )

@@ -1,8 +1,7 @@
 """Battery: open-circuit voltage over charge, sag under load, and undervoltage protection.
 
-In a frame the battery is a Thevenin source: an open-circuit voltage in series with an internal
-resistance. Charge and protection change from frame to frame, the terminal voltage from cycle to
-cycle.
+The battery is a Thevenin source: an open-circuit voltage in series with an internal resistance. The
+terminal voltage changes in every cycle; charge and protection change once per frame.
 """
 
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from omni_mj.robot.array_ops import Array, clip, namespace, sum_wheels
 # half charge, and steep below a tenth
 CELL_CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0])
 CELL_VOLTAGE_V = np.array([3.0, 3.4, 3.55, 3.63, 3.66, 3.70, 3.83, 4.05, 4.2])
-# Time constant with which the protection averages the voltage, s. Without the average every hard
+# Time constant of the protection's low-pass filter, s. Without the filter, the sag at every hard
 # start would trip it.
 PROTECTION_TIME_S = 1.0
 
@@ -28,20 +27,18 @@ class BatteryParameters(NamedTuple):
     n_cells: Array  # number of cells in series
     capacity: Array  # charge of a full battery, A s
     resistance: Array  # internal resistance, ohm
-    cut_off_voltage: Array  # average voltage at which the protection switches off, V
+    cut_off_voltage: Array  # filtered voltage below which the protection switches off, V
 
 
 class BatterySource(NamedTuple):
     """Thevenin equivalent of n batteries in a frame, (n,).
 
-    With a battery that is off, both are zero and the motors are shorted.
+    If the protection has switched a battery off, its voltage and resistance are zero: drivers then
+    short the motors.
     """
 
     open_circuit_voltage: Array  # voltage without load, V
     resistance: Array  # internal resistance, ohm
-    # Infinite if the battery is off, otherwise 0, V. Added to the voltage that duty cycles are
-    # relative to, it makes them 0.
-    infinite_if_off: Array
     voltage_factor: Array  # fraction of the voltage that the contacts pass, 1
 
 
@@ -49,8 +46,8 @@ class BatteryState(NamedTuple):
     """State of n batteries, (n,)."""
 
     charge: Array  # state of charge, from 0 (empty) to 1 (full)
-    average_voltage: Array  # filtered voltage that the protection compares with its limit, V
-    is_on: Array  # whether the protection passes power
+    filtered_voltage: Array  # voltage that the protection compares with its limit, V
+    is_on: Array  # whether the protection has not switched off
     voltage: Array  # terminal voltage, V
 
 
@@ -61,15 +58,8 @@ def make_battery(settings: Sequence[Settings]) -> tuple[BatteryParameters, Batte
         for name in ("series_cells", "capacity_ah", "resistance_ohm", "cut_off_v", "charge")
     )
     p = BatteryParameters(n_cells, capacity * 3600, resistance, cut_off)
-    voltage = n_cells * np.interp(charge, CELL_CHARGE, CELL_VOLTAGE_V)
+    voltage = _compute_open_circuit_voltage(p, charge)
     return p, BatteryState(charge, voltage, np.ones(len(settings), bool), voltage)
-
-
-def compute_open_circuit_voltage(p: BatteryParameters, s: BatteryState) -> Array:
-    """Return the voltage without load (n,) in V; 0 if the battery is off."""
-    xp = namespace(s.charge)
-    cell_voltage = xp.interp(s.charge, CELL_CHARGE, CELL_VOLTAGE_V)
-    return xp.where(s.is_on, p.n_cells * cell_voltage, 0.0)
 
 
 def make_source(p: BatteryParameters, s: BatteryState, voltage_factor: Array) -> BatterySource:
@@ -80,11 +70,8 @@ def make_source(p: BatteryParameters, s: BatteryState, voltage_factor: Array) ->
         s: State.
         voltage_factor: Fraction of the voltage that the contacts pass, (n,).
     """
-    infinite_if_off = namespace(voltage_factor).where(s.is_on, 0.0, np.inf)
-    open_circuit_voltage = compute_open_circuit_voltage(p, s)
-    return BatterySource(
-        open_circuit_voltage, s.is_on * p.resistance, infinite_if_off, voltage_factor
-    )
+    open_circuit_voltage = _compute_open_circuit_voltage(p, s.charge)
+    return BatterySource(s.is_on * open_circuit_voltage, s.is_on * p.resistance, voltage_factor)
 
 
 def apply_motor_load(
@@ -94,8 +81,8 @@ def apply_motor_load(
 
     U0 is the open-circuit voltage, R the internal resistance, I the battery current, and f the
     voltage factor. Drivers pass power without loss, so I is the sum of duty cycle times motor
-    current, and braking motors charge the battery. A driver dissipates the power that a motor
-    generates beyond the battery's voltage, or with a battery that is off.
+    current, and braking motors charge the battery. If a motor's voltage exceeds the battery's, the
+    driver dissipates the surplus.
 
     Args:
         s: State.
@@ -106,8 +93,10 @@ def apply_motor_load(
     Returns:
         The state with the new terminal voltage, and the battery currents, (n,) A.
     """
-    duty = clip(voltage / (s.voltage + source.infinite_if_off), -1.0, 1.0)
-    battery_current = sum_wheels(duty * current)
+    # A battery that is off has no voltage to divide by, and no current for any duty cycle.
+    battery_voltage = namespace(voltage).where(s.is_on, s.voltage, 1.0)
+    duty = clip(voltage / battery_voltage, -1.0, 1.0)
+    battery_current = s.is_on * sum_wheels(duty * current)
     loaded_voltage = source.open_circuit_voltage - source.resistance * battery_current
     return s._replace(voltage=source.voltage_factor * loaded_voltage), battery_current
 
@@ -123,9 +112,17 @@ def discharge_battery(
         battery_current: Mean battery current in the frame, (n,) A.
     """
     charge = clip(s.charge - battery_current * PERIOD_S / p.capacity, 0.0, 1.0)
-    s = s._replace(charge=charge)
-    sag = s.is_on * p.resistance * battery_current
-    loaded_voltage = compute_open_circuit_voltage(p, s) - sag
+    sag = p.resistance * battery_current
+    voltage = s.is_on * (_compute_open_circuit_voltage(p, charge) - sag)
     smoothing = PERIOD_S / PROTECTION_TIME_S
-    average = s.average_voltage + (loaded_voltage - s.average_voltage) * smoothing
-    return s._replace(average_voltage=average, is_on=s.is_on & (average > p.cut_off_voltage))
+    filtered_voltage = s.filtered_voltage + (voltage - s.filtered_voltage) * smoothing
+    return s._replace(
+        charge=charge,
+        filtered_voltage=filtered_voltage,
+        is_on=s.is_on & (filtered_voltage > p.cut_off_voltage),
+    )
+
+
+def _compute_open_circuit_voltage(p: BatteryParameters, charge: Array) -> Array:
+    """Return the voltage without load, (n,) V, at states of charge (n,)."""
+    return p.n_cells * namespace(charge).interp(charge, CELL_CHARGE, CELL_VOLTAGE_V)
