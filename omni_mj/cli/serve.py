@@ -174,20 +174,24 @@ def _start_recording(
         folder: Folder of trajectory.parquet, or None if it is not written.
         rerun_targets: Recording files and URLs of rerun viewers to which frames are sent.
     """
-    from omni_mj.live.serve.recorder import Recorder
+    from omni_mj.live.serve.recorder import Recorder, TrajectoryWriter
 
     if folder is None and not rerun_targets:
         return
-    sinks, row = [], server.world.rows[0]
+    sinks: list[Any] = []
     for target in rerun_targets:
         from omni_mj.viz.recording import ServedRecording
 
-        recording = stack.enter_context(ServedRecording(target, row.settings))
+        settings = server.world.rows[0].settings
+        recording = stack.enter_context(ServedRecording(target, settings))
         sinks.append(recording.send)
-    table_path = None if folder is None else folder / "trajectory.parquet"
-    recorder = Recorder(server.world, table_path, sinks)
-    server.after_frame = recorder.add
-    stack.callback(recorder.close)
+    if folder is not None:
+        writer = TrajectoryWriter(folder / "trajectory.parquet")
+        stack.callback(writer.close)
+        sinks.append(writer.add_block)
+    recorder = Recorder(server.world, sinks)
+    server.after_frame = recorder.add_frame
+    stack.callback(recorder.end_block)
 
 
 def _describe_server(server: "Server") -> str:

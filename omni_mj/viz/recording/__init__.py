@@ -151,14 +151,9 @@ class ServedRecording(RerunStream):
         self._present_robots = set[str]()  # names of robots of the last block
         self._try_sending(self._begin)
 
-    def send(self, names: Sequence[str], log: Log) -> None:
-        """Send a block of frames.
-
-        Args:
-            names: Names of the robots, team and number, in the order of the log's rows.
-            log: Log of the block.
-        """
-        self._try_sending(self._send_block, names, log)
+    def send(self, log: Log) -> None:
+        """Send a block of frames, see `omni_mj.live.serve.recorder.Recorder`."""
+        self._try_sending(self._send_block, log)
 
     def _begin(self) -> None:
         """Open the stream and log the field."""
@@ -172,22 +167,23 @@ class ServedRecording(RerunStream):
         self._open(rrb.Blueprint(columns, time, collapse_panels=True), footer=False)
         scene.log_field(self._stream)
 
-    def _send_block(self, names: Sequence[str], log: Log) -> None:
+    def _send_block(self, log: Log) -> None:
         """Send poses and plots of the robots, and hide those that are no longer present."""
         self._check_disk(TABLE_BYTES)
+        names = [f"{row.controller} {row.slot}" for row in log.rows]
         frames = log.first_frame + np.arange(log.length)
         hidden = robot_shapes.pose_columns(np.zeros((1, 3)), HIDDEN_HEIGHT_M)
         for name in self._present_robots - set(names):
             self._stream.send_frames(f"world/{name}", frames[:1], hidden)
         self._present_robots = set(names)
-        for row, name in enumerate(names):
+        for i, name in enumerate(names):
             entity = f"world/{name}"
             if name not in self._logged_robots:
                 self._logged_robots.add(name)
-                color = TEAM_COLORS[name.split()[0]]
+                color = TEAM_COLORS[log.rows[i].controller]
                 robot_shapes.log_robot(self._stream, entity, color, self._settings)
-            pose, angles = log.channel("pose")[:, row], log.channel("wheel_angle")[:, row]
+            pose, angles = log.channel("pose")[:, i], log.channel("wheel_angle")[:, i]
             robot_shapes.send_poses(self._stream, entity, frames, pose, angles, self._settings)
             for channel in SERVED_PLOT_TITLES:
-                values = rr.Scalars.columns(scalars=log.channel(channel)[:, row])
+                values = rr.Scalars.columns(scalars=log.channel(channel)[:, i])
                 self._stream.send_frames(f"plots/{channel}/{name}", frames, values)

@@ -10,7 +10,7 @@ import numpy as np
 from serving import BLUE, LOOPBACK, Client, teleport
 
 from omni_mj.live.serve import initial_setup
-from omni_mj.live.serve.recorder import Recorder
+from omni_mj.live.serve.recorder import Recorder, TrajectoryWriter
 from omni_mj.live.serve.served_world import ServedWorld
 from omni_mj.live.serve.server import Server
 from omni_mj.live.serve.simulation_requests import robot_label
@@ -101,7 +101,7 @@ class Field:
             assert self.command(blue) == self.command(yellow, 1) == []
             images += self.cycles(CYCLES)
             if self.recorder is not None:
-                self.recorder.add()
+                self.recorder.add_frame()
         return images
 
     def teleport(self, *packets: bytes) -> list[str]:
@@ -129,11 +129,13 @@ class Field:
 
     def record(self, path: Path) -> None:
         """Record to a table until `finish`."""
-        self.recorder = Recorder(self.pitch, path)
+        self.writer = TrajectoryWriter(path)
+        self.recorder = Recorder(self.pitch, [self.writer.add_block])
 
     def finish(self) -> None:
         assert self.recorder is not None
-        self.recorder.close()
+        self.recorder.end_block()
+        self.writer.close()
 
 
 @contextmanager
