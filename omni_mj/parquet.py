@@ -4,8 +4,7 @@ Arrow gets opened files, because it would read a file name with a colon as a URL
 """
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,15 +29,22 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
     Raises:
         OmniError: The file cannot be read, or lacks a column.
     """
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    # Without threads: if there is no memory to start one, Arrow waits for it forever.
-    with _open_for_arrow(path) as file:
-        parquet_file = pq.ParquetFile(file, pre_buffer=False)
-        names = parquet_file.schema_arrow.names
-        if absent_columns := [name for name in columns or () if name not in names]:
-            raise OmniError(f"{path} cannot be read: it has no column {absent_columns[0]}")
-        return parquet_file.read(None if columns is None else list(columns), use_threads=False)
+    try:
+        # Opening the file by Python first gives readable error messages. Arrow gets no file object
+        # of Python: its threads may still hold one when the program ends, which would abort it.
+        with path.open("rb"), pa.OSFile(os.fsencode(path), "rb") as file:
+            parquet_file = pq.ParquetFile(file, pre_buffer=False)
+            names = parquet_file.schema_arrow.names
+            if absent_columns := [name for name in columns or () if name not in names]:
+                raise OmniError(f"{path} cannot be read: it has no column {absent_columns[0]}")
+            # Without threads: if there is no memory to start one, Arrow waits for it forever.
+            return parquet_file.read(None if columns is None else list(columns), use_threads=False)
+    except (OSError, pa.ArrowException, UnicodeError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise OmniError(f"{path} cannot be read: {to_printable(reason)}") from None
 
 
 def write_tables(arrow_tables: "Iterable[pa.Table]", path: Path) -> None:
@@ -59,21 +65,3 @@ def write_tables(arrow_tables: "Iterable[pa.Table]", path: Path) -> None:
     ):
         for arrow_table in chain([head], remaining):
             writer.write_table(arrow_table)
-
-
-@contextmanager
-def _open_for_arrow(path: Path) -> "Iterator[pa.NativeFile]":
-    """Open a file for Arrow. Errors in the block are raised as an `OmniError` of one line.
-
-    It is no file object of Python: Arrow's threads may still hold one when the program ends, which
-    would abort the program.
-    """
-    import pyarrow as pa
-
-    try:
-        # Opening the file by Python first gives readable error messages.
-        with path.open("rb"), pa.OSFile(os.fsencode(path), "rb") as file:
-            yield file
-    except (OSError, pa.ArrowException, UnicodeError) as error:
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise OmniError(f"{path} cannot be read: {to_printable(reason)}") from None

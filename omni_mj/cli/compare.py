@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -42,14 +42,12 @@ OUTPUTS = (
 @options.MODEL
 @click.option(
     "--seeds",
-    type=int,
     metavar="N",
     default=10,
     help="Number of consecutive seeds. Default: 10.",
 )
 @click.option(
     "--seed",
-    type=int,
     metavar="N",
     default=0,
     help="First seed of the random numbers. Default: 0.",
@@ -91,8 +89,7 @@ def compare_command(
     with Interrupts() as interrupts:
         result = _run_comparison(scenarios, subject, folder, trajectories, interrupts, output.quiet)
     with console.report_write_errors(folder):
-        _save_tables(result, folder)
-        summary = result.summary()
+        summary = _save_tables(result, folder)
         compare_figure.save_comparison_figure(summary, folder / "compare")
     if not output.quiet:
         console.print_summary_sentence(summary)
@@ -138,11 +135,12 @@ def _run_comparison(
         )
 
 
-def _save_tables(result: "Result", folder: Path) -> None:
-    """Write summary.json and compare.md."""
+def _save_tables(result: "Result", folder: Path) -> dict[str, Any]:
+    """Write summary.json and compare.md, and return the summary."""
     from omni_mj.atomic_files import write_text
     from omni_mj.studies import compare_table
 
     result.repeat_command = console.get_command_line()
-    result.save_summary(folder)
-    write_text(folder / "compare.md", compare_table.to_markdown(result.summary()))
+    summary = result.save_summary(folder)
+    write_text(folder / "compare.md", compare_table.to_markdown(summary))
+    return summary

@@ -77,7 +77,6 @@ def identify_command(
 @options.SETTINGS
 @click.option(
     "--seeds",
-    type=int,
     metavar="N",
     default=20,
     help="Number of consecutive seeds of the runs with noise. Default: 20.",
@@ -85,7 +84,6 @@ def identify_command(
 @options.SEED
 @click.option(
     "--iterations",
-    type=int,
     metavar="N",
     default=16,
     help="Maximum number of learning iterations. Default: 16.",
@@ -107,7 +105,7 @@ def limit_command(
     from omni_mj.studies.compare_figure import save_comparison_figure
     from omni_mj.studies.limit.limit_study import check_limit, find_limit
 
-    scenario = replace(scenario_options, seed=scenario_options.seed or 0).load_scenario(name)
+    scenario = scenario_options.load_scenario(name)
     check_limit(scenario, iterations)
 
     _run_study(

@@ -181,24 +181,24 @@ def _settling_times(reference: Array, position_error: Array, lengths: np.ndarray
             whose last frame is not settled.
     """
     step = np.diff(reference, axis=0)
-    motion_end = _frames_until_last((step != 0).any(-1) & ~np.isnan(step[..., 0]))
-    settling_end = _frames_until_last(position_error >= SETTLED_M)
+    motion_end = frames_until_last((step != 0).any(-1) & ~np.isnan(step[..., 0]))
+    settling_end = frames_until_last(position_error >= SETTLED_M)
     return np.where(
         settling_end < lengths, np.maximum(settling_end - motion_end, 0) * PERIOD_S, np.inf
     )
 
 
-def _frames_until_last(condition: np.ndarray) -> np.ndarray:
+def frames_until_last(condition: np.ndarray) -> np.ndarray:
     """Return the number of frames up to and including the last one that meets a condition.
 
     Args:
-        condition: Shape (frames, n).
+        condition: Shape (frames, ...).
 
     Returns:
-        Shape (n,). Zero if no frame of a row meets it.
+        Shape (...). Zero if no frame of a row meets it.
     """
-    number = np.arange(1, len(condition) + 1)[:, None]
-    return np.asarray(np.max(np.where(condition, number, 0), axis=0, initial=0))
+    numbers = np.arange(1, len(condition) + 1)
+    return np.asarray((condition.T * numbers).max(-1, initial=0).T)
 
 
 def _recoveries(
@@ -243,9 +243,5 @@ def _recovery(error: Array) -> tuple[float, float]:
     Args:
         error: Position error of each frame from the start of the fault, m. At least one frame.
     """
-    excursion = float(error.max())
-    (too_far,) = np.nonzero(error >= RECOVERED_M)
-    if not too_far.size:
-        return excursion, 0.0
-    is_recovered = too_far[-1] + 1 < error.size
-    return excursion, float((too_far[-1] + 1) * PERIOD_S) if is_recovered else np.inf
+    frames = int(frames_until_last(error >= RECOVERED_M))
+    return float(error.max()), frames * PERIOD_S if frames < len(error) else np.inf

@@ -183,11 +183,13 @@ class Result:
             self.save_outcome(outcome, folder)
         self.save_summary(folder)
 
-    def save_summary(self, folder: Path) -> None:
-        """Write summary.json, strict JSON without NaN."""
+    def save_summary(self, folder: Path) -> dict[str, Any]:
+        """Write summary.json, strict JSON without NaN, and return its content."""
         folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(self.summary(), indent=2, allow_nan=False)
+        content = self.summary()
+        text = json.dumps(content, indent=2, allow_nan=False)
         write_text(folder / "summary.json", text + "\n")
+        return content
 
     def save_outcome(self, outcome: Outcome, folder: Path) -> None:
         """Write a scenario as it was run, and its frames if they were kept."""

@@ -150,12 +150,12 @@ def controller_label(
     return f"{controller} ({', '.join(remarks)})" if remarks else controller
 
 
-def format_mean(statistics: SeedStatistics, factor: float = 1.0) -> str:
-    """Return "mean±half width" of the 95 % confidence interval over the seeds, or a dash."""
+def format_mean_cm(statistics: SeedStatistics) -> str:
+    """Return an error as "mean±half width" of the 95 % confidence interval, cm, or a dash."""
     if statistics["mean"] is None:
         return DASH
-    half_width = format_number(statistics["ci95_half_width"], factor)
-    return f"{factor * statistics['mean']:.2f}±{half_width}"
+    half_width = format_number(statistics["ci95_half_width"], 100)
+    return f"{100 * statistics['mean']:.2f}±{half_width}"
 
 
 def _controller_rows(

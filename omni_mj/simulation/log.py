@@ -132,11 +132,6 @@ class Log:
         """Return the indices of a controller's rows."""
         return np.flatnonzero([row.controller == controller for row in self.rows])
 
-    @property
-    def time(self) -> Array:
-        """Time of each frame, shape (length,), s."""
-        return np.arange(self.length, dtype=float) * PERIOD_S
-
     def append(
         self,
         is_active: np.ndarray,

@@ -5,7 +5,7 @@ from textwrap import fill
 from typing import Any
 
 from omni_mj.results.paired_comparison import SIGNIFICANCE_LEVEL, STATISTIC_LABELS
-from omni_mj.results.result_tables import Summary, controller_label, format_mean, results_table
+from omni_mj.results.result_tables import Summary, controller_label, format_mean_cm, results_table
 from omni_mj.results.text_table import (
     DASH,
     TERMINAL_WIDTH,
@@ -73,7 +73,7 @@ def _error_matrix(summary: Summary, statistic: str) -> str:
         errors = {}
         for name, result in entry["results"].items():
             failed = f" ({result['n_failed']} failed)" if result["n_failed"] else ""
-            errors[name] = format_mean(result["error_m"]["position"][statistic], 100) + failed
+            errors[name] = format_mean_cm(result["error_m"]["position"][statistic]) + failed
         rows.append([scenario, *(errors.get(name, DASH) for name in summary["controllers"])])
     labels = [controller_label(summary, name) for name in summary["controllers"]]
     return format_markdown(["", *labels], rows)

@@ -23,9 +23,6 @@ TITLES = {
     "command": "Commands exceed the reference's velocity to make up for a gain below 1 and lag",
     "alpha": "Estimates of alpha, and the displacement ratio, which contains gain and lag",
 }
-# Title of "alpha" if both controllers run on a plant with lag: comp-flc's estimate is the ratio.
-ALPHA_FINDING = "comp-flc takes lag for gain; adaptive-comp-flc estimates them separately"
-ALPHA_CONTROLLERS = {"comp-flc", "adaptive-comp-flc"}
 MIN_HEADING_ERROR_DEG = 0.06  # largest error below which the heading has no panel
 PAPER_ALPHA_RANGE = (0.7, 1.0)  # section 2 of the paper
 # Half the width of a close-up: in largest position errors, and at least in cm.
@@ -53,13 +50,8 @@ def save_run_figures(outcome: Outcome, folder: Path, svg: bool = False) -> None:
         for failure in outcome.failures
         if failure.seed == seed
     ]
-    titles = dict(TITLES)
-    if outcome.entry["plant"] != "kinematic" and ALPHA_CONTROLLERS.issubset(
-        outcome.entry["results"]
-    ):
-        titles["alpha"] = ALPHA_FINDING
     for name, draw in choose_figures(outcome).items():
-        title = "\n".join([f"{titles[name]}: {context}", *failures]) if name in titles else ""
+        title = "\n".join([f"{TITLES[name]}: {context}", *failures]) if name in TITLES else ""
         with plotting.figure_file(folder / name, title, svg) as figure:
             draw(figure)
 

@@ -177,10 +177,11 @@ def learn_run(
             start_progress(f"trial {trial + 1}", n_frames),
         )
         model = _refit_model(model, reference, runs)
-        improvement = float((best.cost - runs.best.cost)[0])
+        candidate = runs.best
+        improvement = float((best.cost - candidate.cost)[0])
         is_idle = improvement <= max(MIN_IMPROVEMENT * float(best.cost[0]), MIN_IMPROVEMENT_M)
         idle_trials = idle_trials + 1 if is_idle else 0
-        best = runs.best if improvement > 0 else best
+        best = candidate if improvement > 0 else best
     return best, model
 
 

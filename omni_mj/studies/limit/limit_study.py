@@ -19,7 +19,7 @@ from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.paired_comparison import STATISTIC_LABELS, mean_position_error
 from omni_mj.results.result import Outcome, Result
-from omni_mj.results.result_tables import describe_plant, format_mean
+from omni_mj.results.result_tables import describe_plant, format_mean_cm
 from omni_mj.results.text_table import Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.iterative_learning import (
@@ -87,7 +87,7 @@ class LimitResult(Result):
         ((name, entry),) = self.summary()["scenarios"].items()
         limit, rows = entry["results"][LIMIT], []
         for label, result in entry["results"].items():
-            errors = [format_mean(result["error_m"]["position"][s], 100) for s in STATISTICS]
+            errors = [format_mean_cm(result["error_m"]["position"][s]) for s in STATISTICS]
             ratios = [
                 f"{mean_position_error(result, s) / mean_position_error(limit, s):.1f}"
                 for s in STATISTICS

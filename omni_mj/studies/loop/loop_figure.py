@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from omni_mj.studies.loop.loop_experiment import FREQUENCIES, STEP_M
+from omni_mj.studies.loop.loop_experiment import STEP_M
 from omni_mj.studies.loop.loop_metrics import interpolate_gains
 from omni_mj.studies.loop.loop_study import LoopMeasurement, LoopResult
 from omni_mj.viz import plotting, style
@@ -48,7 +48,7 @@ def _draw_loop(panels: np.ndarray, loop: LoopMeasurement, label: str, line: dict
     if not (np.isfinite(response).all() and np.isfinite(loop.gains).all()):
         return
     step.plot(plotting.frame_times(response), 100 * response, label=label, **line)
-    frequencies, gains = interpolate_gains(FREQUENCIES, loop.gains)
+    frequencies, gains = interpolate_gains(loop.gains)
     gain.loglog(frequencies, np.abs(gains), **line)
     angle = np.degrees(np.unwrap(np.angle(gains)))
     shift = 360 * np.ceil(angle[0] / 360)  # moves the first angle into (-360, 0]

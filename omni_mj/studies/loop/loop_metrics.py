@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.results.metrics import frames_until_last
 from omni_mj.studies.loop.loop_experiment import FREQUENCIES, HARMONICS, PERIOD_FRAMES
 
 Gains = NDArray[np.complex128]
@@ -94,21 +95,20 @@ def estimate_loop_gain(command: Array, disturbance: Array) -> Gains:
     return gains
 
 
-def interpolate_gains(frequencies: Array, gains: Gains) -> tuple[Array, Gains]:
+def interpolate_gains(gains: Gains) -> tuple[Array, Gains]:
     """Interpolate a loop gain on a dense, logarithmic grid of frequencies.
 
     log |L| is interpolated linearly over log frequency, the phase linearly over frequency.
 
     Args:
-        frequencies: Increasing frequencies, (f,) rad/s.
-        gains: Loop gain at these frequencies, complex, (f,).
+        gains: Loop gain at `FREQUENCIES`, complex, (harmonics,).
 
     Returns:
         Frequencies (m,) rad/s, and the loop gain at them, (m,).
     """
-    fine = np.geomspace(frequencies[0], frequencies[-1], _N_INTERPOLATED)
-    magnitude = np.exp(np.interp(np.log(fine), np.log(frequencies), np.log(np.abs(gains))))
-    phase = np.interp(fine, frequencies, np.unwrap(np.angle(gains)))
+    fine = np.geomspace(FREQUENCIES[0], FREQUENCIES[-1], _N_INTERPOLATED)
+    magnitude = np.exp(np.interp(np.log(fine), np.log(FREQUENCIES), np.log(np.abs(gains))))
+    phase = np.interp(fine, FREQUENCIES, np.unwrap(np.angle(gains)))
     return fine, magnitude * np.exp(1j * phase)
 
 
@@ -116,7 +116,7 @@ def compute_margins(gains: Gains) -> StabilityMargins:
     """Return the stability margins of a loop with gains (harmonics,) at `FREQUENCIES`."""
     if not np.isfinite(gains).all():
         return StabilityMargins(*[np.nan] * 5)
-    fine, curve = interpolate_gains(FREQUENCIES, gains)
+    fine, curve = interpolate_gains(gains)
     magnitude = np.abs(curve)
     # The number of turns changes where the phase passes -180 degrees plus whole turns.
     turns = np.floor((np.unwrap(np.angle(curve)) / np.pi + 1) / 2)
@@ -146,8 +146,7 @@ def _crossing_time(fraction: Array, level: float) -> float:
 
 def _settling_time(error: Array, band: float) -> float:
     """Return the time after which the error stays within a band, s; NaN if it does not."""
-    outside = np.flatnonzero(error > band)
-    frame = int(outside[-1]) + 1 if outside.size else 0
+    frame = int(frames_until_last(error > band))
     return PERIOD_S * frame if frame < len(error) else np.nan
 
 

@@ -43,7 +43,6 @@ class Grid:
             log.seeds,
             log.length,
         )
-        self.time = log.time
 
     def channel(self, name: str) -> NDArray:
         data = self.log.channel(name)
