@@ -14,7 +14,7 @@ from omni_mj.config.plugins import label_controller
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import FRAME_RATE_HZ
 from omni_mj.live.frame_clock import FrameClock, Pace
-from omni_mj.live.latency_fit import measure_pulse
+from omni_mj.live.latency_fit import format_latency, measure_pulse
 from omni_mj.live.live_loop import Live
 from omni_mj.live.sockets import LOOPBACK, Address, MessageCounter, Receiver, parse_address
 from omni_mj.live.ssl_vision import SslVision, TeamColor
@@ -24,7 +24,7 @@ from omni_mj.live.wire import VISION_GROUP, VISION_PORT
 # After this time, frame rates are known within 1 % and clock offsets within a fraction of 1 ms.
 LISTEN_S = 1.5
 MAX_ROBOTS = 12
-MIN_GAIN = 0.3  # smallest gain of a robot that responds to a pulse
+MIN_ALPHA = 0.3  # smallest alpha of a robot that responds to a pulse
 PULSE_S = 3.0  # extra duration of a reference while a pulse is measured
 DEAD_TIME = "radio.delay_frames"
 
@@ -178,22 +178,21 @@ def _dead_time(trial: Live) -> int:
         OmniError: A robot does not respond.
     """
     try:
-        responses = measure_pulse(trial)
+        fits = measure_pulse(trial)
     finally:
         trial.stop()
     unresponsive = [
         str(number)
-        for number, response in zip(trial.ids, responses, strict=True)
-        if not response.gain >= MIN_GAIN
+        for number, fit in zip(trial.ids, fits, strict=True)
+        if fit is None or fit.alpha < MIN_ALPHA
     ]
     if unresponsive:
         raise OmniError(
             f"robots {', '.join(unresponsive)} do not turn as commanded; check --team and"
             " --commands, or skip this test with --no-pulse"
         )
-    latency = float(np.median([response.latency for response in responses]))
-    ms = 1e3 * latency / FRAME_RATE_HZ
-    trial.messages.add("pulse", f"latency measured by a pulse: {latency:.2f} frames ({ms:.0f} ms)")
+    latency = float(np.median([fit.latency_frames for fit in fits if fit]))
+    trial.messages.add("pulse", f"latency measured by a pulse: {format_latency(latency)}")
     return max(round(latency - trial.scenario.settings.control.assumed_lag_s * FRAME_RATE_HZ), 0)
 
 

@@ -1,15 +1,13 @@
-"""Least-squares estimates of latency and gain, from a pulse of turn rates or from a whole run.
+"""Least-squares estimates of latency and alpha of external robots, and the content of link.json.
 
-In the model, a robot's displacement is the gain times the integral of the commands, delayed by the
+In the model, a robot's displacement is alpha times the integral of the commands, delayed by the
 latency. The integral is piecewise linear, so the latency need not be a whole number of frames.
 """
 
-import json
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-import pydantic_core
 
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
@@ -23,34 +21,28 @@ PULSE = np.repeat([3.0, -3.0, 3.0, 0.0], [8, 16, 8, 42])
 WINDOW_FRAMES = 6
 # Smallest root of the sum of squared displacements of a robot that moves, m or rad
 MIN_MOTION = 0.05
-CAMERA_FIGURES = "frames", "rate_hz", "mean_age_s"
 
 
 class LatencyFit(NamedTuple):
     """Response of a robot to commands.
 
     Attributes:
-        latency: Latency, frames; NaN if the robot hardly moved.
-        gain: Achieved over commanded velocity; NaN if the robot hardly moved.
+        latency_frames: Time from a command to its effect, frames.
+        alpha: Achieved over commanded velocity.
     """
 
-    latency: float
-    gain: float
+    latency_frames: float
+    alpha: float
 
 
-def measure_pulse(live: Live) -> list[LatencyFit]:
-    """Turn all robots by about 20 degrees to both sides, and return their responses."""
-    for rate in PULSE:
-        live.step(np.tile([0.0, 0.0, rate], (len(live.rows), 1)))
-    return _fit_rows(live, slice(2, 3))
+def measure_pulse(live: Live) -> list[LatencyFit | None]:
+    """Turn all robots by about 20 degrees to both sides, and return the fits of their turns."""
+    for turn_rate in PULSE:
+        live.step(np.tile([0.0, 0.0, turn_rate], (len(live.rows), 1)))
+    return _fit_robots(live, is_turn=True)
 
 
-def measure_run(live: Live) -> list[LatencyFit]:
-    """Return the responses of all robots, fitted to the translation in the recorded run."""
-    return _fit_rows(live, slice(2))
-
-
-def fit_latency(velocities: Array, positions: Array, *, is_angle: bool = False) -> LatencyFit:
+def fit_latency(velocities: Array, positions: Array, *, is_angle: bool) -> LatencyFit | None:
     """Fit displacements over 0.1 s to the integral of earlier velocity commands.
 
     Args:
@@ -59,52 +51,68 @@ def fit_latency(velocities: Array, positions: Array, *, is_angle: bool = False) 
         is_angle: Whether positions are angles.
 
     Returns:
-        Latency and gain that explain the most of the displacements.
+        Latency and alpha that explain the displacements best. None if the robot hardly moves.
     """
-    displacement = positions[WINDOW_FRAMES:] - positions[:-WINDOW_FRAMES]
-    displacement = wrap_angle(displacement) if is_angle else displacement
-    is_visible = ~np.isnan(displacement[:, 0])
-    if np.linalg.norm(displacement[is_visible]) < MIN_MOTION:
-        return LatencyFit(np.nan, np.nan)
-    frames = np.arange(len(velocities)) - LATENCIES[:, None]
+    displacements = positions[WINDOW_FRAMES:] - positions[:-WINDOW_FRAMES]
+    if is_angle:
+        displacements = wrap_angle(displacements)
+    is_visible = ~np.isnan(displacements[:, 0])
+    measured = displacements[is_visible].T.ravel()
+    if np.linalg.norm(measured) < MIN_MOTION:
+        return None
+    delayed_frames = np.arange(len(velocities)) - LATENCIES[:, None]
+    integrals = np.cumsum(velocities, axis=0).T * PERIOD_S
     paths = [
-        np.interp(
-            frames, np.arange(len(axis) + 1), np.concatenate([[0.0], np.cumsum(axis)]) * PERIOD_S
-        )
-        for axis in velocities.T
+        np.interp(delayed_frames, np.arange(len(velocities) + 1), [0.0, *integral])
+        for integral in integrals
     ]
+    # Displacements for alpha = 1, a row for each latency
     expected = np.hstack(
         [(path[:, WINDOW_FRAMES:] - path[:, :-WINDOW_FRAMES])[:, is_visible] for path in paths]
     )
-    observed = displacement[is_visible].T.ravel()
     power = np.maximum((expected**2).sum(1), 1e-12)
-    gains = expected @ observed / power
-    explained = np.where(gains > 0, gains**2 * power, -np.inf)
-    best = int(explained.argmax())
-    return LatencyFit(float(LATENCIES[best]), float(gains[best]))
+    alphas = expected @ measured / power
+    explained_power = np.where(alphas > 0, alphas**2 * power, -np.inf)
+    best = int(explained_power.argmax())
+    return LatencyFit(float(LATENCIES[best]), float(alphas[best]))
 
 
 def summarize(live: Live) -> dict[str, Any]:
-    """Return the content of link.json: cameras, frames, robots and messages."""
-    frame_clock, team, robots = live.frame_clock, live.team, []
-    estimates = zip(live.ids, measure_run(live), team.latency_hat, team.alpha_hat, strict=True)
-    for number, response, latency, alpha in estimates:
-        identified = (
-            {"latency_frames": latency, "alpha": alpha} if np.isfinite(latency).all() else None
+    """Return the content of link.json: cameras, frames, robots and messages.
+
+    The latency of a robot is fitted to its translation. Controllers that adapt also identify it.
+    """
+    frame_clock = live.frame_clock
+    team = live.team
+    robots = []
+    for number, fit, latency, alpha in zip(
+        live.ids,
+        _fit_robots(live, is_turn=False),
+        team.latency_hat.tolist(),
+        team.alpha_hat.tolist(),
+        strict=True,
+    ):
+        identified = {"latency_frames": latency, "alpha": alpha}
+        robots.append(
+            {
+                "id": number,
+                "identified": identified if np.isfinite([latency, alpha]).all() else None,
+                "fitted": fit and fit._asdict(),
+            }
         )
-        fitted = {"latency_frames": response.latency, "alpha": response.gain}
-        robots.append({"id": number, "identified": identified, "fitted": fitted})
-    summary = {
+    return {
         "cameras": {
-            str(number): {figure: getattr(camera, figure) for figure in CAMERA_FIGURES}
+            str(number): {
+                "frames": camera.frames,
+                "rate_hz": camera.rate_hz,
+                "mean_age_s": camera.mean_age_s,
+            }
             for number, camera in sorted(frame_clock.vision.cameras.items())
         },
         "frames": {"camera": frame_clock.leader, "skipped": frame_clock.skipped},
         "robots": robots,
         "messages": dict(live.messages),
     }
-    text = pydantic_core.to_json(summary, inf_nan_mode="null", fallback=np.ndarray.tolist)
-    return dict(json.loads(text))
 
 
 def describe(summary: Mapping[str, Any]) -> list[str]:
@@ -112,15 +120,13 @@ def describe(summary: Mapping[str, Any]) -> list[str]:
     lines = []
     for robot in summary["robots"]:
         phrases = []
-        fitted, identified = robot["fitted"], robot["identified"]
-        if (latency := fitted["latency_frames"]) is not None:
-            ms = 1e3 * latency / FRAME_RATE_HZ
-            phrases.append(
-                f"latency {latency:.2f} frames ({ms:.0f} ms), alpha {fitted['alpha']:.2f}"
-            )
-        if identified is not None:
+        if fitted := robot["fitted"]:
+            latency = format_latency(fitted["latency_frames"])
+            phrases.append(f"latency {latency}, alpha {fitted['alpha']:.2f}")
+        if identified := robot["identified"]:
             latencies, alphas = (
-                " ".join(f"{value:.2f}" for value in values) for values in identified.values()
+                " ".join(f"{value:.2f}" for value in identified[name])
+                for name in ("latency_frames", "alpha")
             )
             phrases.append(
                 f"identified latency {latencies} frames, alpha {alphas} (forward, sideways, turn)"
@@ -129,10 +135,16 @@ def describe(summary: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _fit_rows(live: Live, axes: slice) -> list[LatencyFit]:
-    """Fit the measured poses of each robot along some axes to the commands."""
-    sent, measured = (live.log.channel(name)[..., axes] for name in ("applied", "vision"))
+def format_latency(frames: float) -> str:
+    """Return a latency in frames and in ms."""
+    return f"{frames:.2f} frames ({1e3 * frames / FRAME_RATE_HZ:.0f} ms)"
+
+
+def _fit_robots(live: Live, *, is_turn: bool) -> list[LatencyFit | None]:
+    """Fit the measured turn or translation of each robot in the log to its commands."""
+    axes = slice(2, 3) if is_turn else slice(2)
+    commands, poses = (live.log.channel(name)[..., axes] for name in ("applied", "vision"))
     return [
-        fit_latency(sent[:, row], measured[:, row], is_angle=axes.start == 2)
+        fit_latency(commands[:, row], poses[:, row], is_angle=is_turn)
         for row in range(len(live.rows))
     ]
