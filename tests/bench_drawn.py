@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import omni_mj as om
-from omni_mj.config.robot_files import find_builtin_robots as robots
+from omni_mj.config.toml_files import find_builtin_files
 from omni_mj.results.text_table import Table, format_table
 
 SUBJECT = "adaptive-comp-flc"
@@ -31,7 +31,7 @@ MAX_SLIDING = 0.01  # fraction of frames in which the wheels of a holding robot 
 def draw_scenario(seed: int, number: int, plant: str) -> om.Scenario:
     """Return a random scenario."""
     rng = np.random.default_rng([seed, number])
-    robot, friction = str(rng.choice(list(robots()))), rng.uniform(0.45, 0.95)
+    robot, friction = str(rng.choice(list(find_builtin_files("robots")))), rng.uniform(0.45, 0.95)
     base, reference = _route(rng)
     beyond, delay, noise = (
         rng.random() < BEYOND_FRICTION,

@@ -28,8 +28,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.config import scenario
-from omni_mj.config.robot_files import find_builtin_robots as builtin_robots
-from omni_mj.config.toml_files import find_builtin_scenarios as builtin_scenarios
+from omni_mj.config.toml_files import find_builtin_files
 from omni_mj.results.metrics import row_metrics
 from omni_mj.results.seed_statistics import confidence_interval
 from omni_mj.simulation.simulation import Simulation
@@ -264,8 +263,8 @@ def _compare_controllers(
 def main() -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--scenario", nargs="+", default=list(builtin_scenarios()))
-    parser.add_argument("--robot", nargs="+", default=list(builtin_robots()))
+    parser.add_argument("--scenario", nargs="+", default=list(find_builtin_files("scenarios")))
+    parser.add_argument("--robot", nargs="+", default=list(find_builtin_files("robots")))
     parser.add_argument("--controller", nargs="+", default=list(CONTROLLERS))
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--finer", action="store_true")

@@ -60,10 +60,8 @@ def print_lists(title: str | None = None, word: str = "") -> None:
 def list_entries(title: str) -> Entries:
     """Return the entries of a list. Each starts with the name and ends with the meaning."""
     match title:
-        case "scenarios":
-            return _describe_files(toml_files.find_builtin_scenarios())
-        case "robots":
-            return _describe_files(robot_files.find_builtin_robots())
+        case "scenarios" | "robots":
+            return _describe_files(toml_files.find_builtin_files(title))
         case "controllers":
             from omni_control.controllers.registry import CONTROLLERS, find_missing_package
 
@@ -116,7 +114,7 @@ def describe(name: str, overrides: Sequence[str] = (), robot: str | None = None)
     from omni_control.controllers.registry import CONTROLLERS
     from omni_mj.config.plugins import is_class_path
 
-    scenarios, robots = toml_files.find_builtin_scenarios(), robot_files.find_builtin_robots()
+    scenarios, robots = map(toml_files.find_builtin_files, ("scenarios", "robots"))
     is_file = name.endswith(".toml")
     if name in robots or (is_file and _is_robot(name)):
         kind, describe_entry = "robot", _describe_robot
@@ -197,7 +195,7 @@ def _is_robot(file: str) -> bool:
     """Return whether a TOML file contains sections of robots only, and is no scenario."""
     if not Path(file).is_file():
         raise OmniError(f"there is no file {file}")
-    data = toml_files.read_toml(Path(file), "the file")
+    data = toml_files.read_toml(Path(file))
     return bool(data) and data.keys() <= {
         *robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT),
         robot_files.DESCRIPTION,

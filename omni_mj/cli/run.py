@@ -77,10 +77,10 @@ def require_scenario(name: str | None) -> str:
     Raises:
         OmniError: The option is missing.
     """
-    from omni_mj.config.toml_files import find_builtin_scenarios
+    from omni_mj.config.toml_files import find_builtin_files
 
     if name is None:
-        names = ", ".join(find_builtin_scenarios())
+        names = ", ".join(find_builtin_files("scenarios"))
         raise OmniError(f"--scenario is missing; choose from {names}, or a .toml file")
     return name
 

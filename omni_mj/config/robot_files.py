@@ -29,11 +29,6 @@ _FILE_ATTRIBUTES = (  # of elements of MJCF
 )
 
 
-def find_builtin_robots() -> Mapping[str, Path]:
-    """Return a mapping from name to file for the robots of the package."""
-    return toml_files.find_packaged_files("robots")
-
-
 def find_robot_file(robot: str) -> Path:
     """Return the file of a robot.
 
@@ -45,7 +40,7 @@ def find_robot_file(robot: str) -> Path:
     """
     if robot.endswith(".toml"):
         return Path(robot)
-    robots = find_builtin_robots()
+    robots = toml_files.find_builtin_files("robots")
     if robot not in robots:
         hint = suggest_names(robot, robots)
         raise OmniError(f"unknown robot {robot!r}; {hint}, or the path of a .toml file")
@@ -121,7 +116,7 @@ def _parse_robot_file(path: Path, modified_ns: int) -> tuple[str, Sections]:
 
     `modified_ns` is the time of the file's last change. A changed file is not taken from the cache.
     """
-    data = toml_files.read_toml(path, "the robot's file")
+    data = toml_files.read_toml(path)
     description = data.pop(DESCRIPTION, "")
     has_sections_only = all(isinstance(section, dict) for section in data.values())
     if not isinstance(description, str) or not has_sections_only:

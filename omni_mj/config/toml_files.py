@@ -16,22 +16,13 @@ MAX_NAME_LENGTH = 100  # characters, of a scenario's name
 
 
 @cache
-def find_packaged_files(folder: str) -> Mapping[str, Path]:
-    """Return a mapping from file stem to path for the TOML files in a folder of the package."""
+def find_builtin_files(folder: str) -> Mapping[str, Path]:
+    """Return a mapping from name to file for the package's "scenarios" or "robots"."""
     return {path.stem: path for path in sorted((Path(__file__).parents[1] / folder).glob("*.toml"))}
 
 
-def find_builtin_scenarios() -> Mapping[str, Path]:
-    """Return a mapping from name to file for the scenarios of the package."""
-    return find_packaged_files("scenarios")
-
-
-def read_toml(path: Path, kind: str) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file.
-
-    Args:
-        path: File.
-        kind: Kind of file, for messages: "scenario".
 
     Raises:
         OmniError: The file cannot be read, is too large, or is not TOML.
@@ -39,16 +30,14 @@ def read_toml(path: Path, kind: str) -> dict[str, Any]:
     try:
         with path.open("rb") as file:
             data = file.read(MAX_FILE_BYTES + 1)
-    except OSError as error:
-        raise OmniError(f"cannot read {kind} {path}: {error.strerror}") from None
-    except ValueError as error:  # a null character in the path
-        raise OmniError(f"cannot read {kind} {path}: {error}") from None
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        raise OmniError(f"cannot read {path}: {getattr(error, 'strerror', error)}") from None
     if len(data) > MAX_FILE_BYTES:
-        raise OmniError(f"{kind} {path} has more than {MAX_FILE_BYTES / 1e6:g} MB")
+        raise OmniError(f"{path} has more than {MAX_FILE_BYTES / 1e6:g} MB")
     try:
         return parse_toml(data.decode())
     except ValueError as error:  # not TOML, not UTF-8, or an int of thousands of digits
-        raise OmniError(f"{kind} {path} is not valid TOML: {to_printable(str(error))}") from None
+        raise OmniError(f"{path} is not valid TOML: {to_printable(str(error))}") from None
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -64,7 +53,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def parse_value(text: str) -> Any:
-    """Return a value written as in TOML, or the text itself."""
+    """Return the value that a text has in TOML, or the text itself if it is not TOML."""
     try:
         return parse_toml(f"value = {text}")["value"]
     except ValueError:
@@ -72,7 +61,9 @@ def parse_value(text: str) -> Any:
 
 
 def read_scenario_file(name_or_path: str) -> tuple[dict[str, Any], str]:
-    """Return the values in a scenario file, and a name of the scenario made from the file's name.
+    """Return the values in a scenario file, and the file's name as the name of the scenario.
+
+    Characters that a scenario's name cannot have are replaced.
 
     Args:
         name_or_path: Name of a scenario of the package, or path of a TOML file.
@@ -80,47 +71,47 @@ def read_scenario_file(name_or_path: str) -> tuple[dict[str, Any], str]:
     Raises:
         OmniError: There is no such scenario or file, or the file is not TOML.
     """
-    scenarios = find_builtin_scenarios()
+    scenarios = find_builtin_files("scenarios")
     path = scenarios.get(name_or_path, Path(name_or_path))
-    is_file = path.suffix == ".toml" or os.path.isfile(path)
-    if name_or_path not in scenarios and not is_file:
-        hint = suggest_names(name_or_path, sorted(scenarios))
+    # Path.is_file would raise an exception if the name is too long.
+    if path.suffix != ".toml" and not os.path.isfile(path):
+        hint = suggest_names(name_or_path, scenarios)
         raise OmniError(f"unknown scenario {name_or_path!r}; {hint}, or a .toml file")
     name = re.sub(r"[^\w.-]+", "-", path.stem)[:MAX_NAME_LENGTH].strip(".")
-    return read_toml(path, "scenario"), name or "scenario"
+    return read_toml(path), name or "scenario"
 
 
 def apply_override(data: dict[str, Any], override: str) -> None:
     """Apply an override `section.field=value` to the values of a file, in place.
 
-    A value that is not TOML is read as a string, such as `reference.mode=iterated`.
+    The key is a dotted key as in TOML; parameters of controllers are `controller.NAME.PARAMETER`. A
+    value that is not TOML is read as a string, such as `reference.mode=iterated`.
 
     Raises:
         OmniError: The override has another form, or does not name a field of a section.
     """
     key, equals, value_text = override.partition("=")
-    # Parameters of controllers have names with three components: controller.NAME.PARAMETER.
-    max_split = 2 if key.strip().startswith("controller.") else 1
-    *sections, name = key.strip().split(".", max_split)
+    *sections, name = key.strip().split(".")
     if not equals or not sections:
         raise OmniError(
             f"cannot read --set {to_printable(override)}; write section.field=value, such as "
             "radio.delay_frames=3"
         )
+    table = data
     for section in sections:
-        data = data.setdefault(section, {})
-        if not isinstance(data, dict):
+        table = table.setdefault(section, {})
+        if not isinstance(table, dict):
             raise OmniError(
                 f"cannot set {to_printable(key)}: {to_printable(section)} is not a section"
             )
-    data[name] = parse_value(value_text)
+    table[name] = parse_value(value_text)
 
 
 def format_toml_value(value: Any) -> str:
     """Return a value as text in TOML.
 
-    JSON strings, numbers, booleans and lists are valid TOML if characters above U+FFFF stay
-    unescaped and DEL is escaped.
+    Tables are formatted here. All other values are equal in JSON and TOML if JSON escapes DEL, and
+    no character that is not ASCII: it would use surrogates.
     """
     if isinstance(value, dict):
         fields = [

@@ -9,7 +9,7 @@ from omni_control.controllers.registry import list_available_controllers
 from omni_control.errors import OmniError
 from omni_mj.config import fault_checks
 from omni_mj.config.scenario import Scenario, load_with_overrides
-from omni_mj.config.toml_files import find_builtin_scenarios
+from omni_mj.config.toml_files import find_builtin_files
 from omni_mj.results.result import Outcome, Result
 from omni_mj.studies.run_scenario import (
     StartProgress,
@@ -88,7 +88,7 @@ def compare(
 def default_scenarios(plant: str = "mujoco") -> tuple[str, ...]:
     """Return the scenarios that are compared by default; all faults in them suit the plant."""
     kinds = fault_checks.list_supported_kinds(plant)
-    names = (name for name in find_builtin_scenarios() if name not in EXCLUDED)
+    names = (name for name in find_builtin_files("scenarios") if name not in EXCLUDED)
     return tuple(
         name
         for name in names

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_mj.config import robot_files
 from omni_mj.config.motor_settings import MotorSettings
-from omni_mj.config.robot_files import find_builtin_robots
 from omni_mj.config.settings import Settings
+from omni_mj.config.toml_files import find_builtin_files
 from omni_mj.robot import (
     battery,
     electronics,
@@ -225,6 +225,7 @@ def motor_settings(**changes: float) -> MotorSettings:
 
 MAXON = Motor(SHEET)
 ROBOT_MOTORS = {
-    name: Motor(robot_files.read_robot_sections(name)["motor"]) for name in find_builtin_robots()
+    name: Motor(robot_files.read_robot_sections(name)["motor"])
+    for name in find_builtin_files("robots")
 }
 DEFAULT_MOTOR = ROBOT_MOTORS[robot_files.DEFAULT_ROBOT]
