@@ -4,8 +4,8 @@ import inspect
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from types import ModuleType
 from typing import Any
 
@@ -65,9 +65,7 @@ def find_plant(name: str) -> type[Any]:
         OmniError: There is no such plant, or the class lacks a method of plants.
     """
     if name in PLANTS:
-        module, _, class_name = PLANTS[name].partition(":")
-        plant_class: type[Any] = getattr(import_module(module), class_name)
-        return plant_class
+        return resolve_name(PLANTS[name])
     if not is_class_path(name):
         hint = suggest_names(name, PLANTS)
         raise OmniError(f"unknown plant {name!r}; {hint}, or a class of yours: file.py:Class")

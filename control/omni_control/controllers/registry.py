@@ -1,15 +1,15 @@
 """Names of the controllers, and construction of a controller with its parameters.
 
-A controller's module is imported when the controller is used. A list of names therefore does not
-import scipy or a QP solver.
+A controller's module is imported when the controller is used. So a list of names can be printed
+without scipy and without a QP solver.
 """
 
 import inspect
 import math
 import numbers
 from collections.abc import Mapping
-from importlib import import_module
 from importlib.util import find_spec
+from pkgutil import resolve_name
 
 from omni_control.controllers.base import Controller, TeamModel, collect_channels, describe_error
 from omni_control.errors import ControllerError, OmniError, suggest_names
@@ -17,8 +17,7 @@ from omni_control.reference import Reference
 
 Parameter = bool | int | float | str
 
-# Class of each controller: "module:class".
-CONTROLLERS: dict[str, str] = {
+CONTROLLERS: dict[str, str] = {  # name -> "module:class"
     "flc": "omni_control.controllers.flc:Flc",
     "comp-flc": "omni_control.controllers.flc:CompFlc",
     "comp-flc-lag": "omni_control.controllers.flc:CompFlcLag",
@@ -30,10 +29,11 @@ CONTROLLERS: dict[str, str] = {
     "mpc": "omni_control.controllers.mpc:Mpc",
     "oracle": "omni_control.controllers.adaptive:Oracle",
 }
-# Packages beyond numpy and scipy. The extra `omni-mj[NAME]` installs that of controller NAME.
+# Controller -> package that it needs besides numpy and scipy. For `mpc`, the extra `omni-mj[mpc]`
+# installs it.
 REQUIRED_PACKAGES = {"mpc": "piqp"}
-MAX_MEMORY_FRAMES = 36_000
-# Values that a parameter of each type accepts, and their description in messages.
+# Type of a parameter -> type of the values that it accepts (numpy's numbers too), and their
+# description in messages
 _ACCEPTED: dict[type, tuple[type, str]] = {
     bool: (bool, "true or false"),
     int: (numbers.Integral, "a whole number"),
@@ -66,8 +66,7 @@ def load_controller_class(name: str) -> type[Controller]:
             f"controller {name!r} needs the package {package}, which is not installed; "
             f"install it with pip install 'omni-mj[{name}]'"
         )
-    module, _, class_name = CONTROLLERS[name].partition(":")
-    return getattr(import_module(module), class_name)
+    return resolve_name(CONTROLLERS[name])
 
 
 def get_parameters(controller_class: type[Controller]) -> dict[str, Parameter]:
@@ -80,12 +79,13 @@ def get_parameters(controller_class: type[Controller]) -> dict[str, Parameter]:
 def validate_parameters(
     controller_class: type[Controller], values: Mapping[str, object]
 ) -> dict[str, Parameter]:
-    """Return the values converted to the types of the controller's parameters.
+    """Return the values of some parameters, converted to the types of the parameters.
 
-    A whole number is accepted where a number is needed.
+    A float parameter also accepts whole numbers.
 
     Raises:
-        OmniError: A name is unknown, or a value has another type. One line per error.
+        OmniError: A name is unknown, or a value is of the wrong type or not finite. One line per
+            error.
     """
     types = _get_parameter_types(controller_class)
     validated: dict[str, Parameter] = {}
@@ -95,11 +95,14 @@ def validate_parameters(
             hint = suggest_names(name, types) if types else "it has no parameters"
             errors.append(f"{controller_class.__name__} has no parameter {name!r}; {hint}")
             continue
-        expected = types[name]
-        accepted, description = _ACCEPTED[expected]
-        is_valid = isinstance(value, accepted) and isinstance(value, bool) == (expected is bool)
+        parameter_type = types[name]
+        accepted, description = _ACCEPTED[parameter_type]
+        # Python's true and false are whole numbers too: only bool parameters accept them.
+        is_valid = isinstance(value, accepted) and (
+            isinstance(value, bool) == (parameter_type is bool)
+        )
         if is_valid and (isinstance(value, str) or math.isfinite(value)):  # type: ignore[arg-type]
-            validated[name] = expected(value)
+            validated[name] = parameter_type(value)
         else:
             errors.append(
                 f"parameter {name} of {controller_class.__name__} must be {description}, "
@@ -124,11 +127,12 @@ def make_controller(
         model: The team's knowledge of the robots and the loop.
         reference: Desired poses of the robots.
         n: Number of robots.
-        parameters: Values by name, set before the constructor runs. Default: those of the class.
+        parameters: Values by name, set before the constructor runs. Default: the values in the
+            class.
 
     Raises:
         OmniError: The name is unknown, or a parameter is wrong.
-        ControllerError: The constructor failed, or did not call that of `Controller`.
+        ControllerError: The constructor fails, or does not call the constructor of `Controller`.
     """
     controller_class = (
         load_controller_class(controller) if isinstance(controller, str) else controller
@@ -140,11 +144,6 @@ def make_controller(
     try:
         instance.__init__(model, reference, n)  # type: ignore[misc]
         collect_channels(instance, n)
-        if not 0 <= instance.memory_frames <= MAX_MEMORY_FRAMES:
-            raise OmniError(
-                f"memory_frames must be between 0 and {MAX_MEMORY_FRAMES}, "
-                f"got {instance.memory_frames}"
-            )
     except Exception as error:
         raise ControllerError(
             f"{controller_class.__name__} cannot be made{describe_error(controller_class, error)}"
@@ -153,14 +152,17 @@ def make_controller(
 
 
 def _get_parameter_types(controller_class: type[Controller]) -> dict[str, type]:
-    """Return the types of a controller's parameters, from the annotations of its class."""
-    types_by_name = {accepted.__name__: accepted for accepted in _ACCEPTED}
+    """Return the types of a controller's parameters, from the annotations of its class.
+
+    An annotation is a type or, if it is quoted in the source, the name of a type.
+    """
+    types_by_name = {parameter_type.__name__: parameter_type for parameter_type in _ACCEPTED}
     annotations: dict[str, object] = {}
     for base in reversed(controller_class.__mro__):
         annotations |= inspect.get_annotations(base)
     types = {}
     for name, annotation in annotations.items():
-        annotated_type = types_by_name.get(str(getattr(annotation, "__name__", annotation)))
-        if annotated_type and name[0] != "_" and hasattr(controller_class, name):
-            types[name] = annotated_type
+        parameter_type = types_by_name.get(str(getattr(annotation, "__name__", annotation)))
+        if parameter_type and name[0] != "_" and hasattr(controller_class, name):
+            types[name] = parameter_type
     return types
