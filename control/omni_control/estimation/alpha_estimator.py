@@ -7,10 +7,10 @@ import numpy as np
 from omni_control.delay_compensation import CommandHistory
 from omni_control.kinematics import Array
 
-# Commanded displacement at which a new ratio and the old value have equal weights, m. It is well
-# above the noise of vision.
+# Commanded displacement at which the new ratio and the old estimate have equal weights, m. It is
+# well above the noise of vision.
 EQUAL_WEIGHT_M = 0.02
-MIN_ALPHA, MAX_ALPHA = 0.5, 1.1
+MIN_ALPHA, MAX_ALPHA = 0.5, 1.1  # of the estimate
 
 
 class AlphaEstimator:
@@ -25,7 +25,7 @@ class AlphaEstimator:
 
     Here dx is the displacement in the window by the filtered positions, and dx_d the displacement
     by the commands that acted in the window. The regularization rho = EQUAL_WEIGHT_M^2 keeps the
-    old value at standstill. Each frame multiplies the weight of the old value by
+    old estimate at standstill. Each frame multiplies the weight of earlier estimates by
     rho / (dx_d^2 + rho).
 
     Args:
@@ -33,13 +33,10 @@ class AlphaEstimator:
         window_frames: Length of the window n_0, frames.
         delay_frames: Dead time k_d, frames.
         period: Length of a frame T, s.
-
-    Attributes:
-        value: Latest estimate along the world's x and y axes, (n, 2).
     """
 
     def __init__(self, n: int, window_frames: int, delay_frames: int, period: float) -> None:
-        self.value = np.ones((n, 2))
+        self._alpha = np.ones((n, 2))
         self._delay_frames, self._period = delay_frames, period
         self._positions: deque[Array] = deque(maxlen=window_frames + 1)
 
@@ -52,10 +49,10 @@ class AlphaEstimator:
         """
         self._positions.append(position.copy())
         achieved = position - self._positions[0]
-        count = len(self._positions) - 1
-        commands = sent.get_latest(count, skip=self._delay_frames)[..., :2]
-        commanded = np.add.reduce(commands) * self._period
+        window_frames = len(self._positions) - 1  # shorter at the start of the run
+        commands = sent.get_latest(window_frames, skip=self._delay_frames)[..., :2]
+        commanded = commands.sum(0) * self._period
         rho = EQUAL_WEIGHT_M**2
-        ratio = (achieved * commanded + rho * self.value) / (commanded * commanded + rho)
-        self.value = np.minimum(np.maximum(ratio, MIN_ALPHA), MAX_ALPHA)
-        return self.value
+        alpha = (achieved * commanded + rho * self._alpha) / (commanded * commanded + rho)
+        self._alpha = alpha.clip(MIN_ALPHA, MAX_ALPHA)
+        return self._alpha
