@@ -2,8 +2,8 @@
 
 import numpy as np
 from benches.control import (
-    MAX_REJECTIONS,
-    MAX_REPEATS,
+    OUTLIERS_TO_ACCEPT,
+    REPEATS_TO_ACCEPT,
     Array,
     OutlierGate,
     make_controller,
@@ -17,6 +17,7 @@ from team_setup import make_reference, make_start_poses
 from omni_control import MotionLimits, Team, TeamModel
 
 LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)
+NOW = np.zeros(1)  # age of a measurement that is captured as it arrives, s
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -58,7 +59,7 @@ def test_another_robot_is_rejected(seed: int, distance: float, direction: float)
     for _ in range(100):
         is_wrong = not is_wrong and rng.random() < 0.5
         pose = NOISE * rng.standard_normal((1, 3))
-        accepted = gate.reject_outliers(pose + is_wrong * offset)
+        accepted = gate.reject_outliers(pose + is_wrong * offset, NOW)
         np.testing.assert_array_equal(accepted, np.nan if is_wrong else pose)
 
 
@@ -69,11 +70,11 @@ def test_reversed_headings_are_corrected(seed: int, heading: float, rate: float)
     for k in range(100):
         true = np.array([[0, 0, wrap_angle(heading + rate * T * k)]])
         true += NOISE * rng.standard_normal((1, 3))
-        is_reversed = k > 0 and in_a_row < MAX_REJECTIONS - 1 and rng.random() < 0.5
+        is_reversed = k > 0 and in_a_row < OUTLIERS_TO_ACCEPT - 1 and rng.random() < 0.5
         in_a_row = in_a_row + 1 if is_reversed else 0
         measured = true.copy()
         measured[:, 2] = wrap_angle(true[:, 2] + np.pi * is_reversed)
-        accepted = gate.reject_outliers(measured)
+        accepted = gate.reject_outliers(measured, NOW)
         np.testing.assert_array_equal(accepted[:, :2], true[:, :2])
         assert abs(wrap_angle(accepted[0, 2] - true[0, 2])) < 1e-14
 
@@ -92,12 +93,12 @@ def test_the_gate_recovers_within_ten_measurements(
         measured = rng.uniform(-4, 4, (3, 3))
         measured[rng.random(3) < missed] = np.nan
         gate.reject_outliers(measured, rng.uniform(0, 0.2, 3))
-    for k in range(3 * MAX_REJECTIONS):
+    for k in range(3 * OUTLIERS_TO_ACCEPT):
         measured = to_measured_pose(np.array(pose) + NOISE * rng.standard_normal((3, 3)))
-        accepted = gate.reject_outliers(measured)
-        if k >= MAX_REJECTIONS - 1:
+        accepted = gate.reject_outliers(measured, np.zeros(3))
+        if k >= OUTLIERS_TO_ACCEPT - 1:
             np.testing.assert_array_equal(accepted[:, :2], measured[:, :2])
-        if k >= 2 * MAX_REJECTIONS - 2:  # headings are checked once the position is accepted
+        if k >= 2 * OUTLIERS_TO_ACCEPT - 2:  # headings are checked once the position is accepted
             np.testing.assert_array_equal(accepted, measured)
 
 
@@ -105,9 +106,9 @@ def test_after_a_frozen_image_a_robot_may_be_as_far_as_it_can_have_driven() -> N
     """The frozen image is accepted. Afterwards it counts with its true age."""
     gate, frozen = make_gate(1), np.array([[0.1, 0.2, 0.3]])
     for _ in range(20):
-        np.testing.assert_array_equal(gate.reject_outliers(frozen), frozen)
+        np.testing.assert_array_equal(gate.reject_outliers(frozen, NOW), frozen)
     measured = frozen + np.array([1.5, 0.0, 0.0])  # 4.5 m/s
-    np.testing.assert_array_equal(gate.reject_outliers(measured), measured)
+    np.testing.assert_array_equal(gate.reject_outliers(measured, NOW), measured)
 
 
 @given(st.floats(0.0, 3.5), st.floats(-np.pi, np.pi))
@@ -117,16 +118,16 @@ def test_a_moving_robot_does_not_stop_dead(speed: float, direction: float) -> No
     When the measurements change again, they are accepted, after any number of repeats.
     """
     step = speed * T * np.array([[np.cos(direction), np.sin(direction), 0.0]])
-    for repeats in (4, MAX_REPEATS + 4):
+    for repeats in (4, REPEATS_TO_ACCEPT + 4):
         gate = make_gate(1)
         for k in range(3):
-            gate.reject_outliers(k * step + 0.1)
-        x = np.array([gate.reject_outliers(2 * step + 0.1)[0, 0] for _ in range(repeats)])
-        rejected = MAX_REPEATS - 1 if speed > 0.01 else 0
+            gate.reject_outliers(k * step + 0.1, NOW)
+        x = np.array([gate.reject_outliers(2 * step + 0.1, NOW)[0, 0] for _ in range(repeats)])
+        rejected = REPEATS_TO_ACCEPT - 1 if speed > 0.01 else 0
         if abs(speed - 0.01) > 1e-6:
             np.testing.assert_array_equal(np.isnan(x), np.arange(repeats) < rejected)
         measured = (3 + repeats) * step + 0.1
-        np.testing.assert_array_equal(gate.reject_outliers(measured), measured)
+        np.testing.assert_array_equal(gate.reject_outliers(measured, NOW), measured)
 
 
 @settings(max_examples=12)

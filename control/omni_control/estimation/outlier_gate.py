@@ -9,7 +9,7 @@ the other object is as fast and much heavier. Two measurements at an interval t 
 most 2 v t apart, plus noise. With the highest speed in the league's simulators, 3.7 m/s, this is
 0.12 m per frame at 60 Hz. Two different robots are at least 0.18 m apart. Two measurements of the
 same position, with standard deviation s, are more than r apart with probability
-exp(-r^2 / (4 s^2)). The margin for noise is the r for which this probability is `FALSE_ALARM`.
+exp(-r^2 / (4 s^2)). The margin for noise is the r at which this is `FALSE_ALARM_PROBABILITY`.
 
 **Headings.** If the heading changed by more than 90 degrees, and the robot cannot turn that far in
 this time, the camera has read the pattern backwards. The gate turns the heading by 180 degrees.
@@ -17,14 +17,15 @@ this time, the camera has read the pattern backwards. The gate turns the heading
 **Frozen images.** A repeated measurement is accepted if the robot may be at standstill: if its
 apparent speed, by motion or noise, was at most `STANDSTILL_SPEED_M_S`. Otherwise only a robot that
 stops within a frame and is measured without noise could repeat a measurement bit for bit. The
-repeated measurement is then rejected, until it has arrived `MAX_REPEATS` times, 5 s at 60 Hz. The
-next different measurement may be as far away as the robot can drive in the time since the frozen
-measurement was captured.
+repeated measurement is then rejected, until it has arrived `REPEATS_TO_ACCEPT` times, 5 s at 60 Hz.
+The next different measurement may be as far away as the robot can drive in the time since the
+frozen measurement was captured.
 
 **Recovery.** A robot may be carried away, and the accepted measurement may have been the wrong one.
-A position far away is therefore accepted at the `MAX_REJECTIONS`-th time in a row. If a fraction q
-of all measurements is wrong, independently of each other, a wrong one is accepted once in
-1 / ((1 - q) q^MAX_REJECTIONS) frames: once in 67 minutes for q = 0.3.
+Of measurements in a row that are too far away, number n = `OUTLIERS_TO_ACCEPT` is therefore
+accepted. The same holds for headings. If a fraction q of all measurements is wrong, independently
+of each other, a wrong one is accepted once in 1 / ((1 - q) q^n) frames: once in 67 minutes for
+q = 0.3.
 """
 
 import math
@@ -39,15 +40,15 @@ from omni_control.reference import MotionLimits
 
 Mask = NDArray[np.bool_]
 
-# Robots in the league's simulators, m/s and rad/s.
+# Highest speed and turn rate of robots in the league's simulators, m/s and rad/s.
 SIMULATOR_LIMITS = COMMAND_LIMITS.speed, COMMAND_LIMITS.turn_rate
 STANDSTILL_SPEED_M_S = 0.01  # apparent speed up to which a robot may be standing
 COLLISION_SPEED_RATIO = 2.0  # speed after a collision over the speed before
-FALSE_ALARM = 1e-9  # probability per measurement that noise alone exceeds the margin
-MAX_REJECTIONS = 10  # measurements in a row, the last of which is accepted
-MAX_REPEATS = 300  # same for repeated measurements of a robot that was moving
+FALSE_ALARM_PROBABILITY = 1e-9  # per measurement: noise alone exceeds the margin
+OUTLIERS_TO_ACCEPT = 10  # in a row, until one is accepted
+REPEATS_TO_ACCEPT = 300  # of a measurement of a robot that was moving, until one is accepted
 # Largest distance between two measurements that noise alone explains, in standard deviations.
-NOISE_MARGIN = 2 * math.sqrt(-math.log(FALSE_ALARM))
+NOISE_MARGIN = 2 * math.sqrt(-math.log(FALSE_ALARM_PROBABILITY))
 
 
 class OutlierGate:
@@ -68,22 +69,22 @@ class OutlierGate:
         self._max_speed = COLLISION_SPEED_RATIO * speed
         self._noise_margin = NOISE_MARGIN * noise[:, 0]
         self._last_measured, self._last_accepted = np.full((2, n, 3), np.nan)
-        # Of the last accepted measurement: its age on arrival (s), the time since its arrival (s),
-        # and the apparent speed from the one before (m/s).
+        # Of the last accepted measurement: its age on arrival, s; the time since its arrival, s;
+        # and the distance to the one before over the time between them, m/s.
         self._accepted_age, self._elapsed, self._apparent_speed = np.zeros((3, n))
-        # Numbers of measurements in a row that were too far away, read backwards, or repeated.
+        # Numbers of measurements in a row that were too far away, reversed, or repeated.
         self._far_count, self._reversed_count, self._repeat_count = np.zeros((3, n))
 
-    def reject_outliers(self, measured_pose: Array, age: Array | None = None) -> Array:
+    def reject_outliers(self, measured_pose: Array, age: Array) -> Array:
         """Return the accepted poses (n, 3), headings in (-pi, pi]; NaN for rejected ones.
 
         Args:
             measured_pose: Measured poses (n, 3), NaN without a measurement.
-            age: Time from the capture of each measurement to this frame, (n,) s. Default: 0.
+            age: Time from the capture of each measurement to this frame, (n,) s.
         """
-        age = self._zeros if age is None else age
         self._elapsed = self._elapsed + self._period
-        # At least the time between arrivals, since the clocks of cameras may be wrong.
+        # Not below the time between the captures, nor, since the clocks of cameras may be wrong,
+        # the time between the arrivals.
         interval = self._elapsed + np.abs(age - self._accepted_age)
         change = measured_pose - self._last_accepted
         distance = np.hypot(change[:, 0], change[:, 1])
@@ -123,19 +124,19 @@ class OutlierGate:
         is_visible = ~np.isnan(measured_pose[:, 0])
         is_far = is_visible & (distance > max_distance)
         self._far_count = _count_in_a_row(self._far_count, is_far, is_visible)
-        is_confirmed = self._far_count >= MAX_REJECTIONS
+        is_confirmed = self._far_count >= OUTLIERS_TO_ACCEPT
         self._far_count = self._far_count * ~is_confirmed
-        # The image was captured after the last accepted one; it is not the same image sent again.
+        # The image was captured after the last accepted one: it is not the same image sent again.
         is_new = self._elapsed - (age - self._accepted_age) > self._period / 2
-        is_suspicious = is_repeated & is_new & (self._apparent_speed > STANDSTILL_SPEED_M_S)
-        self._repeat_count = _count_in_a_row(self._repeat_count, is_suspicious, is_visible)
-        is_live = (self._repeat_count == 0) | (self._repeat_count >= MAX_REPEATS)
-        is_accepted = is_visible & (~is_far | is_confirmed) & is_live
+        is_frozen = is_repeated & is_new & (self._apparent_speed > STANDSTILL_SPEED_M_S)
+        self._repeat_count = _count_in_a_row(self._repeat_count, is_frozen, is_visible)
+        is_frozen &= self._repeat_count < REPEATS_TO_ACCEPT
+        is_accepted = is_visible & (~is_far | is_confirmed) & ~is_frozen
         is_flipped = np.abs(wrap_angle(change[:, 2])) > np.pi / 2
         cannot_turn = self._max_turn_rate * interval < np.pi / 2
         is_reversed = is_accepted & ~is_far & is_flipped & cannot_turn
         self._reversed_count = _count_in_a_row(self._reversed_count, is_reversed, is_accepted)
-        is_reversed &= self._reversed_count < MAX_REJECTIONS
+        is_reversed &= self._reversed_count < OUTLIERS_TO_ACCEPT
 
         accepted = np.where(is_accepted[:, None], measured_pose, np.nan)
         accepted[is_reversed, 2] = wrap_angle(accepted[is_reversed, 2] + np.pi)

@@ -34,7 +34,7 @@ from omni_control.estimation.motion_model import (
     MotionModel,
     YawCoupling,
 )
-from omni_control.estimation.outlier_gate import MAX_REJECTIONS, MAX_REPEATS, OutlierGate
+from omni_control.estimation.outlier_gate import OUTLIERS_TO_ACCEPT, REPEATS_TO_ACCEPT, OutlierGate
 from omni_control.estimation.robot_ekf import RobotEkf
 from omni_control.estimation.vision_tracker import KalmanFilter
 from omni_control.fuzzy_rules import LABELS, FuzzyLaw, compute_memberships
