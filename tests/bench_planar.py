@@ -30,7 +30,7 @@ from omni_control.kinematics import Array
 from omni_mj.config import scenario
 from omni_mj.config.toml_files import find_builtin_files
 from omni_mj.results.metrics import row_metrics
-from omni_mj.results.seed_statistics import confidence_interval
+from omni_mj.results.seed_statistics import mean_confidence_interval
 from omni_mj.simulation.simulation import Simulation
 
 CONTROLLERS = "comp-flc", "adaptive-comp-flc", "lqr"
@@ -186,7 +186,7 @@ def _format(difference: tuple[float, float]) -> str:
 
 def compare(errors: Array, reference: Array) -> tuple[float, float]:
     """Return the mean difference of errors by their logarithms, per cent, and half its interval."""
-    mean, half = confidence_interval(np.log(errors / reference))
+    mean, half = mean_confidence_interval(np.log(errors / reference))
     return float(100 * np.expm1(mean)), float(100 * np.expm1(half))
 
 

@@ -10,8 +10,8 @@ from omni_control.kinematics import Array
 from omni_mj.results.seed_statistics import (
     CONFIDENCE,
     SeedStatistics,
-    confidence_interval,
     finite_or_none,
+    mean_confidence_interval,
 )
 
 SIGNIFICANCE_LEVEL = 1 - CONFIDENCE
@@ -36,7 +36,7 @@ def paired_difference(
     if None in ours["per_seed"] or None in theirs["per_seed"]:
         return None, None, None
     difference = np.array(ours["per_seed"]) - np.array(theirs["per_seed"])
-    mean, half_width = (float(value) for value in confidence_interval(difference))
+    mean, half_width = (float(value) for value in mean_confidence_interval(difference))
     if len(difference) == 1:
         return mean, None, None
     if half_width == 0:  # equal differences in all seeds

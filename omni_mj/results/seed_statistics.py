@@ -7,10 +7,10 @@ import numpy as np
 from omni_control.kinematics import Array
 
 CONFIDENCE = 0.95
-SeedStatistics = dict[str, Any]  # result of `seed_statistics`
+SeedStatistics = dict[str, Any]  # result of `summarize_seeds`
 
 
-def confidence_interval(values: Array) -> tuple[Array, Array]:
+def mean_confidence_interval(values: Array) -> tuple[Array, Array]:
     """Return the mean over the last axis, and half the width of its 95 % confidence interval.
 
     The interval follows from Student's t distribution.
@@ -30,31 +30,29 @@ def confidence_interval(values: Array) -> tuple[Array, Array]:
     return mean, stdtrit(n - 1, (1 + CONFIDENCE) / 2) * values.std(-1, ddof=1) / np.sqrt(n)
 
 
-def seed_statistics(values: Array) -> SeedStatistics:
-    """Return each seed's value, and statistics over the seeds.
+def summarize_seeds(values: Array) -> SeedStatistics:
+    """Return the value of each seed, and statistics over the seeds.
 
     Args:
         values: Shape (seeds,). Infinite for a seed that failed or never settled: three seeds with
-            one such value have a median but no mean. With a seed that has NaN, all statistics are
-            None.
+            one such value have a median but no mean. If a seed has NaN, all statistics are None.
 
     Returns:
         `per_seed`, `median`, `min`, `max`, `mean`, `ci95_half_width`. Numbers that are not finite
             are None, and so is the interval of a single seed.
     """
     with np.errstate(invalid="ignore"):  # infinity minus infinity
-        mean, half_width = confidence_interval(values)
-        median = np.median(values)
-    statistics = {
-        "median": median,
-        "min": values.min(),
-        "max": values.max(),
-        "mean": mean,
-        "ci95_half_width": half_width,
-    }
-    per_seed = [finite_or_none(value) for value in values]
-    return {"per_seed": per_seed} | {
-        name: finite_or_none(value) for name, value in statistics.items()
+        mean, half_width = mean_confidence_interval(values)
+        statistics = {
+            "median": np.median(values),
+            "min": values.min(),
+            "max": values.max(),
+            "mean": mean,
+            "ci95_half_width": half_width,
+        }
+    return {
+        "per_seed": list(map(finite_or_none, values)),
+        **{name: finite_or_none(value) for name, value in statistics.items()},
     }
 
 

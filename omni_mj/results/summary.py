@@ -18,7 +18,7 @@ from omni_mj.config.settings import PERIOD_S
 from omni_mj.results import events, metrics, paired_comparison, paper_tables, saturation
 from omni_mj.results.alpha_windows import alpha_percentiles
 from omni_mj.results.metrics import AXES, EXCURSION, RECOVERY, STATISTICS, UNITS
-from omni_mj.results.seed_statistics import SeedStatistics, finite_or_none, seed_statistics
+from omni_mj.results.seed_statistics import SeedStatistics, finite_or_none, summarize_seeds
 from omni_mj.results.summary_definitions import DEFINITIONS
 from omni_mj.simulation.log import Failure, Log
 
@@ -117,7 +117,7 @@ def controller_results(
         rows = log.rows_of(controller)
         errors = {
             axis: {
-                statistic: seed_statistics(row_metrics[f"{axis}_{statistic}_{UNITS[axis]}"][rows])
+                statistic: summarize_seeds(row_metrics[f"{axis}_{statistic}_{UNITS[axis]}"][rows])
                 for statistic in STATISTICS
             }
             for axis in AXES
@@ -126,7 +126,7 @@ def controller_results(
         results[controller] = {
             "error_m": errors,
             "error_rad": {"heading": heading_error},
-            **{name: seed_statistics(row_metrics[name][rows]) for name in OTHER_METRICS},
+            **{name: summarize_seeds(row_metrics[name][rows]) for name in OTHER_METRICS},
             "recovery": _recovery_results(log, rows, row_metrics),
             "saturation": {
                 name: _statistics_without_failed(row_metrics[name][rows])
@@ -241,7 +241,7 @@ def _recovery_results(
             "duration_s": fault.duration_s or None,
         }
         for key in (EXCURSION, RECOVERY):
-            result[key] = seed_statistics(row_metrics[f"fault_{i + 1}_{key}"][affected])
+            result[key] = summarize_seeds(row_metrics[f"fault_{i + 1}_{key}"][affected])
         results.append(result)
     return results
 
@@ -249,5 +249,5 @@ def _recovery_results(
 def _statistics_without_failed(values: Array) -> SeedStatistics:
     """Return statistics over the seeds that did not fail. Failed ones are None in `per_seed`."""
     known = values[~np.isnan(values)]
-    statistics_of_known = seed_statistics(known if known.size else np.array([np.nan]))
+    statistics_of_known = summarize_seeds(known if known.size else np.array([np.nan]))
     return statistics_of_known | {"per_seed": [finite_or_none(value) for value in values]}

@@ -46,13 +46,13 @@ def verdict(of: dict[str, Any], privileged: list[str], subject: str | None) -> A
 def test_intervals_and_pairs_are_those_of_students_t(values: list[float]) -> None:
     """Intervals and tests agree with scipy up to rounding of 1e-9."""
     n, ours = len(values), np.array(values)
-    spread = seed_statistics.seed_statistics(ours)
+    spread = seed_statistics.summarize_seeds(ours)
     half = scipy.stats.t.ppf(0.975, n - 1) * scipy.stats.sem(ours)
     assert spread["mean"] == pytest.approx(ours.sum() / n, abs=1e-9)
     assert spread["ci95_half_width"] == pytest.approx(half, abs=1e-9)
     theirs = ours + 0.003 + 0.01 * np.sin(np.arange(n))
     difference, width, p = paired_comparison.paired_difference(
-        spread, seed_statistics.seed_statistics(theirs)
+        spread, seed_statistics.summarize_seeds(theirs)
     )
     test = scipy.stats.ttest_rel(ours, theirs)
     assert difference is not None
@@ -74,7 +74,7 @@ def test_statistics_include_seeds_that_failed_or_never_settled() -> None:
         (math.inf, math.inf): ([None, None], None, None, None, None, None),
         (2.0,): ([2.0], 2.0, 2.0, 2.0, 2.0, None),
     }.items():
-        assert seed_statistics.seed_statistics(np.array(values)) == dict(
+        assert seed_statistics.summarize_seeds(np.array(values)) == dict(
             zip(keys, expected, strict=True)
         ), values
 

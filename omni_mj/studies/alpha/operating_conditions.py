@@ -107,9 +107,8 @@ def _replace_settings(settings: Settings, values: Mapping[str, float]) -> Settin
     values = dict(values)
     if "motor.winding_c" in values:
         motor = settings.motor
-        ratio = motor.housing_ambient_resistance_k_w / (
-            motor.housing_ambient_resistance_k_w + motor.winding_housing_resistance_k_w
-        )
+        air_resistance = motor.housing_ambient_resistance_k_w
+        ratio = air_resistance / (air_resistance + motor.winding_housing_resistance_k_w)
         winding_rise = values["motor.winding_c"] - motor.ambient_c
         values["motor.housing_c"] = motor.ambient_c + ratio * winding_rise
     return replace_values(settings, values)
