@@ -21,6 +21,7 @@ from omni_mj.config import nominal_model, robot_files
 from omni_mj.config.robot_files import DEFAULT_ROBOT
 from omni_mj.config.robot_settings import ModelSettings
 from omni_mj.config.settings import Settings, get_section_classes
+from omni_mj.config.team_settings import ControlSettings
 from omni_mj.config.validation import merge_sections, raise_errors
 
 # Sections from which the assumptions of the team are derived.
@@ -124,7 +125,8 @@ def _derive_assumptions(
     too, they are 0: the error is reported later, together with all others.
     """
     control = resolved["control"]
-    placeholders = dict.fromkeys(nominal_model.ASSUMPTIONS, 0.0)
+    names = [name for name in ControlSettings.model_fields if name.startswith("assumed_")]
+    placeholders = dict.fromkeys(names, 0.0)
     if "assumed_creep_s2_m" in control:
         placeholders["assumed_creep_s2_m"] = control["assumed_creep_s2_m"]
     robot_hardware = {name: robot_sections.get(name, {}) for name in HARDWARE_SECTIONS}
