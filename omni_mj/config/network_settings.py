@@ -17,13 +17,13 @@ class VisionSettings(SettingsModel):
     )
     miss_probability: float = setting(
         0.02,
-        "probability per frame that the robot becomes undetected for miss_frames",
+        "probability per frame that the cameras begin to miss the robot, for miss_frames",
         low=0,
         high=0.9,
     )
     miss_frames: int = setting(
         1,
-        "number of consecutive frames in which the robot is then undetected",
+        "number of consecutive frames in which the cameras then miss the robot",
         "frames",
         low=1,
         high=600,
@@ -90,7 +90,7 @@ class RadioSettings(SettingsModel):
     loss_probability: float = setting(0.0, "probability that a packet is lost", low=0, high=0.95)
 
     def find_contradictions(self) -> Iterator[str]:
-        """Yield a message if the jitter would let packets arrive before they are sent."""
+        """Yield a message if the jitter is above the dead time."""
         if self.jitter_frames > self.delay_frames:
             yield (
                 "radio.jitter_frames must not be above radio.delay_frames: packets would arrive "

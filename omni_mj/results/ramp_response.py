@@ -26,6 +26,7 @@ creep, v = s u with T a s^2 + s / g = 1, so that s is about g (1 - g^2 T a).
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,8 +73,7 @@ class RampProfile:
         return slice(end - round(STEADY_S * FRAME_RATE_HZ), end)
 
 
-@dataclass(frozen=True)
-class RampResponse:
+class RampResponse(NamedTuple):
     """Measured responses. All arrays have the same shape.
 
     Attributes:
@@ -88,12 +88,7 @@ class RampResponse:
 
     def at(self, index: int | slice | tuple[int, ...]) -> "RampResponse":
         """Return the responses at an index of the arrays."""
-        return RampResponse(
-            self.steady_gain[index], self.acceleration_gain[index], self.lag_s[index]
-        )
-
-
-RESPONSE_FIELDS = tuple(RampResponse.__dataclass_fields__)
+        return RampResponse(*(values[index] for values in self))
 
 
 def measure_ramp_response(profile: RampProfile, displacement: Array) -> RampResponse:

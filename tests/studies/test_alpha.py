@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from benches.studies import RESPONSE_FIELDS, AlphaResult, AlphaStudy, StoppedError, conditions
+from benches.studies import AlphaResult, AlphaStudy, RampResponse, StoppedError, conditions
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -58,7 +58,7 @@ def test_creep_alone_has_the_lag_and_gain_of_its_closed_form(study: AlphaStudy) 
     creep_only = study.by_causes.at((1, 0, 0))  # creep without drag and battery
     creep = {
         name: (getattr(creep_only, name) - getattr(study.wheel_loop, name))[axes]
-        for name in RESPONSE_FIELDS
+        for name in RampResponse._fields
     }
     gain = study.wheel_loop.steady_gain[axes] + creep["steady_gain"]
     # Acceleration shifts load between wheels; the closed form uses the mean load.
@@ -98,7 +98,7 @@ def test_rolling_resistance_and_low_charge_reduce_gain_and_heat_adds_lag(study: 
 
 
 def test_contributions_add_up_to_the_effect_of_all_causes(study: AlphaStudy) -> None:
-    for name in RESPONSE_FIELDS:
+    for name in RampResponse._fields:
         added = sum(study.contributions(name).values())
         np.testing.assert_allclose(
             added, getattr(study.worn, name) - getattr(study.wheel_loop, name), atol=1e-12

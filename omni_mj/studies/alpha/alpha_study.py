@@ -27,12 +27,7 @@ from omni_mj.config import distributions
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import Settings
-from omni_mj.results.ramp_response import (
-    RESPONSE_FIELDS,
-    RampProfile,
-    RampResponse,
-    measure_ramp_response,
-)
+from omni_mj.results.ramp_response import RampProfile, RampResponse, measure_ramp_response
 from omni_mj.results.result import Result
 from omni_mj.results.text_table import Table, format_table
 from omni_mj.simulation.simulation import Simulation
@@ -131,7 +126,7 @@ class AlphaStudy:
                     cause: {"share": _plain_list(values)}
                     for cause, values in self.contributions(name).items()
                 }
-                for name in RESPONSE_FIELDS
+                for name in RampResponse._fields
             },
         }
 
@@ -151,7 +146,7 @@ class AlphaStudy:
 
     def _cause_rows(self) -> Iterator[list[str]]:
         yield ["wheel loop and back-EMF alone", "", *_format_response(self.wheel_loop)]
-        contributions = [self.contributions(name) for name in RESPONSE_FIELDS]
+        contributions = [self.contributions(name) for name in RampResponse._fields]
         for cause in CAUSES:
             contribution = RampResponse(*(shares[cause] for shares in contributions))
             yield [f"contribution of {cause}", "", *_format_response(contribution, "+")]
@@ -217,7 +212,7 @@ def measure_alpha(
     if not stopped:
         response = _measure_responses(trials, simulation.log.channel("pose")[..., :2])
         study = _build_study(condition_values, response)
-        columns |= {name: values.ravel() for name, values in vars(response).items()}
+        columns |= {name: values.ravel() for name, values in response._asdict().items()}
     return AlphaResult(
         [open_loop_outcome(robot, simulation, start_time, stopped, columns)],
         [Commanded.__name__],
@@ -278,9 +273,7 @@ def _measure_responses(trials: Trials, positions: Array) -> RampResponse:
         measure_ramp_response(profile, travelled[: len(profile.command()) + 1, i])
         for i, (_, profile) in enumerate(trials)
     ]
-    return RampResponse(
-        *(np.array([vars(response)[name] for response in responses]) for name in RESPONSE_FIELDS)
-    )
+    return RampResponse(*np.stack(responses, axis=1))
 
 
 def _build_study(condition_values: ConditionValues, response: RampResponse) -> AlphaStudy:
@@ -293,7 +286,7 @@ def _build_study(condition_values: ConditionValues, response: RampResponse) -> A
         by_condition[name] = response.at(slice(start, start + len(values)))
         start += len(values)
     shape = (2,) * len(CAUSES) + (len(DIRECTIONS),)
-    by_causes = RampResponse(*(values[start:].reshape(shape) for values in vars(response).values()))
+    by_causes = RampResponse(*(values[start:].reshape(shape) for values in response))
     return AlphaStudy(condition_values, response.at(0), by_condition, by_causes)
 
 
@@ -306,7 +299,7 @@ def _format_response(response: RampResponse, sign: str = "") -> list[str]:
 
 
 def _plain_response(response: RampResponse) -> dict[str, Any]:
-    return {name: _plain_list(values) for name, values in vars(response).items()}
+    return {name: _plain_list(values) for name, values in response._asdict().items()}
 
 
 def _plain_list(values: Array) -> Any:
