@@ -166,7 +166,7 @@ def estimate_parameters(
         settings: Settings of the start robot.
         missing_excitation: Missing excitations and reasons; see `find_missing_excitation`.
     """
-    by_wheels, free = fit.segments.are_wheels, fit.free
+    by_wheels, free = fit.segments.by_wheels, fit.free
 
     def evaluate(x: Array) -> dict[str, float]:
         parameters = fit.parameters | dict(zip(free, x.tolist(), strict=True))
@@ -281,7 +281,7 @@ def _why_not_identified(
 
 def _model_failure(fit: Fit) -> str | None:
     """Return the reason if the model does not describe the motion at all, else None."""
-    by_wheels = fit.segments.are_wheels
+    by_wheels = fit.segments.by_wheels
     limit = MAX_NOISE_RATIO_BY_WHEELS if by_wheels else MAX_NOISE_RATIO_BY_COMMANDS
     for quantity, residuals in fit.residuals.items():
         if fit.misfit and residuals.rms > limit * residuals.noise:

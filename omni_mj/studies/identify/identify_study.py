@@ -179,7 +179,7 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
     settings, by_wheels = result.start.settings, source == "wheels"
     dynamics = RobotDynamics.from_settings(settings)
     twists, delays = _check_logs(logs, source, settings.wheels.kinematics)
-    segments = cut_segments(logs, [log.inputs[source] for log in logs], by_wheels)
+    segments = cut_segments(logs, source)
     missing_excitation = find_missing_excitation(twists, segments.period)
     if "motion" in missing_excitation:
         result.remarks.append(

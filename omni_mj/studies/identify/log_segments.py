@@ -1,4 +1,8 @@
-"""Cut logs into short segments that are predicted separately, on one common time axis."""
+"""Cut logs into short segments, whose motions are predicted separately.
+
+All logs are put one after another on a common time axis. One spline then holds the integral of the
+inputs of all logs.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,9 +15,11 @@ from omni_control.kinematics import Array
 from omni_mj.studies.identify.robot_logs import MAX_GAP_PERIODS, RobotLog, integrate_inputs
 
 SEGMENT_S = 0.75  # duration of a segment
-MIN_SEGMENTS, MIN_POSES = 4, 8  # of all logs; of a segment
-SKIPPED_S = 0.3  # left out after the start of a log and after a gap, where commands are unknown
-INITIAL_FIT_S = 0.25  # of a segment, from which its initial state is estimated
+MIN_SEGMENTS = 4  # of all logs together
+MIN_SAMPLES = 8  # of a segment
+SKIPPED_S = 0.3  # skipped at the start of a log and after a gap: earlier commands are unknown
+INITIAL_FIT_S = 0.25  # first part of a segment, to which its initial state is fitted
+MIN_FIT_SAMPLES = 6  # of this part
 LOG_SPACING_S = 10.0  # between logs on the common time axis
 
 
@@ -22,17 +28,17 @@ class LogSegments:
     """S segments of m samples.
 
     Attributes:
-        are_wheels: Whether inputs are wheel speeds in rad/s, otherwise twists in m/s and rad/s.
+        by_wheels: Whether inputs are wheel speeds in rad/s, otherwise twists in m/s and rad/s.
         period: Median time between samples, s.
-        integral: Integral of the inputs of all logs, as a function of time.
+        input_integral: Integral of the inputs of all logs, (K,), as a function of time.
         time: Times of the samples on the common time axis, (S, m) s.
         pose: Measured poses, world frame, (S, m, 3).
         in_body: Whether twists are in the body frame, (S,).
     """
 
-    are_wheels: bool
+    by_wheels: bool
     period: float
-    integral: BSpline
+    input_integral: BSpline
     time: Array
     pose: Array
     in_body: np.ndarray
@@ -44,7 +50,7 @@ class LogSegments:
         """Return the segments that a boolean mask (S,) selects."""
         return replace(self, time=self.time[mask], pose=self.pose[mask], in_body=self.in_body[mask])
 
-    def mean_inputs(self, delay: Array, substeps: int) -> tuple[Array, Array]:
+    def compute_mean_inputs(self, delay: Array, substeps: int) -> tuple[Array, Array]:
         """Return the mean inputs and durations of all integration steps.
 
         Args:
@@ -52,58 +58,61 @@ class LogSegments:
             substeps: Integration steps from one sample to the next.
 
         Returns:
-            Mean inputs of q steps, (S, P, q, K), and durations of the steps, (S, q) s.
+            Mean inputs of q = substeps (m - 1) steps, (S, P, q, K), and durations of the steps,
+            (S, q) s.
         """
         m = self.time.shape[1]
-        edge_indices = np.linspace(0, m - 1, substeps * (m - 1) + 1)
-        edges = make_interp_spline(np.arange(m), self.time.T, k=1)(edge_indices).T
-        duration = np.diff(edges)
-        delayed_edges = edges[:, None] - delay[:, None]
-        change = np.diff(self.integral(np.maximum(delayed_edges, 0.0)), axis=2)
-        return change / duration[:, None, :, None], duration
+        step_indices = np.linspace(0, m - 1, substeps * (m - 1) + 1)
+        step_times = make_interp_spline(np.arange(m), self.time.T, k=1)(step_indices).T
+        duration = np.diff(step_times)
+        input_times = step_times[:, None] - delay[:, None]
+        # Inputs before the first log are unknown and taken as zero.
+        integral = self.input_integral(np.maximum(input_times, 0.0))
+        return np.diff(integral, axis=2) / duration[:, None, :, None], duration
 
     def estimate_initial_states(self) -> Array:
         """Return pose, velocity and acceleration at the first sample, by a parabola, (S, 3, 3)."""
-        n = max(6, round(INITIAL_FIT_S / self.period))
+        n = max(MIN_FIT_SAMPLES, round(INITIAL_FIT_S / self.period))
         time = self.time[:, :n] - self.time[:, :1]
         coefficients = [
             np.polyfit(t, pose, 2)[::-1] for t, pose in zip(time, self.pose[:, :n], strict=True)
         ]
+        # The acceleration of a parabola is twice its last coefficient.
         return np.array(coefficients) * [[1], [1], [2]]
 
 
-def cut_segments(
-    logs: Sequence[RobotLog], inputs: Sequence[Array], are_wheels: bool
-) -> LogSegments:
+def cut_segments(logs: Sequence[RobotLog], source: str) -> LogSegments:
     """Cut logs into segments without gaps.
 
     Args:
-        logs: At least one log.
-        inputs: Twists or wheel speeds of each log, (F, K). Each acts until the next line.
-        are_wheels: Whether inputs are wheel speeds.
+        logs: Logs with poses; at least one.
+        source: Source of the inputs, "wheels" or "commands".
 
     Raises:
         OmniError: There are too few segments.
     """
-    visible_lines = [np.flatnonzero(np.isfinite(log.pose).all(1)) for log in logs]
-    intervals = [np.diff(log.time[i]) for log, i in zip(logs, visible_lines, strict=True)]
+    pose_lines = [np.flatnonzero(np.isfinite(log.pose).all(1)) for log in logs]
+    intervals = [np.diff(log.time[lines]) for log, lines in zip(logs, pose_lines, strict=True)]
     period = float(np.median(np.concatenate(intervals)))
-    length = max(MIN_POSES, round(SEGMENT_S / period))
-    times, segments = list[Array](), list[tuple[Array, Array, bool]]()
-    for log, lines in zip(logs, visible_lines, strict=True):
+    m = max(MIN_SAMPLES, round(SEGMENT_S / period))
+    times = list[Array]()
+    segments = list[tuple[Array, Array, bool]]()
+    for log, lines in zip(logs, pose_lines, strict=True):
         start = times[-1][-1] + LOG_SPACING_S if times else 0.0
         time = log.time - log.time[0] + start
         times.append(time)
         gaps = np.flatnonzero(np.diff(time[lines]) > MAX_GAP_PERIODS * period)
         for piece in np.split(lines, gaps + 1):
-            usable = piece[time[piece] >= time[piece[:1]] + SKIPPED_S]
-            for block in usable[: len(usable) // length * length].reshape(-1, length):
-                segments.append((time[block], log.pose[block], log.in_body))
+            usable = piece[time[piece] >= time[piece[0]] + SKIPPED_S]
+            for i in range(0, len(usable) - m + 1, m):
+                samples = usable[i : i + m]
+                segments.append((time[samples], log.pose[samples], log.in_body))
     if len(segments) < MIN_SEGMENTS:
         raise OmniError(
             f"{len(segments)} segments of {SEGMENT_S:g} s without a gap are too few to identify "
             f"anything; at least {MIN_SEGMENTS} are needed"
         )
-    integral = integrate_inputs(np.concatenate(times), np.concatenate(inputs))
+    inputs = np.concatenate([log.inputs[source] for log in logs])
+    integral = integrate_inputs(np.concatenate(times), inputs)
     time, pose, in_body = map(np.array, zip(*segments, strict=True))
-    return LogSegments(are_wheels, period, integral, time, pose, in_body)
+    return LogSegments(source == "wheels", period, integral, time, pose, in_body)

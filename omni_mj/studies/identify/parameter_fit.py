@@ -237,7 +237,7 @@ def fit_parameters(
     if drop_outliers and has_few_outliers and is_inlier.sum() >= MIN_SEGMENTS:
         inliers = segments.select(is_inlier)
         return fit_parameters(dynamics, inliers, problem.parameters(x), free, False)
-    allowed = ALLOWED_BY_WHEELS if segments.are_wheels else ALLOWED_BY_COMMANDS
+    allowed = ALLOWED_BY_WHEELS if segments.by_wheels else ALLOWED_BY_COMMANDS
     residuals = {
         "positions": measure_residuals(residual[..., :2], allowed[0]),
         "headings": measure_residuals(residual[..., 2:] / problem.weights[2], allowed[1]),

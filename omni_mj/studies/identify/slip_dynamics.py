@@ -199,8 +199,8 @@ def simulate_segments(
     slope = np.concatenate([p["slope_x_m_s2"], p["slope_y_m_s2"], np.zeros_like(p["friction"])], -1)
     model = _SlipModel(dynamics, segments, p)
     substeps = max(1, int(np.ceil(segments.period / STEP_S)))
-    wait = 0 if segments.are_wheels else dynamics.command_wait
-    inputs, duration = segments.mean_inputs(delay + wait, substeps)
+    wait = 0 if segments.by_wheels else dynamics.command_wait
+    inputs, duration = segments.compute_mean_inputs(delay + wait, substeps)
     pose, velocity = initial[..., 0, :], initial[..., 1, :]
     acceleration = world_to_body(initial[..., 2, :], pose[..., 2] + heading_offset)
     poses = [pose]
@@ -239,7 +239,7 @@ class _SlipModel:
         self, dynamics: RobotDynamics, segments: LogSegments, p: Mapping[str, Array]
     ) -> None:
         self._dynamics, self._p = dynamics, p
-        self._by_wheels = segments.are_wheels
+        self._by_wheels = segments.by_wheels
         self._in_body = segments.in_body[:, None, None]
         arm_scale = np.concatenate([np.ones((len(p["arm"]), 2)), p["arm"]], 1)[:, None]
         self._rim_directions = dynamics.rim_directions * arm_scale  # (P, W, 3)
