@@ -9,9 +9,10 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.rows import Row
 
-# Depth to which robots may overlap each other or a wall at the start, m: that of a hard contact
+# Depth to which a robot may overlap another or a wall at the start, m. Robots that push each other
+# hard overlap by as much.
 _MAX_OVERLAP_M = 1e-3
-# Settings on which the model of the plant `mujoco` depends
+# Settings and sections on which the model of the plant `mujoco` depends
 MODEL_SETTINGS = (
     "body",
     "wheels",
@@ -27,29 +28,25 @@ def check_equal_settings(rows: Sequence[Row], names: Sequence[str]) -> None:
 
     Args:
         rows: Rows of a batch.
-        names: Names of settings or of their sections.
+        names: Names of settings or of sections.
 
     Raises:
         OmniError: A row differs from the first one.
     """
-    for number, row in enumerate(rows):
-        differences = [
-            name
-            for name in names
-            if attrgetter(name)(row.settings) != attrgetter(name)(rows[0].settings)
-        ]
-        if differences:
-            raise OmniError(
-                f"rows 0 and {number} differ in {' and '.join(differences)}: "
-                "all rows of a batch share one model"
-            )
+    for name in names:
+        values = [attrgetter(name)(row.settings) for row in rows]
+        for number, value in enumerate(values):
+            if value != values[0]:
+                raise OmniError(
+                    f"rows 0 and {number} differ in {name}: all rows of a batch share one model"
+                )
 
 
 def check_start_poses(rows: Sequence[Row], model: mujoco.MjModel, positions: Array) -> None:
-    """Check that no robot overlaps another or a wall, from which contacts would push it violently.
+    """Check that no robot overlaps another or a wall. Contacts would push it away violently.
 
     Args:
-        rows: Rows of the robots.
+        rows: Rows of the robots, world by world.
         model: Model of each world.
         positions: Positions `qpos` of the worlds, (worlds, nq).
 
@@ -62,10 +59,11 @@ def check_start_poses(rows: Sequence[Row], model: mujoco.MjModel, positions: Arr
         mujoco.mj_fwdPosition(model, data)
         for contact in data.contact:
             if contact.dist < -_MAX_OVERLAP_M:
-                body, other_body = (model.geom(geom).name for geom in contact.geom)
-                world_number = rows[world * len(rows) // len(positions)].world_index
+                geom, other_geom = (model.geom(geom).name for geom in contact.geom)
+                robots_per_world = len(rows) // len(positions)
                 raise OmniError(
-                    f"world {world_number}: {body!r} and {other_body!r} overlap at the start by "
+                    f"world {rows[world * robots_per_world].world_index}: "
+                    f"{geom!r} and {other_geom!r} overlap at the start by "
                     f"{-1e3 * contact.dist:.0f} mm; move their start poses apart"
                 )
 

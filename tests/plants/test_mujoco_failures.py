@@ -117,7 +117,7 @@ def test_rows_that_cannot_share_a_batch_are_refused() -> None:
     geared = rows([with_settings(), with_settings(motor={"gear_ratio": 4.0})])
     for wrong, message in (
         (finer, "rows 0 and 1 differ in physics"),
-        (heavier, "rows 0 and 1 differ in body and wheels"),
+        (heavier, "rows 0 and 1 differ in body"),
         (geared, "rows 0 and 1 differ in motor.gear_ratio"),
     ):
         with pytest.raises(OmniError, match=message):

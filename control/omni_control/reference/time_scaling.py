@@ -1,4 +1,4 @@
-"""Time scaling: drive along a path in whole frames, slowed down until all limits hold."""
+"""Time scaling: slow down the drive along a path until poses, once per frame, keep all limits."""
 
 import math
 from collections.abc import Callable
@@ -12,11 +12,11 @@ from omni_control.traction import WheelLimits
 
 ROUNDING = 1e-9  # relative tolerance of limits
 _N_WINDOWS = 24  # number of lengths of the moving average to try
-_MIN_REDUCTION = 1.005  # smallest factor by which the demand on wheels is reduced if too high
+_MIN_REDUCTION = 1.005  # smallest factor between the wheel capacities of successive attempts
 
 
 class PathTiming:
-    """Parameter u of a path over time; its rate is linear in time between samples.
+    """Parameter u of a path over time. Between samples, du/dt is linear in time.
 
     Args:
         step: Difference of u between samples; the first is at u = 0.
@@ -27,15 +27,17 @@ class PathTiming:
     """
 
     def __init__(self, step: float, rate: Array) -> None:
-        self._step, self._rate = step, rate
+        self._step = step
+        self._rate = rate
         self.time = np.append(0.0, np.cumsum(2 * step / (rate[:-1] + rate[1:])))
 
     def get_parameter(self, time: Array) -> Array:
         """Return the parameters (frames,) at times (frames,)."""
         i = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
-        elapsed, duration = time - self.time[i], self.time[i + 1] - self.time[i]
-        rate, next_rate = self._rate[i], self._rate[i + 1]
-        mean_rate = rate + elapsed / duration * (next_rate - rate) / 2
+        elapsed = time - self.time[i]
+        fraction = elapsed / (self.time[i + 1] - self.time[i])
+        rate = self._rate[i]
+        mean_rate = rate + fraction * (self._rate[i + 1] - rate) / 2  # since sample i
         return self._step * i + elapsed * mean_rate
 
 
@@ -44,11 +46,10 @@ def sample_path(
 ) -> Array:
     """Return poses (frames, 3) from rest to rest on a path within all limits but those of wheels.
 
-    The limits hold for finite differences of the sampled poses. These are means of velocity and
-    acceleration over one or two frames, so sampling a feasible timing nearly keeps the limits. The
-    whole timing is then slowed down for three reasons: the duration becomes a whole number of
-    frames, the integration over cells is inexact, and a body that turns within a frame may leave
-    its ellipse of accelerations.
+    The limits apply to finite differences of the poses. The whole timing is slowed down until they
+    hold, for three reasons: the drive must take a whole number of frames, the timing was integrated
+    over cells of finite length, and a body that turns within a frame may leave the ellipse of its
+    accelerations.
 
     If jerk is limited, a moving average smooths the path parameter over time. The averaged
     parameter is still on the path. The length of the average that gives the shortest drive is
@@ -60,18 +61,20 @@ def sample_path(
         limits: Limits of velocity, acceleration and jerk.
         period: Length of a frame, s.
     """
-    fastest = None
+    fastest: Array
+    fewest_poses = math.inf
     for window in _list_windows(limits, period):
-        frames, time_scale = math.ceil(timing.time[-1] / period), math.inf
-        while time_scale > 1 + ROUNDING and (fastest is None or frames + window <= len(fastest)):
+        frames = math.ceil(timing.time[-1] / period)
+        while frames + window <= fewest_poses:
             parameters = timing.get_parameter(np.linspace(0, timing.time[-1], frames + 1))
             padded = np.pad(parameters, window - 1, mode="edge")
             poses = path(np.convolve(padded, np.full(window, 1 / window), "valid"))
             time_scale = limits.compute_time_scale(poses, period)
+            if time_scale <= 1 + ROUNDING:
+                fastest = poses
+                fewest_poses = len(poses)
+                break
             frames = math.ceil(frames * time_scale)
-        if time_scale <= 1 + ROUNDING:
-            fastest = poses
-    assert fastest is not None
     return fastest
 
 
@@ -96,23 +99,25 @@ def slow_down_for_wheels(
     Raises:
         OmniError: Friction hardly exceeds drag.
     """
-    wheels, capacity = limits.wheels, math.inf
+    wheels = limits.wheels
     if wheels is None:
         return poses
-    while (utilization := wheels.compute_peak_utilization(poses, period)) > 1 + ROUNDING:
-        # The first attempt uses the full capacity. Later ones use less, because smoothing and whole
-        # frames may need more than the timing.
-        capacity = min(1.0, capacity / max(utilization, _MIN_REDUCTION))
+    capacity = 1.0
+    utilization = wheels.compute_peak_utilization(poses, period)
+    while utilization > 1 + ROUNDING:
         if capacity <= wheels.max_drag_fraction:
             raise OmniError(
                 f"with friction {wheels.friction:g} the wheels can hardly overcome drag"
             )
         poses = sample_path(path, plan_timing(wheels, capacity), limits, period)
+        utilization = wheels.compute_peak_utilization(poses, period)
+        # Smoothing and whole frames may need more than the timing, which keeps the capacity.
+        capacity /= max(utilization, _MIN_REDUCTION)
     return poses
 
 
 def _list_windows(limits: MotionLimits, period: float) -> list[int]:
-    """Return the lengths of the moving average to try, in frames.
+    """Return the lengths of the moving average to try, frames; [1] if jerk is not limited.
 
     The longest is 3 a / j. Reversing the full acceleration a with the jerk j takes 2 a / j.
     """
