@@ -1,4 +1,4 @@
-"""Settings of the team's computer: reference, assumptions about robots, and command limits."""
+"""Settings of the team's computer: reference, assumptions about robots, controllers and limits."""
 
 from collections.abc import Iterator
 from typing import Literal
@@ -10,7 +10,7 @@ from omni_mj.config.validation import FROM_ROBOT, Poses, SettingsModel, setting
 class ReferenceSettings(SettingsModel):
     """The reference trajectory: waypoints or a curve, and the limits of the planned motion.
 
-    `ControlSettings` limits commands by fields of the same names.
+    The limits of commands have the same names, in `ControlSettings`.
     """
 
     shape: Literal["waypoints", "random", *CURVES] = setting(  # type: ignore[valid-type]
@@ -38,8 +38,8 @@ class ReferenceSettings(SettingsModel):
     laps: int = setting(1, "number of laps", low=1, high=1000)
     mode: Literal["timed", "iterated"] = setting(
         "timed",
-        "planned in advance (timed), or in every frame anew from the robot's pose (iterated: "
-        "waypoints only; paper, section 3-A)",
+        "planned once in advance (timed), or anew in every frame from the robot's pose (iterated; "
+        "paper, section 3-A; not for curves)",
     )
     max_speed_m_s: float = setting(
         3.159, "limit of the planned speed (paper, section 2)", "m/s", low=0.01, high=10
@@ -76,8 +76,8 @@ class ReferenceSettings(SettingsModel):
     )
     assumed_friction: float = setting(
         0.8,
-        "friction coefficient by which the planner limits accelerations to the traction of wheels; "
-        "0: no such limit",
+        "friction coefficient that the planner assumes to limit accelerations to the traction of "
+        "the wheels; 0: no such limit",
         low=0,
         high=5,
     )
@@ -117,6 +117,7 @@ class ControlSettings(SettingsModel):
     (`omni_mj.config.nominal_model`).
     """
 
+    # Assumptions about the robots
     delay_error_frames: int = setting(
         0, "assumed dead time minus true dead time", "frames", low=-600, high=600
     )
@@ -129,21 +130,23 @@ class ControlSettings(SettingsModel):
     )
     assumed_friction_loss_m_s: float = setting(
         FROM_ROBOT,
-        "wheeled plants: assumed speed loss by dry friction; default: from the gains; 0: unknown",
+        "wheeled plants: assumed speed loss by dry friction; default: from these gains; 0: unknown",
         "m/s",
         low=0,
         high=1,
     )
     assumed_creep_s2_m: float = setting(
         FROM_ROBOT,
-        "wheeled plants: assumed creep coefficient T, forward (TIGERs: 0.038 to 0.06); 0: unknown",
+        "wheeled plants: assumed creep coefficient T, forward; default: from the creep stiffness; "
+        "0: unknown",
         "s^2/m",
         low=0,
         high=1,
     )
     assumed_creep_sideways_s2_m: float = setting(
         FROM_ROBOT,
-        "assumed creep coefficient T, sideways (TIGERs: 0.082 to 0.155)",
+        "wheeled plants: assumed creep coefficient T, sideways; default: from the creep stiffness; "
+        "0: from T forward",
         "s^2/m",
         low=0,
         high=1,
@@ -157,11 +160,12 @@ class ControlSettings(SettingsModel):
     )
     assumed_alpha_sideways: float = setting(
         FROM_ROBOT,
-        "assumed alpha sideways (TIGERs: 0.79 to 0.97)",
+        "wheeled plants: assumed alpha sideways; default: from the creep law; 0: unknown",
         low=0,
         high=2,
     )
 
+    # Controllers
     error_range_m: float = setting(
         0.1,
         "fuzzy controller: input range of the position error (paper, section 4)",
@@ -186,6 +190,8 @@ class ControlSettings(SettingsModel):
     alpha_window_frames: int = setting(
         15, "window n_0 of the estimator of alpha (equation 8)", "frames", low=1, high=600
     )
+
+    # Limits of commands
     max_speed_m_s: float = setting(
         3.7, "limit of the commanded speed (ssl-simulation-setup)", "m/s", low=0.01, high=20
     )
