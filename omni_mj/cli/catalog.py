@@ -61,7 +61,10 @@ def list_entries(title: str) -> Entries:
     """Return the entries of a list. Each starts with the name and ends with the meaning."""
     match title:
         case "scenarios" | "robots":
-            return _describe_files(toml_files.find_builtin_files(title))
+            files = toml_files.find_builtin_files(title).items()
+            return [
+                [name, toml_files.read_toml(path).get("description", "")] for name, path in files
+            ]
         case "controllers":
             from omni_control.controllers.registry import CONTROLLERS, find_missing_package
 
@@ -143,7 +146,9 @@ def format_sections(settings: "Settings", fields: Mapping[str, Iterable[str]]) -
     lines = []
     for section, names in fields.items():
         lines += ["", f"[{section}]"]
-        lines += [f"{name} = {json.dumps(values[section][name])}" for name in names]
+        lines += [
+            f"{name} = {toml_files.format_toml_value(values[section][name])}" for name in names
+        ]
     return "\n".join(_add_comments(lines)) + "\n"
 
 
@@ -166,7 +171,7 @@ def _describe_robot(name: str) -> str:
         "# Derived from the numbers below:",
         *(f"#   {fact} = {value:.3g}" for fact, value in robot.facts.items()),
         "",
-        f"description = {json.dumps(robot.description)}",
+        f"description = {toml_files.format_toml_value(robot.description)}",
     ]
     sections = robot_files.read_robot_sections(name)
     fields = {section: getattr(robot.settings, section).values() for section in sections}
@@ -193,8 +198,6 @@ def _describe_controller(name: str) -> str:
 
 def _is_robot(file: str) -> bool:
     """Return whether a TOML file contains sections of robots only, and is no scenario."""
-    if not Path(file).is_file():
-        raise OmniError(f"there is no file {file}")
     data = toml_files.read_toml(Path(file))
     return bool(data) and data.keys() <= {
         *robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT),
@@ -243,14 +246,6 @@ def _print_entries(entries: Entries) -> None:
         line = f"  {name.ljust(indent - 2)}{meaning}{remark and f' ({remark})'}"
         print(fill(line, width, subsequent_indent=" " * indent))
     print()
-
-
-def _describe_files(files: Mapping[str, Path]) -> Entries:
-    """Return names and descriptions of TOML files."""
-    return [
-        [name, tomllib.loads(path.read_text("utf-8")).get("description", "")]
-        for name, path in files.items()
-    ]
 
 
 def _docstring_summary(reference: str) -> str:

@@ -106,7 +106,6 @@ def run_and_save(
     from omni_mj.atomic_files import write_text
     from omni_mj.studies import run_scenario
 
-    run_scenario.quiet_mujoco()
     scenario = simulation.scenario
     output_folders.write_initial_files(folder, study, [scenario])
     write_text(folder / "scenario.toml", scenario.to_toml())
@@ -118,12 +117,11 @@ def run_and_save(
             recordings = [
                 stack.enter_context(Recording(target, simulation)) for target in rerun_targets
             ]
-        start_progress = stack.enter_context(console.show_progress(quiet))
-        show = start_progress(scenario.name, run_scenario.count_frames(simulation))
+        start_progress = interrupts.add_check(stack.enter_context(console.show_progress(quiet)))
+        show_progress = start_progress(scenario.name, run_scenario.count_frames(simulation))
 
         def after_frame(frame: int) -> None:
-            interrupts.check()
-            show(frame)
+            show_progress(frame)
             for recording in recordings:
                 recording.update()
 
