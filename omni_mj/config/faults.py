@@ -6,7 +6,7 @@ robots on wheels, `omni_mj.network.radio` for the radio, `omni_mj.network.camera
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, computed_field
@@ -29,7 +29,7 @@ RobotIds = Annotated[tuple[Annotated[int, Field(ge=0, le=MAX_ROBOT_ID)], ...], F
 
 
 class Fault(SettingsModel):
-    """A fault with a start and a duration. Subclasses whose names end in "Fault" are no kinds.
+    """A fault with a start and a duration. Each subclass is a kind, unless its name ends in Fault.
 
     Attributes:
         plants: Plants that support it. None: all, because it acts between robot and team.
@@ -51,8 +51,7 @@ class Fault(SettingsModel):
 
     def __init_subclass__(cls, **arguments: Any) -> None:
         super().__init_subclass__(**arguments)
-        is_abstract = cls.__name__.endswith("Fault")
-        if not is_abstract:
+        if not cls.__name__.endswith("Fault"):
             FAULT_KINDS[_kind_name(cls)] = cls
 
     @computed_field  # type: ignore[prop-decorator]
@@ -80,14 +79,14 @@ class Fault(SettingsModel):
 
     @property
     def frame_span(self) -> tuple[int, float]:
-        """Index of the first frame, and of the first frame after the end (infinite: no end)."""
+        """Number of the first frame, and of the first frame after the end (infinite: no end)."""
         start = round(self.start_s * FRAME_RATE_HZ)
         if not self.duration_s:
             return start, math.inf
         return start, start + round(self.duration_s * FRAME_RATE_HZ)
 
     def affects(self, robot: int) -> bool:
-        """Return whether the fault affects a robot, given as in `robots`."""
+        """Return whether the fault affects the robot with a number as in `robots`."""
         return not self.robots or robot in self.robots
 
     def find_contradictions(self) -> Iterator[str]:
@@ -98,11 +97,6 @@ class Fault(SettingsModel):
                 f"duration_s must be 0 or at least a frame, {PERIOD_S:.4f} s, "
                 f"not {self.duration_s:g}"
             )
-
-
-def select_faults_of_robot(faults: Iterable[Fault], robot: int) -> tuple[Fault, ...]:
-    """Return the faults that affect a robot, given as in `Fault.robots`."""
-    return tuple(fault for fault in faults if fault.affects(robot))
 
 
 def _kind_name(fault_class: type[Fault]) -> str:
@@ -159,12 +153,12 @@ class Kidnap(Fault):
 
 
 class Payload(WheeledRobotFault):
-    """An additional point mass above or below the chassis' center of mass."""
+    """An additional point mass above or below the chassis's center of mass."""
 
     mass_kg: float = setting(REQUIRED, "additional mass", "kg", low=0, high=20)
     height_m: float = setting(
         0.0,
-        "height of the mass above the carpet; 0: at the chassis' center of mass",
+        "height of the mass above the carpet; 0: at the chassis's center of mass",
         "m",
         low=0,
         high=0.5,
@@ -198,7 +192,7 @@ class Friction(WheeledRobotFault):
 
 
 class FrictionPatch(WheeledRobotFault):
-    """A circular patch of other friction; it covers those in carpet.patches."""
+    """A circular patch with another friction coefficient, on top of those in carpet.patches."""
 
     x_m: float = setting(
         REQUIRED, "x of the center, world frame", "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M
@@ -211,7 +205,7 @@ class FrictionPatch(WheeledRobotFault):
 
 
 class Alpha(Fault):
-    """Another alpha (equation 7) on all axes."""
+    """A constant alpha (equation 7) on all axes."""
 
     plants = KINEMATIC_PLANTS
     alpha: float = setting(REQUIRED, "alpha, in place of random values", low=0, high=2)
@@ -237,7 +231,7 @@ class MotorBlocked(WheelFault):
 class WheelWorn(WheelFault):
     """A wheel with worn rubber: less friction at the same radius."""
 
-    factor: float = setting(REQUIRED, "factor of the carpet's friction", low=0.01, high=2)
+    factor: float = setting(REQUIRED, "factor of the friction coefficient", low=0.01, high=2)
 
 
 class WheelMissingRollers(WheelFault):
@@ -284,7 +278,7 @@ class Reboot(WheeledRobotFault):
     """A restart of the firmware. No control loop runs during the fault.
 
     The firmware loses its heading, the gyro bias and the state of its loops. After the fault, the
-    robot stands still until the first packet. The heading by vision in that packet becomes its own.
+    robot stands still until the first packet. It then adopts the heading by vision in that packet.
     """
 
     motors: Literal["coast", "brake"] = setting(
@@ -384,13 +378,13 @@ class VisionBias(Fault):
 
 
 class VisionClockDrift(Fault):
-    """A drifting camera clock. The age of images by their timestamps is too high, more and more.
+    """A drifting camera clock. By their timestamps, images seem older and older than they are.
 
     So the team extrapolates measurements too far. The clock is corrected when the fault ends.
     """
 
     drift_ms_per_s: float = setting(
-        REQUIRED, "drift; below 0: ages too low", "ms/s", low=-100, high=100
+        REQUIRED, "drift; below 0: images seem younger than they are", "ms/s", low=-100, high=100
     )
 
 
@@ -399,7 +393,7 @@ class VisionJitter(Fault):
 
     jitter_s: float = setting(
         REQUIRED,
-        "largest additional latency, uniform, in addition to vision.jitter_s",
+        "largest latency, uniformly distributed, in addition to vision.jitter_s",
         "s",
         low=0,
         high=1,

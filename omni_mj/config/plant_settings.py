@@ -45,14 +45,14 @@ class CarpetSettings(SettingsModel):
     )
     patches: CarpetPatches = setting(
         (),
-        "circles [x, y, radius, friction] of other friction; the last one counts at overlaps",
+        "circles [x, y, radius, friction coefficient]; where they overlap, the last one counts",
         "m, m, m, 1",
         max_length=50,
     )
 
 
 class RandomizationSettings(SettingsModel):
-    """Domain randomization, drawn per seed and robot. Normal draws are cut at 3 deviations."""
+    """Domain randomization, drawn per seed and robot. Normal numbers are truncated at 3 sigma."""
 
     wheel_friction_std: float = setting(
         0.0, "relative standard deviation of each wheel's friction", low=0, high=0.3
@@ -69,13 +69,13 @@ class RandomizationSettings(SettingsModel):
     )
     mass_std: float = setting(
         0.0,
-        "relative standard deviation of the chassis' mass (batteries, covers)",
+        "relative standard deviation of the chassis's mass (batteries, covers)",
         low=0,
         high=0.3,
     )
     com_offset_std_m: float = setting(
         0.0,
-        "standard deviation of the chassis' center of mass, forward and sideways",
+        "standard deviation of the chassis's center of mass, forward and sideways",
         "m",
         low=0,
         high=0.01,
@@ -83,7 +83,10 @@ class RandomizationSettings(SettingsModel):
 
 
 class DisturbanceSettings(SettingsModel):
-    """A disturbance, uniform in [-amplitude, amplitude], drawn per frame and axis (table 4)."""
+    """A disturbance, drawn per frame and axis, uniform in [-amplitude, amplitude].
+
+    Paper, table 4.
+    """
 
     velocity_m_s: float = setting(
         0.0,

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from omni_mj.config.faults import Fault, select_faults_of_robot
+from omni_mj.config.faults import Fault
 from omni_mj.config.settings import Settings
 
 
@@ -38,7 +38,7 @@ class Row:
     @property
     def faults(self) -> tuple[Fault, ...]:
         """Faults that affect the robot."""
-        return select_faults_of_robot(self.settings.fault, self.slot)
+        return tuple(fault for fault in self.settings.fault if fault.affects(self.slot))
 
     @property
     def start_pose(self) -> tuple[float, float, float]:

@@ -11,7 +11,6 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.config.faults import select_faults_of_robot
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import CYCLE_RATE_HZ, CYCLES_PER_FRAME
@@ -257,8 +256,7 @@ class ServedWorld:
         team, number = name
         scenario = self._scenario
         faults = [
-            fault.replace(robots=())
-            for fault in select_faults_of_robot(scenario.settings.fault, number)
+            fault.replace(robots=()) for fault in scenario.settings.fault if fault.affects(number)
         ]
         settings = scenario.settings.replace(fault=faults)
         return Row(0, slot, Team.Name(team).lower(), scenario.seed, settings, scenario.robot)
