@@ -97,14 +97,14 @@ def apply_override(data: dict[str, Any], override: str) -> None:
             f"cannot read --set {to_printable(override)}; write section.field=value, such as "
             "radio.delay_frames=3"
         )
-    table = data
+    fields = data
     for section in sections:
-        table = table.setdefault(section, {})
-        if not isinstance(table, dict):
+        fields = fields.setdefault(section, {})
+        if not isinstance(fields, dict):
             raise OmniError(
                 f"cannot set {to_printable(key)}: {to_printable(section)} is not a section"
             )
-    table[name] = parse_value(value_text)
+    fields[name] = parse_value(value_text)
 
 
 def format_toml_value(value: Any) -> str:
@@ -114,10 +114,10 @@ def format_toml_value(value: Any) -> str:
     no character that is not ASCII: it would use surrogates.
     """
     if isinstance(value, dict):
-        fields = [
+        assignments = [
             f"{format_toml_key(name)} = {format_toml_value(field)}" for name, field in value.items()
         ]
-        return "{" + ", ".join(fields) + "}"
+        return "{" + ", ".join(assignments) + "}"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -130,8 +130,10 @@ def worst_runs(all_rows: pa.Table, plan: SweepPlan, folder: Path) -> list[dict[s
 def format_sweep_tables(plan: SweepPlan, summary: dict[str, Any]) -> str:
     """Return the tables as text; for a large sweep only the worst lines."""
     points = summary["points"]
-    if len(points) > MAX_LINES:
-        points = sorted(points, key=_badness)[:MAX_LINES]
+    if len(points) > MAX_LINES:  # most failures first, then largest errors
+        points = sorted(
+            points, key=lambda point: (-point["failure_rate"], -(point[MAX_ERROR]["p90"] or 1e9))
+        )[:MAX_LINES]
     return "\n\n".join(map(format_table, _list_tables(plan, summary, points)))
 
 
@@ -149,11 +151,6 @@ def _list_tables(
 ) -> list[Table]:
     """Return the table of points, and that of correlations if there is one."""
     return [_point_table(plan, summary, points), *_correlation_tables(summary)]
-
-
-def _badness(point: dict[str, Any]) -> tuple[float, float]:
-    """Return a sort key: most failures first, then largest errors."""
-    return -point["failure_rate"], -(point[MAX_ERROR]["p90"] or 1e9)
 
 
 def _point_table(plan: SweepPlan, summary: dict[str, Any], points: list[dict[str, Any]]) -> Table:
@@ -177,9 +174,10 @@ def _point_row(point: dict[str, Any], names: list[str]) -> list[str]:
         key: "∞" if error_m is None else f"{100 * error_m:.2f}"
         for key, error_m in point[MAX_ERROR].items()
     }
+    values = [point[name] for name in names]
     has_interval = point[MAX_ERROR]["low"] is not None
     return [
-        *(_format_value(point[name]) for name in names),
+        *(f"{value:g}" if isinstance(value, float) else str(value) for value in values),
         point["controller"],
         f"{100 * point['failure_rate']:.3g}",
         f"{100 * point['failure_low']:.0f} to {100 * point['failure_high']:.0f}",
@@ -187,10 +185,6 @@ def _point_row(point: dict[str, Any], names: list[str]) -> list[str]:
         f"{errors['low']} to {errors['high']}" if has_interval else "",
         errors["p90"],
     ]
-
-
-def _format_value(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _correlation_tables(summary: dict[str, Any]) -> list[Table]:

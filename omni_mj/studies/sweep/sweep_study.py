@@ -164,7 +164,7 @@ def run_sweep(
                 after_frame(-1)
     except StoppedError as error:
         stopped = str(error)
-    n_done = len(plan.shards) - len(_remaining_shards(plan, folder))
+    n_done = len(plan.shards) - len(remaining) + n_stored
     result = SweepResult(plan, n_done, stopped, folder)
     _write_result(result)
     return result
