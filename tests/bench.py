@@ -19,9 +19,8 @@ from benches.plant import receive_at_once
 from mujoco import MjData, mj_step
 from mujoco.batch import Batch
 
-from omni_mj.config import scenario
+from omni_mj.config import PERIOD_S, scenario
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import PERIOD_S
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import mujoco_plant

@@ -21,11 +21,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.config import robot_files
+from omni_mj.config import CYCLE_RATE_HZ, PERIOD_S, robot_files
 from omni_mj.config.nominal_model import compute_creep_law
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import load_scenario
-from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings
+from omni_mj.config.settings import Settings
 from omni_mj.results.text_table import DASH, Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies import run_scenario

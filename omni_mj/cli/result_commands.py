@@ -138,7 +138,7 @@ def film_command(
         os.environ.setdefault("MUJOCO_GL", "egl")
     import numpy as np
 
-    from omni_mj.config.settings import PERIOD_S
+    from omni_mj.config import PERIOD_S
     from omni_mj.viz import film
 
     if out.suffix not in film.SUFFIXES:

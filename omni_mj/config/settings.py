@@ -10,10 +10,6 @@ from pydantic import Field, SerializeAsAny, field_validator
 
 from omni_control.errors import OmniError, suggest_names
 from omni_control.kinematics import Array
-from omni_mj.config import CYCLE_RATE_HZ as CYCLE_RATE_HZ
-from omni_mj.config import CYCLES_PER_FRAME as CYCLES_PER_FRAME
-from omni_mj.config import FRAME_RATE_HZ as FRAME_RATE_HZ
-from omni_mj.config import PERIOD_S as PERIOD_S
 from omni_mj.config import fault_checks, faults, robot_files
 from omni_mj.config.motor_settings import MotorSettings
 from omni_mj.config.network_settings import RadioSettings, VisionSettings

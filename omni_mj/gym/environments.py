@@ -14,9 +14,10 @@ from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import PerRobotReference
+from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario, load_scenario
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, Settings
+from omni_mj.config.settings import Settings
 from omni_mj.gym import observations
 from omni_mj.simulation.simulation import Simulation, batch_key
 

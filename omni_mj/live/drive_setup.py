@@ -9,10 +9,9 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, body_to_world, wrap_angle
-from omni_mj.config import distributions, plugins, reference_factory
+from omni_mj.config import FRAME_RATE_HZ, distributions, plugins, reference_factory
 from omni_mj.config.plugins import label_controller
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import FRAME_RATE_HZ
 from omni_mj.live.frame_clock import FrameClock, Pace
 from omni_mj.live.latency_fit import format_latency, measure_pulse
 from omni_mj.live.live_loop import Live

@@ -7,7 +7,7 @@ from typing import Literal
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.sockets import Receiver
 from omni_mj.live.ssl_vision import SslVision, VisionCamera
 

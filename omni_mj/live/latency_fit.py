@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.live_loop import Live
 
 LATENCIES = np.arange(0.0, 30.0, 0.02)  # candidates, frames

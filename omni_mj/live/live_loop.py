@@ -8,9 +8,9 @@ import numpy as np
 from omni_control.controllers.base import Observation
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, compute_pose_error
+from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.frame_clock import LOST_S, SILENT_S, FrameClock
 from omni_mj.live.team_radio import TeamRadio, VelocityCommand
 from omni_mj.network.radio import ReceivedCommand

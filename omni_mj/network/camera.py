@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
+from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.faults import (
     VisionBias,
     VisionClockDrift,
@@ -22,7 +23,7 @@ from omni_mj.config.faults import (
     VisionWrongId,
 )
 from omni_mj.config.network_settings import VisionSettings
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S, gather
+from omni_mj.config.settings import gather
 from omni_mj.network.fault_schedule import FaultsByRow, FaultSchedule
 from omni_mj.network.random_streams import Noise, Seed, Stream
 

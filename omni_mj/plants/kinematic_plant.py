@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
+from omni_mj.config import PERIOD_S
 from omni_mj.config.faults import Alpha, Kidnap
 from omni_mj.config.rows import Row
-from omni_mj.config.settings import PERIOD_S, gather
+from omni_mj.config.settings import gather
 from omni_mj.network.fault_schedule import FaultSchedule
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.network.random_streams import Noise, Seed, Stream

@@ -10,8 +10,8 @@ import numpy as np
 from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, wrap_angle
+from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
-from omni_mj.config.settings import CYCLES_PER_FRAME
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mjdata_views import RobotViews

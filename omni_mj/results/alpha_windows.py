@@ -6,7 +6,7 @@ This is the paper's motor correction factor, equation 8, computed from true pose
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.config.settings import PERIOD_S
+from omni_mj.config import PERIOD_S
 from omni_mj.simulation.log import Log
 
 ALPHA_AXES = ("x", "y")

@@ -6,7 +6,7 @@ An event depends on no later frame, so that events can be shown while a run cont
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from omni_mj.config.settings import PERIOD_S
+from omni_mj.config import PERIOD_S
 from omni_mj.simulation.log import Failure, Log
 
 # Kinds of events.

@@ -5,8 +5,8 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
+from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.rows import Row
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.results.saturation import saturation_metrics
 from omni_mj.simulation.log import Failure, Log
 

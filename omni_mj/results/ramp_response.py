@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 
 # Cruise before the steady gain is measured: four time constants T |v| of a robot with
 # T = 0.16 s^2/m at 1.5 m/s.

@@ -8,7 +8,8 @@ slides, and its friction force does not increase further.
 import numpy as np
 
 from omni_control.kinematics import Array, world_to_body
-from omni_mj.config.settings import PERIOD_S, Settings
+from omni_mj.config import PERIOD_S
+from omni_mj.config.settings import Settings
 from omni_mj.config.team_settings import ControlSettings
 from omni_mj.simulation.log import Log
 

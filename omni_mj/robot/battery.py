@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omni_mj.config.settings import PERIOD_S, Settings, gather
+from omni_mj.config import PERIOD_S
+from omni_mj.config.settings import Settings, gather
 from omni_mj.robot.array_ops import Array, clip, namespace, sum_wheels
 
 # Open-circuit voltage of a LiPo cell in V over its state of charge: 4.2 V full, 3.7 V (nominal) at

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Kinematics
-from omni_mj.config.settings import CYCLES_PER_FRAME, Settings, gather
+from omni_mj.config import CYCLES_PER_FRAME
+from omni_mj.config.settings import Settings, gather
 from omni_mj.robot.array_ops import Array, namespace, sum_wheels
 from omni_mj.robot.battery import (
     BatteryParameters,

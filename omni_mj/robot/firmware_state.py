@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Kinematics
-from omni_mj.config.settings import CYCLE_RATE_HZ, PERIOD_S, Settings, gather
+from omni_mj.config import CYCLE_RATE_HZ, PERIOD_S
+from omni_mj.config.settings import Settings, gather
 from omni_mj.robot.array_ops import Array
 
 CYCLE_S = 1 / CYCLE_RATE_HZ  # duration of a cycle, s

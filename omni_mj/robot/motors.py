@@ -19,8 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omni_mj.config import PERIOD_S
 from omni_mj.config.motor_settings import MotorSettings
-from omni_mj.config.settings import PERIOD_S, Settings, gather
+from omni_mj.config.settings import Settings, gather
 from omni_mj.robot.array_ops import Array, any_true, clip, namespace
 
 # Temperature at which datasheets state resistance and torque constant, deg C

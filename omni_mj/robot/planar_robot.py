@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from omni_mj.config.settings import CYCLES_PER_FRAME
+from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.robot.array_ops import Array, namespace, rotate, scan, sum_wheels
 from omni_mj.robot.electronics import (
     CycleRecord,

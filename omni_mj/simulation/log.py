@@ -10,8 +10,8 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj import parquet
+from omni_mj.config import PERIOD_S
 from omni_mj.config.rows import Row
-from omni_mj.config.settings import PERIOD_S
 from omni_mj.plants.telemetry import TELEMETRY_NAMES
 
 if TYPE_CHECKING:

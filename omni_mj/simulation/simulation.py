@@ -15,10 +15,10 @@ from omni_control.controllers.base import Controller, Observation
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_control.reference import SampledReference
-from omni_mj.config import fault_checks, plugins, reference_factory
+from omni_mj.config import PERIOD_S, fault_checks, plugins, reference_factory
 from omni_mj.config.rows import Row, build_rows
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import PERIOD_S, Settings
+from omni_mj.config.settings import Settings
 from omni_mj.network.camera import Cameras
 from omni_mj.network.radio import Radio, ReceivedCommand
 from omni_mj.plants import Plant

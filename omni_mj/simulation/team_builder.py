@@ -14,9 +14,9 @@ from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
 from omni_control.reference import PerRobotReference, Reference
 from omni_control.team import Team
-from omni_mj.config import reference_factory
+from omni_mj.config import PERIOD_S, reference_factory
 from omni_mj.config.rows import Row
-from omni_mj.config.settings import PERIOD_S, Settings
+from omni_mj.config.settings import Settings
 
 # Lag (s), dry friction (m/s) and creep (s^2/m) on plants without wheels. Zero means unknown.
 NEGLIGIBLE = 1e-9

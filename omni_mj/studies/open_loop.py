@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.config import PERIOD_S
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import PERIOD_S, Settings
+from omni_mj.config.settings import Settings
 from omni_mj.results import summary
 from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation

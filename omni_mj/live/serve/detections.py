@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.config import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
-from omni_mj.config.settings import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.live.wire import MM_PER_M
 from omni_mj.live.wire.league_pb2 import Calibration, Detection, FieldSize, Point, Shape, Team
 from omni_mj.mjcf import field

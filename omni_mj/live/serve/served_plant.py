@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, world_to_body, wrap_angle
+from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
-from omni_mj.config.settings import CYCLES_PER_FRAME
 from omni_mj.plants.mujoco_plant import MujocoPlant
 
 AWAY_M = 10.0  # height of the first removed robot; each further one is a meter higher

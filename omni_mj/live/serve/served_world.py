@@ -11,9 +11,9 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_mj.config import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.live.serve.detections import (
     FieldCamera,
     Image,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import cast
 
-from omni_mj.config.settings import CYCLE_RATE_HZ, CYCLES_PER_FRAME
+from omni_mj.config import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.live.serve.detections import Image
 from omni_mj.live.serve.served_world import ServedWorld
 from omni_mj.live.serve.simulation_requests import Refusal

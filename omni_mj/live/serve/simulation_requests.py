@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.config.settings import CYCLES_PER_FRAME
+from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.live.serve.detections import RobotName
 from omni_mj.live.serve.served_plant import HEADING_MEMORY_FRAMES
 from omni_mj.live.wire.league_pb2 import (

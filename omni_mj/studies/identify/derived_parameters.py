@@ -12,8 +12,8 @@ from scipy.optimize import approx_fprime
 
 from omni_control.kinematics import Array
 from omni_control.traction import GRAVITY
-from omni_mj.config import nominal_model
-from omni_mj.config.settings import PERIOD_S, Settings
+from omni_mj.config import PERIOD_S, nominal_model
+from omni_mj.config.settings import Settings
 from omni_mj.studies.identify.parameter_fit import RANGES, Fit
 from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, RobotDynamics
 

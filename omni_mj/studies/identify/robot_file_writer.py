@@ -4,7 +4,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 
-from omni_mj.config.settings import PERIOD_S
+from omni_mj.config import PERIOD_S
 from omni_mj.studies.identify.derived_parameters import Estimate
 
 Changes = dict[tuple[str, str], str]  # section and field -> value as TOML, with a comment

@@ -24,10 +24,9 @@ from omni_control.controllers.base import Controller, Observation
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
-from omni_mj.config import reference_factory
+from omni_mj.config import PERIOD_S, reference_factory
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import PERIOD_S
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.run_deviation_model import SCALE, DeviationModel
 from omni_mj.studies.limit.run_tracker import FeedbackSettings, RunTracker

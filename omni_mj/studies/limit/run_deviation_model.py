@@ -16,7 +16,7 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from omni_control.kinematics import Array, body_to_world
-from omni_mj.config.settings import PERIOD_S
+from omni_mj.config import PERIOD_S
 
 SMOOTHING_FRAMES = 11  # of the reference's acceleration
 TURN_SCALE_RAD_S = 5.0  # turn rate that counts as one in the polynomials

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.open_loop import resting_reference, send_twists
 from omni_mj.studies.run_scenario import AfterFrame

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
-from omni_mj.config.settings import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.results.metrics import frames_until_last
 from omni_mj.studies.loop.loop_experiment import FREQUENCIES, HARMONICS, PERIOD_FRAMES
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from omni_mj.config.settings import PERIOD_S
+from omni_mj.config import PERIOD_S
 from omni_mj.studies.slip.slip_fits import SlipFit, simulate_slip
 from omni_mj.studies.slip.slip_study import SlipResult
 from omni_mj.viz import plotting, style

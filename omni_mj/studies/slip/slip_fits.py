@@ -21,8 +21,8 @@ from scipy.linalg import solve_banded
 from scipy.optimize import least_squares
 
 from omni_control.kinematics import Array
-from omni_mj.config import nominal_model
-from omni_mj.config.settings import PERIOD_S, Settings
+from omni_mj.config import PERIOD_S, nominal_model
+from omni_mj.config.settings import Settings
 from omni_mj.studies.slip.slip_moves import AXES, Move, MoveRecord
 
 MIN_LAG_S = 0.001  # added to T |u| in the published model

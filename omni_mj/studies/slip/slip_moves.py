@@ -14,9 +14,9 @@ import numpy as np
 
 from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array, world_to_body
+from omni_mj.config import PERIOD_S
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
-from omni_mj.config.settings import PERIOD_S
 from omni_mj.plants.mujoco_plant import MujocoPlant
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.open_loop import open_loop_settings, send_twists

@@ -13,7 +13,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from omni_mj.config.settings import FRAME_RATE_HZ, Settings
+from omni_mj.config import FRAME_RATE_HZ
+from omni_mj.config.settings import Settings
 from omni_mj.results import events
 from omni_mj.simulation.log import Log
 from omni_mj.simulation.simulation import Simulation

@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from omni_control.kinematics import Array, world_to_body
-from omni_mj.config.settings import PERIOD_S
+from omni_mj.config import PERIOD_S
 from omni_mj.results import saturation
 from omni_mj.results.alpha_windows import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
 from omni_mj.simulation.log import CHANNEL_PREFIX, Log

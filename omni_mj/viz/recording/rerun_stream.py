@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from omni_mj.atomic_files import check_disk_space
-from omni_mj.config.settings import PERIOD_S
+from omni_mj.config import PERIOD_S
 from omni_mj.viz.recording.viewer import is_listening
 
 Frames = NDArray[np.int_]  # numbers of frames, (n,)

@@ -6,7 +6,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from omni_control.kinematics import Array
-from omni_mj.config.settings import PERIOD_S
+from omni_mj.config import PERIOD_S
 from omni_mj.viz.recording.plots import ONE_ROBOT_TABS, Plot
 from omni_mj.viz.recording.rerun_stream import FRAME, TIME
 from omni_mj.viz.recording.scene import ERROR_SCALE, ESTIMATES, measure_scene

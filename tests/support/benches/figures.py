@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benches.logs import failure, fill_log, rows
-from omni_mj.config import scenario
-from omni_mj.config.settings import PERIOD_S
+from omni_mj.config import PERIOD_S, scenario
 from omni_mj.results import metrics, summary
 from omni_mj.results.result import Outcome
 from omni_mj.studies import compare_figure

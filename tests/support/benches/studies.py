@@ -8,8 +8,9 @@ import numpy as np
 import omni_mj as om
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
+from omni_mj.config import PERIOD_S
 from omni_mj.config.nominal_model import compute_creep_law, compute_normal_forces
-from omni_mj.config.settings import PERIOD_S, Settings
+from omni_mj.config.settings import Settings
 from omni_mj.results.ramp_response import RampResponse
 from omni_mj.results.result import Outcome
 from omni_mj.studies.alpha import operating_conditions as conditions
