@@ -63,20 +63,12 @@ def build_iterated_reference(
 
 
 def build_motion_limits(settings: ReferenceSettings | ControlSettings) -> MotionLimits:
-    """Return limits of commands, or limits of the reference without those of the wheels."""
-    limits = MotionLimits(
+    """Return the limits that the settings of references and of commands have in common."""
+    return MotionLimits(
         settings.max_speed_m_s,
         settings.max_acceleration_m_s2,
         settings.max_turn_rate_rad_s,
         settings.max_turn_acceleration_rad_s2,
-    )
-    if isinstance(settings, ControlSettings):
-        return limits
-    return replace(
-        limits,
-        side_acceleration=settings.max_sideways_acceleration_m_s2 or None,
-        jerk=settings.max_jerk_m_s3 or None,
-        turn_jerk=settings.max_turn_jerk_rad_s3 or None,
     )
 
 
@@ -87,7 +79,14 @@ def build_reference_limits(settings: Settings) -> MotionLimits:
     Raises:
         OmniError: With `reference.assumed_friction`, the wheels cannot follow any reference.
     """
-    return replace(build_motion_limits(settings.reference), wheels=_build_wheel_limits(settings))
+    reference = settings.reference
+    return replace(
+        build_motion_limits(reference),
+        side_acceleration=reference.max_sideways_acceleration_m_s2 or None,
+        jerk=reference.max_jerk_m_s3 or None,
+        turn_jerk=reference.max_turn_jerk_rad_s3 or None,
+        wheels=_build_wheel_limits(settings),
+    )
 
 
 def _build_wheel_limits(settings: Settings) -> WheelLimits | None:
@@ -168,8 +167,6 @@ def _count_frames(duration_s: float) -> int:
 
 def _displace_poses(poses: Array, start_pose: StartPose) -> Array:
     """Transform poses (n, 3) from the coordinate frame of a start pose to the world frame."""
-    if start_pose == ORIGIN:
-        return poses
     x, y, heading = start_pose
     c, s = math.cos(heading), math.sin(heading)
     rotated = np.stack(

@@ -54,16 +54,17 @@ def read_robot_sections(robot: str) -> Sections:
         OmniError: There is no such robot, its file is not TOML, or the file contains anything but
             sections and a description.
     """
-    return _read_robot_file(robot)[1]
+    return read_robot_file(robot)[1]
 
 
-def read_robot_description(robot: str) -> str:
-    """Return the one-line description in a robot's file.
+def read_robot_file(robot: str) -> tuple[str, Sections]:
+    """Return the one-line description in a robot's file, and the settings as sections.
 
     Raises:
         OmniError: As `read_robot_sections`.
     """
-    return _read_robot_file(robot)[0]
+    path = find_robot_file(robot)
+    return _parse_robot_file(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 def find_models_folder() -> Path:
@@ -102,12 +103,6 @@ def read_model_files(path: Path) -> dict[str, bytes]:
     files = [Path(os.path.abspath(file)) for file in list_model_files(path)]
     common_folder = Path(os.path.commonpath([file.parent for file in files]))
     return {file.relative_to(common_folder).as_posix(): file.read_bytes() for file in files}
-
-
-def _read_robot_file(robot: str) -> tuple[str, Sections]:
-    """Return description and sections of the file of a robot, given by name or path."""
-    path = find_robot_file(robot)
-    return _parse_robot_file(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @lru_cache

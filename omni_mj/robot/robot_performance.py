@@ -41,7 +41,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
             numbers contradict each other or physics; one line for each error.
     """
     name = str(name_or_path)
-    path, description = robot_files.find_robot_file(name), robot_files.read_robot_description(name)
+    path = robot_files.find_robot_file(name)
+    description, _ = robot_files.read_robot_file(name)
     settings = resolve_settings({}, name)
     try:
         world_builder.build_world(settings)
