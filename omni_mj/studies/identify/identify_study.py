@@ -100,7 +100,7 @@ class IdentificationResult:
                 rms, noise = 1e3 * residuals.rms, 1e3 * residuals.noise
                 lines.append(
                     f"motion by {source}: residuals of {quantity} {rms:.2f} {unit}, "
-                    f"of which noise {noise:.2f} {unit}"
+                    f"noise alone {noise:.2f} {unit}"
                 )
         lines += [f"misfit: {line}" for line in self.misfits]
         lines += [
