@@ -56,7 +56,7 @@ class Camera:
         self._miss_noise = Noise(seeds, Stream.VISION_MISSES)
         # Drawn for each image, also without faults, so that a fault does not affect another.
         self._fault_noise = Noise(seeds, Stream.CAMERA_FAULTS, 2)
-        self._schedule = FaultSchedule(faults, VisionLoss, VisionFreeze, VisionWrongId, VisionBias)
+        self._schedule = FaultSchedule(faults)
         n = len(seeds)
         # Remaining images without a detection; negative before the first image.
         self._missed_images = np.full(n, -1.0)
@@ -131,7 +131,7 @@ class ImageTiming:
         self._jitter_noise = Noise(seeds, Stream.CAMERA_JITTER)
         self._loss_noise = Noise(seeds, Stream.CAMERA_LOSSES)
         self._fault_noise = Noise(seeds, Stream.CAMERA_LATE)
-        self._schedule = FaultSchedule(faults, VisionClockDrift, VisionJitter, VisionDelay)
+        self._schedule = FaultSchedule(faults)
         self._apply_faults()
 
     def schedule_arrival(self, frame: int, time: float) -> tuple[Array, Array]:

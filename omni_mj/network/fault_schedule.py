@@ -15,15 +15,13 @@ class FaultSchedule:
 
     Args:
         faults: Faults of each row.
-        kinds: Kinds of faults to schedule; others are ignored.
     """
 
-    def __init__(self, faults: FaultsByRow, *kinds: type[Fault]) -> None:
+    def __init__(self, faults: FaultsByRow) -> None:
         self._spans = [
             (row, fault, *fault.frame_span)
             for row, row_faults in enumerate(faults)
             for fault in row_faults
-            if isinstance(fault, kinds)
         ]
         self._active: list[tuple[int, Fault]] = []
         self._next_change = 0.0  # frame before which nothing starts or ends

@@ -113,9 +113,7 @@ class Radio:
         self._loss_noise = Noise(seeds, Stream.RADIO_LOSSES)
         self._burst_noise = Noise(seeds, Stream.RADIO_BURSTS)
         self._fault_noise = Noise(seeds, Stream.RADIO_FAULTS, 4)
-        self._schedule = FaultSchedule(
-            faults, RadioDelay, RadioLoss, RadioBurstLoss, RadioDuplicates, RadioReorder
-        )
+        self._schedule = FaultSchedule(faults)
         self._burst_pass_probability = np.ones(n)  # that a packet passes the bursts
         # Active bursts, and whether each is in its lossy state.
         self._burst_states = dict[tuple[int, RadioBurstLoss], bool]()

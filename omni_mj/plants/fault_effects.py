@@ -80,8 +80,10 @@ class FaultEffects:
         self._bodies = bodies
         self._nominal_parameters = plant.parameters
         self._fault_types = {type(fault) for row in rows for fault in row.faults}
-        faults_by_row = [row.faults for row in rows]
-        self._schedule = FaultSchedule(faults_by_row, faults.WheeledRobotFault, faults.Kidnap)
+        # Without faults of radio and camera, which act on all plants
+        self._schedule = FaultSchedule(
+            [[fault for fault in row.faults if fault.plants] for row in rows]
+        )
         self._frame = 0
         self._wheel_shape = plant.parameters.carpet.friction_factor.shape
         self._update_inputs()

@@ -42,7 +42,7 @@ class KinematicPlant:
         self._pose = np.array(start_poses, float)
         self._twist = np.zeros(self._pose.shape)
         self._disturbance = np.zeros(self._pose.shape)
-        self._schedule = FaultSchedule([row.faults for row in rows], Alpha, Kidnap)
+        self._schedule = FaultSchedule([row.faults for row in rows])
         self._frame = 0
         # Alpha that faults set, (n, 1), NaN for rows without such a fault; None if there was none
         self._fault_alpha: Array | None = None

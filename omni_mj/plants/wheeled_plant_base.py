@@ -116,7 +116,7 @@ class WheeledPlantBase:
         push_force = self._disturbances.draw_push_force()
         gyro_bias = self._disturbances.gyro_bias
         current_setpoint = self._current_setpoint
-        fault_inputs: dict[str, Array] = {}
+        fault_inputs = {"battery_voltage_factor": np.ones(len(self._rows))}
         if self._fault_effects is not None:
             faults = self._fault_effects
             faults.begin_frame()
@@ -129,13 +129,12 @@ class WheeledPlantBase:
                 faults.current_setpoint,
             )
         push_force = np.where(has_failed[:, None], 0.0, push_force)
-        inputs = FrameInputs(
+        return FrameInputs(
             vision_heading=vision_heading,
             heading_age=np.asarray(heading_age),
             gyro_error=self._disturbances.draw_gyro_error(gyro_bias),
             push_force=push_force.T,
-            battery_voltage_factor=np.ones(len(self._rows)),
             current_setpoint=current_setpoint,
             has_failed=has_failed if has_failed.any() else None,
+            **fault_inputs,
         )
-        return inputs._replace(**fault_inputs)
