@@ -22,6 +22,7 @@ def resting_reference(frames: int) -> dict[str, Any]:
         "shape": "waypoints",
         "waypoints": [[0, 0], [0, 0]],
         "mode": "timed",
+        "initial_rest_s": 0.0,
         "settle_s": frames * PERIOD_S,
     }
 
@@ -34,10 +35,10 @@ def open_loop_settings(settings: Settings, frames: int, **sections: Any) -> Sett
     Args:
         settings: All other settings.
         frames: Least duration of the run, frames.
-        **sections: Further values, by section and field.
+        **sections: Values of other sections, by section and field.
     """
     return settings.replace(
-        reference={**resting_reference(frames), **sections.pop("reference", {})},
+        reference=resting_reference(frames),
         radio={"delay_frames": 0, "jitter_frames": 0},
         world={"start_poses": [[0, 0, 0]]},
         fault=(),

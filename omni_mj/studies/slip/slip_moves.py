@@ -139,7 +139,7 @@ def record_moves(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFr
     """
     # The last frame only records the pose that the last command led to.
     frames = longest_move(moves) + 1
-    settings = open_loop_settings(scenario.settings, frames + 1, reference={"initial_rest_s": 0.0})
+    settings = open_loop_settings(scenario.settings, frames)
     scenario = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
     rows = [
         Row(i, 0, Controller.__name__, scenario.seed + i, settings, scenario.robot)
