@@ -32,11 +32,11 @@ COMMENT_COLUMN = 40  # column in which the comments of settings start, if there 
 Entries = list[list[str]]  # name, properties and meaning of each entry
 
 
-def print_lists(title: str | None = None, word: str = "") -> None:
+def print_lists(title: str | None, word: str) -> None:
     """Print the lists.
 
     Args:
-        title: Title of the list to print. Default: all.
+        title: Title of the list to print, or None for all.
         word: Text that entries must contain, upper or lower case.
 
     Raises:

@@ -84,7 +84,7 @@ class CreepLaw(NamedTuple):
     coefficient: Array
 
 
-def derive_assumptions(settings: Settings, assumed_creep: float | None = None) -> dict[str, float]:
+def derive_assumptions(settings: Settings, assumed_creep: float | None) -> dict[str, float]:
     """Return the values of `control.assumed_...` that a robot's settings imply, by name.
 
     Lag and friction loss are means of both axes, rounded to 0.1 ms and 1 mm/s.
@@ -92,7 +92,7 @@ def derive_assumptions(settings: Settings, assumed_creep: float | None = None) -
     Args:
         settings: Settings of the robot.
         assumed_creep: Forward creep coefficient that the team assumes, s^2/m. Sideways creep and
-            1/alpha - 1 are proportional to it. Default: the robot's own.
+            1/alpha - 1 are proportional to it. None: the robot's own.
     """
     law = compute_creep_law(settings)
     creep = round(float(law.coefficient[0]), 4)

@@ -42,7 +42,7 @@ def build_timed_reference(settings: Settings, start_pose: StartPose = ORIGIN) ->
 
 
 def build_iterated_reference(
-    settings: Settings, n_robots: int, start_pose: StartPose = ORIGIN
+    settings: Settings, n_robots: int, start_pose: StartPose
 ) -> IteratedReference:
     """Return the reference between waypoints that is replanned in every frame.
 

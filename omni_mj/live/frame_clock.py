@@ -39,9 +39,7 @@ class FrameClock:
             packets were lost.
     """
 
-    def __init__(
-        self, receiver: Receiver, vision: SslVision, check: Callable[[], None] = lambda: None
-    ) -> None:
+    def __init__(self, receiver: Receiver, vision: SslVision, check: Callable[[], None]) -> None:
         self.vision, self._receiver, self._check = vision, receiver, check
         self.leader: int | None = None
         self.skipped, self._tick = 0, -math.inf  # s of the leading camera's clock, or of ours

@@ -77,7 +77,7 @@ def parse_address(text: str, default_port: int, interface: str = "") -> Address:
     return Address(str(number), int(port))
 
 
-def open_sender(interface: str = LOOPBACK) -> socket.socket:
+def open_sender(interface: str) -> socket.socket:
     """Return a socket that sends by an interface. By loopback, packets stay on this computer.
 
     Raises:
@@ -117,7 +117,7 @@ class Receiver(socket.socket):
         OmniError: The address is taken, or there is no such interface.
     """
 
-    def __init__(self, target: Address, interface: str = LOOPBACK) -> None:
+    def __init__(self, target: Address, interface: str) -> None:
         super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)

@@ -16,7 +16,6 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics
-from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.robot_settings import Mechanics
 from omni_mj.config.settings import Settings
@@ -57,13 +56,13 @@ class World:
 
 
 def build_world(
-    settings: Settings | None = None, robots_per_world: int = 1, with_hulls: bool | None = None
+    settings: Settings, robots_per_world: int = 1, with_hulls: bool | None = None
 ) -> World:
     """Return a field with equal robots on it; repeated calls return the same object.
 
     Args:
         settings: Settings of the robots. Only their `mechanics` and the number of substeps
-            matter. Default: those of the default robot.
+            matter.
         robots_per_world: Number of robots.
         with_hulls: Whether robots collide with each other and with walls. Default: if there are
             several.
@@ -71,7 +70,6 @@ def build_world(
     Raises:
         OmniError: The numbers of the robot are impossible, or a robot's file lacks a part.
     """
-    settings = settings or resolve_settings()
     mechanics = settings.mechanics
     return _build_world(
         build_robot_spec(mechanics),

@@ -59,8 +59,6 @@ class MujocoPlant(WheeledPlantBase):
         rows: Rows of all robots, world by world in the order of their slots. All worlds have the
             same number of robots. The settings `MODEL_SETTINGS` must be the same in all rows.
         start_poses: Poses at the start, world frame, (n, 3) m, m, rad.
-        threads: Number of threads of the physics. Results do not depend on it. Default: one below
-            `MIN_ROBOTS_FOR_THREADS` robots, otherwise one per core.
         with_hulls: Whether robots collide with each other and with walls. If given, overlapping
             start poses are accepted. Default: they collide if a world has several robots, and may
             not overlap at the start.
@@ -74,7 +72,6 @@ class MujocoPlant(WheeledPlantBase):
         self,
         rows: Sequence[Row],
         start_poses: Array,
-        threads: int | None = None,
         with_hulls: bool | None = None,
     ) -> None:
         check_equal_settings(rows, MODEL_SETTINGS)
@@ -87,8 +84,8 @@ class MujocoPlant(WheeledPlantBase):
         self._world = world = world_builder.build_world(
             settings[0], robots_per_world, with_hulls=with_hulls
         )
-        if threads is None:
-            threads = 1 if n < MIN_ROBOTS_FOR_THREADS else os.cpu_count() or 1
+        # Results do not depend on the number of threads.
+        threads = 1 if n < MIN_ROBOTS_FOR_THREADS else os.cpu_count() or 1
         model = copy.copy(world.model)
         # The battery limits voltages, which may exceed the model's range while motors brake.
         model.actuator_ctrllimited[:] = 0

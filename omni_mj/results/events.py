@@ -36,13 +36,13 @@ class Event:
     slot: int = 0
 
 
-def find_events(log: Log, failures: Sequence[Failure] = ()) -> list[Event]:
+def find_events(log: Log, failures: Sequence[Failure]) -> list[Event]:
     """Return the events of all rows in order of time."""
     events = [event for row in range(len(log.rows)) for event in row_events(log, row, failures)]
     return sorted(events, key=lambda event: (event.frame, event.kind != STOPPED))
 
 
-def row_events(log: Log, row: int, failures: Sequence[Failure] = ()) -> list[Event]:
+def row_events(log: Log, row: int, failures: Sequence[Failure]) -> list[Event]:
     """Return the events of a row in order of time.
 
     Further frames of the log add events, and change none.

@@ -29,7 +29,7 @@ RECOVERED_M = 0.02  # position error below which a robot has recovered from a fa
 EXCURSION, RECOVERY = "excursion_m", "recovery_s"  # suffixes of the names of faults' metrics
 
 
-def row_metrics(log: Log, failures: Sequence[Failure] = ()) -> dict[str, Array]:
+def row_metrics(log: Log, failures: Sequence[Failure]) -> dict[str, Array]:
     """Return the metrics of each row, name -> shape (n,).
 
     Names: `x_max_m`, `position_mean_m`, `cross_track_p99_m`, `heading_rms_rad` and so on,

@@ -69,7 +69,7 @@ def scenario_entry(
     row_metrics: Mapping[str, Array],
     wall_s: float,
     stopped: str | None,
-    drawn_parameters: Mapping[str, Array] | None = None,
+    drawn_parameters: Mapping[str, Array],
 ) -> Entry:
     """Return the entry of a scenario that was run, without its verdict.
 
@@ -91,7 +91,7 @@ def scenario_entry(
         "frames": frames,
         "simulated_s": frames * PERIOD_S,
         "wall_s": round(wall_s, 3),
-        "drawn_parameters": _list_drawn_parameters(log, drawn_parameters or {}),
+        "drawn_parameters": _list_drawn_parameters(log, drawn_parameters),
         "events": [asdict(event) for event in events.find_events(log, failures)],
         "failures": [
             {

@@ -55,7 +55,7 @@ def fits_terminal(text_table: Table) -> bool:
     return _width([_split_heading(column) for column in columns]) <= TERMINAL_WIDTH
 
 
-def drop_equal_columns(text_table: Table, kept_headings: Collection[str] = ()) -> Table:
+def drop_equal_columns(text_table: Table, kept_headings: Collection[str]) -> Table:
     """Return a table without columns that are empty or have the same value in all rows.
 
     The title names these values.

@@ -30,7 +30,7 @@ def build_team(
     start_poses: Array,
     has_wheels: bool,
     on_failure: Callable[[np.ndarray, ControllerError], None],
-    build_reference: ReferenceFactory | None = None,
+    build_reference: ReferenceFactory | None,
 ) -> Team:
     """Return the team with the controllers of all rows.
 
@@ -41,8 +41,8 @@ def build_team(
         has_wheels: Whether the plant simulates wheels. If not, the team assumes no lag, no dry
             friction and no creep.
         on_failure: Called with the indices of a controller's rows if it fails, and the error.
-        build_reference: Returns the reference of rows, given their indices. Default: the references
-            of the rows' settings.
+        build_reference: Returns the reference of rows, given their indices. None: the references of
+            the rows' settings.
     """
     geometry = rows[0].settings.wheels.kinematics
     groups: dict[tuple[str, TeamModel, object, Parameters], list[int]] = {}

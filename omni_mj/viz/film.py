@@ -55,12 +55,12 @@ class FilmTrack(NamedTuple):
     wheel_angles: Array
 
 
-def load_tracks(folder: Path, controllers: Sequence[str] = ()) -> tuple[Settings, list[FilmTrack]]:
+def load_tracks(folder: Path, controllers: Sequence[str]) -> tuple[Settings, list[FilmTrack]]:
     """Return the settings of a run's robots, and a track for each controller.
 
     Args:
         folder: Folder of the run.
-        controllers: Names of controllers. Default: all.
+        controllers: Names of controllers; empty: all.
 
     Raises:
         OmniError: The folder has no run, no trajectory, or no such controller.

@@ -31,7 +31,7 @@ CLOSE_UP_COLUMNS = 4
 Robots = Sequence[RecordedRobot]
 
 
-def save_run_figures(outcome: Outcome, folder: Path, svg: bool = False) -> None:
+def save_run_figures(outcome: Outcome, folder: Path, svg: bool) -> None:
     """Save each figure for which an outcome has data as a PNG file.
 
     Args:

@@ -114,8 +114,8 @@ def test_packets_that_were_held_up_are_not_followed() -> None:
 
 
 def test_nothing_leaves_this_computer_unasked() -> None:
-    receiver = Receiver(Address("224.5.23.2", 0))
-    sender = frame_clock.sender()
+    receiver = Receiver(Address("224.5.23.2", 0), LOOPBACK)
+    sender = frame_clock.sender(LOOPBACK)
     assert sender.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL) == 0
     sender.sendto(b"hello", ("224.5.23.2", receiver.address.port))
     assert receiver.wait(time.monotonic() + 5)

@@ -8,11 +8,15 @@ import pytest
 from benches.plant import model_arrays, with_settings
 
 from omni_control.errors import OmniError
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.mjcf import world_builder
 
 
 def test_robots_of_a_world_equal_a_single_robot() -> None:
-    single, three = world_builder.build_world(), world_builder.build_world(robots_per_world=3)
+    single, three = (
+        world_builder.build_world(resolve_settings()),
+        world_builder.build_world(resolve_settings(), robots_per_world=3),
+    )
     single_robot = single.robots[0]
     bodies, dofs = single.model.nbody - 1, single.model.nv
     for i, robot in enumerate(three.robots):
@@ -51,7 +55,7 @@ def test_robots_of_a_world_equal_a_single_robot() -> None:
 
 
 def test_rollers_reach_the_bottom_in_order() -> None:
-    world = world_builder.build_world()
+    world = world_builder.build_world(resolve_settings())
     data = mujoco.MjData(world.model)
     robot = world.robots[0]
     for turn in range(16):
@@ -106,7 +110,7 @@ def test_mass_and_center_of_mass_are_those_of_the_settings() -> None:
 
 def test_load_sensors_belong_to_their_wheels() -> None:
     """The wheels of each robot carry its weight."""
-    world = world_builder.build_world(robots_per_world=3)
+    world = world_builder.build_world(resolve_settings(), robots_per_world=3)
     data = mujoco.MjData(world.model)
     data.qpos = world.rest_qpos
     for slot, robot in enumerate(world.robots):
@@ -118,4 +122,4 @@ def test_load_sensors_belong_to_their_wheels() -> None:
 
 
 def test_hull_radius_is_that_of_the_cylinder() -> None:
-    assert world_builder.build_world().hull_radius == 0.09  # models/ssl_robot.xml
+    assert world_builder.build_world(resolve_settings()).hull_radius == 0.09  # models/ssl_robot.xml

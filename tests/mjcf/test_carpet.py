@@ -20,6 +20,7 @@ from benches.plant import (
 from benches.plant import mujoco as plant_of
 from benches.robot import CYCLES
 
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.mjcf import world_builder
 
 # A stiff wheel loop, so that the firmware does not hide the contact.
@@ -88,11 +89,12 @@ def test_sensors_lag_by_a_cycle_at_any_time_step(substeps: int) -> None:
 
 
 def test_plants_do_not_change_the_shared_world() -> None:
-    original = copy.copy(world_builder.build_world().model)
+    original = copy.copy(world_builder.build_world(resolve_settings()).model)
     drive(
         plant_of([noiseless(carpet={"friction": 0.3}, physics={"substeps": 2})]),
         constant([1, 0, 0], 2, 1),
     )
+    model = world_builder.build_world(resolve_settings()).model
     for name in (
         "actuator_ctrllimited",
         "pair_friction",
@@ -100,7 +102,5 @@ def test_plants_do_not_change_the_shared_world() -> None:
         "dof_frictionloss",
         "actuator_gainprm",
     ):
-        np.testing.assert_array_equal(
-            getattr(world_builder.build_world().model, name), getattr(original, name)
-        )
-    assert world_builder.build_world().model.opt.timestep == original.opt.timestep
+        np.testing.assert_array_equal(getattr(model, name), getattr(original, name))
+    assert model.opt.timestep == original.opt.timestep

@@ -10,6 +10,7 @@ from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
+from omni_mj.config.resolve import resolve_settings
 from omni_mj.mjcf import world_builder
 
 RADIUS_M, WALL_X_M = 0.090, 5.2  # of a robot; of the wall
@@ -40,7 +41,7 @@ def collide(speed: float, aside: float) -> tuple[NDArray, NDArray, float]:
         Momenta (steps, 2, 2) in N s, kinetic energies (steps,) in J, and how deep one hull enters
         the other, m.
     """
-    world = world_builder.build_world(robots_per_world=2)
+    world = world_builder.build_world(resolve_settings(), robots_per_world=2)
     model = copy.copy(world.model)
     model.pair_dim[:] = 1  # without friction
     model.dof_frictionloss[:] = 0

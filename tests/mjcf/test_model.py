@@ -125,7 +125,7 @@ def test_the_hull_is_the_leagues_cylinder_above_the_base_plate(model: mujoco.MjM
 
 
 def test_wheels_sit_where_the_league_puts_them(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    kinematics = world_builder.build_world().kinematics
+    kinematics = world_builder.build_world(resolve_settings()).kinematics
     for i, azimuth in enumerate(np.radians(AZIMUTHS_DEG)):
         outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         centre = data.body(f"wheel_{i + 1}").xpos

@@ -25,7 +25,11 @@ def written(values: Any) -> str:
 def expected() -> list[str]:
     """Return the attributes that ssl_robot.xml must contain for the default robot."""
     settings = resolve_settings()
-    wheels, motor, world = settings.wheels, settings.motor, world_builder.build_world()
+    wheels, motor, world = (
+        settings.wheels,
+        settings.motor,
+        world_builder.build_world(resolve_settings()),
+    )
     (chassis,) = build_robot_spec(settings.mechanics).spec.worldbody.bodies
     pair = {
         name: getattr(world.model, f"pair_{name}")[0]
@@ -76,7 +80,7 @@ def test_the_plain_file_holds_the_default_robots_numbers() -> None:
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
     """Except for load sensors, which the builder adds, and values that are written in each step."""
     plain = model_arrays(mujoco.MjModel.from_xml_path(str(find_models_folder() / "scene.xml")))
-    built = model_arrays(world_builder.build_world().model)
+    built = model_arrays(world_builder.build_world(resolve_settings()).model)
     assert plain.keys() == built.keys()
     assert len(plain) > 300
     n_sensors = plain["nsensor"]

@@ -31,7 +31,9 @@ def settings(**sections: Any) -> Any:
 
 def texts_of_kinds(log: Any, *kinds: str, row: int = 0) -> list[tuple[int, str]]:
     return [
-        (event.frame, event.text) for event in events.row_events(log, row) if event.kind in kinds
+        (event.frame, event.text)
+        for event in events.row_events(log, row, ())
+        if event.kind in kinds
     ]
 
 
@@ -44,7 +46,7 @@ def test_each_row_reports_an_overheated_winding_and_an_empty_battery() -> None:
     events_found = {
         (event.kind, event.controller): event
         for log in (warm, empty)
-        for event in events.find_events(log)
+        for event in events.find_events(log, ())
     }
     assert set(events_found) == {
         (kind, name) for kind in ("temperature", "battery") for name in ("flc", "comp-flc")
@@ -67,13 +69,13 @@ def test_events_stay_the_same_while_the_log_grows() -> None:
     reported: list[Any] = []
 
     def after_frame(frame: int) -> None:
-        events_found = events.row_events(simulation.log, 0)
+        events_found = events.row_events(simulation.log, 0, ())
         assert events_found[: len(reported)] == reported
         assert all(event.frame <= frame for event in events_found)
         reported[:] = events_found
 
     simulation.run(after_frame)
-    all_events = events.row_events(simulation.log, 0)
+    all_events = events.row_events(simulation.log, 0, ())
     assert {e.kind for e in all_events} >= {"temperature", "fault"}
     assert reported == all_events
 

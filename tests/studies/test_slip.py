@@ -81,9 +81,9 @@ def test_deceleration_of_a_roll_out_is_recovered(dry: float, viscous: float) -> 
     v = np.maximum((1.5 + dry / rate) * np.exp(-rate * AT) - dry / rate, 0.0)
     rolling = v[fits.SETTLING_SAMPLES :][v[fits.SETTLING_SAMPLES :] >= fits.AT_REST_M_S]
     mean = -np.diff(rolling).mean() / PERIOD_S
-    assert fits.mean_deceleration(v, np.full(len(v), True)) == pytest.approx(mean)
+    assert fits.mean_deceleration(v, np.full(len(v), True), fits.AT_REST_M_S) == pytest.approx(mean)
     assert dry + viscous * rolling[-1] - 1e-5 < mean < dry + viscous * rolling[0] + 1e-5
-    assert np.isnan(fits.mean_deceleration(v[:5], np.full(5, True)))
+    assert np.isnan(fits.mean_deceleration(v[:5], np.full(5, True), fits.AT_REST_M_S))
 
 
 def test_closed_form_solves_the_wheel_equations() -> None:

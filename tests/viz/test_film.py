@@ -93,7 +93,7 @@ def test_a_failed_robot_keeps_its_pose_and_others_continue(tmp_path: Path) -> No
     om.run(
         om.load_scenario("rect", plant="kinematic", reference=route, world=places), [Breaks], [0]
     ).save(tmp_path)
-    _, (track,) = load_tracks(tmp_path)
+    _, (track,) = load_tracks(tmp_path, ())
     rows = pq.read_table(tmp_path / "trajectory.parquet", filters=[("slot", "=", 1)]).to_pydict()
     np.testing.assert_array_equal(track.references[:, 1, 0], rows["ref_x_m"])
     assert len(rows["ref_x_m"]) > 60

@@ -150,7 +150,7 @@ def fit_gain_and_time(u: Array, speed: Array, v: Array) -> tuple[float, float]:
     return float(fit.x[0]), float(fit.x[1])
 
 
-def mean_deceleration(v: Array, is_coasting: np.ndarray, at_rest: float = AT_REST_M_S) -> float:
+def mean_deceleration(v: Array, is_coasting: np.ndarray, at_rest: float) -> float:
     """Return the mean deceleration of a robot that rolls out; NaN if there are too few samples.
 
     Args:

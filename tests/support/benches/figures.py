@@ -53,7 +53,7 @@ def make_outcome(
     failures = [failure(log, row) for row in ends or {}]
     chosen = scenario.load_with_overrides("rect", (), {"plant": "kinematic"})
     measured = metrics.row_metrics(log, failures)
-    entry = summary.scenario_entry(chosen, log, failures, measured, 0.0, None)
+    entry = summary.scenario_entry(chosen, log, failures, measured, 0.0, None, {})
     return Outcome(chosen, entry, log_rows, failures, measured, log)
 
 

@@ -88,7 +88,7 @@ def results(log: Log, failures: Sequence[Failure] = ()) -> dict[str, Any]:
 def outcome(scenario: om.Scenario, log: Log, failures: Sequence[Failure] = ()) -> Outcome:
     """Return the outcome of a scenario with the frames of a log."""
     metrics = row_metrics(log, failures)
-    entry = summary.scenario_entry(scenario, log, failures, metrics, 1.0, None)
+    entry = summary.scenario_entry(scenario, log, failures, metrics, 1.0, None, {})
     return Outcome(scenario, entry, log.rows, failures, metrics, log)
 
 
