@@ -25,7 +25,6 @@ g. A robot that creeps, or lacks traction or voltage, accelerates more slowly th
 creep, v = s u with T a s^2 + s / g = 1, so that s is about g (1 - g^2 T a).
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -40,8 +39,7 @@ STEADY_S = 0.5
 REST_S = 0.75  # after the ramp down, for the lagging response
 
 
-@dataclass(frozen=True)
-class RampProfile:
+class RampProfile(NamedTuple):
     """Drive from rest to a speed, at that speed, and back to rest.
 
     Attributes:

@@ -14,7 +14,7 @@ from omni_mj.results.seed_statistics import SeedStatistics
 from omni_mj.results.summary import Entry
 from omni_mj.viz import plotting, style
 
-LINE_IN = 0.3  # height of a controller's line
+LINE_HEIGHT = 0.3  # of a controller's line, inches
 # Largest ratio of an axis's limits. Smaller errors, such as those of rounding, are not visible.
 MAX_RANGE = 1e4
 SETTLING_TIME = "settling time\nin s"
@@ -40,7 +40,7 @@ def draw_seed_statistics(
         figure: Empty figure.
     """
     results = entry["results"]
-    figure.set_size_inches(9, 1.4 + LINE_IN * len(results))
+    figure.set_size_inches(9, 1.4 + LINE_HEIGHT * len(results))
     grid = figure.subplots(1, len(PANELS), sharey=True)
     for axes, (label, (scale, keys)) in zip(grid, PANELS.items(), strict=True):
         spreads = {name: reduce(getitem, keys, result) for name, result in results.items()}
@@ -68,7 +68,7 @@ def _draw_means(axes: Axes, spreads: dict[str, SeedStatistics], scale: float) ->
     """
     indices, means = style.style_indices(spreads), np.full(len(spreads), np.nan)
     for line, (name, spread) in enumerate(spreads.items()):
-        if spread["mean"] is not None and None not in spread["per_seed"]:
+        if spread["mean"] is not None:
             means[line] = scale * spread["mean"]
         axes.errorbar(
             means[line],

@@ -113,7 +113,7 @@ class AlphaStudy:
         return {
             "definitions": DEFINITIONS,
             "directions": list(DIRECTIONS),
-            "profile": vars(PROFILE),
+            "profile": PROFILE._asdict(),
             "baseline": _plain_response(self.baseline),
             "by_condition": {
                 name: {"values": list(self.condition_values[name])} | _plain_response(response)
@@ -255,11 +255,11 @@ def _prepare_trials(scenario: Scenario, trials: Trials) -> tuple[Simulation, Arr
 
 def _profile_columns(trials: Trials) -> dict[str, np.ndarray]:
     """Return the columns of each row's direction and profile."""
-    columns = {"direction": np.array([*DIRECTIONS] * len(trials))}
-    for name in vars(PROFILE):
-        values = [vars(profile)[name] for _, profile in trials]
-        columns[name] = np.repeat(values, len(DIRECTIONS))
-    return columns
+    profiles = np.repeat([profile for _, profile in trials], len(DIRECTIONS), axis=0)
+    return {
+        "direction": np.array([*DIRECTIONS] * len(trials)),
+        **dict(zip(RampProfile._fields, profiles.T, strict=True)),
+    }
 
 
 def _measure_responses(trials: Trials, positions: Array) -> RampResponse:

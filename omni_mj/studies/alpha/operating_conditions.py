@@ -8,7 +8,6 @@ one by one. Causes are removed in all combinations (an ablation). From the respo
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -55,8 +54,8 @@ def apply_condition(
     Raises:
         OmniError: The condition does not exist, or its value is not allowed.
     """
-    if condition in vars(PROFILE):
-        return settings, replace(PROFILE, **{condition: value})
+    if condition in PROFILE._fields:
+        return settings, PROFILE._replace(**{condition: value})
     find_setting(condition)
     return _replace_settings(settings, {condition: value}), PROFILE
 
