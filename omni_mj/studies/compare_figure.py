@@ -19,7 +19,7 @@ BASELINES = ("comp-flc", "flc")  # the first of them that was run has the ratio 
 MAX_RATIO = 10.0  # error over the baseline's error at the upper end of the color scale
 TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10)  # ratios labeled on the color scale
 DARK_RATIO = 4.0  # ratio beyond which a cell is so dark that its text is white
-CELL_IN = (1.1, 0.24)  # width and height of a cell, inches
+CELL_SIZE = (1.1, 0.24)  # width and height, inches
 
 
 def save_comparison_figure(summary: Summary, stem: Path) -> None:
@@ -54,7 +54,7 @@ def draw_heat_map(entries: dict[str, Entry], privileged: list[str], figure: Figu
     errors = _mean_maximum_errors([entries[name] for name in scenarios], controllers)
     finite_errors = np.where(np.isfinite(errors), errors, np.nan)
     ratios = finite_errors / finite_errors[:, [controllers.index(baseline)]]
-    width, height = CELL_IN
+    width, height = CELL_SIZE
     figure.set_size_inches(3.2 + width * len(controllers), 1.7 + height * len(scenarios))
     axes = figure.subplots()
     image = axes.imshow(

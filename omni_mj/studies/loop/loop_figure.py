@@ -10,7 +10,8 @@ from omni_mj.studies.loop.loop_metrics import interpolate_gains
 from omni_mj.studies.loop.loop_study import LoopMeasurement, LoopResult
 from omni_mj.viz import plotting, style
 
-COLUMN_IN, PANELS_IN = 3.4, (2.6, 2.2, 2.2, 3.4)  # width of a case, heights of its panels, inches
+COLUMN_WIDTH = 3.4  # of a case, inches
+PANEL_HEIGHTS = (2.6, 2.2, 2.2, 3.4)  # inches
 LABELS = (
     "step response in cm",
     "gain |L|",
@@ -26,10 +27,10 @@ GUIDE = {"color": style.REFERENCE, "lw": 1, "zorder": 1}  # line style of levels
 
 def save_loop_figure(result: LoopResult, stem: Path) -> None:
     """Draw all loops into `stem`.png and `stem`.svg, with a column of panels per case."""
-    size = (COLUMN_IN * max(len(result.loops), 2), sum(PANELS_IN))
+    size = (COLUMN_WIDTH * max(len(result.loops), 2), sum(PANEL_HEIGHTS))
     title = f"Step responses and loop gains of controllers: {result.title}"
     with plotting.figure_file(stem, title, svg=True, figsize=size) as figure:
-        grid = figure.subplots(4, len(result.loops), height_ratios=PANELS_IN, squeeze=False)
+        grid = figure.subplots(4, len(result.loops), height_ratios=PANEL_HEIGHTS, squeeze=False)
         for (case, loops), panels in zip(result.loops.items(), grid.T, strict=True):
             for label, slot in style.style_indices(loops).items():
                 line = style.line_style(slot) | {"marker": ""}
