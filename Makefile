@@ -68,7 +68,7 @@ proto: $(VENV)/.installed
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --target build/protoc grpcio-tools==1.85.1 grpcio
 	PYTHONPATH=build/protoc $(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. $(PROTO).proto
 	sed -i "s/AddSerializedFile(b'/AddSerializedFile(\\n    b'/" $(PROTO)_pb2.py
-	sed -E -i "/^    b'/s/(\\\\x[0-9a-f]{2}|\\\\[^x]|[^\\\\']){24}/&'\\n    b'/g" $(PROTO)_pb2.py
+	sed -E -i "/^    b'/s/.{60,88}[^')x0-9a-f\\\\]/&'\\n    b'/g" $(PROTO)_pb2.py
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,8 +1,7 @@
-"""Atomic writes: files appear complete or not at all. Reading of JSON, and free disk space."""
+"""Atomic writes: files appear complete or not at all. Reading of JSON."""
 
 import json
 import os
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any, BinaryIO
 
 from omni_control.errors import OmniError
 
-RESERVED_BYTES = 1_000_000  # disk space for small files: summary, report, provenance
 PARTIAL_SUFFIX = ".partial"  # after the name of a file that is being written
 
 
@@ -62,17 +60,3 @@ def read_json(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise OmniError(f"{path} must contain a JSON object; make the run again")
     return content
-
-
-def check_disk_space(folder: Path, needed_bytes: float) -> None:
-    """Raise `OmniError` if a disk has too little space for optional files.
-
-    Required files have precedence.
-
-    Args:
-        folder: Folder on the disk.
-        needed_bytes: Size of the optional files.
-    """
-    disk = shutil.disk_usage(folder)
-    if disk.total and disk.free < needed_bytes + RESERVED_BYTES:  # total is 0 if unknown
-        raise OmniError(f"the last {disk.free / 1e6:.1f} MB of the disk are reserved for results")

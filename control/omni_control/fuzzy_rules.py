@@ -74,7 +74,7 @@ def compute_centroids(heights: Array) -> Array:
         _MAX_LEVELS,
     )
     area, moment = np.add.reduce(((_CUBIC * u + _QUADRATIC) * u + _LINEAR) * u, axis=1)
-    return np.asarray(moment / area)
+    return moment / area
 
 
 @dataclass(frozen=True)

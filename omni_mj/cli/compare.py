@@ -95,17 +95,11 @@ def compare_command(
         console.print_summary_sentence(summary)
         compare_table.print_comparison(summary)
         print(f"{console.describe_outputs(folder, OUTPUTS)} after {result.wall_s:.0f} s")
-    entries = {outcome.scenario.name: outcome.entry for outcome in result.outcomes}
-    n_done = [entry["status"] for entry in entries.values()].count("done")
+    n_done = [outcome.entry["status"] for outcome in result.outcomes].count("done")
     interrupts.exit_if_stopped(
         result.stopped, f"{n_done} of {len(scenarios)} scenarios are in {folder}"
     )
-    errors = [
-        f"{name}: {entry['reason']}"
-        for name, entry in entries.items()
-        if entry["status"] == "failed"
-    ]
-    console.exit_if_failed(result.outcomes, errors)
+    console.exit_if_failed(result.outcomes)
 
 
 def _run_comparison(
@@ -123,14 +117,17 @@ def _run_comparison(
         _save_tables(result, folder)
         result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
 
-    with console.report_write_errors(folder), console.show_progress(quiet) as start_progress:
+    with (
+        console.report_write_errors(folder),
+        console.show_progress(quiet, interrupts.check) as start_progress,
+    ):
         output_folders.write_initial_files(folder, "compare", scenarios, trajectories)
         return compare_study.compare(
             scenarios,
             scenarios[0].controllers,
             scenarios[0].seed_list,
             subject,
-            start_progress=interrupts.add_check(start_progress),
+            start_progress=start_progress,
             after_scenario=after_scenario,
         )
 

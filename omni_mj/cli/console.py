@@ -5,7 +5,7 @@ import os
 import shlex
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -80,20 +80,17 @@ def exit_with_error(message: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
-def exit_if_failed(outcomes: Sequence["Outcome"], errors: Iterable[str] = ()) -> None:
-    """Exit with code 1 if a row failed or there are other errors. Equal lines are printed once.
+def exit_if_failed(outcomes: Iterable["Outcome"]) -> None:
+    """Exit with code 1 if a row failed or a scenario could not be run.
 
-    Args:
-        outcomes: Outcomes of all scenarios.
-        errors: Other errors, a line each.
+    Equal lines are printed once.
     """
-    several = len(outcomes) > 1
-    failures = [
-        f"{outcome.scenario.name}: {failure}" if several else str(failure)
-        for outcome in outcomes
-        for failure in outcome.failures
-    ]
-    lines = [" ".join(line.split()) for line in (*failures, *errors)]
+    lines: list[str] = []
+    for outcome in outcomes:
+        errors = [str(failure) for failure in outcome.failures]
+        if outcome.entry["status"] == "failed":
+            errors.append(outcome.entry["reason"])
+        lines += [f"{outcome.scenario.name}: {' '.join(error.split())}" for error in errors]
     if lines:
         exit_with_error("\n".join(dict.fromkeys(lines)), FAILED)
 
@@ -115,8 +112,14 @@ def describe_outputs(folder: Path, outputs: Iterable[str]) -> str:
 
 
 @contextmanager
-def show_progress(quiet: bool) -> "Iterator[StartProgress]":
+def show_progress(
+    quiet: bool, check: Callable[[], None] = lambda: None
+) -> "Iterator[StartProgress]":
     """Show progress bars on stderr.
+
+    Args:
+        quiet: Whether the bars are hidden.
+        check: Called after each frame; it may raise `StoppedError`.
 
     Yields:
         A function that starts a bar, given its title and the number of frames. It returns a
@@ -125,6 +128,8 @@ def show_progress(quiet: bool) -> "Iterator[StartProgress]":
     from rich.console import Console
     from rich.progress import Progress
 
+    from omni_mj.studies.run_scenario import quiet_mujoco
+
     is_hidden = quiet or not sys.stderr.isatty()
     with Progress(console=Console(stderr=True), transient=True, disable=is_hidden) as display:
 
@@ -132,7 +137,14 @@ def show_progress(quiet: bool) -> "Iterator[StartProgress]":
             for finished_task in display.task_ids:
                 display.remove_task(finished_task)
             task = display.add_task(title, total=n_frames)
-            return lambda frame: display.update(task, completed=frame + 1)
+
+            def after_frame(frame: int) -> None:
+                check()
+                if frame == 0:  # MuJoCo is loaded by now, if the plant needs it
+                    quiet_mujoco()
+                display.update(task, completed=frame + 1)
+
+            return after_frame
 
         yield start_progress
 

@@ -1,12 +1,9 @@
 """Ctrl-C and other signals, which stop a command between two frames."""
 
 import signal
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from omni_mj.cli import console
-
-if TYPE_CHECKING:
-    from omni_mj.studies.run_scenario import AfterFrame, StartProgress
 
 SIGNAL_REASONS = {  # signal -> why the command stopped
     signal.SIGINT: "interrupted",
@@ -33,23 +30,6 @@ class Interrupts:
 
         if self._received:
             raise StoppedError(SIGNAL_REASONS[signal.Signals(self._received)])
-
-    def add_check(self, start_progress: "StartProgress") -> "StartProgress":
-        """Return a function like `start_progress` whose bars also check for signals."""
-        from omni_mj.studies.run_scenario import quiet_mujoco
-
-        def start_checked_progress(title: str, n_frames: int) -> "AfterFrame":
-            show = start_progress(title, n_frames)
-
-            def after_frame(frame: int) -> None:
-                self.check()
-                if frame == 0:  # MuJoCo is loaded by now, if the plant needs it
-                    quiet_mujoco()
-                show(frame)
-
-            return after_frame
-
-        return start_checked_progress
 
     def exit_if_stopped(self, reason: str | None, message: str) -> None:
         """Exit with code 128 plus the number of the signal if a signal stopped the run.

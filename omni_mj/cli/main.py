@@ -1,7 +1,7 @@
 """The console script `omni-mj`: a group of commands, each imported when it is called."""
 
 from collections.abc import Iterator, Mapping
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import NoReturn
 
 import click
@@ -74,9 +74,7 @@ class _LazyCommands(Mapping[str, click.Command]):
         if name not in COMMANDS:
             raise KeyError(name)
         modules = (module for module, names in MODULES.items() if name in names)
-        module = import_module(f"omni_mj.cli.{next(modules, name)}")
-        command: click.Command = getattr(module, f"{name}_command")
-        return command
+        return resolve_name(f"omni_mj.cli.{next(modules, name)}:{name}_command")
 
     def __iter__(self) -> Iterator[str]:
         return iter(COMMANDS)

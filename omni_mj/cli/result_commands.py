@@ -10,7 +10,6 @@ import click
 
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options
-from omni_mj.cli.interrupts import Interrupts
 
 VIEWS = ("follow", "plan")  # of a film
 
@@ -200,7 +199,7 @@ def verify_command(folder: Path, quiet: bool) -> None:
     from omni_mj.studies import verify_run
 
     with console.show_progress(quiet) as start_progress:
-        result = verify_run.verify(folder, Interrupts().add_check(start_progress))
+        result = verify_run.verify(folder, start_progress)
     if not result.repeats:
         console.exit_with_error(f"{folder} {result}", console.FAILED)
     if not quiet:

@@ -117,7 +117,7 @@ def run_and_save(
             recordings = [
                 stack.enter_context(Recording(target, simulation)) for target in rerun_targets
             ]
-        start_progress = interrupts.add_check(stack.enter_context(console.show_progress(quiet)))
+        start_progress = stack.enter_context(console.show_progress(quiet, interrupts.check))
         show_progress = start_progress(scenario.name, run_scenario.count_frames(simulation))
 
         def after_frame(frame: int) -> None:
@@ -130,7 +130,7 @@ def run_and_save(
         finally:
             for recording in recordings:
                 recording.write()
-        result = run_scenario.build_result(simulation, outcome)
+        result = run_scenario.build_result(outcome)
         allow_code = ["--allow-code"] if scenario.names_user_code else []
         words = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml"), *allow_code]
         result.repeat_command = shlex.join(words) if study == "run" else console.get_command_line()
@@ -191,7 +191,7 @@ def _print_tables(result: "Result") -> None:
         return
     console.print_summary_sentence(summary)
     optional_tables = (
-        result_tables.terminal_results_table(summary),
+        result_tables.results_table(summary),
         result_tables.saturation_table(summary),
         result_tables.recovery_table(summary),
     )

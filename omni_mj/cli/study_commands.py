@@ -222,10 +222,10 @@ def _run_study(
     with (
         console.report_write_errors(folder),
         Interrupts() as interrupts,
-        console.show_progress(output.quiet) as start_progress,
+        console.show_progress(output.quiet, interrupts.check) as start_progress,
     ):
         output_folders.write_initial_files(folder, name, scenarios, frames=name == "limit")
-        result = measure(interrupts.add_check(start_progress))
+        result = measure(start_progress)
         result.repeat_command = console.get_command_line()
     with console.report_write_errors(folder):
         result.save_files(folder)

@@ -112,10 +112,12 @@ def _run_sweep(
     from omni_mj.studies.sweep import sweep_figure, sweep_statistics, sweep_study
 
     with console.report_write_errors(folder):
-        with Interrupts() as interrupts, console.show_progress(quiet) as start_progress:
-            start_checked_progress = interrupts.add_check(start_progress)
+        with (
+            Interrupts() as interrupts,
+            console.show_progress(quiet, interrupts.check) as start_progress,
+        ):
             result = sweep_study.run_sweep(
-                plan, folder, jobs=jobs, executor=executor, start_progress=start_checked_progress
+                plan, folder, jobs=jobs, executor=executor, start_progress=start_progress
             )
         progress_text = f"{result.n_done} of {len(plan.shards)} shards"
         if result.n_done:

@@ -48,8 +48,7 @@ class Distribution:
         if self.kind == "uniform":
             low, high = self.values
             return self._to_number((low + high) / 2)
-        first_value: SettingValue = self.values[0]
-        return first_value
+        return self.values[0]
 
     @property
     def bounds(self) -> tuple[SettingValue, ...]:

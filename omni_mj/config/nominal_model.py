@@ -115,7 +115,7 @@ def derive_assumptions(settings: Settings, assumed_creep: float | None) -> dict[
 def compute_speed_stiffness(settings: Settings) -> Array:
     """Return the force of wheel loops per missing speed, forward and sideways, (2,), N s/m."""
     cosines = _compute_direction_cosines(settings)
-    return np.asarray((cosines**2).sum(0) / compute_rim_compliance(settings))
+    return (cosines**2).sum(0) / compute_rim_compliance(settings)
 
 
 def compute_rim_compliance(settings: Settings) -> float:
@@ -127,7 +127,7 @@ def compute_rim_compliance(settings: Settings) -> float:
 
 def compute_lag(settings: Settings) -> Array:
     """Return the time constant of small velocity steps forward and sideways, (2,), s."""
-    return np.asarray(settings.body.mass_kg / compute_speed_stiffness(settings))
+    return settings.body.mass_kg / compute_speed_stiffness(settings)
 
 
 def compute_friction_loss(settings: Settings) -> Array:
@@ -146,7 +146,7 @@ def compute_friction_loss(settings: Settings) -> Array:
         + roller_friction
         + settings.hub_friction_nm / settings.wheels.radius_m * cosines.sum(0)
     )
-    return np.asarray(force / compute_speed_stiffness(settings))
+    return force / compute_speed_stiffness(settings)
 
 
 def compute_creep_law(settings: Settings) -> CreepLaw:
@@ -169,7 +169,7 @@ def compute_creep_law(settings: Settings) -> CreepLaw:
 def compute_normal_forces(settings: Settings) -> Array:
     """Return the normal forces of the wheels at rest, (W,), N."""
     body = settings.body
-    fractions: Array = compute_load_matrix(settings.wheels.kinematics) @ [1.0, body.com_x_m, 0.0]
+    fractions = compute_load_matrix(settings.wheels.kinematics) @ [1.0, body.com_x_m, 0.0]
     return body.mass_kg * GRAVITY * fractions
 
 

@@ -1,6 +1,7 @@
 """Build reference trajectories from the settings of a scenario."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -18,6 +19,7 @@ from omni_control.reference import (
 )
 from omni_control.traction import GRAVITY, WheelLimits
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings
 from omni_mj.config.team_settings import ControlSettings, ReferenceSettings
 
@@ -39,6 +41,11 @@ def build_timed_reference(settings: Settings, start_pose: StartPose = ORIGIN) ->
     """
     limits = build_reference_limits(settings)
     return _plan_timed_reference(settings.reference, limits, start_pose)
+
+
+def build_timed_references(rows: Sequence[Row]) -> list[SampledReference]:
+    """Return the timed reference of each row; see `build_timed_reference`."""
+    return [build_timed_reference(row.settings, row.start_pose) for row in rows]
 
 
 def build_iterated_reference(

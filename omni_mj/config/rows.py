@@ -46,6 +46,16 @@ class Row:
         return self.settings.world.start_poses[self.slot]
 
 
+def build_single_robot_rows(runs: Iterable[tuple[str, int, Settings]], robot: str) -> list[Row]:
+    """Return a row for each run, alone in its world.
+
+    Args:
+        runs: Label of the controller, seed and settings of each run.
+        robot: Name or file of the robot.
+    """
+    return [Row(i, 0, *run, robot) for i, run in enumerate(runs)]
+
+
 def build_rows(
     controllers: Iterable[str],
     seeds: Iterable[int],

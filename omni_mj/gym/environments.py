@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
-from omni_control.reference import PerRobotReference
+from omni_control.reference import combine_references
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario, load_scenario
@@ -56,8 +56,7 @@ class EpisodeBatch:
     def __init__(self, simulation: Simulation, env_indices: NDArray[np.intp]) -> None:
         self.simulation, self.env_indices = simulation, env_indices
         references = simulation.references
-        is_common = all(reference is references[0] for reference in references)
-        self.reference = references[0] if is_common else PerRobotReference(references)
+        self.reference = combine_references(references)
         self.last_frame = np.array([reference.frames - 1 for reference in references])
         control = [row.settings.control for row in simulation.rows]
         self.limits = np.array(

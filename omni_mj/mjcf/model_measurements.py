@@ -170,4 +170,4 @@ def compute_composite_inertia(
 
 def compute_point_mass_inertia(r: Array) -> Array:
     """Return the inertia (3, 3) about the origin of a unit mass at r (3,), m^2."""
-    return np.asarray(r @ r * np.eye(3) - np.outer(r, r))
+    return r @ r * np.eye(3) - np.outer(r, r)

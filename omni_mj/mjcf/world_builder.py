@@ -120,12 +120,17 @@ def _build_world(
     else:
         single_world = _build_world(robot_spec, mechanics, 1, substeps, False)
         rest_qpos = np.tile(single_world.rest_qpos, n_robots)
+    # A sensor's three values are the force along x, y and z.
+    load_addresses = [
+        [model.sensor(f"load/{model.body(rim).name}").adr[0] + 2 for rim in robot.rims]
+        for robot in robots
+    ]
     return World(
         model,
         robots,
         rest_qpos,
         mechanics.wheels.kinematics,
-        np.array([[_find_load_address(model, rim) for rim in robot.rims] for robot in robots]),
+        np.array(load_addresses),
         _compute_hull_radius(robot_model, robot_spec.hull_geoms),
     )
 
@@ -177,11 +182,6 @@ def _attach_robot(
             # Output: force only; reduction: sum over all contacts; one result.
             intprm=[1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1],
         )
-
-
-def _find_load_address(model: mujoco.MjModel, rim: int) -> int:
-    """Return the address in sensordata of the vertical force on a rim."""
-    return int(model.sensor(f"load/{model.body(rim).name}").adr[0]) + 2
 
 
 def _compute_hull_radius(model: mujoco.MjModel, hull_geoms: Sequence[str]) -> float:

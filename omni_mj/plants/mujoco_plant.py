@@ -174,7 +174,15 @@ class MujocoPlant(WheeledPlantBase):
             self._begin_cycle()
             for substep in range(self._substeps):
                 self._batch.step(self._active_worlds)
-                self._after_step(substep == 0, substep == self._substeps - 1)
+                if substep == 0:
+                    # MuJoCo computes sensors at the beginning of a step. Reading them after the
+                    # first step makes them one cycle old in the next cycle, for any number of
+                    # steps per cycle.
+                    self._read_sensors()
+                if self._roller_pitch is not None:
+                    self._views.wrap_rollers(self._roller_pitch)
+                if substep < self._substeps - 1:
+                    self._views.write_slip_limits(self._drag, self._views.load.get())
         self._cycle = (self._cycle + n_cycles) % CYCLES_PER_FRAME
         if self._cycle:
             return {}
@@ -245,17 +253,6 @@ class MujocoPlant(WheeledPlantBase):
             motors.back_emf_constant * wheel_speed + record.current * motors.resistance
         )
         views.write_slip_limits(self._drag, load)
-
-    def _after_step(self, is_first: bool, is_last: bool) -> None:
-        """Read sensors and update slip hinges after the first or last physics step of a cycle."""
-        if is_first:
-            # MuJoCo computes sensors at the beginning of a step. Reading them after the first step
-            # makes them one cycle old in the next cycle, for any number of steps per cycle.
-            self._read_sensors()
-        if self._roller_pitch is not None:
-            self._views.wrap_rollers(self._roller_pitch)
-        if not is_last:
-            self._views.write_slip_limits(self._drag, self._views.load.get())
 
     def _read_sensors(self) -> None:
         """Store gyro, (n,) rad/s, and encoders, (W, n) rad."""

@@ -143,5 +143,4 @@ def _to_truncated_normal(uniform: Array) -> Array:
     from scipy.special import ndtr, ndtri
 
     tail = ndtr(-MAX_DEVIATIONS)
-    normal: Array = ndtri(tail + (1 - 2 * tail) * uniform)
-    return normal
+    return ndtri(tail + (1 - 2 * tail) * uniform)

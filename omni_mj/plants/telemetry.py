@@ -56,8 +56,7 @@ class Telemetry:
         """Return a quantity by its name."""
         if name not in TELEMETRY_NAMES:
             raise AttributeError(f"telemetry has no {name!r}")
-        values: Array = self.columns[:, locate_columns(self.columns.shape[1])[name]]
-        return values
+        return self.columns[:, locate_columns(self.columns.shape[1])[name]]
 
     @classmethod
     def without_wheels(cls, n: int, n_wheels: int = 4) -> Self:

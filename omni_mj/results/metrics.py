@@ -112,8 +112,7 @@ def _compute_travel_directions(reference: Array) -> Array:
     frames = np.arange(len(step))[:, None, None]
     last_motion = np.maximum.accumulate(np.where(is_moving, frames, -1))
     source_frames = np.where(last_motion < 0, is_moving.argmax(0), last_motion)
-    direction: Array = np.take_along_axis(unit, source_frames, axis=0)
-    return direction
+    return np.take_along_axis(unit, source_frames, axis=0)
 
 
 def _error_statistics(errors: Mapping[str, Array], lengths: np.ndarray) -> dict[str, Array]:
@@ -198,7 +197,7 @@ def frames_until_last(condition: np.ndarray) -> np.ndarray:
         Shape (...). Zero if no frame of a row meets it.
     """
     numbers = np.arange(1, len(condition) + 1)
-    return np.asarray((condition.T * numbers).max(-1, initial=0).T)
+    return (condition.T * numbers).max(-1, initial=0).T
 
 
 def _recoveries(

@@ -1,7 +1,5 @@
 """Position errors that the paper reports in tables 3 and 4, and the scenarios they belong to."""
 
-from functools import lru_cache
-
 from omni_mj.config.scenario import Scenario, load_with_overrides
 
 PaperTable = dict[str, dict[str, dict[str, float]]]  # controller -> axis -> statistic -> m
@@ -32,14 +30,11 @@ def find_paper_table(scenario: Scenario) -> PaperTable | None:
     """Return the paper's errors for a scenario, or None if it is not an experiment of the paper."""
     if scenario.paper_table not in TABLES or scenario.plant == "live":
         return None
-    experiment = _load_experiment(scenario.paper_table, scenario.robot)
+    experiment = load_with_overrides(
+        SCENARIOS[scenario.paper_table], top_level={"robot": scenario.robot}
+    )
     sections = (*TASK_SECTIONS, *PLANT_SECTIONS.get(scenario.plant, ()))
     is_same = all(
         getattr(scenario.settings, name) == getattr(experiment.settings, name) for name in sections
     )
     return TABLES[scenario.paper_table] if is_same else None
-
-
-@lru_cache
-def _load_experiment(number: int, robot: str) -> Scenario:
-    return load_with_overrides(SCENARIOS[number], top_level={"robot": robot})

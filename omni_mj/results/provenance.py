@@ -8,7 +8,7 @@ import json
 import platform
 import re
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -89,13 +89,13 @@ def sha256(data: bytes) -> str:
 def source_digest() -> str:
     """Return a hash of the names and contents of the packages' source files and the models."""
     folders = _PACKAGE, Path(omni_control.__file__).parent, robot_files.find_models_folder()
-    return sha256("".join(line for folder in folders for line in _hash_files(folder)).encode())
-
-
-def _hash_files(folder: Path) -> Iterator[str]:
-    """Yield a line with hash and name for each source file in a folder."""
-    for path in sorted(path for path in folder.rglob("*") if path.suffix in SOURCE_SUFFIXES):
-        yield f"{sha256(path.read_bytes())} {path.relative_to(folder).as_posix()}\n"
+    lines = [
+        f"{sha256(path.read_bytes())} {path.relative_to(folder).as_posix()}\n"
+        for folder in folders
+        for path in sorted(folder.rglob("*"))
+        if path.suffix in SOURCE_SUFFIXES
+    ]
+    return sha256("".join(lines).encode())
 
 
 def _git_commit() -> str | None:

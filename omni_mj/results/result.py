@@ -14,7 +14,7 @@ from omni_mj.atomic_files import write_text
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.results import summary
-from omni_mj.results.result_tables import terminal_results_table
+from omni_mj.results.result_tables import results_table
 from omni_mj.results.text_table import format_table
 from omni_mj.simulation.log import Failure, Log
 
@@ -112,7 +112,7 @@ class Result:
 
     def table(self) -> str:
         """Return the controllers' errors and settling times as lines of text."""
-        return format_table(terminal_results_table(self.summary()))
+        return format_table(results_table(self.summary()))
 
     def frames(self) -> "pa.Table":
         """Return all recorded frames, a line per row and frame.

@@ -12,7 +12,6 @@ from omni_mj.results.text_table import (
     DASH,
     Table,
     drop_equal_columns,
-    fits_terminal,
     format_number,
 )
 
@@ -65,12 +64,6 @@ def results_table(summary: Summary, effort: bool = False, paper: bool = True) ->
     n_labels = 2 if several else 1
     position = AXIS_COLUMNS["position"][0]
     return drop_equal_columns(Table(title, headings, rows, n_labels), kept_headings=[position])
-
-
-def terminal_results_table(summary: Summary) -> Table:
-    """Return `results_table`, without the paper's errors if they do not fit the terminal."""
-    with_paper = results_table(summary)
-    return with_paper if fits_terminal(with_paper) else results_table(summary, paper=False)
 
 
 def saturation_table(summary: Summary) -> Table | None:

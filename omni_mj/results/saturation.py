@@ -50,8 +50,7 @@ def excess_slip(pose: Array, slip: Array, settings: Settings) -> Array:
     center = center + 1j * twist[:, 2, None] * wheels.arm * np.exp(1j * wheels.azimuths)
     speed = np.abs(center)
     creep = CREEP_FRACTION * speed * settings.carpet.friction / settings.drivetrain.creep_stiffness
-    excess: Array = slip[1:] - creep - SLIDING_MARGIN_M_S
-    return excess
+    return slip[1:] - creep - SLIDING_MARGIN_M_S
 
 
 def is_command_limited(command: Array, control: ControlSettings) -> np.ndarray:
@@ -67,7 +66,7 @@ def is_command_limited(command: Array, control: ControlSettings) -> np.ndarray:
     rate = np.diff(command, axis=0, prepend=np.zeros((1, 3))) / PERIOD_S
     tolerance = 1 - ROUNDING
     speed, acceleration = (np.hypot(values[:, 0], values[:, 1]) for values in (command, rate))
-    return np.asarray(
+    return (
         (speed >= control.max_speed_m_s * tolerance)
         | (np.abs(command[:, 2]) >= control.max_turn_rate_rad_s * tolerance)
         | (acceleration >= control.max_acceleration_m_s2 * tolerance)

@@ -22,7 +22,7 @@ def mean_confidence_interval(values: Array) -> tuple[Array, Array]:
         Two arrays of shape (...). The half width of a single sample is NaN.
     """
     n = values.shape[-1]
-    mean: Array = values.mean(-1)
+    mean = values.mean(-1)
     if n == 1:
         return mean, np.full_like(mean, np.nan)
     from scipy.special import stdtrit  # imported here, because runs of one seed do not need it

@@ -44,15 +44,9 @@ def format_table(text_table: Table) -> str:
         if blocks[-1] and _width([*labels, *blocks[-1], column]) > TERMINAL_WIDTH:
             blocks.append([])
         blocks[-1].append(column)
-    title = [textwrap.fill(line, TERMINAL_WIDTH) for line in text_table.title.split("\n")]
+    title = textwrap.fill(text_table.title, TERMINAL_WIDTH)
     body = "\n\n".join(_format_block(labels, block) for block in blocks)
-    return "\n".join([*title, body])
-
-
-def fits_terminal(text_table: Table) -> bool:
-    """Return whether all columns of a table fit the terminal next to each other."""
-    columns = zip(text_table.headings, *text_table.rows, strict=True)
-    return _width([_split_heading(column) for column in columns]) <= TERMINAL_WIDTH
+    return f"{title}\n{body}"
 
 
 def drop_equal_columns(text_table: Table, kept_headings: Collection[str]) -> Table:

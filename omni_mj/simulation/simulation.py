@@ -14,7 +14,6 @@ import numpy as np
 from omni_control.controllers.base import Controller, Observation
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
-from omni_control.reference import SampledReference
 from omni_mj.config import PERIOD_S, fault_checks, plugins, reference_factory
 from omni_mj.config.rows import Row, build_rows
 from omni_mj.config.scenario import Scenario
@@ -120,7 +119,7 @@ class Simulation:
         for settings in {id(row.settings): row.settings for row in self._initial_rows}.values():
             n_robots = len(settings.world.start_poses)
             fault_checks.check_plant_supports(settings.fault, self.scenario.plant, n_robots)
-        self.references = _build_references(self._initial_rows)
+        self.references = reference_factory.build_timed_references(self._initial_rows)
         for row, reference in zip(self._initial_rows, self.references, strict=True):
             delay_frames = row.settings.radio.delay_frames
             if delay_frames >= reference.frames:
@@ -161,7 +160,7 @@ class Simulation:
         if shift and self._has_random_settings:
             settings = {row.seed: self.scenario.settings_for_seed(row.seed) for row in self.rows}
             self.rows = [replace(row, settings=settings[row.seed]) for row in self.rows]
-        self.references = _build_references(self.rows)
+        self.references = reference_factory.build_timed_references(self.rows)
         self.frame, self.failures = 0, list[Failure]()
         self._is_stopped = np.zeros(len(self.rows), bool)
         self._observation: Observation | None = None
@@ -305,7 +304,3 @@ def batch_key(plant: str, settings: Settings) -> Hashable:
     if plant == "planar":
         return settings.wheels, n_robots
     return n_robots
-
-
-def _build_references(rows: Sequence[Row]) -> list[SampledReference]:
-    return [reference_factory.build_timed_reference(row.settings, row.start_pose) for row in rows]

@@ -12,7 +12,7 @@ from omni_control.controllers.base import Controller, TeamModel
 from omni_control.controllers.registry import make_controller
 from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
-from omni_control.reference import PerRobotReference, Reference
+from omni_control.reference import Reference, combine_references
 from omni_control.team import Team
 from omni_mj.config import PERIOD_S, reference_factory
 from omni_mj.config.rows import Row
@@ -112,11 +112,7 @@ def _build_group_reference(rows: Sequence[Row]) -> Reference:
         return reference_factory.build_iterated_reference(
             rows[0].settings, len(rows), rows[0].start_pose
         )
-    references = [
-        reference_factory.build_timed_reference(row.settings, row.start_pose) for row in rows
-    ]
-    is_shared = all(reference is references[0] for reference in references)
-    return references[0] if is_shared else PerRobotReference(references)
+    return combine_references(reference_factory.build_timed_references(rows))
 
 
 def _is_iterated(row: Row) -> bool:

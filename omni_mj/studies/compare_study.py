@@ -64,7 +64,7 @@ def compare(
     start_time, seed_list = time.perf_counter(), list_seeds(seeds)
     names = default_scenarios() if scenarios is None else scenarios
     controllers = list_available_controllers() if controllers is None else controllers
-    resolved = [resolve_scenario(name, controllers) for name in names]
+    resolved = [resolve_scenario(name, controllers, seed_list) for name in names]
     check_scenarios(resolved, subject)
     outcomes = [Outcome.not_run(scenario) for scenario in resolved]
     result = Result(outcomes, seeds=seed_list, subject=subject)
@@ -74,7 +74,7 @@ def compare(
     try:
         for i, scenario in enumerate(resolved):
             title = f"{scenario.name} ({i + 1} of {len(resolved)})"
-            outcome = _run_to_end(scenario, seed_list, title, start_progress)
+            outcome = _run_to_end(scenario, title, start_progress)
             result.outcomes[i] = outcome if keep_frames else replace(outcome, log=None)
             result.wall_s = time.perf_counter() - start_time
             after_scenario(result, outcome)
@@ -113,16 +113,14 @@ def check_scenarios(scenarios: Sequence[Scenario], subject: str | None) -> None:
         check_subject(scenarios[0], subject)
 
 
-def _run_to_end(
-    scenario: Scenario, seeds: Sequence[int], title: str, start_progress: StartProgress
-) -> Outcome:
+def _run_to_end(scenario: Scenario, title: str, start_progress: StartProgress) -> Outcome:
     """Run a scenario to its end; if it cannot be run, return an outcome with the reason.
 
     Raises:
         StoppedError: The run was stopped. Metrics of a part of it would not be comparable.
     """
     try:
-        simulation = prepare_simulation(scenario, seeds=seeds)
+        simulation = prepare_simulation(scenario)
     except OmniError as error:
         return Outcome.not_run(scenario, " ".join(str(error).split()))
     outcome = run_simulation(simulation, start_progress(title, count_frames(simulation)))

@@ -64,18 +64,14 @@ def run(
         OmniError: The scenario or a controller does not exist, a controller cannot be run, the
             subject is not among the controllers, or the seeds are not consecutive.
     """
-    simulation = prepare_simulation(scenario, controllers, seeds)
-    check_subject(simulation.scenario, subject)
-    return build_result(simulation, run_simulation(simulation, after_frame), subject)
-
-
-def prepare_simulation(
-    scenario: Scenario | str,
-    controllers: Sequence[str | type[Controller]] | None = None,
-    seeds: int | Iterable[int] | None = None,
-) -> Simulation:
-    """Return the simulation that `run` runs, at its start."""
     scenario = resolve_scenario(scenario, controllers, seeds)
+    check_subject(scenario, subject)
+    outcome = run_simulation(prepare_simulation(scenario), after_frame)
+    return build_result(outcome, subject)
+
+
+def prepare_simulation(scenario: Scenario) -> Simulation:
+    """Return the simulation of a scenario at its start, if there is enough memory for it."""
     settings = scenario.settings
     robots = len(scenario.controllers) * scenario.seeds * len(settings.world.start_poses)
     check_memory(robots, build_timed_reference(settings).frames)
@@ -108,14 +104,14 @@ def run_simulation(simulation: Simulation, after_frame: AfterFrame = ignore_fram
     return Outcome(simulation.scenario, entry, log.rows, failures, row_metrics, log, drawn)
 
 
-def build_result(simulation: Simulation, outcome: Outcome, subject: str | None = None) -> Result:
-    """Return the result of one simulation."""
-    reason = outcome.entry["reason"]
+def build_result(outcome: Outcome, subject: str | None = None) -> Result:
+    """Return the result of one scenario."""
+    scenario, reason = outcome.scenario, outcome.entry["reason"]
     return Result(
         [outcome],
-        list(simulation.log.controllers),
-        list_privileged(simulation.scenario),
-        simulation.log.seeds,
+        list(scenario.labels),
+        list_privileged(scenario),
+        scenario.seed_list,
         subject,
         wall_s=outcome.entry["wall_s"],
         stopped=reason,

@@ -67,7 +67,12 @@ def choose_figures(outcome: Outcome) -> dict[str, partial[None]]:
         "path": partial(draw_paths, robots, failed),
         "command": partial(draw_commands, robots, failed),
     }
-    if estimators := select_alpha_estimators(robots):
+    estimators = [
+        robot
+        for robot in robots
+        if any(np.isfinite(robot.alpha(axis)[:, 3]).any() for axis in range(2))
+    ]
+    if estimators:
         figures["alpha"] = partial(draw_alpha, estimators)
     if len(outcome.log.seeds) >= MIN_SEEDS:
         name, entry = outcome.scenario.name, outcome.entry
@@ -156,15 +161,6 @@ def draw_commands(robots: Robots, failed: Collection[str], figure: Figure) -> No
         speed = velocity[:, axis]
         axes.plot(time, speed, color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
     plotting.add_legend(figure, figure.axes)
-
-
-def select_alpha_estimators(robots: Robots) -> list[RecordedRobot]:
-    """Return the robots whose controllers estimate the motor correction factor alpha."""
-    return [
-        robot
-        for robot in robots
-        if any(np.isfinite(robot.alpha(axis)[:, 3]).any() for axis in range(2))
-    ]
 
 
 def draw_alpha(robots: Robots, figure: Figure) -> None:

@@ -147,7 +147,7 @@ class InverseFlc(Controller):
         gain = self.fuzzy.gain_at_zero
         lead_time = 2 * tau / (1 + np.sqrt(1 + 2 * gain * tau / ekf.state[:, INVERSE_GAIN]))
         body_error = world_to_body(velocity_error, heading)
-        return np.asarray(body_to_world(lead_time * body_error, heading)[:, :2])
+        return body_to_world(lead_time * body_error, heading)[:, :2]
 
     def _record_estimates(self) -> None:
         """Record the estimated parameters and their standard deviations."""
@@ -209,7 +209,7 @@ def anticipate(commands: Array, max_step: float) -> Array:
     distance = distances[farthest][:, None]
     direction = np.where(distance > 0, changes[farthest] / np.maximum(distance, 1e-300), [1.0, 0.0])
     normal = np.stack([-direction[:, 1], direction[:, 0]], axis=1)
-    result: Array = commands[0].copy()
+    result = commands[0].copy()
     for axis in (direction, normal):
         component = (changes * axis).sum(-1)
         upper, lower = (component + reachable).min(0), (component - reachable).max(0)

@@ -140,7 +140,7 @@ class Mpc(AdaptiveCompFlc):
 
         def rotate_scales(scales: Array) -> Array:
             """Return maps (N, n, 2, 2) that scale by (N, n, 2 or 3) along the body axes."""
-            return np.asarray((rotation * scales[..., None, :2]) @ rotation.swapaxes(-1, -2))
+            return (rotation * scales[..., None, :2]) @ rotation.swapaxes(-1, -2)
 
         transition = np.tile(np.eye(5), (HORIZON_FRAMES, n, 1, 1))
         transition[..., :2, 2:4] = rotate_scales(coast_time)
@@ -219,7 +219,7 @@ def solve_quadratic_programs(
         gradient: c, (n, 2 N).
         constraints: Constraints on the commands.
     """
-    solutions: Array = -np.linalg.solve(hessian, gradient[..., None])[..., 0].astype(float)
+    solutions = -np.linalg.solve(hessian, gradient[..., None])[..., 0].astype(float)
     is_constrained = np.zeros(len(solutions), bool)
     for robot in range(len(solutions)):
         matrix, lower, upper = _build_constraint_matrix(constraints, robot)

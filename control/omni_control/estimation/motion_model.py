@@ -239,5 +239,5 @@ class YawCoupling:
         lag, creep = state[..., LAG, None], state[..., CREEP, None]
         stiffness = 1 / (lag + creep * wheel_speed / load)
         traction = stiffness * (deficit[..., :1] * rim_x + deficit[..., 1:2] * rim_y)
-        turn_rate: Array = self._turn_rate_per_rim_speed * traction.sum(-1) / stiffness.sum(-1)
+        turn_rate = self._turn_rate_per_rim_speed * traction.sum(-1) / stiffness.sum(-1)
         return turn_rate - (state[..., COUPLING] * deficit[..., :2]).sum(-1)

@@ -7,7 +7,11 @@ planned anew in each frame (`replanned_reference`, the paper's "iteratively upda
 from omni_control.reference.curve_reference import CURVES, CurveReference
 from omni_control.reference.motion_limits import MotionLimits
 from omni_control.reference.replanned_reference import IteratedReference
-from omni_control.reference.sampled_reference import PerRobotReference, Reference, SampledReference
+from omni_control.reference.sampled_reference import (
+    Reference,
+    SampledReference,
+    combine_references,
+)
 from omni_control.reference.waypoint_reference import TimedReference
 
 __all__ = [
@@ -15,8 +19,8 @@ __all__ = [
     "CurveReference",
     "IteratedReference",
     "MotionLimits",
-    "PerRobotReference",
     "Reference",
     "SampledReference",
     "TimedReference",
+    "combine_references",
 ]

@@ -128,6 +128,12 @@ class PerRobotReference(SampledReference):
         super().__init__(np.stack(poses, axis=1), references[0].period)
 
 
+def combine_references(references: Sequence[SampledReference]) -> SampledReference:
+    """Return one reference for several robots: the one that all share, or a combination."""
+    is_shared = all(reference is references[0] for reference in references)
+    return references[0] if is_shared else PerRobotReference(references)
+
+
 def as_poses(poses: ArrayLike) -> Array:
     """Return poses or way-points as a read-only array (..., 3) of two or more dimensions.
 

@@ -176,8 +176,7 @@ class ProjectedProblem:
         columns -= columns @ np.linalg.pinv(states, rcond=RANK_TOLERANCE) @ states
         columns = columns.reshape(count, -1, m, 3)
         self.jacobian = np.moveaxis(columns[:, 1:], 1, -1)
-        residual: Array = columns[:, 0]
-        return residual
+        return columns[:, 0]
 
     def _perturbed_predictions(self, x: Array) -> Array:
         """Return weighted poses predicted for a parameter vector x and its perturbations.
@@ -198,7 +197,7 @@ class ProjectedProblem:
 
     def solve(self, x: Array) -> Array:
         """Return the free parameters with the smallest squared residuals, starting at x."""
-        solution: Array = least_squares(
+        return least_squares(
             lambda x: self.residual(x).ravel(),
             np.clip(x, self.low + 1e-3 * self.scale, self.high - 1e-3 * self.scale),
             lambda x: self.jacobian.reshape(-1, len(x)),
@@ -209,7 +208,6 @@ class ProjectedProblem:
             gtol=1e-9,
             max_nfev=40,
         ).x
-        return solution
 
 
 def fit_parameters(

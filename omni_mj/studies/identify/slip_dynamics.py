@@ -315,7 +315,7 @@ class _SlipModel:
         dynamics = self._dynamics
         delay = np.minimum(dynamics.loop_delay, MAX_LOOP_DELAY * loop_compliance)
         inertia = stiffness * (dynamics.rotor_inertia * loop_compliance - delay)
-        mass: Array = dynamics.mass_matrix + _weighted_squares(inertia, self._rim_directions)
+        mass = dynamics.mass_matrix + _weighted_squares(inertia, self._rim_directions)
         mass[..., 2] -= dynamics.gyro_delay * gyro
         return mass
 
@@ -348,8 +348,7 @@ def _integrate_step(
 
 def _apply(matrix: Array, vectors: Array) -> Array:
     """Multiply matrices (..., m, n) by vectors (..., n)."""
-    product: Array = (matrix @ vectors[..., None])[..., 0]
-    return product
+    return (matrix @ vectors[..., None])[..., 0]
 
 
 def _weighted_squares(weights: Array, directions: Array) -> Array:

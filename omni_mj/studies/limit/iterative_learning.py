@@ -25,7 +25,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
 from omni_mj.config import PERIOD_S, reference_factory
-from omni_mj.config.rows import Row
+from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.run_deviation_model import SCALE, DeviationModel
@@ -117,9 +117,8 @@ def run_function(
 ) -> Runs:
     """Run one robot per seed, each in its own world, with the commands of a function."""
     label = "tracking"
-    rows = [
-        Row(i, 0, label, seed, scenario.settings, scenario.robot) for i, seed in enumerate(seeds)
-    ]
+    runs = [(label, seed, scenario.settings) for seed in seeds]
+    rows = build_single_robot_rows(runs, scenario.robot)
     simulation = Simulation(scenario, [controller_from_function(label, function)], rows=rows)
     simulation.run(after_frame)
     return Runs.from_simulation(simulation)

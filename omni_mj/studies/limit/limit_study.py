@@ -15,7 +15,7 @@ from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj.config import distributions
 from omni_mj.config.plant_settings import RandomizationSettings
-from omni_mj.config.rows import Row
+from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.paired_comparison import STATISTIC_LABELS, mean_position_error
 from omni_mj.results.result import Outcome, Result
@@ -196,13 +196,10 @@ def _learn_and_compare(
         controller_from_function(WITHOUT_NOISE, lambda *observed: next(commands)),
         *names,
     ]
-    runs = [(LIMIT, seed, scenario) for seed in seeds]
-    runs += [(WITHOUT_NOISE, seeds[0], noiseless)]
-    runs += [(name, seed, scenario) for name in names for seed in seeds]
-    rows = [
-        Row(i, 0, label, seed, scenario_i.settings, scenario.robot)
-        for i, (label, seed, scenario_i) in enumerate(runs)
-    ]
+    runs = [(LIMIT, seed, scenario.settings) for seed in seeds]
+    runs += [(WITHOUT_NOISE, seeds[0], noiseless.settings)]
+    runs += [(name, seed, scenario.settings) for name in names for seed in seeds]
+    rows = build_single_robot_rows(runs, scenario.robot)
     simulation = Simulation(scenario, controllers, rows=rows)
     outcome = run_simulation(simulation, start_progress("limit and controllers", model.frames))
     if outcome.entry["reason"]:

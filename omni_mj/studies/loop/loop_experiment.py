@@ -17,7 +17,7 @@ import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
-from omni_mj.config.rows import Row
+from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.open_loop import resting_reference, send_twists
@@ -51,7 +51,7 @@ def make_multisine(seed: int) -> Array:
     phases = np.random.default_rng([seed, 2]).uniform(0, 2 * np.pi, len(HARMONICS))
     frames = np.arange(-TRANSIENT_FRAMES - MEASURED_FRAMES, 0)
     cycles = frames[:, None] * HARMONICS / PERIOD_FRAMES
-    total: Array = np.cos(2 * np.pi * cycles + phases).sum(1)
+    total = np.cos(2 * np.pi * cycles + phases).sum(1)
     return RMS_M_S * np.sqrt(2 / len(HARMONICS)) * total
 
 
@@ -128,10 +128,8 @@ class LoopExperiment:
         )
         self._grid_shape = len(scenario.labels), len(CASES), scenario.seeds, 2
         grid = list(itertools.product(scenario.labels, CASES, scenario.seed_list, (1, -1)))
-        rows = [
-            Row(i, 0, label, seed, settings, scenario.robot)
-            for i, (label, _, seed, _) in enumerate(grid)
-        ]
+        runs = [(label, seed, settings) for label, _, seed, _ in grid]
+        rows = build_single_robot_rows(runs, scenario.robot)
         _, cases, seeds, signs = zip(*grid, strict=True)
         self.row_labels = {"case": np.array(cases), "sign": np.array(signs)}
         is_driving, axes = zip(*(CASES[case] for case in cases), strict=True)

@@ -30,8 +30,8 @@ from omni_mj.studies.loop.loop_metrics import (
 from omni_mj.studies.open_loop import open_loop_outcome
 from omni_mj.studies.run_scenario import (
     StartProgress,
+    build_result,
     list_competitors,
-    list_privileged,
     no_progress,
     resolve_scenario,
 )
@@ -202,16 +202,8 @@ def measure_loop(
     outcome = open_loop_outcome(
         scenario, experiment.simulation, start_time, stopped, experiment.row_labels
     )
-    return LoopResult(
-        [outcome],
-        scenario.labels,
-        list_privileged(scenario),
-        scenario.seed_list,
-        wall_s=time.perf_counter() - start_time,
-        stopped=stopped,
-        complete=not stopped,
-        loops={} if stopped else _evaluate(experiment, scenario.labels),
-    )
+    loops = {} if stopped else _evaluate(experiment, scenario.labels)
+    return LoopResult(**vars(build_result(outcome)), loops=loops)
 
 
 def _evaluate(

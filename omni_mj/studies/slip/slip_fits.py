@@ -138,7 +138,7 @@ def simulate_slip(gain: float, time: float, u: Array, speed: Array) -> Array:
     inputs = steady[1:] - decay * steady[:-1] - lag / step * (1 - decay) * np.diff(steady)
     bands = np.ones((2, len(edges)))  # v[k+1] - decay v[k] = inputs[k], for all steps at once
     bands[1, :-1] = -decay
-    v: Array = solve_banded((1, 0), bands, np.append(0.0, inputs))
+    v = solve_banded((1, 0), bands, np.append(0.0, inputs))
     return v[::SUBSTEPS]
 
 
@@ -179,7 +179,7 @@ def predict_decelerations(settings: Settings) -> Array:
     hubs = (np.abs(wheels.matrix) * friction).sum(0) / wheels.radius
     rotor_inertia = motor.rotor_inertia_kg_m2 * motor.gear_ratio**2
     rotors = rotor_inertia / wheels.radius**2 * (wheels.matrix**2).sum(0)
-    return np.asarray((nominal_model.compute_creep_law(settings).drag + hubs) / (inertia + rotors))
+    return (nominal_model.compute_creep_law(settings).drag + hubs) / (inertia + rotors)
 
 
 def _mean_of_known(values: Array) -> float:

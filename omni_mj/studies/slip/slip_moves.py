@@ -15,7 +15,7 @@ import numpy as np
 from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array, world_to_body
 from omni_mj.config import PERIOD_S
-from omni_mj.config.rows import Row
+from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.plants.mujoco_plant import MujocoPlant
 from omni_mj.simulation.simulation import Simulation
@@ -141,10 +141,8 @@ def record_moves(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFr
     frames = longest_move(moves) + 1
     settings = open_loop_settings(scenario.settings, frames)
     scenario = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
-    rows = [
-        Row(i, 0, Controller.__name__, scenario.seed + i, settings, scenario.robot)
-        for i in range(len(moves))
-    ]
+    runs = [(Controller.__name__, scenario.seed + i, settings) for i in range(len(moves))]
+    rows = build_single_robot_rows(runs, scenario.robot)
     simulation = Simulation(scenario, [Controller], rows=rows)
     stopped = send_twists(simulation, _command_moves(simulation, moves, frames), after_frame)
     kinematics = settings.wheels.kinematics

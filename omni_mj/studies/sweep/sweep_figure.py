@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
@@ -89,8 +88,12 @@ def _draw_maps(figure: Figure, result: SweepResult) -> None:
     grid = figure.subplots(len(maps), len(names), sharex=True, sharey=True, squeeze=False)
     for row, (values, colors, label) in zip(grid, maps, strict=True):
         for i, axes in enumerate(row):
-            image = _draw_map(axes, values[..., i], colors)
-            axes.set(title=names[i], xlabel=column_name, ylabel=row_name)
+            known_values = np.ma.masked_invalid(values[..., i])  # the others are gray
+            image = axes.imshow(known_values, origin="lower", aspect="auto", **colors)
+            axes.set(
+                title=names[i], xlabel=column_name, ylabel=row_name, facecolor=style.BACKGROUND
+            )
+            axes.grid(visible=False)
             axes.label_outer()
         ticks = LogLocator(subs=(1, 2, 5)) if label == ERROR_LABEL else None
         bar = figure.colorbar(
@@ -99,13 +102,6 @@ def _draw_maps(figure: Figure, result: SweepResult) -> None:
         bar.minorticks_off()
     _set_ticks(grid[0, 0].xaxis, column_values)
     _set_ticks(grid[0, 0].yaxis, row_values)
-
-
-def _draw_map(axes: Axes, values: Array, colors: dict[str, Any]) -> Any:
-    """Draw one heat map, gray where a value is infinite or missing, and return its image."""
-    axes.grid(visible=False)
-    axes.set_facecolor(style.BACKGROUND)
-    return axes.imshow(np.ma.masked_invalid(values), origin="lower", aspect="auto", **colors)
 
 
 def _collect(result: SweepResult, *path: str) -> Array:

@@ -2,6 +2,7 @@
 
 import atexit
 import ctypes
+import shutil
 import uuid
 from collections.abc import Callable
 from pathlib import Path
@@ -13,12 +14,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from omni_mj.atomic_files import check_disk_space
+from omni_control.errors import OmniError
 from omni_mj.config import PERIOD_S
 from omni_mj.viz.recording.viewer import is_listening
 
 Frames = NDArray[np.int_]  # numbers of frames, (n,)
 FRAME, TIME = "frame", "time"  # names of the timelines
+RESERVED_BYTES = 1_000_000  # disk space for small files: summary, report, provenance
 FLUSH_TIMEOUT_S = 30.0  # for one block of about 1 MB
 
 
@@ -84,7 +86,10 @@ class RerunStream:
     def _check_disk(self, table_bytes: float) -> None:
         """Raise OmniError if the disk would not have enough room left for a trajectory table."""
         if isinstance(self._target, Path):
-            check_disk_space(self._target.parent, table_bytes)
+            disk = shutil.disk_usage(self._target.parent)
+            if disk.total and disk.free < table_bytes + RESERVED_BYTES:  # total is 0 if unknown
+                free_mb = disk.free / 1e6
+                raise OmniError(f"the last {free_mb:.1f} MB of the disk are reserved for results")
 
     def _try_sending(self, send: Callable[..., None], *arguments: object) -> None:
         """Call `send` with its arguments and flush, unless the stream has failed."""

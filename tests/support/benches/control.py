@@ -39,7 +39,8 @@ from omni_control.estimation.robot_ekf import RobotEkf
 from omni_control.estimation.vision_tracker import KalmanFilter
 from omni_control.fuzzy_rules import LABELS, FuzzyLaw, compute_memberships
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body, wrap_angle
-from omni_control.reference import PerRobotReference, Reference
+from omni_control.reference import Reference
 from omni_control.reference.curve_reference import CURVES, Curve, CurveReference
 from omni_control.reference.replanned_reference import ARRIVAL_RADIUS_M
+from omni_control.reference.sampled_reference import PerRobotReference
 from omni_control.traction import compute_traction_limits
