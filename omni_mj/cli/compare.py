@@ -1,6 +1,5 @@
 """`omni-mj compare`: run all controllers on all scenarios over many seeds."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,6 @@ from omni_mj.cli import console, options, output_folders
 from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
-    from omni_mj.config.scenario import Scenario
     from omni_mj.results.result import Outcome, Result
 
 OUTPUTS = (
@@ -86,8 +84,25 @@ def compare_command(
     ]
     compare_study.check_scenarios(scenarios, subject)
     folder = output_folders.prepare_folder(output.out, "compare", OUTPUTS, output.overwrite)
-    with Interrupts() as interrupts:
-        result = _run_comparison(scenarios, subject, folder, trajectories, interrupts, output.quiet)
+
+    def after_scenario(result: "Result", outcome: "Outcome") -> None:
+        _save_tables(result, folder)
+        result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
+
+    with (
+        console.report_write_errors(folder),
+        Interrupts() as interrupts,
+        console.show_progress(output.quiet, interrupts.check) as start_progress,
+    ):
+        output_folders.write_initial_files(folder, "compare", scenarios, trajectories)
+        result = compare_study.compare(
+            scenarios,
+            controllers,
+            scenarios[0].seed_list,
+            subject,
+            start_progress=start_progress,
+            after_scenario=after_scenario,
+        )
     with console.report_write_errors(folder):
         summary = _save_tables(result, folder)
         compare_figure.save_comparison_figure(summary, folder / "compare")
@@ -100,36 +115,6 @@ def compare_command(
         result.stopped, f"{n_done} of {len(scenarios)} scenarios are in {folder}"
     )
     console.exit_if_failed(result.outcomes)
-
-
-def _run_comparison(
-    scenarios: Sequence["Scenario"],
-    subject: str | None,
-    folder: Path,
-    trajectories: bool,
-    interrupts: Interrupts,
-    quiet: bool,
-) -> "Result":
-    """Run the scenarios, and save the results after each of them."""
-    from omni_mj.studies import compare_study
-
-    def after_scenario(result: "Result", outcome: "Outcome") -> None:
-        _save_tables(result, folder)
-        result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
-
-    with (
-        console.report_write_errors(folder),
-        console.show_progress(quiet, interrupts.check) as start_progress,
-    ):
-        output_folders.write_initial_files(folder, "compare", scenarios, trajectories)
-        return compare_study.compare(
-            scenarios,
-            scenarios[0].controllers,
-            scenarios[0].seed_list,
-            subject,
-            start_progress=start_progress,
-            after_scenario=after_scenario,
-        )
 
 
 def _save_tables(result: "Result", folder: Path) -> dict[str, Any]:

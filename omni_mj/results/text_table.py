@@ -1,7 +1,7 @@
 """Tables of strings: their columns, and their text for the terminal and for Markdown."""
 
 import textwrap
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 DASH = "\N{EN DASH}"
@@ -75,9 +75,10 @@ def drop_equal_columns(text_table: Table, kept_headings: Collection[str]) -> Tab
     return Table(title, headings, rows, text_table.left_columns)
 
 
-def format_markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table in Markdown with one line of headings."""
-    lines = [headings, ["---"] * len(headings), *rows]
+def format_markdown(text_table: Table) -> str:
+    """Return a table in Markdown with one line of headings, without its title."""
+    headings = text_table.headings
+    lines = [headings, ["---"] * len(headings), *text_table.rows]
     return "\n".join("| " + " | ".join(map(escape_markdown_cell, line)) + " |" for line in lines)
 
 

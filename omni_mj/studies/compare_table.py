@@ -45,7 +45,7 @@ def to_markdown(summary: Summary) -> str:
         _bullet_list(_list_missing(summary)),
     ]
     if verdicts.rows:
-        verdict_rows = format_markdown(verdicts.headings, verdicts.rows)
+        verdict_rows = format_markdown(verdicts)
         blocks += [f"## {verdicts.title}", _verdict_caption(summary), verdict_rows]
     for statistic, label in STATISTIC_LABELS.items():
         heading = f"## {label.capitalize()} position error in cm"
@@ -54,7 +54,7 @@ def to_markdown(summary: Summary) -> str:
     versions = summary["versions"].items()
     blocks += [
         "## Errors, effort and settling",
-        format_markdown(errors.headings, errors.rows) if errors.rows else "",
+        format_markdown(errors) if errors.rows else "",
         "## Definitions",
         _bullet_list(f"**{name}**: {definition}" for name, definition in definitions),
         ", ".join(f"{name} {version}" for name, version in versions),
@@ -76,7 +76,7 @@ def _error_matrix(summary: Summary, statistic: str) -> str:
             errors[name] = format_mean_cm(result["error_m"]["position"][statistic]) + failed
         rows.append([scenario, *(errors.get(name, DASH) for name in summary["controllers"])])
     labels = [controller_label(summary, name) for name in summary["controllers"]]
-    return format_markdown(["", *labels], rows)
+    return format_markdown(Table("", ["", *labels], rows, 1))
 
 
 def verdict_table(summary: Summary) -> Table:

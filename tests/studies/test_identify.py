@@ -49,16 +49,18 @@ def test_parameters_are_identified_from_a_log(is_other_robot: bool, tmp_path: Pa
         ("wheels.slope_y_rad", slope * np.sin(np.radians(20))),
         ("commands.dead_time_s", dead_time),
     ):
-        assert abs(result[name].value - value) < 4 * result[name].standard_error, name
-    assert result["wheels.creep_stiffness"].value == pytest.approx(stiffness, rel=0.1)
-    assert result["commands.dead_time_s"].value == pytest.approx(dead_time, abs=0.3 / 60)
+        assert (
+            abs(result.estimates[name].value - value) < 4 * result.estimates[name].standard_error
+        ), name
+    assert result.estimates["wheels.creep_stiffness"].value == pytest.approx(stiffness, rel=0.1)
+    assert result.estimates["commands.dead_time_s"].value == pytest.approx(dead_time, abs=0.3 / 60)
     lag = om.load_robot("tigers-v2016").facts["lag_forward_s"]
-    assert result["commands.lag_forward_s"].value == pytest.approx(lag, abs=0.005)
+    assert result.estimates["commands.lag_forward_s"].value == pytest.approx(lag, abs=0.005)
 
 
 def test_commands_alone_identify_creep(tmp_path: Path) -> None:
     result = identify_log(make_log(wheels=False, **OTHER), tmp_path)
-    assert result["commands.creep_stiffness"].value == pytest.approx(3.0, rel=0.1)
+    assert result.estimates["commands.creep_stiffness"].value == pytest.approx(3.0, rel=0.1)
 
 
 def test_unmodeled_motion_is_a_misfit(tmp_path: Path) -> None:
@@ -73,10 +75,12 @@ def test_unmodeled_motion_is_a_misfit(tmp_path: Path) -> None:
 def test_slow_motion_does_not_identify_creep(tmp_path: Path) -> None:
     """At 0.4 m/s and 0.8 m/s^2 the reason is reported."""
     result = identify_log(make_log(speed=0.4, acceleration=0.8, commands=False), tmp_path)
-    creep = result["wheels.creep_stiffness"]
+    creep = result.estimates["wheels.creep_stiffness"]
     assert "it needs 1 m/s and 1 m/s^2" in (creep.why_not or "")
     assert creep.report()["value"] is None
-    assert result["wheels.radius_m"].value == pytest.approx(SETTINGS.wheels.radius_m, rel=0.15)
+    assert result.estimates["wheels.radius_m"].value == pytest.approx(
+        SETTINGS.wheels.radius_m, rel=0.15
+    )
 
 
 def test_motion_along_one_axis_does_not_identify_the_other(tmp_path: Path) -> None:
@@ -89,9 +93,9 @@ def test_motion_along_one_axis_does_not_identify_the_other(tmp_path: Path) -> No
     wheels = SETTINGS.wheels.kinematics.wheel_speeds(np.stack([speed, 0 * speed, 0 * speed], 1))
     names = ("time_s", *POSE, *(f"{name}_s" for name in WHEELS))
     result = identify_log(dict(zip(names, [time, *pose.T, *wheels.T], strict=True)), tmp_path)
-    assert result["wheels.gain_forward"].is_identified
-    assert "moves sideways at 0.0" in (result["wheels.gain_sideways"].why_not or "")
-    assert "turns at 0.0" in (result["wheels.gain_turning"].why_not or "")
+    assert result.estimates["wheels.gain_forward"].is_identified
+    assert "moves sideways at 0.0" in (result.estimates["wheels.gain_sideways"].why_not or "")
+    assert "turns at 0.0" in (result.estimates["wheels.gain_turning"].why_not or "")
 
 
 def slow(seconds: float = 40.0) -> Columns:
@@ -120,8 +124,8 @@ def test_wheels_identify_radius_arm_and_clock_offset(tmp_path: Path) -> None:
         ("gain_forward", 0.96, {"rel": 0.005}),
         ("clock_offset_s", 0.07, {"abs": 0.01}),
     ):
-        assert result[f"wheels.{name}"].value == pytest.approx(value, **within), name
-    assert not result["wheels.creep_stiffness"].is_identified
+        assert result.estimates[f"wheels.{name}"].value == pytest.approx(value, **within), name
+    assert not result.estimates["wheels.creep_stiffness"].is_identified
     assert not result.misfits
 
 

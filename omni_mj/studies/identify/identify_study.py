@@ -69,10 +69,6 @@ class IdentificationResult:
     fits: dict[str, Fit] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
 
-    def __getitem__(self, name: str) -> Estimate:
-        """Return an estimate by name, such as "commands.dead_time_s"."""
-        return self.estimates[name]
-
     @property
     def misfits(self) -> list[str]:
         """Messages about residuals that the model cannot explain, one line each."""

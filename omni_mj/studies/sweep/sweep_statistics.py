@@ -140,7 +140,7 @@ def format_sweep_tables(plan: SweepPlan, summary: dict[str, Any]) -> str:
 def save_sweep_table(plan: SweepPlan, summary: dict[str, Any], path: Path) -> None:
     """Write the complete tables as Markdown."""
     blocks = [
-        f"{table.title}\n\n{format_markdown(table.headings, table.rows)}\n"
+        f"{table.title}\n\n{format_markdown(table)}\n"
         for table in _list_tables(plan, summary, summary["points"])
     ]
     write_text(path, "\n".join(blocks))
@@ -149,8 +149,16 @@ def save_sweep_table(plan: SweepPlan, summary: dict[str, Any], path: Path) -> No
 def _list_tables(
     plan: SweepPlan, summary: dict[str, Any], points: list[dict[str, Any]]
 ) -> list[Table]:
-    """Return the table of points, and that of correlations if there is one."""
-    return [_point_table(plan, summary, points), *_correlation_tables(summary)]
+    """Return the table of points, and that of rank correlations if there are any."""
+    tables = [_point_table(plan, summary, points)]
+    rows = [
+        [line["controller"], line["setting"], *(format_number(line[e]) for e in ERROR_COLUMNS)]
+        for line in summary["correlations"]
+    ]
+    if rows:
+        title = "settings that affect the position error: Spearman's rank correlation"
+        tables.append(Table(title, ["controller", "setting", "maximum", "mean"], rows, 2))
+    return tables
 
 
 def _point_table(plan: SweepPlan, summary: dict[str, Any], points: list[dict[str, Any]]) -> Table:
@@ -185,13 +193,3 @@ def _point_row(point: dict[str, Any], names: list[str]) -> list[str]:
         f"{errors['low']} to {errors['high']}" if has_interval else "",
         errors["p90"],
     ]
-
-
-def _correlation_tables(summary: dict[str, Any]) -> list[Table]:
-    """Return a table of rank correlations, or none if there are no numbers to correlate."""
-    rows = [
-        [line["controller"], line["setting"], *(format_number(line[e]) for e in ERROR_COLUMNS)]
-        for line in summary["correlations"]
-    ]
-    title = "settings that affect the position error: Spearman's rank correlation"
-    return [Table(title, ["controller", "setting", "maximum", "mean"], rows, 2)] if rows else []
