@@ -2,18 +2,12 @@
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options, output_folders, run
 from omni_mj.cli.interrupts import Interrupts
-
-if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
-    from omni_mj.studies.sweep.sweep_plan import SweepPlan
 
 SWEEP_FILE = "sweep.json"  # written first; a folder that contains it is resumed
 OUTPUTS = (
@@ -83,7 +77,7 @@ def sweep_command(
     stopped or killed, repeat its command with its folder as --out. Settings can be random: --set
     carpet.friction='{uniform = [0.4, 0.9]}' draws a value for each seed.
     """
-    from omni_mj.studies.sweep import workers
+    from omni_mj.studies.sweep import sweep_figure, sweep_statistics, sweep_study, workers
     from omni_mj.studies.sweep.sweep_plan import SweepPlan, check_axes, parse_axis
 
     scenario = scenario_options.load_scenario(run.require_scenario(name))
@@ -93,40 +87,24 @@ def sweep_command(
         raise OmniError("--jobs are processes on this machine; it cannot be used with --cluster")
     if out is None or not (out / SWEEP_FILE).exists():
         out = output_folders.prepare_folder(out, "sweep", OUTPUTS, overwrite=False)
-    with workers.cluster(cluster) if cluster else nullcontext() as executor:
-        _run_sweep(plan, out, quiet, jobs, executor)
-
-
-def _run_sweep(
-    plan: "SweepPlan", folder: Path, quiet: bool, jobs: int, executor: "Executor | None"
-) -> None:
-    """Run the remaining shards of a sweep, save its table and figure, and print the results.
-
-    Args:
-        plan: Plan of the sweep.
-        folder: Folder of the results.
-        quiet: Whether nothing is printed.
-        jobs: Number of local processes.
-        executor: Executor that runs the shards instead, or None.
-    """
-    from omni_mj.studies.sweep import sweep_figure, sweep_statistics, sweep_study
-
-    with console.report_write_errors(folder):
-        with (
-            Interrupts() as interrupts,
-            console.show_progress(quiet, interrupts.check) as start_progress,
-        ):
-            result = sweep_study.run_sweep(
-                plan, folder, jobs=jobs, executor=executor, start_progress=start_progress
-            )
-        progress_text = f"{result.n_done} of {len(plan.shards)} shards"
+    with (
+        workers.cluster(cluster) if cluster else nullcontext() as executor,
+        console.report_write_errors(out),
+        Interrupts() as interrupts,
+        console.show_progress(quiet, interrupts.check) as start_progress,
+    ):
+        result = sweep_study.run_sweep(
+            plan, out, jobs=jobs, executor=executor, start_progress=start_progress
+        )
+    progress_text = f"{result.n_done} of {len(plan.shards)} shards"
+    with console.report_write_errors(out):
         if result.n_done:
-            sweep_statistics.save_sweep_table(plan, result.summary, folder / "sweep.md")
-            sweep_figure.save_sweep_figure(result, folder / "sweep.png")
+            sweep_statistics.save_sweep_table(plan, result.summary, out / "sweep.md")
+            sweep_figure.save_sweep_figure(result, out / "sweep.png")
             if not quiet:
                 print(sweep_statistics.format_sweep_tables(plan, result.summary))
                 print(f"repeat the worst run: {result.summary['worst'][0]['repeat_command']}")
-                print(f"{progress_text} done; {console.describe_outputs(folder, OUTPUTS)}")
+                print(f"{progress_text} done; {console.describe_outputs(out, OUTPUTS)}")
     interrupts.exit_if_stopped(
-        result.stopped, f"{progress_text} are in {folder}; to resume, repeat with --out {folder}"
+        result.stopped, f"{progress_text} are in {out}; to resume, repeat with --out {out}"
     )
