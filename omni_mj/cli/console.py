@@ -5,7 +5,7 @@ import os
 import shlex
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -80,7 +80,7 @@ def exit_with_error(message: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
-def exit_if_failed(outcomes: Iterable["Outcome"]) -> None:
+def exit_if_failed(outcomes: Sequence["Outcome"]) -> None:
     """Exit with code 1 if a row failed or a scenario could not be run.
 
     Equal lines are printed once.
@@ -90,7 +90,8 @@ def exit_if_failed(outcomes: Iterable["Outcome"]) -> None:
         errors = [str(failure) for failure in outcome.failures]
         if outcome.entry["status"] == "failed":
             errors.append(outcome.entry["reason"])
-        lines += [f"{outcome.scenario.name}: {' '.join(error.split())}" for error in errors]
+        prefix = f"{outcome.scenario.name}: " if len(outcomes) > 1 else ""
+        lines += [prefix + " ".join(error.split()) for error in errors]
     if lines:
         exit_with_error("\n".join(dict.fromkeys(lines)), FAILED)
 
