@@ -40,7 +40,7 @@ class Distribution:
 
     kind: str
     values: tuple[Any, ...]
-    is_integer: bool = False
+    is_integer: bool
 
     @property
     def median(self) -> SettingValue:

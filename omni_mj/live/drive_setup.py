@@ -15,10 +15,10 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.live.frame_clock import FrameClock, Pace
 from omni_mj.live.latency_fit import format_latency, measure_pulse
 from omni_mj.live.live_loop import Live
-from omni_mj.live.sockets import LOOPBACK, Address, MessageCounter, Receiver, parse_address
+from omni_mj.live.sockets import Address, MessageCounter, Receiver, parse_address
 from omni_mj.live.ssl_vision import SslVision, TeamColor
 from omni_mj.live.team_radio import PORTS, SenderConfig, SimulatorRadio, TeamRadio
-from omni_mj.live.wire import VISION_GROUP, VISION_PORT
+from omni_mj.live.wire import VISION_PORT
 
 # After this time, frame rates are known within 1 % and clock offsets within a fraction of 1 ms.
 LISTEN_S = 1.5
@@ -41,25 +41,25 @@ class ConnectionOptions:
         pace: Source of frames, see `FrameClock.choose_source`.
         radio: A radio of the user's own, `file.py:Class`. None: the simulation protocol.
         wait_s: How long to wait for the first vision packet, s.
-        listen_s: How long to listen to vision before anything else, s.
         duration_s: Duration of the drive, s. None: the whole reference.
         pulse: Whether to measure the dead time first.
         overrides: Settings that the user fixes, `section.field=value`. Measured values replace
             others.
+        listen_s: How long to listen to vision before anything else, s.
     """
 
-    vision: str = VISION_GROUP
-    commands: str | None = None
-    interface: str = LOOPBACK
-    color: TeamColor = "blue"
-    ids: tuple[int, ...] = ()
-    pace: Pace = "auto"
-    radio: str | None = None
-    wait_s: float = 10.0
+    vision: str
+    commands: str | None
+    interface: str
+    color: TeamColor
+    ids: tuple[int, ...]
+    pace: Pace
+    radio: str | None
+    wait_s: float
+    duration_s: float | None
+    pulse: bool
+    overrides: tuple[str, ...]
     listen_s: float = LISTEN_S
-    duration_s: float | None = None
-    pulse: bool = True
-    overrides: tuple[str, ...] = ()
 
     @property
     def vision_address(self) -> Address:

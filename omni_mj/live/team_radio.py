@@ -57,7 +57,7 @@ class SenderConfig:
     host: Address | None
     color: TeamColor
     interface: str
-    reaches_both_teams: bool = False
+    reaches_both_teams: bool
 
 
 class TeamRadio:

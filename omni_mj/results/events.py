@@ -33,7 +33,7 @@ class Event:
     seed: int
     kind: str
     text: str
-    slot: int = 0
+    slot: int
 
 
 def find_events(log: Log, failures: Sequence[Failure]) -> list[Event]:

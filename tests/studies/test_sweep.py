@@ -286,7 +286,7 @@ def test_wheel_models_do_not_share_a_shard() -> None:
     """On the MuJoCo plant a shard has one wheel model only."""
     vary = {"wheels.model": ["rollers", "two-rollers"], "carpet.friction": [0.5, 0.8]}
     plan = bench.SweepPlan(
-        om.load_scenario("rect", controllers=["p"], seeds=2), bench.check_axes(vary.items())
+        om.load_scenario("rect", controllers=["p"], seeds=2), bench.check_axes(vary.items()), 128
     )
     assert [len(shard.runs) for shard in plan.shards] == [4, 4]
     for shard in plan.shards:

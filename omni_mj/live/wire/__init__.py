@@ -11,8 +11,8 @@ from google.protobuf.message import DecodeError, Message
 from omni_control.errors import OmniError
 
 MM_PER_M = 1000.0
-# Defaults of simulators. SSL-Vision itself sends to port 10006.
-VISION_GROUP, VISION_PORT = "224.5.23.2", 10020
+# Default ports of simulators. SSL-Vision itself sends to port 10006.
+VISION_PORT = 10020
 BLUE_PORT, YELLOW_PORT = 10301, 10302
 
 MessageT = TypeVar("MessageT", bound=Message)

@@ -105,7 +105,7 @@ class SweepPlan:
 
     scenario: Scenario
     axes: Mapping[str, tuple[Value, ...]]
-    batch_size: int = BATCH_SIZE
+    batch_size: int
 
     def __post_init__(self) -> None:
         """Check the settings at every point, and choose one backend for all shards."""

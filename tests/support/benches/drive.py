@@ -53,7 +53,21 @@ def connect_peer(*arguments: object, **options: Any) -> Iterator[ConnectionOptio
     ports = free_port(), free_port()
     vision, commands = (f"{LOOPBACK}:{port}" for port in ports)
     with run_peer(ports, "--lockstep", *arguments):
-        yield replace(ConnectionOptions(vision, commands, pace="vision", listen_s=0.4), **options)
+        connection = ConnectionOptions(
+            vision,
+            commands,
+            LOOPBACK,
+            color="blue",
+            ids=(),
+            pace="vision",
+            radio=None,
+            wait_s=10.0,
+            duration_s=None,
+            pulse=True,
+            overrides=(),
+            listen_s=0.4,
+        )
+        yield replace(connection, **options)
 
 
 def live_scenario(controller: str | type[Controller], **sections: object) -> Scenario:
