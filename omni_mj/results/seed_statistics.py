@@ -1,5 +1,6 @@
 """Statistics over seeds: median, extremes, mean and confidence interval of a metric."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -43,19 +44,31 @@ def summarize_seeds(values: Array) -> SeedStatistics:
     """
     with np.errstate(invalid="ignore"):  # infinity minus infinity
         mean, half_width = mean_confidence_interval(values)
-        statistics = {
-            "median": np.median(values),
+        median = np.median(values)
+    statistics: SeedStatistics = finite_or_none(
+        {
+            "per_seed": values,
+            "median": median,
             "min": values.min(),
             "max": values.max(),
             "mean": mean,
             "ci95_half_width": half_width,
         }
-    return {
-        "per_seed": list(map(finite_or_none, values)),
-        **{name: finite_or_none(value) for name, value in statistics.items()},
-    }
+    )
+    return statistics
 
 
-def finite_or_none(value: Any) -> float | None:
-    """Return a number as float, or None if it is not finite, for JSON."""
-    return float(value) if np.isfinite(value) else None
+def finite_or_none(values: Any) -> Any:
+    """Return numbers as plain values for JSON, with None in place of those that are not finite.
+
+    Args:
+        values: A number, an array, or a mapping to numbers and arrays.
+
+    Returns:
+        A float, a nested list, or a dictionary.
+    """
+    if isinstance(values, Mapping):
+        return {name: finite_or_none(value) for name, value in values.items()}
+    if np.ndim(values):
+        return [finite_or_none(value) for value in values]
+    return float(values) if np.isfinite(values) else None

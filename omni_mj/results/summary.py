@@ -250,4 +250,4 @@ def _statistics_without_failed(values: Array) -> SeedStatistics:
     """Return statistics over the seeds that did not fail. Failed ones are None in `per_seed`."""
     known = values[~np.isnan(values)]
     statistics_of_known = summarize_seeds(known if known.size else np.array([np.nan]))
-    return statistics_of_known | {"per_seed": [finite_or_none(value) for value in values]}
+    return statistics_of_known | {"per_seed": finite_or_none(values)}

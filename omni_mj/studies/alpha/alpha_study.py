@@ -29,6 +29,7 @@ from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import Settings
 from omni_mj.results.ramp_response import RampProfile, RampResponse, measure_ramp_response
 from omni_mj.results.result import Result
+from omni_mj.results.seed_statistics import finite_or_none
 from omni_mj.results.text_table import Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.alpha.operating_conditions import (
@@ -114,16 +115,16 @@ class AlphaStudy:
             "definitions": DEFINITIONS,
             "directions": list(DIRECTIONS),
             "profile": PROFILE._asdict(),
-            "baseline": _plain_response(self.baseline),
+            "baseline": finite_or_none(self.baseline._asdict()),
             "by_condition": {
-                name: {"values": list(self.condition_values[name])} | _plain_response(response)
+                name: finite_or_none({"values": self.condition_values[name], **response._asdict()})
                 for name, response in self.by_condition.items()
             },
-            "worn": {"conditions": WORN, **_plain_response(self.worn)},
-            "wheel_loop": _plain_response(self.wheel_loop),
+            "worn": {"conditions": WORN, **finite_or_none(self.worn._asdict())},
+            "wheel_loop": finite_or_none(self.wheel_loop._asdict()),
             "causes": {
                 name: {
-                    cause: {"share": _plain_list(values)}
+                    cause: {"share": finite_or_none(values)}
                     for cause, values in self.contributions(name).items()
                 }
                 for name in RampResponse._fields
@@ -296,14 +297,3 @@ def _format_response(response: RampResponse, sign: str = "") -> list[str]:
         "/".join(f"{factor * value:{sign}.{digits}f}" for value in getattr(response, name)[:2])
         for name, (factor, digits) in _FORMATS.items()
     ]
-
-
-def _plain_response(response: RampResponse) -> dict[str, Any]:
-    return {name: _plain_list(values) for name, values in response._asdict().items()}
-
-
-def _plain_list(values: Array) -> Any:
-    """Return nested lists, with None in place of NaN."""
-    rounded = values.round(6).astype(object)
-    rounded[np.isnan(values)] = None
-    return rounded.tolist()

@@ -100,10 +100,10 @@ class LoopMeasurement(NamedTuple):
         return {
             "rms_m_s": loop_experiment.RMS_M_S,
             "step_m": STEP_M,
-            "step": _finite_fields(self.step_metrics),
-            "margins": _finite_fields(self.margins),
-            "gain": list(map(finite_or_none, np.abs(self.gains))),
-            "phase_deg": list(map(finite_or_none, np.degrees(np.angle(self.gains)))),
+            "step": finite_or_none(self.step_metrics._asdict()),
+            "margins": finite_or_none(self.margins._asdict()),
+            "gain": finite_or_none(np.abs(self.gains)),
+            "phase_deg": finite_or_none(np.degrees(np.angle(self.gains))),
         }
 
 
@@ -226,8 +226,3 @@ def _evaluate(
         case: {label: evaluate_loop(i, j) for i, label in enumerate(labels)}
         for j, case in enumerate(CASES)
     }
-
-
-def _finite_fields(metrics: StepMetrics | StabilityMargins) -> dict[str, float | None]:
-    """Return the fields by name, with None in place of NaN."""
-    return {name: finite_or_none(value) for name, value in metrics._asdict().items()}
