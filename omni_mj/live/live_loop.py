@@ -33,7 +33,7 @@ class LivePlant:
 
     Attributes:
         measured: Poses measured by vision, shape (n, 3), NaN for robots that were not detected.
-        measurement_age: Ages of the measurements, shape (n,), s; None before the first frame.
+        measurement_age: Ages of the measurements, shape (n,), s.
         unseen: Number of frames since each robot was last detected, shape (n,).
 
     Raises:
@@ -44,13 +44,15 @@ class LivePlant:
         if not driven:
             raise OmniError("the plant 'live' stands for external robots; use omni-mj drive")
         self.geometry: Kinematics | None = rows[0].settings.wheels.kinematics
-        self.measurement_age: Array | None = None
-        self.measured, self._start, self.unseen = np.array(start), start, np.zeros(len(rows), int)
+        self._start = start
+        self.measured = np.array(start)
+        self.measurement_age = np.zeros(len(rows))
+        self.unseen = np.zeros(len(rows), int)
         self._telemetry = Telemetry.without_wheels(len(rows), len(self.geometry.azimuths))
 
-    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return measured poses, and whether each robot was detected; see `CameraModel`."""
-        return self.measured.copy(), ~np.isnan(self.measured[:, 0])
+    def __call__(self, pose: Array) -> tuple[Array, Array]:
+        """Return measured poses and their ages; see `CameraModel`."""
+        return self.measured.copy(), self.measurement_age
 
     def pose(self) -> Array:
         """Return the initial poses, because the true ones are unknown."""

@@ -193,9 +193,6 @@ class Cameras:
         settings: Settings of each row.
         seeds: Seed of each row.
         faults: Faults of each row.
-
-    Attributes:
-        measurement_age: Age of the latest measurement according to its capture time, (n,) s.
     """
 
     def __init__(
@@ -212,20 +209,20 @@ class Cameras:
                 [settings[i] for i in rows], [seeds[i] for i in rows], [faults[i] for i in rows]
             )
             self._groups.append((rows, cameras))
-        self.measurement_age: Array | None = None
 
-    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the measured poses (n, 3) since the last frame, and whether a row has one (n,).
+    def __call__(self, pose: Array) -> tuple[Array, Array]:
+        """Return the measured poses (n, 3) since the last frame, and their ages (n,), s.
 
-        Rows without a measured pose are NaN.
+        Rows without a measured pose are NaN. Ages are those according to capture times.
 
         Args:
             pose: True poses in this frame, (n, 3).
         """
-        measured, self.measurement_age = np.full(pose.shape, np.nan), np.zeros(len(pose))
+        measured = np.full(pose.shape, np.nan)
+        age = np.zeros(len(pose))
         for rows, cameras in self._groups:
-            measured[rows], self.measurement_age[rows] = cameras.receive_images(pose[rows])
-        return measured, ~np.isnan(measured[:, 0])
+            measured[rows], age[rows] = cameras.receive_images(pose[rows])
+        return measured, age
 
 
 class _CamerasWithSameRate:

@@ -99,39 +99,31 @@ class Disturbances:
 
     Args:
         rows: Rows of the robots.
-
-    Attributes:
-        gyro_bias: Constant error of the gyros, (n, 1) rad/s.
     """
 
     def __init__(self, rows: Sequence[Row]) -> None:
         seeds = [row.noise_seed for row in rows]
         self._max_force = gather(rows, "settings.disturbance.force_n")[:, None]
-        self._has_force = bool(self._max_force.any())
-        self._uniform_noise = Noise(seeds, Stream.DISTURBANCE, 2)
+        self._force_noise = Noise(seeds, Stream.DISTURBANCE, 2)
         bias_sigma = gather(rows, "settings.sensors.gyro_bias_rad_s")[:, None]
-        self.gyro_bias: Array = (
-            bias_sigma * Noise(seeds, Stream.GYRO_BIAS, 1, "standard_normal").next()
-        )
+        self._gyro_bias = bias_sigma * Noise(seeds, Stream.GYRO_BIAS, 1, "standard_normal").next()
         self._gyro_sigma = gather(rows, "settings.sensors.gyro_noise_rad_s")[:, None]
         self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, 1, "standard_normal")
 
     def draw_push_force(self) -> Array:
         """Draw the forces on the chassis in the next frame, world frame, (n, 2) N."""
-        if not self._has_force:
-            return np.zeros((len(self._max_force), 2))
-        return self._max_force * (2 * self._uniform_noise.next() - 1)
+        return self._max_force * (2 * self._force_noise.next() - 1)
 
-    def draw_gyro_error(self, bias: Array) -> Array:
+    def draw_gyro_error(self, fault_bias: float | Array) -> Array:
         """Draw the errors of the gyros in the next frame.
 
         Args:
-            bias: Sum of `gyro_bias` and the bias due to faults, (n, 1) rad/s.
+            fault_bias: Bias that faults add, (n, 1) rad/s.
 
         Returns:
             Errors, (n,) rad/s.
         """
-        return (bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
+        return (self._gyro_bias + fault_bias + self._gyro_sigma * self._gyro_noise.next())[:, 0]
 
 
 def _to_truncated_normal(uniform: Array) -> Array:

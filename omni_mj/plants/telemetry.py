@@ -59,7 +59,7 @@ class Telemetry:
         return self.columns[:, locate_columns(self.columns.shape[1])[name]]
 
     @classmethod
-    def without_wheels(cls, n: int, n_wheels: int = 4) -> Self:
+    def without_wheels(cls, n: int, n_wheels: int) -> Self:
         """Return telemetry of NaN, for n robots on a plant without wheels.
 
         Args:

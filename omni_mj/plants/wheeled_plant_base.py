@@ -114,14 +114,14 @@ class WheeledPlantBase:
             has_failed: Robots that have failed, on which no force acts, (n,).
         """
         push_force = self._disturbances.draw_push_force()
-        gyro_bias = self._disturbances.gyro_bias
+        fault_gyro_bias: float | Array = 0.0
         current_setpoint = self._current_setpoint
         fault_inputs = {"battery_voltage_factor": np.ones(len(self._rows))}
         if self._fault_effects is not None:
             faults = self._fault_effects
             faults.begin_frame()
             push_force = push_force + faults.push_force
-            gyro_bias = gyro_bias + faults.gyro_bias
+            fault_gyro_bias = faults.gyro_bias
             fault_inputs = faults.inputs
             current_setpoint = np.where(
                 np.isnan(faults.current_setpoint),
@@ -132,7 +132,7 @@ class WheeledPlantBase:
         return FrameInputs(
             vision_heading=vision_heading,
             heading_age=np.asarray(heading_age),
-            gyro_error=self._disturbances.draw_gyro_error(gyro_bias),
+            gyro_error=self._disturbances.draw_gyro_error(fault_gyro_bias),
             push_force=push_force.T,
             current_setpoint=current_setpoint,
             has_failed=has_failed if has_failed.any() else None,

@@ -29,16 +29,14 @@ from omni_mj.simulation.team_builder import ReferenceFactory, build_team
 class CameraModel(Protocol):
     """Cameras as the loop uses them, see `omni_mj.network.camera.Cameras`."""
 
-    measurement_age: Array | None
-
-    def __call__(self, pose: Array) -> tuple[Array, np.ndarray]:
-        """Return the measured poses and whether each robot was detected.
+    def __call__(self, pose: Array) -> tuple[Array, Array]:
+        """Return the measured poses and their ages.
 
         Args:
             pose: True poses, shape (n, 3).
 
         Returns:
-            Shapes (n, 3) and (n,).
+            Poses, shape (n, 3), NaN for robots that were not detected; and ages, shape (n,), s.
         """
 
 
@@ -216,9 +214,9 @@ class Simulation:
         """Return the team's observation of this frame. Further calls return the same object."""
         if self._observation is None:
             self._pose = self.plant.pose()
-            measured_pose, self._is_detected = self.camera(self._pose)
+            measured_pose, age = self.camera(self._pose)
+            self._is_detected = ~np.isnan(measured_pose[:, 0])
             truth = (self._pose, self.plant.twist()) if self.team.knows_truth else None
-            age = self.camera.measurement_age
             self._observation = self.team.observe(measured_pose, truth, age)
         return self._observation
 

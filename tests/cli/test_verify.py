@@ -64,7 +64,7 @@ class Toy:
         return {}
 
     def telemetry(self):
-        return Telemetry.without_wheels(len(self._pose))
+        return Telemetry.without_wheels(len(self._pose), 4)
 """
 ODD = """
 import os
