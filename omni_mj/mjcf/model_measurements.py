@@ -20,7 +20,7 @@ _GEOM = mujoco.mjtGeom
 class WheelGeometry:
     """Geometry of a robot's wheels, with the robot's frame at the world's origin.
 
-    Args:
+    Attributes:
         azimuths_deg: Directions to the contact points, (wheels,), 0 to 360 deg.
         is_outward: Whether the axis of each hinge points away from the robot, (wheels,).
         arm: Distance from the center to the contact points, m.

@@ -33,7 +33,7 @@ _MAX_SPACING_ERROR_RAD = 1e-3
 class RobotIndices:
     """Indices of one robot's parts in a compiled model, and addresses of their state.
 
-    Args:
+    Attributes:
         chassis: Body with the free joint.
         qpos: Addresses of all positions (range), the free joint's seven first.
         dofs: Addresses of all degrees of freedom (range), the free joint's six first.

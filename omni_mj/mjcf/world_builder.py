@@ -37,7 +37,7 @@ _WORLD_ATTRIBUTES = ("option", "visual", "stat", "memory", "nstack", "nconmax", 
 class World:
     """A compiled world and the indices of its robots; read-only, because it is shared.
 
-    Args:
+    Attributes:
         model: Compiled model. Robots are named `robot_1/...` and so on by slot, all at the origin.
         robots: Indices of n equal robots, by slot.
         rest_qpos: Positions (nq,) with every robot at rest at the origin, on its rollers.

@@ -23,7 +23,7 @@ from omni_mj.network.random_streams import Noise, Seed, Stream
 class ReceivedCommand(NamedTuple):
     """The command that each of n robots applies in a frame.
 
-    Args:
+    Attributes:
         command: Newest command that has arrived, (n, 3); zero before the first.
         heading: Heading from vision that was sent with it, (n,) rad; NaN if nothing new arrived.
         age: Frames since it was sent, (n,).

@@ -40,7 +40,7 @@ MARGIN_M = 0.35  # of the plan view around the route, for the robots on it
 class FilmTrack(NamedTuple):
     """Trajectories of one controller's robots in the first seed.
 
-    Args:
+    Attributes:
         controller: Name of the controller.
         color: Color of the controller in figures and recordings.
         poses: True poses, (frames, robots, 3) m, m, rad.

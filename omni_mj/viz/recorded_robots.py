@@ -20,7 +20,7 @@ SIGMA_CHANNEL = CHANNEL_PREFIX + "alpha_sigma"
 class RecordedRobot:
     """A robot of a figure or recording, with its part of the log.
 
-    Args:
+    Attributes:
         log: Log of the run.
         row: Row of the robot in the log.
         layer: Index of the robot's controller among those of the run.

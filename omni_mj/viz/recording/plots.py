@@ -23,7 +23,7 @@ FRACTION_RANGE = (0.0, 1.05)  # of axes that show a fraction
 class Plot(NamedTuple):
     """A plot with the same lines for each robot.
 
-    Args:
+    Attributes:
         path: Path below plots/; the robots are below it.
         title: Quantity and unit.
         values: Function of a robot that returns values (frames, lines), NaN where there are none.
