@@ -196,8 +196,8 @@ def frames_until_last(condition: np.ndarray) -> np.ndarray:
     Returns:
         Shape (...). Zero if no frame of a row meets it.
     """
-    numbers = np.arange(1, len(condition) + 1)
-    return (condition.T * numbers).max(-1, initial=0).T
+    frame_numbers = np.arange(1, len(condition) + 1)
+    return (condition.T * frame_numbers).max(-1, initial=0).T
 
 
 def _recoveries(

@@ -152,15 +152,15 @@ def _list_tables(
     plan: SweepPlan, summary: dict[str, Any], points: list[dict[str, Any]]
 ) -> list[Table]:
     """Return the table of points, and that of rank correlations if there are any."""
-    tables = [_point_table(plan, summary, points)]
+    sweep_tables = [_point_table(plan, summary, points)]
     rows = [
         [line["controller"], line["setting"], *(format_number(line[e]) for e in ERROR_COLUMNS)]
         for line in summary["correlations"]
     ]
     if rows:
         title = "settings that affect the position error: Spearman's rank correlation"
-        tables.append(Table(title, ["controller", "setting", "maximum", "mean"], rows, 2))
-    return tables
+        sweep_tables.append(Table(title, ["controller", "setting", "maximum", "mean"], rows, 2))
+    return sweep_tables
 
 
 def _point_table(plan: SweepPlan, summary: dict[str, Any], points: list[dict[str, Any]]) -> Table:
