@@ -1,7 +1,7 @@
 """Settings of the robot: body, wheels, drivetrain, firmware, sensors and battery."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
@@ -82,6 +82,21 @@ class WheelSettings(SettingsModel):
     def kinematics(self) -> Kinematics:
         """Kinematics of a robot with these wheels."""
         return Kinematics(np.radians(self.azimuths_deg) % (2 * np.pi), self.arm_m, self.radius_m)
+
+    def compute_support_margin(self, x: float) -> float:
+        """Return the distance of a point from the edge of the support polygon, m.
+
+        The polygon connects the wheel contacts. The distance is negative for a point outside.
+
+        Args:
+            x: Forward position of the point on the robot's x axis, m.
+        """
+        angles = sorted(math.radians(azimuth % 360) for azimuth in self.azimuths_deg)
+        margin = math.inf
+        for start, end in pairwise([*angles, angles[0] + math.tau]):
+            middle, half = (start + end) / 2, (end - start) / 2
+            margin = min(margin, self.arm_m * math.cos(half) - x * math.cos(middle))
+        return margin
 
     def find_contradictions(self) -> Iterator[str]:
         """Yield a message if rollers do not fit into a wheel, or do not close its circumference.
@@ -283,21 +298,3 @@ def compute_roller_depth(radius: float, roller_radius: float, angle: float) -> f
     c, s = math.cos(angle), math.sin(angle)
     semi_axis = math.sqrt(radius * roller_radius)
     return (radius - roller_radius) * c + math.hypot(roller_radius * c, semi_axis * s)
-
-
-def compute_support_margin(azimuths: Sequence[float], arm: float, x: float) -> float:
-    """Return the distance of a point (x, 0) from the edge of the support polygon, m.
-
-    The polygon connects the wheel contacts. The distance is negative for a point outside.
-
-    Args:
-        azimuths: Directions of the wheels, deg.
-        arm: Distance of the contacts from the center, m.
-        x: Position of the point, m.
-    """
-    angles = sorted(math.radians(azimuth % 360) for azimuth in azimuths)
-    margin = math.inf
-    for start, end in pairwise([*angles, angles[0] + math.tau]):
-        middle, half = (start + end) / 2, (end - start) / 2
-        margin = min(margin, arm * math.cos(half) - x * math.cos(middle))
-    return margin

@@ -30,7 +30,6 @@ from omni_mj.config.robot_settings import (
     ModelSettings,
     SensorSettings,
     WheelSettings,
-    compute_support_margin,
 )
 from omni_mj.config.team_settings import ControlSettings, ReferenceSettings
 from omni_mj.config.validation import SettingInfo, SettingsModel, merge_sections
@@ -84,7 +83,7 @@ class Settings(SettingsModel):
         """Yield a message for each contradiction between sections."""
         yield from fault_checks.find_fault_contradictions(self.fault, self)
         body, wheels, battery = self.body, self.wheels, self.battery
-        margin = compute_support_margin(wheels.azimuths_deg, wheels.arm_m, body.com_x_m)
+        margin = wheels.compute_support_margin(body.com_x_m)
         if margin <= 0:
             yield (
                 f"body.com_x_m = {body.com_x_m:g} is {-margin * 1e3:.3g} mm outside the polygon of "

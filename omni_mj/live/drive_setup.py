@@ -156,12 +156,12 @@ def prepare_drive(
         if options.pulse and not options.is_overridden(DEAD_TIME):
             settle_s = chosen.settings.reference.settle_s + PULSE_S
             longer = chosen.settings.replace(reference={"settle_s": settle_s})
-            trial = Live(chosen.replace(settings=longer), frame_clock, radio, vision.ids)
+            trial = Live(chosen.replace(settings=longer), frame_clock, radio)
             chosen = _with_measured(chosen, options, {DEAD_TIME: _dead_time(trial)})
         max_frames = (
             np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
         )
-        live = Live(chosen, frame_clock, radio, vision.ids, max_frames)
+        live = Live(chosen, frame_clock, radio, max_frames)
         live.team.step(vision.median_poses())  # run slow first-call code before the robots wait
         live.reset()
         try:

@@ -82,9 +82,9 @@ class Live(Simulation):
 
     Args:
         scenario: Scenario with the plant "live".
-        frame_clock: Source of vision packets and frames.
+        frame_clock: Source of vision packets and frames. Its `vision.ids` are the numbers of the
+            robots, one per row.
         radio: Sender of the commands.
-        ids: Numbers of the robots, one per row.
         max_frames: Number of frames after which the run ends. Default: the end of its references.
 
     Raises:
@@ -99,10 +99,9 @@ class Live(Simulation):
         scenario: Scenario,
         frame_clock: FrameClock,
         radio: TeamRadio,
-        ids: Sequence[int],
         max_frames: float = math.inf,
     ) -> None:
-        self.frame_clock, self.ids = frame_clock, list(ids)
+        self.frame_clock, self.ids = frame_clock, frame_clock.vision.ids
         self.messages = frame_clock.vision.messages
         self._radio, self._max_frames = radio, max_frames
         super().__init__(scenario)

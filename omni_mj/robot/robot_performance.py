@@ -10,7 +10,6 @@ from omni_control.errors import OmniError
 from omni_control.traction import GRAVITY, compute_traction_limits
 from omni_mj.config import nominal_model, robot_files
 from omni_mj.config.resolve import Robot, resolve_settings
-from omni_mj.config.robot_settings import compute_support_margin
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
 
@@ -56,8 +55,7 @@ def _derive_facts(settings: Settings) -> Mapping[str, float]:
     body, wheels, motor = settings.body, settings.wheels, settings.motor
     kinematics = wheels.kinematics
     rim_speed = settings.firmware.nominal_voltage_v / motor.wheel_back_emf_v_s * wheels.radius_m
-    support_radius = compute_support_margin(wheels.azimuths_deg, wheels.arm_m, body.com_x_m)
-    tipping_limit = support_radius / body.com_height_m * GRAVITY
+    tipping_limit = wheels.compute_support_margin(body.com_x_m) / body.com_height_m * GRAVITY
     axis_facts = {
         "top_speed_{}_m_s": rim_speed / np.abs(kinematics.matrix[:, :2]).max(0),
         "traction_limit_{}_m_s2": compute_traction_limits(
