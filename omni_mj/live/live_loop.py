@@ -127,10 +127,13 @@ class Live(Simulation):
         self._turn_latency = np.where(np.isfinite(latency), latency, self._nominal_latency)
         self._turn_alpha = np.where(np.isfinite(alpha), alpha, 1.0)
         measured, age, skipped = self.frame_clock.wait_for_frame(self.team.estimate, self.stop)
-        self._is_past, self._plant.measured = True, np.full_like(measured, np.nan)
+        self._is_past = True
+        self._plant.measured = np.full_like(measured, np.nan)
         for _ in range(skipped):
             super().step(self._sent)
-        self._is_past, self._plant.measured, self._plant.measurement_age = False, measured, age
+        self._is_past = False
+        self._plant.measured = measured
+        self._plant.measurement_age = age
         super().step(command)
 
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:

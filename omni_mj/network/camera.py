@@ -238,7 +238,8 @@ class _CamerasWithSameRate:
         self._timing = ImageTiming(settings, seeds, faults)
         self._rate_hz = settings[0].rate_hz
         self._last_pose: Array | None = None
-        self._frame, self._n_images = 0, 0
+        self._frame = 0
+        self._n_images = 0
         self._images_in_flight: list[_Image] = []
         self._newest_capture_time = np.full(len(seeds), -np.inf)
 
@@ -250,8 +251,10 @@ class _CamerasWithSameRate:
         """
         now = self._frame * PERIOD_S
         self._take_images(now, pose)
-        self._last_pose, self._frame = pose, self._frame + 1
-        measured, age = np.full(pose.shape, np.nan), np.zeros(len(pose))
+        self._last_pose = pose
+        self._frame += 1
+        measured = np.full(pose.shape, np.nan)
+        age = np.zeros(len(pose))
         for image in self._images_in_flight:
             has_arrived = (
                 (image.arrival <= now + _TIME_TOLERANCE_S)

@@ -63,7 +63,9 @@ def make_battery(settings: Sequence[Settings]) -> tuple[BatteryParameters, Batte
     return p, BatteryState(charge, voltage, np.ones(len(settings), bool), voltage)
 
 
-def make_source(p: BatteryParameters, s: BatteryState, voltage_factor: Array) -> BatterySource:
+def make_battery_source(
+    p: BatteryParameters, s: BatteryState, voltage_factor: Array
+) -> BatterySource:
     """Return the Thevenin equivalent for a frame.
 
     Args:

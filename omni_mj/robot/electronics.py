@@ -16,7 +16,7 @@ from omni_mj.robot.battery import (
     apply_motor_load,
     discharge_battery,
     make_battery,
-    make_source,
+    make_battery_source,
 )
 from omni_mj.robot.firmware import (
     accept_command,
@@ -61,7 +61,7 @@ class ElectronicsState(NamedTuple):
     firmware: FirmwareState
     motors: MotorState
     battery: BatteryState
-    source: BatterySource  # Thevenin equivalent of the battery in this frame
+    battery_source: BatterySource  # Thevenin equivalent of the battery in this frame
     inputs: FrameInputs  # faults, disturbances and vision's headings in this frame
 
 
@@ -109,7 +109,7 @@ def make_electronics(
         firmware=make_firmware_state(firmware, heading, n_frames, has_faults),
         motors=make_motor_state(motors, *temperatures),
         battery=battery_state,
-        source=make_source(battery, battery_state, np.ones(len(settings))),
+        battery_source=make_battery_source(battery, battery_state, np.ones(len(settings))),
         inputs=make_undisturbed_inputs(len(settings)),
     )
     return ElectronicsParameters(firmware, motors, battery), state
@@ -143,7 +143,7 @@ def begin_frame(
     return s._replace(
         firmware=derate_motors(p.firmware, firmware, motors.winding),
         motors=motors,
-        source=make_source(p.battery, s.battery, inputs.battery_voltage_factor),
+        battery_source=make_battery_source(p.battery, s.battery, inputs.battery_voltage_factor),
         inputs=inputs,
     )
 
@@ -183,7 +183,7 @@ def run_cycle(
     voltage, current, is_limited = drive_motors(
         p.motors, s.motors, duty * battery_voltage, wheel_speed
     )
-    battery, battery_current = apply_motor_load(s.battery, s.source, voltage, current)
+    battery, battery_current = apply_motor_load(s.battery, s.battery_source, voltage, current)
     record = CycleRecord(
         wheel_speed, voltage, current, is_limited, battery_voltage, battery_current
     )

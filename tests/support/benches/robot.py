@@ -143,7 +143,7 @@ class Battery:
     def load(self, voltage: ArrayLike, current: ArrayLike) -> float:
         """Apply motor voltages and currents, (W,); return the battery's current, A."""
         volts, amperes = (np.asarray(values, float)[:, None] for values in (voltage, current))
-        source = battery.make_source(self._p, self.state, np.ones(1))
+        source = battery.make_battery_source(self._p, self.state, np.ones(1))
         self.state, current = battery.apply_motor_load(self.state, source, volts, amperes)
         return float(current[0])
 
