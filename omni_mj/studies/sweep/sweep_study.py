@@ -157,7 +157,7 @@ def run_sweep(
                 shard_tables = ((shard, run_shard(plan, shard, after_frame)) for shard in remaining)
             else:
                 check = partial(after_frame, -1)
-                shard_tables = run_shards(workers, run_shard, plan, remaining, check)
+                shard_tables = run_shards(workers, partial(run_shard, plan), remaining, check)
             for shard, rows in shard_tables:
                 parquet.write_tables([rows], _shard_file(folder, shard))
                 n_stored += 1

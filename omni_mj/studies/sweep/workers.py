@@ -16,17 +16,16 @@ from omni_control.errors import OmniError
 from omni_mj.results.provenance import source_digest
 from omni_mj.results.summary import package_versions
 from omni_mj.studies.run_scenario import quiet_mujoco
-from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
+from omni_mj.studies.sweep.sweep_plan import Shard
 
 POLL_S = 0.2  # interval of calls to `check`
 SCHEDULER_TIMEOUT_S = 10.0
-RunShard = Callable[[SweepPlan, Shard], pa.Table]
+RunShard = Callable[[Shard], pa.Table]
 
 
 def run_shards(
     executor: Executor,
     run_shard: RunShard,
-    plan: SweepPlan,
     shards: Sequence[Shard],
     check: Callable[[], None],
 ) -> Iterator[tuple[Shard, pa.Table]]:
@@ -35,7 +34,6 @@ def run_shards(
     Args:
         executor: Executor of the processes.
         run_shard: Function that runs one shard.
-        plan: Plan of the sweep.
         shards: Shards to run.
         check: Called every `POLL_S`; its exceptions end the iteration.
 
@@ -45,7 +43,7 @@ def run_shards(
     """
     expected = dependencies()
     pending = {
-        executor.submit(_run_on_worker, run_shard, plan, shard, expected): shard for shard in shards
+        executor.submit(_run_on_worker, run_shard, shard, expected): shard for shard in shards
     }
     while pending:
         check()
@@ -65,9 +63,7 @@ def run_shards(
                 raise OmniError(f"a worker could not run shard {shard.number}: {reason}") from error
 
 
-def _run_on_worker(
-    run_shard: RunShard, plan: SweepPlan, shard: Shard, expected: dict[str, str]
-) -> pa.Table:
+def _run_on_worker(run_shard: RunShard, shard: Shard, expected: dict[str, str]) -> pa.Table:
     """Run a shard if this worker has the expected versions of packages and source.
 
     Raises:
@@ -84,7 +80,7 @@ def _run_on_worker(
             "a worker has other versions than this machine, and may compute other numbers: "
             f"{'; '.join(differences)}"
         )
-    return run_shard(plan, shard)
+    return run_shard(shard)
 
 
 @cache
