@@ -90,7 +90,7 @@ OUTPUTS = (*run.OUTPUTS, "link.json")
 @click.option(
     "--pulse/--no-pulse",
     default=True,
-    help="Measure the dead time first, by turning the robots to and fro. Default: --pulse.",
+    help="Measure the dead time first, by turning the robots back and forth. Default: --pulse.",
 )
 @click.option(
     "--dry-run",
@@ -115,7 +115,11 @@ def drive_command(
     quiet: bool,
     **values: Any,
 ) -> None:
-    """Drive robots that SSL-Vision detects, and measure their latency and alpha."""
+    """Drive robots that SSL-Vision detects, and measure their latency and alpha.
+
+    The controller assumes the numbers of --robot. Without it, it assumes those of tigers-v2016,
+    except alpha, which is then unknown.
+    """
     from omni_mj.live import drive_setup
     from omni_mj.studies.run_scenario import StoppedError
 
@@ -206,8 +210,11 @@ def _drive(
     with _connect(connection, "the robots had not started") as (frame_clock, interrupts):
         show("\n".join(frame_clock.vision.describe()))
         with drive_setup.prepare_drive(scenario, connection, frame_clock) as live:
-            leader = frame_clock.leader
-            clock = "this computer's clock" if leader is None else f"camera {leader}"
+            clock = (
+                "this computer's clock"
+                if frame_clock.leader is None
+                else f"camera {frame_clock.leader}"
+            )
             show(f"robots {', '.join(map(str, live.ids))}; frames at 60 Hz from {clock}")
             gc.collect()
             gc.freeze()  # later collections skip all present objects, and delay no frame
@@ -215,5 +222,5 @@ def _drive(
     summary = latency_fit.summarize(live)
     write_text(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     run.report_result(result, folder, output_options, quiet)
-    show("\n".join([*latency_fit.describe(summary), *frame_clock.vision.describe()]))
+    show("\n".join(latency_fit.describe(summary)))
     run.exit_unless_complete(result, folder, interrupts)

@@ -35,7 +35,8 @@ PLANT = click.option(
 ROBOT = click.option(
     "--robot",
     metavar="NAME|FILE.toml",
-    help="Robot to simulate. Default: that of the scenario, usually tigers-v2016.",
+    help="Robot: a name that omni-mj list robots prints, or a file. Default: that of the "
+    "scenario, usually tigers-v2016.",
 )
 MODEL = click.option(
     "--model",
@@ -47,8 +48,7 @@ SETTINGS = click.option(
     "overrides",
     metavar="SECTION.FIELD=VALUE",
     multiple=True,
-    help="Setting to change, such as radio.delay_frames=9; may be repeated. "
-    "omni-mj list settings prints all.",
+    help="Setting, such as radio.delay_frames=9; may be repeated. See omni-mj list settings.",
 )
 SEED = click.option(
     "--seed",

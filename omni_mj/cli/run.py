@@ -205,8 +205,10 @@ def _print_files(result: "Result", folder: Path) -> None:
     """Print the duration of the run, its files, and the command that repeats it."""
     (outcome,) = result.outcomes
     backend = " by JAX" if outcome.scenario.settings.physics.backend == "jax" else ""
-    duration = f"{outcome.entry['simulated_s']:.1f} s simulated in {result.wall_s:.1f} s{backend}"
-    print(f"{duration}; results in {folder}/")
+    print(
+        f"{outcome.entry['simulated_s']:.1f} s of motion in {result.wall_s:.1f} s of real time"
+        f"{backend}; results in {folder}/"
+    )
     files = {"numbers": "summary.json", "figures": "figures", "report": "report.html"}
     for label, name in files.items():
         if (folder / name).exists():

@@ -116,13 +116,13 @@ def summarize(live: Live) -> dict[str, Any]:
 
 
 def describe(summary: Mapping[str, Any]) -> list[str]:
-    """Return a line of text for each robot in a summary."""
+    """Return a line of text for each robot in a summary, and one for skipped frames."""
     lines = []
     for robot in summary["robots"]:
         phrases = []
         if fitted := robot["fitted"]:
             latency = format_latency(fitted["latency_frames"])
-            phrases.append(f"latency {latency}, alpha {fitted['alpha']:.2f}")
+            phrases.append(f"fitted latency {latency}, alpha {fitted['alpha']:.2f}")
         if identified := robot["identified"]:
             latencies, alphas = (
                 " ".join(f"{value:.2f}" for value in identified[name])
@@ -131,7 +131,9 @@ def describe(summary: Mapping[str, Any]) -> list[str]:
             phrases.append(
                 f"identified latency {latencies} frames, alpha {alphas} (forward, sideways, turn)"
             )
-        lines.append(f"robot {robot['id']}: {'; '.join(phrases) or 'did not move'}")
+        lines += [f"robot {robot['id']}: {phrase}" for phrase in phrases or ["did not move"]]
+    if skipped := summary["frames"]["skipped"]:
+        lines.append(f"{skipped} frames skipped: this computer was busy, or packets were lost")
     return lines
 
 

@@ -66,7 +66,7 @@ class LivePlant:
         """Return a mapping from the row of each robot that vision has just lost to the reason."""
         self.unseen = np.where(np.isnan(self.measured[:, 0]), self.unseen + 1, 0)
         return {
-            int(row): f"was not seen for {LOST_S:g} s"
+            int(row): f"was not detected for {LOST_S:g} s"
             for row in np.flatnonzero(self.unseen == LOST_FRAMES)
         }
 

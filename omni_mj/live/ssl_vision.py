@@ -222,25 +222,26 @@ class SslVision:
         }
 
     def describe(self) -> list[str]:
-        """Return a line of text for each camera, each detected robot, and each kind of message."""
+        """Return a line of text for each camera, each detected robot, and each kind of message.
+
+        The noise is unknown (nan) if a simulator waits for commands.
+        """
         lines = [
-            f"camera {number}: {camera.rate_hz:.2f} frames per second of its clock,"
-            f" {camera.rate_hz * camera.clock.rate:.2f} of ours;"
-            f" sent {1e3 * camera.mean_age_s:.1f} ms after capture"
+            f"camera {number}: {camera.rate_hz:.2f} Hz by its clock,"
+            f" {camera.rate_hz * camera.clock.rate:.2f} Hz by this computer's;"
+            f" images are sent {1e3 * camera.mean_age_s:.1f} ms after capture"
+            if camera.rate_hz
+            else f"camera {number}: waits for commands"
             for number, camera in sorted(self.cameras.items())
         ]
         for (color, number, camera), poses in sorted(self.sightings.items()):
             x, y, heading = poses[-1]
-            position_noise, heading_noise = noise_deviations(np.array(poses))
+            noise = noise_deviations(np.array(poses))
             lines.append(
                 f"{color} {number}: at {x:.3f}, {y:.3f} m, {math.degrees(heading):.1f}°"
-                f" by camera {camera};"
-                f" noise {1e3 * position_noise:.2f} mm, {math.degrees(heading_noise):.2f}°"
+                f" by camera {camera}; noise {1e3 * noise[0]:.2f} mm, {math.degrees(noise[1]):.2f}°"
             )
-        return [
-            *lines,
-            *(f"message: {kind}, {count} times" for kind, count in self.messages.items()),
-        ]
+        return lines + [f"{kind}: {count} times" for kind, count in self.messages.items()]
 
 
 def noise_deviations(poses: Array) -> Array:

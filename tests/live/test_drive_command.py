@@ -52,8 +52,8 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
         wait_for(peer, "heard")
     out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
-    assert re.search(r"was not seen for 3 s at \d\.\d* s\n", err)
-    assert re.search(r"robot 0: latency \d\.\d\d frames", out)
+    assert re.search(r"was not detected for 3 s at \d\.\d* s\n", err)
+    assert re.search(r"robot 0: fitted latency \d\.\d\d frames", out)
     folder = tmp_path / "drive"
     left = {path.name for path in folder.iterdir()}
     assert {
@@ -90,7 +90,7 @@ def test_listening_only(tmp_path: Path) -> None:
         process = drive(tmp_path, ports, "--dry-run", "--duration", 2.5)
         out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0
-    assert re.search(r"camera 0: (59|60)\.\d\d frames per second of its clock", out)
+    assert re.search(r"camera 0: (59|60)\.\d\d Hz by its clock", out)
     noise = re.findall(r"blue 0: at .*noise (\d\.\d\d) mm", out)
     assert len(noise) == 2
     for each in noise:

@@ -119,9 +119,10 @@ class Server:
         world, delay = self.world, time.monotonic() - self._time_of(self.world.cycle)
         if delay > MAX_DELAY_S:
             self.messages.add(
-                "too slow", "this computer is too slow for this speed; simulated time is delayed"
+                "times too slow",
+                "this computer is too slow; simulated time falls behind",
             )
-            self.messages["ms behind"] += round(1e3 * delay)
+            self.messages["ms late in all"] += round(1e3 * delay)
             self._set_speed(self.speed)
         self._catch_up()
         due = min(camera.due for camera in world.cameras)
