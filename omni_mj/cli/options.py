@@ -35,8 +35,7 @@ PLANT = click.option(
 ROBOT = click.option(
     "--robot",
     metavar="NAME|FILE.toml",
-    help="Robot: a name that omni-mj list robots prints, or a file. Default: that of the "
-    "scenario, usually tigers-v2016.",
+    help="Robot (see omni-mj list robots). Default: that of the scenario, usually tigers-v2016.",
 )
 MODEL = click.option(
     "--model",

@@ -119,19 +119,23 @@ def describe(summary: Mapping[str, Any]) -> list[str]:
     """Return a line of text for each robot in a summary, and one for skipped frames."""
     lines = []
     for robot in summary["robots"]:
-        phrases = []
+        name = f"robot {robot['id']}:"
         if fitted := robot["fitted"]:
-            latency = format_latency(fitted["latency_frames"])
-            phrases.append(f"fitted latency {latency}, alpha {fitted['alpha']:.2f}")
+            lines.append(
+                f"{name} fitted latency {format_latency(fitted['latency_frames'])},"
+                f" alpha {fitted['alpha']:.2f}"
+            )
+        else:
+            lines.append(f"{name} did not move")
         if identified := robot["identified"]:
             latencies, alphas = (
-                " ".join(f"{value:.2f}" for value in identified[name])
-                for name in ("latency_frames", "alpha")
+                " ".join(f"{value:.2f}" for value in identified[quantity])
+                for quantity in ("latency_frames", "alpha")
             )
-            phrases.append(
-                f"identified latency {latencies} frames, alpha {alphas} (forward, sideways, turn)"
+            lines.append(
+                f"{name} identified latency {latencies} frames,"
+                f" alpha {alphas} (forward, sideways, turn)"
             )
-        lines += [f"robot {robot['id']}: {phrase}" for phrase in phrases or ["did not move"]]
     if skipped := summary["frames"]["skipped"]:
         lines.append(f"{skipped} frames skipped: this computer was busy, or packets were lost")
     return lines
