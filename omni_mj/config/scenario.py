@@ -6,7 +6,6 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from omni_control.controllers.base import Controller
 from omni_control.controllers.registry import CONTROLLERS
 from omni_control.errors import OmniError
 from omni_mj.config import distributions, fault_checks, faults, plugins, robot_files
@@ -57,7 +56,7 @@ class Scenario(SettingsModel):
     robot: str = setting(
         robot_files.DEFAULT_ROBOT, "name of a robot, or path of a robot's .toml file"
     )
-    controllers: tuple[str | type[Controller], ...] = setting(
+    controllers: tuple[plugins.ControllerSpec, ...] = setting(
         ("flc", "comp-flc"), "names of controllers, or file.py:Class", min_length=1
     )
     seed: int = setting(
@@ -161,7 +160,7 @@ class Scenario(SettingsModel):
 
     @field_validator("controllers", mode="before")
     @classmethod
-    def _check_controllers(cls, specs: Any) -> tuple[str | type[Controller], ...]:
+    def _check_controllers(cls, specs: Any) -> tuple[plugins.ControllerSpec, ...]:
         if not isinstance(specs, (list, tuple)) or not specs:
             raise ValueError(
                 "controllers must be a list of at least one name or class, "
@@ -219,7 +218,7 @@ def load_scenario(
     *,
     plant: str | None = None,
     robot: str | Path | Robot | None = None,
-    controllers: Sequence[str | type[Controller]] | None = None,
+    controllers: Sequence[plugins.ControllerSpec] | None = None,
     seed: int | None = None,
     seeds: int | None = None,
     allow_code: bool = False,

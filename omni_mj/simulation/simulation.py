@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from omni_control.controllers.base import Controller, Observation
+from omni_control.controllers.base import Observation
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_mj.config import PERIOD_S, fault_checks, plugins, reference_factory
@@ -85,7 +85,7 @@ class Simulation:
     def __init__(
         self,
         scenario: Scenario,
-        controllers: Iterable[str | type[Controller]] | None = None,
+        controllers: Iterable[plugins.ControllerSpec] | None = None,
         seeds: Iterable[int] | None = None,
         rows: Sequence[Row] | None = None,
         build_reference: ReferenceFactory | None = None,

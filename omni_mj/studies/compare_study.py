@@ -4,10 +4,10 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
-from omni_control.controllers.base import Controller
 from omni_control.controllers.registry import list_available_controllers
 from omni_control.errors import OmniError
 from omni_mj.config import fault_checks
+from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.scenario import Scenario, load_with_overrides
 from omni_mj.config.toml_files import find_builtin_files
 from omni_mj.results.result import Outcome, Result
@@ -31,7 +31,7 @@ SEEDS = 10  # default number of seeds
 
 def compare(
     scenarios: Sequence[Scenario | str] | None = None,
-    controllers: Sequence[str | type[Controller]] | None = None,
+    controllers: Sequence[ControllerSpec] | None = None,
     seeds: int | Iterable[int] = SEEDS,
     subject: str | None = None,
     keep_frames: bool = False,

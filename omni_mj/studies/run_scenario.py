@@ -5,10 +5,9 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from omni_control.controllers.base import Controller
 from omni_control.controllers.registry import list_available_controllers
 from omni_control.errors import OmniError, suggest_names
-from omni_mj.config.plugins import find_controller, label_controller
+from omni_mj.config.plugins import ControllerSpec, find_controller, label_controller
 from omni_mj.config.reference_factory import build_timed_reference
 from omni_mj.config.scenario import Scenario, load_with_overrides
 from omni_mj.results import metrics, summary
@@ -40,7 +39,7 @@ def no_progress(title: str, frames: int) -> AfterFrame:
 
 def run(
     scenario: Scenario | str,
-    controllers: Sequence[str | type[Controller]] | None = None,
+    controllers: Sequence[ControllerSpec] | None = None,
     seeds: int | Iterable[int] | None = None,
     *,
     subject: str | None = None,
@@ -121,7 +120,7 @@ def build_result(outcome: Outcome, subject: str | None = None) -> Result:
 
 def resolve_scenario(
     scenario: Scenario | str,
-    controllers: Sequence[str | type[Controller]] | None = None,
+    controllers: Sequence[ControllerSpec] | None = None,
     seeds: int | Iterable[int] | None = None,
 ) -> Scenario:
     """Return a scenario with other controllers and seeds, if they are given.

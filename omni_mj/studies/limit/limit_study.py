@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
-from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj.config import distributions
 from omni_mj.config.plant_settings import RandomizationSettings
+from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.paired_comparison import STATISTIC_LABELS, mean_position_error
@@ -191,7 +191,7 @@ def _learn_and_compare(
     seeds, names = scenario.seed_list, list_competitors()
     tracker = RunTracker(model, run.sent, run.poses, scenario, [feedback] * len(seeds))
     commands = iter(run.sent)
-    controllers: list[str | type[Controller]] = [
+    controllers: list[ControllerSpec] = [
         controller_from_function(LIMIT, tracker),
         controller_from_function(WITHOUT_NOISE, lambda *observed: next(commands)),
         *names,

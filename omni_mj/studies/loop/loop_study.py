@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array
 from omni_mj.config import distributions
+from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.result import Result
 from omni_mj.results.seed_statistics import finite_or_none
@@ -172,7 +172,7 @@ class LoopResult(Result):
 
 def measure_loop(
     scenario: Scenario | str = "rect",
-    controllers: Sequence[str | type[Controller]] | None = None,
+    controllers: Sequence[ControllerSpec] | None = None,
     *,
     start_progress: StartProgress = no_progress,
 ) -> LoopResult:

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_mj import parquet
 from omni_mj.atomic_files import write_text
+from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.rows import build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.metrics import row_metrics
@@ -88,7 +88,7 @@ class SweepResult:
 def sweep(
     scenario: Scenario | str,
     vary: Mapping[str, Iterable[Any]],
-    controllers: Sequence[str | type[Controller]] | None = None,
+    controllers: Sequence[ControllerSpec] | None = None,
     seeds: int | Iterable[int] | None = None,
     *,
     out: str | Path,
