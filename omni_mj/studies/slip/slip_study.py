@@ -103,17 +103,14 @@ class SlipResult(Result):
         robot, quantities = self.robots[name], {}
         for quantity, (_, unit, _, _) in QUANTITIES.items():
             measured = robot.measured[quantity]
-            published = PUBLISHED.get(name, {}).get(quantity)
-            deviation = (
-                None if published is None else finite_or_none(100 * (measured / published - 1))
-            )
-            quantities[quantity] = {
-                "unit": unit,
-                "measured": finite_or_none(measured),
-                "closed_form": finite_or_none(robot.closed_form.get(quantity, np.nan)),
+            published = PUBLISHED.get(name, {}).get(quantity, np.nan)
+            numbers = {
+                "measured": measured,
+                "closed_form": robot.closed_form.get(quantity, np.nan),
                 "published": published,
-                "deviation_percent": deviation,
+                "deviation_percent": 100 * (measured / published - 1),
             }
+            quantities[quantity] = {"unit": unit} | finite_or_none(numbers)
         return quantities
 
     def _format_robot(self, name: str) -> str:
