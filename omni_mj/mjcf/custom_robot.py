@@ -225,7 +225,7 @@ def _prepare_hinges(
         robot.joints, robot.rims, robot.phases, wheels.is_outward, strict=True
     ):
         hub = spec.joint(model.joint(joint).name)
-        slip_hinges = find_slip_hinges(model, int(joint), int(rim))
+        slip_hinges = find_slip_hinges(model, joint, rim)
         has_hub_direction, initial_slip = True, 0.0
         if slip_hinges:
             slip = spec.joint(model.joint(slip_hinges[0]).name)
@@ -268,7 +268,7 @@ def _compute_implied_settings(
     model: mujoco.MjModel, robot: RobotIndices, wheels: WheelGeometry
 ) -> dict[str, dict[str, Any]]:
     """Return the settings that a model determines, by section and field."""
-    motor, hub = int(robot.motors[0]), int(robot.wheel_dofs[0])
+    motor, hub = robot.motors[0], robot.wheel_dofs[0]
     mass, (x, _, z), inertia = compute_composite_inertia(
         model, np.flatnonzero(model.body_rootid == robot.chassis)
     )

@@ -66,7 +66,7 @@ def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, contact_geoms: Id
         azimuth = np.degrees(np.arctan2(axle[1], axle[0])) % 360
         azimuths.append(float(np.round(azimuth, DIGITS)) % 360)
         roller_lengths = np.mean(
-            [_measure_roller(data, int(roller), contact_geoms, anchor, axle) for roller in rollers],
+            [_measure_roller(data, roller, contact_geoms, anchor, axle) for roller in rollers],
             axis=0,
         )
         lengths.append([*roller_lengths, anchor[2]])
@@ -106,7 +106,7 @@ def _measure_roller(
     length = float(np.linalg.norm(spoke))
     geoms = contact_geoms[model.geom_bodyid[contact_geoms] == roller]
     radius = (
-        max(compute_support_distance(data, int(geom), spoke / length) for geom in geoms)
+        max(compute_support_distance(data, geom, spoke / length) for geom in geoms)
         - anchor @ spoke / length
     )
     arm = (anchor + (hinge @ axle) * axle)[:2] @ axle[:2]

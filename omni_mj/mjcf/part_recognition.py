@@ -169,10 +169,10 @@ def _find_robot(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
     joints = model.actuator_trnid[motors, 0]
     _check_chassis_and_joints(model, chassis, joints, errors)
     rims, rollers, phases = zip(
-        *(_order_rollers(data, int(joint), errors) for joint in joints), strict=True
+        *(_order_rollers(data, joint, errors) for joint in joints), strict=True
     )
     gyro = _find_gyro(data, chassis, errors)
-    encoders = [_find_encoder(model, int(joint), errors) for joint in joints]
+    encoders = [_find_encoder(model, joint, errors) for joint in joints]
     counts = [len(wheel_rollers) for wheel_rollers in rollers]
     slip_hinges = np.concatenate(
         [find_slip_hinges(model, joint, rim) for joint, rim in zip(joints, rims, strict=True)]
@@ -210,7 +210,7 @@ def _check_chassis_and_joints(
     model: mujoco.MjModel, chassis: int, joints: Ids, errors: list[str]
 ) -> None:
     """Append errors of the free joint, and of the number and the motors of the wheels."""
-    free_joint = int(model.body_jntadr[chassis])
+    free_joint = model.body_jntadr[chassis]
     is_free = model.jnt_type[free_joint] == mujoco.mjtJoint.mjJNT_FREE
     if model.body_jntnum[chassis] != 1 or not is_free:
         errors.append(
@@ -230,14 +230,14 @@ def _order_rollers(data: mujoco.MjData, joint: int, errors: list[str]) -> tuple[
         wheel angle at which the first one is there, rad.
     """
     model = data.model
-    wheel, bodies = int(model.jnt_bodyid[joint]), _find_rollers(data, joint)
+    wheel, bodies = model.jnt_bodyid[joint], _find_rollers(data, joint)
     name, axle = model.body(wheel).name, data.xaxis[joint]
     rims = np.unique(model.body_parentid[bodies])
     if len(rims) > 1:
         errors.append(
             f"the rollers of the wheel {name!r} must be on one body, the wheel's or a rim on it"
         )
-    rim = int(rims[0])
+    rim = rims[0]
     # Wheel angle at which each roller is at the bottom.
     spokes, down = data.xpos[bodies] - data.xanchor[joint], np.array([0.0, 0.0, -1.0])
     angles = np.arctan2(np.cross(spokes, down) @ axle, spokes @ down)

@@ -89,9 +89,7 @@ class PlanarBodyBuilder:
         rotor_inertia = gather(settings, "motor.rotor_inertia_kg_m2") * gear_ratio**2
         hub_body_inertia = float(model.body_inertia[robot.wheels[0]].max())
         self._hub_inertia = hub_body_inertia + rotor_inertia
-        _, _, rim_inertia = compute_composite_inertia(
-            model, [int(robot.rims[0]), *robot.rollers[0].tolist()]
-        )
+        _, _, rim_inertia = compute_composite_inertia(model, [robot.rims[0], *robot.rollers[0]])
         axle = kinematics.axles[0]
         self._rim_inertia = float(axle @ rim_inertia @ axle)
         self._roller_inertia = float(model.body_inertia[robot.rollers[0, 0]].min())
