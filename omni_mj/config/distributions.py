@@ -71,7 +71,7 @@ class Distribution:
         probability = random.uniform()
         if self.kind == "uniform":
             low, high = self.values
-            return float(low + probability * (high - low))
+            return low + probability * (high - low)
         # Imported here, because scipy is slow to import and most runs do not need it.
         from scipy.special import ndtr, ndtri
 

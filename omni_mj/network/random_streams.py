@@ -54,7 +54,7 @@ class Noise:
     ) -> None:
         indices = {seed: index for index, seed in enumerate(dict.fromkeys(seeds))}
         self._generator_of_row = [indices[seed] for seed in seeds]
-        self._generators = [np.random.default_rng([int(stream), *seed]) for seed in indices]
+        self._generators = [np.random.default_rng([stream, *seed]) for seed in indices]
         self._size, self._distribution, self._position = size, distribution, BLOCK_LENGTH
 
     def next(self) -> Array:

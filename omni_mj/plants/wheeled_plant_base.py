@@ -131,7 +131,7 @@ class WheeledPlantBase:
         push_force = np.where(has_failed[:, None], 0.0, push_force)
         return FrameInputs(
             vision_heading=vision_heading,
-            heading_age=np.asarray(heading_age),
+            heading_age=heading_age,
             gyro_error=self._disturbances.draw_gyro_error(fault_gyro_bias),
             push_force=push_force.T,
             current_setpoint=current_setpoint,

@@ -45,7 +45,7 @@ def summarize_seeds(values: Array) -> SeedStatistics:
     with np.errstate(invalid="ignore"):  # infinity minus infinity
         mean, half_width = mean_confidence_interval(values)
         median = np.median(values)
-    statistics: SeedStatistics = finite_or_none(
+    return finite_or_none(
         {
             "per_seed": values,
             "median": median,
@@ -55,7 +55,6 @@ def summarize_seeds(values: Array) -> SeedStatistics:
             "ci95_half_width": half_width,
         }
     )
-    return statistics
 
 
 def finite_or_none(values: Any) -> Any:

@@ -66,10 +66,9 @@ def _error_statistics(errors: np.ndarray) -> dict[str, float | None]:
     with np.errstate(invalid="ignore"):  # infinity minus infinity
         median = np.median(errors)
     p90 = np.quantile(errors, 0.9, method="higher")
-    statistics: dict[str, float | None] = finite_or_none(
+    return finite_or_none(
         {"median": median, "low": interval.low, "high": interval.high, "p90": p90}
     )
-    return statistics
 
 
 def rank_correlations(all_rows: pa.Table) -> list[dict[str, Any]]:
