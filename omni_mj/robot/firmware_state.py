@@ -50,10 +50,10 @@ class FirmwareCommand(NamedTuple):
     velocity: Array  # twist: velocity along x and y, turn rate, (3, n) m/s, m/s, rad/s
     is_new: Array  # whether the command arrived in this frame
     # Whether the velocity is in the body frame; None if all velocities are in the world frame
-    in_body_frame: Array
+    in_body_frame: Array = None
     # Wheel speeds that replace the velocity, (W, n) rad/s; NaN for robots that get a velocity, None
     # if all robots do
-    wheel_speeds: Array
+    wheel_speeds: Array = None
 
 
 class FrameInputs(NamedTuple):

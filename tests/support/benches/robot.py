@@ -45,7 +45,7 @@ def make_command(
 ) -> firmware_state.FirmwareCommand:
     """Return one command for n robots, with other fields of `FirmwareCommand` by name."""
     velocity = np.array([[x], [y], [turn]]) * np.ones(n)
-    return firmware_state.FirmwareCommand(velocity, np.ones(n, bool), None, None)._replace(**fields)
+    return firmware_state.FirmwareCommand(velocity, np.ones(n, bool))._replace(**fields)
 
 
 class Firmware:
