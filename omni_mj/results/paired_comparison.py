@@ -103,10 +103,12 @@ def judge_subject(
                 for statistic in STATISTIC_LABELS
             }
             verdicts[name] = {"subject": subject, "errors": errors}
-            comparisons = [
-                comparison for error in errors.values() for comparison in error["against"].values()
+            tests += [
+                comparison
+                for error in errors.values()
+                for comparison in error["against"].values()
+                if comparison["p"] is not None
             ]
-            tests += [comparison for comparison in comparisons if comparison["p"] is not None]
     adjusted = holm_adjusted(np.array([test["p"] for test in tests]))
     for test, p in zip(tests, adjusted, strict=True):
         test |= {"p_adjusted": float(p), "significant": bool(p <= SIGNIFICANCE_LEVEL)}

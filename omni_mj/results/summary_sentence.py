@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from omni_mj.results.paired_comparison import paired_difference
+from omni_mj.results.paired_comparison import STATISTIC_LABELS, paired_difference
 
 Results = Mapping[str, Mapping[str, Any]]  # controller -> its results in summary.json
 
@@ -25,8 +25,9 @@ LOCATIONS = {"along_track": "along the path", "cross_track": "across the path"}
 def summary_sentence(summary: Mapping[str, Any]) -> str:
     """Return one sentence that says which controller was best, by how much, and why.
 
-    Controllers are ranked by the mean position error, averaged over the seeds. A controller with a
-    failed seed has no rank. Controllers that are given the true state do not compete.
+    Controllers are ranked by the mean position error, averaged over the seeds, and over several
+    scenarios also by the maximum. A controller with a failed seed has no rank. Controllers that are
+    given the true state do not compete.
 
     Args:
         summary: Content of summary.json, with one or several scenarios.
@@ -65,19 +66,24 @@ def _competitors(results: Results, privileged: list[str]) -> Results:
     return competing or results
 
 
-def _rank(results: Results) -> list[str]:
+def _rank(results: Results, statistic: str = "mean") -> list[str]:
     """Return the controllers that finished all seeds, best first."""
-    errors = {name: _error_m(result) for name, result in results.items() if not result["n_failed"]}
-    return sorted(errors, key=errors.__getitem__)
+    finished = [name for name, result in results.items() if not result["n_failed"]]
+    return sorted(finished, key=lambda name: _error_m(results[name], statistic=statistic))
 
 
 def _count_wins(scenarios: list[Results]) -> str:
-    """Return in how many scenarios the most successful controller was best."""
-    wins = Counter(ranking[0] for results in scenarios if (ranking := _rank(results)))
-    if not wins:
+    """Return in how many scenarios the most successful controller was best, by mean and maximum."""
+    parts = []
+    for statistic, label in STATISTIC_LABELS.items():
+        wins = Counter(name for results in scenarios for name in _rank(results, statistic)[:1])
+        parts += [
+            f"{name} has the smallest {label} position error in {n_wins} of {len(scenarios)}"
+            for name, n_wins in wins.most_common(1)
+        ]
+    if not parts:
         return "No controller finished all seeds of a scenario."
-    best, n_wins = wins.most_common(1)[0]
-    return f"{best} has the smallest mean position error in {n_wins} of {len(scenarios)} scenarios."
+    return "; ".join(parts) + " scenarios (averages over the seeds)."
 
 
 def _describe_only(name: str, result: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ from omni_mj.results.text_table import DASH
 from omni_mj.viz import plotting
 from omni_mj.viz.seed_figure import draw_seed_statistics
 
-BASELINES = ("comp-flc", "flc")  # the first of them that was run has the ratio 1
+BASELINE = "comp-flc"  # has the ratio 1; the first controller if this one was not run
 MAX_RATIO = 10.0  # error over the baseline's error at the upper end of the color scale
 TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10)  # ratios labeled on the color scale
 DARK_RATIO = 4.0  # ratio beyond which a cell is so dark that its text is white
@@ -39,18 +39,18 @@ def draw_heat_map(entries: dict[str, Entry], privileged: list[str], figure: Figu
     """Draw the errors of all controllers in all scenarios as a heat map.
 
     A cell shows the maximum position error in a run, in cm, averaged over the seeds. Its color
-    shows the ratio to the baseline controller's error in the same scenario. The smallest error of
-    each scenario is bold; privileged controllers do not count. Rows are sorted by name, with the
-    scenarios of faults at the end.
+    shows the ratio to the error of `BASELINE` in the same scenario. The smallest error of
+    each scenario is bold; privileged controllers do not count. Scenarios keep their order, with
+    those of faults at the end.
 
     Args:
         entries: Mapping from scenario name to its entry in a summary, all with results.
         privileged: Names of the controllers that know the true state.
         figure: Empty figure.
     """
-    scenarios = sorted(entries, key=lambda name: (name.startswith("fault"), name))
+    scenarios = sorted(entries, key=lambda name: name.startswith("fault"))
     controllers = list(dict.fromkeys(name for e in entries.values() for name in e["results"]))
-    baseline = next(name for name in (*BASELINES, *controllers) if name in controllers)
+    baseline = BASELINE if BASELINE in controllers else controllers[0]
     errors = _mean_maximum_errors([entries[name] for name in scenarios], controllers)
     finite_errors = np.where(np.isfinite(errors), errors, np.nan)
     ratios = finite_errors / finite_errors[:, [controllers.index(baseline)]]
@@ -58,7 +58,7 @@ def draw_heat_map(entries: dict[str, Entry], privileged: list[str], figure: Figu
     figure.set_size_inches(3.2 + width * len(controllers), 1.7 + height * len(scenarios))
     axes = figure.subplots()
     image = axes.imshow(
-        np.ma.masked_invalid(ratios),
+        ratios,
         cmap="RdBu_r",
         norm=LogNorm(1 / MAX_RATIO, MAX_RATIO),
         aspect="auto",

@@ -15,6 +15,10 @@ from omni_mj.results.text_table import (
     format_table,
 )
 
+CAPTION = (
+    "settled: settling time, s after the end of the reference's last move (number of seeds that "
+    "settle, if not all do). compare.md has the effort of the commands and all definitions."
+)
 WITHIN_CHANCE = "?"  # mark of a difference that chance may explain
 
 
@@ -23,12 +27,7 @@ def print_comparison(summary: Summary) -> None:
     errors, verdicts = results_table(summary, paper=False), verdict_table(summary)
     if errors.rows:
         print(format_table(errors))
-        settling = (
-            "settled: settling time, s after the end of the reference's last move "
-            "(number of seeds that settle, if not all do)"
-        )
-        print(fill(settling, TERMINAL_WIDTH))
-        print("compare.md has the effort of the commands and all definitions\n")
+        print(fill(CAPTION, TERMINAL_WIDTH), end="\n\n")
     if verdicts.rows:
         print(format_table(verdicts))
         print(fill(_verdict_caption(summary), TERMINAL_WIDTH), end="\n\n")
@@ -45,19 +44,17 @@ def to_markdown(summary: Summary) -> str:
         _bullet_list(_list_missing(summary)),
     ]
     if verdicts.rows:
-        verdict_rows = format_markdown(verdicts)
-        blocks += [f"## {verdicts.title}", _verdict_caption(summary), verdict_rows]
+        blocks += [f"## {verdicts.title}", _verdict_caption(summary), format_markdown(verdicts)]
     for statistic, label in STATISTIC_LABELS.items():
         heading = f"## {label.capitalize()} position error in cm"
         blocks += [heading, _error_matrix(summary, statistic)]
     definitions = summary["definitions"].items()
-    versions = summary["versions"].items()
     blocks += [
         "## Errors, effort and settling",
         format_markdown(errors) if errors.rows else "",
         "## Definitions",
         _bullet_list(f"**{name}**: {definition}" for name, definition in definitions),
-        ", ".join(f"{name} {version}" for name, version in versions),
+        ", ".join(f"{name} {version}" for name, version in summary["versions"].items()),
     ]
     return "\n\n".join(block for block in blocks if block) + "\n"
 
@@ -93,14 +90,11 @@ def verdict_table(summary: Summary) -> Table:
     for scenario, entry in summary["scenarios"].items():
         for statistic, errors in (entry["verdict"] or {"errors": {}})["errors"].items():
             changes = [_format_change(errors["against"].get(name)) for name in baselines]
-            row = [scenario, STATISTIC_LABELS[statistic], *changes]
-            if len(baselines) > 1:
-                row.append(f"{len(errors['beats'])} of {len(errors['against'])}")
-                row.append(errors["best_competitor"] or DASH)
-            rows.append(row)
-    headings = ["scenario", "error", *(f"vs {name}" for name in baselines)]
-    if len(baselines) > 1:
-        headings += ["beats", "best of the others"]
+            beats = f"{len(errors['beats'])} of {len(errors['against'])}"
+            best = errors["best_competitor"] or DASH
+            rows.append([scenario, STATISTIC_LABELS[statistic], *changes, beats, best])
+    baseline_headings = [f"vs {name}" for name in baselines]
+    headings = ["scenario", "error", *baseline_headings, "beats", "best of the others"]
     return Table(f"Verdicts on {subject}", headings, rows, 2)
 
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis, YAxis
+from matplotlib.axis import XAxis, YAxis
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from omni_control.kinematics import Array
 from omni_mj.atomic_files import open_atomic
@@ -20,6 +20,7 @@ from omni_mj.viz import style
 
 LETTERS_PER_INCH = 12  # of titles and legends
 LEGEND_HANDLE_LETTERS = 9  # width of a line and its margins in a legend
+NARROW_RANGE = 10.0  # ratio of limits below which a logarithmic axis has evenly spaced ticks
 WIDE_RANGE = 200.0  # ratio of limits above which a logarithmic axis labels powers of ten only
 
 
@@ -83,19 +84,15 @@ def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:
     if not handles:
         return
     entry_letters = LEGEND_HANDLE_LETTERS + max(map(len, handles))
-    columns = max(1, int(LETTERS_PER_INCH * figure.get_figwidth() / entry_letters))
-    figure.legend(
-        list(handles.values()),
-        list(handles),
-        loc="outside lower center",
-        ncols=min(columns, len(handles)),
-    )
+    columns = min(len(handles), int(LETTERS_PER_INCH * figure.get_figwidth() / entry_letters) or 1)
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=columns)
 
 
-def use_log_scale(axis: Axis) -> None:
+def use_log_scale(axis: XAxis | YAxis) -> None:
     """Make an axis logarithmic with plain numbers at its ticks; call it after drawing all data."""
-    axis.axes.set(**{"yscale" if isinstance(axis, YAxis) else "xscale": "log"})
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1,) if high > WIDE_RANGE * low else (1, 2, 5)))
+    subs = (1,) if high > WIDE_RANGE * low else (1, 2, 5)
+    axis.set_major_locator(MaxNLocator(4) if high < NARROW_RANGE * low else LogLocator(subs=subs))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())

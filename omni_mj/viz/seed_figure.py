@@ -45,6 +45,8 @@ def draw_seed_statistics(
     for axes, (label, (scale, keys)) in zip(grid, PANELS.items(), strict=True):
         spreads = {name: reduce(getitem, keys, result) for name, result in results.items()}
         means = _draw_means(axes, spreads, scale)
+        if label == SETTLING_TIME:
+            axes.update_datalim([(0, 0), (1, 0)])
         axes.margins(x=0.08)
         if label != SETTLING_TIME and np.isfinite(means).any() and np.nanmin(means) > 0:
             largest = axes.dataLim.x1

@@ -86,5 +86,8 @@ def test_the_sentence_counts_wins_over_several_scenarios() -> None:
         name: summary({"flc": flc, "mpc": 1.0})["scenarios"]["rect"]
         for name, flc in {"rect": 2.0, "circle": 0.5, "eight": 3.0}.items()
     }
-    sentence = "mpc has the smallest mean position error in 2 of 3 scenarios."
+    sentence = (
+        "mpc has the smallest maximum position error in 2 of 3; "
+        "mpc has the smallest mean position error in 2 of 3 scenarios (averages over the seeds)."
+    )
     assert summary_sentence({"privileged": [], "scenarios": scenarios}) == sentence

@@ -47,8 +47,7 @@ def _draw_lines(figure: Figure, result: SweepResult) -> None:
     figure.set_size_inches(8, 5.5)
     error, rate = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     ((setting, levels),), names = result.plan.axes.items(), result.plan.scenario.labels
-    errors = [_collect(result, MAX_ERROR, key) for key in ("median", "low", "high")]
-    median, low, high = map(np.ma.masked_invalid, errors)
+    median, low, high = (_collect(result, MAX_ERROR, key) for key in ("median", "low", "high"))
     rates = [_collect(result, f"failure_{key}") for key in ("rate", "low", "high")]
     x = np.arange(len(levels))
     for i, slot in enumerate(style.style_indices(names).values()):
@@ -88,8 +87,8 @@ def _draw_maps(figure: Figure, result: SweepResult) -> None:
     grid = figure.subplots(len(maps), len(names), sharex=True, sharey=True, squeeze=False)
     for row, (values, colors, label) in zip(grid, maps, strict=True):
         for i, axes in enumerate(row):
-            known_values = np.ma.masked_invalid(values[..., i])  # the others are gray
-            image = axes.imshow(known_values, origin="lower", aspect="auto", **colors)
+            # Infinite and missing values show the gray background.
+            image = axes.imshow(values[..., i], origin="lower", aspect="auto", **colors)
             axes.set(
                 title=names[i], xlabel=column_name, ylabel=row_name, facecolor=style.BACKGROUND
             )

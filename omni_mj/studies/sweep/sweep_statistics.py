@@ -12,13 +12,20 @@ from scipy.stats import binomtest, quantile_test, spearmanr
 from omni_mj.atomic_files import write_text
 from omni_mj.config.plugins import format_controller_spec
 from omni_mj.results.seed_statistics import CONFIDENCE, finite_or_none
-from omni_mj.results.text_table import Table, format_markdown, format_number, format_table
+from omni_mj.results.text_table import (
+    Table,
+    drop_equal_columns,
+    format_markdown,
+    format_number,
+    format_table,
+)
 from omni_mj.studies.sweep.sweep_plan import SweepPlan
 
 MAX_ERROR = "position_max_m"
 ERROR_COLUMNS = (MAX_ERROR, "position_mean_m")
 N_WORST = 3
 MAX_LINES = 60  # of a table on a terminal
+QUANTITIES = ("failed, %", "interval, %", "median, cm", "interval, cm", "p90, cm")
 
 
 def summarize_points(all_rows: pa.Table, axes: list[str]) -> list[dict[str, Any]]:
@@ -165,16 +172,16 @@ def _list_tables(
 def _point_table(plan: SweepPlan, summary: dict[str, Any], points: list[dict[str, Any]]) -> Table:
     """Return failure rates and maximum position errors with 95 % intervals."""
     names = list(plan.axes)
-    n_all = len(summary["points"])
     n_robots = max(point["n_robots"] for point in points)
     title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, "
-    title += f"{n_robots} robots per line: maximum error"
+    title += f"{n_robots} robots per line: maximum error, with 95 % intervals"
     if not summary["complete"]:
         title += f", {summary['n_done']} of {summary['n_shards']} shards"
-    if len(points) < n_all:
-        title += f"; the worst {len(points)} of {n_all} lines"
-    headings = [*names, "controller", "failed, %", "95 %", "error, cm", "95 %", "p90, cm"]
-    return Table(title, headings, [_point_row(point, names) for point in points], len(names) + 1)
+    if len(points) < len(summary["points"]):
+        title += f"; the worst {len(points)} of {len(summary['points'])} lines"
+    headings = [*names, "controller", *QUANTITIES]
+    rows = [_point_row(point, names) for point in points]
+    return drop_equal_columns(Table(title, headings, rows, len(names) + 1), ["median, cm"])
 
 
 def _point_row(point: dict[str, Any], names: list[str]) -> list[str]:
@@ -184,13 +191,12 @@ def _point_row(point: dict[str, Any], names: list[str]) -> list[str]:
         for key, error_m in point[MAX_ERROR].items()
     }
     values = [point[name] for name in names]
-    has_interval = point[MAX_ERROR]["low"] is not None
     return [
         *(f"{value:g}" if isinstance(value, float) else str(value) for value in values),
         point["controller"],
         f"{100 * point['failure_rate']:.3g}",
         f"{100 * point['failure_low']:.0f} to {100 * point['failure_high']:.0f}",
         errors["median"],
-        f"{errors['low']} to {errors['high']}" if has_interval else "",
+        f"{errors['low']} to {errors['high']}" if point[MAX_ERROR]["low"] is not None else "",
         errors["p90"],
     ]
