@@ -81,7 +81,7 @@ def test_ten_lines_per_second_suffice(tmp_path: Path) -> None:
         [write_parquet(tmp_path / "log.parquet", make_log(9.3, 10, speed=1.6, wheels=False))]
     )
     for name, value in (("dead_time_s", DEAD_TIME_S), ("creep_stiffness", CREEP_STIFFNESS)):
-        estimate = result[f"commands.{name}"]
+        estimate = result.estimates[f"commands.{name}"]
         assert estimate.value == pytest.approx(value, abs=5 * estimate.standard_error)
 
 
