@@ -115,6 +115,21 @@ def test_options_and_settings_of_commands_exist(page: Path) -> None:
                 assert setting in SETTINGS, words
 
 
+def test_pages_can_be_followed_in_one_folder() -> None:
+    """No two pages write to the same `--out`, which must be empty."""
+    folders = [
+        folder
+        for text in TEXTS.values()
+        for folder in {
+            folder
+            for language, _, block in BLOCK.findall(text)
+            if language == "sh"
+            for folder in re.findall(r"--out (\S+)", block)
+        }
+    ]
+    assert len(folders) == len(set(folders)), sorted(folders)
+
+
 @pytest.mark.parametrize("page", TEXTS, ids=str)
 def test_settings_in_a_text_exist(page: Path) -> None:
     """Inline code of the form `section.field` names a setting, if it begins with a section."""
