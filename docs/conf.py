@@ -18,8 +18,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from omni_mj.cli import catalog
-from omni_mj.robot.robot_performance import load_robot
+from omni_mj.cli import descriptions
+from omni_mj.robot.robot_facts import load_robot
 from omni_mj.simulation.log import channel_columns
 
 HERE = Path(__file__).parent
@@ -62,6 +62,7 @@ NAVIGATION = {
         "docs/how-to/install",
         "docs/how-to/write-a-scenario",
         "docs/how-to/change-the-dead-time",
+        "docs/how-to/add-faults",
         "docs/how-to/add-a-robot",
         "docs/how-to/write-a-controller",
         "docs/how-to/use-from-python",
@@ -164,7 +165,7 @@ def navigation() -> str:
 
 def settings() -> str:
     """Return a table of settings per section."""
-    sections = groupby(catalog.list_entries("settings"), lambda row: row[0].partition(".")[0])
+    sections = groupby(descriptions.list_entries("settings"), lambda row: row[0].partition(".")[0])
     return "".join(
         f"\n## [{section}]\n\n" + _settings_table(rows, "none") for section, rows in sections
     )
@@ -173,7 +174,7 @@ def settings() -> str:
 def faults() -> str:
     """Return a table of the fields of all faults, then a section per kind of fault."""
     text, rows = "\n## Fields of every fault\n\n", []
-    for row in catalog.list_entries("faults"):
+    for row in descriptions.list_entries("faults"):
         if row[0].startswith("kind = "):
             text += _settings_table(rows, "required")
             text += f"\n## {row[0].removeprefix('kind = ')}\n\n{row[-1]}\n\n"
@@ -185,12 +186,14 @@ def faults() -> str:
 
 def scenarios() -> str:
     """Return a table of the scenarios that ship."""
-    return "\n" + _table(["scenario", "description"], _named(catalog.list_entries("scenarios")))
+    return "\n" + _table(
+        ["scenario", "description"], _named(descriptions.list_entries("scenarios"))
+    )
 
 
 def robots() -> str:
     """Return a table of the robots that ship and one of their numbers."""
-    rows = catalog.list_entries("robots")
+    rows = descriptions.list_entries("robots")
     numbers = []
     for name, _ in rows:
         robot_settings = load_robot(name).settings.to_dict()

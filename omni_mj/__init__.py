@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from omni_control.errors import OmniError
     from omni_mj.config.scenario import Scenario, load_scenario
     from omni_mj.results.result import Result
-    from omni_mj.robot.robot_performance import load_robot
+    from omni_mj.robot.robot_facts import load_robot
     from omni_mj.simulation.simulation import Simulation
     from omni_mj.studies.alpha.alpha_study import measure_alpha
     from omni_mj.studies.compare_study import compare
@@ -43,7 +43,7 @@ _MODULES = {
     "compare": "omni_mj.studies.compare_study",
     "find_limit": "omni_mj.studies.limit.limit_study",
     "identify": "omni_mj.studies.identify.identify_study",
-    "load_robot": "omni_mj.robot.robot_performance",
+    "load_robot": "omni_mj.robot.robot_facts",
     "load_scenario": "omni_mj.config.scenario",
     "measure_alpha": "omni_mj.studies.alpha.alpha_study",
     "measure_slip": "omni_mj.studies.slip.slip_study",

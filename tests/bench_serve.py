@@ -7,7 +7,7 @@ from multiprocessing import Process
 
 import numpy as np
 from benches.serve import Field
-from serving import LOOPBACK, local
+from serve_client import LOOPBACK, local
 
 from omni_mj.live.serve.server import Server
 from omni_mj.live.sockets import Address

@@ -25,18 +25,18 @@ if TYPE_CHECKING:
         SampledReference,
         TimedReference,
     )
-    from omni_control.team import Team
-    from omni_control.traction import WheelLimits
+    from omni_control.team_computer import Team
+    from omni_control.traction_limits import WheelLimits
 
 # Modules with public names, in the order of their imports.
 _MODULES = (
     "errors",
     "kinematics",
-    "traction",
+    "traction_limits",
     "reference",
     "delay_compensation",
     "controllers.base",
-    "team",
+    "team_computer",
 )
 
 __all__ = [

@@ -37,8 +37,8 @@ HELP_SECTIONS = {  # heading -> command -> purpose; a line must fit 80 columns
     },
 }
 COMMANDS = {name: text for commands in HELP_SECTIONS.values() for name, text in commands.items()}
-MODULES = {  # module -> commands in it; every other command has a module of its name
-    "catalog_commands": ("list", "show", "schema", "new"),
+MODULES = {  # module -> commands in it; every other command has a module NAME_command
+    "list_and_show_commands": ("list", "show", "schema", "new"),
     "result_commands": ("report", "film", "screenshot", "verify"),
     "study_commands": ("alpha", "identify", "limit", "loop", "slip"),
 }
@@ -74,7 +74,8 @@ class _LazyCommands(Mapping[str, click.Command]):
         if name not in COMMANDS:
             raise KeyError(name)
         modules = (module for module, names in MODULES.items() if name in names)
-        return resolve_name(f"omni_mj.cli.{next(modules, name)}:{name}_command")
+        module_name = next(modules, f"{name}_command")
+        return resolve_name(f"omni_mj.cli.{module_name}:{name}_command")
 
     def __iter__(self) -> Iterator[str]:
         return iter(COMMANDS)

@@ -52,7 +52,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_control.traction import GRAVITY, compute_load_matrix
+from omni_control.traction_limits import GRAVITY, compute_load_matrix
 from omni_mj.config.settings import Settings
 
 # Guesses for loops with integral action. They have no single lag, and friction costs no steady

@@ -17,7 +17,7 @@ from omni_control.reference import (
     SampledReference,
     TimedReference,
 )
-from omni_control.traction import GRAVITY, WheelLimits
+from omni_control.traction_limits import GRAVITY, WheelLimits
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings

@@ -13,14 +13,6 @@ from omni_control.kinematics import Array
 from omni_mj.config import fault_checks, faults, robot_files
 from omni_mj.config.motor_settings import MotorSettings
 from omni_mj.config.network_settings import RadioSettings, VisionSettings
-from omni_mj.config.plant_settings import (
-    CarpetSettings,
-    DisturbanceSettings,
-    KinematicSettings,
-    PhysicsSettings,
-    RandomizationSettings,
-    WorldSettings,
-)
 from omni_mj.config.robot_settings import (
     BatterySettings,
     BodySettings,
@@ -33,6 +25,14 @@ from omni_mj.config.robot_settings import (
 )
 from omni_mj.config.team_settings import ControlSettings, ReferenceSettings
 from omni_mj.config.validation import SettingInfo, SettingsModel, merge_sections
+from omni_mj.config.world_settings import (
+    CarpetSettings,
+    DisturbanceSettings,
+    KinematicSettings,
+    PhysicsSettings,
+    RandomizationSettings,
+    WorldSettings,
+)
 
 FULL_CELL_V = 4.2  # voltage of a fully charged LiPo cell
 

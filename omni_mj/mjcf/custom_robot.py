@@ -24,8 +24,8 @@ import numpy as np
 from omni_control.errors import OmniError, to_printable
 from omni_mj.config.robot_files import list_model_files
 from omni_mj.config.validation import SettingsModel, raise_errors
-from omni_mj.mjcf.model_measurements import WheelGeometry, compute_composite_inertia, measure_wheels
-from omni_mj.mjcf.part_recognition import (
+from omni_mj.mjcf.robot_geometry import WheelGeometry, compute_composite_inertia, measure_wheels
+from omni_mj.mjcf.robot_parts import (
     HINGE,
     RobotIndices,
     compute_initial_kinematics,

@@ -17,7 +17,7 @@ from omni_mj.config.robot_files import find_robot_mjcf
 from omni_mj.config.robot_settings import BodySettings, Mechanics, WheelSettings
 from omni_mj.config.validation import raise_errors
 from omni_mj.mjcf.custom_robot import RobotSpec, read_custom_robot
-from omni_mj.mjcf.model_measurements import (
+from omni_mj.mjcf.robot_geometry import (
     compute_composite_inertia,
     compute_point_mass_inertia,
     set_inertial,

@@ -45,8 +45,8 @@ from typing import Any
 
 import mujoco
 
-from omni_mj.mjcf.model_measurements import compute_composite_inertia, set_inertial
-from omni_mj.mjcf.part_recognition import (
+from omni_mj.mjcf.robot_geometry import compute_composite_inertia, set_inertial
+from omni_mj.mjcf.robot_parts import (
     RETAINED_ROLLERS,
     RobotIndices,
     compute_initial_kinematics,

@@ -21,9 +21,9 @@ from omni_mj.config.robot_settings import Mechanics
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import rollers
 from omni_mj.mjcf.custom_robot import RobotSpec
-from omni_mj.mjcf.model_measurements import compute_support_distance
-from omni_mj.mjcf.part_recognition import Ids, RobotIndices, compute_initial_kinematics, find_robots
 from omni_mj.mjcf.robot_builder import build_robot_spec
+from omni_mj.mjcf.robot_geometry import compute_support_distance
+from omni_mj.mjcf.robot_parts import Ids, RobotIndices, compute_initial_kinematics, find_robots
 
 SETTLING_S = 0.25  # time in which a robot comes to rest on the carpet
 HULL_DIRECTIONS = 73  # every 5 degrees, both ends included

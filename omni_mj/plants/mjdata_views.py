@@ -12,8 +12,8 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.faults import Payload
 from omni_mj.config.settings import Settings, gather
-from omni_mj.mjcf.model_measurements import compute_point_mass_inertia
-from omni_mj.mjcf.part_recognition import Ids
+from omni_mj.mjcf.robot_geometry import compute_point_mass_inertia
+from omni_mj.mjcf.robot_parts import Ids
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.fault_effects import BLOCKED_HUB_NM, ChangeableBodies
 from omni_mj.plants.randomization import RobotVariation

@@ -247,8 +247,8 @@ class MujocoPlant(WheeledPlantBase):
             self._drag = compute_drag(self.parameters.carpet, motion, load, wheel_angle)
             views.write_drag(self._drag, motion, self.electronics.inputs.push_force)
         motors = self.electronics.motors
-        # MuJoCo's dcmotor has the constant resistance R in place of R + X |w| (see
-        # `omni_mj.robot.motors`). The voltage K w + R I drives the same current I through it.
+        # MuJoCo's dcmotor has the constant resistance R in place of R + X |w|
+        # (`omni_mj.robot.motors_and_drivers`). The voltage K w + R I drives the same current I.
         views.voltage.set(
             motors.back_emf_constant * wheel_speed + record.current * motors.resistance
         )

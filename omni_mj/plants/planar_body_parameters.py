@@ -25,7 +25,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.faults import Payload
 from omni_mj.config.settings import Settings, gather
-from omni_mj.mjcf.model_measurements import compute_composite_inertia
+from omni_mj.mjcf.robot_geometry import compute_composite_inertia
 from omni_mj.mjcf.rollers import (
     ADDED_MASS_KG,
     FRICTION_RATE_PER_S,

@@ -20,8 +20,8 @@ from omni_mj.plants.row_checks import check_planar_rows
 from omni_mj.plants.telemetry import Telemetry
 from omni_mj.plants.wheeled_plant_base import WheeledPlantBase
 from omni_mj.robot.array_ops import rotate, select
-from omni_mj.robot.backends import JaxBackend, NumpyBackend
 from omni_mj.robot.electronics import stack_telemetry
+from omni_mj.robot.numpy_and_jax_backends import JaxBackend, NumpyBackend
 from omni_mj.robot.planar_dynamics import BodyParameters, BodyState
 from omni_mj.robot.planar_robot import PlanarParameters, PlanarState, advance_frame
 

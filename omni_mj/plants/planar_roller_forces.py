@@ -31,7 +31,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import brentq
 
-from omni_control.traction import GRAVITY
+from omni_control.traction_limits import GRAVITY
 from omni_mj.config.robot_settings import WheelSettings
 from omni_mj.mjcf.rollers import STIFFNESS_N_M, compute_carpet_damping
 from omni_mj.robot.array_ops import Array

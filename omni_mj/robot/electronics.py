@@ -35,7 +35,7 @@ from omni_mj.robot.firmware_state import (
     make_firmware_state,
     make_undisturbed_inputs,
 )
-from omni_mj.robot.motors import (
+from omni_mj.robot.motors_and_drivers import (
     MotorParameters,
     MotorState,
     drive_motors,

@@ -21,7 +21,7 @@ from omni_mj.config.settings import Settings
 from omni_mj.network.camera import Cameras
 from omni_mj.network.radio import Radio, ReceivedCommand
 from omni_mj.plants import Plant
-from omni_mj.robot.backends import choose_backend
+from omni_mj.robot.numpy_and_jax_backends import choose_backend
 from omni_mj.simulation.log import Failure, Log
 from omni_mj.simulation.team_builder import ReferenceFactory, build_team
 

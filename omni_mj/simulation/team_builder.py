@@ -13,7 +13,7 @@ from omni_control.controllers.registry import make_controller
 from omni_control.errors import ControllerError
 from omni_control.kinematics import Array, Kinematics
 from omni_control.reference import Reference, combine_references
-from omni_control.team import Team
+from omni_control.team_computer import Team
 from omni_mj.config import PERIOD_S, reference_factory
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings

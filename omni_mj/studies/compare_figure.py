@@ -12,7 +12,7 @@ from omni_mj.results.paired_comparison import mean_position_error
 from omni_mj.results.result_tables import Summary
 from omni_mj.results.summary import Entry
 from omni_mj.results.text_table import DASH
-from omni_mj.viz import plotting
+from omni_mj.viz import figure_helpers
 from omni_mj.viz.seed_figure import draw_seed_statistics
 
 BASELINE = "comp-flc"  # has the ratio 1; the first controller if this one was not run
@@ -27,7 +27,7 @@ def save_comparison_figure(summary: Summary, stem: Path) -> None:
     entries = {name: entry for name, entry in summary["scenarios"].items() if entry["results"]}
     if not entries:
         return
-    with plotting.figure_file(stem, svg=True) as figure:
+    with figure_helpers.figure_file(stem, svg=True) as figure:
         if len(entries) == 1:
             ((name, entry),) = entries.items()
             draw_seed_statistics(name, entry, summary["privileged"], figure)

@@ -12,7 +12,7 @@ from omni_mj.config.reference_factory import build_timed_reference
 from omni_mj.config.scenario import Scenario, load_with_overrides
 from omni_mj.results import metrics, summary
 from omni_mj.results.result import Outcome, Result
-from omni_mj.robot.backends import choose_backend
+from omni_mj.robot.numpy_and_jax_backends import choose_backend
 from omni_mj.simulation.simulation import Simulation
 
 AfterFrame = Callable[[int], None]  # called with the number of each frame

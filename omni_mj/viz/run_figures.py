@@ -12,8 +12,8 @@ from omni_control.kinematics import Array
 from omni_mj.config import FRAME_RATE_HZ
 from omni_mj.results.result import Outcome
 from omni_mj.results.result_tables import describe_plant
-from omni_mj.viz import plotting, style
-from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot, select_robots
+from omni_mj.viz import figure_helpers, style
+from omni_mj.viz.displayed_robots import ALPHA_RANGE, RecordedRobot, select_robots
 from omni_mj.viz.seed_figure import draw_seed_statistics
 
 MIN_SEEDS = 3  # for a figure of statistics over seeds
@@ -52,7 +52,7 @@ def save_run_figures(outcome: Outcome, folder: Path, svg: bool) -> None:
     ]
     for name, draw in choose_figures(outcome).items():
         title = "\n".join([f"{TITLES[name]}: {context}", *failures]) if name in TITLES else ""
-        with plotting.figure_file(folder / name, title, svg) as figure:
+        with figure_helpers.figure_file(folder / name, title, svg) as figure:
             draw(figure)
 
 
@@ -95,7 +95,7 @@ def draw_errors(robots: Robots, failed: Collection[str], figure: Figure) -> None
         robots, failed, figure, labels, lambda robot: abs(robot.pose_error())
     ):
         axes.set_ylim(bottom=0)
-    plotting.add_legend(figure, figure.axes)
+    figure_helpers.add_legend(figure, figure.axes)
 
 
 def draw_paths(robots: Robots, failed: Collection[str], figure: Figure) -> None:
@@ -140,7 +140,7 @@ def draw_paths(robots: Robots, failed: Collection[str], figure: Figure) -> None:
         overview.plot(*center, "s", mfc="none", mec=color, ms=9 + 3 * i, mew=1.5, zorder=7)
     overview.margins(0.06)
     overview.set(xlabel="x, m", ylabel="y, m")
-    plotting.add_legend(figure, figure.axes)
+    figure_helpers.add_legend(figure, figure.axes)
 
 
 def draw_commands(robots: Robots, failed: Collection[str], figure: Figure) -> None:
@@ -156,20 +156,20 @@ def draw_commands(robots: Robots, failed: Collection[str], figure: Figure) -> No
     labels = labels if np.ptp(poses[:, 2]) > 0 else labels[:2]
     panels = _draw_columns(robots, failed, figure, labels, lambda robot: robot["command"])
     velocity = np.diff(poses, axis=0, append=poses[-1:]) * FRAME_RATE_HZ
-    time = plotting.frame_times(poses)
+    time = figure_helpers.frame_times(poses)
     for axis, axes in enumerate(panels):
         speed = velocity[:, axis]
         axes.plot(time, speed, color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
-    plotting.add_legend(figure, figure.axes)
+    figure_helpers.add_legend(figure, figure.axes)
 
 
 def draw_alpha(robots: Robots, figure: Figure) -> None:
     """Draw estimated alpha, and measured alpha where robots drive; a row of axes per robot."""
-    grid = plotting.create_time_axes(figure, len(robots), 2, 1.4, sharey=True)
+    grid = figure_helpers.create_time_axes(figure, len(robots), 2, 1.4, sharey=True)
     for (row, axis), axes in np.ndenumerate(grid):
         robot = robots[row]
         measured, low, high, estimate = robot.alpha(axis).T
-        time = plotting.frame_times(measured)
+        time = figure_helpers.frame_times(measured)
         color = style.color(robot.style_index)
         paper_label = "range of the paper, 0.7 to 1"
         axes.axhspan(*PAPER_ALPHA_RANGE, color="#EEEEEE", lw=0, zorder=0, label=paper_label)
@@ -182,7 +182,7 @@ def draw_alpha(robots: Robots, figure: Figure) -> None:
             axes.fill_between(time, low, high, color=color, alpha=0.25, lw=0, zorder=1, label=label)
         axes.set(title=f"{robot.name}, {'xy'[axis]}", ylabel="" if axis else "alpha")
     grid[0, 0].set_ylim(ALPHA_RANGE)
-    plotting.add_legend(figure, grid.flat)
+    figure_helpers.add_legend(figure, grid.flat)
 
 
 def _draw_columns(
@@ -203,7 +203,7 @@ def _draw_columns(
         labels: Labels of the panels, one per column.
         values: Function of a robot that returns an array (frames, columns).
     """
-    panels = list(plotting.create_time_axes(figure, len(labels), 1, 1.8)[:, 0])
+    panels = list(figure_helpers.create_time_axes(figure, len(labels), 1, 1.8)[:, 0])
     successful = [values(robot) for robot in robots if robot.name not in failed]
     limits = np.concatenate(successful or [np.zeros((1, 3))])
     for column, axes in enumerate(panels):
@@ -214,7 +214,7 @@ def _draw_columns(
         for robot in robots:
             line = values(robot)[:, column]
             line_style = style.line_style(robot.style_index) | {"marker": ""}
-            time = plotting.frame_times(line)
+            time = figure_helpers.frame_times(line)
             axes.plot(time, line, label=robot.name, zorder=3, **line_style)
     return panels
 

@@ -12,7 +12,7 @@ from omni_control.kinematics import Array
 from omni_mj.results.result_tables import describe_plant
 from omni_mj.results.seed_statistics import SeedStatistics
 from omni_mj.results.summary import Entry
-from omni_mj.viz import plotting, style
+from omni_mj.viz import figure_helpers, style
 
 LINE_HEIGHT = 0.3  # of a controller's line, inches
 # Largest ratio of an axis's limits. Smaller errors, such as those of rounding, are not visible.
@@ -51,7 +51,7 @@ def draw_seed_statistics(
         if label != SETTLING_TIME and np.isfinite(means).any() and np.nanmin(means) > 0:
             largest = axes.dataLim.x1
             axes.set_xlim(max(np.nanmin(means) / 2, largest / MAX_RANGE), 1.15 * largest)
-            plotting.use_log_scale(axes.xaxis)
+            figure_helpers.use_log_scale(axes.xaxis)
         axes.set_xlabel(label)
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)

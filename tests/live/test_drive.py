@@ -108,7 +108,7 @@ def test_robots_start_where_they_are() -> None:
 
 RADIO = """
 from omni_mj.live.team_radio import TeamRadio
-from serving import local, udp
+from serve_client import local, udp
 
 
 class Mine(TeamRadio):

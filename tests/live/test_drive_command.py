@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from benches.drive import run_peer
 from commands import invoke
-from serving import free_port
+from serve_client import free_port
 
 PATIENCE_S = 120.0  # with processes, on a computer that does much else
 OUT = "--scenario", "rect", "--out", "drive", "--no-figures"

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benches.serve import FAST, QUIET, Field, here
-from serving import local
+from serve_client import local
 
 CYCLE_S = 1 / 960
 FAULTS = """

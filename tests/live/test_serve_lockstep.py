@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-import serving
+import serve_client
 from benches.serve import Field, here
-from serving import Client, local, world
+from serve_client import Client, local, world
 
 import omni_mj as om
 from omni_mj.live.wire.league_pb2 import RobotCommand, RobotControl, RobotControlResponse
@@ -24,10 +24,14 @@ def taped(client: Client) -> list[bytes]:
     """All that comes back from a run of two teams in which everything is used."""
     answers: list[bytes] = []
     for k in range(STEPS):
-        answers.append(client.ask(1, world(0, 1.0, 0.3) + serving.wheels(1, 0.5, -0.2, 0.4, 0.1)))
+        answers.append(
+            client.ask(1, world(0, 1.0, 0.3) + serve_client.wheels(1, 0.5, -0.2, 0.4, 0.1))
+        )
         answers.append(client.ask(2, local(0, 0.8, 0.2, k / 10)))
         if k == STEPS // 2:
-            answers.append(client.ask(0, serving.teleport(1, 2, x=-1.0, y=1.0, orientation=0.5)))
+            answers.append(
+                client.ask(0, serve_client.teleport(1, 2, x=-1.0, y=1.0, orientation=0.5))
+            )
     client.vision.settimeout(0.2)
     seen = dict[bytes, None]()  # before the first command all is sent again, more or less often
     while True:
@@ -52,7 +56,7 @@ def test_a_run_is_the_same_to_the_bit_and_another_seed_is_another() -> None:
         "--scenario",
         "worn-robots",
     )
-    with serving.served(*options, *sets, client=client):
+    with serve_client.served(*options, *sets, client=client):
         separate = taped(client)
     client.close()
     tapes = []
@@ -94,7 +98,7 @@ def test_the_loop_in_one_process_is_reproduced_over_the_wire(delay: int) -> None
     with here(field) as (client, _):
         detection = client.newest()
         for k in range(log.length):
-            seen[k] = serving.robots(detection).get(("blue", 0), [np.nan] * 3)
+            seen[k] = serve_client.robots(detection).get(("blue", 0), [np.nan] * 3)
             team.observe(seen[[k]])
             detection = client.step(world(0, *map(float, team.command()[0])))
     expected, way = log.channel("vision")[:, 0], log.channel("ref")[:, 0, :2]
@@ -111,7 +115,7 @@ def test_packets_to_the_simulator_repeat_the_last_image_and_kicks_are_ignored() 
         seen = client.step(local(2, 1.0))
         assert client.ask(0, b"") == b""
         assert client.packet().detection == seen
-        assert client.codes(0, serving.control(simulation_speed=2.0)) == ["SPEED"]
+        assert client.codes(0, serve_client.control(simulation_speed=2.0)) == ["SPEED"]
         kick = RobotControl(robot_commands=[RobotCommand(id=7, kick_speed=5.0)]).SerializeToString()
         answer = RobotControlResponse.FromString(client.ask(1, kick + local(2, 0.1)))
         assert [(robot.id, robot.dribbler_ball_contact) for robot in answer.feedback] == [

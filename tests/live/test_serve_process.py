@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-import serving
+import serve_client
 from benches.serve import FAST, QUIET, Field, here
 from commands import invoke
-from serving import BLUE, LOOPBACK, YELLOW, Client, local, served
+from serve_client import BLUE, LOOPBACK, YELLOW, Client, local, served
 
 import omni_mj as om
 
@@ -37,15 +37,15 @@ def test_a_pause_holds_robots_and_the_next_speed_lets_them_go_on() -> None:
     """Without a jump: time that has passed in the pause is none."""
     with here(Field(*QUIET, FAST, "firmware.timeout_s=0"), False) as (client, _):
         client.ask(1, local(0, 0.5))
-        assert client.codes(0, serving.control(simulation_speed=0.0)) == []
+        assert client.codes(0, serve_client.control(simulation_speed=0.0)) == []
         paused = client.newest()
         client.vision.settimeout(0.3)
         with pytest.raises(TimeoutError):
             client.packet()
-        client.vision.settimeout(serving.PATIENCE_S)
+        client.vision.settimeout(serve_client.PATIENCE_S)
         for bad in (-1.0, float("nan")):
-            assert client.codes(0, serving.control(simulation_speed=bad)) == ["SPEED"]
-        client.ask(0, serving.control(simulation_speed=1.0))
+            assert client.codes(0, serve_client.control(simulation_speed=bad)) == ["SPEED"]
+        client.ask(0, serve_client.control(simulation_speed=1.0))
         gap = client.packet().detection.t_capture - paused.t_capture
         assert gap == pytest.approx(1 / 60, abs=1e-6)
 
@@ -54,10 +54,10 @@ def test_bad_packets_are_counted_and_skipped_and_the_rest_is_obeyed() -> None:
     """Thousands of random, truncated or reversed packets do not move robots, which still drive."""
     rng, good = (
         random.Random(0),
-        [serving.teleport(0, 2, x=1.0, y=1.0), local(0, 1.0) + local(1, 0.5, 0.2)],
+        [serve_client.teleport(0, 2, x=1.0, y=1.0), local(0, 1.0) + local(1, 0.5, 0.2)],
     )
     with here(Field(*QUIET, FAST, blue="2")) as (client, server):
-        with serving.udp() as hostile:
+        with serve_client.udp() as hostile:
             for number in range(3000):
                 packet = bytearray(
                     good[number % 2]
@@ -93,7 +93,7 @@ def test_either_side_is_killed_and_comes_back_and_what_ends_it_ends_it_cleanly(
         client = Client()  # a team that was started anew: of other ports
         client.ports = ports
         assert client.codes(1, local(0, 0.5)) == []
-        out, error = serving.ended(process)
+        out, error = serve_client.ended(process)
     assert process.returncode == 143
     assert "s simulated" in out
     assert "blue commands" in out
@@ -133,14 +133,14 @@ def test_robots_that_come_and_go_are_recorded_frame_by_frame(tmp_path: Path) -> 
     field = Field(*QUIET, FAST, blue="2", yellow="1")
     field.record(tmp_path / "trajectory.parquet")
     field.drive(40, local(0, 0.5))
-    assert field.teleport(serving.teleport(1, BLUE, present=False)) == []
+    assert field.teleport(serve_client.teleport(1, BLUE, present=False)) == []
     field.drive(5, local(0, 0.5))
     assert field.put(9, 2.0, 2.0, 0.0, team=YELLOW) == []
     field.drive(605, local(0, 0.5))
     (part,) = tmp_path.iterdir()
     assert len(pl.read_parquet(part)) > 3 * 500
     for number, team in ((0, BLUE), (0, YELLOW), (9, YELLOW)):
-        assert field.teleport(serving.teleport(number, team, present=False)) == []
+        assert field.teleport(serve_client.teleport(number, team, present=False)) == []
     field.drive(3)
     field.finish()
     assert [path.name for path in tmp_path.iterdir()] == ["trajectory.parquet"]
@@ -174,7 +174,7 @@ def test_a_process_that_is_ended_leaves_a_whole_table_and_recording(
     with served(*options, client=client) as process:
         for _ in range(45):
             client.step(local(0, 0.5))
-        _, error = serving.ended(process, signal.SIGINT)
+        _, error = serve_client.ended(process, signal.SIGINT)
     client.close()
     assert process.returncode == 130
     last = error.splitlines()[-1]

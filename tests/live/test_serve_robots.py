@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benches.serve import FAST, QUIET, Field
-from serving import local, wheels, world
+from serve_client import local, wheels, world
 
 import omni_mj as om
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.link import FRAME_S, make_fault, measure_poses
+from benches.camera_and_radio import FRAME_S, make_fault, measure_poses
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.link import FRAME_S, make_fault, make_radio, receive_packets
+from benches.camera_and_radio import FRAME_S, make_fault, make_radio, receive_packets
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -19,8 +19,8 @@ from benches.plant import mujoco as plant_of
 from numpy.typing import NDArray
 
 from omni_mj import load_scenario, run
-from omni_mj.config.plant_settings import RandomizationSettings
 from omni_mj.config.resolve import resolve_settings
+from omni_mj.config.world_settings import RandomizationSettings
 from omni_mj.plants.randomization import RobotVariation
 
 MODELS = ["rollers", "two-rollers"]

@@ -24,7 +24,7 @@ import numpy as np
 
 from omni_control.controllers.base import TeamModel
 from omni_control.kinematics import Array, Kinematics, body_to_world, world_to_body
-from omni_control.traction import GRAVITY, compute_load_distribution
+from omni_control.traction_limits import GRAVITY, compute_load_distribution
 
 # Layout of the state: pose, velocity and disturbance in the world frame, then parameters.
 POSE, VELOCITY, DISTURBANCE = slice(0, 3), slice(3, 6), slice(6, 9)

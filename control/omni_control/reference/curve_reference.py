@@ -22,7 +22,7 @@ from omni_control.reference.speed_profiles import (
     solve_speed_profile_on_wheels,
 )
 from omni_control.reference.time_scaling import PathTiming, sample_path, slow_down_for_wheels
-from omni_control.traction import WheelLimits
+from omni_control.traction_limits import WheelLimits
 
 # Cells per lap, times the aspect ratio of the curve: elongated curves have sharper bends.
 _N_CELLS = 1000

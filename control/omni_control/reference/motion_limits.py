@@ -13,7 +13,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_control.traction import WheelLimits
+from omni_control.traction_limits import WheelLimits
 
 
 @dataclass(frozen=True)

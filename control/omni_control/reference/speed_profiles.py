@@ -28,7 +28,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.traction import WheelLimits, max_over_neighbors
+from omni_control.traction_limits import WheelLimits, max_over_neighbors
 
 _N_SIDES = 32  # of the polygon inside the ellipse of accelerations; it is 0.5 % smaller
 _N_SOLVED_LAPS = 3  # the first and last laps, and one that stands for all laps in between

@@ -8,7 +8,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.traction import WheelLimits
+from omni_control.traction_limits import WheelLimits
 
 ROUNDING = 1e-9  # relative tolerance of limits
 _N_WINDOWS = 24  # number of lengths of the moving average to try

@@ -29,7 +29,7 @@ from omni_control.reference.motion_limits import MotionLimits
 from omni_control.reference.replanned_reference import approach_pose
 from omni_control.reference.sampled_reference import SampledReference, as_poses
 from omni_control.reference.time_scaling import ROUNDING, PathTiming, slow_down_for_wheels
-from omni_control.traction import WheelLimits, max_over_neighbors
+from omni_control.traction_limits import WheelLimits, max_over_neighbors
 
 _N_CELLS = 200  # of a segment on which the wheels limit the timing
 _AT_REST = 1e-9  # distance (m, rad) and speed (m/s, rad/s) up to which a robot has arrived

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from omni_mj.studies.alpha.alpha_study import AlphaResult, AlphaStudy
 from omni_mj.studies.alpha.operating_conditions import DIRECTIONS, PROFILE_TEXT, WORN_TEXT
-from omni_mj.viz import plotting, style
+from omni_mj.viz import figure_helpers, style
 
 QUANTITY_TITLES = {
     "steady_gain": "steady gain - 1",
@@ -36,7 +36,7 @@ def save_alpha_figure(result: AlphaResult, stem: Path) -> None:
     n_rows = -(-len(names) // COLUMNS)
     heights = [CAUSES_HEIGHT] + [CONDITIONS_HEIGHT] * n_rows
     title = f"Why robots do not reach the commanded speed at once: {PROFILE_TEXT}"
-    with plotting.figure_file(stem, title, figsize=(11, 0.4 + sum(heights))) as figure:
+    with figure_helpers.figure_file(stem, title, figsize=(11, 0.4 + sum(heights))) as figure:
         cause_figure, *row_figures = figure.subfigures(
             len(heights), 1, height_ratios=heights, squeeze=False
         )[:, 0]
@@ -47,7 +47,7 @@ def save_alpha_figure(result: AlphaResult, stem: Path) -> None:
         for i, row_figure in enumerate(row_figures):
             _draw_conditions(study, names[COLUMNS * i : COLUMNS * (i + 1)], row_figure)
         row_figures[0].suptitle("One condition varied, all others nominal", x=0.01, ha="left")
-        plotting.add_legend(figure, figure.axes)
+        figure_helpers.add_legend(figure, figure.axes)
 
 
 def _draw_causes(study: AlphaStudy, quantity: str, axes: Axes) -> None:
@@ -93,6 +93,6 @@ def _draw_condition(study: AlphaStudy, name: str, gain_axes: Axes, lag_axes: Axe
     lag_axes.set_ylim(0, 1.05 * 1000 * max_lag)
     gain_axes.margins(x=0.06)
     if max(values) > MAX_LINEAR_RATIO * min(values) > 0:
-        plotting.use_log_scale(gain_axes.xaxis)
+        figure_helpers.use_log_scale(gain_axes.xaxis)
     else:
         gain_axes.set_xticks(values, [f"{value:g}" for value in values])

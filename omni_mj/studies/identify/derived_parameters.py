@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import approx_fprime
 
 from omni_control.kinematics import Array
-from omni_control.traction import GRAVITY
+from omni_control.traction_limits import GRAVITY
 from omni_mj.config import PERIOD_S, nominal_model
 from omni_mj.config.settings import Settings
 from omni_mj.studies.identify.parameter_fit import RANGES, Fit

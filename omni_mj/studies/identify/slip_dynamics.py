@@ -32,7 +32,7 @@ from typing import Self
 import numpy as np
 
 from omni_control.kinematics import Array, body_to_world, world_to_body
-from omni_control.traction import GRAVITY, compute_load_distribution
+from omni_control.traction_limits import GRAVITY, compute_load_distribution
 from omni_mj.config import CYCLE_RATE_HZ, CYCLES_PER_FRAME, nominal_model
 from omni_mj.config.settings import Settings
 from omni_mj.robot.wheel_carpet_forces import AT_REST_M_S

@@ -3,7 +3,7 @@
 A trial simulates several rows. Some track commands that are optimized from the best run so far.
 They need feedback, because rolling contacts do not repeat exactly. The others track the best run
 with random changes of its commands. Differences between rows identify a linear model of the
-deviations, dp = G du (`run_deviation_model`). For the best run with errors e and commands u, the
+deviations, dp = G du (`deviation_model`). For the best run with errors e and commands u, the
 next change of commands du minimizes
 
     |e + G du|^2 + rho |du|^2    subject to    |u + du| <= v,   |change of u + du in a frame| <= a T
@@ -28,8 +28,8 @@ from omni_mj.config import PERIOD_S, reference_factory
 from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.limit.run_deviation_model import SCALE, DeviationModel
-from omni_mj.studies.limit.run_tracker import FeedbackSettings, RunTracker
+from omni_mj.studies.limit.deviation_model import SCALE, DeviationModel
+from omni_mj.studies.limit.recorded_run_lqr import FeedbackSettings, RunTracker
 from omni_mj.studies.run_scenario import AfterFrame, StartProgress
 
 ADMM_ITERATIONS = 400

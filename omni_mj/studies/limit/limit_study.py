@@ -1,8 +1,8 @@
 """Limit study: the smallest error that is possible on a plant, and the errors of controllers.
 
 A robot learns the commands of its path without noise (`iterative_learning`). Then feedback is added
-(`run_tracker`) and tuned under noise, on other seeds than the scenario's. Last, the robot and the
-package's controllers drive the scenario with the same seeds.
+(`recorded_run_lqr`) and tuned under noise, on other seeds than the scenario's. Last, the robot and
+the package's controllers drive the scenario with the same seeds.
 """
 
 import time
@@ -13,15 +13,16 @@ from typing import Any
 
 from omni_control.errors import OmniError
 from omni_mj.config import distributions
-from omni_mj.config.plant_settings import RandomizationSettings
 from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
+from omni_mj.config.world_settings import RandomizationSettings
 from omni_mj.results.paired_comparison import STATISTIC_LABELS, mean_position_error
 from omni_mj.results.result import Outcome, Result
 from omni_mj.results.result_tables import describe_plant, format_mean_cm
 from omni_mj.results.text_table import Table, format_table
 from omni_mj.simulation.simulation import Simulation
+from omni_mj.studies.limit.deviation_model import DeviationModel
 from omni_mj.studies.limit.iterative_learning import (
     STATISTICS,
     Runs,
@@ -30,8 +31,7 @@ from omni_mj.studies.limit.iterative_learning import (
     learn_run,
     run_function,
 )
-from omni_mj.studies.limit.run_deviation_model import DeviationModel
-from omni_mj.studies.limit.run_tracker import FeedbackSettings, RunTracker
+from omni_mj.studies.limit.recorded_run_lqr import FeedbackSettings, RunTracker
 from omni_mj.studies.run_scenario import (
     StartProgress,
     StoppedError,

@@ -8,7 +8,7 @@ import numpy as np
 from omni_mj.studies.loop.loop_experiment import STEP_M
 from omni_mj.studies.loop.loop_metrics import interpolate_gains
 from omni_mj.studies.loop.loop_study import LoopMeasurement, LoopResult
-from omni_mj.viz import plotting, style
+from omni_mj.viz import figure_helpers, style
 
 COLUMN_WIDTH = 3.4  # of a case, inches
 PANEL_HEIGHTS = (2.6, 2.2, 2.2, 3.4)  # inches
@@ -29,7 +29,7 @@ def save_loop_figure(result: LoopResult, stem: Path) -> None:
     """Draw all loops into `stem`.png and `stem`.svg, with a column of panels per case."""
     size = (COLUMN_WIDTH * max(len(result.loops), 2), sum(PANEL_HEIGHTS))
     title = f"Step responses and loop gains of controllers: {result.title}"
-    with plotting.figure_file(stem, title, svg=True, figsize=size) as figure:
+    with figure_helpers.figure_file(stem, title, svg=True, figsize=size) as figure:
         grid = figure.subplots(4, len(result.loops), height_ratios=PANEL_HEIGHTS, squeeze=False)
         for (case, loops), panels in zip(result.loops.items(), grid.T, strict=True):
             for label, slot in style.style_indices(loops).items():
@@ -39,7 +39,7 @@ def save_loop_figure(result: LoopResult, stem: Path) -> None:
             panels[0].set_title(case)
         for axes, label in zip(grid[:, 0], LABELS, strict=True):
             axes.set_ylabel(label)
-        plotting.add_legend(figure, grid[0])
+        figure_helpers.add_legend(figure, grid[0])
 
 
 def _draw_loop(panels: np.ndarray, loop: LoopMeasurement, label: str, line: dict[str, Any]) -> None:
@@ -48,7 +48,7 @@ def _draw_loop(panels: np.ndarray, loop: LoopMeasurement, label: str, line: dict
     response = loop.step_response
     if not (np.isfinite(response).all() and np.isfinite(loop.gains).all()):
         return
-    step.plot(plotting.frame_times(response), 100 * response, label=label, **line)
+    step.plot(figure_helpers.frame_times(response), 100 * response, label=label, **line)
     frequencies, gains = interpolate_gains(loop.gains)
     gain.loglog(frequencies, np.abs(gains), **line)
     angle = np.degrees(np.unwrap(np.angle(gains)))

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from omni_mj.config import PERIOD_S
 from omni_mj.studies.slip.slip_fits import SlipFit, simulate_slip
 from omni_mj.studies.slip.slip_study import SlipResult
-from omni_mj.viz import plotting, style
+from omni_mj.viz import figure_helpers, style
 
 # Axis -> style index, marker, dashes
 LINES: dict[str, tuple[int, str, Any]] = {
@@ -24,7 +24,7 @@ ACCELERATIONS = np.array([-2.5, 2.5])  # ends of the fitted lines, m/s^2
 def save_slip_figure(result: SlipResult, stem: Path) -> None:
     """Draw the samples and the fitted model of each robot into `stem`.png."""
     robots = result.robots
-    with plotting.figure_file(stem, TITLE, figsize=(10, 3.6 * len(robots))) as figure:
+    with figure_helpers.figure_file(stem, TITLE, figsize=(10, 3.6 * len(robots))) as figure:
         grid = figure.subplots(len(robots), 2, squeeze=False)
         for (speeds, ratios), (name, robot) in zip(grid, robots.items(), strict=True):
             for axis in LINES:

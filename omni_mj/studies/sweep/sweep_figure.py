@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator
 from omni_control.kinematics import Array
 from omni_mj.studies.sweep.sweep_statistics import MAX_ERROR
 from omni_mj.studies.sweep.sweep_study import SweepResult
-from omni_mj.viz import plotting, style
+from omni_mj.viz import figure_helpers, style
 
 ERROR_LABEL = "median of the maximum position error in cm"
 RATE_LABEL = "robots that failed in %"
@@ -35,7 +35,7 @@ def save_sweep_figure(result: SweepResult, path: Path) -> None:
     progress = "" if result.complete else f", {result.n_done} of {len(plan.shards)} shards"
     settings = " and ".join(list(plan.axes)[:2])
     title = f"Errors over {settings}: {plan.scenario.name} on the {plan.scenario.plant} plant"
-    with plotting.figure_file(path.with_suffix(""), f"{title}{worst}{progress}") as figure:
+    with figure_helpers.figure_file(path.with_suffix(""), f"{title}{worst}{progress}") as figure:
         if len(plan.axes) == 1:
             _draw_lines(figure, result)
         else:
@@ -59,13 +59,13 @@ def _draw_lines(figure: Figure, result: SweepResult) -> None:
         interval = [failed - lower, upper - failed]
         rate.errorbar(x + offset, failed, interval, elinewidth=1.2, **line)
     if np.isfinite(median).any():
-        plotting.use_log_scale(error.yaxis)
+        figure_helpers.use_log_scale(error.yaxis)
     error.set_ylabel(f"{ERROR_LABEL}\nwith 95 % interval")
     rate.set(xlabel=setting, ylabel=f"{RATE_LABEL}\nwith 95 % interval")
     rate.margins(x=0.03)
     rate.set_ylim(bottom=0)
     _set_ticks(rate.xaxis, levels)
-    plotting.add_legend(figure, [error])
+    figure_helpers.add_legend(figure, [error])
 
 
 def _draw_maps(figure: Figure, result: SweepResult) -> None:

@@ -18,7 +18,7 @@ from omni_mj.config.settings import Settings
 from omni_mj.results import events
 from omni_mj.simulation.log import Log
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.viz.recorded_robots import RecordedRobot, select_robots
+from omni_mj.viz.displayed_robots import RecordedRobot, select_robots
 from omni_mj.viz.recording import plots, robot_shapes, scene
 from omni_mj.viz.recording.rerun_stream import TIME, Frames, RerunStream
 from omni_mj.viz.recording.viewer_layout import create_layout

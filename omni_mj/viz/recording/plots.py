@@ -12,7 +12,7 @@ from omni_mj.results import saturation
 from omni_mj.results.alpha_windows import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES
 from omni_mj.simulation.log import CHANNEL_PREFIX, Log
 from omni_mj.viz import style
-from omni_mj.viz.recorded_robots import ALPHA_RANGE, RecordedRobot
+from omni_mj.viz.displayed_robots import ALPHA_RANGE, RecordedRobot
 
 # Frames before a block on which the block's values depend.
 HISTORY_FRAMES = ALPHA_WINDOW_FRAMES + ALPHA_START_FRAMES

@@ -8,7 +8,7 @@ import rerun as rr
 from omni_control.kinematics import Array
 from omni_mj.mjcf import field
 from omni_mj.viz import style
-from omni_mj.viz.recorded_robots import RecordedRobot
+from omni_mj.viz.displayed_robots import RecordedRobot
 from omni_mj.viz.recording.rerun_stream import Frames, FrameStream
 from omni_mj.viz.recording.robot_shapes import log_robot, points_above, pose_columns, send_poses
 

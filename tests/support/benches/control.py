@@ -43,4 +43,4 @@ from omni_control.reference import Reference
 from omni_control.reference.curve_reference import CURVES, Curve, CurveReference
 from omni_control.reference.replanned_reference import ARRIVAL_RADIUS_M
 from omni_control.reference.sampled_reference import PerRobotReference
-from omni_control.traction import compute_traction_limits
+from omni_control.traction_limits import compute_traction_limits

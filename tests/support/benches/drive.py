@@ -1,4 +1,4 @@
-"""Helpers to test `omni-mj drive` with the simulator of `peer.py`, over real sockets.
+"""Helpers to test `omni-mj drive` with the simulator of `peer_simulator.py`, over real sockets.
 
 The simulator waits for commands, so results do not depend on the load of this computer.
 """
@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import peer as peer_program
-from serving import LOOPBACK, free_port
+import peer_simulator as peer_program
+from serve_client import LOOPBACK, free_port
 
 from omni_control import Controller
 from omni_mj.config.scenario import Scenario, load_scenario

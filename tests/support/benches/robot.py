@@ -15,10 +15,10 @@ from omni_mj.robot import (
     electronics,
     firmware,
     firmware_state,
-    motors,
+    motors_and_drivers,
     wheel_carpet_forces,
 )
-from omni_mj.robot.backends import JaxBackend
+from omni_mj.robot.numpy_and_jax_backends import JaxBackend
 from omni_mj.simulation.simulation import Simulation
 
 RPM = 30 / np.pi  # revolutions per minute per rad/s
@@ -110,9 +110,13 @@ def drive_motor(
 ) -> tuple[NDArray, NDArray]:
     """Return voltages and currents of one motor at speeds of its wheel."""
     speeds = np.atleast_1d(np.asarray(speed, float))[None]
-    p = motors.make_motor_parameters([settings] * speeds.size, np.ones_like(speeds))
-    state = motors.make_motor_state(p, np.full_like(speeds, winding), np.full_like(speeds, 25.0))
-    volts, amperes, _ = motors.drive_motors(p, state, np.full_like(speeds, voltage), speeds)
+    p = motors_and_drivers.make_motor_parameters([settings] * speeds.size, np.ones_like(speeds))
+    state = motors_and_drivers.make_motor_state(
+        p, np.full_like(speeds, winding), np.full_like(speeds, 25.0)
+    )
+    volts, amperes, _ = motors_and_drivers.drive_motors(
+        p, state, np.full_like(speeds, voltage), speeds
+    )
     return volts[0], amperes[0]
 
 
@@ -122,13 +126,13 @@ def heat_motor(settings: Settings, currents: NDArray, speeds: NDArray) -> tuple[
     Currents, A, and speeds, rad/s, are constant in a frame.
     """
     ones = np.ones((1, 1))
-    p = motors.make_motor_parameters([settings], ones)
+    p = motors_and_drivers.make_motor_parameters([settings], ones)
     sheet = settings.motor
-    state = motors.make_motor_state(p, sheet.winding_c * ones, sheet.housing_c * ones)
+    state = motors_and_drivers.make_motor_state(p, sheet.winding_c * ones, sheet.housing_c * ones)
     temperatures = []
     for current, speed in zip(currents, speeds, strict=True):
         cycles = np.ones((CYCLES, 1, 1))
-        state = motors.update_temperatures(p, state, current * cycles, speed * cycles)
+        state = motors_and_drivers.update_temperatures(p, state, current * cycles, speed * cycles)
         temperatures.append([state.winding[0, 0], state.housing[0, 0]])
     winding, housing = np.array(temperatures).T
     return winding, housing

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from serving import BLUE, LOOPBACK, Client, teleport
+from serve_client import BLUE, LOOPBACK, Client, teleport
 
 from omni_mj.live.serve import initial_setup
 from omni_mj.live.serve.recorder import Recorder, TrajectoryWriter

@@ -16,10 +16,15 @@ from omni_mj.results.result import Outcome
 from omni_mj.studies.alpha import operating_conditions as conditions
 from omni_mj.studies.alpha.alpha_study import AlphaResult, AlphaStudy
 from omni_mj.studies.identify.robot_logs import read_logs
+from omni_mj.studies.limit.deviation_model import DeviationModel
 from omni_mj.studies.limit.iterative_learning import Runs, learn_run, optimize_commands
 from omni_mj.studies.limit.limit_study import remove_noise
-from omni_mj.studies.limit.run_deviation_model import DeviationModel
-from omni_mj.studies.limit.run_tracker import POSE, FeedbackSettings, RunTracker, regulator_gains
+from omni_mj.studies.limit.recorded_run_lqr import (
+    POSE,
+    FeedbackSettings,
+    RunTracker,
+    regulator_gains,
+)
 from omni_mj.studies.loop import loop_experiment
 from omni_mj.studies.loop.loop_experiment import (
     FREQUENCIES,

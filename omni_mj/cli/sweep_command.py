@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.cli import console, options, output_folders, run
+from omni_mj.cli import console, options, output_folders, run_command
 from omni_mj.cli.interrupts import Interrupts
 
 SWEEP_FILE = "sweep.json"  # written first; a folder that contains it is resumed
@@ -80,7 +80,7 @@ def sweep_command(
     from omni_mj.studies.sweep import sweep_figure, sweep_statistics, sweep_study, workers
     from omni_mj.studies.sweep.sweep_plan import SweepPlan, check_axes, parse_axis
 
-    scenario = scenario_options.load_scenario(run.require_scenario(name))
+    scenario = scenario_options.load_scenario(run_command.require_scenario(name))
     plan = SweepPlan(scenario, check_axes(map(parse_axis, axes)), batch_size)
     plan.check(jobs)  # before the folder is created
     if cluster and jobs > 1:

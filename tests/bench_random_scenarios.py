@@ -1,6 +1,6 @@
 """Compare the adaptive controller with others in random scenarios, to find where it is worse.
 
-    python tests/bench_drawn.py [--scenarios 100] [--seed 0] [--seeds 4] [--plant mujoco]
+    python tests/bench_random_scenarios.py [--scenarios 100] [--seed 0] [--seeds 4] [--plant mujoco]
                                 [--out FOLDER]
 
 A scenario has a built-in robot, a route, friction, noise, dead time and an error of the assumed

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from omni_mj.cli import console, options, output_folders, run
+from omni_mj.cli import console, options, output_folders, run_command
 from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def serve_command(
     poses = initial_setup.starting_poses(
         *(initial_setup.parse_robot_ids(values[team], f"--{team}") for team in ("blue", "yellow"))
     )
-    rerun_targets = run.open_viewers(output_options)
+    rerun_targets = run_command.open_viewers(output_options)
     folder = None
     if out is not None:
         folder = output_folders.prepare_folder(out, scenario.name, OUTPUTS, overwrite)

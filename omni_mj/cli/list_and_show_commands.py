@@ -8,7 +8,7 @@ import click
 
 from omni_control.errors import OmniError, suggest_names
 from omni_mj.atomic_files import write_text
-from omni_mj.cli import catalog, options
+from omni_mj.cli import descriptions, options
 
 STARTER_FILES = {  # kind -> suffix, and arguments of omni-mj run that use the file
     "scenario": (".toml", "--scenario {path}"),
@@ -18,7 +18,7 @@ STARTER_FILES = {  # kind -> suffix, and arguments of omni-mj run that use the f
 
 
 @click.command("list")
-@click.argument("title", required=False, metavar=f"[{'|'.join(catalog.TITLES)}]")
+@click.argument("title", required=False, metavar=f"[{'|'.join(descriptions.TITLES)}]")
 @click.argument("word", required=False, metavar="[WORD]")
 def list_command(title: str | None, word: str | None) -> None:
     """List scenarios, controllers, plants, robots, settings and faults.
@@ -26,10 +26,10 @@ def list_command(title: str | None, word: str | None) -> None:
     With WORD, only entries that contain it: omni-mj list settings friction prints the settings
     with friction in their name or meaning; omni-mj list friction searches all lists.
     """
-    chosen = next((known for known in catalog.TITLES if title in (known, known[:-1])), None)
+    chosen = next((known for known in descriptions.TITLES if title in (known, known[:-1])), None)
     if chosen is None and word is not None:
-        raise OmniError(f"there is no list {title!r}; {suggest_names(title, catalog.TITLES)}")
-    catalog.print_lists(chosen, (word if chosen else title) or "")
+        raise OmniError(f"there is no list {title!r}; {suggest_names(title, descriptions.TITLES)}")
+    descriptions.print_lists(chosen, (word if chosen else title) or "")
 
 
 @click.command("show")
@@ -44,7 +44,7 @@ def show_command(name: str, robot: str | None, overrides: tuple[str, ...]) -> No
     change it. A robot is printed as a file for --robot, with the numbers derived from it; a
     controller with its description and parameters.
     """
-    print(catalog.describe(name, overrides, robot), end="")
+    print(descriptions.describe(name, overrides, robot), end="")
 
 
 @click.command("schema")
@@ -90,5 +90,5 @@ def _starter_text(kind: str, name: str, class_name: str) -> str:
         from omni_mj.config.resolve import resolve_settings
 
         fields = robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT)
-        text += catalog.format_sections(resolve_settings({}), fields)
+        text += descriptions.format_sections(resolve_settings({}), fields)
     return text

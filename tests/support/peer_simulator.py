@@ -1,6 +1,6 @@
 """A simulator for tests whose robots integrate commands exactly, with errors by its options.
 
-    python tests/support/peer.py --vision 127.0.0.1:10020 --port 10301 [...]
+    python tests/support/peer_simulator.py --vision 127.0.0.1:10020 --port 10301 [...]
 
 Robots of the blue team execute a command `--delay` frames after the frame in which it arrives. Time
 stamps are simulated time. Frames come 60 times per second of real time; with `--lockstep`, a frame
@@ -15,7 +15,7 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from serving import vision
+from serve_client import vision
 
 from omni_mj.live.wire.league_pb2 import RobotControl
 

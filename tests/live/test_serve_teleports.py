@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import serving
+import serve_client
 from benches.serve import FAST, QUIET, Field, here
-from serving import BLUE, YELLOW, local
+from serve_client import BLUE, YELLOW, local
 
 from omni_mj.live.wire.league_pb2 import FieldSize, Geometry, SimulatorCommand, SimulatorConfig
 
@@ -20,18 +20,20 @@ REFUSED_FIELD = Geometry(
 def test_robots_come_and_go() -> None:
     """A removed robot is not detected, hit or commanded; an added one is."""
     with here(Field(*QUIET, FAST, blue="2")) as (client, _):
-        assert client.codes(0, serving.teleport(1, BLUE, present=False)) == []
+        assert client.codes(0, serve_client.teleport(1, BLUE, present=False)) == []
         assert list(client.after(local(0, 0.0))) == [("blue", 0)]
         assert client.codes(1, local(1, 1.0)) == ["UNKNOWN_ROBOT"]
         assert (
-            client.codes(0, serving.teleport(0, BLUE, x=-0.5, y=0.75)) == []
+            client.codes(0, serve_client.teleport(0, BLUE, x=-0.5, y=0.75)) == []
         )  # where the other stood
-        assert client.codes(0, serving.teleport(1, BLUE, None, x=1.0, y=1.0)) == ["ABSENT"]
-        assert client.codes(0, serving.teleport(1, BLUE)) == ["ABSENT"]
-        assert client.codes(0, serving.teleport(1, BLUE, x=1.0, y=1.0, orientation=0.5)) == []
+        assert client.codes(0, serve_client.teleport(1, BLUE, None, x=1.0, y=1.0)) == ["ABSENT"]
+        assert client.codes(0, serve_client.teleport(1, BLUE)) == ["ABSENT"]
+        assert client.codes(0, serve_client.teleport(1, BLUE, x=1.0, y=1.0, orientation=0.5)) == []
         assert client.after(b"")["blue", 1] == pytest.approx((1.0, 1.0, 0.5), abs=1e-4)
         # A third has no body: the world is made anew, and all stand where they stood.
-        assert client.codes(0, serving.teleport(7, YELLOW, x=-2.0, y=1.0, orientation=1.0)) == []
+        assert (
+            client.codes(0, serve_client.teleport(7, YELLOW, x=-2.0, y=1.0, orientation=1.0)) == []
+        )
         seen = client.after(b"")
         assert seen["yellow", 7] == pytest.approx((-2.0, 1.0, 1.0), abs=1e-4)
         assert seen["blue", 1] == pytest.approx((1.0, 1.0, 0.5), abs=1e-3)
@@ -42,7 +44,7 @@ def test_robots_come_and_go() -> None:
 
 def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
     with here(Field(*QUIET, FAST, blue="2", yellow="1")) as (client, _):
-        both = serving.teleport(0, BLUE, x=1.0, y=0.0) + serving.teleport(
+        both = serve_client.teleport(0, BLUE, x=1.0, y=0.0) + serve_client.teleport(
             1, BLUE, x=1.05, y=0.0
         )  # one message, merged
         assert client.codes(0, both) == ["OCCUPIED", "OCCUPIED"]
@@ -51,25 +53,25 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
         )
         packet = SimulatorCommand(config=config).SerializeToString()
         assert client.codes(0, packet) == ["CONFIG"] * 4
-        assert client.codes(0, serving.teleport(0, BLUE, x=5.15, y=0.0)) == [
+        assert client.codes(0, serve_client.teleport(0, BLUE, x=5.15, y=0.0)) == [
             "OCCUPIED"
         ]  # the wall is at 5.2 m
-        assert client.codes(0, serving.teleport(0, BLUE, x=5.1, y=0.0)) == []
+        assert client.codes(0, serve_client.teleport(0, BLUE, x=5.1, y=0.0)) == []
         for ball in ({"x": 0.0, "vx": 3.0}, {"x": float("inf")}):
-            assert client.codes(0, serving.control(teleport_ball=ball)) == ["BALL"]
-        assert client.codes(0, serving.control(teleport_ball={"x": 1.0, "y": 0.5})) == []
-        assert client.codes(0, serving.teleport(0, BLUE, x=float("nan"))) == ["TELEPORT"]
-        assert client.codes(0, serving.teleport(16, BLUE, x=0.0, y=0.0)) == ["ROBOT_ID"]
-        assert client.codes(0, serving.teleport(0, BLUE, x=-4.0, y=3.0)) == []
+            assert client.codes(0, serve_client.control(teleport_ball=ball)) == ["BALL"]
+        assert client.codes(0, serve_client.control(teleport_ball={"x": 1.0, "y": 0.5})) == []
+        assert client.codes(0, serve_client.teleport(0, BLUE, x=float("nan"))) == ["TELEPORT"]
+        assert client.codes(0, serve_client.teleport(16, BLUE, x=0.0, y=0.0)) == ["ROBOT_ID"]
+        assert client.codes(0, serve_client.teleport(0, BLUE, x=-4.0, y=3.0)) == []
         seen = client.step(b"")
-        assert serving.robots(seen)["blue", 0][:2] == pytest.approx((-4.0, 3.0), abs=2e-3)
+        assert serve_client.robots(seen)["blue", 0][:2] == pytest.approx((-4.0, 3.0), abs=2e-3)
         assert (seen.balls[0].x, seen.balls[0].y) == (1000, 500)
 
 
 def test_a_world_has_twelve_robots_and_an_absent_one_makes_room() -> None:
     field = Field(*QUIET, FAST, blue="11", yellow="1")
     assert field.put(5, 3.0, 1.0, 0.5, team=YELLOW) == ["OCCUPIED"]
-    assert field.teleport(serving.teleport(3, BLUE, present=False)) == []
+    assert field.teleport(serve_client.teleport(3, BLUE, present=False)) == []
     before = field.poses
     assert field.put(5, 3.0, 1.0, 0.5, team=YELLOW) == []
     np.testing.assert_allclose(field.poses[:-1], before, atol=1e-12)
@@ -84,7 +86,7 @@ def test_a_world_that_becomes_unstable_goes_on_from_where_robots_last_were(
     monkeypatch.chdir(tmp_path)  # where MuJoCo logs its warnings
     field, curve = Field(*QUIET, FAST, yellow="2"), local(0, 0.6, 0.3, 1.5)
     field.drive(30, curve, curve)
-    assert field.teleport(serving.teleport(1, YELLOW, present=False)) == []
+    assert field.teleport(serve_client.teleport(1, YELLOW, present=False)) == []
     before = field.poses
     field.break_physics()
     field.drive(1, curve, curve)
@@ -105,7 +107,8 @@ def test_whatever_is_teleported_nobody_stands_in_another_and_the_world_goes_on(s
             rng.uniform(-1, 1, 2) * [5.3, 3.8] + rng.uniform(-0.5, 0.5, (4, 2)),
         )
         packets = [
-            serving.teleport(*name, x=x, y=y) for name, (x, y) in zip(robots, wanted, strict=True)
+            serve_client.teleport(*name, x=x, y=y)
+            for name, (x, y) in zip(robots, wanted, strict=True)
         ]
         refused = " ".join(field.teleport(*packets))
         for name, old, place, new in zip(field.names, before, wanted, field.poses, strict=True):

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from serving import RobotSeen, vision
+from serve_client import RobotSeen, vision
 
 from omni_mj.live import sockets
 from omni_mj.live.sockets import Address as Address

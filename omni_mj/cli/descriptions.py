@@ -164,7 +164,7 @@ def _describe_scenario(name: str, overrides: Sequence[str], robot: str | None) -
 
 def _describe_robot(name: str) -> str:
     """Return a robot's file with all settings of its sections, and quantities derived from them."""
-    from omni_mj.robot.robot_performance import load_robot
+    from omni_mj.robot.robot_facts import load_robot
 
     robot = load_robot(name)
     head = [

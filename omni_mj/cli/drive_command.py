@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from omni_mj.cli import console, options, output_folders, run
+from omni_mj.cli import console, options, output_folders, run_command
 from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 DEFAULT_CONTROLLER = "adaptive-comp-flc"
 # Settings in the section control for the assumed alpha. Zero means unknown.
 ALPHA_FIELDS = "assumed_alpha_forward", "assumed_alpha_sideways"
-OUTPUTS = (*run.OUTPUTS, "link.json")
+OUTPUTS = (*run_command.OUTPUTS, "link.json")
 
 
 @click.command("drive")
@@ -132,9 +132,9 @@ def drive_command(
                 frame_clock.listen_for(connection.duration_s or float("inf"))
             print("\n".join(frame_clock.vision.describe()))
         return
-    scenario = _load_scenario(run.require_scenario(name), controller, robot, connection)
+    scenario = _load_scenario(run_command.require_scenario(name), controller, robot, connection)
     drive_setup.check_drivable(scenario, connection)
-    rerun_targets = run.open_viewers(output_options)
+    rerun_targets = run_command.open_viewers(output_options)
     folder = output_folders.prepare_folder(out, f"drive-{scenario.name}", OUTPUTS, overwrite)
     if output_options.record:
         rerun_targets.append(folder / "recording.rrd")
@@ -218,9 +218,11 @@ def _drive(
             show(f"robots {', '.join(map(str, live.ids))}; frames at 60 Hz from {clock}")
             gc.collect()
             gc.freeze()  # later collections skip all present objects, and delay no frame
-            result = run.run_and_save(live, folder, rerun_targets, interrupts, quiet, "drive")
+            result = run_command.run_and_save(
+                live, folder, rerun_targets, interrupts, quiet, "drive"
+            )
     summary = latency_fit.summarize(live)
     write_text(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
-    run.report_result(result, folder, output_options, quiet)
+    run_command.report_result(result, folder, output_options, quiet)
     show("\n".join(latency_fit.describe(summary)))
-    run.exit_unless_complete(result, folder, interrupts)
+    run_command.exit_unless_complete(result, folder, interrupts)

@@ -8,7 +8,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.mjcf.part_recognition import Ids, RobotIndices, compute_initial_kinematics
+from omni_mj.mjcf.robot_parts import Ids, RobotIndices, compute_initial_kinematics
 
 LENGTH_TOLERANCE_M = 5e-4  # of the geometry of equal wheels
 ANGLE_TOLERANCE_RAD = 0.01  # of axles that point at the robot's center, horizontally

@@ -17,7 +17,7 @@ from benches.recording import (
 )
 
 from omni_control.errors import OmniError
-from omni_mj.cli.run import run_command
+from omni_mj.cli.run_command import run_command
 from omni_mj.viz.recording import viewer
 
 SHORT = "reference.waypoints=[[0, 0], [0.5, 0.2]]"

@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_control.traction import GRAVITY, compute_traction_limits
+from omni_control.traction_limits import GRAVITY, compute_traction_limits
 from omni_mj.config import nominal_model, robot_files
 from omni_mj.config.resolve import Robot, resolve_settings
 from omni_mj.config.settings import Settings

@@ -6,11 +6,11 @@ import time
 
 import numpy as np
 import pytest
-from benches import live_link as frame_clock
-from benches.live_link import PERIOD_S, Address, Camera, PeerClock, Receiver
+from benches import vision_packets
+from benches.vision_packets import PERIOD_S, Address, Camera, PeerClock, Receiver
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from serving import LOOPBACK, RobotSeen
+from serve_client import LOOPBACK, RobotSeen
 
 JITTER_S = 0.003  # mean of what packets take above the least, exponentially distributed
 
@@ -115,7 +115,7 @@ def test_packets_that_were_held_up_are_not_followed() -> None:
 
 def test_nothing_leaves_this_computer_unasked() -> None:
     receiver = Receiver(Address("224.5.23.2", 0), LOOPBACK)
-    sender = frame_clock.sender(LOOPBACK)
+    sender = vision_packets.sender(LOOPBACK)
     assert sender.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL) == 0
     sender.sendto(b"hello", ("224.5.23.2", receiver.address.port))
     assert receiver.wait(time.monotonic() + 5)

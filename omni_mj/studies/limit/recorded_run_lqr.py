@@ -22,7 +22,7 @@ from omni_control.kinematics import Array, compute_pose_error, wrap_angle
 from omni_mj.config import PERIOD_S
 from omni_mj.config.faults import WHEELED_PLANTS
 from omni_mj.config.scenario import Scenario
-from omni_mj.studies.limit.run_deviation_model import SCALE, DeviationModel
+from omni_mj.studies.limit.deviation_model import SCALE, DeviationModel
 
 # Indices of the state: deviations of pose and velocity, slowly changing velocity disturbance,
 # heading error c, gyro bias b, and relative error of the kinematic plant's speeds.
