@@ -2,7 +2,6 @@
 
 import io
 import os
-import shlex
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from omni_control.errors import OmniError, to_printable
+from omni_mj.printable_text import PrintableOutput, join_words
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome
@@ -28,6 +28,15 @@ def run_program(command: click.Command) -> NoReturn:
     arguments = sys.argv[1:]
     # Closed streams are None. Output to them is discarded.
     sys.stdout, sys.stderr = (stream or io.StringIO() for stream in (sys.stdout, sys.stderr))
+    if isinstance(out := sys.stdout, io.TextIOWrapper):
+        encoding, is_interactive, is_unbuffered = (
+            out.encoding,
+            out.line_buffering,
+            out.write_through,
+        )
+        sys.stdout = PrintableOutput(
+            out.detach(), encoding, None, None, is_interactive, is_unbuffered
+        )
     if "film" not in arguments:  # only film renders with MuJoCo, which would load window libraries
         os.environ.setdefault("MUJOCO_GL", "disable")
     invoke_command(command, arguments)
@@ -40,7 +49,7 @@ def invoke_command(command: click.Command, arguments: list[str]) -> NoReturn:
     are printed on stderr, one line each.
     """
     name = "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
-    command_line = f"{name} {shlex.join(arguments)}"
+    command_line = f"{name} {join_words(arguments)}"
     try:
         command_line.encode()  # raises UnicodeError
         code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=command_line)

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from pathlib import Path
 
 import click
@@ -78,7 +79,8 @@ def new_command(kind: str, name: str, overwrite: bool) -> None:
         write_text(path, _starter_text(kind, path.stem, class_name))
     except OSError as error:
         raise OmniError(f"cannot write {path}: {error.strerror}") from None
-    print(f"wrote {path}; run it: omni-mj run {arguments.format(path=path, name=class_name)}")
+    run_options = arguments.format(path=shlex.quote(str(path)), name=class_name)
+    print(f"wrote {path}; run it: omni-mj run {run_options}")
 
 
 def _starter_text(kind: str, name: str, class_name: str) -> str:

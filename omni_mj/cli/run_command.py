@@ -1,6 +1,5 @@
 """`omni-mj run`, or `python -m omni_mj.run`: run a scenario, print the result, save its files."""
 
-import shlex
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -11,6 +10,7 @@ import click
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options, output_folders
 from omni_mj.cli.interrupts import Interrupts
+from omni_mj.printable_text import join_words
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Result
@@ -133,7 +133,7 @@ def run_and_save(
         result = run_scenario.build_result(outcome)
         allow_code = ["--allow-code"] if scenario.names_user_code else []
         words = ["omni-mj", "run", "--scenario", str(folder / "scenario.toml"), *allow_code]
-        result.repeat_command = shlex.join(words) if study == "run" else console.get_command_line()
+        result.repeat_command = join_words(words) if study == "run" else console.get_command_line()
         result.save_files(folder)
     return result
 
@@ -215,4 +215,4 @@ def _print_files(result: "Result", folder: Path) -> None:
             print(f"  {label:10} {folder / name}")
     print(f"  repeat     {result.repeat_command}")
     if (folder / "recording.rrd").exists():
-        print(f"  recording  rerun {folder / 'recording.rrd'}")
+        print(f"  recording  {join_words(['rerun', str(folder / 'recording.rrd')])}")

@@ -8,6 +8,7 @@ import click
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options, output_folders, run_command
 from omni_mj.cli.interrupts import Interrupts
+from omni_mj.printable_text import join_words
 
 SWEEP_FILE = "sweep.json"  # written first; a folder that contains it is resumed
 OUTPUTS = (
@@ -106,5 +107,6 @@ def sweep_command(
                 print(f"repeat the worst run: {result.summary['worst'][0]['repeat_command']}")
                 print(f"{progress_text} done; {console.describe_outputs(out, OUTPUTS)}")
     interrupts.exit_if_stopped(
-        result.stopped, f"{progress_text} are in {out}; to resume, repeat with --out {out}"
+        result.stopped,
+        f"{progress_text} are in {out}; to resume, repeat with --out {join_words([str(out)])}",
     )

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, to_printable
 
 LOOPBACK = "127.0.0.1"
 MAX_DATAGRAM = 65_536  # bytes
@@ -33,7 +33,7 @@ class MessageCounter(Counter[str]):
         """Count a message, and report its text if it is the first of its kind."""
         self[kind] += 1
         if self[kind] == 1:
-            self._on_first(text)
+            self._on_first(to_printable(text))
 
 
 class Address(NamedTuple):

@@ -1,8 +1,11 @@
 """Tables of strings: their columns, and their text for the terminal and for Markdown."""
 
+import sys
 import textwrap
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+
+from omni_mj.printable_text import to_encodable
 
 DASH = "\N{EN DASH}"
 TERMINAL_WIDTH = 80
@@ -25,14 +28,16 @@ def format_table(text_table: Table) -> str:
 
     Columns without any text are left out. If the table is too wide, units go to a second line of
     the headings. Columns that still do not fit follow in another block below, without rows that
-    are empty there. Long labels of rows get a line of their own.
+    are empty there. Long labels of rows get a line of their own. Characters that standard output
+    cannot show are replaced.
 
     Args:
         text_table: Table to print. Units follow a comma in its headings.
     """
     n_labels = text_table.left_columns
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     columns = [
-        column
+        tuple(to_encodable(text, encoding) for text in column)
         for i, column in enumerate(zip(text_table.headings, *text_table.rows, strict=True))
         if i < n_labels or any(column[1:])
     ]

@@ -1,6 +1,5 @@
 """Statistics of a sweep and their tables: failure rates, errors, rank correlations, worst runs."""
 
-import shlex
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from scipy.stats import binomtest, quantile_test, spearmanr
 
 from omni_mj.atomic_files import write_text
 from omni_mj.config.plugins import format_controller_spec
+from omni_mj.printable_text import join_words
 from omni_mj.results.seed_statistics import CONFIDENCE, finite_or_none
 from omni_mj.results.text_table import (
     Table,
@@ -131,7 +131,7 @@ def worst_runs(all_rows: pa.Table, plan: SweepPlan, folder: Path) -> list[dict[s
             command += ["--set", f"{name}={row[name]}"]
         run = {name: row[name] for name in columns}
         run[MAX_ERROR] = finite_or_none(row[MAX_ERROR])
-        runs.append(run | {"repeat_command": shlex.join(command)})
+        runs.append(run | {"repeat_command": join_words(command)})
     return runs
 
 
