@@ -53,7 +53,9 @@ def _escape_word(word: str) -> str:
     """Return a word as $'...' with escapes for all but letters, digits and harmless marks."""
     escaped = re.sub(
         r"[^\w./:=,@%+-]",
-        lambda match: "".join(f"\\x{byte:02x}" for byte in match[0].encode()),
+        lambda match: "".join(
+            f"\\x{byte:02x}" for byte in match[0].encode(errors="surrogateescape")
+        ),
         word,
         flags=re.ASCII,
     )

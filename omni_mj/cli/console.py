@@ -51,7 +51,7 @@ def invoke_command(command: click.Command, arguments: list[str]) -> NoReturn:
     name = "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
     command_line = f"{name} {join_words(arguments)}"
     try:
-        command_line.encode()  # raises UnicodeError
+        "".join(arguments).encode()  # raises UnicodeError
         code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=command_line)
         print(end="", flush=True)
     except click.exceptions.Abort:
