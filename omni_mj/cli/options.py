@@ -129,14 +129,22 @@ class ScenarioOptions:
         """
         from omni_mj.config import scenario
 
+        overrides = [*default_overrides, *self.setting_overrides]
+        return scenario.load_with_overrides(name, overrides, self.top_level, self.allow_code)
+
+    @property
+    def top_level(self) -> dict[str, Any]:
+        """Values of fields outside of the sections, such as the plant, that replace others."""
         names = ("plant", "robot", "seed", "seeds")
-        head = {key: getattr(self, key) for key in names if getattr(self, key) is not None}
-        if self.controllers:
-            head["controllers"] = self.controllers
-        overrides = [*default_overrides, *self.overrides]
-        if self.model is not None:
-            overrides.append(f"model.file={json.dumps(self.model, ensure_ascii=False)}")
-        return scenario.load_with_overrides(name, overrides, head, self.allow_code)
+        values = {key: getattr(self, key) for key in names if getattr(self, key) is not None}
+        return values | ({"controllers": self.controllers} if self.controllers else {})
+
+    @property
+    def setting_overrides(self) -> tuple[str, ...]:
+        """SECTION.FIELD=VALUE of --set and --model."""
+        if self.model is None:
+            return self.overrides
+        return *self.overrides, f"model.file={json.dumps(self.model, ensure_ascii=False)}"
 
 
 @dataclass(frozen=True)

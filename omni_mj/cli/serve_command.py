@@ -27,7 +27,9 @@ PORT = click.IntRange(0, 65_535)
     help="Scenario with the settings of carpet, cameras, radio and faults. Default: no dead time, "
     "and robots that stop 0.1 s after the last command.",
 )
+@options.PLANT
 @options.ROBOT
+@options.MODEL
 @options.SETTINGS
 @options.SEED
 @click.option(
@@ -122,11 +124,13 @@ def serve_command(
     from omni_mj.studies.run_scenario import StoppedError, quiet_mujoco
 
     vision = parse_address(values["vision"], VISION_PORT, values["interface"])
-    head = {option: values[option] for option in ("robot", "seed") if values[option] is not None}
-    scenario = initial_setup.load_served_scenario(name, overrides, head)
-    poses = initial_setup.starting_poses(
-        *(initial_setup.parse_robot_ids(values[team], f"--{team}") for team in ("blue", "yellow"))
+    names = "plant", "robot", "model", "seed"
+    chosen = options.ScenarioOptions(overrides=overrides, **{key: values[key] for key in names})
+    scenario = initial_setup.load_served_scenario(name, chosen.setting_overrides, chosen.top_level)
+    blue, yellow = (
+        initial_setup.parse_robot_ids(values[team], f"--{team}") for team in ("blue", "yellow")
     )
+    poses = initial_setup.starting_poses(blue, yellow, scenario.plant)
     rerun_targets = run_command.open_viewers(output_options)
     folder = None
     if out is not None:
@@ -148,7 +152,7 @@ def serve_command(
                 rerun_targets.append(folder / "recording.rrd")
         _start_recording(stack, server, folder, rerun_targets)
         if not quiet:
-            click.echo(_describe_server(server))
+            click.echo(_describe_server(server, initial_setup.measure_load(scenario, poses)))
         gc.collect()
         gc.freeze()  # later collections skip all present objects, and delay no frame
         reason = None
@@ -194,8 +198,13 @@ def _start_recording(
     stack.callback(recorder.end_block)
 
 
-def _describe_server(server: "Server") -> str:
-    """Return the robots, ports, cameras and dead time of a server, a line each."""
+def _describe_server(server: "Server", load: float) -> str:
+    """Return the robots, ports, cameras, dead time and load of a server, a line each.
+
+    Args:
+        server: The server.
+        load: CPU time of a simulated second, s.
+    """
     from omni_mj.live.serve.simulation_requests import robot_label
 
     world, (control, blue, yellow) = server.world, server.ports
@@ -204,7 +213,14 @@ def _describe_server(server: "Server") -> str:
     timeout_s = row.settings.firmware.timeout_s
     pace = "in lockstep with commands" if server.lockstep else f"at {server.speed:g} x real time"
     stop = f"robots stop {timeout_s:g} s after" if timeout_s else "robots never stop after"
-    return f"""serving {", ".join(map(robot_label, world.names))}: {row.robot}
+    load *= 1.0 if server.lockstep else server.speed
+    physics = f"wheels.model {row.settings.wheels.model}"
+    if world.plant_name == "planar":
+        physics = "without collisions"
+    too_slow = "; simulated time will fall behind" if load > 1 and not server.lockstep else ""
+    robot = row.settings.model.file or row.robot
+    return f"""serving {", ".join(map(robot_label, world.names))}: {robot}
+  physics    {world.plant_name}, {physics}; about {load:.0%} of one core{too_slow}
   ports      simulator {control}, blue {blue}, yellow {yellow}; vision to {server.vision}
   cameras    {vision.cameras} of {vision.rate_hz:g} Hz, {pace}
   dead time  {radio.delay_frames} frames of 1/60 s (radio.delay_frames); {stop} the last command

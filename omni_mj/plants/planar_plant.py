@@ -23,7 +23,12 @@ from omni_mj.robot.array_ops import rotate, select
 from omni_mj.robot.electronics import stack_telemetry
 from omni_mj.robot.numpy_and_jax_backends import JaxBackend, NumpyBackend
 from omni_mj.robot.planar_dynamics import BodyParameters, BodyState
-from omni_mj.robot.planar_robot import PlanarParameters, PlanarState, advance_frame
+from omni_mj.robot.planar_robot import (
+    FrameReport,
+    PlanarParameters,
+    PlanarState,
+    advance_frame,
+)
 
 # Causes of failures, as `advance` returns them
 UNSTABLE = "became unstable: its pose is not a number"
@@ -40,10 +45,15 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
     Raises:
         OmniError: Robots share a world or differ in their wheels, a model is a custom one, or a
             robot is lighter than its wheels.
+
+    Attributes:
+        ignores_contact: Whether robots may share a world, in which they pass through each other.
     """
 
+    ignores_contact = False
+
     def __init__(self, rows: Sequence[Row], start_poses: Array) -> None:
-        check_planar_rows(rows)
+        check_planar_rows(rows, self.ignores_contact)
         settings = [row.settings for row in rows]
         world = world_builder.build_world(settings[0])
         n = len(rows)
@@ -103,22 +113,9 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
         inputs = self._make_inputs(received.heading, received.age, self._failed)
-        report = self._backend.run(advance_frame, self._make_command(received), inputs)
-        previous_pose = self._pose
-        self._telemetry = Telemetry(report.telemetry.T)
-        self._pose = report.pose.T
-        self._twist = report.twist.T
-        is_unstable = ~np.isfinite(self._pose.sum(1))
-        has_failed = self._failed | is_unstable | report.topples
-        if not has_failed.any():
-            return {}
-        failures = {
-            row: UNSTABLE if is_unstable[row] else WOULD_TOPPLE
-            for row in np.flatnonzero(has_failed & ~self._failed).tolist()
-        }
-        self._failed = has_failed
-        self._stop_robots(has_failed, previous_pose)
-        return failures
+        return self._finish_frame(
+            self._backend.run(advance_frame, self._make_command(received), inputs)
+        )
 
     def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
         """See `ChangeableBodies`. The centers of the wheels keep their poses and velocities."""
@@ -160,6 +157,24 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         body = body._replace(hub_dry_friction=dry_friction)
         self.parameters = self.parameters._replace(body=body)
         return body
+
+    def _finish_frame(self, report: FrameReport) -> dict[int, str]:
+        """Store motion and telemetry, stop robots that fail, and return their causes by row."""
+        previous_pose = self._pose
+        self._telemetry = Telemetry(report.telemetry.T)
+        self._pose = report.pose.T
+        self._twist = report.twist.T
+        is_unstable = ~np.isfinite(self._pose.sum(1))
+        has_failed = self._failed | is_unstable | report.topples
+        if not has_failed.any():
+            return {}
+        failures = {
+            row: UNSTABLE if is_unstable[row] else WOULD_TOPPLE
+            for row in np.flatnonzero(has_failed & ~self._failed).tolist()
+        }
+        self._failed = has_failed
+        self._stop_robots(has_failed, previous_pose)
+        return failures
 
     def _stop_robots(self, mask: np.ndarray, pose: Array) -> None:
         """Bring some robots to rest.

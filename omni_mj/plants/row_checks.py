@@ -68,14 +68,18 @@ def check_start_poses(rows: Sequence[Row], model: mujoco.MjModel, positions: Arr
                 )
 
 
-def check_planar_rows(rows: Sequence[Row]) -> None:
+def check_planar_rows(rows: Sequence[Row], ignores_contact: bool = False) -> None:
     """Check that the plant `planar` can simulate all rows in a batch.
+
+    Args:
+        rows: Rows of a batch.
+        ignores_contact: Whether robots may share a world.
 
     Raises:
         OmniError: Robots share a world, have a custom model, or differ in their wheels.
     """
     for row in rows:
-        if row.slot:
+        if row.slot and not ignores_contact:
             raise OmniError(
                 "the plant planar has one robot per world, because it does not simulate "
                 "collisions; use the plant mujoco"

@@ -1,6 +1,7 @@
 """Served robots: all forms of commands, collisions, walls, and the stop without commands."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ from benches.serve import FAST, QUIET, Field
 from serve_client import local, wheels, world
 
 import omni_mj as om
+from omni_mj.network.radio import ReceivedCommand
+from omni_mj.plants.planar_plant import PlanarPlant
 
 RADIUS_M = 0.09  # of the rules' envelope
 # By which one command more or less, and the heading with it, changes a pose, rad and m
@@ -117,3 +120,20 @@ def test_a_teleport_gives_the_velocity_it_says() -> None:
     ]
     field.drive(6, local(0, forward, left))
     np.testing.assert_allclose(field.poses[0, :2] - [2.0, -1.0], [-0.08, 0.06], atol=0.01)
+
+
+def test_robots_of_the_plant_planar_move_as_in_a_run() -> None:
+    """To the bit, if commands come when frames begin; two teams of eleven, at 100 images/s."""
+    field = Field(*QUIET, "vision.rate_hz=100", blue="11", yellow="11", plant="planar")
+    rows = field.pitch.rows
+    command = np.array([0.75, 0.25, 1.0])
+    alone = PlanarPlant([replace(rows[0], slot=0)], field.poses[:1])
+    images = []
+    for _ in range(12):
+        alone.advance(ReceivedCommand(command[None], np.full(1, np.nan), np.zeros(1, int)))
+        assert field.command(world(0, *command)) == []
+        for _ in range(16):  # without publishing, so that commands have no measured heading
+            images += field.pitch.take_images()
+            field.pitch.advance()
+    assert len(images) == 20
+    np.testing.assert_array_equal(field.poses[0], alone.pose()[0])

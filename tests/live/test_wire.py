@@ -51,15 +51,28 @@ TABLES = {
     "RobotControl": "*1 RobotCommand robot_commands",
     "RobotFeedback": "!1 uint32 id, ?2 bool dribbler_ball_contact",
     "RobotControlResponse": "*1 SimulatorError errors, *2 RobotFeedback feedback",
-    "TeleportBall": "?1 float x, ?2 float y, ?3 float z, ?4 float vx, ?5 float vy, ?6 float vz",
+    "TeleportBall": "?1 float x, ?2 float y, ?3 float z, ?4 float vx, ?5 float vy, ?6 float vz, "
+    "?7 bool teleport_safely, ?8 bool roll, ?9 bool by_force",
     "TeleportRobot": "!1 RobotId id, ?2 float x, ?3 float y, ?4 float orientation, ?5 float v_x, "
     "?6 float v_y, "
     "?7 float v_angular, ?8 bool present, ?9 bool by_force",
     "SimulatorControl": "?1 TeleportBall teleport_ball, *2 TeleportRobot teleport_robot, ?3 float "
     "simulation_speed",
-    # Of these two only whether they are there is read; they are messages, which bytes hold as well.
-    "SimulatorConfig": "?1 Geometry geometry, *2 bytes robot_specs, ?3 bytes realism_config, ?4 "
-    "uint32 vision_port",
+    "RobotLimits": "?1 float acc_speedup_absolute_max, ?2 float acc_speedup_angular_max, "
+    "?3 float acc_brake_absolute_max, ?4 float acc_brake_angular_max, ?5 float vel_absolute_max, "
+    "?6 float vel_angular_max",
+    "WheelAngles": "!1 float front_right, !2 float back_right, !3 float back_left, !4 float "
+    "front_left",
+    "AnyMessage": "?1 string type_url, ?2 bytes value",
+    "RobotSpecs": "!1 RobotId id, ?2 float radius, ?3 float height, ?4 float mass, ?7 float "
+    "max_linear_kick_speed, ?8 float max_chip_kick_speed, ?9 float center_to_dribbler, "
+    "?10 RobotLimits limits, ?13 WheelAngles wheel_angles, *14 AnyMessage custom",
+    "ErForceRealism": "?2 float stddev_robot_p, ?3 float stddev_robot_phi, ?7 float "
+    "camera_overlap, ?10 float robot_command_loss, ?13 int64 vision_delay, ?17 float "
+    "missing_robot_detections",
+    "RealismConfig": "*1 AnyMessage custom",
+    "SimulatorConfig": "?1 Geometry geometry, *2 RobotSpecs robot_specs, ?3 RealismConfig "
+    "realism_config, ?4 uint32 vision_port",
     "SimulatorCommand": "?1 SimulatorControl control, ?2 SimulatorConfig config",
     "SimulatorResponse": "*1 SimulatorError errors",
 }

@@ -64,8 +64,13 @@ class FieldCamera:
     """
 
     def __init__(self, number: int, rows: Sequence[Row]) -> None:
-        self._number, self._vision, self._frame = number, rows[0].settings.vision, 0
+        self._number, self._frame = number, 0
+        self._vision = rows[0].settings.vision
         self._seeds: list[Seed] = [(rows[0].seed, SEED_OFFSET + number)]
+        grid = CAMERA_GRIDS[self._vision.cameras]
+        self._cell_size = field.CARPET_SIZE_M / grid
+        cell_y, cell_x = divmod(number, grid[0])
+        self._center = self._cell_size * (cell_x + 0.5, cell_y + 0.5) - field.CARPET_SIZE_M / 2
         self.set_robots(rows, 0)
         clock = Noise(self._seeds, Stream.CAMERA_CLOCK, 4, "standard_normal")
         offset_x, offset_y, clock_offset, phase = clock.next()[0].tolist()
@@ -74,15 +79,11 @@ class FieldCamera:
         # The fraction of a widely scaled normal number is uniformly distributed.
         self._phase_s = 0.0 if number == 0 else phase * 1e3 % 1.0 / self._vision.rate_hz
         self.due = self._cycle_of(0)
-        grid = CAMERA_GRIDS[self._vision.cameras]
-        cell_size = field.CARPET_SIZE_M / grid
-        cell_y, cell_x = divmod(number, grid[0])
-        self._center = cell_size * (cell_x + 0.5, cell_y + 0.5) - field.CARPET_SIZE_M / 2
-        self._half_size = (cell_size + self._vision.overlap_m) / 2
 
     def set_robots(self, rows: Sequence[Row], cycle: int) -> None:
         """Observe other robots from a cycle on; times of faults are relative to this cycle."""
-        self._first_cycle = cycle
+        self._first_cycle, self._vision = cycle, rows[0].settings.vision
+        self._half_size = (self._cell_size + self._vision.overlap_m) / 2
         self._timing = ImageTiming([self._vision], self._seeds, [rows[0].faults])
         seeds = [
             row.noise_seed if self._number == 0 else (*row.noise_seed, SEED_OFFSET + self._number)

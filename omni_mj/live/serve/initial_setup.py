@@ -1,5 +1,6 @@
 """Initial state of `serve`: the scenario of the robots, their numbers and their poses."""
 
+import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -7,18 +8,20 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.config import distributions, scenario
+from omni_mj.config import CYCLE_RATE_HZ, CYCLES_PER_FRAME, distributions, scenario
 from omni_mj.config.scenario import Scenario
 from omni_mj.live.serve.detections import RobotName
-from omni_mj.live.serve.served_world import MAX_ROBOTS
+from omni_mj.live.serve.served_world import MAX_ROBOTS, ServedWorld
 from omni_mj.live.serve.simulation_requests import MAX_NUMBER
-from omni_mj.live.wire.league_pb2 import Team
+from omni_mj.live.sockets import MessageCounter
+from omni_mj.live.wire.league_pb2 import LocalVelocity, MoveCommand, RobotCommand, Team
 
 # Without a scenario there is no dead time, and a robot stops soon after its last command, as in the
 # league's simulators.
 DEFAULT_OVERRIDES = "radio.delay_frames=0", "firmware.timeout_s=0.1"
 SPACING_M = 0.5  # between robots of a team
 ROBOTS_PER_COLUMN = 6
+WARM_UP_CYCLES, MEASURED_CYCLES = 32, 192  # to measure the load
 
 
 def load_served_scenario(
@@ -38,8 +41,10 @@ def load_served_scenario(
         overrides, head = [*DEFAULT_OVERRIDES, *overrides], {"name": "serve", **head}
     chosen = scenario.load_with_overrides(name, overrides, head)
     distributions.require_fixed_settings(chosen.distributions, "serve")
-    if chosen.plant != "mujoco":
-        raise OmniError(f"serve needs the plant mujoco, got {chosen.plant}")
+    if chosen.plant not in MAX_ROBOTS:
+        raise OmniError(f"serve needs the plant {' or '.join(MAX_ROBOTS)}, got {chosen.plant}")
+    if chosen.settings.physics.backend == "jax":
+        raise OmniError("serve needs physics.backend = numpy or auto, got jax")
     return chosen
 
 
@@ -61,12 +66,15 @@ def parse_robot_ids(text: str, option: str) -> list[int]:
     )
 
 
-def starting_poses(blue: Iterable[int], yellow: Iterable[int]) -> dict[RobotName, Array]:
+def starting_poses(
+    blue: Iterable[int], yellow: Iterable[int], plant: str = "mujoco"
+) -> dict[RobotName, Array]:
     """Return start poses: each team in columns on its half, facing the other team.
 
     Args:
         blue: Numbers of the blue robots.
         yellow: Numbers of the yellow robots.
+        plant: Name of the plant.
 
     Raises:
         OmniError: There are none, or too many.
@@ -77,8 +85,31 @@ def starting_poses(blue: Iterable[int], yellow: Iterable[int]) -> dict[RobotName
             x = SPACING_M * (1 + k // ROBOTS_PER_COLUMN)
             y = SPACING_M * ((ROBOTS_PER_COLUMN - 1) / 2 - k % ROBOTS_PER_COLUMN)
             result[team, number] = np.array([side * x, -side * y, 0.0 if side < 0 else np.pi])
-    if not 1 <= len(result) <= MAX_ROBOTS:
+    limit = MAX_ROBOTS[plant]
+    if not 1 <= len(result) <= limit:
+        hint = "" if plant == "planar" else f" (--plant planar: {MAX_ROBOTS['planar']})"
         raise OmniError(
-            f"--blue and --yellow together must be 1 to {MAX_ROBOTS} robots, got {len(result)}"
+            f"--blue and --yellow together must be 1 to {limit} robots, got {len(result)}{hint}"
         )
     return result
+
+
+def measure_load(chosen: Scenario, poses: Mapping[RobotName, Array]) -> float:
+    """Measure the CPU time of a simulated second while all robots drive, s.
+
+    Args:
+        chosen: Scenario, as for `ServedWorld`.
+        poses: Robot name -> start pose, shape (3,), m and rad.
+    """
+    world = ServedWorld(chosen, poses, MessageCounter())
+    move = MoveCommand(local_velocity=LocalVelocity(forward=0.1, left=0.1, angular=1.0))
+    began_s = 0.0
+    for cycle in range(WARM_UP_CYCLES + MEASURED_CYCLES):
+        if cycle == WARM_UP_CYCLES:
+            began_s = time.process_time()
+        for team, number in poses:
+            if cycle % CYCLES_PER_FRAME == 0:
+                world.command(team, [RobotCommand(id=number, move_command=move)])
+        world.take_images()
+        world.advance()
+    return (time.process_time() - began_s) * CYCLE_RATE_HZ / MEASURED_CYCLES

@@ -10,33 +10,39 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, world_to_body
 from omni_mj.config import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.live.serve.detections import (
+    BALL_RADIUS_M,
     FieldCamera,
     Image,
     RobotName,
     standard_field,
 )
+from omni_mj.live.serve.served_planar import ServedPlanar
 from omni_mj.live.serve.served_plant import ServedPlant
 from omni_mj.live.serve.simulation_requests import (
     HEADING,
     IMAGE_CYCLE,
+    WHEELS,
     Placement,
     Refusal,
     decode_packets,
     empty_packet,
     encode_packet,
+    list_ignored_options,
     read_ball,
     read_teleport,
     robot_label,
 )
+from omni_mj.live.serve.simulator_config import RobotLimit, read_realism, read_specs
 from omni_mj.live.sockets import MessageCounter
 from omni_mj.live.wire.league_pb2 import (
     Geometry,
     RobotCommand,
+    SimulatorConfig,
     SimulatorControl,
     SimulatorError,
     Team,
@@ -45,8 +51,14 @@ from omni_mj.mjcf import world_builder
 from omni_mj.mjcf.field import CARPET_SIZE_M
 from omni_mj.network.radio import Radio
 
-MAX_ROBOTS = 12
+PLANTS: dict[str, type[ServedPlant | ServedPlanar]] = {
+    "mujoco": ServedPlant,
+    "planar": ServedPlanar,
+}
+MAX_ROBOTS = {"mujoco": 12, "planar": 22}
 CLEARANCE_M = 0.001  # allowed overlap of hulls
+# Half the width of the dribbler, and how far from it a ball is still in contact.
+DRIBBLER_HALF_WIDTH_M, CONTACT_M = 0.035, 0.005
 
 
 class ServedWorld:
@@ -54,7 +66,7 @@ class ServedWorld:
 
     Args:
         scenario: Settings of the robots of both teams, the radio and the cameras.
-        poses: Robot name -> start pose, shape (3,), m and rad; at most 12 robots.
+        poses: Robot name -> start pose, shape (3,), m and rad.
         messages: Counts problems, and reports the first of each kind.
 
     Attributes:
@@ -80,6 +92,8 @@ class ServedWorld:
         self.cycle, self.epoch_s, self.ball = 0, 0.0, np.zeros(2)
         # Newest published headings, and the cycles of their images.
         self._headings = dict[RobotName, tuple[float, int]]()
+        self._parked = dict[RobotName, Array]()  # poses of robots beyond the walls
+        self._limits = dict[RobotName, RobotLimit]()
         self._reach = world_builder.build_world(scenario.settings).hull_radius
         self.cameras = list[FieldCamera]()
         for name in poses:
@@ -91,6 +105,11 @@ class ServedWorld:
         ]
 
     @property
+    def plant_name(self) -> str:
+        """Name of the plant."""
+        return self._scenario.plant
+
+    @property
     def time_s(self) -> float:
         """Simulated time, s."""
         return self.cycle / CYCLE_RATE_HZ
@@ -99,6 +118,14 @@ class ServedWorld:
         """Return the poses, shape (3,), of the robots on the field."""
         robots = zip(self.names, self.plant.pose(), self.plant.present, strict=True)
         return {name: pose for name, pose, is_present in robots if is_present}
+
+    def has_ball_contact(self, name: RobotName) -> bool:
+        """Return whether the ball touches the dribbler of a robot."""
+        if name not in (poses := self.poses()):
+            return False
+        x, y = world_to_body([*(self.ball - poses[name][:2]), 0.0], poses[name][2])[:2]
+        gap = x - self._limits.get(name, RobotLimit()).dribbler
+        return 0 <= gap <= BALL_RADIUS_M + CONTACT_M and abs(y) <= DRIBBLER_HALF_WIDTH_M
 
     def geometry(self) -> Geometry:
         """Return the SSL-Vision message with the geometry of field and cameras."""
@@ -160,9 +187,12 @@ class ServedWorld:
             name = team, command.id
             try:
                 if name not in present:
-                    raise Refusal("UNKNOWN_ROBOT", f"{robot_label(name)} is not on the field")
+                    place = "is parked beyond the walls" if name in self._parked else "is absent"
+                    raise Refusal("UNKNOWN_ROBOT", f"{robot_label(name)} {place}")
                 commanded.append(command.id)
                 packet = encode_packet(command, packets.shape[1] - len(empty_packet(0)))
+                if packet is not None and name in self._limits:
+                    self._limit_packet(packet, self._limits[name])
             except Refusal as refusal:
                 errors.append(refusal.error)
                 continue
@@ -180,7 +210,7 @@ class ServedWorld:
         If a new robot has no body in the world, the world is rebuilt with bodies of the present
         robots. They continue at rest from their poses, in the state of the start of a run.
         """
-        errors, placements = list[SimulatorError](), dict[RobotName, Placement]()
+        errors, placements = list_ignored_options(control), dict[RobotName, Placement]()
         if control.HasField("teleport_ball"):
             try:
                 self.ball = read_ball(control.teleport_ball, self.ball)
@@ -188,16 +218,42 @@ class ServedWorld:
                 errors.append(refusal.error)
         for teleport in control.teleport_robot:
             try:
-                name, placement = read_teleport(teleport, self.poses())
+                name, placement = read_teleport(teleport, self._parked | self.poses())
             except Refusal as refusal:
                 errors.append(refusal.error)
                 continue
             placements.pop(name, None)
-            if placement is not None:
+            if placement is not None and not self._is_beyond_walls(placement[0]):
                 placements[name] = placement
-            elif name in self.names:
+                continue
+            self._parked.pop(name, None)
+            if placement is not None:
+                self._parked[name], twist = placement
+                if twist.any():
+                    reason = f"{robot_label(name)} is parked beyond the walls, at rest"
+                    errors.append(Refusal("OPTION", reason).error)
+            if name in self.names:
                 self.plant.remove(self.names.index(name))
-        present_poses = self.poses()
+        refusals, poses = self._refuse_overlaps(placements)
+        errors += refusals
+        if not placements.keys() <= set(self.names):
+            self._build(poses)
+        for name, (pose, twist) in placements.items():
+            self._parked.pop(name, None)
+            self.plant.place_robot(self.names.index(name), pose, twist)
+            self._headings[name] = float(pose[2]), self.cycle
+        return errors
+
+    def _refuse_overlaps(
+        self, placements: dict[RobotName, Placement]
+    ) -> tuple[list[SimulatorError], dict[RobotName, Array]]:
+        """Remove placements in obstacles and of too many robots.
+
+        Returns:
+            Errors for the removed placements, and the poses of all robots after the others.
+        """
+        errors, present_poses = list[SimulatorError](), self.poses()
+        max_robots = MAX_ROBOTS[self.plant_name]
         while True:  # a refused robot keeps its pose, which may block another one
             poses = present_poses | {name: pose for name, (pose, _) in placements.items()}
             refusals = {name: self._find_obstacle(name, poses) for name in placements}
@@ -205,20 +261,14 @@ class ServedWorld:
                 name: f"stand in {obstacle}" for name, obstacle in refusals.items() if obstacle
             }
             refused |= {
-                name: f"be one of more than {MAX_ROBOTS} robots"
-                for name in list(poses)[MAX_ROBOTS:]
+                name: f"be one of more than {max_robots} robots"
+                for name in list(poses)[max_robots:]
             }
             if not refused:
-                break
+                return errors, poses
             for name, reason in refused.items():
                 errors.append(Refusal("OCCUPIED", f"{robot_label(name)} would {reason}").error)
                 del placements[name]
-        if not placements.keys() <= set(self.names):
-            self._build(poses)
-        for name, (pose, twist) in placements.items():
-            self.plant.place_robot(self.names.index(name), pose, twist)
-            self._headings[name] = float(pose[2]), self.cycle
-        return errors
 
     def _find_obstacle(self, name: RobotName, poses: Mapping[RobotName, Array]) -> str | None:
         """Return "a wall" or "a robot" if the named robot overlaps with one, else None."""
@@ -233,11 +283,59 @@ class ServedWorld:
             "a robot" if min(distances, default=math.inf) < 2 * self._reach - CLEARANCE_M else None
         )
 
+    def configure(self, config: SimulatorConfig) -> list[SimulatorError]:
+        """Apply robot specs and realism, and return errors for the parts that do not apply."""
+        errors, settings = list[SimulatorError](), self._scenario.settings
+        for specs in config.robot_specs:
+            try:
+                name, self._limits[name], ignored = read_specs(specs, settings, self._limits)
+            except Refusal as refusal:
+                errors.append(refusal.error)
+                continue
+            if ignored:
+                reason = f"of {robot_label(name)} these specs do not apply: {', '.join(ignored)}"
+                errors.append(Refusal("SPECS", reason).error)
+        for message in config.realism_config.custom:
+            try:
+                settings, unknown_fields = read_realism(message, settings)
+                errors += unknown_fields
+            except Refusal as refusal:
+                errors.append(refusal.error)
+        if settings != self._scenario.settings:
+            self._scenario = self._scenario.replace(settings=settings)
+            self._build_links()
+        return errors
+
+    def _limit_packet(self, packet: list[float], limit: RobotLimit) -> None:
+        """Scale the velocities or rim speeds of a packet to the limits of the robot."""
+        rim_speeds = np.array(packet[WHEELS:])
+        kinematics = self._scenario.settings.wheels.kinematics
+        is_velocity = np.isnan(rim_speeds).all()
+        velocity = (
+            np.array(packet[:3])
+            if is_velocity
+            else kinematics.body_twist(rim_speeds / kinematics.radius)
+        )
+        scale = limit.scale(velocity)
+        packet[:3] = [scale * value for value in packet[:3]]
+        packet[WHEELS:] = (scale * rim_speeds).tolist()
+
+    def _is_beyond_walls(self, pose: Array) -> bool:
+        """Return whether a robot at a pose is wholly on the other side of a wall."""
+        return bool((np.abs(pose[:2]) > CARPET_SIZE_M / 2 + self._reach).any())
+
     def _build(self, poses: Mapping[RobotName, Array]) -> None:
         """Build a world with robots at rest at these poses."""
-        self.names, settings = list(poses), self._scenario.settings
+        self.names, n = list(poses), len(poses)
+        self._build_links()
+        self.plant = PLANTS[self.plant_name](self.rows, np.array([*poses.values()]))
+        self.applied = decode_packets(self._packets, np.zeros(n, bool), 0)
+        self.measured = np.full((n, 3), np.nan)
+
+    def _build_links(self) -> None:
+        """Build the radio, without packets under way, and let the cameras start anew."""
+        settings = self._scenario.settings
         self.rows = [self._row(slot, name) for slot, name in enumerate(self.names)]
-        self.plant = ServedPlant(self.rows, np.array([*poses.values()]))
         n, packet = len(self.rows), empty_packet(len(settings.wheels.azimuths_deg))
         self._packets = np.tile(packet, (n, 1))
         self._radio = Radio(
@@ -247,8 +345,6 @@ class ServedWorld:
             CYCLES_PER_FRAME,
             packet,
         )
-        self.applied = decode_packets(self._packets, np.zeros(n, bool), 0)
-        self.measured = np.full((n, 3), np.nan)
         for camera in self.cameras:
             camera.set_robots(self.rows, self.cycle)
 

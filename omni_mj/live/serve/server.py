@@ -1,16 +1,19 @@
 """Network server of `serve`: a simulated world behind the league's protocols."""
 
 import math
-import selectors
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import cast
 
 from omni_mj.config import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.live.serve.detections import Image
+from omni_mj.live.serve.inbox import Inbox, Request
 from omni_mj.live.serve.served_world import ServedWorld
-from omni_mj.live.serve.simulation_requests import Refusal
+from omni_mj.live.serve.simulation_requests import (
+    MAX_COMMANDS,
+    Refusal,
+    find_unknown_fields,
+)
 from omni_mj.live.sockets import LOOPBACK, Address, Receiver, error_reason, open_sender
 from omni_mj.live.wire import WireError, parse_message
 from omni_mj.live.wire.league_pb2 import (
@@ -26,6 +29,7 @@ from omni_mj.live.wire.league_pb2 import (
 
 SPAN_CYCLES = 4  # largest number of cycles simulated at a time while no packet arrives
 CHECK_S = 0.1  # longest time between two checks for a stop request
+HANDLE_S = 0.002  # time for packets before the simulation goes on, although it is late
 EARLY_S = 1e-9  # tolerance for rounding errors of the time at which a packet is due
 GEOMETRY_CYCLES = CYCLE_RATE_HZ  # between two packets with the geometry
 MAX_DELAY_S = 0.1  # delay after which the simulation no longer tries to catch up
@@ -72,12 +76,14 @@ class Server:
         self.ports = list[int]()
         self._set_speed(speed)
         with ExitStack() as stack:
-            self._selector = stack.enter_context(selectors.DefaultSelector())
             self._socket = stack.enter_context(open_sender(interface))
+            self._receivers = dict[int | None, Receiver]()
             for number, team in zip(ports, (None, Team.BLUE, Team.YELLOW), strict=True):
                 port = stack.enter_context(Receiver(Address(interface, number), interface))
-                self._selector.register(port, selectors.EVENT_READ, team)
+                self._receivers[team] = port
                 self.ports.append(port.address.port)
+            self._inbox = Inbox(self._receivers, self.messages)
+            stack.callback(self._inbox.close)
             self._stack = stack.pop_all()
 
     def run(self, check: Callable[[], None] = lambda: None, until_s: float = math.inf) -> None:
@@ -123,6 +129,7 @@ class Server:
                 "this computer is too slow; simulated time falls behind",
             )
             self.messages["ms late in all"] += round(1e3 * delay)
+            world.epoch_s += delay * self.speed  # time stamps go on with the clock
             self._set_speed(self.speed)
         self._catch_up()
         due = min(camera.due for camera in world.cameras)
@@ -179,59 +186,84 @@ class Server:
 
     def _handle_requests(self, seconds: float) -> bool:
         """Handle packets that arrive within some seconds, and return whether any arrived."""
-        events = self._selector.select(max(seconds, 0.0))
-        for key, _ in events:
-            if not self.lockstep:  # a command acts from the next cycle on
-                self._catch_up()
-            self._handle_port(cast(Receiver, key.fileobj), key.data)
-        return bool(events)
+        self._inbox.receive(seconds)
+        request = self._inbox.take()
+        if request is None:
+            return False
+        if not self.lockstep:  # a command acts from the next cycle on
+            self._catch_up()
+        until = time.monotonic() + max(seconds, HANDLE_S)
+        while request is not None:
+            self._handle(request)
+            request = self._inbox.take() if time.monotonic() < until else None
+        return True
 
-    def _handle_port(self, port: Receiver, team: int | None) -> None:
-        """Handle and answer datagrams to a team, or to the simulator if `team` is None."""
-        for data, _, client in port.packets():
-            try:
-                if team is None:
-                    response = SimulatorResponse(
-                        errors=self._control_simulator(parse_message(SimulatorCommand, data))
-                    )
-                    if self.lockstep:
-                        self._repeat()
-                else:
-                    response = self._command(team, parse_message(RobotControl, data))
-                    if self.lockstep:
-                        self._advance(self.world.cameras[0].due)
-                port.sendto(response.SerializeToString(), client)
-            except WireError as error:
-                self.messages.add("bad packets", f"skipped a packet from {client}: {error}")
-            except OSError as error:
-                self.messages.add(
-                    "answers not sent", f"cannot answer {client}: {error_reason(error)}"
-                )
+    def _handle(self, request: Request) -> None:
+        """Handle and answer a packet."""
+        team, client, data = request
+        try:
+            response = (
+                self._control_simulator(parse_message(SimulatorCommand, data))
+                if team is None
+                else self._command(team, parse_message(RobotControl, data))
+            )
+            for error in response.errors:
+                self.messages.add(f"refused: {error.code}", f"{client}: {error.message}")
+            if self.lockstep and team is None:
+                self._repeat()
+            elif self.lockstep:
+                self._advance(self.world.cameras[0].due)
+            self._receivers[team].sendto(response.SerializeToString(), client)
+        except WireError as error:
+            self.messages.add("bad packets", f"skipped a packet from {client}: {error}")
+        except OSError as error:
+            self.messages.add("answers not sent", f"cannot answer {client}: {error_reason(error)}")
 
-    def _control_simulator(self, command: SimulatorCommand) -> list[SimulatorError]:
+    def _control_simulator(self, command: SimulatorCommand) -> SimulatorResponse:
         """Execute a command to the simulator, and return errors for its refused parts."""
         self.messages["simulator commands"] += 1
-        errors = self.world.teleport(command.control)
+        control, config = command.control, command.config
+        errors = find_unknown_fields(command)
+        if error := _check_length(control.teleport_robot, config.robot_specs):
+            return SimulatorResponse(errors=[*errors, error])
+        errors += self.world.teleport(control)
+        errors += self.world.configure(config)
         errors += [
             Refusal("CONFIG", f"{field.name} {FIXED}").error
-            for field, _ in command.config.ListFields()
+            for field, _ in config.ListFields()
+            if field.name in ("geometry", "vision_port")
         ]
-        if command.control.HasField("simulation_speed"):
-            speed = command.control.simulation_speed
+        if control.HasField("simulation_speed"):
+            speed = control.simulation_speed
             if not self.lockstep and 0 <= speed <= MAX_SPEED:
                 self._set_speed(speed)
             else:
                 reason = f"the speed must be 0 to {MAX_SPEED:g}, without lockstep, got {speed:g}"
                 errors.append(Refusal("SPEED", reason).error)
-        return errors
+        return SimulatorResponse(errors=errors)
 
-    def _command(self, team: int, commands: RobotControl) -> RobotControlResponse:
+    def _command(self, team: int, control: RobotControl) -> RobotControlResponse:
         """Pass commands to the robots of a team."""
         self.messages[f"{Team.Name(team).lower()} commands"] += 1
-        errors, commanded = self.world.command(team, commands.robot_commands)
-        for error in errors:
-            self.messages.add(f"refused: {error.code}", error.message)
-        if any(command.kick_speed or command.dribbler_speed for command in commands.robot_commands):
+        errors, commands = find_unknown_fields(control), control.robot_commands
+        if error := _check_length(commands):
+            return RobotControlResponse(errors=[*errors, error])
+        refusals, commanded = self.world.command(team, commands)
+        if any(command.kick_speed or command.dribbler_speed for command in commands):
             self.messages.add("kicks", "kicker and dribbler are not simulated")
-        feedback = [RobotFeedback(id=number, dribbler_ball_contact=False) for number in commanded]
-        return RobotControlResponse(errors=errors, feedback=feedback)
+        feedback = [
+            RobotFeedback(
+                id=number, dribbler_ball_contact=self.world.has_ball_contact((team, number))
+            )
+            for number in commanded
+        ]
+        return RobotControlResponse(errors=errors + refusals, feedback=feedback)
+
+
+def _check_length(*lists: Sequence[object]) -> SimulatorError | None:
+    """Return an error if a list of a packet has too many entries, else None."""
+    length = max(map(len, lists))
+    if length <= MAX_COMMANDS:
+        return None
+    reason = f"a packet may have at most {MAX_COMMANDS} commands of a kind, got {length}"
+    return Refusal("TOO_MANY", reason).error

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from google.protobuf.message import Message
 
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config import CYCLES_PER_FRAME
@@ -11,6 +12,8 @@ from omni_mj.live.serve.detections import RobotName
 from omni_mj.live.serve.served_plant import HEADING_MEMORY_FRAMES
 from omni_mj.live.wire.league_pb2 import (
     RobotCommand,
+    RobotId,
+    SimulatorControl,
     SimulatorError,
     Team,
     TeleportBall,
@@ -24,6 +27,7 @@ HEADING, IMAGE_CYCLE, IS_LOCAL, WHEELS = 3, 4, 5, 6
 MAX_VELOCITY = 1e3  # of a command, m/s and rad/s
 MAX_SPEED_M_S, MAX_RATE_RAD_S = 20.0, 100.0  # of a robot that is placed
 MAX_NUMBER = 15  # robot numbers are 0 to 15, because there are 16 patterns
+MAX_COMMANDS = 2 * (MAX_NUMBER + 1)  # of a packet: one to each robot of both teams
 
 Placement = tuple[Array, Array]  # pose and twist in the world frame, shape (3,) each
 
@@ -39,6 +43,16 @@ class Refusal(Exception):  # noqa: N818
     def __init__(self, code: str, reason: str) -> None:
         super().__init__(reason)
         self.error = SimulatorError(code=code, message=reason)
+
+
+def find_unknown_fields(message: Message) -> list[SimulatorError]:
+    """Return an error if a message has fields that `league.proto` lacks, and remove them."""
+    size = message.ByteSize()
+    message.DiscardUnknownFields()
+    if message.ByteSize() == size:
+        return []
+    name = message.DESCRIPTOR.name
+    return [Refusal("UNKNOWN_FIELD", f"{name} has fields that serve ignores").error]
 
 
 def robot_label(name: RobotName) -> str:
@@ -100,6 +114,38 @@ def decode_packets(packets: Array, is_new: np.ndarray, cycle: int) -> ReceivedCo
     )
 
 
+def read_name(robot: RobotId) -> RobotName:
+    """Return the name of a robot.
+
+    Raises:
+        Refusal: The number or the team is invalid.
+    """
+    if (
+        not robot.HasField("id")
+        or robot.id > MAX_NUMBER
+        or robot.team not in (Team.BLUE, Team.YELLOW)
+    ):
+        raise Refusal(
+            "ROBOT_ID", f"a robot needs a number from 0 to {MAX_NUMBER} and a team, blue or yellow"
+        )
+    return robot.team, robot.id
+
+
+def list_ignored_options(control: SimulatorControl) -> list[SimulatorError]:
+    """Return errors for the options of teleports that do not apply; they are done without them."""
+    ball = control.teleport_ball
+    options = {
+        f"teleport_ball.{field}": getattr(ball, field)
+        for field in ("teleport_safely", "roll", "by_force")
+    }
+    options["teleport_robot.by_force"] = any(robot.by_force for robot in control.teleport_robot)
+    return [
+        Refusal("OPTION", f"{name} does not apply: teleports are done at once").error
+        for name, is_set in options.items()
+        if is_set
+    ]
+
+
 def read_teleport(
     teleport: TeleportRobot, poses: Mapping[RobotName, Array]
 ) -> tuple[RobotName, Placement | None]:
@@ -112,16 +158,7 @@ def read_teleport(
     Raises:
         Refusal: The robot or the pose is invalid.
     """
-    number, team = teleport.id.id, teleport.id.team
-    if (
-        not teleport.id.HasField("id")
-        or number > MAX_NUMBER
-        or team not in (Team.BLUE, Team.YELLOW)
-    ):
-        raise Refusal(
-            "ROBOT_ID", f"a robot needs a number from 0 to {MAX_NUMBER} and a team, blue or yellow"
-        )
-    name = team, number
+    name = read_name(teleport.id)
     if teleport.HasField("present") and not teleport.present:
         return name, None
     if name not in poses and not (

@@ -88,40 +88,62 @@ DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(
     b'\x15\x64ribbler_ball_contact\x18\x02 \x01(\x08\"}\n\x14RobotControlResponse\x12\x31\n'
     b'\x06\x65rrors\x18\x01 \x03(\x0b\x32!.omni_mj.live.wire.SimulatorError\x12\x32\n'
     b'\x08\x66\x65\x65\x64\x62\x61\x63k\x18\x02 \x03(\x0b\x32 .omni_mj.live.wire.RobotFeedback'
-    b'\"S\n\x0cTeleportBall\x12\t\n\x01x\x18\x01 \x01(\x02\x12\t\n\x01y\x18\x02 \x01(\x02\x12\t'
-    b'\n\x01z\x18\x03 \x01(\x02\x12\n\n\x02vx\x18\x04 \x01(\x02\x12\n\n\x02vy\x18\x05 \x01('
-    b'\x02\x12\n\n\x02vz\x18\x06 \x01(\x02\"\xb2\x01\n\rTeleportRobot\x12&\n\x02id\x18\x01 '
-    b'\x02(\x0b\x32\x1a.omni_mj.live.wire.RobotId\x12\t\n\x01x\x18\x02 \x01(\x02\x12\t\n\x01y'
-    b'\x18\x03 \x01(\x02\x12\x13\n\x0borientation\x18\x04 \x01(\x02\x12\x0b\n\x03v_x\x18\x05 '
-    b'\x01(\x02\x12\x0b\n\x03v_y\x18\x06 \x01(\x02\x12\x11\n\tv_angular\x18\x07 \x01('
-    b'\x02\x12\x0f\n\x07present\x18\x08 \x01(\x08\x12\x10\n\x08\x62y_force\x18\t \x01(\x08\"'
-    b'\x9e\x01\n\x10SimulatorControl\x12\x36\n\rteleport_ball\x18\x01 \x01(\x0b\x32\x1f.omni_mj'
-    b'.live.wire.TeleportBall\x12\x38\n\x0eteleport_robot\x18\x02 \x03(\x0b\x32 .omni_mj.live.w'
-    b'ire.TeleportRobot\x12\x18\n\x10simulation_speed\x18\x03 \x01(\x02\"\x82\x01\n\x0fSimulato'
-    b'rConfig\x12-\n\x08geometry\x18\x01 \x01(\x0b\x32\x1b.omni_mj.live.wire.Geometry\x12\x13\n'
-    b'\x0brobot_specs\x18\x02 \x03(\x0c\x12\x16\n\x0erealism_config\x18\x03 \x01(\x0c\x12\x13\n'
-    b'\x0bvision_port\x18\x04 \x01(\r\"|\n\x10SimulatorCommand\x12\x34\n\x07\x63ontrol\x18\x01 '
-    b'\x01(\x0b\x32#.omni_mj.live.wire.SimulatorControl\x12\x32\n\x06\x63onfig\x18\x02 \x01('
-    b'\x0b\x32\".omni_mj.live.wire.SimulatorConfig\"F\n\x11SimulatorResponse\x12\x31\n\x06\x65r'
-    b'rors\x18\x01 \x03(\x0b\x32!.omni_mj.live.wire.SimulatorError*\xed\x02\n\x05Shape\x12\r\n'
-    b'\tUNDEFINED\x10\x00\x12\x11\n\rCENTER_CIRCLE\x10\x01\x12\x12\n\x0eTOP_TOUCH_LINE'
-    b'\x10\x02\x12\x15\n\x11\x42OTTOM_TOUCH_LINE\x10\x03\x12\x12\n\x0eLEFT_GOAL_LINE'
-    b'\x10\x04\x12\x13\n\x0fRIGHT_GOAL_LINE\x10\x05\x12\x10\n\x0cHALFWAY_LINE\x10\x06\x12\x0f\n'
-    b'\x0b\x43\x45NTER_LINE\x10\x07\x12\x18\n\x14LEFT_PENALTY_STRETCH\x10\x08\x12\x19\n\x15RIGH'
-    b'T_PENALTY_STRETCH\x10\t\x12#\n\x1fLEFT_FIELD_LEFT_PENALTY_STRETCH\x10\n\x12$\n LEFT_FIELD'
-    b'_RIGHT_PENALTY_STRETCH\x10\x0b\x12$\n RIGHT_FIELD_LEFT_PENALTY_STRETCH\x10\x0c\x12%\n!RIG'
-    b'HT_FIELD_RIGHT_PENALTY_STRETCH\x10\r*)\n\x04Team\x12\x0b\n\x07UNKNOWN\x10\x00\x12\n\n'
-    b'\x06YELLOW\x10\x01\x12\x08\n\x04\x42LUE\x10\x02')
+    b'\"\x8c\x01\n\x0cTeleportBall\x12\t\n\x01x\x18\x01 \x01(\x02\x12\t\n\x01y\x18\x02 \x01('
+    b'\x02\x12\t\n\x01z\x18\x03 \x01(\x02\x12\n\n\x02vx\x18\x04 \x01(\x02\x12\n\n\x02vy'
+    b'\x18\x05 \x01(\x02\x12\n\n\x02vz\x18\x06 \x01(\x02\x12\x17\n\x0fteleport_safely\x18\x07 '
+    b'\x01(\x08\x12\x0c\n\x04roll\x18\x08 \x01(\x08\x12\x10\n\x08\x62y_force\x18\t \x01(\x08\"'
+    b'\xb2\x01\n\rTeleportRobot\x12&\n\x02id\x18\x01 \x02(\x0b\x32\x1a.omni_mj.live.wire.RobotI'
+    b'd\x12\t\n\x01x\x18\x02 \x01(\x02\x12\t\n\x01y\x18\x03 \x01(\x02\x12\x13\n\x0borientation'
+    b'\x18\x04 \x01(\x02\x12\x0b\n\x03v_x\x18\x05 \x01(\x02\x12\x0b\n\x03v_y\x18\x06 \x01('
+    b'\x02\x12\x11\n\tv_angular\x18\x07 \x01(\x02\x12\x0f\n\x07present\x18\x08 \x01('
+    b'\x08\x12\x10\n\x08\x62y_force\x18\t \x01(\x08\"\x9e\x01\n\x10SimulatorControl\x12\x36\n\r'
+    b'teleport_ball\x18\x01 \x01(\x0b\x32\x1f.omni_mj.live.wire.TeleportBall\x12\x38\n\x0etelep'
+    b'ort_robot\x18\x02 \x03(\x0b\x32 .omni_mj.live.wire.TeleportRobot\x12\x18\n\x10simulation_'
+    b'speed\x18\x03 \x01(\x02\"\xc2\x01\n\x0bRobotLimits\x12 \n\x18\x61\x63\x63_speedup_absolut'
+    b'e_max\x18\x01 \x01(\x02\x12\x1f\n\x17\x61\x63\x63_speedup_angular_max\x18\x02 \x01('
+    b'\x02\x12\x1e\n\x16\x61\x63\x63_brake_absolute_max\x18\x03 \x01(\x02\x12\x1d\n'
+    b'\x15\x61\x63\x63_brake_angular_max\x18\x04 \x01(\x02\x12\x18\n\x10vel_absolute_m'
+    b'ax\x18\x05 \x01(\x02\x12\x17\n\x0fvel_angular_max\x18\x06 \x01(\x02\"]\n\x0bWheelAngles'
+    b'\x12\x13\n\x0b\x66ront_right\x18\x01 \x02(\x02\x12\x12\n\nback_right\x18\x02 \x02('
+    b'\x02\x12\x11\n\tback_left\x18\x03 \x02(\x02\x12\x12\n\nfront_left\x18\x04 \x02(\x02\"-\n'
+    b'\nAnyMessage\x12\x10\n\x08type_url\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x0c\"'
+    b'\xcf\x02\n\nRobotSpecs\x12&\n\x02id\x18\x01 \x02(\x0b\x32\x1a.omni_mj.live.wire.RobotI'
+    b'd\x12\x0e\n\x06radius\x18\x02 \x01(\x02\x12\x0e\n\x06height\x18\x03 \x01(\x02\x12\x0c\n'
+    b'\x04mass\x18\x04 \x01(\x02\x12\x1d\n\x15max_linear_kick_speed\x18\x07 \x01(\x02\x12\x1b\n'
+    b'\x13max_chip_kick_speed\x18\x08 \x01(\x02\x12\x1a\n\x12\x63\x65nter_to_dribbler\x18\t '
+    b'\x01(\x02\x12.\n\x06limits\x18\n \x01(\x0b\x32\x1e.omni_mj.live.wire.RobotLimits'
+    b'\x12\x34\n\x0cwheel_angles\x18\r \x01(\x0b\x32\x1e.omni_mj.live.wire.WheelAngles\x12-\n'
+    b'\x06\x63ustom\x18\x0e \x03(\x0b\x32\x1d.omni_mj.live.wire.AnyMessage\"\xae\x01\n\x0e\x45r'
+    b'ForceRealism\x12\x16\n\x0estddev_robot_p\x18\x02 \x01(\x02\x12\x18\n\x10stddev_robot_phi'
+    b'\x18\x03 \x01(\x02\x12\x16\n\x0e\x63\x61mera_overlap\x18\x07 \x01(\x02\x12\x1a\n\x12robot'
+    b'_command_loss\x18\n \x01(\x02\x12\x14\n\x0cvision_delay\x18\r \x01(\x03\x12 \n\x18missing'
+    b'_robot_detections\x18\x11 \x01(\x02\">\n\rRealismConfig\x12-\n\x06\x63ustom\x18\x01 \x03('
+    b'\x0b\x32\x1d.omni_mj.live.wire.AnyMessage\"\xc3\x01\n\x0fSimulatorConfig\x12-\n\x08geomet'
+    b'ry\x18\x01 \x01(\x0b\x32\x1b.omni_mj.live.wire.Geometry\x12\x32\n\x0brobot_specs\x18\x02 '
+    b'\x03(\x0b\x32\x1d.omni_mj.live.wire.RobotSpecs\x12\x38\n\x0erealism_config\x18\x03 \x01('
+    b'\x0b\x32 .omni_mj.live.wire.RealismConfig\x12\x13\n\x0bvision_port\x18\x04 \x01(\r\"|\n'
+    b'\x10SimulatorCommand\x12\x34\n\x07\x63ontrol\x18\x01 \x01(\x0b\x32#.omni_mj.live.wire.Sim'
+    b'ulatorControl\x12\x32\n\x06\x63onfig\x18\x02 \x01(\x0b\x32\".omni_mj.live.wire.SimulatorC'
+    b'onfig\"F\n\x11SimulatorResponse\x12\x31\n\x06\x65rrors\x18\x01 \x03(\x0b\x32!.omni_mj.liv'
+    b'e.wire.SimulatorError*\xed\x02\n\x05Shape\x12\r\n\tUNDEFINED\x10\x00\x12\x11\n\rCENTER_CI'
+    b'RCLE\x10\x01\x12\x12\n\x0eTOP_TOUCH_LINE\x10\x02\x12\x15\n\x11\x42OTTOM_TOUCH_LINE'
+    b'\x10\x03\x12\x12\n\x0eLEFT_GOAL_LINE\x10\x04\x12\x13\n\x0fRIGHT_GOAL_LINE'
+    b'\x10\x05\x12\x10\n\x0cHALFWAY_LINE\x10\x06\x12\x0f\n\x0b\x43\x45NTER_LINE'
+    b'\x10\x07\x12\x18\n\x14LEFT_PENALTY_STRETCH\x10\x08\x12\x19\n\x15RIGHT_PENALTY_STRETCH'
+    b'\x10\t\x12#\n\x1fLEFT_FIELD_LEFT_PENALTY_STRETCH\x10\n\x12$\n LEFT_FIELD_RIGHT_PENALTY_ST'
+    b'RETCH\x10\x0b\x12$\n RIGHT_FIELD_LEFT_PENALTY_STRETCH\x10\x0c\x12%\n!RIGHT_FIELD_RIGHT_PE'
+    b'NALTY_STRETCH\x10\r*)\n\x04Team\x12\x0b\n\x07UNKNOWN\x10\x00\x12\n\n\x06YELLOW'
+    b'\x10\x01\x12\x08\n\x04\x42LUE\x10\x02')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'omni_mj.live.wire.league_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_SHAPE']._serialized_start=3683
-  _globals['_SHAPE']._serialized_end=4048
-  _globals['_TEAM']._serialized_start=4050
-  _globals['_TEAM']._serialized_end=4091
+  _globals['_SHAPE']._serialized_start=4724
+  _globals['_SHAPE']._serialized_end=5089
+  _globals['_TEAM']._serialized_start=5091
+  _globals['_TEAM']._serialized_end=5132
   _globals['_DETECTEDBALL']._serialized_start=53
   _globals['_DETECTEDBALL']._serialized_end=168
   _globals['_DETECTEDROBOT']._serialized_start=171
@@ -162,16 +184,28 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_ROBOTFEEDBACK']._serialized_end=2795
   _globals['_ROBOTCONTROLRESPONSE']._serialized_start=2797
   _globals['_ROBOTCONTROLRESPONSE']._serialized_end=2922
-  _globals['_TELEPORTBALL']._serialized_start=2924
-  _globals['_TELEPORTBALL']._serialized_end=3007
-  _globals['_TELEPORTROBOT']._serialized_start=3010
-  _globals['_TELEPORTROBOT']._serialized_end=3188
-  _globals['_SIMULATORCONTROL']._serialized_start=3191
-  _globals['_SIMULATORCONTROL']._serialized_end=3349
-  _globals['_SIMULATORCONFIG']._serialized_start=3352
-  _globals['_SIMULATORCONFIG']._serialized_end=3482
-  _globals['_SIMULATORCOMMAND']._serialized_start=3484
-  _globals['_SIMULATORCOMMAND']._serialized_end=3608
-  _globals['_SIMULATORRESPONSE']._serialized_start=3610
-  _globals['_SIMULATORRESPONSE']._serialized_end=3680
+  _globals['_TELEPORTBALL']._serialized_start=2925
+  _globals['_TELEPORTBALL']._serialized_end=3065
+  _globals['_TELEPORTROBOT']._serialized_start=3068
+  _globals['_TELEPORTROBOT']._serialized_end=3246
+  _globals['_SIMULATORCONTROL']._serialized_start=3249
+  _globals['_SIMULATORCONTROL']._serialized_end=3407
+  _globals['_ROBOTLIMITS']._serialized_start=3410
+  _globals['_ROBOTLIMITS']._serialized_end=3604
+  _globals['_WHEELANGLES']._serialized_start=3606
+  _globals['_WHEELANGLES']._serialized_end=3699
+  _globals['_ANYMESSAGE']._serialized_start=3701
+  _globals['_ANYMESSAGE']._serialized_end=3746
+  _globals['_ROBOTSPECS']._serialized_start=3749
+  _globals['_ROBOTSPECS']._serialized_end=4084
+  _globals['_ERFORCEREALISM']._serialized_start=4087
+  _globals['_ERFORCEREALISM']._serialized_end=4261
+  _globals['_REALISMCONFIG']._serialized_start=4263
+  _globals['_REALISMCONFIG']._serialized_end=4325
+  _globals['_SIMULATORCONFIG']._serialized_start=4328
+  _globals['_SIMULATORCONFIG']._serialized_end=4523
+  _globals['_SIMULATORCOMMAND']._serialized_start=4525
+  _globals['_SIMULATORCOMMAND']._serialized_end=4649
+  _globals['_SIMULATORRESPONSE']._serialized_start=4651
+  _globals['_SIMULATORRESPONSE']._serialized_end=4721
 # @@protoc_insertion_point(module_scope)

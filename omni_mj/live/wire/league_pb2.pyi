@@ -328,20 +328,26 @@ class RobotControlResponse(_message.Message):
     def __init__(self, errors: _Optional[_Iterable[_Union[SimulatorError, _Mapping]]] = ..., feedback: _Optional[_Iterable[_Union[RobotFeedback, _Mapping]]] = ...) -> None: ...
 
 class TeleportBall(_message.Message):
-    __slots__ = ("x", "y", "z", "vx", "vy", "vz")
+    __slots__ = ("x", "y", "z", "vx", "vy", "vz", "teleport_safely", "roll", "by_force")
     X_FIELD_NUMBER: _ClassVar[int]
     Y_FIELD_NUMBER: _ClassVar[int]
     Z_FIELD_NUMBER: _ClassVar[int]
     VX_FIELD_NUMBER: _ClassVar[int]
     VY_FIELD_NUMBER: _ClassVar[int]
     VZ_FIELD_NUMBER: _ClassVar[int]
+    TELEPORT_SAFELY_FIELD_NUMBER: _ClassVar[int]
+    ROLL_FIELD_NUMBER: _ClassVar[int]
+    BY_FORCE_FIELD_NUMBER: _ClassVar[int]
     x: float
     y: float
     z: float
     vx: float
     vy: float
     vz: float
-    def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ..., vx: _Optional[float] = ..., vy: _Optional[float] = ..., vz: _Optional[float] = ...) -> None: ...
+    teleport_safely: bool
+    roll: bool
+    by_force: bool
+    def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ..., vx: _Optional[float] = ..., vy: _Optional[float] = ..., vz: _Optional[float] = ..., teleport_safely: _Optional[bool] = ..., roll: _Optional[bool] = ..., by_force: _Optional[bool] = ...) -> None: ...
 
 class TeleportRobot(_message.Message):
     __slots__ = ("id", "x", "y", "orientation", "v_x", "v_y", "v_angular", "present", "by_force")
@@ -375,6 +381,88 @@ class SimulatorControl(_message.Message):
     simulation_speed: float
     def __init__(self, teleport_ball: _Optional[_Union[TeleportBall, _Mapping]] = ..., teleport_robot: _Optional[_Iterable[_Union[TeleportRobot, _Mapping]]] = ..., simulation_speed: _Optional[float] = ...) -> None: ...
 
+class RobotLimits(_message.Message):
+    __slots__ = ("acc_speedup_absolute_max", "acc_speedup_angular_max", "acc_brake_absolute_max", "acc_brake_angular_max", "vel_absolute_max", "vel_angular_max")
+    ACC_SPEEDUP_ABSOLUTE_MAX_FIELD_NUMBER: _ClassVar[int]
+    ACC_SPEEDUP_ANGULAR_MAX_FIELD_NUMBER: _ClassVar[int]
+    ACC_BRAKE_ABSOLUTE_MAX_FIELD_NUMBER: _ClassVar[int]
+    ACC_BRAKE_ANGULAR_MAX_FIELD_NUMBER: _ClassVar[int]
+    VEL_ABSOLUTE_MAX_FIELD_NUMBER: _ClassVar[int]
+    VEL_ANGULAR_MAX_FIELD_NUMBER: _ClassVar[int]
+    acc_speedup_absolute_max: float
+    acc_speedup_angular_max: float
+    acc_brake_absolute_max: float
+    acc_brake_angular_max: float
+    vel_absolute_max: float
+    vel_angular_max: float
+    def __init__(self, acc_speedup_absolute_max: _Optional[float] = ..., acc_speedup_angular_max: _Optional[float] = ..., acc_brake_absolute_max: _Optional[float] = ..., acc_brake_angular_max: _Optional[float] = ..., vel_absolute_max: _Optional[float] = ..., vel_angular_max: _Optional[float] = ...) -> None: ...
+
+class WheelAngles(_message.Message):
+    __slots__ = ("front_right", "back_right", "back_left", "front_left")
+    FRONT_RIGHT_FIELD_NUMBER: _ClassVar[int]
+    BACK_RIGHT_FIELD_NUMBER: _ClassVar[int]
+    BACK_LEFT_FIELD_NUMBER: _ClassVar[int]
+    FRONT_LEFT_FIELD_NUMBER: _ClassVar[int]
+    front_right: float
+    back_right: float
+    back_left: float
+    front_left: float
+    def __init__(self, front_right: _Optional[float] = ..., back_right: _Optional[float] = ..., back_left: _Optional[float] = ..., front_left: _Optional[float] = ...) -> None: ...
+
+class AnyMessage(_message.Message):
+    __slots__ = ("type_url", "value")
+    TYPE_URL_FIELD_NUMBER: _ClassVar[int]
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    type_url: str
+    value: bytes
+    def __init__(self, type_url: _Optional[str] = ..., value: _Optional[bytes] = ...) -> None: ...
+
+class RobotSpecs(_message.Message):
+    __slots__ = ("id", "radius", "height", "mass", "max_linear_kick_speed", "max_chip_kick_speed", "center_to_dribbler", "limits", "wheel_angles", "custom")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    RADIUS_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    MASS_FIELD_NUMBER: _ClassVar[int]
+    MAX_LINEAR_KICK_SPEED_FIELD_NUMBER: _ClassVar[int]
+    MAX_CHIP_KICK_SPEED_FIELD_NUMBER: _ClassVar[int]
+    CENTER_TO_DRIBBLER_FIELD_NUMBER: _ClassVar[int]
+    LIMITS_FIELD_NUMBER: _ClassVar[int]
+    WHEEL_ANGLES_FIELD_NUMBER: _ClassVar[int]
+    CUSTOM_FIELD_NUMBER: _ClassVar[int]
+    id: RobotId
+    radius: float
+    height: float
+    mass: float
+    max_linear_kick_speed: float
+    max_chip_kick_speed: float
+    center_to_dribbler: float
+    limits: RobotLimits
+    wheel_angles: WheelAngles
+    custom: _containers.RepeatedCompositeFieldContainer[AnyMessage]
+    def __init__(self, id: _Optional[_Union[RobotId, _Mapping]] = ..., radius: _Optional[float] = ..., height: _Optional[float] = ..., mass: _Optional[float] = ..., max_linear_kick_speed: _Optional[float] = ..., max_chip_kick_speed: _Optional[float] = ..., center_to_dribbler: _Optional[float] = ..., limits: _Optional[_Union[RobotLimits, _Mapping]] = ..., wheel_angles: _Optional[_Union[WheelAngles, _Mapping]] = ..., custom: _Optional[_Iterable[_Union[AnyMessage, _Mapping]]] = ...) -> None: ...
+
+class ErForceRealism(_message.Message):
+    __slots__ = ("stddev_robot_p", "stddev_robot_phi", "camera_overlap", "robot_command_loss", "vision_delay", "missing_robot_detections")
+    STDDEV_ROBOT_P_FIELD_NUMBER: _ClassVar[int]
+    STDDEV_ROBOT_PHI_FIELD_NUMBER: _ClassVar[int]
+    CAMERA_OVERLAP_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_COMMAND_LOSS_FIELD_NUMBER: _ClassVar[int]
+    VISION_DELAY_FIELD_NUMBER: _ClassVar[int]
+    MISSING_ROBOT_DETECTIONS_FIELD_NUMBER: _ClassVar[int]
+    stddev_robot_p: float
+    stddev_robot_phi: float
+    camera_overlap: float
+    robot_command_loss: float
+    vision_delay: int
+    missing_robot_detections: float
+    def __init__(self, stddev_robot_p: _Optional[float] = ..., stddev_robot_phi: _Optional[float] = ..., camera_overlap: _Optional[float] = ..., robot_command_loss: _Optional[float] = ..., vision_delay: _Optional[int] = ..., missing_robot_detections: _Optional[float] = ...) -> None: ...
+
+class RealismConfig(_message.Message):
+    __slots__ = ("custom",)
+    CUSTOM_FIELD_NUMBER: _ClassVar[int]
+    custom: _containers.RepeatedCompositeFieldContainer[AnyMessage]
+    def __init__(self, custom: _Optional[_Iterable[_Union[AnyMessage, _Mapping]]] = ...) -> None: ...
+
 class SimulatorConfig(_message.Message):
     __slots__ = ("geometry", "robot_specs", "realism_config", "vision_port")
     GEOMETRY_FIELD_NUMBER: _ClassVar[int]
@@ -382,10 +470,10 @@ class SimulatorConfig(_message.Message):
     REALISM_CONFIG_FIELD_NUMBER: _ClassVar[int]
     VISION_PORT_FIELD_NUMBER: _ClassVar[int]
     geometry: Geometry
-    robot_specs: _containers.RepeatedScalarFieldContainer[bytes]
-    realism_config: bytes
+    robot_specs: _containers.RepeatedCompositeFieldContainer[RobotSpecs]
+    realism_config: RealismConfig
     vision_port: int
-    def __init__(self, geometry: _Optional[_Union[Geometry, _Mapping]] = ..., robot_specs: _Optional[_Iterable[bytes]] = ..., realism_config: _Optional[bytes] = ..., vision_port: _Optional[int] = ...) -> None: ...
+    def __init__(self, geometry: _Optional[_Union[Geometry, _Mapping]] = ..., robot_specs: _Optional[_Iterable[_Union[RobotSpecs, _Mapping]]] = ..., realism_config: _Optional[_Union[RealismConfig, _Mapping]] = ..., vision_port: _Optional[int] = ...) -> None: ...
 
 class SimulatorCommand(_message.Message):
     __slots__ = ("control", "config")

@@ -44,13 +44,14 @@ class Field:
         scenario: str | None = None,
         **head: Any,
     ) -> None:
+        chosen = initial_setup.load_served_scenario(scenario, sets, head)
         poses = initial_setup.starting_poses(
             initial_setup.parse_robot_ids(blue, "--blue"),
             initial_setup.parse_robot_ids(yellow, "--yellow"),
+            chosen.plant,
         )
-        self.pitch = ServedWorld(
-            initial_setup.load_served_scenario(scenario, sets, head), poses, MessageCounter()
-        )
+        self.said: list[str] = []
+        self.pitch = ServedWorld(chosen, poses, MessageCounter(self.said.append))
         self.recorder: Recorder | None = None
 
     @property

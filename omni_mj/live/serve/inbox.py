@@ -1,0 +1,107 @@
+"""Packets of the clients of `serve`: bounded queues, which are handled in turn."""
+
+import selectors
+from collections import deque
+from collections.abc import Mapping
+from itertools import islice
+from typing import NamedTuple
+
+from omni_mj.live.sockets import Address, MessageCounter, Receiver
+
+MAX_CLIENTS = 100  # a client that was silent for SILENT_S makes room for another
+SILENT_S = 0.25
+MAX_QUEUE = 32  # packets of a client that wait; older ones are dropped
+MAX_BYTES = 16_384  # of a packet; those of all robots have less than 2,000
+MAX_READS = 1000  # packets of a port that are read at a time
+
+
+class Request(NamedTuple):
+    """A packet.
+
+    Attributes:
+        team: Team whose port received it, None for the simulator's port.
+        client: Address of the sender.
+        data: Bytes.
+    """
+
+    team: int | None
+    client: Address
+    data: bytes
+
+
+class Inbox:
+    """Queues of packets, one for each client, so that no client delays another.
+
+    Args:
+        ports: Team, or None for the simulator -> socket. The caller closes the sockets.
+        messages: Counts packets that are dropped.
+    """
+
+    def __init__(self, ports: Mapping[int | None, Receiver], messages: MessageCounter) -> None:
+        self._ports, self._messages = ports, messages
+        self._queues = dict[tuple[int | None, Address], deque[Request]]()  # silent ones first
+        self._arrivals = dict[tuple[int | None, Address], float]()  # of newest packets
+        self._turns = deque[tuple[int | None, Address]]()  # clients with waiting packets
+        self._selector = selectors.DefaultSelector()
+        for team, port in ports.items():
+            self._selector.register(port, selectors.EVENT_READ, team)
+
+    def close(self) -> None:
+        """Free the selector."""
+        self._selector.close()
+
+    def receive(self, seconds: float) -> None:
+        """Queue the packets that have arrived; if none waits, wait for one for some seconds."""
+        for key, _ in self._selector.select(0.0 if self._turns else max(seconds, 0.0)):
+            for data, arrival, client in islice(self._ports[key.data].packets(), MAX_READS):
+                self._add(Request(key.data, client, data), arrival)
+
+    def take(self) -> Request | None:
+        """Return the oldest packet of the client whose turn it is, or None if none waits."""
+        if not self._turns:
+            return None
+        key = self._turns.popleft()
+        request = self._queues[key].popleft()
+        if self._queues[key]:
+            self._turns.append(key)
+        return request
+
+    def _add(self, request: Request, arrival: float) -> None:
+        """Queue a packet, and count it if it is dropped."""
+        key = request.team, request.client
+        if len(request.data) > MAX_BYTES:
+            self._messages.add(
+                "bad packets",
+                f"skipped a packet from {request.client}: {len(request.data)} bytes, of at most"
+                f" {MAX_BYTES}",
+            )
+            return
+        queue = self._queues.pop(key, None)
+        if queue is None and not self._make_room(arrival):
+            self._messages.add(
+                "packets of too many clients",
+                f"skipped a packet from {request.client}: {MAX_CLIENTS} other clients are served",
+            )
+            return
+        queue = self._queues[key] = deque() if queue is None else queue
+        self._arrivals[key] = arrival
+        if not queue:
+            self._turns.append(key)
+        elif len(queue) == MAX_QUEUE:
+            queue.popleft()
+            self._messages.add(
+                "packets too fast",
+                f"{request.client} sends faster than its packets can be handled; older packets"
+                " are dropped",
+            )
+        queue.append(request)
+
+    def _make_room(self, arrival: float) -> bool:
+        """Forget the client that was silent for longest if all places are taken."""
+        if len(self._queues) < MAX_CLIENTS:
+            return True
+        key = next(iter(self._queues))
+        if self._queues[key] or arrival - self._arrivals[key] < SILENT_S:
+            return False
+        del self._queues[key], self._arrivals[key]
+        return True

@@ -1,0 +1,154 @@
+"""Plant `planar` of `serve`: robots that can be placed and removed, without collisions."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from omni_control.kinematics import Array, world_to_body
+from omni_mj.config import CYCLES_PER_FRAME
+from omni_mj.config.rows import Row
+from omni_mj.live.serve.served_plant import HEADING_MEMORY_FRAMES
+from omni_mj.network.radio import ReceivedCommand
+from omni_mj.plants.planar_plant import PlanarPlant
+from omni_mj.robot.array_ops import rotate, stack_records
+from omni_mj.robot.electronics import CycleRecord, begin_frame, end_frame, receive_command
+from omni_mj.robot.firmware import set_heading
+from omni_mj.robot.planar_dynamics import SlowForces, compute_center_motion
+from omni_mj.robot.planar_robot import (
+    PlanarState,
+    advance_cycle,
+    compute_slow_forces,
+    make_report,
+)
+from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES
+
+
+class ServedPlanar(PlanarPlant):
+    """Robots that pass through each other and through walls, and can be removed.
+
+    Args:
+        rows: Rows of the robots, in the order of their slots.
+        start: Initial poses, shape (n, 3), m and rad.
+
+    Attributes:
+        present: Which robots are on the field, shape (n,).
+        is_unstable: Whether physics has failed: never, because robots fail one by one.
+    """
+
+    min_heading_memory = HEADING_MEMORY_FRAMES
+    ignores_contact = True
+    is_unstable = False
+    _slow: SlowForces
+
+    def __init__(self, rows: Sequence[Row], start: Array) -> None:
+        super().__init__(rows, start)
+        self.present = np.ones(len(rows), bool)
+        self._cycle = 0  # number of cycles so far in this frame
+        self._records = list[CycleRecord]()
+        # Vision's headings that arrived in this frame, rad, NaN if none, and ages in frames, (n,)
+        self._vision = np.full(len(rows), np.nan), np.zeros(len(rows), int)
+
+    @property
+    def cycles_left(self) -> int:
+        """Number of cycles to the end of the frame; 0 at its beginning."""
+        return -self._cycle % CYCLES_PER_FRAME
+
+    def pose(self) -> Array:
+        """Return poses, also between frames, shape (n, 3)."""
+        motion = compute_center_motion(self.parameters.body, self.state.body)
+        return np.column_stack([motion.x, motion.y, self.state.body.heading])
+
+    def twist(self) -> Array:
+        """Return twists, also between frames, shape (n, 3)."""
+        motion = compute_center_motion(self.parameters.body, self.state.body)
+        velocity = rotate(motion.velocity, motion.cosine, motion.sine)
+        return np.column_stack([*velocity, motion.turn_rate])
+
+    def advance_cycles(self, n_cycles: int, received: ReceivedCommand | None) -> dict[int, str]:
+        """Advance by some cycles; see `MujocoPlant.advance_cycles`."""
+        if received is not None:
+            command = self._make_command(received)
+            electronics = self.parameters.electronics
+            self._set_electronics(receive_command(electronics, self.electronics, command))
+            is_missing = np.isnan(received.heading)
+            self._vision = (
+                np.where(is_missing, self._vision[0], received.heading),
+                np.where(is_missing, self._vision[1], received.age),
+            )
+        if self._cycle == 0:
+            self._begin_frame()
+        p = self.parameters
+        for cycle in range(self._cycle, self._cycle + n_cycles):
+            state = self.state
+            if cycle % DRAG_CYCLES == 0:
+                inputs = state.electronics.inputs
+                self._slow = compute_slow_forces(p.body, p.carpet, state.body, inputs)
+            self._backend.state, record = advance_cycle(p, state, self._slow)
+            self._records.append(record)
+        self._cycle = (self._cycle + n_cycles) % CYCLES_PER_FRAME
+        if self._cycle:
+            return {}
+        record = stack_records(self._records)
+        self._records.clear()
+        self._set_electronics(end_frame(p.electronics, self.electronics, record))
+        return self._finish_frame(make_report(p, self.state, record))
+
+    def place_robot(self, robot: int, pose: Array, twist: Array) -> None:
+        """Place a robot, with wheels that roll without slip.
+
+        Args:
+            robot: Index of the robot.
+            pose: Pose, shape (3,), m and rad.
+            twist: Twist in the world frame, shape (3,), m/s and rad/s.
+        """
+        self.present[robot], self._failed[robot] = True, False
+        mask = np.arange(len(self._rows)) == robot
+        poses = np.where(mask[:, None], pose, self.pose())
+        self._stop_robots(mask, poses)
+        state = self.state
+        body_twist = world_to_body(twist, pose[2])
+        assert self.geometry is not None
+        wheel_speed = self.geometry.wheel_speeds(body_twist)[:, None]
+        body = state.body
+        forward, sideways, turn_rate = body_twist[:, None]
+        center_x, center_y = self.parameters.body.center
+        # Of the center of mass, from that of the center of the wheels
+        center_twist = np.stack(
+            [
+                forward + turn_rate * center_y,
+                sideways - turn_rate * center_x,
+                turn_rate + 0.0 * center_x,
+            ]
+        )
+        self._backend.state = state._replace(
+            body=body._replace(
+                twist=np.where(mask, center_twist, body.twist),
+                gyro_rate=np.where(mask, twist[2], body.gyro_rate),
+                hub_speed=np.where(mask, wheel_speed, body.hub_speed),
+                rim_speed=np.where(mask, wheel_speed, body.rim_speed),
+            )
+        )
+        firmware = set_heading(self.electronics.firmware, mask, np.array(pose[2]))
+        self._set_electronics(self.electronics._replace(firmware=firmware))
+
+    def remove(self, robot: int) -> None:
+        """Switch a robot off and take it away."""
+        self.present[robot], self._failed[robot] = False, True
+        self._stop_robots(np.arange(len(self._rows)) == robot, self.pose())
+
+    def _set_electronics(self, electronics: object) -> None:
+        self._backend.state = self.state._replace(electronics=electronics)
+
+    def _begin_frame(self) -> None:
+        """Apply what changes from frame to frame, as `planar_robot.advance_frame` does."""
+        inputs = self._make_inputs(*self._vision, self._failed)
+        self._vision = np.full(len(self._rows), np.nan), np.zeros(len(self._rows), int)
+        p, state = self.parameters, self.state
+        body = state.body
+        electronics = begin_frame(p.electronics, state.electronics, inputs, body.encoder_angle)
+        body = body._replace(
+            cosine=np.cos(body.heading),
+            sine=np.sin(body.heading),
+            tilting_moment=np.zeros_like(body.tilting_moment),
+        )
+        self._backend.state = PlanarState(electronics, body)
