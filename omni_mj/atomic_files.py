@@ -1,7 +1,8 @@
-"""Atomic writes: files appear complete or not at all. Reading of JSON."""
+"""Atomic writes: files appear complete or not at all. Reads of regular files of bounded size."""
 
 import json
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, BinaryIO
 
 from omni_control.errors import OmniError
 
+MAX_JSON_BYTES = 500_000_000
 PARTIAL_SUFFIX = ".partial"  # after the name of a file that is being written
 
 
@@ -45,16 +47,38 @@ def write_text(path: Path, text: str) -> None:
         file.write(text.encode())
 
 
+def read_regular_file(path: Path, max_bytes: int) -> bytes:
+    """Return the content of a file. Devices and pipes are not read.
+
+    Raises:
+        OmniError: The file cannot be read, is not a regular file, or is too large.
+    """
+    try:
+        # Without O_NONBLOCK, opening a pipe would wait for a writer.
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        with open(descriptor, "rb") as file:
+            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+                raise OmniError(f"{path} cannot be read: it is not a regular file")
+            data = file.read(max_bytes + 1)
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        if isinstance(error, OmniError):
+            raise
+        raise OmniError(f"{path} cannot be read: {getattr(error, 'strerror', error)}") from None
+    if len(data) > max_bytes:
+        raise OmniError(f"{path} has more than {max_bytes / 1e6:g} MB")
+    return data
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Return the mapping in a JSON file.
 
     Raises:
-        OmniError: The file cannot be read, or contains no mapping.
+        OmniError: See `read_regular_file`; or the file contains no mapping.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise OmniError(f"{path} cannot be read: {error.strerror}") from None
+        content = json.loads(read_regular_file(path, MAX_JSON_BYTES))
+    except OmniError:
+        raise
     except (ValueError, RecursionError) as error:
         raise OmniError(f"{path} is not valid JSON: {error}") from None
     if not isinstance(content, dict):

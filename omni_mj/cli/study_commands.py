@@ -57,7 +57,7 @@ def identify_command(
     from omni_mj.studies.identify.identify_study import identify
 
     result = identify(logs, robot or DEFAULT_ROBOT, model)
-    outputs = ("identify.json", "robot.toml", *output_folders.PROVENANCE)
+    outputs = ("identify.json", "robot.toml", "model", *output_folders.PROVENANCE)
     folder = output_folders.prepare_folder(output.out, "identify", outputs, output.overwrite)
     with console.report_write_errors(folder):
         result.save(folder)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError, suggest_names, to_printable
+from omni_mj.atomic_files import read_regular_file
 
 MAX_FILE_BYTES = 2_000_000
 MAX_NAME_LENGTH = 100  # characters, of a scenario's name
@@ -27,13 +28,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises:
         OmniError: The file cannot be read, is too large, or is not TOML.
     """
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_FILE_BYTES + 1)
-    except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        raise OmniError(f"cannot read {path}: {getattr(error, 'strerror', error)}") from None
-    if len(data) > MAX_FILE_BYTES:
-        raise OmniError(f"{path} has more than {MAX_FILE_BYTES / 1e6:g} MB")
+    data = read_regular_file(path, MAX_FILE_BYTES)
     try:
         return parse_toml(data.decode())
     except ValueError as error:  # not TOML, not UTF-8, or an int of thousands of digits

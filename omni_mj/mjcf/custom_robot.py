@@ -108,10 +108,8 @@ def read_custom_robot(file: str | Path) -> CustomRobotSpec:
             f"there is no model {to_printable(str(path))}; give the path of a robot's MJCF: "
             "robot.xml"
         )
-    change_times = tuple(
-        source.stat().st_mtime_ns for source in list_model_files(path) if source.is_file()
-    )
     try:
+        change_times = tuple(source.stat().st_mtime_ns for source in list_model_files(path))
         return _read_robot_file(path.resolve(), path.name, change_times)
     except OmniError as error:
         lines = str(error).splitlines()

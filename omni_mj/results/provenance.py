@@ -133,14 +133,10 @@ def _describe_scenario(scenario: Scenario, files: dict[str, bytes]) -> dict[str,
     }
     if name := scenario.settings.model.file:
         entry["model"] = {"name": Path(name).name}
-        try:
-            contents = robot_files.read_model_files(Path(name))
-        except (OSError, ValueError) as error:
-            entry["model"]["not_copied"] = f"could not be copied: {error}"
-        else:
-            model_files = {f"model/{file}": data for file, data in contents.items()}
-            model, *included = _add_copies(files, model_files)
-            entry["model"] |= model | {"included": included}
+        contents = robot_files.read_model_files(Path(name))
+        model_files = {f"model/{file}": data for file, data in contents.items()}
+        model, *included = _add_copies(files, model_files)
+        entry["model"] |= model | {"included": included}
     return entry
 
 

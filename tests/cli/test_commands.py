@@ -94,7 +94,7 @@ def test_help_names_every_command_and_its_examples_parse(
         (["run", "rect"], "unexpected extra argument (rect); see omni-mj run --help"),
         (["run", "--scenrio", "rect"], "did you mean '--scenario'?"),
         (["show", "tigers-v2061"], "did you mean 'tigers-v2016'?"),
-        (["show", "nowhere.toml"], "cannot read nowhere.toml"),
+        (["show", "nowhere.toml"], "nowhere.toml cannot be read"),
         (["show", "lqr", "--set", "radio.delay_frames=1"], "lqr is a controller"),
         (["list", "fricton"], "did you mean 'friction'"),
         (["list", "robot", "tiger2016"], "did you mean 'tigers-v2016'?"),

@@ -90,9 +90,9 @@ def test_identifies_a_simulated_robot_from_its_recording(tmp_path: Path) -> None
 
 
 def test_a_users_model_is_named_and_copied(log: Path, tmp_path: Path) -> None:
-    """The robot file contains the path of the original; the folder contains a copy."""
+    """The robot file names a copy in its own folder."""
     model = tmp_path / "robot.xml"
     model.write_text((Path(om.__file__).parents[1] / "models" / "ssl_robot.xml").read_text())
     assert invoke("identify", log, "--model", model, "--out", tmp_path / "out", "--quiet") == 0
     robot = om.load_scenario("rect", robot=str(tmp_path / "out" / "robot.toml"))
-    assert Path(robot.settings.model.file) == model
+    assert Path(robot.settings.model.file) == tmp_path / "out" / "model" / "robot.xml"

@@ -124,11 +124,15 @@ class IdentificationResult:
         }
 
     def save(self, folder: Path) -> None:
-        """Write identify.json and robot.toml."""
+        """Write identify.json and robot.toml, and copies of a custom model's files to model/."""
         changes = robot_file_writer.list_changes(self.estimates)
-        # The path of a custom model is made absolute, because robot.toml has another folder.
         if model := self.start.settings.model.file:
-            changes["model", "file"] = json.dumps(Path(model).resolve().as_posix())
+            contents = robot_files.read_model_files(Path(model))
+            for name, data in contents.items():
+                copy = folder / "model" / name
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                copy.write_bytes(data)
+            changes["model", "file"] = json.dumps(f"model/{next(iter(contents))}")
         start = robot_files.find_robot_file(self.start.robot).read_text("utf-8")
         robot_file = robot_file_writer.apply_changes(start, changes, self.logs)
         report = json.dumps(self.report(), indent=2, allow_nan=False) + "\n"
