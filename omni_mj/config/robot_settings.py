@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
+from pydantic import field_validator
 
 from omni_control.kinematics import Kinematics
 from omni_mj.config import CYCLE_RATE_HZ
@@ -14,6 +15,7 @@ from omni_mj.config.validation import FROM_ROBOT, Angles, SettingsModel, setting
 # Depth by which the weight of 2.65 kg on 4 wheels presses rollers into the carpet, rounded up
 # (contact stiffness: omni_mj.mjcf.rollers).
 CONTACT_DEPTH_M = 7e-5
+AZIMUTH_DIGITS = 6  # decimal places of azimuths in deg by which wheels are ordered
 
 
 class ModelSettings(SettingsModel):
@@ -64,7 +66,7 @@ class WheelSettings(SettingsModel):
     )
     azimuths_deg: Angles = setting(
         FROM_ROBOT,
-        "directions of the wheels from the center, counter-clockwise from forward",
+        "directions of the wheels from the center, counter-clockwise from forward, in any order",
         "deg",
         min_length=3,
         max_length=8,
@@ -77,6 +79,12 @@ class WheelSettings(SettingsModel):
     roller_radius_m: float = setting(
         FROM_ROBOT, "largest radius of a roller", "m", low=0.002, high=0.05
     )
+
+    @field_validator("azimuths_deg")
+    @classmethod
+    def _order_wheels(cls, azimuths: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the azimuths from forward, counter-clockwise, so that wheel 1 is front left."""
+        return tuple(sorted(azimuths, key=lambda azimuth: round(azimuth, AZIMUTH_DIGITS) % 360))
 
     @property
     def kinematics(self) -> Kinematics:

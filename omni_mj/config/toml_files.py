@@ -1,5 +1,6 @@
 """Read TOML files of scenarios and robots, apply --set overrides, and write TOML values."""
 
+import codecs
 import json
 import os
 import re
@@ -30,9 +31,24 @@ def read_toml(path: Path) -> dict[str, Any]:
     """
     data = read_regular_file(path, MAX_FILE_BYTES)
     try:
-        return parse_toml(data.decode())
+        return parse_toml(decode_utf8(data))
     except ValueError as error:  # not TOML, not UTF-8, or an int of thousands of digits
         raise OmniError(f"{path} is not valid TOML: {to_printable(str(error))}") from None
+
+
+def decode_utf8(data: bytes, errors: str = "strict") -> str:
+    """Decode UTF-8 with or without a byte order mark.
+
+    Args:
+        data: Encoded text.
+        errors: As in `bytes.decode`.
+
+    Raises:
+        ValueError: The text is not UTF-8.
+    """
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in data[:4]:
+        raise ValueError("the file is UTF-16; save it as UTF-8")
+    return data.decode("utf-8-sig", errors)
 
 
 def parse_toml(text: str) -> dict[str, Any]:

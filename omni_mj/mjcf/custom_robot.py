@@ -23,6 +23,7 @@ import numpy as np
 
 from omni_control.errors import OmniError, to_printable
 from omni_mj.config.robot_files import list_model_files
+from omni_mj.config.robot_settings import AZIMUTH_DIGITS
 from omni_mj.config.validation import SettingsModel, raise_errors
 from omni_mj.mjcf.robot_geometry import WheelGeometry, compute_composite_inertia, measure_wheels
 from omni_mj.mjcf.robot_parts import (
@@ -85,7 +86,7 @@ class CustomRobotSpec(RobotSpec):
             values = dict(values)
             for field, mjcf_value in fields.items():
                 value = values.get(field, mjcf_value)
-                if not _are_equal(mjcf_value, value):
+                if not _are_equal(field, mjcf_value, value):
                     yield (
                         f"{section}.{field} = {value} contradicts {self.file}, which has "
                         f"{mjcf_value}; change the model, or leave out {section}.{field}"
@@ -341,9 +342,17 @@ def _find_drive_errors(model: mujoco.MjModel, robot: RobotIndices) -> Iterator[s
             yield f"motors must be equal, but their {quantity} are {listed}"
 
 
-def _are_equal(number_1: Any, number_2: Any) -> bool:
-    """Return whether two numbers or lists of numbers are equal within tolerance."""
+def _are_equal(field: str, number_1: Any, number_2: Any) -> bool:
+    """Return whether two numbers or lists of numbers are equal within tolerance.
+
+    Azimuths are equal in any order, and modulo 360 deg.
+    """
     try:
+        if field == "azimuths_deg":
+            number_1, number_2 = (
+                np.sort(np.round(azimuths, AZIMUTH_DIGITS) % 360)
+                for azimuths in (number_1, number_2)
+            )
         return np.shape(number_1) == np.shape(number_2) and np.allclose(
             number_1, number_2, rtol=RELATIVE_TOLERANCE, atol=1e-9
         )

@@ -1,7 +1,7 @@
 """Indices of a robot's parts in a compiled model, found by their function.
 
-A wheel is a hinge that is driven by a <dcmotor> and has rollers. Wheels are numbered in the order
-of these motors. Rollers are bodies with a hinge across the axle. They are all on one body, the rim:
+A wheel is a hinge that is driven by a <dcmotor> and has rollers. Wheels are numbered
+counter-clockwise from forward, in any order of the file. Rollers are bodies with a hinge across the axle. They are all on one body, the rim:
 the body of the wheel, or one on it, with or without a slip hinge along the axle. The encoder is the
 <jointpos> sensor of the wheel's hinge. The chassis is the body with the <freejoint> that carries
 the wheels, and the gyro is a <gyro> sensor on a site of the chassis.
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_mj.config.robot_settings import AZIMUTH_DIGITS
 from omni_mj.config.validation import raise_errors
 
 Ids = NDArray[np.int_]
@@ -167,6 +168,10 @@ def _find_robot(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
     """
     model, errors = data.model, list[str]()
     joints = model.actuator_trnid[motors, 0]
+    positions = (data.xanchor[joints] - data.xpos[chassis]) @ data.xmat[chassis].reshape(3, 3)
+    azimuths = np.degrees(np.arctan2(positions[:, 1], positions[:, 0]))
+    order = np.argsort(np.round(azimuths, AZIMUTH_DIGITS) % 360, kind="stable")
+    motors, joints = motors[order], joints[order]
     _check_chassis_and_joints(model, chassis, joints, errors)
     rims, rollers, phases = zip(
         *(_order_rollers(data, joint, errors) for joint in joints), strict=True

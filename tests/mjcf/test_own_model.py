@@ -166,3 +166,25 @@ def test_worn_rollers_must_be_barrels_about_z(write: Write) -> None:
     with pytest.raises(om.OmniError, match="ellipsoids about their z axes"):
         om.Simulation(om.load_scenario("rect", model=write(written(FOUR)), **worn))
     om.Simulation(om.load_scenario("rect", model=str(ROBOT), **worn))
+
+
+@pytest.mark.parametrize("order", [(310, 50, 230, 130), (230, 130, 50, 310)])
+def test_wheel_1_is_the_front_left_one_in_any_order(write: Write, order: tuple[int, ...]) -> None:
+    """A broken wheel 2 gives the same path and wheel angles whatever order a file has."""
+    fault = {"kind": "motor-dead", "start_s": 0.3, "wheel": 2}
+    sections = {"wheels": {"model": "two-rollers"}, "reference": WAY, "fault": [fault]}
+    frames = []
+    for azimuths in (FOUR, order):
+        for changes in (
+            {"model": write(written(azimuths))},
+            {"wheels": sections["wheels"] | {"azimuths_deg": list(azimuths)}},
+        ):
+            scenario = om.load_scenario("rect", **(sections | changes))
+            assert scenario.settings.wheels.azimuths_deg == FOUR
+            frames.append(om.run(scenario, ["comp-flc"]).frames())
+    names = ["x_m", "y_m", "heading_rad", *(f"wheel_angle_{i}_rad" for i in range(1, 5))]
+    for ordered, unordered in zip(frames[:2], frames[2:], strict=True):
+        np.testing.assert_allclose(
+            *(np.column_stack([rows[name] for name in names]) for rows in (unordered, ordered)),
+            atol=1e-6,
+        )

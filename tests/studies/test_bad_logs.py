@@ -128,9 +128,9 @@ def test_invalid_columns_give_one_line(tmp_path: Path) -> None:
             "time_s must hold numbers",
         ),
         (damaged_log("time_s", lambda t: (t + 1.7e9).astype(np.float32)), "times are too few"),
-        (damaged_log("time_s", set_line(5, np.nan)), "time_s is missing in line 6"),
+        (damaged_log("time_s", set_line(5, np.nan)), "time_s is missing or infinite in line 6"),
         (damaged_log("time_s", set_line(5, 0.0)), "does not increase from line 5 to 6"),
-        (damaged_log(COMMAND[2], set_line(7, np.nan)), "commands are missing in line 8"),
+        (damaged_log(COMMAND[2], set_line(7, np.nan)), "commands are missing or infinite in line 8"),
         ({name: complete_log()[name] for name in LOG_COLUMNS[:4]}, "neither commands nor wheels"),
         (
             {f" {name}": values for name, values in complete_log().items() if name != "y_m"},

@@ -16,7 +16,7 @@ import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, world_to_body
 from omni_mj.atomic_files import write_text
-from omni_mj.config import robot_files
+from omni_mj.config import robot_files, toml_files
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.results.text_table import DASH, Table, format_table
 from omni_mj.studies.identify import log_checks, robot_file_writer
@@ -133,7 +133,7 @@ class IdentificationResult:
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 copy.write_bytes(data)
             changes["model", "file"] = json.dumps(f"model/{next(iter(contents))}")
-        start = robot_files.find_robot_file(self.start.robot).read_text("utf-8")
+        start = toml_files.decode_utf8(robot_files.find_robot_file(self.start.robot).read_bytes())
         robot_file = robot_file_writer.apply_changes(start, changes, self.logs)
         report = json.dumps(self.report(), indent=2, allow_nan=False) + "\n"
         write_text(folder / "robot.toml", robot_file)

@@ -5,8 +5,10 @@ columns `vision_*` (where valid), `command_*` and `wheel_angle_*`. Each controll
 a separate log.
 """
 
+import csv
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count, takewhile
 from pathlib import Path
@@ -19,6 +21,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_mj import parquet
+from omni_mj.config import toml_files
 
 Columns = dict[str, pa.ChunkedArray]
 
@@ -32,6 +35,16 @@ INPUTS_TEXT = (
     f"commands ({', '.join(WORLD_COMMANDS)}; or {', '.join(BODY_COMMANDS)}) or wheels "
     "(wheel_1_rad or wheel_1_rad_s, ...)"
 )
+# Names of the columns that are read
+KNOWN_COLUMN = re.compile(
+    "|".join(
+        ["time_s", *POSE_COLUMNS, *VISION_COLUMNS, "vision_valid", "controller", "seed", "slot"]
+        + [*TRAJECTORY_COMMANDS, *WORLD_COMMANDS, *BODY_COMMANDS]
+        + [pattern.format(r"\d+") for pattern in WHEEL_PATTERNS]
+    )
+)
+SEPARATORS = ",;\t|"
+MAX_HEADER_LINES, MAX_HEADER_BYTES = 50, 100_000  # at the start of a file, with column names
 MIN_LINES = 30
 MAX_GAP_PERIODS = 3.5  # a longer gap splits a log
 
@@ -121,7 +134,8 @@ def _clean(log: RobotLog) -> RobotLog:
     """
     is_finite = np.isfinite(log.time)
     if not is_finite.all():
-        raise OmniError(f"{log.name}: time_s is missing in line {np.argmin(is_finite) + 1}")
+        line = np.argmin(is_finite) + 1
+        raise OmniError(f"{log.name}: time_s is missing or infinite in line {line}")
     decreases = np.diff(log.time) < 0
     if decreases.any():
         line = decreases.argmax() + 1
@@ -130,6 +144,7 @@ def _clean(log: RobotLog) -> RobotLog:
     if is_new.sum() < MIN_LINES:
         raise OmniError(f"{log.name}: {is_new.sum()} times are too few; at least {MIN_LINES}")
     time, pose = log.time[is_new], log.pose[is_new]
+    pose[~np.isfinite(pose)] = np.nan
     is_repeated = np.append(False, (np.diff(pose, axis=0) == 0).all(1))
     pose[is_repeated] = np.nan
     has_heading = np.isfinite(pose[:, 2])
@@ -139,7 +154,7 @@ def _clean(log: RobotLog) -> RobotLog:
         is_complete = np.isfinite(values).all(1)
         if not is_complete.all():
             line = np.argmin(is_complete) + 1
-            raise OmniError(f"{log.name}: {source} are missing in line {line}")
+            raise OmniError(f"{log.name}: {source} are missing or infinite in line {line}")
     return replace(log, time=time, pose=pose, inputs=inputs)
 
 
@@ -172,7 +187,7 @@ def _read_columns(path: Path) -> Columns:
     """Return the columns of a CSV or Parquet file by their names in lower case.
 
     Raises:
-        OmniError: The file does not exist, or is not a table.
+        OmniError: The file does not exist, is not a table, or has a known column twice.
     """
     readers = {".csv": _read_csv, ".parquet": parquet.read_table}
     if path.suffix.lower() not in readers:
@@ -181,25 +196,65 @@ def _read_columns(path: Path) -> Columns:
         raise OmniError(f"there is no log {path}")
     try:
         arrow_table = readers[path.suffix.lower()](path)
-        names = [to_printable(name).strip("# \"'").lower() for name in arrow_table.column_names]
-    except (pa.ArrowException, OSError, UnicodeError) as error:
-        raise OmniError(f"{path} cannot be read: {to_printable(str(error))}") from None
+        names = [_normalize_name(name) for name in arrow_table.column_names]
+    except (pa.ArrowException, OSError, ValueError, csv.Error) as error:
+        raise OmniError(f"{path} cannot be read: {to_printable(str(error), 200)}") from None
+    for name in filter(KNOWN_COLUMN.fullmatch, names):
+        if names.count(name) > 1:
+            raise OmniError(f"{path.name}: column {name} is there twice; leave one")
     return dict(zip(names, arrow_table.columns, strict=True))
 
 
-def _read_csv(path: Path) -> pa.Table:
-    """Read a CSV file separated by commas, semicolons or tabs.
+def _normalize_name(name: str) -> str:
+    """Return a column's name in lower case, without comment signs, quotes and spaces."""
+    return to_printable(name).strip("# \"'").lower()
 
-    With semicolons or tabs the decimal separator may be a comma.
+
+def _read_csv(path: Path) -> pa.Table:
+    """Read a CSV file.
+
+    The line with the names and the separator are those with the most known names. The decimal
+    separator is the one with which most known columns are numbers.
     """
-    # Only the first two lines are decoded here, to find the separators.
-    with path.open(encoding="utf-8", errors="replace") as text:
-        header, row = text.readline(), text.readline()
-    separator = max(",;\t", key=header.count)
-    decimal_point = "," if separator != "," and "," in row else "."
+    with path.open("rb") as file:
+        head = file.read(MAX_HEADER_BYTES)
+    # Only the first lines are decoded here. Arrow decodes the others.
+    lines = re.split(r"\r?\n|\r", toml_files.decode_utf8(head, "replace"))
+    choices = [
+        (number, separator, next(csv.reader([line], delimiter=separator), []))
+        for number, line in enumerate(lines[:MAX_HEADER_LINES])
+        for separator in SEPARATORS
+    ]
+    number, separator, names = max(choices, key=lambda choice: _count_known_names(choice[2]))
+    if not any(lines[number + 1 :]):
+        raise ValueError("Empty CSV file: no line below the names of columns")
+    arrow_tables = [
+        _parse_csv(path, number + 1, names, separator, decimal_point)
+        for decimal_point in ".,"
+    ]
+    return max(arrow_tables, key=_count_number_columns)
+
+
+def _count_known_names(names: Iterable[str]) -> int:
+    """Return how many names are those of columns that `identify` reads."""
+    return sum(KNOWN_COLUMN.fullmatch(_normalize_name(name)) is not None for name in names)
+
+
+def _count_number_columns(arrow_table: pa.Table) -> int:
+    """Return the number of known columns that hold numbers."""
+    return _count_known_names(
+        field.name for field in arrow_table.schema if not pa.types.is_string(field.type)
+    )
+
+
+def _parse_csv(
+    path: Path, n_skipped: int, names: Sequence[str], separator: str, decimal_point: str
+) -> pa.Table:
+    """Parse the lines of a CSV file after the first n_skipped ones."""
     with pa.OSFile(os.fsencode(path)) as file:  # as in `omni_mj.parquet`
         return pa.csv.read_csv(
             file,
+            read_options=pa.csv.ReadOptions(skip_rows=n_skipped, column_names=list(names)),
             parse_options=pa.csv.ParseOptions(delimiter=separator),
             convert_options=pa.csv.ConvertOptions(decimal_point=decimal_point),
         )
