@@ -1,10 +1,11 @@
 """Indices of a robot's parts in a compiled model, found by their function.
 
 A wheel is a hinge that is driven by a <dcmotor> and has rollers. Wheels are numbered
-counter-clockwise from forward, in any order of the file. Rollers are bodies with a hinge across the axle. They are all on one body, the rim:
-the body of the wheel, or one on it, with or without a slip hinge along the axle. The encoder is the
-<jointpos> sensor of the wheel's hinge. The chassis is the body with the <freejoint> that carries
-the wheels, and the gyro is a <gyro> sensor on a site of the chassis.
+counter-clockwise from forward, in any order of the file. Rollers are bodies with a hinge across the
+axle. They are all on one body, the rim: the body of the wheel, or one on it, with or without a slip
+hinge along the axle. The encoder is the <jointpos> sensor of the wheel's hinge. The chassis is the
+body with the <freejoint> that carries the wheels, and the gyro is a <gyro> sensor on a site of the
+chassis.
 """
 
 from dataclasses import dataclass

@@ -339,3 +339,21 @@ def test_assumed_alpha_scales_with_assumed_creep() -> None:
         2 * (inverse_gains[1] - 1), inverse_gains[2] - 1, atol=2e-3
     )  # rounded to 0.001
     assert assumed[2] == om.load_scenario("rect").settings.control
+
+
+def test_toml_may_have_a_byte_order_mark(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """UTF-16, which other editors write, is one line on stderr."""
+    text = (Path(om.__file__).parent / "robots" / f"{DEFAULT}.toml").read_text("utf-8")
+    robot, scenario = tmp_path / "robot.toml", tmp_path / "scenario.toml"
+    robot.write_text(text, "utf-8-sig")
+    scenario.write_text('plant = "kinematic"', "utf-8-sig")
+    assert om.load_robot(str(robot)).settings == om.load_robot(DEFAULT).settings
+    assert om.load_scenario(scenario).plant == "kinematic"
+    for encoding in ("utf-16", "utf-16-be"):
+        robot.write_text(text, encoding)
+        assert invoke("show", robot) == 2
+        error = capsys.readouterr().err
+        assert "UTF-16; save it as UTF-8" in error
+        assert error.count("\n") == 1

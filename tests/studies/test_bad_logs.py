@@ -31,7 +31,7 @@ def write_parquet(path: Path, columns: Any) -> Path:
 
 @settings(max_examples=30)
 @given(
-    separator=st.sampled_from(",;\t"),
+    separator=st.sampled_from(",;\t|"),
     has_decimal_comma=st.booleans(),
     has_bom=st.booleans(),
     quote=st.sampled_from(["", '"']),
@@ -39,6 +39,8 @@ def write_parquet(path: Path, columns: Any) -> Path:
     is_upper=st.booleans(),
     is_commented=st.booleans(),
     blank_lines=st.integers(0, 2),
+    preamble=st.sampled_from(["", "sep=;", "# x, y; z in m, time_s in s"]),
+    other=st.sampled_from(["Motor 1", "Motor 1, current; mean | max, A"]),
 )
 def test_csv_dialects_give_the_same_numbers(
     tmp_path_factory: pytest.TempPathFactory,
@@ -50,19 +52,24 @@ def test_csv_dialects_give_the_same_numbers(
     is_upper: bool,
     is_commented: bool,
     blank_lines: int,
+    preamble: str,
+    other: str,
 ) -> None:
     """Bit for bit, with numbers written in full; other columns are ignored."""
     names = [
         *(f"{quote}{name.upper() if is_upper else name}{quote}" for name in LOG_COLUMNS),
-        "Motor 1",
+        f'"{other}"' if quote or separator in other else other,
     ]
     rows = [
         [repr(float(value)) for value in line]
         for line in np.stack(list(complete_log().values()), axis=1)[:40]
     ]
-    if has_decimal_comma and separator != ",":
+    if has_decimal_comma:
         rows = [[value.replace(".", ",") for value in row] for row in rows]
+    if has_decimal_comma and separator == ",":
+        rows = [[f'"{value}"' for value in row] for row in rows]
     lines = ["# " * (is_commented and not quote) + separator.join(names)]
+    lines = [preamble, *lines] if preamble else lines
     lines += [separator.join([*row, "on"]) for row in rows] + [""] * blank_lines
     file = tmp_path_factory.mktemp("csv") / "log.csv"
     file.write_bytes(line_end.join([*lines, ""]).encode("utf-8-sig" if has_bom else "utf-8"))
@@ -130,7 +137,10 @@ def test_invalid_columns_give_one_line(tmp_path: Path) -> None:
         (damaged_log("time_s", lambda t: (t + 1.7e9).astype(np.float32)), "times are too few"),
         (damaged_log("time_s", set_line(5, np.nan)), "time_s is missing or infinite in line 6"),
         (damaged_log("time_s", set_line(5, 0.0)), "does not increase from line 5 to 6"),
-        (damaged_log(COMMAND[2], set_line(7, np.nan)), "commands are missing or infinite in line 8"),
+        (
+            damaged_log(COMMAND[2], set_line(7, np.nan)),
+            "commands are missing or infinite in line 8",
+        ),
         ({name: complete_log()[name] for name in LOG_COLUMNS[:4]}, "neither commands nor wheels"),
         (
             {f" {name}": values for name, values in complete_log().items() if name != "y_m"},
@@ -152,6 +162,7 @@ def test_files_that_are_no_tables_give_one_line(tmp_path: Path) -> None:
         (f"{header}\n{row}\n", "1 times are too few"),
         (f"{row}\n{row}\n", "column time_s is missing"),
         (f"{header}\n{row}\n1,2\n", "Expected 7 columns, got 2"),
+        (f"{header},x_m\n{row},0\n", "column x_m is there twice"),
         (f"{header}\n{row}\n".replace("y_m", "y_n"), "did you mean 'y_n'?"),
     ):
         (tmp_path / "log.csv").write_text(content)

@@ -129,20 +129,46 @@ def test_wheels_identify_radius_arm_and_clock_offset(tmp_path: Path) -> None:
     assert not result.misfits
 
 
+def test_a_carried_robot_and_false_detections_are_cut_out(tmp_path: Path) -> None:
+    """Carried 1 m with resting wheels; one false detection; 0.2 s at the origin."""
+    log = make_log(10.0, commands=False)
+    carry = np.interp(np.arange(180), [30, 150], [0.0, 1.0])
+    columns: Columns = {}
+    for name, values in log.items():
+        moved = carry if name == "x_m" else 0 * carry
+        parts = [values[:300], values[300] + moved, values[300:] + moved[-1]]
+        columns[name] = np.concatenate(parts)
+    columns["time_s"] = np.arange(len(columns["x_m"])) / 60
+    columns["y_m"][150] += 1.5
+    for name in POSE:
+        columns[name][600:612] = 0.0
+    result = identify_log(columns, tmp_path)
+    (remark,) = (line for line in result.remarks if "cut out" in line)
+    assert remark.count(" to ") == 3
+    assert not result.misfits
+    creep = result.estimates["wheels.creep_stiffness"]
+    assert creep.value == pytest.approx(CREEP_STIFFNESS, rel=0.06)
+    assert creep.standard_error < 0.05
+
+
 def swapped(log: Columns, name: str, other_name: str) -> Columns:
     return log | {name: log[other_name], other_name: log[name]}
 
 
 MIRRORED = "x or y is mirrored, or they are swapped"
 WRONG: dict[str, tuple[Callable[[Columns], Columns], str]] = {
-    "wheel 2": (lambda log: log | {WHEELS[1]: -log[WHEELS[1]]}, "turn as 1, -2, 3, 4 of"),
+    "wheel 2": (lambda log: log | {WHEELS[1]: -log[WHEELS[1]]}, "wheel 2 turns the other way"),
     "wheels 1 and 2": (lambda log: swapped(log, WHEELS[0], WHEELS[1]), "turn as 2, 1, 3, 4 of"),
     "wheels 1 and 3": (lambda log: swapped(log, WHEELS[0], WHEELS[2]), "turn as 3, 2, 1, 4 of"),
     "all wheels": (
         lambda log: log | {name: -log[name] for name in WHEELS},
-        "turn as -1, -2, -3, -4 of",
+        "wheel 3 turns and wheel 4 turns the other way",
     ),
     "a dead encoder": (lambda log: log | {WHEELS[2]: 0 * log[WHEELS[2]]}, "turn as 1, 2, 0, 4 of"),
+    "one gear": (
+        lambda log: log | {WHEELS[0]: 2 * log[WHEELS[0]]},
+        "wheel 1 turns (1.9|2|2.1) times as fast",
+    ),
     "gear": (lambda log: log | {name: 3 * log[name] for name in WHEELS}, "wheels behind the gear"),
     "three wheels": (
         lambda log: {k: v for k, v in log.items() if k != WHEELS[3]},

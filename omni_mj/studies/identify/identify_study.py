@@ -1,9 +1,10 @@
 """Identify the parameters of a robot from its logs.
 
-`robot_logs` reads the files, and `log_checks` rejects logs of another robot or in other units.
-`log_segments` cuts logs into segments, `slip_dynamics` predicts the motion in them, and
-`parameter_fit` fits it. `derived_parameters` computes the estimates, and `robot_file_writer` writes
-them into a robot's file.
+`robot_logs` reads the files, `log_cutting` cuts out poses that the inputs do not explain, and
+`log_checks` rejects logs of another robot or in other units. `log_segments` cuts logs into
+segments, `slip_dynamics` predicts the motion in them, and `parameter_fit` fits it.
+`derived_parameters` computes the estimates, and `robot_file_writer` writes them into a robot's
+file.
 """
 
 import json
@@ -25,6 +26,7 @@ from omni_mj.studies.identify.derived_parameters import (
     estimate_parameters,
     find_missing_excitation,
 )
+from omni_mj.studies.identify.log_cutting import discard_unexplained_poses
 from omni_mj.studies.identify.log_segments import cut_segments
 from omni_mj.studies.identify.parameter_fit import Fit, fit_parameters
 from omni_mj.studies.identify.robot_logs import RobotLog, read_logs
@@ -164,8 +166,14 @@ def identify(
 def identify_logs(logs: Sequence[RobotLog], start: Scenario) -> IdentificationResult:
     """Identify a robot from logs, starting with the robot of a scenario."""
     result = IdentificationResult(start, [log.name for log in logs])
+    geometry = start.settings.wheels.kinematics
+    explained_logs = []
+    for log in logs:
+        explained_log, remarks = discard_unexplained_poses(log, geometry)
+        explained_logs.append(explained_log)
+        result.remarks += remarks
     for source in ("wheels", "commands"):
-        if logs_with_source := [log for log in logs if source in log.inputs]:
+        if logs_with_source := [log for log in explained_logs if source in log.inputs]:
             _add_fit(result, source, logs_with_source)
     return result
 

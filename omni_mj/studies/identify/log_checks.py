@@ -14,7 +14,12 @@ from scipy.optimize import linear_sum_assignment
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
-from omni_mj.studies.identify.robot_logs import MIN_LINES, RobotLog, integrate_inputs
+from omni_mj.studies.identify.robot_logs import (
+    MAX_GAP_PERIODS,
+    MIN_LINES,
+    RobotLog,
+    integrate_inputs,
+)
 
 MIN_PERIOD_S, MAX_PERIOD_S = 5e-4, 0.5  # from line to line
 WINDOW_S = 0.1  # duration of a displacement
@@ -32,6 +37,8 @@ ANGLE_PENALTY = 0.2  # subtracted from the score if the angle is larger
 MIN_CORRELATION = 0.6  # if all are lower, the wheel does not turn
 HIGH_CORRELATION = 0.8  # reached by another wheel's column if columns are in the wrong order
 ORDER_ADVANTAGE = 0.1  # of that column over the wheel's own
+TIE = 0.02  # difference of correlations that tells nothing
+MAX_LOG_SPEED_RATIO = 0.4  # of a wheel's speed to that of the others, relative to the motion
 MIN_SPEED_RATIO = 0.3  # below this fraction of the fastest expected speed, a wheel may stand still
 
 
@@ -97,11 +104,11 @@ def check_and_estimate_delay(
     if not MIN_PERIOD_S <= period <= MAX_PERIOD_S:
         raise OmniError(f"{log.name}: {period:g} s from line to line; time_s must be in s")
     by_wheels = source == "wheels"
-    match = _match_motion(log.time, log.pose, inputs, by_wheels or log.in_body, by_wheels)
+    match = match_motion(log.time, log.pose, inputs, by_wheels or log.in_body, by_wheels)
+    if by_wheels:
+        _check_wheels(log, geometry)
     if np.isnan(match.explained):
         return match.delay
-    if by_wheels:
-        _check_wheels(log, geometry, match.delay)
     _check_units(log, match, source)
     _check_axes(log, inputs, match, source)
     if match.explained < MIN_EXPLAINED:
@@ -143,14 +150,14 @@ def _check_axes(log: RobotLog, inputs: Array, match: Match, source: str) -> None
         axes = "field" if in_body else "robot"
         mistakes[f"commands are along the {axes}'s axes"] = ([1, 1, 1], not in_body)
     best, mistake = max(
-        (_match_motion(log.time, log.pose * signs, inputs, frame, by_wheels).score, mistake)
+        (match_motion(log.time, log.pose * signs, inputs, frame, by_wheels).score, mistake)
         for mistake, (signs, frame) in mistakes.items()
     )
     if best > max(match.score + MISTAKE_ADVANTAGE, MISTAKE_EXPLAINED):
         raise OmniError(f"{log.name}: the {source} explain the motion better if {mistake}")
 
 
-def _match_motion(time: Array, pose: Array, inputs: Array, in_body: bool, by_wheels: bool) -> Match:
+def match_motion(time: Array, pose: Array, inputs: Array, in_body: bool, by_wheels: bool) -> Match:
     """Return the agreement between inputs and poses at the best delay.
 
     Args:
@@ -160,7 +167,7 @@ def _match_motion(time: Array, pose: Array, inputs: Array, in_body: bool, by_whe
         in_body: Whether the twists are in the body frame.
         by_wheels: Whether the delay may be negative, as that of encoders with another clock.
     """
-    start, motion = _displacements(time, pose, in_body)
+    start, motion = compute_displacements(time, pose, in_body)
     integral = integrate_inputs(time, inputs)
     delays = np.arange(-MAX_DELAY_S / 2 if by_wheels else 0.0, MAX_DELAY_S, DELAY_STEP_S)
     delayed_start = start - delays[:, None]
@@ -187,38 +194,84 @@ def _match_motion(time: Array, pose: Array, inputs: Array, in_body: bool, by_whe
     )
 
 
-def _displacements(time: Array, pose: Array, in_body: bool) -> tuple[Array, Array]:
-    """Return start times (n,) and displacements over `WINDOW_S` (n, 3), body or world frame."""
+def compute_displacements(
+    time: Array, pose: Array, in_body: bool, window: float = WINDOW_S
+) -> tuple[Array, Array]:
+    """Return start times (n,) and displacements (n, 3) over a window in s, body or world frame.
+
+    Windows that overlap a gap in the poses are left out.
+    """
     is_visible = np.isfinite(pose).all(1)
-    first_s, last_s = time[is_visible][0], time[is_visible][-1]
-    start = np.arange(first_s, last_s - WINDOW_S, WINDOW_S / 2)
+    visible_time = time[is_visible]
+    start = np.arange(visible_time[0], visible_time[-1] - window, window / 2)
+    intervals = np.diff(visible_time)
+    max_interval = max(MAX_GAP_PERIODS * float(np.median(intervals)), WINDOW_S)
+    n_gaps = np.append(0, np.cumsum(intervals > max_interval))
+    before = np.searchsorted(visible_time, start, "right") - 1
+    after = np.searchsorted(visible_time, start + window)
+    start = start[n_gaps[before] == n_gaps[after]]
     start = start[:: 1 + len(start) // MAX_WINDOWS]
-    path = make_interp_spline(time[is_visible], pose[is_visible], k=1)
-    heading = path(start + WINDOW_S / 2)[:, 2] * in_body
-    return start, world_to_body(path(start + WINDOW_S) - path(start), heading)
+    path = make_interp_spline(visible_time, pose[is_visible], k=1)
+    heading = path(start + window / 2)[:, 2] * in_body
+    return start, world_to_body(path(start + window) - path(start), heading)
 
 
-def _check_wheels(log: RobotLog, geometry: Kinematics, delay: float) -> None:
-    """Raise OmniError if wheels have wrong signs or order, or do not turn."""
-    start, motion = _displacements(log.time, log.pose, True)
+def _check_wheels(log: RobotLog, geometry: Kinematics) -> None:
+    """Raise OmniError if wheels have wrong signs, order or speeds, or do not turn.
+
+    The delay is that at which the wheels, in any order and with any signs, correlate most with the
+    motion.
+    """
+    start, motion = compute_displacements(log.time, log.pose, True)
     expected = geometry.wheel_speeds(motion)
+    deviation = expected.std(0)
+    if deviation.max() * geometry.radius < MIN_RMS_M_S * WINDOW_S:
+        return
     integral = integrate_inputs(log.time, log.inputs["wheels"])
-    measured = integral(start + WINDOW_S - delay) - integral(start - delay)
+    delayed_start = start - np.arange(-MAX_DELAY_S / 2, MAX_DELAY_S, DELAY_STEP_S)[:, None]
+    angles = integral(delayed_start + WINDOW_S) - integral(delayed_start)
     n = len(geometry.azimuths)
     with np.errstate(invalid="ignore"):  # a wheel that does not turn
-        correlation = np.nan_to_num(np.corrcoef(expected.T, measured.T)[:n, n:])
-    order = linear_sum_assignment(-abs(correlation))[1]
+        correlations = [np.corrcoef(expected.T, measured.T)[:n, n:] for measured in angles]
+    # Of equally good orders, the one in the robot's file is preferred.
+    scores = abs(np.nan_to_num(correlations)) + TIE * np.eye(n)
+    orders = [linear_sum_assignment(-score)[1] for score in scores]
+    i = int(np.argmax([s[np.arange(n), o].sum() for s, o in zip(scores, orders, strict=True)]))
+    measured, correlation, order = angles[i], np.nan_to_num(correlations[i]), orders[i]
     best = correlation[np.arange(n), order]
-    deviation = expected.std(0)
-    is_still = (abs(best) < MIN_CORRELATION) & (deviation > MIN_SPEED_RATIO * deviation.max())
+    is_moving = deviation > MIN_SPEED_RATIO * deviation.max()
+    is_still = (abs(best) < MIN_CORRELATION) & is_moving
     advantage = abs(best) - correlation.diagonal()
     is_misplaced = (abs(best) > HIGH_CORRELATION) & (advantage > ORDER_ADVANTAGE)
     n_sure = (abs(best) > HIGH_CORRELATION).sum()
-    if (is_still | is_misplaced).any() and n_sure >= n - 1:
+    if n_sure < n - 1:
+        return
+    if (is_still | is_misplaced).any():
         columns = np.sign(best) * (order + 1) * ~is_still
-        logged = ", ".join(f"{column:g}" for column in columns)
-        names = ", ".join(str(i + 1) for i in range(n))
+        raise OmniError(f"{log.name}: {_describe_wheels(columns)}")
+    speed_ratio = (measured * expected).sum(0) / (expected**2).sum(0)
+    speed_ratio /= np.median(speed_ratio)
+    is_wrong_speed = is_moving & (abs(np.log(np.maximum(speed_ratio, 1e-9))) > MAX_LOG_SPEED_RATIO)
+    for i in np.flatnonzero(is_wrong_speed).tolist():
         raise OmniError(
-            f"{log.name}: wheels {names} of the robot's file turn as {logged} of the log "
-            "(-: opposite sign; 0: none); order, signs or axes differ from the file's"
+            f"{log.name}: wheel {i + 1} turns {speed_ratio[i]:.2g} times as fast as the motion and "
+            "the other wheels say; is its column in rad, behind the gear?"
         )
+
+
+def _describe_wheels(columns: Array) -> str:
+    """Return a message about wrong signs or order of wheels.
+
+    Args:
+        columns: Number of the log's wheel that turns as each wheel should, negative if it turns the
+            other way, 0 if none does, (W,).
+    """
+    numbers = np.arange(1, len(columns) + 1)
+    if (abs(columns) == numbers).all():
+        names = " and ".join(f"wheel {i} turns" for i in numbers[columns < 0])
+        return f"{names} the other way; a positive speed must turn the robot counter-clockwise"
+    logged = ", ".join(f"{column:g}" for column in columns)
+    return (
+        f"wheels {', '.join(map(str, numbers))} of the robot's file turn as {logged} of the log "
+        "(-: opposite sign; 0: none); order, signs or axes differ from the file's"
+    )

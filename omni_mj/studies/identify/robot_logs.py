@@ -229,8 +229,7 @@ def _read_csv(path: Path) -> pa.Table:
     if not any(lines[number + 1 :]):
         raise ValueError("Empty CSV file: no line below the names of columns")
     arrow_tables = [
-        _parse_csv(path, number + 1, names, separator, decimal_point)
-        for decimal_point in ".,"
+        _parse_csv(path, number + 1, names, separator, decimal_point) for decimal_point in ".,"
     ]
     return max(arrow_tables, key=_count_number_columns)
 

@@ -1,0 +1,112 @@
+"""Cut out poses that the inputs do not explain: false detections, and robots that are carried."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from omni_control.kinematics import Array, Kinematics, wrap_angle
+from omni_mj.studies.identify import log_checks
+from omni_mj.studies.identify.robot_logs import (
+    MAX_GAP_PERIODS,
+    MIN_LINES,
+    RobotLog,
+    integrate_inputs,
+)
+
+# A faster step from one pose to the next is a jump to a false detection, or of a robot that was
+# put elsewhere: distance and angle plus speed times interval.
+JUMP_M, JUMP_M_S = 0.1, 8.0
+JUMP_RAD, JUMP_RAD_S = 1.0, 30.0
+# If more steps are jumps, units are wrong.
+MAX_JUMP_FRACTION = 0.05
+# Displacements over this time are compared with the inputs. They may differ by a distance or angle,
+# plus a fraction of the displacement by the inputs.
+WINDOW_S, TOLERANCE_M, TOLERANCE_RAD, TOLERANCE_FRACTION = 0.5, 0.08, 0.4, 0.6
+# If more of the motion is not explained, the log is wrong, which `log_checks` reports.
+MAX_UNEXPLAINED_FRACTION = 0.5
+MARGIN_S = 0.1  # cut before and after
+
+
+def discard_unexplained_poses(log: RobotLog, geometry: Kinematics) -> tuple[RobotLog, list[str]]:
+    """Return a log without poses that its inputs do not explain, and remarks about them.
+
+    Args:
+        log: The log.
+        geometry: Wheels of the start robot.
+    """
+    wheels = log.inputs.get("wheels")
+    by_wheels = wheels is not None and wheels.shape[1] == len(geometry.azimuths)
+    n_poses = np.isfinite(log.pose).all(1).sum()
+    if n_poses < MIN_LINES or not (by_wheels or "commands" in log.inputs):
+        return log, []
+    source = "wheels" if by_wheels else "commands"
+    twist = geometry.body_twist(log.inputs["wheels"]) if by_wheels else log.inputs["commands"]
+    pose = log.pose.copy()
+    is_discarded = _mark_intervals(log.time, *_find_jumps(log.time, pose))
+    pose[is_discarded] = np.nan
+    unexplained = _find_unexplained_windows(
+        replace(log, pose=pose), twist, by_wheels or log.in_body, by_wheels
+    )
+    is_discarded |= _mark_intervals(log.time, unexplained, unexplained + WINDOW_S)
+    pose[is_discarded] = np.nan
+    if not is_discarded.any():
+        return log, []
+    ends = np.flatnonzero(np.diff(is_discarded.astype(int), prepend=0, append=0))
+    spans = [
+        f"{log.time[start] - log.time[0]:.2f} to {log.time[stop - 1] - log.time[0]:.2f} s"
+        for start, stop in ends.reshape(-1, 2)
+    ]
+    more = f", and {len(spans) - 5} more" if len(spans) > 5 else ""
+    remark = (
+        f"{log.name}: cut out where the {source} do not explain the poses (a robot that is carried "
+        f"or pushed, or a false detection): {', '.join(spans[:5])}{more}"
+    )
+    return replace(log, pose=pose), [remark]
+
+
+def _mark_intervals(time: Array, start: Array, end: Array) -> np.ndarray:
+    """Return whether times (F,) are within intervals with their margins, (F,)."""
+    margin = max(MARGIN_S, 2 * float(np.median(np.diff(time))))
+    changes = np.zeros(len(time) + 1)
+    np.add.at(changes, np.searchsorted(time, start - margin), 1)
+    np.add.at(changes, np.searchsorted(time, end + margin, "right"), -1)
+    return np.cumsum(changes)[:-1] > 0
+
+
+def _find_jumps(time: Array, pose: Array) -> tuple[Array, Array]:
+    """Return the times before and after each jump, none if there are too many, (n,) s each."""
+    is_visible = np.isfinite(pose).all(1)
+    visible_time = time[is_visible]
+    interval, step = np.diff(visible_time), np.diff(pose[is_visible], axis=0)
+    is_jump = np.hypot(step[:, 0], step[:, 1]) > JUMP_M + JUMP_M_S * interval
+    is_jump |= abs(wrap_angle(step[:, 2])) > JUMP_RAD + JUMP_RAD_S * interval
+    is_jump &= interval <= MAX_GAP_PERIODS * np.median(interval)
+    if is_jump.mean() > MAX_JUMP_FRACTION:
+        is_jump[:] = False
+    return visible_time[:-1][is_jump], visible_time[1:][is_jump]
+
+
+def _find_unexplained_windows(log: RobotLog, twist: Array, in_body: bool, by_wheels: bool) -> Array:
+    """Return the start times of windows whose displacements the inputs do not explain, (n,) s.
+
+    Args:
+        log: The log.
+        twist: Twists by wheels or commands, (F, 3).
+        in_body: Whether the twists are in the body frame.
+        by_wheels: Whether the twists are those by wheels.
+    """
+    match = log_checks.match_motion(log.time, log.pose, twist, in_body, by_wheels)
+    start, motion = log_checks.compute_displacements(log.time, log.pose, in_body, WINDOW_S)
+    integral = integrate_inputs(log.time, twist)
+    expected = integral(start - match.delay + WINDOW_S) - integral(start - match.delay)
+    plane = [1, 1j, 0]
+    rotation = 1.0 if np.isnan(match.angle) else np.exp(1j * match.angle)
+    distance, angle = abs(expected @ plane), abs(expected[:, 2])
+    is_unexplained = (
+        abs(motion @ plane - rotation * (expected @ plane))
+        > TOLERANCE_M + TOLERANCE_FRACTION * distance
+    ) | (abs(motion[:, 2] - expected[:, 2]) > TOLERANCE_RAD + TOLERANCE_FRACTION * angle)
+    is_moving = (abs(motion @ plane) > TOLERANCE_M) | (abs(motion[:, 2]) > TOLERANCE_RAD)
+    if is_unexplained.sum() > MAX_UNEXPLAINED_FRACTION * is_moving.sum():
+        return np.empty(0)
+    return start[is_unexplained]
