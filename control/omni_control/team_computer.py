@@ -92,7 +92,7 @@ class Team:
         for controller, robots in zip(self.controllers, self._robot_indices, strict=True):
             models[robots] = controller.model
         delays = np.array([model.delay_frames for model in models])
-        self._delay_frames = int(delays[0]) if (delays == delays[0]).all() else delays
+        self._delay_frames = delays[0].item() if (delays == delays[0]).all() else delays
         noise = np.array([model.vision_noise for model in models])
         limits = [model.limits for model in models]
         latency = np.array([[model.latency_frames] for model in models])

@@ -219,9 +219,11 @@ def _describe_server(server: "Server", load: float) -> str:
         physics = "without collisions"
     too_slow = "; simulated time will fall behind" if load > 1 and not server.lockstep else ""
     robot = row.settings.model.file or row.robot
+    air = "" if radio.kind == "fixed" else f" and {radio.kind}"
+    dead_time = f"{radio.delay_frames} frames of 1/60 s (radio.delay_frames){air}"
     return f"""serving {", ".join(map(robot_label, world.names))}: {robot}
   physics    {world.plant_name}, {physics}; about {load:.0%} of one core{too_slow}
   ports      simulator {control}, blue {blue}, yellow {yellow}; vision to {server.vision}
   cameras    {vision.cameras} of {vision.rate_hz:g} Hz, {pace}
-  dead time  {radio.delay_frames} frames of 1/60 s (radio.delay_frames); {stop} the last command
+  dead time  {dead_time}; {stop} the last command
              (firmware.timeout_s)"""

@@ -200,7 +200,9 @@ def _parse_distribution(name: str, fields: Mapping[str, Any]) -> Distribution:
     parameters = tuple(values) if isinstance(values, (list, tuple)) else ()
     if len(parameters) not in ALLOWED_LENGTHS[kind] or not _are_ordered(kind, parameters):
         raise OmniError(f"{name}: {kind} = {PARAMETERS_BY_KIND[kind]}, not {format_value(values)}")
-    return Distribution(kind, parameters, setting.value_type is int)
+    # Settings check that integers are not drawn between fractions.
+    is_integer = setting.value_type is int and not any(type(x) is float for x in parameters)
+    return Distribution(kind, parameters, is_integer)
 
 
 def _are_ordered(kind: str, parameters: Sequence[Any]) -> bool:

@@ -17,6 +17,7 @@ from omni_mj.config.validation import (
     MAX_FRICTION,
     MIN_FRICTION,
     REQUIRED,
+    Number,
     SettingsModel,
     setting,
 )
@@ -292,7 +293,7 @@ class Reboot(WheeledRobotFault):
 class RadioDelay(Fault):
     """Another dead time of packets sent during the fault, which the team does not know."""
 
-    delay_frames: int = setting(
+    delay_frames: Number = setting(
         REQUIRED, "dead time, in place of radio.delay_frames", "frames", low=0, high=600
     )
 
@@ -325,7 +326,7 @@ class RadioDuplicates(Fault):
     """Packets that arrive twice. A robot applies the copy until the next packet arrives."""
 
     probability: float = _probability_setting("that a packet arrives again")
-    delay_frames: int = setting(
+    delay_frames: Number = setting(
         REQUIRED,
         "delay of the copy, which is applied after other packets of its frame",
         "frames",
@@ -338,7 +339,7 @@ class RadioReorder(Fault):
     """Packets that arrive after newer ones. A robot applies them until the next packet arrives."""
 
     probability: float = _probability_setting("that a packet is late")
-    delay_frames: int = setting(
+    delay_frames: Number = setting(
         REQUIRED,
         "additional delay; a late packet is applied after other packets of its frame",
         "frames",

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Literal
 
 from omni_control.reference.curve_reference import CURVES
-from omni_mj.config.validation import FROM_ROBOT, Poses, SettingsModel, setting
+from omni_mj.config.validation import FROM_ROBOT, Number, Poses, SettingsModel, setting
 
 
 class ReferenceSettings(SettingsModel):
@@ -118,7 +118,7 @@ class ControlSettings(SettingsModel):
     """
 
     # Assumptions about the robots
-    delay_error_frames: int = setting(
+    delay_error_frames: Number = setting(
         0, "assumed dead time minus true dead time", "frames", low=-600, high=600
     )
     assumed_lag_s: float = setting(

@@ -7,10 +7,12 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
+    PlainSerializer,
     ValidationError,
     model_validator,
 )
@@ -71,7 +73,7 @@ class SettingInfo(NamedTuple):
 
     Attributes:
         full_name: Name with its section, such as "radio.delay_frames".
-        value_type: int, float, bool, str, or tuple for a list.
+        value_type: int (also for a `Number`), float, bool, str, or tuple for a list.
         default: Default value; None if the value must be given or comes from the robot.
         unit: Unit; empty if dimensionless.
         doc: Meaning.
@@ -89,6 +91,8 @@ class SettingInfo(NamedTuple):
     def from_field(cls, full_name: str, field: FieldInfo) -> Self:
         """Return the declaration of a pydantic field."""
         origin: Any = get_origin(field.annotation) or field.annotation
+        if origin is float and type(field.default) is int:  # a `Number`
+            origin = int
         choices = {Literal: get_args(field.annotation), bool: ("true", "false")}.get(origin, ())
         extra: Any = field.json_schema_extra or {}
         return cls(
@@ -235,10 +239,20 @@ def _append_heading(pose: Any) -> Any:
     return (*pose, 0.0) if isinstance(pose, (list, tuple)) and len(pose) == 2 else pose
 
 
+def _drop_zero_fraction(number: float) -> float:
+    """Convert a whole number to an int; keep any other."""
+    return int(number) if number == int(number) else number
+
+
 # TOML has lists, and immutable settings need tuples: convert lists to tuples.
 _LIST = Field(strict=False)
+# A number that is mostly whole; it is then an int, so that files show 6 instead of 6.0.
+Number = Annotated[
+    float, AfterValidator(_drop_zero_fraction), PlainSerializer(_drop_zero_fraction, Any)
+]
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 Pose = Annotated[tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(_append_heading), _LIST]
+Vectors = Annotated[tuple[Annotated[tuple[Coordinate, Coordinate], _LIST], ...], _LIST]
 Poses = Annotated[tuple[Pose, ...], _LIST]
 CarpetPatch = Annotated[
     tuple[

@@ -315,4 +315,5 @@ def _compute_default_history_length(scenario: Scenario) -> int:
             "history_length="
         )
     max_delay = radio.delay_frames if distribution is None else max(distribution.bounds)
-    return int(max_delay) + radio.jitter_frames + math.ceil(control.assumed_lag_s / PERIOD_S) + 1
+    radio_frames = math.ceil(max_delay + radio.jitter_frames + radio.max_air_frames)
+    return radio_frames + math.ceil(control.assumed_lag_s / PERIOD_S) + 1

@@ -170,7 +170,7 @@ class Live(Simulation):
         self._plant = LivePlant(self.rows, start_poses, driven=True)
         settings = [row.settings for row in self.rows]
         latency = [
-            robot.radio.delay_frames + FRAME_RATE_HZ * robot.control.assumed_lag_s
+            robot.radio.mean_delay_frames + FRAME_RATE_HZ * robot.control.assumed_lag_s
             for robot in settings
         ]
         self._nominal_latency = np.array(latency)

@@ -1,4 +1,4 @@
-"""Model of the cameras of SSL-Vision: noise, missed detections, faults, and delayed images.
+"""Model of the cameras of SSL-Vision: noise, calibration, missed detections, faults, delays.
 
 The loop knows true poses 60 times a second. An image in between shows poses that are interpolated
 linearly: at 5 m/s^2 the error is at most a T^2 / 8 = 0.2 mm. Packets contain their capture time.
@@ -24,6 +24,7 @@ from omni_mj.config.faults import (
 )
 from omni_mj.config.network_settings import VisionSettings
 from omni_mj.config.settings import gather
+from omni_mj.network.camera_calibration import CameraErrors
 from omni_mj.network.fault_schedule import FaultsByRow, FaultSchedule
 from omni_mj.network.random_streams import Noise, Seed, Stream
 
@@ -40,6 +41,8 @@ class Camera:
         settings: Noise and missed detections of each row.
         seeds: Seed of each row; rows with the same seed get the same noise.
         faults: Faults of each row.
+        number: Number of the camera. Default: robots are measured by the camera whose part of the
+            field they are in.
     """
 
     def __init__(
@@ -47,6 +50,7 @@ class Camera:
         settings: Sequence[VisionSettings],
         seeds: Sequence[Seed],
         faults: FaultsByRow,
+        number: int | None = None,
     ) -> None:
         sigmas = "position_noise_m", "position_noise_m", "heading_noise_rad"
         self._sigma = np.stack([gather(settings, name) for name in sigmas], axis=1)
@@ -54,6 +58,8 @@ class Camera:
         self._miss_frames = gather(settings, "miss_frames")
         self._pose_noise = Noise(seeds, Stream.VISION_NOISE, 3, "standard_normal")
         self._miss_noise = Noise(seeds, Stream.VISION_MISSES)
+        self._dropouts = Dropouts(settings, seeds)
+        self._number, self._errors = number, CameraErrors(settings, seeds)
         # Drawn for each image, also without faults, so that a fault does not affect another.
         self._fault_noise = Noise(seeds, Stream.CAMERA_FAULTS, 2)
         self._schedule = FaultSchedule(faults)
@@ -79,7 +85,7 @@ class Camera:
         )
         measured = self._get_visible_poses(pose, frame) + self._sigma * self._pose_noise.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
-        measured[self._missed_images > 0] = np.nan
+        measured[(self._missed_images > 0) | self._dropouts.next()] = np.nan
         measured[self._is_frozen] = self._last_measured[self._is_frozen]
         is_detected = ~np.isnan(measured[:, 0])
         self._last_measured[is_detected] = measured[is_detected]
@@ -91,6 +97,8 @@ class Camera:
         if self._schedule.advance(frame):
             self._apply_faults()
         uniform, visible = self._fault_noise.next(), pose.copy()
+        if not self._errors.is_zero:
+            visible[:, :2] += self._errors(pose[:, :2], self._number)
         for row, bias in self._biases:
             if uniform[row, 1] < bias.probability:
                 visible[row] += bias.x_m, bias.y_m, np.radians(bias.heading_deg)
@@ -106,6 +114,35 @@ class Camera:
         self._is_frozen[[row for row, _ in self._schedule.list_active(VisionFreeze)]] = True
         self._wrong_ids = list(self._schedule.list_active(VisionWrongId))
         self._biases = list(self._schedule.list_active(VisionBias))
+
+
+class Dropouts:
+    """Bursts of images in which robots are not detected: a Gilbert-Elliott channel with two states.
+
+    Lengths of bursts have a geometric distribution. The first image is not in a burst.
+
+    Args:
+        settings: Fraction of images in bursts and mean length of bursts of each row.
+        seeds: Seed of each row.
+    """
+
+    def __init__(self, settings: Sequence[VisionSettings], seeds: Sequence[Seed]) -> None:
+        fraction = gather(settings, "dropout_fraction")
+        self._exit_probability = 1 / gather(settings, "mean_dropout_frames")
+        self._entry_probability = self._exit_probability * fraction / (1 - fraction)
+        self._noise = Noise(seeds, Stream.CAMERA_DROPOUTS)
+        self._is_dropped = np.zeros(len(seeds), bool)
+        self._has_begun = False
+
+    def next(self) -> np.ndarray:
+        """Return the robots that are missed in the next image, (n,)."""
+        uniform = self._noise.next()[:, 0]
+        self._is_dropped = np.where(
+            self._is_dropped, uniform >= self._exit_probability, uniform < self._entry_probability
+        )
+        self._is_dropped &= self._has_begun
+        self._has_begun = True
+        return self._is_dropped
 
 
 class ImageTiming:
@@ -127,6 +164,10 @@ class ImageTiming:
     ) -> None:
         self._nominal_delay_s = gather(settings, "delay_s")
         self._jitter_s = gather(settings, "jitter_s")
+        # Gamma distribution: mean = shape * scale, (standard deviation / mean)^2 = 1 / shape
+        self._processing_shape = gather(settings, "processing_variation") ** -2
+        self._processing_scale_s = gather(settings, "processing_s") / self._processing_shape
+        self._processing_noise = Noise(seeds, Stream.CAMERA_PROCESSING)
         self._loss_probability = gather(settings, "loss_probability")
         self._jitter_noise = Noise(seeds, Stream.CAMERA_JITTER)
         self._loss_noise = Noise(seeds, Stream.CAMERA_LOSSES)
@@ -149,9 +190,19 @@ class ImageTiming:
             self._apply_faults()
         delay = self._delay_s + self._fault_jitter_s * self._fault_noise.next()[:, 0]
         arrival = time + delay + self._jitter_s * self._jitter_noise.next()[:, 0]
+        arrival += self._draw_processing_times()
         is_lost = self._loss_noise.next()[:, 0] < self._loss_probability
         clock_lag = self._clock_offset_s + self._clock_drift * time
         return np.where(is_lost, np.inf, arrival), clock_lag
+
+    def _draw_processing_times(self) -> Array | float:
+        """Return the processing times of an image, (n,) s."""
+        if not self._processing_scale_s.any():
+            return 0.0
+        from scipy.special import gammaincinv  # slow to import
+
+        quantile = gammaincinv(self._processing_shape, self._processing_noise.next()[:, 0])
+        return np.asarray(self._processing_scale_s * quantile)
 
     def _apply_faults(self) -> None:
         """Set delay, jitter and clock error to those of the active faults."""

@@ -1,11 +1,14 @@
 """Model of the radio link: commands arrive after a dead time, with jitter, losses and faults."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.config import CYCLES_PER_FRAME, FRAME_RATE_HZ
 from omni_mj.config.faults import (
     Fault,
     RadioBurstLoss,
@@ -16,6 +19,7 @@ from omni_mj.config.faults import (
 )
 from omni_mj.config.network_settings import RadioSettings
 from omni_mj.config.settings import gather
+from omni_mj.network.air_time import AirTime
 from omni_mj.network.fault_schedule import FaultsByRow, FaultSchedule
 from omni_mj.network.random_streams import Noise, Seed, Stream
 
@@ -24,13 +28,16 @@ class ReceivedCommand(NamedTuple):
     """The command that each of n robots applies in a frame.
 
     Attributes:
-        command: Newest command that has arrived, (n, 3); zero before the first.
+        command: Newest command that has arrived, (n, 3); zero before the first. If commands arrive
+            within the frame, their mean over the frame.
         heading: Heading from vision that was sent with it, (n,) rad; NaN if nothing new arrived.
-        age: Frames since it was sent, (n,).
+        age: Frames since that heading was sent, (n,).
         is_new: Whether it arrived in this frame, (n,). Default: all did.
         in_body_frame: Whether its velocities are in the robot's frame, (n,). Default: none are.
         rim_speeds: Commanded rim speeds in place of a velocity, (n, wheels) m/s; NaN for a
             velocity. Default: all are velocities.
+        parts: First cycle of each part of the frame, and the commands that apply from then on, if
+            dead times are not whole frames. Default: commands apply in the whole frame.
     """
 
     command: Array
@@ -39,18 +46,33 @@ class ReceivedCommand(NamedTuple):
     is_new: np.ndarray | None = None
     in_body_frame: np.ndarray | None = None
     rim_speeds: Array | None = None
+    parts: "tuple[tuple[int, ReceivedCommand], ...]" = ()
+
+    def split(self) -> "Iterator[tuple[int, ReceivedCommand]]":
+        """Yield the parts of the frame: number of cycles, and the commands that apply in them."""
+        parts = self.parts or ((0, self),)
+        for (start, part), (end, _) in pairwise([*parts, (CYCLES_PER_FRAME, self)]):
+            yield end - start, part
 
 
 def compute_max_delay_frames(settings: RadioSettings, faults: Sequence[Fault]) -> int:
-    """Return the longest time that a packet can take, frames."""
-    delays = [settings.delay_frames]
-    extra_delays = [0]
-    for fault in faults:
-        if isinstance(fault, RadioDelay):
-            delays.append(fault.delay_frames)
-        elif isinstance(fault, (RadioDuplicates, RadioReorder)):
-            extra_delays.append(fault.delay_frames)
-    return max(delays) + settings.jitter_frames + max(extra_delays)
+    """Return the longest time that a packet can take, rounded up to whole frames."""
+    delays = [settings.delay_frames, *_list_fault_delays(faults, RadioDelay)]
+    extra_delays = [0.0, *_list_fault_delays(faults, RadioDuplicates, RadioReorder)]
+    return math.ceil(
+        max(delays) + settings.jitter_frames + max(extra_delays) + settings.max_air_frames
+    )
+
+
+def needs_cycles(settings: RadioSettings, faults: Sequence[Fault]) -> bool:
+    """Return whether packets may arrive within a frame."""
+    delays = _list_fault_delays(faults, RadioDelay, RadioDuplicates, RadioReorder)
+    delays += settings.delay_frames, settings.jitter_frames
+    return settings.kind != "fixed" or any(delay % 1 for delay in delays)
+
+
+def _list_fault_delays(faults: Sequence[Fault], *kinds: type[Fault]) -> list[float]:
+    return [fault.values()["delay_frames"] for fault in faults if isinstance(fault, kinds)]
 
 
 class _Delivery(NamedTuple):
@@ -83,8 +105,9 @@ class Radio:
     each kind of fault independently. Several faults of the same kind multiply the probabilities
     that a packet passes.
 
-    The simulated loop sends to all robots once a frame (`exchange`). Other callers divide a frame
-    into ticks: they `send` to some robots any number of times per tick, then `deliver` once.
+    A frame consists of ticks. Delays are rounded to ticks. The simulated loop sends to all robots
+    once a frame (`exchange`). Other callers `send` to some robots any number of times per tick,
+    then `deliver` once.
 
     Args:
         settings: Dead time, jitter and losses of each row.
@@ -92,6 +115,8 @@ class Radio:
         faults: Faults of each row. Default: none.
         ticks_per_frame: Number of ticks per frame.
         initial_packet: Contents that robots hold before the first packet, (columns,).
+        jitters_by_tick: Whether any jitter is a number of ticks. Default: jitter of whole frames is
+            a number of frames.
     """
 
     def __init__(
@@ -101,11 +126,17 @@ class Radio:
         faults: FaultsByRow = (),
         ticks_per_frame: int = 1,
         initial_packet: Sequence[float] = (0.0, 0.0, 0.0, np.nan),
+        *,
+        jitters_by_tick: bool = False,
     ) -> None:
         n = len(seeds)
         self._ticks_per_frame, self._tick = ticks_per_frame, 0
-        self._nominal_delay = gather(settings, "delay_frames").astype(int) * ticks_per_frame
-        self._jitter = gather(settings, "jitter_frames").astype(int) * ticks_per_frame
+        self._nominal_delay = self._to_ticks(gather(settings, "delay_frames"))
+        jitter_frames = gather(settings, "jitter_frames")
+        is_in_ticks = jitters_by_tick | (jitter_frames % 1 > 0)
+        self._jitter_step = np.where(is_in_ticks, 1, ticks_per_frame)  # ticks
+        self._jitter = self._to_ticks(jitter_frames) // self._jitter_step
+        self._air_time = AirTime(settings, seeds)
         self._loss_probability = gather(settings, "loss_probability")
         # Drawn for each packet or frame, also without faults, so that a fault does not affect
         # another.
@@ -122,17 +153,50 @@ class Radio:
         self._newest_sent_ticks = np.full(n, -1)  # without duplicates and late packets
         # By tick of arrival, in the order of sending.
         self._deliveries = dict[int, list[_Delivery]]()
+        # Headings that arrived within the previous frame, NaN if none, and their ages in frames
+        self._late_headings, self._late_ages = np.full(n, np.nan), np.zeros(n, int)
         self._apply_faults()
         self._begin_frame()
 
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
-        """Send commands (n, 3) and headings (n,); return the commands applied in this frame."""
+        """Send commands (n, 3) and headings (n,); return the commands applied in this frame.
+
+        Headings that arrive within a frame are returned in the next frame.
+        """
         packets = np.empty((len(command), 4))
         packets[:, :3], packets[:, 3] = command, heading
         self.send(packets)
         packets, is_new, age = self.deliver()
         packets[~is_new, 3] = np.nan
-        return ReceivedCommand(packets[:, :3], packets[:, 3], age, is_new)
+        first = ReceivedCommand(packets[:, :3], packets[:, 3], age // self._ticks_per_frame, is_new)
+        return first if self._ticks_per_frame == 1 else self._receive_rest_of_frame(first)
+
+    def _receive_rest_of_frame(self, first: ReceivedCommand) -> ReceivedCommand:
+        """Return the commands of a frame whose first tick has ended.
+
+        Args:
+            first: Commands at the beginning of the frame.
+        """
+        is_missing = np.isnan(first.heading)
+        first = first._replace(
+            heading=np.where(is_missing, self._late_headings, first.heading),
+            age=np.where(is_missing, self._late_ages, first.age),
+        )
+        self._late_headings = np.full_like(self._late_headings, np.nan)
+        parts, mean, nothing = [(0, first)], first.command, self._late_headings
+        for tick in range(1, self._ticks_per_frame):
+            packets, is_new, age = self.deliver()
+            if not is_new.any():
+                continue
+            part = ReceivedCommand(packets[:, :3], nothing, age, is_new)
+            parts.append((tick * CYCLES_PER_FRAME // self._ticks_per_frame, part))
+            # The change of the command acts in the rest of the frame.
+            change = part.command - parts[-2][1].command
+            mean = mean + (1 - tick / self._ticks_per_frame) * change
+            frames = -(-age // self._ticks_per_frame)
+            self._late_headings = np.where(is_new, packets[:, 3], self._late_headings)
+            self._late_ages = np.where(is_new, frames, self._late_ages)
+        return first._replace(command=mean, parts=tuple(parts))
 
     def send(self, packets: Array, robots: np.ndarray | None = None) -> None:
         """Send packets.
@@ -146,15 +210,19 @@ class Radio:
             is_sent[robots] = True
         # Rounded: integers from -jitter to jitter, all with the same probability.
         jitter = (2 * self._jitter + 1) * self._jitter_noise.next()[:, 0] - (self._jitter + 0.5)
-        arrival = self._tick + self._delay + np.rint(jitter).astype(int)
+        tick_rate_hz = FRAME_RATE_HZ * self._ticks_per_frame
+        air_time, is_lost_on_air = self._air_time.send(self._tick / tick_rate_hz, is_sent)
+        arrival = self._tick + self._delay + np.rint(jitter).astype(int) * self._jitter_step
+        arrival += np.rint(air_time * tick_rate_hz).astype(int)
         loss, burst, duplicate, reorder = self._fault_noise.next().T
         is_received = is_sent & (self._loss_noise.next()[:, 0] >= self._loss_probability)
         is_received &= loss < self._loss_pass_probability
+        is_received &= ~is_lost_on_air
         is_received &= burst < self._burst_pass_probability
         is_late = is_received & (reorder < self._reorder_probability)
         is_duplicated = is_received & (duplicate < self._duplicate_probability)
         extra_frames = np.where(is_late, self._reorder_frames, self._duplicate_frames)
-        late_arrival = arrival + extra_frames * self._ticks_per_frame
+        late_arrival = arrival + self._to_ticks(extra_frames)
         self._schedule_delivery(packets, is_late | is_duplicated, late_arrival, is_last=True)
         self._schedule_delivery(packets, is_received & ~is_late, arrival, is_last=False)
 
@@ -180,6 +248,10 @@ class Radio:
         if self._tick % self._ticks_per_frame == 0:
             self._begin_frame()
         return self._packets.copy(), is_new, tick - self._sent_ticks
+
+    def _to_ticks(self, frames: Array | float) -> np.ndarray:
+        """Return times in frames as the nearest numbers of ticks."""
+        return np.rint(np.asarray(frames, float) * self._ticks_per_frame).astype(int)
 
     def _schedule_delivery(
         self, packets: Array, mask: np.ndarray, arrival: np.ndarray, is_last: bool
@@ -219,9 +291,9 @@ class Radio:
         self._loss_pass_probability = np.ones(n)  # that a packet passes the losses
         # Probabilities of duplicates and of late packets, and their additional frames.
         self._duplicate_probability, self._reorder_probability = np.zeros((2, n))
-        self._duplicate_frames, self._reorder_frames = np.zeros((2, n), int)
+        self._duplicate_frames, self._reorder_frames = np.zeros((2, n))
         for row, delay in self._schedule.list_active(RadioDelay):
-            self._delay[row] = delay.delay_frames * self._ticks_per_frame
+            self._delay[row] = self._to_ticks(delay.delay_frames)
         for row, loss in self._schedule.list_active(RadioLoss):
             self._loss_pass_probability[row] *= 1 - loss.probability
         for row, duplicates in self._schedule.list_active(RadioDuplicates):

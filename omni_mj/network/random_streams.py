@@ -33,6 +33,11 @@ class Stream(IntEnum):
     CAMERA_FAULTS = 14
     CAMERA_LATE = 15
     ENCODER_FAULTS = 16
+    RADIO_PHASE = 17
+    RADIO_AIR = 18
+    CAMERA_DROPOUTS = 19
+    CAMERA_PROCESSING = 20
+    CAMERA_CALIBRATION = 21
 
 
 class Noise:

@@ -153,7 +153,10 @@ class MujocoPlant(WheeledPlantBase):
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
-        return self.advance_cycles(CYCLES_PER_FRAME, received)
+        failures: dict[int, str] = {}
+        for n_cycles, part in received.split():
+            failures = self.advance_cycles(n_cycles, part)
+        return failures
 
     def advance_cycles(self, n_cycles: int, received: ReceivedCommand | None) -> dict[int, str]:
         """Advance by some cycles of 1/960 s, at most to the end of the frame.

@@ -21,6 +21,7 @@ from omni_mj.plants.telemetry import Telemetry
 from omni_mj.plants.wheeled_plant_base import WheeledPlantBase
 from omni_mj.robot.array_ops import rotate, select
 from omni_mj.robot.electronics import stack_telemetry
+from omni_mj.robot.firmware_state import FirmwareCommand
 from omni_mj.robot.numpy_and_jax_backends import JaxBackend, NumpyBackend
 from omni_mj.robot.planar_dynamics import BodyParameters, BodyState
 from omni_mj.robot.planar_robot import (
@@ -113,8 +114,10 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
         inputs = self._make_inputs(received.heading, received.age, self._failed)
+        _, first = next(received.split())
+        later_commands = self._make_later_commands(received) if received.parts else None
         return self._finish_frame(
-            self._backend.run(advance_frame, self._make_command(received), inputs)
+            self._backend.run(advance_frame, self._make_command(first), inputs, later_commands)
         )
 
     def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
@@ -149,6 +152,17 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         pose = self._pose.copy()
         pose[row] += displacement
         self._stop_robots(np.arange(len(pose)) == row, pose)
+
+    def _make_later_commands(self, received: ReceivedCommand) -> FirmwareCommand:
+        """Return the commands that arrive after the first cycle, with a leading axis of cycles."""
+        commands = []
+        for n_cycles, part in received.split():
+            command = self._make_command(part)
+            is_old = np.zeros_like(command.is_new)
+            commands += [command, *(n_cycles - 1) * [command._replace(is_new=is_old)]]
+        velocity, is_new = (np.array(values) for values in list(zip(*commands, strict=True))[:2])
+        is_new[0] = False
+        return FirmwareCommand(velocity, is_new)
 
     def _rebuild_bodies(self) -> BodyParameters:
         """Set and return the bodies' parameters for present payloads, slopes and blocked hubs."""

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from omni_mj.config import CYCLES_PER_FRAME
-from omni_mj.robot.array_ops import Array, namespace, rotate, scan, sum_wheels
+from omni_mj.robot.array_ops import Array, any_true, namespace, rotate, scan, sum_wheels
 from omni_mj.robot.electronics import (
     CycleRecord,
     ElectronicsParameters,
@@ -51,7 +51,11 @@ class FrameReport(NamedTuple):
 
 
 def advance_frame(
-    p: PlanarParameters, s: PlanarState, command: FirmwareCommand, inputs: FrameInputs
+    p: PlanarParameters,
+    s: PlanarState,
+    command: FirmwareCommand,
+    inputs: FrameInputs,
+    later_commands: FirmwareCommand | None = None,
 ) -> tuple[PlanarState, FrameReport]:
     """Advance by a frame of 1/60 s, in 16 cycles of the wheel loops.
 
@@ -60,6 +64,8 @@ def advance_frame(
         s: State.
         command: Command that the robots receive at the beginning of the frame.
         inputs: Other inputs of the frame.
+        later_commands: Velocities (cycles, 3, n) that apply in each cycle, and whether they arrived
+            in it (cycles, n). Default: the command applies in the whole frame.
     """
     xp = namespace(s.body.x)
     electronics = receive_command(p.electronics, s.electronics, command)
@@ -67,9 +73,14 @@ def advance_frame(
     cosine, sine = xp.cos(s.body.heading), xp.sin(s.body.heading)
     body = s.body._replace(cosine=cosine, sine=sine, tilting_moment=s.body.tilting_moment * 0.0)
 
+    def advance_one_cycle(s: PlanarState, slow: SlowForces) -> tuple[PlanarState, CycleRecord]:
+        if later_commands is not None:
+            s = s._replace(electronics=receive_later_command(p, s.electronics, later_commands))
+        return advance_cycle(p, s, slow)
+
     def advance_drag_cycles(s: PlanarState) -> tuple[PlanarState, CycleRecord]:
         slow = compute_slow_forces(p.body, p.carpet, s.body, s.electronics.inputs)
-        return scan(lambda s: advance_cycle(p, s, slow), s, DRAG_CYCLES, cosine)
+        return scan(lambda s: advance_one_cycle(s, slow), s, DRAG_CYCLES, cosine)
 
     s = PlanarState(electronics, body)
     s, nested = scan(advance_drag_cycles, s, CYCLES_PER_FRAME // DRAG_CYCLES, cosine)
@@ -78,6 +89,17 @@ def advance_frame(
     )
     s = PlanarState(end_frame(p.electronics, s.electronics, record), s.body)
     return s, make_report(p, s, record)
+
+
+def receive_later_command(
+    p: PlanarParameters, s: ElectronicsState, commands: FirmwareCommand
+) -> ElectronicsState:
+    """Pass the commands of this cycle to the firmware; see `advance_frame`."""
+    cycle = s.cycle % CYCLES_PER_FRAME
+    command = FirmwareCommand(commands.velocity[cycle], commands.is_new[cycle])
+    if not any_true(command.is_new):
+        return s
+    return receive_command(p.electronics, s, command)
 
 
 def compute_slow_forces(

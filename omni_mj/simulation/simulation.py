@@ -14,12 +14,12 @@ import numpy as np
 from omni_control.controllers.base import Observation
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
-from omni_mj.config import PERIOD_S, fault_checks, plugins, reference_factory
+from omni_mj.config import CYCLES_PER_FRAME, PERIOD_S, fault_checks, plugins, reference_factory
 from omni_mj.config.rows import Row, build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import Settings
 from omni_mj.network.camera import Cameras
-from omni_mj.network.radio import Radio, ReceivedCommand
+from omni_mj.network.radio import Radio, ReceivedCommand, needs_cycles
 from omni_mj.plants import Plant
 from omni_mj.robot.numpy_and_jax_backends import choose_backend
 from omni_mj.simulation.log import Failure, Log
@@ -246,10 +246,16 @@ class Simulation:
         settings = [row.settings for row in self.rows]
         seeds = [row.noise_seed for row in self.rows]
         row_faults = [row.faults for row in self.rows]
+        has_cycles = any(needs_cycles(row.settings.radio, row.faults) for row in self.rows)
         return (
             plugins.find_plant(self.scenario.plant)(self.rows, start_poses),
             Cameras([row_settings.vision for row_settings in settings], seeds, row_faults),
-            Radio([row_settings.radio for row_settings in settings], seeds, row_faults),
+            Radio(
+                [row_settings.radio for row_settings in settings],
+                seeds,
+                row_faults,
+                CYCLES_PER_FRAME if has_cycles else 1,
+            ),
         )
 
     def _record(self, extrapolated_pose: Array, sent: Array, received: ReceivedCommand) -> None:

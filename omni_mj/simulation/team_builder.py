@@ -89,7 +89,7 @@ def build_team_model(settings: Settings, geometry: Kinematics, has_wheels: bool)
     alpha = control.assumed_alpha_forward, control.assumed_alpha_sideways
     return TeamModel(
         period=PERIOD_S,
-        delay_frames=max(settings.radio.delay_frames + control.delay_error_frames, 0),
+        delay_frames=max(settings.radio.mean_delay_frames + control.delay_error_frames, 0),
         lag_s=control.assumed_lag_s if has_wheels else NEGLIGIBLE,
         friction_loss_m_s=control.assumed_friction_loss_m_s if has_wheels else NEGLIGIBLE,
         creep_s2_m=control.assumed_creep_s2_m if has_wheels else NEGLIGIBLE,

@@ -39,7 +39,7 @@ def open_loop_settings(settings: Settings, frames: int, **sections: Any) -> Sett
     """
     return settings.replace(
         reference=resting_reference(frames),
-        radio={"delay_frames": 0, "jitter_frames": 0},
+        radio={"kind": "fixed", "delay_frames": 0, "jitter_frames": 0},
         world={"start_poses": [[0, 0, 0]]},
         fault=(),
         **sections,

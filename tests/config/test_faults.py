@@ -74,9 +74,9 @@ def test_all_errors_name_the_number_of_their_fault() -> None:
         ({**PUSH, "duration_s": 0.01}, {}, "at least a frame"),
         ({**PUSH, "robots": [16]}, {}, "15"),
         (
-            {"kind": "radio-delay", "start_s": 1, "delay_frames": 1.5},
+            {"kind": "radio-delay", "start_s": 1, "delay_frames": 600.5},
             {},
-            "a valid integer (0 to 600 frames)",
+            "less than or equal to 600 (0 to 600 frames)",
         ),
         (
             {"kind": "radio-delay", "start_s": 1, "delay_frames": 1},

@@ -116,6 +116,19 @@ def test_views_are_read_only_and_do_not_change() -> None:
         history.select(slice(None), 5)
 
 
+def test_the_oldest_command_still_acts_for_the_fraction_of_a_dead_time() -> None:
+    """With 1.25 frames a quarter of the command of two frames ago is in flight."""
+    history = make_history(
+        3, np.array([1.0, 2.0, 4.0])[:, None, None] * np.ones((1, 1, 3)), length=3
+    )
+    zero = np.zeros((1, 3))
+    for delay in (1.25, np.array([1.25])):
+        observation = Observation(zero, zero, zero, history, 0.5, delay)
+        assert observation.commands_in_flight[:, 0, 0].tolist() == [0.5, 4]
+        assert observation.predicted_pose.tolist() == [3 * [2.25]]
+    np.testing.assert_allclose(history.get_delayed(1.25), 1.75)  # 2 - (2 - 1) / 4 acted last
+
+
 def test_different_dead_times_are_compensated_per_robot() -> None:
     """Robots with dead times of 0, 2 and 3 frames: commands that have acted are zero."""
     history = make_history(

@@ -16,6 +16,9 @@ starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1,
 delays, lags = st.integers(0, 9), st.sampled_from([0.0, 1e-4, 0.02, 2 * T, 0.1])
 
 
+CYCLES = 16  # per frame, to which fractional dead times are rounded here
+
+
 @given(delay=delays, lag=st.sampled_from([1e-4, 0.02, 0.1]), seed=st.integers(0, 99))
 def test_the_nominal_robot_samples_its_differential_equation(
     delay: int, lag: float, seed: int
@@ -44,10 +47,38 @@ def test_the_nominal_robot_samples_its_differential_equation(
         last_pose = state[0].copy()
     start = np.array([[1.0, 2.0, 3.0]])
     np.testing.assert_allclose(robot.displacement[0], displacement, rtol=0, atol=1e-13)
-    pose, velocity = robot.predict(start, queue.get_latest(delay))
+    pose, velocity = robot.predict(start, queue)
     # Roundings of numbers of size 3.
     np.testing.assert_allclose(pose[0] - start[0], state[0] if delay else 0, rtol=0, atol=1e-13)
     np.testing.assert_allclose(velocity[0], state[1], rtol=0, atol=1e-13)
+
+
+@given(st.integers(0, 9 * CYCLES), st.sampled_from([1e-4, 0.02, 0.1]), st.integers(0, 99))
+def test_the_nominal_robot_has_dead_times_that_are_not_whole_frames(
+    delay_cycles: int, lag: float, seed: int
+) -> None:
+    """As above, by scipy's discretization with sixteen cycles per frame."""
+    commands = np.random.default_rng(seed).uniform(-3, 3, (14, 1, 3))
+    delay = delay_cycles / CYCLES
+    robot = NominalRobot(make_model(delay, lag), 1)
+    queue = CommandHistory(1, int(np.ceil(delay)) + 1)
+    for command in commands:
+        queue.append(command)
+        robot.advance(queue)
+    equation = np.array([[0, 1], [0, -1 / lag]]), np.array([[0], [1 / lag]]), np.eye(2), [[0], [0]]
+    transition, effect, *_ = cont2discrete(equation, T / CYCLES, "zoh")
+    state, states = np.zeros((2, 3)), []
+    for cycle in range(delay_cycles + CYCLES * len(commands)):
+        sent = (cycle - delay_cycles) // CYCLES
+        states.append(state)
+        state = transition @ state + effect * (commands[sent] if sent >= 0 else 0)
+    now = CYCLES * len(commands)
+    present = states[now] if delay_cycles else state
+    displacement = present[0] - states[now - CYCLES][0]
+    np.testing.assert_allclose(robot.displacement[0], displacement, rtol=0, atol=1e-12)
+    pose, velocity = robot.predict(np.zeros((1, 3)), queue)
+    np.testing.assert_allclose(pose[0], state[0] - present[0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(velocity[0], state[1], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("latency", [0.01, 0.14])

@@ -24,7 +24,7 @@ RECORDED_ATTRIBUTES = ("predicted_pose", "alpha_hat", "latency_hat")
 # Limits of the league's simulators (ssl-simulation-setup).
 COMMAND_LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)
 _POSITIVE_FIELDS = ("period", "alpha", "alpha_window_frames")
-_INTEGER_FIELDS = ("delay_frames", "alpha_window_frames")
+_INTEGER_FIELDS = ("alpha_window_frames",)
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class TeamModel:
 
     Args:
         period: Length of a frame T, s.
-        delay_frames: Nominal dead time k_d from command to robot, frames.
+        delay_frames: Nominal dead time k_d from command to robot, frames; need not be an integer.
         lag_s: Time constant of the robots' wheel loops, s; 0: unknown.
         position_noise_m, heading_noise_rad: Standard deviation of a vision measurement, per axis.
         friction_loss_m_s: Speed that a robot loses to dry friction, m/s; 0: unknown.
@@ -57,7 +57,7 @@ class TeamModel:
     """
 
     period: float
-    delay_frames: int
+    delay_frames: float
     lag_s: float = 0.02
     position_noise_m: float = 0.0013
     heading_noise_rad: float = 0.01
@@ -86,6 +86,8 @@ class TeamModel:
                 errors.append(f"{name} must be {kind} {minimum}, got {value}")
         if errors:
             raise OmniError("\n".join(errors))
+        if self.delay_frames % 1 == 0:
+            object.__setattr__(self, "delay_frames", int(self.delay_frames))
 
     @property
     def latency_frames(self) -> float:
@@ -122,12 +124,12 @@ class Observation:
     measured_pose: Array
     sent_commands: CommandHistory
     period: float
-    delay_frames: int | Array
+    delay_frames: float | Array
     measurement_age: Array | None = None
     filter_steps: tuple[FilterStep, ...] = ()
 
     def select(
-        self, rows: RowSelection, n_commands: int, delay_frames: int | Array
+        self, rows: RowSelection, n_commands: int, delay_frames: float | Array
     ) -> "Observation":
         """Return a copy for some robots, with their dead time and their latest sent commands."""
         return Observation(
@@ -155,12 +157,14 @@ class Observation:
         """Commands that have not acted yet, (k_d, n, 3), oldest first, m/s and rad/s.
 
         If dead times differ, k_d is the longest. Commands that have already acted on a robot are
-        zero.
+        zero. If k_d is not an integer, it is rounded up, and the oldest command is multiplied by
+        the fraction of a frame for which it still acts.
         """
-        if not isinstance(self.delay_frames, np.ndarray):
+        if isinstance(self.delay_frames, int):
             return self.sent_commands.get_latest(self.delay_frames)
-        max_delay = int(self.delay_frames.max())
-        pending = self.sent_commands.get_pending_fractions(self.delay_frames[:, None], max_delay)
+        delay_frames = np.reshape(self.delay_frames, (-1, 1))
+        max_delay = math.ceil(delay_frames.max())
+        pending = self.sent_commands.get_pending_fractions(delay_frames, max_delay)
         return pending * self.sent_commands.get_latest(max_delay)
 
     @property

@@ -21,7 +21,7 @@ class NominalRobot:
     """Model of n robots that follow their commands after a dead time, with a first-order lag.
 
     Per axis x' = v, v' = (u(t - k_d T) - v) / lag. Each command u is held for a frame, so that the
-    discrete model is exact:
+    discrete model is exact. If k_d is an integer:
 
         x(k+1) = x(k) + coast v(k) + (T - coast) u(k - k_d),   coast = lag (1 - decay)
         v(k+1) = decay v(k) + (1 - decay) u(k - k_d),          decay = exp(-T / lag)
@@ -40,32 +40,46 @@ class NominalRobot:
 
     def __init__(self, model: TeamModel, n: int) -> None:
         self._period, self._delay_frames = model.period, model.delay_frames
+        self._lag_s = model.lag_s
         self.velocity_decay = math.exp(-model.period / model.lag_s) if model.lag_s else 0.0
         self.coast_time_s = model.lag_s * (1 - self.velocity_decay)
         self.velocity, self.displacement = np.zeros((2, n, 3))
 
     def advance(self, sent: CommandHistory) -> None:
         """Advance by a frame to the present, with the commands that acted in the previous frame."""
-        command = sent.get_latest(1, skip=self._delay_frames)[0]
-        self.displacement, self.velocity = self._step(self.velocity, command)
+        whole_frames, fraction = int(self._delay_frames), self._delay_frames % 1
+        command = sent.get_latest(1, skip=whole_frames)[0]
+        self.displacement = np.zeros_like(self.velocity)
+        if fraction:
+            older = sent.get_latest(1, skip=whole_frames + 1)[0]
+            self.displacement, self.velocity = self._step(self.velocity, older, fraction)
+        displacement, self.velocity = self._step(self.velocity, command, 1 - fraction)
+        self.displacement = self.displacement + displacement
 
-    def predict(self, pose: Array, commands_in_flight: Array) -> tuple[Array, Array]:
+    def predict(self, pose: Array, sent: CommandHistory) -> tuple[Array, Array]:
         """Return poses and velocities (n, 3) at the end of the dead time.
 
         Args:
             pose: Present poses (n, 3).
-            commands_in_flight: Commands that have not acted yet, (k_d, n, 3), oldest first.
+            sent: Sent commands.
         """
         velocity = self.velocity
-        for command in commands_in_flight:
-            displacement, velocity = self._step(velocity, command)
+        commands = sent.get_latest(math.ceil(self._delay_frames))
+        for i, command in enumerate(commands):
+            fraction = min(self._delay_frames - (len(commands) - 1 - i), 1)
+            displacement, velocity = self._step(velocity, command, fraction)
             pose = pose + displacement
         return pose, velocity
 
-    def _step(self, velocity: Array, command: Array) -> tuple[Array, Array]:
-        """Return the displacement (n, 3) in a frame, and the velocity (n, 3) at its end."""
-        displacement = self.coast_time_s * velocity + (self._period - self.coast_time_s) * command
-        return displacement, self.velocity_decay * velocity + (1 - self.velocity_decay) * command
+    def _step(self, velocity: Array, command: Array, fraction: float) -> tuple[Array, Array]:
+        """Return the displacement (n, 3) in a fraction of a frame, and the velocity at its end."""
+        decay, coast_time_s, period = self.velocity_decay, self.coast_time_s, self._period
+        if fraction < 1:
+            period = fraction * period
+            decay = math.exp(-period / self._lag_s) if self._lag_s else 0.0
+            coast_time_s = self._lag_s * (1 - decay)
+        displacement = coast_time_s * velocity + (period - coast_time_s) * command
+        return displacement, decay * velocity + (1 - decay) * command
 
 
 def compute_simc_gain(latency_s: float) -> float:
@@ -141,9 +155,7 @@ class SmithPredictor(Controller):
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
         self.nominal.advance(observation.sent_commands)
-        self.predicted_pose, _ = self.nominal.predict(
-            observation.pose, observation.commands_in_flight
-        )
+        self.predicted_pose, _ = self.nominal.predict(observation.pose, observation.sent_commands)
         target, feedforward = self.reference.at(
             frame + self.model.latency_frames, self.predicted_pose
         )
@@ -204,7 +216,7 @@ class Lqr(Controller):
         """See `Controller`."""
         self.nominal.advance(observation.sent_commands)
         self._estimate_disturbance(observation.pose)
-        pose, velocity = self.nominal.predict(observation.pose, observation.commands_in_flight)
+        pose, velocity = self.nominal.predict(observation.pose, observation.sent_commands)
         pose = pose + self.model.delay_frames * self.model.period * self.disturbance
         velocity = velocity + self.disturbance
         self.predicted_pose = pose + self.model.lag_s * velocity

@@ -49,9 +49,9 @@ class CompFlc(Flc):
         self.latency_frames = model.latency_frames if self.compensates_lag else model.delay_frames
         window_frames = model.alpha_window_frames
         self.memory_frames = window_frames + math.ceil(self.latency_frames)
-        self.alpha_estimator = AlphaEstimator(
-            n, window_frames, round(self.latency_frames), model.period
-        )
+        # A lag is no dead time, so that the latency need not be exact.
+        delay_frames = round(self.latency_frames) if self.compensates_lag else model.delay_frames
+        self.alpha_estimator = AlphaEstimator(n, window_frames, delay_frames, model.period)
 
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""

@@ -35,7 +35,7 @@ class AlphaEstimator:
         period: Length of a frame T, s.
     """
 
-    def __init__(self, n: int, window_frames: int, delay_frames: int, period: float) -> None:
+    def __init__(self, n: int, window_frames: int, delay_frames: float, period: float) -> None:
         self._alpha = np.ones((n, 2))
         self._delay_frames, self._period = delay_frames, period
         self._positions: deque[Array] = deque(maxlen=window_frames + 1)
@@ -50,7 +50,11 @@ class AlphaEstimator:
         self._positions.append(position.copy())
         achieved = position - self._positions[0]
         window_frames = len(self._positions) - 1  # shorter at the start of the run
-        commands = sent.get_latest(window_frames, skip=self._delay_frames)[..., :2]
+        whole_frames, fraction = int(self._delay_frames), self._delay_frames % 1
+        commands = sent.get_latest(window_frames, skip=whole_frames)[..., :2]
+        if fraction:
+            older = sent.get_latest(window_frames, skip=whole_frames + 1)[..., :2]
+            commands = commands + fraction * (older - commands)
         commanded = commands.sum(0) * self._period
         rho = EQUAL_WEIGHT_M**2
         alpha = (achieved * commanded + rho * self._alpha) / (commanded * commanded + rho)

@@ -5,6 +5,8 @@ inverse gains (1 / alpha), dead time, creep, lag, and friction. Its inputs are v
 and sent commands.
 """
 
+import math
+
 import numpy as np
 
 from omni_control.controllers.base import Observation, TeamModel
@@ -115,7 +117,7 @@ class RobotEkf:
         self.covariance = np.tile(covariance, (n, 1, 1))
         step = JACOBIAN_STEP * np.eye(STATE_SIZE)
         self._perturbations = np.concatenate([0 * step[:1], step, -step])[:, None]
-        self.memory_frames = model.delay_frames + MAX_DEAD_TIME_CHANGE + 8
+        self.memory_frames = math.ceil(model.delay_frames) + MAX_DEAD_TIME_CHANGE + 8
         self.mean_nis = np.ones(n)
         # Running means of the squared command, and of the command times the velocity, (2, n).
         self._mean_powers = np.zeros((2, n))

@@ -16,15 +16,13 @@ from omni_mj.live.wire import MM_PER_M
 from omni_mj.live.wire.league_pb2 import Calibration, Detection, FieldSize, Point, Shape, Team
 from omni_mj.mjcf import field
 from omni_mj.network.camera import Camera, ImageTiming
+from omni_mj.network.camera_calibration import CAMERA_GRIDS, SEED_OFFSET, CameraErrors
 from omni_mj.network.random_streams import Noise, Seed, Stream
 
-SEED_OFFSET = 1000  # added to a camera's number, so that its seeds differ from those of slots
 BALL_RADIUS_M, ROBOT_RADIUS_M = 0.0215, 0.09
 ROBOT_HEIGHT_M = 0.15  # height of the pattern above the carpet
 CAMERA_HEIGHT_M = 4.0
 IMAGE_SIZE = np.array([1920, 1200])  # pixels
-# Number of cameras -> cameras along x and y.
-CAMERA_GRIDS = {1: (1, 1), 2: (2, 1), 3: (3, 1), 4: (2, 2)}
 
 RobotName = tuple[int, int]  # team (a value of `Team`) and number
 
@@ -73,8 +71,8 @@ class FieldCamera:
         self._center = self._cell_size * (cell_x + 0.5, cell_y + 0.5) - field.CARPET_SIZE_M / 2
         self.set_robots(rows, 0)
         clock = Noise(self._seeds, Stream.CAMERA_CLOCK, 4, "standard_normal")
-        offset_x, offset_y, clock_offset, phase = clock.next()[0].tolist()
-        self._offset = self._vision.camera_offset_m * np.array([offset_x, offset_y, 0.0])
+        *_, clock_offset, phase = clock.next()[0].tolist()
+        self._errors = CameraErrors([self._vision], self._seeds)
         self._clock_offset_s = self._vision.clock_offset_s * clock_offset
         # The fraction of a widely scaled normal number is uniformly distributed.
         self._phase_s = 0.0 if number == 0 else phase * 1e3 % 1.0 / self._vision.rate_hz
@@ -90,7 +88,10 @@ class FieldCamera:
             for row in rows
         ]
         self._camera = Camera(
-            [row.settings.vision for row in rows], seeds, [row.faults for row in rows]
+            [row.settings.vision for row in rows],
+            seeds,
+            [row.faults for row in rows],
+            self._number,
         )
 
     def take_image(
@@ -107,7 +108,7 @@ class FieldCamera:
         """
         begun_s, elapsed = self._first_cycle / CYCLE_RATE_HZ, cycle - self._first_cycle
         frame, elapsed_s = elapsed // CYCLES_PER_FRAME, elapsed / CYCLE_RATE_HZ
-        measured = self._camera(poses, frame) + self._offset
+        measured = self._camera(poses, frame)
         measured[~self._covers(poses[:, :2])] = np.nan
         (arrival_s,), (clock_lag_s,) = self._timing.schedule_arrival(frame, elapsed_s)
         sent_s = begun_s + float(arrival_s)
@@ -119,7 +120,7 @@ class FieldCamera:
             camera_id=self._number,
         )
         if self._covers(ball[None])[0]:
-            x, y = MM_PER_M * (ball + self._offset[:2])
+            x, y = MM_PER_M * (ball + self._errors(ball[None], self._number)[0])
             detection.balls.add(confidence=1.0, x=x, y=y, pixel_x=0.0, pixel_y=0.0)
         for (team, number), (x, y, heading) in sorted(zip(names, measured.tolist(), strict=True)):
             if not math.isnan(x):

@@ -344,6 +344,7 @@ class ServedWorld:
             [row.faults for row in self.rows],
             CYCLES_PER_FRAME,
             packet,
+            jitters_by_tick=True,
         )
         for camera in self.cameras:
             camera.set_robots(self.rows, self.cycle)

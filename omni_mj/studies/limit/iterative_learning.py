@@ -151,7 +151,7 @@ def learn_run(
         settings, settings.world.start_poses[0]
     ).poses
     limits = reference_factory.build_motion_limits(settings.control)
-    n_frames, delay = len(reference), settings.radio.delay_frames
+    n_frames, delay = len(reference), int(settings.radio.delay_frames)
     model = DeviationModel.prior(n_frames, delay, 2 * settings.control.assumed_lag_s)
     best = _initial_run(scenario, start_progress("controllers", n_frames))
     feedback = [FeedbackSettings(weight) for _, weight in OPTIMIZED_ROWS]
