@@ -9,7 +9,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.sockets import Receiver
-from omni_mj.live.ssl_vision import SslVision, VisionCamera
+from omni_mj.live.ssl_vision import RESTART_S, SslVision, VisionCamera
 
 Pace = Literal["auto", "60", "vision"]
 
@@ -101,8 +101,7 @@ class FrameClock:
                 self._receive(now)
         else:
             camera = self.vision.cameras[self.leader]
-            self._await_frame(camera, on_silence)
-            if camera.sent_s > previous_tick:
+            if self._await_frame(camera, on_silence):
                 now = camera.clock.local_time(camera.sent_s)
                 rate = camera.clock.rate
                 self._tick = camera.sent_s
@@ -117,18 +116,24 @@ class FrameClock:
         self.skipped += skipped
         return *self.vision.measurements(now, rate, expected), skipped
 
-    def _await_frame(self, camera: VisionCamera, on_silence: Callable[[], None]) -> None:
-        """Wait for the next frame of the leading camera, then briefly for the other cameras."""
+    def _await_frame(self, camera: VisionCamera, on_silence: Callable[[], None]) -> bool:
+        """Wait for the next frame of the leading camera, then briefly for the other cameras.
+
+        Returns:
+            Whether it came. If not, the camera is lost.
+        """
         began = time.monotonic()
         silent_at = began + SILENT_S
-        while camera.sent_s <= self._tick + PERIOD_S / 2:
+        # A time stamp far below that of the last frame is one of a camera that was restarted.
+        while self._tick - RESTART_S <= camera.sent_s <= self._tick + PERIOD_S / 2:
             self._receive(silent_at)
             if time.monotonic() > silent_at:
                 on_silence()
                 silent_at += SILENT_S
             if silent_at > began + LOST_S + SILENT_S:
-                return
+                return False
         self.listen_for(GRACE_S)
+        return True
 
     def _receive(self, until: float) -> None:
         """Receive packets until the first arrives, `until` is reached, or a check is due."""

@@ -91,6 +91,7 @@ class Live(Simulation):
         OmniError: See `Simulation`.
     """
 
+    has_true_poses = False
     _sent: Array
     _turn_rates: Array  # newest first
 

@@ -15,6 +15,8 @@ from omni_control.errors import OmniError, to_printable
 
 LOOPBACK = "127.0.0.1"
 MAX_DATAGRAM = 65_536  # bytes
+MAX_READS = 1000  # datagrams that are read at a time
+MAX_KINDS = 100  # of messages
 BUFFER_BYTES = 1 << 21  # receive buffer of the kernel: some seconds of four cameras
 
 
@@ -31,6 +33,8 @@ class MessageCounter(Counter[str]):
 
     def add(self, kind: str, text: str) -> None:
         """Count a message, and report its text if it is the first of its kind."""
+        if kind not in self and len(self) >= MAX_KINDS:
+            kind = "other messages"
         self[kind] += 1
         if self[kind] == 1:
             self._on_first(to_printable(text))
@@ -142,8 +146,8 @@ class Receiver(socket.socket):
         return bool(select.select([self], [], [], max(until - time.monotonic(), 0.0))[0])
 
     def packets(self) -> Iterator[tuple[bytes, float, Address]]:
-        """Yield the packets that have arrived: bytes, arrival (`time.monotonic`), sender."""
-        while True:
+        """Yield packets that have arrived: bytes, arrival (`time.monotonic`), sender."""
+        for _ in range(MAX_READS):
             try:
                 data, source = self.recvfrom(MAX_DATAGRAM)
             except BlockingIOError:

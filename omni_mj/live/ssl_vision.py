@@ -2,6 +2,7 @@
 
 import math
 from collections import defaultdict, deque
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -16,11 +17,17 @@ TeamColor = Literal["blue", "yellow"]
 
 WINDOW_FRAMES = 600  # newest frames, to which a clock is fitted
 FIT_FRAMES = 30  # number of frames between two fits
+# A clock is set anew if all of its newest packets are later than before: its computer has stalled.
+RECENT_FRAMES, STALL_S = 60, 0.02
+RESTART_S = 1.0  # back in time, after which time stamps are those of another clock
 RATES = 0.2, 5.0  # bounds of the seconds of our clock per second of another clock
 # Largest credible time from capture to sending or to use, s. If the time is negative or larger, the
 # time stamps are from two different clocks.
 MAX_AGE_S = 0.25
 MAX_DISTANCE_M = 1e3  # from the field's center
+# Of a packet: numbers of cameras and of robots, and robots of a team
+MAX_CAMERA, MAX_ROBOT_ID, MAX_TEAM_ROBOTS = 15, 255, 32
+CAMERAS_DIFFER_M = 0.1  # most by which cameras that see the same robot differ
 STORED_FRAMES = 300  # detections of each robot by each camera
 STD_OF_MEDIAN = 1.4826  # standard deviation over median magnitude of normal numbers
 # Standard deviation of a second difference, 1 -2 1, of independent numbers
@@ -56,6 +63,12 @@ class PeerClock:
         self._arrival -= max(self.local_time(stamp) - arrival, 0.0)  # a smaller delay than before
         self._n_packets += 1
         if self._n_packets % FIT_FRAMES == 0:
+            recent = list(self._packets)[-RECENT_FRAMES:]
+            excess = min(arrival - self.local_time(stamp) for stamp, arrival in recent)
+            if excess > STALL_S:
+                self._packets = deque(recent, maxlen=WINDOW_FRAMES)
+                self._arrival += excess
+                return
             stamps, arrivals = (np.array(self._packets) - (stamp, arrival)).T
             fit = minimize_scalar(
                 lambda slope: (
@@ -75,11 +88,13 @@ class VisionCamera:
     Attributes:
         clock: Clock of its time stamps.
         frames: Number of frames received, without repetitions.
+        restarts: How often its time stamps went back.
         sent_s: Time stamp of the newest frame, s of its clock.
     """
 
     def __init__(self) -> None:
         self.clock, self.frames, self.sent_s = PeerClock(), 0, -math.inf
+        self.restarts = 0
         self._ages = deque[float](maxlen=WINDOW_FRAMES)
         self._intervals = deque[float](maxlen=WINDOW_FRAMES)
 
@@ -88,9 +103,12 @@ class VisionCamera:
         age = detection.t_sent - detection.t_capture
         age = age if 0 <= age <= MAX_AGE_S else 0.0
         sent_s = detection.t_capture + age
-        if sent_s <= self.sent_s:
+        if sent_s < self.sent_s - RESTART_S:
+            self.clock, self.restarts = PeerClock(), self.restarts + 1
+        elif sent_s <= self.sent_s:
             return False
-        self._intervals.append(sent_s - self.sent_s)
+        else:
+            self._intervals.append(sent_s - self.sent_s)
         self._ages.append(age)
         self.clock.add(sent_s, arrival)
         self.sent_s = sent_s
@@ -147,8 +165,13 @@ class SslVision:
         except WireError as error:
             self.messages.add("bad packet", f"skipped a packet from {sender}: {error}")
             return False
-        if not self.cameras[detection.camera_id].add(detection, arrival):
+        camera = self.cameras[detection.camera_id]
+        restarts = camera.restarts
+        if not camera.add(detection, arrival):
             return False
+        if camera.restarts > restarts:
+            text = f"camera {detection.camera_id}: its time stamps went back; its clock is new"
+            self.messages.add("camera restarted", text)
         self._newest[detection.camera_id] = detection
         teams: tuple[TeamColor, TeamColor] = "blue", "yellow"
         for color in teams:
@@ -162,7 +185,7 @@ class SslVision:
         """Return the poses detected since the last call, and their ages.
 
         If a robot number was detected more than once, the detection nearest to the expected
-        position counts.
+        position counts. If a camera sees the robot backwards, that of another camera counts.
 
         Args:
             now: Our time, s.
@@ -184,8 +207,7 @@ class SslVision:
                 if robot.robot_id == number
             ]
             if candidates:
-                distances = [math.dist(pose[:2], expected[i, :2]) for pose, _ in candidates]
-                poses[i], age = candidates[int(np.argmin(distances))]
+                poses[i], age = candidates[_choose([pose for pose, _ in candidates], expected[i])]
                 ages[i] = min(max(age * rate, 0.0), MAX_AGE_S)
         self._newest.clear()
         return poses, ages
@@ -261,6 +283,20 @@ def noise_deviations(poses: Array) -> Array:
     return np.array([(x + y) / 2, heading])
 
 
+def _choose(poses: Sequence[Array], expected: Array) -> int:
+    """Return the index of the detection, of several of a robot number, that counts.
+
+    Args:
+        poses: Detected poses, shape (3,) each.
+        expected: Expected pose, shape (3,).
+    """
+    distances = np.array([math.dist(pose[:2], expected[:2]) for pose in poses])
+    is_far = distances > distances.min() + CAMERAS_DIFFER_M
+    headings = np.array([pose[2] for pose in poses])
+    is_backwards = np.abs(wrap_angle(headings - expected[2])) > np.pi / 2
+    return int(np.lexsort((distances, is_backwards, is_far))[0])
+
+
 def _team_robots(detection: Detection, color: TeamColor) -> list[DetectedRobot]:
     """Return the detected robots of a team that have a number and a heading."""
     robots = detection.robots_blue if color == "blue" else detection.robots_yellow
@@ -278,9 +314,17 @@ def _check(detection: Detection) -> None:
     """Check the numbers of a detection.
 
     Raises:
-        WireError: A time, position or heading is not finite, or a position is too far away.
+        WireError: A time, position or heading is not finite, a position is too far away, or there
+            are too many cameras or robots.
     """
     robots = [*detection.robots_blue, *detection.robots_yellow]
+    n_robots = max(len(detection.robots_blue), len(detection.robots_yellow))
+    number = max((robot.robot_id for robot in robots), default=0)
+    if detection.camera_id > MAX_CAMERA or number > MAX_ROBOT_ID or n_robots > MAX_TEAM_ROBOTS:
+        raise WireError(
+            f"cameras must have numbers up to {MAX_CAMERA}, robots up to {MAX_ROBOT_ID}, and a"
+            f" team at most {MAX_TEAM_ROBOTS} robots"
+        )
     values = np.array(
         [(robot.x / MM_PER_M, robot.y / MM_PER_M, robot.orientation) for robot in robots]
     )

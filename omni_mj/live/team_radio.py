@@ -4,8 +4,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from omni_control.errors import to_printable
 from omni_mj.live import sockets
-from omni_mj.live.sockets import LOOPBACK, MAX_DATAGRAM, Address, MessageCounter
+from omni_mj.live.sockets import LOOPBACK, MAX_DATAGRAM, MAX_READS, Address, MessageCounter
 from omni_mj.live.ssl_vision import TeamColor
 from omni_mj.live.wire import BLUE_PORT, YELLOW_PORT, WireError, parse_message
 from omni_mj.live.wire.league_pb2 import RobotControl, RobotControlResponse
@@ -126,7 +127,7 @@ class SimulatorRadio(TeamRadio):
 
     def _read_answers(self) -> None:
         """Read the simulator's responses, and count the errors that they report."""
-        while True:
+        for _ in range(MAX_READS):
             try:
                 response = parse_message(RobotControlResponse, self._socket.recv(MAX_DATAGRAM))
             except BlockingIOError:
@@ -136,4 +137,6 @@ class SimulatorRadio(TeamRadio):
                 continue
             for error in response.errors:
                 text = error.message or error.code or "no reason given"
-                self.messages.add(f"refused: {text}", f"{self._target} refuses: {text}")
+                self.messages.add(
+                    f"refused: {to_printable(text)}", f"{self._target} refuses: {text}"
+                )

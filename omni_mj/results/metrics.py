@@ -48,7 +48,7 @@ def row_metrics(log: Log, failures: Sequence[Failure]) -> dict[str, Array]:
         failures: Failures of rows.
     """
     errors, failed = tracking_errors(log), [failure.row for failure in failures]
-    metrics = _error_statistics(errors, log.lengths)
+    metrics = _error_statistics(errors, log.lengths, log.has_true_poses)
     reference, position_error = log.channel("ref"), errors["position"]
     mean_square = _mean_square_acceleration(log.channel("command")[..., :2])
     metrics["effort_m_s2"] = np.sqrt(mean_square)
@@ -72,10 +72,13 @@ def tracking_errors(log: Log) -> dict[str, Array]:
     The heading error is the smallest angle between both headings.
 
     Returns:
-        Axis of `AXES` -> shape (frames, n), m or rad. NaN where a row has no frame.
+        Axis of `AXES` -> shape (frames, n), m or rad. NaN where a row has no frame, or no
+        detection if true poses are unknown.
     """
-    reference = log.channel("ref")
-    x, y, heading = np.moveaxis(log.channel("pose") - reference, -1, 0)
+    reference, difference = log.channel("ref"), log.channel("pose") - log.channel("ref")
+    if not log.has_true_poses:
+        difference[~log.channel("vision_valid")[..., 0]] = np.nan
+    x, y, heading = np.moveaxis(difference, -1, 0)
     cosine, sine = np.moveaxis(_compute_travel_directions(reference[..., :2]), -1, 0)
     return {
         "x": np.abs(x),
@@ -115,7 +118,9 @@ def _compute_travel_directions(reference: Array) -> Array:
     return np.take_along_axis(unit, source_frames, axis=0)
 
 
-def _error_statistics(errors: Mapping[str, Array], lengths: np.ndarray) -> dict[str, Array]:
+def _error_statistics(
+    errors: Mapping[str, Array], lengths: np.ndarray, has_true_poses: bool
+) -> dict[str, Array]:
     """Return maximum, percentile, mean and RMS of errors, name -> shape (n,).
 
     Rows are computed one by one, so that other rows do not change the rounding. A row without
@@ -124,11 +129,16 @@ def _error_statistics(errors: Mapping[str, Array], lengths: np.ndarray) -> dict[
     Args:
         errors: Axis -> shape (frames, n), m or rad.
         lengths: Number of frames of each row, shape (n,).
+        has_true_poses: If not, frames without an error do not count.
     """
     names = [f"{axis}_{statistic}_{UNITS[axis]}" for axis in AXES for statistic in STATISTICS]
     metrics = {name: np.full(len(lengths), np.nan) for name in names}
     for row in np.flatnonzero(lengths):
         error = np.stack([errors[axis][: lengths[row], row] for axis in AXES])
+        if not has_true_poses:
+            error = error[:, ~np.isnan(error[0])]
+        if not error.size:
+            continue
         percentile = np.percentile(error, PERCENTILE, axis=1)
         rms = np.sqrt((error**2).mean(1))
         statistics = np.stack([error.max(1), percentile, error.mean(1), rms], axis=1)

@@ -92,17 +92,25 @@ class Log:
         rows: The rows.
         n_wheels: Number of wheels of a robot.
         n_frames: Expected number of frames. The capacity doubles when more are recorded.
+        has_true_poses: Whether poses are true. If not, only those of frames with a detection are
+            measured.
 
     Attributes:
-        rows: The rows.
+        rows, has_true_poses: As passed.
         columns: Channel -> its columns in a table.
         first_frame: Number of the first recorded frame in the columns `frame` and `time_s`.
         length: Number of frames so far.
         lengths: Number of frames of each row, shape (n,). Smaller for rows that failed or ended.
     """
 
-    def __init__(self, rows: Sequence[Row], n_wheels: int, n_frames: int = 0) -> None:
-        self.rows = list(rows)
+    def __init__(
+        self,
+        rows: Sequence[Row],
+        n_wheels: int,
+        n_frames: int = 0,
+        has_true_poses: bool = True,
+    ) -> None:
+        self.rows, self.has_true_poses = list(rows), has_true_poses
         self.columns = channel_columns(n_wheels)
         ends = np.cumsum([0, *map(len, self.columns.values())]).tolist()
         self._slices = {

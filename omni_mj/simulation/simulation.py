@@ -82,6 +82,8 @@ class Simulation:
             plant does not support a fault, or the dead time exceeds the length of a reference.
     """
 
+    has_true_poses = True  # for the log
+
     def __init__(
         self,
         scenario: Scenario,
@@ -180,7 +182,7 @@ class Simulation:
         self._reference_indices = np.array([indices[reference] for reference in self.references])
         n_wheels = self.plant.telemetry().wheel_angle.shape[1]
         log_rows = self.rows if self._keep_log else []
-        self.log = Log(log_rows, n_wheels, int(self._n_frames.max()))
+        self.log = Log(log_rows, n_wheels, int(self._n_frames.max()), self.has_true_poses)
 
     @property
     def done(self) -> bool:

@@ -10,6 +10,8 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
+import polars as pl
 import pyarrow.parquet as pq
 import pytest
 from benches.drive import run_peer
@@ -72,7 +74,7 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
 
 def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
     ports = free_port(), free_port()
-    with run_peer(ports, "--tell", 75) as peer:
+    with run_peer(ports, "--tell", 75, "--loss", 0.1) as peer:
         process = drive(
             tmp_path, ports, *OUT, "--no-pulse", "--no-record", "--set", "reference.laps=20"
         )
@@ -81,7 +83,16 @@ def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
         _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "interrupted; the frames so far are in drive" in err
-    assert pq.read_table(tmp_path / "drive" / "trajectory.parquet").num_rows >= 60
+    rows = pl.read_parquet(tmp_path / "drive" / "trajectory.parquet")
+    assert len(rows) >= 60
+    # Errors are those of frames in which the robot was detected.
+    seen = rows.filter(pl.col("vision_valid"))
+    assert 0 < len(seen) < len(rows)
+    summary = json.loads((tmp_path / "drive" / "summary.json").read_text())
+    errors = summary["scenarios"]["rect"]["results"]["adaptive-comp-flc"]["error_m"]["x"]
+    error = np.abs(seen["x_m"] - seen["ref_x_m"])
+    assert errors["mean"]["mean"] == pytest.approx(error.mean(), rel=1e-9)
+    assert errors["max"]["mean"] == pytest.approx(error.max(), rel=1e-9)
 
 
 def test_listening_only(tmp_path: Path) -> None:

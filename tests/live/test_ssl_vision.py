@@ -113,6 +113,66 @@ def test_packets_that_were_held_up_are_not_followed() -> None:
     assert clock.local_time(now) == pytest.approx(before, abs=1e-4)
 
 
+@pytest.mark.parametrize("stall", [0.1, 0.5, 3.0])
+def test_a_stall_that_shifts_time_stamps_is_followed_within_two_seconds(stall: float) -> None:
+    """From then on all packets are later by as much; the rate is that of before."""
+    clock, now = fed(0.0, 1.0, 10.0)
+    rng = np.random.default_rng(1)
+    for k in range(1, 120):
+        stamp = now + k * PERIOD_S
+        clock.add(stamp, stamp + stall + rng.exponential(JITTER_S))
+    assert clock.local_time(stamp) == pytest.approx(stamp + stall, abs=JITTER_S)
+    assert clock.rate == pytest.approx(1.0, rel=2e-3)
+
+
+def test_a_camera_that_begins_again_is_seen_again() -> None:
+    """Its program was restarted, and its time stamps begin with 0; this is said once."""
+    camera = Camera(0)
+    for frame in range(300):
+        camera.see(frame, [(0, 1.0, 0.0, 0.0)])
+    for frame in range(30):
+        assert camera.see(frame, [(0, 2.0, 0.0, 0.0)], at=6.0 + frame * PERIOD_S)
+    (pose,), (age,) = camera.at(6.0 + 29 * PERIOD_S)
+    assert pose[0] == pytest.approx(2.0)
+    assert age == pytest.approx(0.0, abs=1e-6)
+    assert camera.vision.messages == {"camera restarted": 1}
+
+
+@pytest.mark.parametrize("backwards", [(0,), (1,), (0, 2)])
+def test_a_camera_that_sees_a_robot_backwards_does_not_count(backwards: tuple[int, ...]) -> None:
+    """If another camera sees it as it is, even a little further from where it is expected."""
+    camera, heading = Camera(3), 3.0
+    for frame in range(9):
+        for number in range(3):
+            turn = np.pi * (number in backwards and frame == 8)
+            seen = (3, 0.1 + 0.01 * number, 0.0, heading + turn)
+            camera.see(frame, [seen], camera=number)
+    (pose,), _ = camera.at(8 * PERIOD_S, (0.1, 0.0, -heading + 2 * np.pi - 0.28))
+    nearest = min({0, 1, 2} - set(backwards))
+    np.testing.assert_allclose(pose, [0.1 + 0.01 * nearest, 0.0, heading], atol=1e-6)
+    median = camera.vision.median_poses()[0]
+    np.testing.assert_allclose(median, [0.11, 0.0, heading], atol=1e-6)
+    # Another robot of this number, a meter away, does not count whatever its heading is.
+    camera.see(9, [(3, 0.1, 0.0, heading + np.pi)])
+    camera.see(9, [(3, 1.1, 0.0, heading)], camera=1)
+    (pose,), _ = camera.at(9 * PERIOD_S, (0.1, 0.0, heading))
+    assert pose[0] == pytest.approx(0.1)
+
+
+def test_packets_of_any_content_need_bounded_memory_and_print_one_line() -> None:
+    """Cameras and robots have bounded numbers, and kinds of messages are bounded."""
+    camera = Camera(0)
+    assert not camera.see(0, [(0, 0.0, 0.0, 0.0)], camera=10_000)
+    assert not camera.see(0, [(4_000_000, 0.0, 0.0, 0.0)])
+    assert not camera.see(0, [(0, 0.0, 0.0, 0.0)] * 1000)
+    assert camera.vision.messages == {"bad packet": 3}
+    assert len(camera.said) == 1
+    for number in range(1000):
+        camera.vision.messages.add(f"refused: {number}", "\x1b[2Jno\nline")
+    assert len(camera.vision.messages) <= 101
+    assert camera.said[1] == "\\x1b[2Jno line"
+
+
 def test_nothing_leaves_this_computer_unasked() -> None:
     receiver = Receiver(Address("224.5.23.2", 0), LOOPBACK)
     sender = vision_packets.sender(LOOPBACK)

@@ -3,16 +3,14 @@
 import selectors
 from collections import deque
 from collections.abc import Mapping
-from itertools import islice
 from typing import NamedTuple
 
 from omni_mj.live.sockets import Address, MessageCounter, Receiver
 
-MAX_CLIENTS = 100  # a client that was silent for SILENT_S makes room for another
-SILENT_S = 0.25
+MAX_CLIENTS = 100  # a client that was silent for some time makes room for another
+SILENT_S, KNOWN_SILENT_S = 0.25, 5.0  # after its first packet, after later ones
 MAX_QUEUE = 32  # packets of a client that wait; older ones are dropped
 MAX_BYTES = 16_384  # of a packet; those of all robots have less than 2,000
-MAX_READS = 1000  # packets of a port that are read at a time
 
 
 class Request(NamedTuple):
@@ -39,8 +37,8 @@ class Inbox:
 
     def __init__(self, ports: Mapping[int | None, Receiver], messages: MessageCounter) -> None:
         self._ports, self._messages = ports, messages
-        self._queues = dict[tuple[int | None, Address], deque[Request]]()  # silent ones first
-        self._arrivals = dict[tuple[int | None, Address], float]()  # of newest packets
+        self._queues = dict[tuple[int | None, Address], deque[Request]]()
+        self._expiry = dict[tuple[int | None, Address], float]()  # when a silent client makes room
         self._turns = deque[tuple[int | None, Address]]()  # clients with waiting packets
         self._selector = selectors.DefaultSelector()
         for team, port in ports.items():
@@ -53,7 +51,7 @@ class Inbox:
     def receive(self, seconds: float) -> None:
         """Queue the packets that have arrived; if none waits, wait for one for some seconds."""
         for key, _ in self._selector.select(0.0 if self._turns else max(seconds, 0.0)):
-            for data, arrival, client in islice(self._ports[key.data].packets(), MAX_READS):
+            for data, arrival, client in self._ports[key.data].packets():
                 self._add(Request(key.data, client, data), arrival)
 
     def take(self) -> Request | None:
@@ -76,15 +74,18 @@ class Inbox:
                 f" {MAX_BYTES}",
             )
             return
-        queue = self._queues.pop(key, None)
-        if queue is None and not self._make_room(arrival):
-            self._messages.add(
-                "packets of too many clients",
-                f"skipped a packet from {request.client}: {MAX_CLIENTS} other clients are served",
-            )
-            return
-        queue = self._queues[key] = deque() if queue is None else queue
-        self._arrivals[key] = arrival
+        queue = self._queues.get(key)
+        if queue is None:
+            if not self._make_room(arrival):
+                self._messages.add(
+                    "packets of too many clients",
+                    f"skipped a packet from {request.client}: {MAX_CLIENTS} others are served",
+                )
+                return
+            queue = self._queues[key] = deque()
+            self._expiry[key] = arrival + SILENT_S
+        else:
+            self._expiry[key] = arrival + KNOWN_SILENT_S
         if not queue:
             self._turns.append(key)
         elif len(queue) == MAX_QUEUE:
@@ -97,11 +98,10 @@ class Inbox:
         queue.append(request)
 
     def _make_room(self, arrival: float) -> bool:
-        """Forget the client that was silent for longest if all places are taken."""
-        if len(self._queues) < MAX_CLIENTS:
-            return True
-        key = next(iter(self._queues))
-        if self._queues[key] or arrival - self._arrivals[key] < SILENT_S:
-            return False
-        del self._queues[key], self._arrivals[key]
+        """Forget a client that is silent if all places are taken, and return whether one is."""
+        if len(self._queues) == MAX_CLIENTS:
+            key = min(self._expiry, key=self._expiry.__getitem__)
+            if self._queues[key] or arrival < self._expiry[key]:
+                return False
+            del self._queues[key], self._expiry[key]
         return True
