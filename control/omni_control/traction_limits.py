@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -248,6 +248,19 @@ def compute_load_matrix(kinematics: Kinematics) -> Array:
     """
     positions = kinematics.arm * kinematics.axles[:, :2]
     return np.asarray(np.linalg.pinv(np.insert(positions, 0, 1.0, axis=1).T))
+
+
+def compute_softening(sliding_fraction: Any) -> Any:
+    """Return the stiffness of a brush contact that slides in part, relative to one that sticks.
+
+    The brush model with parabolic pressure (Pacejka, Tire and Vehicle Dynamics, section 3.2) has
+    the traction mu N (1 - (1 - x)^3) at the slip x, relative to that of full sliding. It is the
+    secant stiffness 3 mu N times x (1 - x + x^2 / 3).
+
+    Args:
+        sliding_fraction: x from 0 to 1, an array of any library.
+    """
+    return 1 - sliding_fraction + sliding_fraction * sliding_fraction / 3
 
 
 def max_over_neighbors(drag: Array, ends: Literal["edge", "wrap"]) -> Array:

@@ -33,7 +33,10 @@ def make_robot() -> tuple[PlanarParameters, PlanarState]:
 def drive(parameters: PlanarParameters, state: PlanarState, stiffness: float) -> jax.Array:
     """Return the forward position after a second of rising speed, m."""
     carpet = parameters.carpet
-    carpet = carpet._replace(creep_compliance=1 / (carpet.radius**2 * stiffness))
+    carpet = carpet._replace(
+        creep_compliance=1 / (carpet.radius**2 * stiffness),
+        sliding_slip=jnp.full_like(carpet.sliding_slip, 3 / stiffness),
+    )
     parameters = parameters._replace(carpet=carpet)
     inputs = jax.tree.map(jnp.asarray, make_undisturbed_inputs(1))
 

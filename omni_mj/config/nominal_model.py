@@ -9,39 +9,44 @@ friction force over it. Rotor inertia and creep are neglected. If a loop has int
 its proportional gain is considered.
 
 **Creep.** Row i of the matrix G is (d_i, l): the rim direction d_i and the lever arm l of wheel i.
-The wheel has the normal force N_i, the creep stiffness C and the traction f_i. Its contact point
-travels at v_i, and its rim is faster by s_i = |v_i| f_i / (N_i C)
-(`omni_mj.robot.wheel_carpet_forces`). With stiff wheel loops, all s_i together are the motion of a
-rigid body, s = G e. Here e = u - v, where u is the twist by the encoders and v that of the body. In
-translation all |v_i| = |v|. The tractions f_i = N_i C s_i / |v| have the force and moment
+By the law of `omni_mj.robot.wheel_carpet_forces`, its rim is faster than the contact point by s_i,
+and exerts the traction
 
-    (F, M) = G^T f = (C / |v|) G^T N G e,        so        e = |v| / C (G^T N G)^-1 (F, M).
+    f_i = N_i C / |v_i|_c  h(s_i) s_i,        |v_i|_c^2 = (d_i v)^2 + (rho a_i v)^2,
 
-Along an axis j of symmetry F = m a + D_j. The first term accelerates the body. D_j is the drag that
-the contacts transmit: rolling resistance and roller bearings, but not motors and gears, which act
-on the hubs. For v > 0
+with the normal force N_i, the creep stiffness C, the axle direction a_i, the contact ratio rho and
+the softening h. With stiff wheel loops, all s_i together are the motion of a rigid body, s = G e,
+where e = u - v is the twist by the encoders minus the twist of the body. Their tractions balance
+the force and moment (F, M) on the body:
 
-    u = v + T0 v (a + D_j / m),        T0 = m ((G^T N G)^-1)_jj / C.
+    (F, M) = G^T f = G^T S G e,        S = diag(N_i C h(s_i) / |v_i|_c).
 
-T0 is m / (C sum N_i d_ij^2) if the axes are not coupled, and W / (g C sum d_ij^2) for W wheels
-with equal normal forces. TIGERs write the law as K u - v = T |u| v'. Comparing the terms with and
-without a = v' gives
+Along an axis j F = m a + D_j: the force that accelerates the body, and the drag D_j that the
+contacts transmit (rolling resistance and roller bearings, but not motors and gears, which act on
+the hubs). |v_i|_c is proportional to |v|, and so is the solution: e_j = |v| g(F). To first order in
+the acceleration a, for v > 0
 
-    K = 1 / (1 + T0 D_j / m),        T = K T0 v / u = K^2 T0 / (1 + K T0 a).
+    u = v + v g(D_j) + T0 v a,        T0 = m g'(D_j).
+
+The slope g' follows from the stiffness of each wheel for a small change of its slip, which is
+N_i C (1 - x_i)^2 / |v_i|_c with the slip x_i relative to that of full sliding. TIGERs write
+K u - v = T |u| v'. Comparing the terms with and without v' gives
+
+    K = 1 / (1 + g(D_j)),        T = K T0 v / u = K^2 T0 / (1 + K T0 a).
 
 A fit over a whole move weighs acceleration (a > 0) and braking equally. Its T is K^2 T0 up to
 (K T0 a)^2, 2 % at 2 m/s^2. Drag appears in the gain K, not in T. Without drag K = 1. When the robot
-turns on the spot, wheels travel at l |w|. With the yaw inertia J and the moment M of the drag
-
-    u = w + T0 l |w| (w' + M / J),        T0 = J ((G^T N G)^-1)_ww / C = J / (C l^2 m g),
-
-so a law with T l |u| in place of T |u| has K = 1 / (1 + T0 l M / J) and again T = K^2 T0.
+turns on the spot, rims travel at l |w|, and wheels have no speed along their axles. The law has
+T l |u| in place of T |u|, the yaw inertia J in place of m, and the moment of the drag.
 
 The normal forces are those of a body at rest on equal springs, linear in the position of the wheel.
 The effects of load transfer during acceleration and during braking cancel. Neglected effects:
 
-- K is lower by up to 0.014, by the viscous friction of bearings and the spin-up of rollers (0.1 to
+- K is lower by up to 0.016, by the viscous friction of bearings and the spin-up of rollers (0.1 to
   0.2 N at 1 m/s), and by a rolling radius that is 0.1 % smaller.
+- T forward is 5 to 7 % higher in moves at 2 m/s^2, because rubber softens: T0 is a tangent, and
+  moves have the slope of a secant. T sideways is up to 15 % higher for this reason. But a robot
+  without heading control turns in sideways moves, and its travel is then partly forward.
 - T differs by 1 to 2 %, by mass that turns with the rims.
 - T differs by 3 %, by wheel loops that are not stiff where normal forces differ.
 - T differs by 0.001 s^2/m at 1 m/s, by the 1 ms that TIGERs' law adds to T |u|.
@@ -52,7 +57,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_control.traction_limits import GRAVITY, compute_load_matrix
+from omni_control.traction_limits import GRAVITY, compute_load_matrix, compute_softening
 from omni_mj.config.settings import Settings
 
 # Guesses for loops with integral action. They have no single lag, and friction costs no steady
@@ -68,6 +73,8 @@ INTEGRAL_ACTION_ASSUMPTIONS = {
 # loops are softer.
 EXCESS_WITHOUT_CREEP = 0.02
 MAX_ASSUMPTION = 1.0  # the largest value that [control] allows for lag, loss and creep
+SOFTENING_ITERATIONS = 10
+MAX_SLIDING = 0.9  # fraction of full sliding up to which the creep law is linearized
 
 
 class CreepLaw(NamedTuple):
@@ -159,11 +166,43 @@ def compute_creep_law(settings: Settings) -> CreepLaw:
     bearing_drag = settings.drivetrain.roller_friction * axle_loads
     carpet_drag = settings.carpet.rolling_resistance * loads.sum() * lever_arms
     drag = carpet_drag + np.append(bearing_drag, 0.0)
-    stiffness = wheels.matrix.T @ (loads[:, None] * wheels.matrix)
-    compliance = np.linalg.inv(stiffness) / settings.drivetrain.creep_stiffness
-    drag_free_coefficient = inertia * np.diag(compliance)  # T0
-    gain = 1 / (1 + drag_free_coefficient * lever_arms * drag / inertia)
-    return CreepLaw(drag, gain, gain**2 * drag_free_coefficient)
+    slip, compliance = _solve_slip(settings, loads, drag)
+    gain = 1 / (1 + slip)
+    return CreepLaw(drag, gain, gain**2 * inertia / lever_arms * compliance)
+
+
+def _solve_slip(settings: Settings, loads: Array, drag: Array) -> tuple[Array, Array]:
+    """Return slip per speed g under drag along each axis, and its change per force g', both (3,).
+
+    The stiffness of the rubber depends on its slip, so the linear equation is solved repeatedly.
+
+    Args:
+        settings: Settings of the robot.
+        loads: Normal forces of the wheels, (W,) N.
+        drag: Drag along each axis, N, N and N m, (3,).
+    """
+    wheels, drivetrain = settings.wheels.kinematics, settings.drivetrain
+    # |v_i|_c at the speed 1 along each axis, (3, W)
+    contact_speeds = np.hypot(wheels.matrix.T, settings.wheels.contact_ratio * wheels.axles.T)
+    stiffness = loads * drivetrain.creep_stiffness / contact_speeds
+    # Rollers stand still on their bearings while the robot turns on the spot.
+    bearing_friction = drivetrain.roller_friction * np.array([[1.0], [1.0], [0.0]])
+    rim_friction = np.sqrt(np.maximum(settings.carpet.friction**2 - bearing_friction**2, 1e-9))
+    sliding_slip = 3 * rim_friction / drivetrain.creep_stiffness * contact_speeds
+
+    def compute_compliance(stiffness: Array) -> Array:
+        """Return the inverse of G^T S G for each axis, (3, 3, 3)."""
+        weighted = stiffness[..., None] * wheels.matrix
+        return np.asarray(np.linalg.inv(wheels.matrix.T @ weighted), float)
+
+    sliding_fraction = np.zeros_like(stiffness)
+    for _ in range(SOFTENING_ITERATIONS):
+        compliance = compute_compliance(stiffness * compute_softening(sliding_fraction))
+        slip = np.einsum("jkj,j->jk", compliance, drag)  # response to the drag along axis j
+        sliding_fraction = np.minimum(np.abs(slip @ wheels.matrix.T) / sliding_slip, MAX_SLIDING)
+    tangent_compliance = compute_compliance(stiffness * (1 - sliding_fraction) ** 2)
+    axes = np.arange(3)
+    return slip[axes, axes], tangent_compliance[axes, axes, axes]
 
 
 def compute_normal_forces(settings: Settings) -> Array:

@@ -91,6 +91,16 @@ class WheelSettings(SettingsModel):
         """Kinematics of a robot with these wheels."""
         return Kinematics(np.radians(self.azimuths_deg) % (2 * np.pi), self.arm_m, self.radius_m)
 
+    @property
+    def contact_ratio(self) -> float:
+        """Length of a roller's contact along the rim over its length along the axle.
+
+        In Hertz's theory a contact is an ellipse whose semi-axes have about the ratio of the radii
+        of curvature to the power 2/3 (K. L. Johnson, Contact Mechanics, section 4.2). The radii are
+        those of the wheel and of the roller.
+        """
+        return float((self.radius_m / self.roller_radius_m) ** (2 / 3))
+
     def compute_support_margin(self, x: float) -> float:
         """Return the distance of a point from the edge of the support polygon, m.
 

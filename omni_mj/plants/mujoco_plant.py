@@ -123,7 +123,7 @@ class MujocoPlant(WheeledPlantBase):
         carpet = self._nominal_carpet
         model = self._world.model
         inverse_inertia = model.dof_invweight0[self._world.robots[0].slip_dofs][:, None]
-        # 1 / (R^2 C h A), with which slip hinges get Q / A (`omni_mj.robot.wheel_carpet_forces`)
+        # 1 / (R^2 C dt A), with which slip hinges get Q / A (`omni_mj.robot.wheel_carpet_forces`)
         compliance = carpet.creep_compliance / (model.opt.timestep * inverse_inertia)
         carpet = carpet._replace(creep_compliance=compliance)
         self.parameters = MujocoParameters(electronics, carpet)
@@ -247,7 +247,8 @@ class MujocoPlant(WheeledPlantBase):
         self._records.append(record)
         if is_drag_due:
             motion = views.read_motion()
-            self._drag = compute_drag(self.parameters.carpet, motion, load, wheel_angle)
+            slip_speed = views.slip_speed.get()
+            self._drag = compute_drag(self.parameters.carpet, motion, load, wheel_angle, slip_speed)
             views.write_drag(self._drag, motion, self.electronics.inputs.push_force)
         motors = self.electronics.motors
         # MuJoCo's dcmotor has the constant resistance R in place of R + X |w|

@@ -1,7 +1,7 @@
 """Limits that a robot reaches: sliding wheels, motor voltage and current, command limits.
 
-A wheel that transmits a force creeps: its rim slips over the carpet with a speed in proportion to
-the force. Coulomb's limit of the force is reached at the largest creep. At larger slip the wheel
+A wheel that transmits a force creeps: its rim slips over the carpet, the faster the larger the
+force. Coulomb's limit of the force is reached at the largest creep. At larger slip the wheel
 slides, and its friction force does not increase further.
 """
 
@@ -32,7 +32,8 @@ ROUNDING = 1e-9  # relative rounding error of a command that was scaled to a lim
 def excess_slip(pose: Array, slip: Array, settings: Settings) -> Array:
     """Return by how much the slip of each wheel exceeds that from which on it slides.
 
-    The largest creep is |v| friction / creep_stiffness, with the velocity v of the wheel's center.
+    The largest creep is |v|_c 3 friction / creep_stiffness, with the contact speed |v|_c of the
+    wheel (`omni_mj.robot.wheel_carpet_forces`).
 
     Args:
         pose: Shape (frames, 3), m and rad.
@@ -44,13 +45,13 @@ def excess_slip(pose: Array, slip: Array, settings: Settings) -> Array:
     """
     wheels = settings.wheels.kinematics
     twist = world_to_body(np.diff(pose, axis=0) / PERIOD_S, pose[1:, 2])
-    # Velocities of the wheels' centers, x + iy in body axes. Arrays of shape (n, 2) would round
-    # differently.
-    center = (twist[:, 0] + 1j * twist[:, 1])[:, None]
-    center = center + 1j * twist[:, 2, None] * wheels.arm * np.exp(1j * wheels.azimuths)
-    speed = np.abs(center)
-    creep = CREEP_FRACTION * speed * settings.carpet.friction / settings.drivetrain.creep_stiffness
-    return slip[1:] - creep - SLIDING_MARGIN_M_S
+    # Velocities of the wheels' centers, along the axle + i along the rim. Arrays of shape (n, 2)
+    # would round differently.
+    center = (twist[:, 0] + 1j * twist[:, 1])[:, None] * np.exp(-1j * wheels.azimuths)
+    center = center + 1j * twist[:, 2, None] * wheels.arm
+    contact_speed = np.hypot(settings.wheels.contact_ratio * center.real, center.imag)
+    sliding_slip = 3 * settings.carpet.friction / settings.drivetrain.creep_stiffness
+    return slip[1:] - CREEP_FRACTION * contact_speed * sliding_slip - SLIDING_MARGIN_M_S
 
 
 def is_command_limited(command: Array, control: ControlSettings) -> np.ndarray:

@@ -74,8 +74,8 @@ DEFINITIONS = {
     "saturation": (
         "Fractions of the frames in which a condition holds, for seeds that did not fail."
         " sliding_fraction: slip_*_m_s of a wheel is above"
-        f" {saturation.CREEP_FRACTION:g} |v| carpet.friction / drivetrain.creep_stiffness +"
-        f" {saturation.SLIDING_MARGIN_M_S:g} m/s, where v is the velocity of the wheel's center."
+        f" {saturation.CREEP_FRACTION:g} |v|_c 3 carpet.friction / drivetrain.creep_stiffness +"
+        f" {saturation.SLIDING_MARGIN_M_S:g} m/s, where |v|_c is the contact speed of the wheel."
         " voltage_saturated_fraction: peak_duty is 1. current_limited_fraction:"
         " current_limited_fraction_* of a motor is above 0. command_limited_fraction: the command"
         " is at a limit of [control] for speed or acceleration, translation or rotation."

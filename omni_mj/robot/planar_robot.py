@@ -114,7 +114,8 @@ def compute_slow_forces(
         inputs: Inputs of the frame, of which the push forces are used.
     """
     xp = namespace(s.x)
-    drag = compute_drag(carpet, compute_center_motion(p, s), s.load, s.encoder_angle)
+    slip_speed = s.hub_speed - s.rim_speed
+    drag = compute_drag(carpet, compute_center_motion(p, s), s.load, s.encoder_angle, slip_speed)
     response = p.response
     abs_speed = abs(s.rim_speed)
     # Along the axle rollers are spun up and braked (`omni_mj.plants.planar_body_parameters`). In

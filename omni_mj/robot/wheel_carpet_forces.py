@@ -6,25 +6,43 @@ over the carpet while the rim slides at s against the direction of its traction.
 in the contact the rubber is strained by s t, and at the end by s l / |v|. With a stiffness k per
 length and strain the traction is f = k l^2 s / (2 |v|). Slip speed and traction are proportional,
 and the slip falls as the travel brings fresh rubber faster. Contact length and stiffness grow with
-the normal force N so that k l^2 / 2 = C N, with one number C per robot, its creep stiffness:
+the normal force N so that k l^2 / 2 = C N, with one number C per robot, its creep stiffness.
 
-    s = |v| f / (N C),    |f| <= mu N.
+*Direction.* The contact of a roller is an ellipse, longer along the rim than along the axle by the
+ratio rho. By Hertz's theory rho = (R / r)^(2/3), with the radii R of the wheel and r of the roller
+(K. L. Johnson, Contact Mechanics, section 4.2). Stretched by rho along the axle, the ellipse is a
+circle, through which rubber passes at the contact speed
 
-|v| is the speed of the wheel's center over the carpet in any direction, because rollers that travel
-along the axle bring fresh rubber as well. A wheel at rest does not creep. Let a robot with W wheels
-drive at v and accelerate at a, and d_i be the cosine of the angle between its direction of travel
-and that of the rim of wheel i. With gravity g, its body is slower than its wheels by
+    |v|_c = hypot(v_rim, rho v_axle).
 
-    s / v = T a,    T = W / (g C sum d_i^2).
+It takes the place of |v|: rollers that travel along the axle bring fresh rubber rho times as fast.
 
-Logs of TIGERs Mannheim's robots confirm this law (`omni-mj slip`).
+*Softening.* The friction circle leaves mu' N for the traction along the rim (see Drag). Rubber
+sticks up to the pressure's share of it, which is 6 mu' N y (l - y) / l^3 at the distance y from the
+entry, for a parabolic pressure (Pacejka, section 3.2). The strain k s y / |v|_c reaches this share
+at l - y = x l. So the last part x of the contact slides, and both parts add up to the traction
+
+    f = mu' N (1 - (1 - x)^3),        x = s / s_max,        s_max = 3 mu' |v|_c / C,
+
+or s = |v|_c f / (N C h) with the softening h = 1 - x + x^2 / 3, which falls from 1 to 1/3. Beyond
+x = 1 the whole contact slides, and f = mu' N. A wheel at rest does not creep.
+
+Logs of TIGERs Mannheim's robots confirm that the slip grows with speed and acceleration, and that
+it is larger sideways (`omni-mj slip`).
+
+**Time steps.** Both plants use the secant stiffness N C h / |v|_c until the next computation of
+drag, with h at the latest slip. If the traction is given, the slip converges to that of the law. An
+error of the slip is multiplied by x (1 - 2 x / 3) / (1 - x + x^2 / 3) at each update, which is
+below 1 before the wheel slides. If the slip is given, the traction is exact at once. With h at the
+latest traction the factor would be 1 - h / (1 - x)^2 for a given slip, which is below -1 from
+x = 0.44 on, so that the traction would oscillate.
 
 **In MuJoCo** the contacts between rollers and carpet never slide. The hinge between hub and rim of
-a wheel with the radius R slides in their place. Its dry friction is the limit mu N R. For a torque
-tau = f R and a step h, the angular speed of the slip is w = -h Q tau with Q = |v| / (h R^2 N C).
-With the angular acceleration a of the hinge, the constraint a + Q tau = -w / h is backward Euler
-for the law above. MuJoCo's impedance is d = A / (A + Q) with the hinge's inverse inertia A. The
-normal force is that of the contacts in the previous step.
+a wheel with the radius R slides in their place. Its dry friction is the limit mu' N R. For a torque
+tau = f R and a step dt, the angular speed of the slip is w = -dt Q tau with
+Q = |v|_c / (dt R^2 N C h). With the angular acceleration a of the hinge, the constraint
+a + Q tau = -w / dt is backward Euler for the law above. MuJoCo's impedance is d = A / (A + Q) with
+the hinge's inverse inertia A. The normal force is that of the contacts in the previous step.
 
 **Drag** acts at the contacts of the wheels, in proportion to the normal force N.
 
@@ -33,8 +51,8 @@ normal force is that of the contacts in the previous step.
   order, p grows by the factor 1 + nap cos(angle between the travel and the direction straight
   against the fibers).
 - Roller bearings: rollers turn on plain bearings as the wheel travels along its axle. The force is
-  b N against that travel. It goes through the contact, and leaves sqrt(mu^2 - b^2) N of the
-  friction circle for the traction of the rim.
+  b N against that travel. It goes through the contact, and leaves mu' N = sqrt(mu^2 - b^2) N of
+  the friction circle for the traction of the rim.
 
 Both are forces on the body, which the wheels must overcome by traction and therefore by creep.
 They change slowly, and are computed every `DRAG_CYCLES` cycles of the wheel loops.
@@ -46,6 +64,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omni_control.kinematics import Kinematics
+from omni_control.traction_limits import compute_softening
 from omni_mj.config.settings import Settings, gather
 from omni_mj.robot.array_ops import Array, namespace, rotate, safe_sqrt, sum_wheels
 
@@ -73,9 +92,11 @@ class CarpetParameters(NamedTuple):
     # rollers are missing
     missing_angle: Array
     roller_friction: Array  # b: friction of the rollers' bearings over normal force, 1
-    # 1 / (R^2 C): slip speed times normal force, per torque and speed of travel, (W, n) rad/m^2. On
-    # the plant mujoco it is divided by h A, so that it gives Q / A.
+    # 1 / (R^2 C): slip speed times normal force, per torque and contact speed, for rubber that
+    # sticks, (W, n) rad/m^2. On the plant mujoco it is divided by dt A, so that it gives Q / A.
     creep_compliance: Array
+    sliding_slip: Array  # 3 / C: s_max over contact speed and friction coefficient mu', 1
+    contact_ratio: Array  # rho: length of the contact along the rim over that along the axle, 1
     radius: Array  # R: radius of the wheels, (W, n) m
     arm: Array  # distance of the wheels' contacts from the center of the wheels, m
     axle: Array  # unit vectors along the axles, body frame, (2, W, n)
@@ -97,10 +118,11 @@ class Drag(NamedTuple):
 
     force: tuple[Array, Array]  # forward and sideways drag force, body frame, (n,) N each
     moment: Array  # moment of the drag about the center of the wheels, (n,) N m
-    # |v| times `creep_compliance`: slip speed times normal force, per torque, (W, n) rad/(m s)
+    # |v|_c / h times `creep_compliance`: slip speed times normal force, per torque, at the latest
+    # slip, (W, n) rad/(m s)
     slip_compliance: Array
-    # Coulomb's limit of the rim's torque over normal force: R sqrt(mu^2 - b^2), where b is the part
-    # that the bearings use, (W, n) m
+    # Coulomb's limit of the rim's torque over normal force: R mu' = R sqrt(mu^2 - b^2), where b is
+    # the part that the bearings use, (W, n) m
     torque_per_load: Array
     axle_speed: Array  # speed of the wheels along their axles, (W, n) m/s
 
@@ -121,6 +143,7 @@ def make_carpet_parameters(
         gather(settings, f"carpet.{name}") for name in names
     )
     radius = kinematics.radius - wear
+    creep_stiffness = gather(settings, "drivetrain.creep_stiffness")
     return CarpetParameters(
         friction=friction,
         patches=stack_patches([s.carpet.patches for s in settings]),
@@ -130,7 +153,9 @@ def make_carpet_parameters(
         friction_factor=friction_factor,
         missing_angle=None,
         roller_friction=gather(settings, "drivetrain.roller_friction"),
-        creep_compliance=1 / (radius**2 * gather(settings, "drivetrain.creep_stiffness")),
+        creep_compliance=1 / (radius**2 * creep_stiffness),
+        sliding_slip=3 / creep_stiffness,
+        contact_ratio=gather(settings, "wheels.contact_ratio"),
         radius=radius,
         arm=np.full(len(settings), kinematics.arm),
         axle=kinematics.axles.T[:2, :, None] * np.ones(len(settings)),
@@ -153,7 +178,7 @@ def stack_patches(patches_by_robot: Sequence[Patches], min_patches: int = 0) -> 
 
 
 def compute_drag(
-    p: CarpetParameters, motion: ChassisMotion, load: Array, wheel_angle: Array
+    p: CarpetParameters, motion: ChassisMotion, load: Array, wheel_angle: Array, slip_speed: Array
 ) -> Drag:
     """Compute the drag of carpet and bearings, the slip compliance, and Coulomb's limit.
 
@@ -162,6 +187,7 @@ def compute_drag(
         motion: Motion of the centers of the wheels.
         load: Normal force of the wheels, (W, n) N.
         wheel_angle: Angles of the wheels, (W, n) rad; used for wheels that lack rollers.
+        slip_speed: Speeds of the hubs relative to the rims, (W, n) rad/s.
     """
     xp = namespace(load)
     axle_x, axle_y = p.axle
@@ -191,10 +217,14 @@ def compute_drag(
     rim_force = load * (rolling_resistance * rim_direction)
     force_x, force_y = rotate((axle_force, rim_force), axle_x, axle_y)
     rim_friction = safe_sqrt(friction * friction - bearing_drag * bearing_drag)
+    contact_axle_speed = p.contact_ratio * axle_speed
+    contact_speed = safe_sqrt(contact_axle_speed * contact_axle_speed + rim_speed * rim_speed)
+    sliding_speed = p.sliding_slip * rim_friction * xp.maximum(contact_speed, AT_REST_M_S)
+    softening = compute_softening(xp.minimum(abs(slip_speed) * p.radius / sliding_speed, 1.0))
     return Drag(
         force=(-sum_wheels(force_x), -sum_wheels(force_y)),
         moment=-p.arm * sum_wheels(rim_force),
-        slip_compliance=p.creep_compliance * speed,
+        slip_compliance=p.creep_compliance * contact_speed / softening,
         torque_per_load=p.radius * rim_friction,
         axle_speed=axle_speed,
     )

@@ -18,7 +18,7 @@ from benches.control import (
     YawCoupling,
     anticipate,
 )
-from closed_loop import NOISE, WHEELS, CreepingPlant, T
+from closed_loop import CONTACT_RATIO, NOISE, SIDE, SIDE_CREEP, WHEELS, CreepingPlant, T
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -60,11 +60,11 @@ def test_a_step_solves_the_equation_of_motion(drawn: tuple[float, ...]) -> None:
     model, steps = MotionModel(UNCOUPLED), 64
     state = model.prior.copy()[None]
     state[0, 3:5], command = drawn[:2], np.array([[*drawn[2:4], 0.0]])
-    gain, ratio = model.prior[INVERSE_GAIN], np.array([1.0, 5 / 3])
+    gain = model.prior[INVERSE_GAIN]
 
     def derivative(_: float, z: Array) -> Array:
-        creep = gain[:2] ** 2 * model.prior[CREEP] * ratio * np.hypot(*z[2:])
-        time_constant = model.prior[LAG] * ratio + creep
+        creep = gain[:2] ** 2 * model.prior[CREEP] * np.array([1.0, SIDE_CREEP]) * np.hypot(*z[2:])
+        time_constant = model.prior[LAG] * np.array([1.0, SIDE]) + creep
         return np.concatenate([z[2:], (command[0, :2] - gain[:2] * z[2:]) / time_constant])
 
     true = solve_ivp(derivative, (0, T), [0, 0, *state[0, 3:5]], rtol=1e-10, atol=1e-12).y[:, -1]
@@ -172,7 +172,10 @@ def test_a_row_of_a_batch_equals_the_row_alone() -> None:
 def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
     drawn: tuple[float, ...], lag: float, creep: float
 ) -> None:
-    """Each wheel yields by (tau + T |V| / n) f; statics of four feet gives the loads n."""
+    """Each wheel yields by (tau + T |V|_c / n) f; statics of four feet gives the loads n.
+
+    |V|_c is the speed through an elliptic contact, relative to its mean in forward motion.
+    """
     velocity, turn_rate = 2 * complex(*drawn[:2]), 5 * drawn[2]
     acceleration, deficit = 2 * complex(*drawn[3:5]), complex(*drawn[5:])
     feet = 0.083 * np.exp(1j * WHEELS.azimuths)
@@ -180,12 +183,20 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
     balance = np.array([np.ones(4), feet.real, feet.imag])
     loads = np.linalg.lstsq(balance, [4, shift.real, shift.imag], rcond=None)[0]
 
+    def contact_speed(azimuth: float, velocity: complex, turn_rate: float) -> float:
+        axle, rim = (velocity * np.exp(-1j * azimuth)).real, (velocity * np.exp(-1j * azimuth)).imag
+        return float(np.hypot(CONTACT_RATIO * axle, rim + 0.083 * turn_rate))
+
+    squares = np.sin(WHEELS.azimuths) ** 2
+    speeds = [contact_speed(azimuth, 1.0, 0.0) for azimuth in WHEELS.azimuths]
+    forward_speed = squares.sum() / (squares / speeds).sum()
+
     def moment(turn_deficit: float) -> float:
         total = 0.0
         for azimuth, load in zip(WHEELS.azimuths, loads, strict=True):
             rim = complex(-math.sin(azimuth), math.cos(azimuth))
-            rim_speed = abs(velocity + turn_rate * 0.083 * rim)
-            compliance = lag + creep * rim_speed / max(load, 0.1)
+            speed = contact_speed(azimuth, velocity, turn_rate) / forward_speed
+            compliance = lag + creep * speed / max(load, 0.1)
             total += ((rim.conjugate() * deficit).real + 0.083 * turn_deficit) / compliance
         return total
 

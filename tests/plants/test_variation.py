@@ -216,7 +216,7 @@ def test_wheels_carry_the_drawn_mass_and_center_of_mass() -> None:
 def test_a_patch_acts_like_a_carpet_of_its_friction_up_to_its_edge() -> None:
     edge = 0.15  # of a large patch, about straight
     chosen = [
-        noiseless(carpet=carpet, firmware={"kp": 0.4})
+        noiseless(carpet=carpet, firmware={"kp": 0.4}, drivetrain={"roller_friction": 0.09})
         for carpet in (
             {"friction": 0.2},
             {"friction": 0.8, "patches": [[0, 0, 5.0, 0.2]]},

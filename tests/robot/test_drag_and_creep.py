@@ -4,13 +4,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.plant import RADIUS_M, ROLLERS
+from benches.creep import CONTACT_RATIO, contact_speed, slip_of_traction, traction_per_load
+from benches.plant import OUTWARD, RADIUS_M, ROLLERS, TANGENTS
 from benches.robot import compute_drag
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from omni_mj.config.resolve import resolve_settings
+from omni_mj.config.settings import Settings
+from omni_mj.robot.wheel_carpet_forces import AT_REST_M_S
 
 ANGLE = st.floats(-4, 4)
 FREE: dict[str, Any] = {"drivetrain": {"roller_friction": 0.0}}
@@ -58,15 +61,71 @@ def test_bearings_brake_along_axles_and_reduce_the_friction_circle() -> None:
     np.testing.assert_allclose(at_rest.torque_per_load, RADIUS_M * mu, rtol=1e-9)
 
 
-def test_slip_compliance_grows_with_the_speed_of_travel() -> None:
-    """s R = |v| t / (R N C): compliance is slip speed over torque, times normal force."""
-    stiffness = 2.5
-    chosen = resolve_settings({"drivetrain": {"creep_stiffness": stiffness}})
-    for speed in (0.0, 0.5, 2.0):
-        forces = compute_drag([chosen], [0.6 * speed, 0.8 * speed])
-        np.testing.assert_allclose(
-            forces.slip_compliance, speed / (RADIUS_M**2 * stiffness), atol=1e-9
-        )
+def without_bearing_friction(friction: float, creep_stiffness: float) -> Settings:
+    """Return a robot whose rims use the whole friction circle."""
+    drivetrain = {"creep_stiffness": creep_stiffness, "roller_friction": 0.0}
+    return resolve_settings({"carpet": {"friction": friction}, "drivetrain": drivetrain})
+
+
+@given(
+    slip=st.floats(-2, 2),
+    velocity=st.tuples(st.floats(-4, 4), st.floats(-4, 4)),
+    friction=st.floats(0.1, 1.2),
+    stiffness=st.floats(1, 20),
+    load=st.floats(0.1, 20),
+)
+def test_traction_over_slip_is_pacejkas_cubic(
+    slip: float, velocity: tuple[float, float], friction: float, stiffness: float, load: float
+) -> None:
+    """The traction is the slip over its compliance, up to Coulomb's limit."""
+    robot = without_bearing_friction(friction, stiffness)
+    drag = compute_drag([robot], velocity, load=load, slip_speed=slip / RADIUS_M)
+    center = np.stack([TANGENTS @ velocity, OUTWARD @ velocity], axis=-1)
+    is_moving = contact_speed(center) > AT_REST_M_S
+    compliance = np.maximum(drag.slip_compliance[:, 0], 1e-9) / load  # rad/s per N m
+    torque = np.clip(slip / RADIUS_M / compliance, *drag.torque_per_load[:, 0] * [[-load], [load]])
+    expected = traction_per_load(slip, center, stiffness, friction) * load * RADIUS_M
+    np.testing.assert_allclose(torque[is_moving], expected[is_moving], rtol=1e-6, atol=1e-9)
+
+
+@examples(max_examples=40)
+@given(st.floats(0.01, 1.3), st.floats(-4, 4), st.floats(0.05, 3))
+def test_the_cubic_sums_up_bristles_that_cross_an_elliptic_contact(
+    sliding_fraction: float, angle: float, speed: float
+) -> None:
+    """Rubber enters unstrained, is strained at the slip speed, and holds mu times the pressure."""
+    friction, stiffness, length = 0.7, 5.0, 1e-3
+    velocity = speed * unit_vector(angle)
+    # Path through the middle of the ellipse x^2 + (rho y)^2 = (length / 2)^2
+    path = length / np.sqrt(np.cos(angle) ** 2 + (CONTACT_RATIO * np.sin(angle)) ** 2)
+    slip = sliding_fraction * 3 * friction / stiffness * contact_speed(velocity)
+    place = (np.arange(4000) + 0.5) / 4000  # along the path
+    pressure = 6 * place * (1 - place)
+    # Rubber that sticks all along the path has the traction C N slip / (speed in path lengths).
+    strain = slip * place * path / speed
+    stress = np.minimum(2 * stiffness / length * strain, friction * pressure)
+    expected = traction_per_load(slip, velocity, stiffness, friction)
+    assert stress.mean() == pytest.approx(expected, rel=1e-4)
+
+
+@examples(max_examples=40)
+@given(st.floats(0, 0.98), st.floats(0, 0.98))
+def test_slip_under_a_constant_traction_converges_to_the_law(start: float, load: float) -> None:
+    """Each update finds the slip of the stiffness at the slip before it."""
+    friction, stiffness, velocity = 0.8, 4.0, [0.6, 0.8]
+    robot = without_bearing_friction(friction, stiffness)
+    center = np.stack([TANGENTS @ velocity, OUTWARD @ velocity], axis=-1)
+    expected = slip_of_traction(load * friction, center, stiffness, friction)
+    slip = slip_of_traction(start * friction, center, stiffness, friction)
+    errors = [slip - expected]
+    for _ in range(100):
+        drag = compute_drag([robot], velocity, slip_speed=slip[:, None] / RADIUS_M)
+        slip = drag.slip_compliance[:, 0] * load * friction * RADIUS_M * RADIUS_M
+        errors.append(slip - expected)
+    sizes = np.abs(errors)
+    assert (sizes[1:] <= sizes[:-1] + 1e-12).all()
+    # The factor is x (1 - 2 x / 3) / (1 - x + x^2 / 3), 0.9 at the largest traction.
+    assert sizes[-1].max() < 1e-3 * sizes[0].max() + 1e-9
 
 
 def test_friction_under_a_wheel_is_that_of_the_last_patch() -> None:

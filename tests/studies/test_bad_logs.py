@@ -83,13 +83,19 @@ def test_csv_dialects_give_the_same_numbers(
 
 
 def test_ten_lines_per_second_suffice(tmp_path: Path) -> None:
-    """Dead time and creep stiffness are within five standard errors."""
+    """The dead time is within 0.4 frames, creep stiffness within five standard errors.
+
+    Commands that rise in steps of 0.1 s bias the dead time by 3 to 6 ms (four seeds), because the
+    model is of first order: rotors only add mass, but also delay the response to a step. In steps
+    of 1/60 s the bias is below 1 ms (`test_identify.py`).
+    """
     result = om.identify(
         [write_parquet(tmp_path / "log.parquet", make_log(9.3, 10, speed=1.6, wheels=False))]
     )
-    for name, value in (("dead_time_s", DEAD_TIME_S), ("creep_stiffness", CREEP_STIFFNESS)):
-        estimate = result.estimates[f"commands.{name}"]
-        assert estimate.value == pytest.approx(value, abs=5 * estimate.standard_error)
+    dead_time = result.estimates["commands.dead_time_s"]
+    assert dead_time.value == pytest.approx(DEAD_TIME_S, abs=0.4 / 60)
+    creep = result.estimates["commands.creep_stiffness"]
+    assert creep.value == pytest.approx(CREEP_STIFFNESS, abs=5 * creep.standard_error)
 
 
 def test_repeated_lines_and_poses_are_ignored(tmp_path: Path) -> None:

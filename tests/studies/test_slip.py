@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from benches.creep import CONTACT_RATIO, traction_per_load
 from benches.studies import (
     PERIOD_S,
     PUBLISHED,
     Move,
     compute_creep_law,
-    compute_normal_forces,
     fits,
     moves,
     straight_move,
@@ -16,15 +16,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.optimize import fsolve
 
 import omni_mj as om
 from omni_mj.config.resolve import resolve_settings
+from omni_mj.config.settings import Settings
 
 AT = np.arange(0.0, 2.4, PERIOD_S)
 MOVES = (
     straight_move("forward", 1.0, rolls_out=False),
     straight_move("sideways", -1.25, rolls_out=False),
     straight_move("forward", 1.25, rolls_out=True),
+    straight_move("sideways", -1.25, rolls_out=True),
     Move("turning", 8.0, 12.0, 0.5, rolls_out=True),
 )
 MODEL = {"model": "two-rollers"}
@@ -86,56 +89,125 @@ def test_deceleration_of_a_roll_out_is_recovered(dry: float, viscous: float) -> 
     assert np.isnan(fits.mean_deceleration(v[:5], np.full(5, True), fits.AT_REST_M_S))
 
 
-def test_closed_form_solves_the_wheel_equations() -> None:
-    """Compute forces from slip wheel by wheel. Equal loads give T0 = W / (g C sum d^2)."""
-    robot = resolve_settings()
-    closed, load = compute_creep_law(robot), compute_normal_forces(robot)
-    azimuth, c, mass = (
-        np.radians(robot.wheels.azimuths_deg),
-        robot.drivetrain.creep_stiffness,
-        robot.body.mass_kg,
+class WheelEquations:
+    """Traction of the wheels of a robot that travels along an axis, by Pacejka's cubic.
+
+    Attributes:
+        inertia: Mass or yaw inertia, kg or kg m^2.
+        arm: Speed of the rims over the speed of the robot when it turns, 1 or m.
+        drag: Rolling resistance and friction of the rollers' bearings, N or N m.
+    """
+
+    def __init__(self, robot: Settings, axis: int) -> None:
+        """Prepare the equations of forward (0), sideways (1) or turning motion (2)."""
+        wheels, body, azimuths = robot.wheels, robot.body, np.radians(robot.wheels.azimuths_deg)
+        outward = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
+        self._matrix = np.column_stack(
+            [-outward[:, 1], outward[:, 0], np.full(len(azimuths), wheels.arm_m)]
+        )
+        sums = np.array([np.ones(len(azimuths)), *wheels.arm_m * outward.T])
+        weights = body.mass_kg * 9.81 * np.array([1.0, body.com_x_m, 0.0])
+        self._load = sums.T @ np.linalg.solve(sums @ sums.T, weights)
+        self._axis, self._stiffness = axis, robot.drivetrain.creep_stiffness
+        self.inertia = body.yaw_inertia_kg_m2 if axis == 2 else body.mass_kg
+        self.arm = wheels.arm_m if axis == 2 else 1.0
+        axle = np.zeros(len(azimuths)) if axis == 2 else outward[:, axis]
+        self._travel = np.stack([self._matrix[:, axis], axle], axis=1)  # at the speed 1
+        ratio = (wheels.radius_m / wheels.roller_radius_m) ** (2 / 3)
+        self._travel[:, 1] *= ratio / CONTACT_RATIO  # `traction_per_load` has the default ratio
+        bearing = 0.0 if axis == 2 else robot.drivetrain.roller_friction
+        self._friction = np.sqrt(robot.carpet.friction**2 - bearing**2)
+        rolling = robot.carpet.rolling_resistance * self._load.sum() * self.arm
+        self.drag = rolling + bearing * self._load @ np.abs(axle)
+
+    def wrench(self, slip: NDArray) -> NDArray:
+        """Return force and moment (3,) at a slip twist (3,), relative to the speed of travel."""
+        traction = traction_per_load(
+            self._matrix @ slip, self._travel, self._stiffness, self._friction
+        )
+        return np.asarray(self._matrix.T @ (self._load * traction))
+
+    def slip(self, force: float) -> float:
+        """Return the slip along the axis under a force along the axis."""
+        expected = force * np.eye(3)[self._axis]
+        return float(fsolve(lambda slip: self.wrench(slip) - expected, np.zeros(3))[self._axis])
+
+
+@settings(max_examples=50)
+@given(
+    axis=st.sampled_from(range(3)),
+    stiffness=st.floats(3, 12),
+    bearing=st.floats(0, 0.15),
+    rolling=st.floats(0.005, 0.05),
+    com_x=st.floats(-0.01, 0.01),
+    azimuths=st.sampled_from([(60, 135, 225, 300), (45, 135, 225, 315), (60, 180, 300)]),
+)
+def test_closed_form_solves_the_wheel_equations(
+    axis: int,
+    stiffness: float,
+    bearing: float,
+    rolling: float,
+    com_x: float,
+    azimuths: tuple[float, ...],
+) -> None:
+    """Compute forces from slip wheel by wheel. T0 is the slope of the slip at the drag."""
+    robot = resolve_settings(
+        {
+            "carpet": {"rolling_resistance": rolling},
+            "drivetrain": {"creep_stiffness": stiffness, "roller_friction": bearing},
+            "body": {"com_x_m": com_x},
+            "wheels": {"azimuths_deg": azimuths},
+        }
     )
-    assert load.sum() == pytest.approx(mass * 9.81)
-    for axis, direction in enumerate((-np.sin(azimuth), np.cos(azimuth))):
-        gap, v = 0.07, 1.2
-        force = (load * c * (gap * direction) / v * direction).sum()
-        softness = closed.coefficient[axis] / closed.gain[axis] ** 2
-        assert gap == pytest.approx(softness * v * force / mass, rel=1e-9)
-        assert closed.gain[axis] == pytest.approx(1 / (1 + softness * closed.drag[axis] / mass))
-    even = robot.replace(wheels={"azimuths_deg": [45, 135, 225, 315]})
-    assert compute_creep_law(even).coefficient[0] / compute_creep_law(even).gain[
-        0
-    ] ** 2 == pytest.approx(4 / (9.81 * c * 2))
+    closed, wheels = compute_creep_law(robot), WheelEquations(robot, axis)
+    assert closed.drag[axis] == pytest.approx(wheels.drag)
+    gain = 1 / (1 + wheels.slip(wheels.drag))
+    step = 0.01 * wheels.drag
+    slope = (wheels.slip(wheels.drag + step) - wheels.slip(wheels.drag - step)) / (2 * step)
+    assert closed.gain[axis] == pytest.approx(gain, rel=1e-4)
+    assert closed.coefficient[axis] == pytest.approx(
+        gain**2 * wheels.inertia * slope / wheels.arm, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_measured_slip_and_drag_agree_with_the_closed_form(name: str) -> None:
-    """Within 0.014 in K, -5 % - 0.002 s^2/m and +4 % in T, and 8 % in drag.
+    """The closed form neglects viscous friction, the spin-up of rollers, and that robots turn.
 
-    The closed form neglects viscous bearing friction and the spin-up of rollers.
+    In sideways moves the robots turn by 0.15 to 0.3 rad. They drive and roll out by as much off
+    their sideways axis, where T is up to 15 % lower, and drag 4 % to 17 %.
     """
     result = om.measure_slip([om.load_scenario("rect", robot=name, wheels=MODEL)], MOVES)
     (robot,) = result.robots.values()
+    measured, closed = robot.measured, robot.closed_form
     for axis in moves.AXES:
-        gain, time = (robot.closed_form[f"{what}_{axis}"] for what in ("gain", "time"))
-        assert gain - 0.014 < robot.measured[f"gain_{axis}"] < gain, axis
-        assert 0.95 * time - 0.002 < robot.measured[f"time_{axis}"] < 1.04 * time, axis
-    for axis in ("forward", "turning"):
-        assert robot.measured[f"drag_{axis}"] == pytest.approx(
-            robot.closed_form[f"drag_{axis}"], rel=0.08
-        ), axis
+        gain = closed[f"gain_{axis}"]
+        assert gain - 0.018 < measured[f"gain_{axis}"] < gain, axis
+    # The fit adds 1 ms to T |u|, which is 0.0016 s^2/m in turns. The rest is due to rims (2 %) and
+    # wheel loops (3 %). Rubber softens, so T in moves is the secant over their accelerations.
+    wheels = WheelEquations(result.outcomes[0].scenario.settings, 0)
+    slips = [wheels.slip(wheels.drag + sign * 2.0 * wheels.inertia) for sign in (1, -1)]
+    secant = closed["gain_forward"] ** 2 * (slips[0] - slips[1]) / 4.0
+    assert secant < measured["time_forward"] + 0.001 < 1.06 * secant
+    assert 0.95 < measured["time_sideways"] / closed["time_sideways"] < 1.0
+    assert measured["time_turning"] + 0.0016 == pytest.approx(closed["time_turning"], rel=0.03)
+    assert measured["drag_forward"] == pytest.approx(closed["drag_forward"], rel=0.02)
+    assert 0.83 < measured["drag_sideways"] / closed["drag_sideways"] < 0.96
+    assert measured["drag_turning"] == pytest.approx(closed["drag_turning"], rel=0.06)
     assert [row["move"] for row in result.rows().to_pylist()] == [move.axis for move in MOVES]
-    reported = result.summary()["slip"]["robots"][name]["quantities"]["time_forward"]
-    assert reported["published"] == PUBLISHED[name]["time_forward"]
-    assert reported["deviation_percent"] == pytest.approx(
-        100 * (reported["measured"] / reported["published"] - 1)
+    reported = result.summary()["slip"]["robots"][name]["quantities"]
+    assert reported["drag_sideways"]["published"] is None
+    time = reported["time_forward"]
+    assert time["published"] == PUBLISHED[name]["time_forward"]
+    assert time["deviation_percent"] == pytest.approx(
+        100 * (time["measured"] / time["published"] - 1)
     )
 
 
 def test_moves_are_the_published_ones() -> None:
     """Commands cover the track of 3 m, minus the distance of a roll-out."""
     published = moves.identification_moves()
-    assert len(published) == 32
+    assert len(published) == 40
     for move in published:
         frames = move.frames
         distance = np.abs(move.command(frames)).sum() * PERIOD_S

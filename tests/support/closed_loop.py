@@ -13,7 +13,13 @@ T, SUBSTEPS = 1 / 60, 8
 NOISE = np.array([0.0013, 0.0013, 0.01])  # of vision in the league, m and rad
 MEMORY = 40  # commands that a plant stores, frames
 WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.083, 0.0285)
-SIDE = 5 / 3  # creep, lag and friction sideways over those forward, with these wheels
+SIDE = 5 / 3  # lag and friction sideways over those forward, with these wheels
+# The same for creep: sums of d^2 / hypot(d, rho a) with the components d along rims and a along
+# axles, which are 60 and 45 degrees from forward, and the ratio rho of the contacts' axes
+CONTACT_RATIO = 2.8
+SIDE_CREEP = (
+    0.75 / np.hypot(0.75**0.5, CONTACT_RATIO * 0.5) + 0.5**0.5 / np.hypot(1, CONTACT_RATIO)
+) / (0.25 / np.hypot(0.5, CONTACT_RATIO * 0.75**0.5) + 0.5**0.5 / np.hypot(1, CONTACT_RATIO))
 
 
 def rotate(twist: Array, angle: Array) -> Array:
@@ -104,13 +110,14 @@ class CreepingPlant(Plant):
     def advance(self, command: Array) -> None:
         super().advance(command)
         gain, side, dt = self._gain, np.array([1.0, SIDE]), T / SUBSTEPS
+        creep = self._creep * np.array([1.0, SIDE_CREEP])
         halves = self.get_acting(), self.get_acting(0.5)
         for i in range(SUBSTEPS):
             v, heading = self._body_twist, self.pose[:, 2]
             u = rotate(halves[2 * i // SUBSTEPS], -heading)
             speed = np.hypot(v[:, 0], v[:, 1])[:, None]
             friction = self._friction * side * v[:, :2] / np.maximum(speed, 0.05)
-            time_constant = self._lag * side + gain[..., :2] ** 2 * self._creep * side * speed
+            time_constant = self._lag * side + gain[..., :2] ** 2 * creep * speed
             rate = ((u - gain * v)[:, :2] - friction) / time_constant
             turning = (u - gain * v)[:, 2:] / (0.25 * self._lag)
             # Rotation of the axes leaves the velocity in the world unchanged.

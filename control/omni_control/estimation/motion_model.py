@@ -48,6 +48,9 @@ FORWARD_LAG_RATIO, FORWARD_FRICTION_RATIO = 0.75, 0.8
 MIN_LAG_S = 5e-3  # vision of 60 Hz cannot distinguish shorter lags
 SLOW_M_S = 0.05  # wheel speed below which dry friction is proportional to the speed
 COM_HEIGHT_M = 0.047  # height of the center of mass; robots of TIGERs Mannheim: 45 and 49 mm
+# Length of a wheel's contact along the rim over that along the axle, by Hertz's theory: the radius
+# of the wheel over that of its rollers, about 4.8, to the power 2/3
+CONTACT_RATIO = 2.8
 MIN_LOAD = 0.1  # lowest load of a wheel, relative to the mean load
 
 
@@ -73,11 +76,15 @@ class MotionModel:
         sideways_ratio = forward_stiffness / sideways_stiffness
         # Turning: the inertia is NORMALIZED_INERTIA m arm^2, and the gyro loop reduces deviations.
         turning_ratio = GYRO_RESIDUAL * NORMALIZED_INERTIA * forward_stiffness
-        creep_ratio = sideways_ratio
+        # Creep depends on the direction in which a wheel travels (`YawCoupling`).
+        rims, axles = wheels.matrix[:, :2], wheels.axles[:, :2]
+        forward_creep, sideways_creep = (rims**2 / np.hypot(rims, CONTACT_RATIO * axles)).mean(0)
+        creep_ratio = forward_creep / sideways_creep
         if model.creep_sideways_s2_m and model.creep_s2_m:
             creep_ratio = model.creep_sideways_s2_m / model.creep_s2_m
         self._lag_ratios = np.array([1.0, sideways_ratio, turning_ratio])
-        self._creep_ratios = np.array([1.0, creep_ratio, turning_ratio])
+        turning_creep_ratio = GYRO_RESIDUAL * NORMALIZED_INERTIA * forward_creep
+        self._creep_ratios = np.array([1.0, creep_ratio, turning_creep_ratio])
         # The command that dry friction cancels is its force or moment over the stiffness. Friction
         # forces of the rims add up to the mean of |d_x| forward, and to the moment arm in turning.
         mean_forward_component = np.abs(rim_directions[:, 0]).mean()
@@ -186,15 +193,18 @@ class YawCoupling:
     """Turn rate that driving causes: compliant wheels, and the coupling states.
 
     Wheel i yields along its rim by its traction over its stiffness K_i. Two effects add up: the lag
-    of its speed loop, and creep. Creep is proportional to the speed of the wheel and inversely
-    proportional to its load (Pacejka, Tire and Vehicle Dynamics, brush model). Except for a common
-    factor that cancels,
+    of its speed loop, and creep. Creep is proportional to the speed at which rubber passes through
+    the contact, and inversely proportional to the load (Pacejka, Tire and Vehicle Dynamics, brush
+    model). The contact is an ellipse, which rubber leaves sooner along the axle, by the factor rho.
+    Except for a common factor that cancels,
 
-        1 / K_i = tau + c |V_i| / N_i,    V_i = v + w l d_i
+        1 / K_i = tau + c |V_i|_c / N_i,    |V_i|_c^2 = (V_i . d_i)^2 + rho^2 (V_i . a_i)^2
 
-    with the forward lag tau and creep c, the rim direction d_i, the arm l, the turn rate w, and the
-    load N_i over the mean load. A velocity deficit e and a turn rate deficit e_w cause the moment
-    l sum K_i (d_i . e + l e_w). So e turns the robot like a commanded turn rate of
+    with V_i = v + w l d_i, the forward lag tau and creep c, the directions d_i of the rim and a_i
+    of the axle, the arm l, the turn rate w, and the load N_i over the mean load. The creep c is
+    that of the whole robot, so |V_i|_c is relative to its mean in forward motion. A velocity
+    deficit e and a turn rate deficit e_w cause the moment l sum K_i (d_i . e + l e_w). So e turns
+    the robot like a commanded turn rate of
 
         r sum K_i (d_i . e) / (l sum K_i)
 
@@ -209,6 +219,11 @@ class YawCoupling:
 
     def __init__(self, geometry: Kinematics, gyro_residual: float) -> None:
         self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
+        self._axle_directions = geometry.axles[:, :2].T  # (2, wheels)
+        forward_rim, forward_axle = self._rim_directions[0], self._axle_directions[0]
+        forward_speed = np.hypot(forward_rim, CONTACT_RATIO * forward_axle)
+        squares = forward_rim**2
+        self._contact_scale = (squares / forward_speed).sum() / squares.sum()
         static, dynamic = compute_load_distribution(geometry, COM_HEIGHT_M)
         n_wheels = len(geometry.azimuths)
         self._static_load = n_wheels * static
@@ -232,12 +247,14 @@ class YawCoupling:
         transfer_x, transfer_y = self._load_transfer
         transfer = acceleration[..., :1] * transfer_x + acceleration[..., 1:2] * transfer_y
         load = np.maximum(self._static_load + transfer, MIN_LOAD)
-        rim_spin = self._arm * velocity[..., 2:]
-        wheel_speed = np.hypot(
-            velocity[..., :1] + rim_spin * rim_x, velocity[..., 1:2] + rim_spin * rim_y
+        axle_x, axle_y = self._axle_directions
+        forward, sideways, turn = velocity[..., :1], velocity[..., 1:2], velocity[..., 2:]
+        contact_speed = self._contact_scale * np.hypot(
+            forward * rim_x + sideways * rim_y + self._arm * turn,
+            CONTACT_RATIO * (forward * axle_x + sideways * axle_y),
         )
         lag, creep = state[..., LAG, None], state[..., CREEP, None]
-        stiffness = 1 / (lag + creep * wheel_speed / load)
+        stiffness = 1 / (lag + creep * contact_speed / load)
         traction = stiffness * (deficit[..., :1] * rim_x + deficit[..., 1:2] * rim_y)
         turn_rate = self._turn_rate_per_rim_speed * traction.sum(-1) / stiffness.sum(-1)
         return turn_rate - (state[..., COUPLING] * deficit[..., :2]).sum(-1)

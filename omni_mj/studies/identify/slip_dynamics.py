@@ -1,25 +1,25 @@
 r"""Motion of a robot on creeping wheels, for many segments and parameter sets at once.
 
 Let nu be the body twist and M the mass matrix. Wheel i has the rim direction d_i = (cosines, arm)
-and the normal force N_i, and its center moves at the speed |v_i| over the carpet. The rim speed r_i
-exceeds the speed d_i nu of the center along the rim. The difference, which is the slip, is
-proportional to the traction f_i:
+and the normal force N_i. The rim speed r_i exceeds the speed d_i nu of the center along the rim.
+The difference is due to the slip s_i of the rubber and to the wheel loops, with the traction f_i:
 
-    r_i - d_i nu = (z + |v_i| / (C N_i)) f_i,        |f_i| <= sqrt(mu^2 - b^2) N_i
+    r_i - d_i nu = s_i + z f_i,        s_i = |v_i|_c / (C N_i h(s_i)) f_i,        |f_i| <= mu' N_i
     M nu' = sum f_i d_i - drag + slope
 
-C is the creep stiffness, z the compliance of the wheel loops, mu the friction coefficient. The drag
-is that of `omni_mj.robot.wheel_carpet_forces`: rolling resistance p N_i against the motion of a
-wheel, roller bearings b N_i along its axle, and three terms that grow with speed (see
-`RobotDynamics`). Normal forces change with the acceleration, because the center of mass is above
-the floor. A slope of the carpet is a constant acceleration in the world frame.
+C is the creep stiffness, h the softening, |v_i|_c the speed of the contact, mu' the friction along
+the rim (all as in `omni_mj.robot.wheel_carpet_forces`), and z the compliance of the wheel loops.
+The drag is that of the same module: rolling resistance p N_i against the motion of a wheel, roller
+bearings b N_i along its axle, and three terms that grow with speed (see `RobotDynamics`). Normal
+forces change with the acceleration, because the center of mass is above the floor. A slope of the
+carpet is a constant acceleration in the world frame.
 
 The inputs u are wheel speeds or commands. For wheel speeds, r_i is the rim speed by the encoder
 times a scale, and z is 0. For commands, r_i is the commanded rim speed, and z is not 0. Then the
 velocity v along an axis follows
 
     (tau + T0 |v|) (v' + drag / m) = K u - v,
-    T0 = m / (C sum N_i d_i^2),    tau = z m / sum d_i^2.
+    T0 |v| = m / (C sum N_i d_i^2 h(s_i) / |v_i|_c),    tau = z m / sum d_i^2.
 
 A gyro loop with the gain k turns the commanded turn rate u into (1 + k) u - k w, with the turn rate
 w of the robot. In the code, masses and forces are divided by the robot's mass.
@@ -32,7 +32,7 @@ from typing import Self
 import numpy as np
 
 from omni_control.kinematics import Array, body_to_world, world_to_body
-from omni_control.traction_limits import GRAVITY, compute_load_distribution
+from omni_control.traction_limits import GRAVITY, compute_load_distribution, compute_softening
 from omni_mj.config import CYCLE_RATE_HZ, CYCLES_PER_FRAME, nominal_model
 from omni_mj.config.settings import Settings
 from omni_mj.robot.wheel_carpet_forces import AT_REST_M_S
@@ -52,6 +52,7 @@ MIN_COMPLIANCE_S = 1e-4  # smallest compliance z m of a wheel
 MAX_LOOP_DELAY = 0.15
 MIN_LOAD = 0.02 * GRAVITY  # smallest normal force of a wheel over the robot's mass, m/s^2
 STEP_S = 0.01  # longest integration step
+SOFTENING_ITERATIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,7 @@ class RobotDynamics:
         rim_directions: Rows d_i that map a body twist to the speed along each rim, (W, 3).
         axle_directions: Rows that map a body twist to the speed along each axle, (W, 3).
         wheel_radius: Radius of the wheels, m.
+        contact_ratio: Length of the contacts along the rim over that along the axle.
         com_x: Position of the center of mass in front of the center of the wheels, m.
         mass_matrix: Matrix M (3, 3) of body and rollers.
         loads: Normal forces at rest, (W,) m/s^2.
@@ -79,6 +81,7 @@ class RobotDynamics:
     rim_directions: Array
     axle_directions: Array
     wheel_radius: float
+    contact_ratio: float
     com_x: float
     mass_matrix: Array
     loads: Array
@@ -111,6 +114,7 @@ class RobotDynamics:
             rim_directions=rim_directions,
             axle_directions=wheels.kinematics.axles,
             wheel_radius=radius,
+            contact_ratio=wheels.contact_ratio,
             com_x=x,
             mass_matrix=body_mass + rim_mass / kg * rim_directions.T @ rim_directions,
             loads=nominal_model.compute_normal_forces(settings) / kg,
@@ -263,14 +267,16 @@ class _SlipModel:
         speed = np.hypot(rolling_speed, axle_speed)
         shift = (acceleration - slope_force)[..., :2] @ dynamics.load_transfer
         load = np.maximum(dynamics.loads + shift, MIN_LOAD)
-        compliance = p["creep_compliance"] * speed / load
+        contact_speed = np.hypot(rolling_speed, dynamics.contact_ratio * axle_speed)
+        compliance = p["creep_compliance"] * contact_speed / load
+        loop_compliance = np.zeros(())
         if self._by_wheels:
             rim_speed = p["scale"] * dynamics.wheel_radius * inputs
         else:
             rim_speed, loop_compliance = self._wheel_loops(inputs, heading, twist)
-            compliance = compliance + loop_compliance
-        stiffness = 1 / np.maximum(compliance, MIN_COMPLIANCE_S)
         slip_speed = np.maximum(np.abs(rim_speed - rolling_speed), 1e-9)
+        compliance = _soften(compliance, loop_compliance, slip_speed / (self._friction * load))
+        stiffness = 1 / np.maximum(compliance + loop_compliance, MIN_COMPLIANCE_S)
         # A sliding wheel has the stiffness of a secant through the friction limit.
         stiffness = np.minimum(stiffness, self._friction * load / slip_speed)
         rolling = p["rolling_resistance"] * load / np.maximum(speed, AT_REST_M_S)
@@ -318,6 +324,22 @@ class _SlipModel:
         mass = dynamics.mass_matrix + _weighted_squares(inertia, self._rim_directions)
         mass[..., 2] -= dynamics.gyro_delay * gyro
         return mass
+
+
+def _soften(compliance: Array, loop_compliance: Array, slip: Array) -> Array:
+    """Return the compliance of rubber in series with wheel loops, softened by its slip.
+
+    Args:
+        compliance: Compliance of rubber that sticks, |v_i|_c / (C N).
+        loop_compliance: Compliance of the wheel loops.
+        slip: Slip of rubber and loops together, over the friction limit.
+    """
+    softened = compliance
+    for _ in range(SOFTENING_ITERATIONS):
+        rubber_slip = slip * softened / np.maximum(softened + loop_compliance, 1e-9)
+        full_sliding = np.maximum(3 * compliance, 1e-9)
+        softened = compliance / compute_softening(np.minimum(rubber_slip / full_sliding, 1.0))
+    return softened
 
 
 def _integrate_step(

@@ -4,7 +4,7 @@ A straight move goes from one end of a 3 m track to the other: accelerate at 2 m
 speed. Then either brake to a stop at the end, or switch the motors off at a distance of 0.5 s times
 the speed from the end, and roll out. Moves are forward and sideways, in both directions. A turn on
 the spot accelerates at 12 rad/s^2, holds the turn rate for 3 s, and rolls out. Source:
-`IdentifyBotModelRole.java` of Sumatra.
+`IdentifyBotModelRole.java` of Sumatra, which has no roll-outs sideways.
 """
 
 from collections.abc import Iterator, Sequence
@@ -113,7 +113,8 @@ def identification_moves() -> list[Move]:
     """Return all moves of one robot."""
     moves = [
         straight_move(axis, sign * speed, rolls_out)
-        for axis, rolls_out in (("forward", True), ("forward", False), ("sideways", False))
+        for axis in ("forward", "sideways")
+        for rolls_out in (True, False)
         for speed in SPEEDS_M_S
         for sign in (1, -1)
     ]

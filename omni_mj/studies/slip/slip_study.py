@@ -46,6 +46,7 @@ QUANTITIES: dict[str, tuple[str, str, int, tuple[float, ...]]] = {
     "time_sideways": ("slip time T sideways", "s²/m", 4, (0.155, 0.095, 0.082)),
     "time_turning": ("slip time T turning", "s²/m", 4, ()),
     "drag_forward": ("roll-out drag forward", "N", 2, (4.44, 2.65, 5.3)),
+    "drag_sideways": ("roll-out drag sideways", "N", 2, ()),
     "drag_turning": ("roll-out drag turning", "N m", 3, (0.14, 0.097, 0.2)),
 }
 # Name -> label, and the mass with which TIGERs Mannheim turned decelerations into forces, kg

@@ -167,13 +167,15 @@ def compute_drag(
         velocity: World frame, (2,) m/s.
         heading: rad.
         options: `position`, (2,) m. Default: the origin. `load`, N per wheel. Default: 1. `angle`,
-            rad. Default: 0. Fields of `CarpetParameters` to replace.
+            rad. Default: 0. `slip_speed`, rad/s. Default: 0. Fields of `CarpetParameters` to
+            replace.
     """
     n, wheels = len(settings), settings[0].wheels.kinematics
     shape = len(wheels.azimuths), n
     position = np.asarray(options.pop("position", np.zeros(2)), float)
     load = np.broadcast_to(options.pop("load", 1.0), shape).copy()
     angle = np.broadcast_to(options.pop("angle", 0.0), shape).copy()
+    slip_speed = np.broadcast_to(options.pop("slip_speed", 0.0), shape).copy()
     p = wheel_carpet_forces.make_carpet_parameters(
         settings, wheels, np.ones(shape), np.zeros(shape)
     )
@@ -182,7 +184,7 @@ def compute_drag(
     values = *position, c, s, c * x + s * y, c * y - s * x, 0.0
     *pose, forward, sideways, turn_rate = (np.full(n, value) for value in values)
     motion = wheel_carpet_forces.ChassisMotion(*pose, (forward, sideways), turn_rate)
-    return wheel_carpet_forces.compute_drag(p._replace(**options), motion, load, angle)
+    return wheel_carpet_forces.compute_drag(p._replace(**options), motion, load, angle, slip_speed)
 
 
 def uses_jax(simulation: Simulation) -> bool:
