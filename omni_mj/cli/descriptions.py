@@ -67,11 +67,12 @@ def list_entries(title: str) -> Entries:
             ]
         case "controllers":
             from omni_control.controllers.registry import CONTROLLERS, find_missing_package
+            from omni_control.install_hints import describe_installation
 
             entries = []
             for name, reference in CONTROLLERS.items():
                 package = find_missing_package(name)
-                hint = f" (needs {package}: pip install 'omni-mj[{name}]')" if package else ""
+                hint = f" (needs {package}: {describe_installation(name)})" if package else ""
                 entries.append([name, _docstring_summary(reference) + hint])
             return entries
         case "plants":

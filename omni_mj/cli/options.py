@@ -125,12 +125,18 @@ class ScenarioOptions:
                 precedence.
 
         Raises:
-            OmniError: See `omni_mj.config.scenario.load_with_overrides`.
+            OmniError: See `omni_mj.config.scenario.load_with_overrides`; or a package is missing
+                that a controller or the backend needs.
         """
-        from omni_mj.config import scenario
+        from omni_mj.config import plugins, scenario
+        from omni_mj.robot.numpy_and_jax_backends import choose_backend
 
         overrides = [*default_overrides, *self.setting_overrides]
-        return scenario.load_with_overrides(name, overrides, self.top_level, self.allow_code)
+        loaded = scenario.load_with_overrides(name, overrides, self.top_level, self.allow_code)
+        for kind in loaded.controllers:
+            plugins.find_controller(kind)
+        choose_backend(loaded.settings.physics.backend, loaded.plant, n_robots=1, n_frames=1)
+        return loaded
 
     @property
     def top_level(self) -> dict[str, Any]:

@@ -14,9 +14,11 @@ try:
 except ModuleNotFoundError as error:
     if error.name != "gymnasium":
         raise
+    from omni_control.install_hints import describe_installation
+
     raise ImportError(
         "omni_mj.gym needs the package gymnasium, which is not installed; "
-        "install it with pip install 'omni-mj[gym]'"
+        f"install it with {describe_installation('gym')}"
     ) from None
 
 from omni_mj.gym.observations import (

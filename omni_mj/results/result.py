@@ -44,6 +44,11 @@ class Outcome:
     log: Log | None = None
     drawn_parameters: Mapping[str, np.ndarray] = field(default_factory=dict)
 
+    @property
+    def was_run(self) -> bool:
+        """Whether the scenario ran to its end, and no controller failed at its start."""
+        return self.entry["status"] == "done" and all(row.time_s > 0 for row in self.failures)
+
     @classmethod
     def not_run(cls, scenario: Scenario, reason: str | None = None) -> "Outcome":
         """Return the outcome of a scenario that was not run.
@@ -95,7 +100,13 @@ class Result:
 
     def summary(self) -> dict[str, Any]:
         """Return the content of summary.json: all numbers and their definitions."""
-        stopped = None if self.complete else self.stopped or summary.UNFINISHED
+        reasons = [
+            self.stopped,
+            *(outcome.entry["reason"] for outcome in self.outcomes),
+            *(failure.cause for failure in self.failures if not failure.time_s),
+            summary.UNFINISHED,
+        ]
+        stopped = None if self.complete else next(filter(None, reasons))
         head = {
             "created": self.created,
             "complete": self.complete,

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from omni_control.errors import OmniError
+from omni_control.install_hints import describe_installation
 
 SMALL_BATCH_SIZES = 1, 16  # numbers of robots for which programs are compiled
 BATCH_STEP = 64  # larger batches are padded to multiples of this number of robots
@@ -60,8 +61,8 @@ def choose_backend(setting: str, plant: str, n_robots: int, n_frames: int) -> st
             )
         if not has_jax():
             raise OmniError(
-                "physics.backend = jax needs the package jax, which is not installed: "
-                "pip install 'omni-mj[fast]'; or use physics.backend = numpy"
+                "physics.backend = jax needs the package jax, which is not installed; install it "
+                f"with {describe_installation('fast')}, or use physics.backend = numpy"
             )
     if setting != "auto":
         return setting

@@ -78,7 +78,7 @@ def compare(
             result.outcomes[i] = outcome if keep_frames else replace(outcome, log=None)
             result.wall_s = time.perf_counter() - start_time
             after_scenario(result, outcome)
-        result.complete = True
+        result.complete = all(outcome.was_run for outcome in result.outcomes)
     except StoppedError as error:
         result.stopped = str(error)
     result.wall_s = time.perf_counter() - start_time

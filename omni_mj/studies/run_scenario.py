@@ -114,7 +114,7 @@ def build_result(outcome: Outcome, subject: str | None = None) -> Result:
         subject,
         wall_s=outcome.entry["wall_s"],
         stopped=reason,
-        complete=reason is None,
+        complete=outcome.was_run,
     )
 
 

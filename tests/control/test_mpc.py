@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy import optimize
 
 from omni_control import MotionLimits, TeamModel, TimedReference
+from omni_control.install_hints import describe_installation
 
 
 def make_programs(
@@ -161,7 +162,7 @@ def test_without_piqp_one_line_explains_how_to_install_it() -> None:
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
         "error: controller 'mpc' needs the package piqp, which is not installed; "
-        "install it with pip install 'omni-mj[mpc]'"
+        f"install it with {describe_installation('mpc')}"
     ]
     others = hidden + (
         "from omni_control.controllers.registry import CONTROLLERS, list_available_controllers; "
@@ -172,4 +173,4 @@ def test_without_piqp_one_line_explains_how_to_install_it() -> None:
         [sys.executable, "-c", others], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert "pip install 'omni-mj[mpc]'" in " ".join(done.stdout.split())
+    assert f"needs piqp: {describe_installation('mpc')}" in " ".join(done.stdout.split())

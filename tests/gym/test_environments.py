@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import omni_mj as om
 import omni_mj.gym
+from omni_control.install_hints import describe_installation
 
 SHORT = {"waypoints": [[0, 0], [0.2, 0.1, 0.5]], "settle_s": 0.1}
 DRAWN = {
@@ -249,7 +250,7 @@ def test_gymnasium_imports_the_package_by_the_environments_name() -> None:
         ),
         (
             "import sys; sys.modules['gymnasium'] = None; import omni_mj.gym",
-            "pip install 'omni-mj[gym]'",
+            describe_installation("gym"),
         ),
     ):
         done = subprocess.run(

@@ -125,3 +125,26 @@ def test_scenarios_that_cannot_be_compared_are_rejected(scenarios: list[om.Scena
     ):
         with pytest.raises(om.OmniError, match=message):
             om.compare(**arguments)
+
+
+def test_a_comparison_is_complete_only_if_everything_ran(scenarios: list[om.Scenario]) -> None:
+    """A scenario or a controller without a run is named as the reason."""
+
+    class Unfinished(om.Controller):
+        def __init__(self, model: object, reference: object, n: int) -> None:
+            raise ImportError("no module named solver")
+
+    impossible = scenarios[1].replace(
+        settings=scenarios[1].settings.replace(radio={"delay_frames": 500})
+    )
+    for compared, controllers, reason in (
+        ([scenarios[0], impossible], ["p"], "radio.delay_frames must be less"),
+        (scenarios, ["p", Unfinished], "no module named solver"),
+    ):
+        summary = om.compare(compared, controllers, 2).summary()
+        assert not summary["complete"]
+        assert reason in summary["stopped"]
+    summary = om.run(scenarios[0], [Unfinished]).summary()
+    assert not summary["complete"]
+    assert reason in summary["stopped"]
+    assert om.compare(scenarios, ["p"], 2).summary()["complete"]

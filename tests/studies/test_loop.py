@@ -1,5 +1,6 @@
 """Test the loop study against python-control, for loops that are known in closed form."""
 
+import copy
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -23,6 +24,9 @@ from numpy.typing import NDArray
 
 import control
 import omni_mj as om
+from omni_control.controllers.base import TeamModel
+from omni_control.controllers.baselines import Proportional
+from omni_control.reference import Reference
 
 T, DELAY = 1 / 60, 6
 # Equation 7 without uncertainty: no noise, alpha 1, no limits
@@ -204,6 +208,20 @@ def test_vision_noise_cancels_and_a_failing_controller_affects_no_other() -> Non
     assert {failure.controller for failure in result.failures} == {"Raises"}
     reported = result.summary()["loop"]["cases"][REST]["Raises"]
     assert set(reported["margins"].values()) == set(reported["step"].values()) == {None}
+
+
+def test_a_users_controller_that_copies_its_reference_sees_the_step(
+    small: LoopResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A subclass of p has the response of p, whatever it does to its reference beforehand."""
+
+    class Mine(Proportional):
+        def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+            super().__init__(model, copy.deepcopy(copy.copy(reference)), n)
+
+    keep_cases(monkeypatch, REST)
+    loop = measure_loop(ideal(), [Mine]).loops[REST]["Mine"]
+    np.testing.assert_allclose(loop.step_response, small.loops[REST]["p"].step_response, atol=1e-9)
 
 
 def test_stopped_loop_study_has_no_result_and_unknown_controller_is_rejected() -> None:

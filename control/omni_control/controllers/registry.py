@@ -13,6 +13,7 @@ from pkgutil import resolve_name
 
 from omni_control.controllers.base import Controller, TeamModel, collect_channels, describe_error
 from omni_control.errors import ControllerError, OmniError, suggest_names
+from omni_control.install_hints import describe_installation
 from omni_control.reference import Reference
 
 Parameter = bool | int | float | str
@@ -29,7 +30,7 @@ CONTROLLERS: dict[str, str] = {  # name -> "module:class"
     "mpc": "omni_control.controllers.mpc:Mpc",
     "oracle": "omni_control.controllers.adaptive:Oracle",
 }
-# Controller -> package that it needs besides numpy and scipy. For `mpc`, the extra `omni-mj[mpc]`
+# Controller -> package that it needs besides numpy and scipy. An extra of the controller's name
 # installs it.
 REQUIRED_PACKAGES = {"mpc": "piqp"}
 # Type of a parameter -> type of the values that it accepts (numpy's numbers too), and their
@@ -64,7 +65,7 @@ def load_controller_class(name: str) -> type[Controller]:
     if package := find_missing_package(name):
         raise OmniError(
             f"controller {name!r} needs the package {package}, which is not installed; "
-            f"install it with pip install 'omni-mj[{name}]'"
+            f"install it with {describe_installation(name)}"
         )
     return resolve_name(CONTROLLERS[name])
 

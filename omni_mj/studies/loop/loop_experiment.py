@@ -12,6 +12,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -88,6 +89,10 @@ class SteppedReference:
     is_driving: np.ndarray
     offset: Array
     rows: np.ndarray
+
+    def __deepcopy__(self, memo: object) -> Self:
+        """Return the reference itself, so that the step occurs in copies of a controller too."""
+        return self
 
     def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
         """Return pose and twist at a frame."""

@@ -13,6 +13,7 @@ from typing import Any
 import pyarrow as pa
 
 from omni_control.errors import OmniError
+from omni_control.install_hints import describe_installation
 from omni_mj.results.provenance import source_digest
 from omni_mj.results.summary import package_versions
 from omni_mj.studies.run_scenario import quiet_mujoco
@@ -100,7 +101,8 @@ def cluster(address: str) -> Iterator[Executor]:
         import distributed
     except ModuleNotFoundError:
         raise OmniError(
-            "--cluster needs the package distributed: pip install 'omni-mj[cluster]'"
+            "--cluster needs the package distributed, which is not installed; install it with "
+            f"{describe_installation('cluster')} on every machine"
         ) from None
     connect: Any = distributed.Client
     try:

@@ -1,0 +1,72 @@
+"""Messages about missing packages name the command that installs them where the program is."""
+
+import json
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from omni_control.install_hints import describe_installation
+
+MISSING = """
+import sys
+for name in ("piqp", "jax"):
+    sys.modules[name] = None
+sys.argv = ["omni-mj", *sys.argv[1:]]
+from omni_mj.cli.main import main
+main()
+"""
+RECT = ("--scenario", "rect", "--plant", "planar")
+COMMANDS = {  # extra -> command that needs it
+    "mpc": ("compare", *RECT, "--controller", "flc", "--controller", "mpc"),
+    "fast": ("loop", "--plant", "planar", "--controller", "p", "--set", "physics.backend=jax"),
+}
+# Origin of an installation (PEP 610) -> options of pip and requirement
+ORIGINS = {
+    "clone": ({"url": "file:///HERE", "dir_info": {"editable": True}}, ["-e", "."]),
+    "clone elsewhere": (
+        {"url": "file:///a%20b/omni", "dir_info": {"editable": True}},
+        ["-e", "/a b/omni"],
+    ),
+    "folder": ({"url": "file:///HERE/omni", "dir_info": {}}, ["omni"]),
+    "wheel": ({"url": "file:///HERE/omni_mj.whl", "archive_info": {}}, ["omni-mj"]),
+    "index": (None, ["omni-mj"]),
+}
+
+
+@pytest.mark.parametrize("origin", ORIGINS)
+def test_extras_are_installed_from_where_the_program_came(
+    origin: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, words = ORIGINS[origin]
+    metadata = tmp_path / "site" / "omni_mj-0.1.0.dist-info"
+    metadata.mkdir(parents=True)
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: omni-mj\nVersion: 0.1.0\n")
+    if url:
+        text = json.dumps(url).replace("/HERE", str(tmp_path))
+        (metadata / "direct_url.json").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    pip, *arguments = shlex.split(describe_installation("mpc"))
+    assert arguments == ["install", *words[:-1], f"{words[-1]}[mpc]"]
+    assert Path(pip).name == "pip"
+
+
+@pytest.mark.parametrize("extra", COMMANDS)
+def test_a_missing_package_is_named_before_anything_is_written(
+    extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", MISSING, *COMMANDS[extra], "--out", "out"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert describe_installation(extra) in line
+    assert not (tmp_path / "out").exists()
