@@ -2,8 +2,7 @@
 
 Contacts are set here. Rollers touch the field's geom `carpet` by explicit pairs (see
 `rollers`). Hulls (the robot's geoms of the class `hull`) are disabled in the robot's
-model. If a world has several robots, or on request, they are enabled. They then collide with each
-other and with every colliding geom of the field: walls, and the carpet under a fallen robot.
+model. If a world has several robots, or on request, they are enabled (see `hulls`).
 """
 
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.robot_settings import Mechanics
 from omni_mj.config.settings import Settings
-from omni_mj.mjcf import rollers
+from omni_mj.mjcf import hulls, rollers
 from omni_mj.mjcf.custom_robot import RobotSpec
 from omni_mj.mjcf.robot_builder import build_robot_spec
 from omni_mj.mjcf.robot_geometry import compute_support_distance
@@ -98,11 +97,13 @@ def _build_world(
         contact_geoms = tuple(name for name in contact_geoms if name in remaining)
     for name in _WORLD_ATTRIBUTES:
         setattr(spec, name, getattr(field, name))
+    spheres = list[str]()
     if with_hulls:
-        _enable_hulls(spec, robot_spec)
+        spheres = hulls.enable_hulls(robot_spec, spec, robot_model, single_robot)
     rims = [robot_model.body(rim).name for rim in single_robot.rims]
     for slot in range(n_robots):
         _attach_robot(field, spec, f"robot_{slot + 1}/", contact_geoms, rims, contact)
+    hulls.add_hull_pairs(field, n_robots, spheres)
     if n_robots == 1:  # with one robot there is one island; listing it costs 7 % of a step
         field.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     field.option.impratio = rollers.FRICTION_STIFFNESS_RATIO
@@ -133,21 +134,6 @@ def _build_world(
         np.array(load_addresses),
         _compute_hull_radius(robot_model, robot_spec.hull_geoms),
     )
-
-
-def _enable_hulls(spec: mujoco.MjSpec, robot_spec: RobotSpec) -> None:
-    """Let the hull of a robot collide.
-
-    Raises:
-        OmniError: The robot has no hull.
-    """
-    if not robot_spec.hull_geoms:
-        raise OmniError(
-            f"{robot_spec.file}: no hull; robots in one world collide with geoms of the class "
-            "'hull'"
-        )
-    for name in robot_spec.hull_geoms:
-        spec.geom(name).contype = spec.geom(name).conaffinity = 1
 
 
 def _attach_robot(

@@ -16,8 +16,8 @@ from omni_mj.plants.planar_plant import PlanarPlant
 RADIUS_M = 0.09  # of the rules' envelope
 # By which one command more or less, and the heading with it, changes a pose, rad and m
 HEADING_RAD = 1e-7
-# By which hulls, which give way within milliseconds, sink into each other and walls at 3 m/s
-SOFT_M = 0.004
+# By which hulls, which give way within milliseconds, sink into walls at 3 m/s
+SOFT_M = 0.007
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])

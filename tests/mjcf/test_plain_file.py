@@ -1,5 +1,6 @@
 """The models as plain MJCF have the same numbers as the world of the default robot."""
 
+from itertools import product
 from typing import Any
 
 import mujoco
@@ -23,7 +24,7 @@ def written(values: Any) -> str:
 
 
 def expected() -> list[str]:
-    """Return the attributes that ssl_robot.xml must contain for the default robot."""
+    """Return the attributes that the models must contain for the default robot."""
     settings = resolve_settings()
     wheels, motor, world = (
         settings.wheels,
@@ -69,12 +70,11 @@ def expected() -> list[str]:
 
 
 def test_the_plain_file_holds_the_default_robots_numbers() -> None:
-    """The values in omni_mj/robots are repeated in models/ssl_robot.xml for use without omni-mj."""
-    text = " ".join((find_models_folder() / "ssl_robot.xml").read_text().split())
+    """The values in omni_mj/robots are repeated in models for use without omni-mj."""
+    files = [find_models_folder() / name for name in ("ssl_robot.xml", "field.xml")]
+    text = " ".join(" ".join(file.read_text() for file in files).split())
     missing_values = [line for line in expected() if line not in text]
-    assert not missing_values, "models/ssl_robot.xml must be changed to hold these:\n" + "\n".join(
-        missing_values
-    )
+    assert not missing_values, "models must be changed to hold these:\n" + "\n".join(missing_values)
 
 
 def test_the_plain_file_is_the_world_of_one_robot() -> None:
@@ -91,3 +91,36 @@ def test_the_plain_file_is_the_world_of_one_robot() -> None:
             built[name][:n_sensors] if name.startswith("sensor_") else built[name]
         )
         np.testing.assert_allclose(built_values, plain[name], rtol=DIGITS, atol=1e-12, err_msg=name)
+
+
+def drive(model: mujoco.MjModel) -> NDArray:
+    """Return how far robots roll forward in 0.3 s with voltages for 6 V, (n,) m."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    n_robots = model.nu // 4
+    data.ctrl[:] = np.tile(-6 * np.sin(np.radians([60, 135, 225, 300])), n_robots)
+    x = np.arange(n_robots) * (model.nq // n_robots)
+    start = data.qpos[x]
+    mujoco.mj_step(model, data, nstep=288)
+    return data.qpos[x] - start
+
+
+def test_attached_robots_roll_like_the_single_one() -> None:
+    """As models/README.md says: all pairs are listed, and their parameters are the field's."""
+    folder = find_models_folder()
+    robots, pairs = "", ""
+    for prefix, x in (("a_", -1), ("b_", 1)):
+        robots += (
+            f'<frame pos="{x} 0 0"><attach model="r" body="chassis" prefix="{prefix}"/></frame>'
+        )
+        for wheel, roller in product(range(1, 5), range(16)):
+            name = f"{prefix}roller_{wheel}_{roller:02}"
+            pairs += f'<pair geom1="carpet" geom2="{name}"/>'
+    xml = f"""<mujoco><include file="field.xml"/>
+      <asset><model name="r" file="ssl_robot.xml"/></asset>
+      <worldbody>{robots}</worldbody><contact>{pairs}</contact></mujoco>"""
+    files = {file.name: file.read_bytes() for file in folder.glob("*.xml")}
+    single = drive(mujoco.MjModel.from_xml_path(str(folder / "scene.xml")))
+    assert single[0] > 0.25
+    attached = drive(mujoco.MjModel.from_xml_string(xml, files))
+    np.testing.assert_allclose(attached, np.tile(single, 2), rtol=2e-3)

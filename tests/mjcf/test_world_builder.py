@@ -23,11 +23,11 @@ def test_robots_of_a_world_equal_a_single_robot() -> None:
         assert robot.chassis == 1 + i * bodies
         assert robot.dofs == range(i * dofs, (i + 1) * dofs)
         assert three.model.body(robot.chassis).name == f"robot_{i + 1}/chassis"
-        # Arrays by body, dof, pair, actuator and sensor, in each robot's share.
+        # Arrays by body, dof, actuator and sensor, in each robot's share.
         for name, value in model_arrays(single.model).items():
             kind, offset = name.partition("_")[0], {"body": 1}.get(name.partition("_")[0], 0)
-            if kind not in ("body", "dof", "pair", "actuator") or re.search(
-                "adr|id$|root|geom|joint|pair_sig", name
+            if kind not in ("body", "dof", "actuator") or re.search(
+                "adr|id$|root|geom|joint", name
             ):
                 continue
             if (
@@ -49,6 +49,13 @@ def test_robots_of_a_world_equal_a_single_robot() -> None:
         np.testing.assert_array_equal(
             three.rest_qpos[robot.qpos], single.rest_qpos[single_robot.qpos]
         )
+        rollers = three.model.body_geomadr[robot.rollers.ravel()]
+        pairs = np.isin(three.model.pair_geom2, rollers)
+        for name in ("solref", "solreffriction", "solimp", "friction"):
+            values, single_values = (
+                getattr(model, f"pair_{name}") for model in (three.model, single.model)
+            )
+            np.testing.assert_array_equal(values[pairs], single_values)
         np.testing.assert_array_equal(
             robot.encoders - three.robots[0].encoders, i * single.model.nsensordata
         )

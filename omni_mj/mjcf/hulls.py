@@ -1,0 +1,123 @@
+"""Contacts of hulls: robots that hit each other, walls, or the carpet when they have fallen.
+
+**Shape.** Two upright cylinders touch along a line, and the pressure is centered where it does not
+tilt the robots. MuJoCo returns one point of that line, an end that changes from step to step, and
+the robots hop. Therefore hulls that are upright cylinders hit robots and walls with a sphere of
+the same radius at the height of the robot's center of mass. The cylinders touch only the carpet.
+Hulls of other shapes touch where MuJoCo finds contacts.
+
+**Force.** The impedance d of a contact of spheres grows with the depth r. The deceleration is
+
+    a = d (b r' + d k r),    d = 0.05 + 0.9 r / 13 mm,    k = omega^2,    b = 2 zeta omega
+
+If d were proportional to r, s = r^2 / 2 in place of r would give a linear spring and damper of the
+damping ratio zeta / sqrt(2): the restitution is 0.3 at any speed. As the force starts near zero,
+the restitution hardly depends on the depth at which a time step finds the contact.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import chain, combinations, product
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_mj.mjcf.custom_robot import RobotSpec
+from omni_mj.mjcf.robot_geometry import compute_composite_inertia
+from omni_mj.mjcf.robot_parts import RobotIndices, compute_initial_kinematics
+
+FREQUENCY_RAD_S = 590.0  # omega
+DAMPING_RATIO = 0.67  # zeta
+FRICTION_RATE_PER_S = 400.0  # of the decay of the sliding speed, within Coulomb's limit
+MIN_IMPEDANCE, MAX_IMPEDANCE = 0.05, 0.95
+SOFT_DEPTH_M = 0.013  # at which the impedance is largest
+UPRIGHT_COSINE = 1 - 1e-6
+SUFFIX = "_sphere"  # of the name of the sphere in place of a cylinder
+
+
+def enable_hulls(
+    robot_spec: RobotSpec, spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices
+) -> list[str]:
+    """Let the hull of a robot collide.
+
+    Args:
+        robot_spec: The robot.
+        spec: Copy of its specification; changed in place.
+        model: Model compiled from it.
+        robot: Indices of the robot in the model.
+
+    Returns:
+        Names of the spheres that `add_hull_pairs` lets collide.
+
+    Raises:
+        OmniError: The robot has no hull.
+    """
+    if not robot_spec.hull_geoms:
+        raise OmniError(
+            f"{robot_spec.file}: no hull; robots in one world collide with geoms of the class "
+            "'hull'"
+        )
+    if not all(_is_upright_cylinder(model, name) for name in robot_spec.hull_geoms):
+        for name in robot_spec.hull_geoms:
+            spec.geom(name).contype = spec.geom(name).conaffinity = 1
+        return []
+    data = compute_initial_kinematics(model)
+    bodies = np.flatnonzero(model.body_rootid == robot.chassis)
+    _, center, _ = compute_composite_inertia(model, bodies)
+    chassis = spec.body(model.body(robot.chassis).name)
+    for name in robot_spec.hull_geoms:
+        x, y, _ = data.geom(name).xpos
+        chassis.add_geom(
+            name=name + SUFFIX,
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[model.geom(name).size[0], 0, 0],
+            pos=[x, y, center[2]],
+            friction=model.geom(name).friction,
+            contype=0,
+            conaffinity=0,
+            mass=0,
+            group=model.geom(name).group[0],
+        )
+    return [name + SUFFIX for name in robot_spec.hull_geoms]
+
+
+def add_hull_pairs(field: mujoco.MjSpec, n_robots: int, spheres: Sequence[str]) -> None:
+    """Let spheres collide with those of other robots and with walls, and cylinders with the carpet.
+
+    Args:
+        field: World with robots named `robot_1/...` and so on; changed in place.
+        n_robots: Number of robots.
+        spheres: Names from `enable_hulls`.
+    """
+    robots = [[f"robot_{slot + 1}/{name}" for name in spheres] for slot in range(n_robots)]
+    solid = [geom.name for geom in field.geoms if geom.classname.name == "solid"]
+    walls = [name for name in solid if name != "carpet"]
+    k, b = FREQUENCY_RAD_S**2, 2 * DAMPING_RATIO * FREQUENCY_RAD_S
+    d = MAX_IMPEDANCE
+    law = {
+        "solref": [-k * d * d, -b * d],  # MuJoCo divides by d^2 and d
+        "solreffriction": [-1.0, -FRICTION_RATE_PER_S * d],
+        "solimp": [MIN_IMPEDANCE, d, SOFT_DEPTH_M, 0.5, 1.0],
+    }
+    for geoms, other_geoms in combinations([*robots, walls], 2):
+        for name, other_name in product(geoms, other_geoms):
+            _add_pair(field, name, other_name, law)
+    for name in chain.from_iterable(robots):
+        cylinder = field.geom(name.removesuffix(SUFFIX))
+        law = {"solref": cylinder.solref, "solreffriction": [0, 0], "solimp": cylinder.solimp}
+        _add_pair(field, cylinder.name, "carpet", law)
+
+
+def _add_pair(field: mujoco.MjSpec, hull: str, other: str, law: Mapping[str, Any]) -> None:
+    """Let two geoms collide, with the friction of the first one."""
+    sliding, spinning, rolling = field.geom(hull).friction
+    friction = [sliding, sliding, spinning, rolling, rolling]
+    field.add_pair(geomname1=hull, geomname2=other, condim=3, friction=friction, **law)
+
+
+def _is_upright_cylinder(model: mujoco.MjModel, name: str) -> bool:
+    """Return whether a geom of a robot in its initial pose is a cylinder with a vertical axis."""
+    axis_z = compute_initial_kinematics(model).geom(name).xmat[8]
+    is_cylinder = model.geom(name).type[0] == mujoco.mjtGeom.mjGEOM_CYLINDER
+    return bool(is_cylinder and abs(axis_z) > UPRIGHT_COSINE)
