@@ -1,5 +1,6 @@
-"""Atomic writes: files appear complete or not at all. Reads of regular files of bounded size."""
+"""Atomic writes, locks of output folders, and reads of regular files of bounded size."""
 
+import fcntl
 import json
 import os
 import stat
@@ -12,6 +13,62 @@ from omni_control.errors import OmniError
 
 MAX_JSON_BYTES = 500_000_000
 PARTIAL_SUFFIX = ".partial"  # after the name of a file that is being written
+_locked_folders: dict[Path, int] = {}  # absolute path -> file descriptor that holds the lock
+
+
+@contextmanager
+def lock_folder(folder: Path) -> Iterator[None]:
+    """Reserve a folder for the results that the block writes. Other programs may read it.
+
+    The system ends the lock with the process. Locks of file systems without locks have no effect.
+
+    Raises:
+        OmniError: Another program, or another thread of this one, writes results to the folder.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    path = folder.absolute()
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OmniError(
+                f"another run is writing its results to {folder}: wait for its end, or name "
+                "another folder"
+            ) from None
+        except OSError:
+            pass  # such as on some network drives
+        _locked_folders[path] = descriptor
+        try:
+            yield
+        finally:
+            del _locked_folders[path]
+    finally:
+        os.close(descriptor)
+
+
+def check_folder(path: Path) -> None:
+    """Check that no folder above a path was deleted or replaced since this program locked it.
+
+    Raises:
+        OmniError: It was.
+    """
+    absolute_path = path.absolute()
+    for folder, descriptor in list(_locked_folders.items()):
+        if not absolute_path.is_relative_to(folder):
+            continue
+        if not (folder.exists() and os.path.samestat(folder.stat(), os.fstat(descriptor))):
+            raise OmniError(f"{folder} was deleted or replaced while results were written to it")
+
+
+def create_folder(folder: Path) -> None:
+    """Create a folder and its parents if they do not exist.
+
+    Raises:
+        OmniError: See `check_folder`.
+        OSError: The folder cannot be created.
+    """
+    check_folder(folder)
+    folder.mkdir(parents=True, exist_ok=True)
 
 
 @contextmanager
@@ -20,7 +77,9 @@ def open_atomic(path: Path) -> Iterator[BinaryIO]:
 
     Raises:
         OSError: The file cannot be written. `path` is unchanged.
+        OmniError: See `check_folder`.
     """
+    check_folder(path)
     partial = path.with_name(path.name + PARTIAL_SUFFIX)
     try:
         with partial.open("wb") as file:
@@ -29,6 +88,7 @@ def open_atomic(path: Path) -> Iterator[BinaryIO]:
             os.fsync(file.fileno())
         partial.replace(path)
     except OSError as error:
+        check_folder(path)
         if error.filename in (None, str(partial)):
             error.filename = str(path)  # the name that the user knows
         raise

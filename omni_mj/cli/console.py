@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from omni_control.errors import OmniError, to_printable
+from omni_mj.atomic_files import check_folder
 from omni_mj.printable_text import PrintableOutput, join_words
 
 if TYPE_CHECKING:
@@ -161,7 +162,11 @@ def show_progress(
 
 @contextmanager
 def report_write_errors(folder: Path) -> Iterator[None]:
-    """Exit with an error of one line if the block is interrupted or cannot write to a folder."""
+    """Exit with an error of one line if the block is interrupted or cannot write to a folder.
+
+    Raises:
+        OmniError: See `omni_mj.atomic_files.check_folder`.
+    """
     try:
         yield
     except KeyboardInterrupt:
@@ -169,6 +174,7 @@ def report_write_errors(folder: Path) -> Iterator[None]:
     except BrokenPipeError:  # of standard output, see `invoke_command`
         raise
     except OSError as error:
+        check_folder(folder)
         reason = error.strerror or str(error)
         exit_with_error(f"cannot write to {folder}: {reason}; the results so far are there", FAILED)
 

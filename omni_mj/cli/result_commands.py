@@ -193,13 +193,18 @@ def screenshot_command(
 
 @click.command("verify")
 @click.argument("folder", metavar="DIR", type=options.FOLDER)
+@click.option(
+    "--allow-code",
+    is_flag=True,
+    help="Allow the folder's copies of controllers and plants to be run.",
+)
 @options.QUIET
-def verify_command(folder: Path, quiet: bool) -> None:
-    """Repeat the run in a folder, and compare the results bit for bit."""
+def verify_command(folder: Path, allow_code: bool, quiet: bool) -> None:
+    """Repeat the run or sweep in a folder, and compare the results bit for bit."""
     from omni_mj.studies import verify_run
 
     with console.show_progress(quiet) as start_progress:
-        result = verify_run.verify(folder, start_progress)
+        result = verify_run.verify(folder, start_progress, allow_code)
     if not result.repeats:
         console.exit_with_error(f"{folder} {result}", console.FAILED)
     if not quiet:

@@ -10,15 +10,15 @@ from omni_mj.cli import console, options, output_folders, run_command
 from omni_mj.cli.interrupts import Interrupts
 from omni_mj.printable_text import join_words
 
-SWEEP_FILE = "sweep.json"  # written first; a folder that contains it is resumed
 OUTPUTS = (
-    SWEEP_FILE,
+    "sweep.json",
     "scenario.toml",
     "rows.parquet",
     "summary.json",
     "sweep.md",
     "sweep.png",
     "shards",
+    *output_folders.PROVENANCE,
 )
 
 
@@ -60,6 +60,7 @@ OUTPUTS = (
     metavar="DIR",
     help="Folder of the results, or of a sweep to resume. Default: runs/sweep-<UTC time>.",
 )
+@options.ALLOW_CODE
 @options.QUIET
 @options.collect_scenario_options
 def sweep_command(
@@ -79,7 +80,7 @@ def sweep_command(
     carpet.friction='{uniform = [0.4, 0.9]}' draws a value for each seed.
     """
     from omni_mj.studies.sweep import sweep_figure, sweep_statistics, sweep_study, workers
-    from omni_mj.studies.sweep.sweep_plan import SweepPlan, check_axes, parse_axis
+    from omni_mj.studies.sweep.sweep_plan import SWEEP_FILE, SweepPlan, check_axes, parse_axis
 
     scenario = scenario_options.load_scenario(run_command.require_scenario(name))
     plan = SweepPlan(scenario, check_axes(map(parse_axis, axes)), batch_size)
@@ -88,6 +89,8 @@ def sweep_command(
         raise OmniError("--jobs are processes on this machine; it cannot be used with --cluster")
     if out is None or not (out / SWEEP_FILE).exists():
         out = output_folders.prepare_folder(out, "sweep", OUTPUTS, overwrite=False)
+    else:
+        output_folders.reserve_folder(out)
     with (
         workers.cluster(cluster) if cluster else nullcontext() as executor,
         console.report_write_errors(out),
@@ -95,7 +98,12 @@ def sweep_command(
         console.show_progress(quiet, interrupts.check) as start_progress,
     ):
         result = sweep_study.run_sweep(
-            plan, out, jobs=jobs, executor=executor, start_progress=start_progress
+            plan,
+            out,
+            command=console.get_command_line(),
+            jobs=jobs,
+            executor=executor,
+            start_progress=start_progress,
         )
     progress_text = f"{result.n_done} of {len(plan.shards)} shards"
     with console.report_write_errors(out):

@@ -8,21 +8,24 @@ import json
 import platform
 import re
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import omni_control
 from omni_control.controllers.registry import CONTROLLERS, get_parameters
-from omni_mj.atomic_files import write_text
+from omni_control.errors import OmniError
+from omni_mj.atomic_files import create_folder, open_atomic, read_json, write_text
 from omni_mj.config import plugins, robot_files
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.summary import package_versions
 
-PROVENANCE_FORMAT = 2  # version of the keys of provenance.json
+PROVENANCE_FORMAT = 3  # version of the keys of provenance.json
 PROVENANCE_FILE, SOURCES_FOLDER = "provenance.json", "sources"
 SOURCE_SUFFIXES = (".py", ".toml", ".xml")  # of files that can affect the results
+ENVIRONMENT_KEYS = ("versions", "source", "git", "machine")
+ABSENT = "absent"  # text in place of a value that one of two records lacks
 GIT_TIMEOUT_S = 5.0
 _PACKAGE = Path(__file__).parents[1]
 
@@ -53,15 +56,71 @@ def save_provenance(
         "command": command,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "frames_saved": frames,
-        "scenarios": {scenario.name: _describe_scenario(scenario, files) for scenario in scenarios},
+        "scenarios": describe_scenarios(scenarios, files),
         **describe_environment(),
     }
     # Written first, because --overwrite recognizes the folder of a run by it.
     write_text(folder / PROVENANCE_FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
     for name, data in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+        create_folder((folder / name).parent)
+        with open_atomic(folder / name) as file:
+            file.write(data)
+
+
+def describe_scenarios(
+    scenarios: Sequence[Scenario], files: dict[str, bytes] | None = None
+) -> dict[str, Any]:
+    """Return a description of everything in scenarios that affects the results, by their names.
+
+    Args:
+        scenarios: The scenarios.
+        files: Path in the run's folder -> content. Copies of the user's files are added.
+
+    Raises:
+        OmniError: A file of the user no longer exists.
+    """
+    copies: dict[str, bytes] = {} if files is None else files
+    return {scenario.name: _describe_scenario(scenario, copies) for scenario in scenarios}
+
+
+def list_changes(
+    saved: Mapping[str, Any], current: Mapping[str, Any], keys: Sequence[str]
+) -> list[str]:
+    """Return the differences of two records, a line each.
+
+    Args:
+        saved: Content of a provenance.json.
+        current: What it would be now. Values that JSON writes alike are equal.
+        keys: Keys of both that are compared.
+    """
+    old, new = (
+        dict(flatten({key: record.get(key) for key in keys})) for record in (saved, current)
+    )
+    texts = {name: (old.get(name, ABSENT), new.get(name, ABSENT)) for name in old | new}
+    return [
+        f"{name} was {before} in the run, is {after} here"
+        for name, (before, after) in texts.items()
+        if json.dumps(before) != json.dumps(after)
+    ]
+
+
+def check_unchanged(folder: Path, study: str, scenarios: Sequence[Scenario]) -> None:
+    """Check that a study in a folder can be continued here with equal results.
+
+    Raises:
+        OmniError: Another version, source, processor, robot, model, controller or plant, a line
+            each; or provenance.json is missing.
+    """
+    current = {
+        "format": PROVENANCE_FORMAT,
+        "study": study,
+        "scenarios": describe_scenarios(scenarios),
+        **describe_environment(),
+    }
+    keys = [key for key in current if key != "git"]  # a commit of the same source is no change
+    if changes := list_changes(read_json(folder / PROVENANCE_FILE), current, keys):
+        remark = f"{folder} cannot be continued, because its results would be mixed with others"
+        raise OmniError("\n".join([f"{remark}; name another folder", *changes]))
 
 
 def describe_environment() -> dict[str, Any]:
@@ -131,13 +190,19 @@ def _describe_scenario(scenario: Scenario, files: dict[str, bytes]) -> dict[str,
             _describe_controller(kind, scenario, files) for kind in scenario.controllers
         ],
     }
-    if name := scenario.settings.model.file:
-        entry["model"] = {"name": Path(name).name}
-        contents = robot_files.read_model_files(Path(name))
-        model_files = {f"model/{file}": data for file, data in contents.items()}
-        model, *included = _add_copies(files, model_files)
-        entry["model"] |= model | {"included": included}
+    drawn = scenario.distributions.get("model.file")
+    names = drawn.values if drawn else [scenario.settings.model.file]
+    if models := [_describe_model(Path(name), files) for name in names if name]:
+        entry["models"] = models
     return entry
+
+
+def _describe_model(path: Path, files: dict[str, bytes]) -> dict[str, Any]:
+    """Return name and files of a user's model, and add them to `files`."""
+    contents = robot_files.read_model_files(path)
+    model_files = {f"model/{file}": data for file, data in contents.items()}
+    model, *included = _add_copies(files, model_files)
+    return {"name": path.name} | model | {"included": included}
 
 
 def _describe_controller(
@@ -154,7 +219,8 @@ def _describe_class(kind: plugins.ControllerSpec, files: dict[str, bytes]) -> di
     """Return name and file of a user's class, and add the file to `files`."""
     file, _, name = plugins.format_controller_spec(kind).rpartition(":")
     entry = {"name": plugins.label_controller(kind), "class": name}
-    is_main = isinstance(kind, type) and kind.__module__ == "__main__"
+    # Started processes import the program as __mp_main__.
+    is_main = isinstance(kind, type) and kind.__module__ in ("__main__", "__mp_main__")
     if is_main or "." in name or not Path(file).is_file():
         reason = "is not defined at the top level of a file that can be imported"
         return entry | {"not_copied": reason}
@@ -177,3 +243,14 @@ def _add_copies(files: dict[str, bytes], copies: Mapping[str, bytes]) -> list[di
         folder += "/other"  # different files of these names are already there
     files |= {f"{folder}/{name}": data for name, data in copies.items()}
     return [{"file": f"{folder}/{name}", "sha256": sha256(data)} for name, data in copies.items()]
+
+
+def flatten(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the names `key.key` of nested values, and the values. Items of lists have numbers."""
+    if isinstance(value, list):
+        value = {str(i): item for i, item in enumerate(value)}
+    if not isinstance(value, Mapping):
+        yield name, value
+        return
+    for key, item in value.items():
+        yield from flatten(item, f"{name}.{key}" if name else key)

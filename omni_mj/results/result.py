@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.atomic_files import write_text
+from omni_mj.atomic_files import create_folder, lock_folder, write_text
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.results import summary
@@ -178,12 +178,14 @@ class Result:
         """
         from omni_mj.results import provenance
 
-        self.save_files(Path(folder))
         study = type(self).__name__.removesuffix("Result").lower()
         study = study or ("compare" if len(self.outcomes) > 1 else "run")
         has_frames = all(outcome.log is not None for outcome in self.outcomes)
         scenarios = [outcome.scenario for outcome in self.outcomes]
-        provenance.save_provenance(Path(folder), study, None, scenarios, has_frames)
+        create_folder(Path(folder))
+        with lock_folder(Path(folder)):
+            self.save_files(Path(folder))
+            provenance.save_provenance(Path(folder), study, None, scenarios, has_frames)
 
     def save_files(self, folder: Path) -> None:
         """Write the same files as `save`, except for the provenance.
@@ -196,7 +198,7 @@ class Result:
 
     def save_summary(self, folder: Path) -> dict[str, Any]:
         """Write summary.json, strict JSON without NaN, and return its content."""
-        folder.mkdir(parents=True, exist_ok=True)
+        create_folder(folder)
         content = self.summary()
         text = json.dumps(content, indent=2, allow_nan=False)
         write_text(folder / "summary.json", text + "\n")
@@ -209,10 +211,10 @@ class Result:
             name = outcome.scenario.name
             scenario_path = folder / "scenarios" / f"{name}.toml"
             frames_path = folder / "trajectories" / f"{name}.parquet"
-        scenario_path.parent.mkdir(parents=True, exist_ok=True)
+        create_folder(scenario_path.parent)
         write_text(scenario_path, outcome.scenario.to_toml())
         if outcome.log and outcome.log.lengths.any():
-            frames_path.parent.mkdir(exist_ok=True)
+            create_folder(frames_path.parent)
             outcome.log.save(frames_path)
 
 

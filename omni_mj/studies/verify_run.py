@@ -1,11 +1,12 @@
-"""Verify a saved run: repeat it, and compare its frames bit for bit.
+"""Verify a saved run or sweep: repeat it, and compare its frames or rows bit for bit.
 
-If frames were not saved, the numbers of the summary are compared.
+The numbers of the summary are compared too.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,31 +15,42 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_mj import parquet
 from omni_mj.atomic_files import read_json
-from omni_mj.config.scenario import Scenario, load_with_overrides
+from omni_mj.config import toml_files
+from omni_mj.config.plugins import is_class_path
+from omni_mj.config.scenario import TOP_LEVEL_FIELDS, Scenario, load_with_overrides
 from omni_mj.results import summary
 from omni_mj.results.provenance import (
+    ABSENT,
+    ENVIRONMENT_KEYS,
     PROVENANCE_FILE,
     PROVENANCE_FORMAT,
+    SOURCES_FOLDER,
     describe_environment,
+    flatten,
+    list_changes,
     sha256,
 )
 from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.run_scenario import (
+    AfterFrame,
     StartProgress,
     StoppedError,
     count_frames,
     no_progress,
     run_simulation,
 )
+from omni_mj.studies.sweep.sweep_plan import MODEL_AXIS, SWEEP_FILE, SweepPlan, check_axes
+from omni_mj.studies.sweep.sweep_study import SweepResult, merge_rows, run_shard, stored_shards
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-REPEATABLE_STUDIES = ("run", "compare")
+REPEATABLE_STUDIES = ("run", "compare", "sweep")
 # Keys of a scenario's entry in summary.json that depend on the frames
 RESULT_KEYS = ("failures", "drawn_parameters", "events", "results")
-ENVIRONMENT_KEYS = ("versions", "source", "git", "machine")  # of provenance.json
+SWEEP_RESULT_KEYS = ("points", "correlations")  # of a sweep's summary.json
+ROW_KEYS = ("frame", "point", "controller", "seed", "slot")  # columns that name a line of a table
 
 
 @dataclass
@@ -47,12 +59,14 @@ class VerifyResult:
 
     Attributes:
         rows: Number of rows that were run.
+        is_sweep: Whether the rows of a sweep were compared.
         frames: Number of frames that were compared, summed over the rows; 0 if none were saved.
         differences: Differences from the saved run, a line each; empty if the run repeats.
         remarks: Remarks about a changed environment and skipped scenarios, a line each.
     """
 
     rows: int = 0
+    is_sweep: bool = False
     frames: int = 0
     differences: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
@@ -67,19 +81,26 @@ class VerifyResult:
         if not self.repeats:
             return "\n".join(["does not repeat", *self.differences, *self.remarks])
         compared = "the summary's numbers identical"
-        if self.frames:
+        if self.is_sweep:
+            compared = "identical bit for bit"
+        elif self.frames:
             compared = f"{self.frames} frames identical bit for bit"
         head = f"repeats: {self.rows} rows, {compared}"
         return "\n".join([head, *(f"note: {note}" for note in self.remarks)])
 
 
-def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> VerifyResult:
+def verify(
+    folder: str | Path,
+    start_progress: StartProgress = no_progress,
+    allow_code: bool = False,
+) -> VerifyResult:
     """Repeat the run in a folder, and compare the results, as `omni-mj verify` does.
 
     Args:
-        folder: Folder of a run, of a comparison, or of `Result.save`.
+        folder: Folder of a run, of a comparison, of a sweep, or of `Result.save`.
         start_progress: Called with a title and the number of frames before each scenario. It
             returns a function that is called with each frame's number.
+        allow_code: Whether copies of controllers and plants in the folder may be run.
 
     Raises:
         OmniError: The run cannot be repeated; a line for each reason.
@@ -89,7 +110,10 @@ def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> V
         raise OmniError(f"{path} holds no run that can be repeated: it has no {PROVENANCE_FILE}")
     record = read_json(path / PROVENANCE_FILE)
     try:
-        return _repeat(path, record, start_progress)
+        _check_record(path, record)
+        saved_run = _SavedRun(path, record, allow_code)
+        repeat = _repeat_sweep if record["study"] == "sweep" else _repeat_runs
+        result = repeat(saved_run, start_progress)
     except OmniError:
         raise
     # Keys and values that no run writes
@@ -97,40 +121,7 @@ def verify(folder: str | Path, start_progress: StartProgress = no_progress) -> V
         raise OmniError(
             f"files in {path} were changed after the run, so it cannot be repeated"
         ) from error
-
-
-def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress) -> VerifyResult:
-    """Repeat and compare all scenarios in a folder.
-
-    Args:
-        path: Folder of the run.
-        record: Content of its provenance.json.
-        start_progress: See `verify`.
-    """
-    _check_record(path, record)
-    scenarios = summary.read_summary(path)["scenarios"]
-    several = len(scenarios) > 1
-    result = VerifyResult()
-    for name, entry in scenarios.items():
-        if not entry["frames"]:
-            result.remarks.append(f"{name} was not run: there is nothing to compare with")
-            continue
-        scenario_path = path / (f"scenarios/{name}.toml" if several else "scenario.toml")
-        scenario = _load_saved_scenario(path, scenario_path, record["scenarios"][name], entry)
-        outcome = _run_as_saved(scenario, entry, start_progress)
-        result.rows += len(outcome.rows)
-        if record["frames_saved"]:
-            frames_path = f"trajectories/{name}.parquet" if several else "trajectory.parquet"
-            saved = parquet.read_table(path / frames_path)
-            result.frames += saved.num_rows
-            assert outcome.log is not None
-            lines = _frame_differences(saved, outcome.log.to_arrow())
-        else:
-            lines = _number_differences(entry, json.loads(json.dumps(outcome.entry)))
-        result.differences += [f"{name}: {line}" for line in lines]
-    if not result.rows:
-        raise OmniError(f"nothing was recorded in {path}: there is nothing to compare with")
-    changes = _environment_changes(record)
+    changes = list_changes(record, describe_environment(), ENVIRONMENT_KEYS)
     if result.repeats:
         result.remarks += changes
     else:
@@ -139,6 +130,144 @@ def _repeat(path: Path, record: Mapping[str, Any], start_progress: StartProgress
             "the clock, and files or modules that a controller reads"
         ]
     return result
+
+
+@dataclass(frozen=True)
+class _SavedRun:
+    """Folder of a run, from which scenarios are loaded with the copies of the user's files.
+
+    Attributes:
+        path: The folder.
+        record: Content of its provenance.json.
+        allow_code: Whether copies of controllers and plants may be run.
+    """
+
+    path: Path
+    record: Mapping[str, Any]
+    allow_code: bool
+
+    def load_scenario(
+        self, file: str, name: str, settings: Mapping[str, Any], head: Mapping[str, Any]
+    ) -> Scenario:
+        """Load a scenario as it was run.
+
+        Args:
+            file: Path of the scenario's file in the folder.
+            name: Name of the scenario in provenance.json.
+            settings: Its settings in summary.json, which must be those in the file.
+            head: Values that replace those in the file.
+
+        Raises:
+            OmniError: A file is missing or was changed, code is not allowed, or this version cannot
+                run the scenario.
+        """
+        self._check_settings(self.path / file, settings)
+        entry = self.record["scenarios"][name]
+        top_level = {
+            "controllers": [self._find_class(item) for item in entry["controllers"]],
+            "plant": self._find_class(entry["plant"]),
+            "robot": self._find_copy(entry["robot"]),
+            **head,
+        }
+        sections = {}
+        if models := self.find_models(name):
+            is_drawn = len(models) > 1
+            sections["model"] = {"file": {"choice": models} if is_drawn else models[0]}
+        return load_with_overrides(str(self.path / file), (), top_level, sections=sections)
+
+    def find_models(self, name: str) -> list[str]:
+        """Return the copies of a scenario's models, after a check of the files that they name."""
+        models = self.record["scenarios"][name].get("models", [])
+        for item in [part for model in models for part in model.get("included", [])]:
+            self._find_copy(item)
+        return [self._find_copy(model) for model in models]
+
+    def _find_copy(self, item: Mapping[str, Any]) -> str:
+        """Return the path of a copy, or raise OmniError if there is none in sources/."""
+        if "not_copied" in item:
+            raise OmniError(f"{item['name']} {item['not_copied']}")
+        copy = self.path / item["file"]
+        if not copy.resolve().is_relative_to((self.path / SOURCES_FOLDER).resolve()):
+            raise OmniError(f"{PROVENANCE_FILE} names {copy}, which is not in {SOURCES_FOLDER}/")
+        self._check_file(copy, item["sha256"])
+        return str(copy)
+
+    def _check_settings(self, file: Path, settings: Mapping[str, Any]) -> None:
+        """Raise OmniError if the settings in a scenario's file are not those that were run."""
+        content = toml_files.read_toml(file)
+        sections = {key: content[key] for key in content if key not in TOP_LEVEL_FIELDS}
+        if changes := list_changes(settings, sections, [*settings, *sections]):
+            raise OmniError(f"{file} was changed after the run: {changes[0]}")
+
+    def _check_file(self, file: Path, digest: str) -> None:
+        if not file.is_file() or sha256(file.read_bytes()) != digest:
+            raise OmniError(f"{file} is missing, or was changed after the run: its SHA-256 differs")
+
+    def _find_class(self, item: Mapping[str, Any]) -> str:
+        """Return the name of a built-in class, or the class path of a copy."""
+        if "file" not in item and "not_copied" not in item:
+            if is_class_path(item["name"]):
+                raise OmniError(f"{PROVENANCE_FILE} names {item['name']}, of which it has no copy")
+            return item["name"]
+        file = self._find_copy(item)
+        if not self.allow_code:
+            raise OmniError(
+                f"the run needs code in its folder, {file}, which is not run without permission; "
+                "allow it by --allow-code (in Python: allow_code=True)"
+            )
+        return f"{file}:{item['class']}"
+
+
+def _repeat_runs(saved_run: _SavedRun, start_progress: StartProgress) -> VerifyResult:
+    """Repeat and compare all scenarios in a folder."""
+    path, result = saved_run.path, VerifyResult()
+    scenarios = summary.read_summary(path)["scenarios"]
+    several = len(scenarios) > 1
+    for name, entry in scenarios.items():
+        if not entry["frames"]:
+            result.remarks.append(f"{name} was not run: there is nothing to compare with")
+            continue
+        file = f"scenarios/{name}.toml" if several else "scenario.toml"
+        seeds = {"seed": entry["seeds"][0], "seeds": len(entry["seeds"])}
+        scenario = saved_run.load_scenario(file, name, entry["settings"], seeds)
+        outcome = _run_as_saved(scenario, entry, start_progress)
+        result.rows += len(outcome.rows)
+        lines: list[str] = []
+        if saved_run.record["frames_saved"]:
+            frames_path = f"trajectories/{name}.parquet" if several else "trajectory.parquet"
+            saved = parquet.read_table(path / frames_path)
+            result.frames += saved.num_rows
+            assert outcome.log is not None
+            lines += _table_differences(saved, outcome.log.to_arrow())
+        lines += _number_differences(entry, outcome.entry, RESULT_KEYS)
+        result.differences += [f"{name}: {line}" for line in lines]
+    if not result.rows:
+        raise OmniError(f"nothing was recorded in {path}: there is nothing to compare with")
+    return result
+
+
+def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> VerifyResult:
+    """Repeat and compare the stored rows of a sweep."""
+    path = saved_run.path
+    saved_plan = read_json(path / SWEEP_FILE)
+    name, *variants = saved_run.record["scenarios"]
+    numbers = read_json(path / "summary.json")
+    scenario = saved_run.load_scenario("scenario.toml", name, numbers["settings"], {})
+    axes = dict(saved_plan["axes"])
+    if MODEL_AXIS in axes:
+        axes[MODEL_AXIS] = [file for variant in variants for file in saved_run.find_models(variant)]
+    plan = SweepPlan(scenario, check_axes(axes.items()), saved_plan["batch_size"])
+    shards = stored_shards(plan, path)
+    saved = SweepResult(plan, len(shards), None, path)
+    show = start_progress("sweep", plan.frames * len(shards))
+    tables = []
+    for i, shard in enumerate(shards):
+        show_shard = partial(_show_shard_frame, show, i * plan.frames)
+        tables.append(run_shard(plan, shard, show_shard))
+    saved_rows, repeated_rows = saved.rows(), merge_rows(plan, tables)
+    lines = [*_table_differences(saved_rows, repeated_rows)]
+    lines += _number_differences(numbers, saved.summary, SWEEP_RESULT_KEYS)
+    return VerifyResult(repeated_rows.num_rows, is_sweep=True, differences=lines)
 
 
 def _check_record(path: Path, record: Mapping[str, Any]) -> None:
@@ -155,46 +284,8 @@ def _check_record(path: Path, record: Mapping[str, Any]) -> None:
         )
 
 
-def _load_saved_scenario(
-    path: Path, scenario_path: Path, record: Mapping[str, Any], entry: Mapping[str, Any]
-) -> Scenario:
-    """Load a scenario as it was run, with the saved copies of the user's files.
-
-    Args:
-        path: Folder of the run.
-        scenario_path: File of the scenario in this folder.
-        record: Entry of the scenario in provenance.json.
-        entry: Entry of the scenario in summary.json.
-
-    Raises:
-        OmniError: A copy is missing or was changed, or this version cannot run the scenario.
-    """
-
-    def find_copy(item: Mapping[str, Any]) -> str:
-        if "not_copied" in item:
-            raise OmniError(f"{item['name']} {item['not_copied']}")
-        copy = path / item["file"]
-        if not copy.is_file() or sha256(copy.read_bytes()) != item["sha256"]:
-            raise OmniError(f"{copy} is missing, or was changed after the run: its SHA-256 differs")
-        return str(copy)
-
-    def find_name(item: Mapping[str, Any]) -> str:
-        is_builtin = "file" not in item and "not_copied" not in item
-        return item["name"] if is_builtin else f"{find_copy(item)}:{item['class']}"
-
-    head = {
-        "controllers": [find_name(item) for item in record["controllers"]],
-        "plant": find_name(record["plant"]),
-        "robot": find_copy(record["robot"]),
-        "seed": entry["seeds"][0],
-        "seeds": len(entry["seeds"]),
-    }
-    sections = {}
-    if model := record.get("model"):
-        sections["model"] = {"file": find_copy(model)}
-        for included_file in model["included"]:
-            find_copy(included_file)
-    return load_with_overrides(str(scenario_path), (), head, sections=sections)
+def _show_shard_frame(show: AfterFrame, previous_frames: int, frame: int) -> None:
+    show(previous_frames + frame)
 
 
 def _run_as_saved(
@@ -214,59 +305,64 @@ def _run_as_saved(
     return run_simulation(simulation, after_frame)
 
 
-def _frame_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]:
-    """Yield the differences of two trajectories, a line each. NaNs are equal."""
-    saved, repeated = (
-        frames.set_column(0, "controller", frames["controller"].cast("string"))
-        for frames in (saved, repeated)
-    )
-    n_frames = min(saved.num_rows, repeated.num_rows)
+def _table_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]:
+    """Yield the differences of two trajectories or tables of rows, a line each. NaNs are equal."""
+    saved, repeated = (_decode_controllers(rows) for rows in (saved, repeated))
+    n_lines = min(saved.num_rows, repeated.num_rows)
     if saved.num_rows != repeated.num_rows:
-        yield f"the run has {saved.num_rows} frames, its repetition {repeated.num_rows}"
-    first_difference: dict[str, int] = {}  # column -> row of the table
+        yield f"the run has {saved.num_rows} lines, its repetition {repeated.num_rows}"
+    first_difference: dict[str, int] = {}  # column -> line of the table
     for name in saved.column_names:
         if name not in repeated.column_names:
             yield f"the repetition has no column {name}"
             continue
-        old, new = (frames[name].to_numpy()[:n_frames] for frames in (saved, repeated))
-        differs = old != new
-        if old.dtype == new.dtype == float:  # 0.0 and -0.0 differ
-            differs = old.view(np.uint64) != new.view(np.uint64)
-            differs &= ~(np.isnan(old) & np.isnan(new))
+        old, new = (rows[name].slice(0, n_lines) for rows in (saved, repeated))
+        if old.type != new.type:
+            yield f"{name} has the type {old.type} in the run, {new.type} here"
+            continue
+        differs = _compare_bits(old.to_numpy(), new.to_numpy())
         if differs.any():
             first_difference[name] = int(differs.argmax())
     if first_difference:
         name = min(first_difference, key=first_difference.__getitem__)
-        old, new = (
-            frames.slice(first_difference[name], 1).to_pylist()[0] for frames in (saved, repeated)
-        )
+        line = first_difference[name]
+        old_row, new_row = (rows.slice(line, 1).to_pylist()[0] for rows in (saved, repeated))
+        keys = ", ".join(f"{key} {old_row[key]}" for key in ROW_KEYS if key in old_row)
         yield (
-            f"first in frame {old['frame']} of {old['controller']}, seed {old['seed']}, "
-            f"slot {old['slot']}: {name} is {old[name]} in the run, {new[name]} here; "
+            f"first in {keys}: {name} is {old_row[name]} in the run, {new_row[name]} here; "
             f"{len(first_difference)} channels differ"
         )
 
 
-def _number_differences(saved: Mapping[str, Any], repeated: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the differences of a scenario's entries in two summaries, a line each."""
-    old, new = (
-        dict(summary.flatten({key: entry[key] for key in RESULT_KEYS}))
-        for entry in (saved, repeated)
-    )
-    if differing := [name for name, value in old.items() if new.get(name, ...) != value]:
-        name = differing[0]
+def _decode_controllers(rows: "pa.Table") -> "pa.Table":
+    """Return a table whose controllers are strings, without a dictionary."""
+    index = rows.column_names.index("controller")
+    return rows.set_column(index, "controller", rows["controller"].cast("string"))
+
+
+def _compare_bits(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Return where two columns differ, shape (n,). NaNs are equal; 0.0 and -0.0 differ."""
+    if old.dtype != float:
+        return old != new
+    return (old.view(np.uint64) != new.view(np.uint64)) & ~(np.isnan(old) & np.isnan(new))
+
+
+def _number_differences(
+    saved: Mapping[str, Any], repeated: Mapping[str, Any], keys: Sequence[str]
+) -> Iterator[str]:
+    """Yield the differences of some keys of two summaries, a line for all.
+
+    Results that only this version has are no differences.
+    """
+    repeated = json.loads(json.dumps({key: repeated[key] for key in keys}))
+    old, new = (dict(flatten({key: entry[key] for key in keys})) for entry in (saved, repeated))
+    names = [*old, *(name for name in new if name not in old and not name.startswith("results."))]
+    texts = {
+        name: [json.dumps(values.get(name, ABSENT)) for values in (old, new)] for name in names
+    }
+    if differing := [name for name, (before, after) in texts.items() if before != after]:
+        before, after = texts[differing[0]]
         yield (
-            f"summary.json: {name} is {old[name]} in the run, {new.get(name)} here; "
+            f"summary.json: {differing[0]} is {before} in the run, {after} here; "
             f"{len(differing)} numbers differ"
         )
-
-
-def _environment_changes(record: Mapping[str, Any]) -> list[str]:
-    """Return the differences of this environment from the recorded one, a line each."""
-    old = dict(summary.flatten({key: record.get(key) for key in ENVIRONMENT_KEYS}))
-    new = dict(summary.flatten(describe_environment()))
-    return [
-        f"{name} was {old.get(name)} in the run, is {new.get(name)} here"
-        for name in old | new
-        if old.get(name) != new.get(name)
-    ]

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
+from omni_mj.atomic_files import create_folder
 from omni_mj.config import FRAME_RATE_HZ
 from omni_mj.results.result import Outcome
 from omni_mj.results.result_tables import describe_plant
@@ -42,7 +43,7 @@ def save_run_figures(outcome: Outcome, folder: Path, svg: bool) -> None:
     log = outcome.log
     if log is None or not log.lengths.any():
         return
-    folder.mkdir(parents=True, exist_ok=True)
+    create_folder(folder)
     seed = log.seeds[0]
     context = f"{outcome.scenario.name}, {describe_plant(outcome.entry)}, seed {seed}"
     failures = [

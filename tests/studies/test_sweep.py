@@ -221,8 +221,8 @@ def test_cluster_with_a_killed_worker_and_processes_give_the_same(
     assert invoke(*sweep_command(tmp_path / "command"), "--cluster", address) == 0
     assert bits(pq.read_table(tmp_path / "command" / "rows.parquet")) == bits(complete_sweep.rows())
     with Client(address) as client, pytest.MonkeyPatch.context() as patch:
-        true = bench.workers.dependencies()
-        patch.setattr(bench.workers, "dependencies", lambda: {**true, "mujoco": "1.2.3"})
+        true = bench.workers.dependencies
+        patch.setattr(bench.workers, "dependencies", lambda plan: {**true(plan), "mujoco": "1.2.3"})
         with pytest.raises(om.OmniError, match=r"other versions.*mujoco 4\S*, not 1\.2\.3"):
             run_sweep(tmp_path / "other", executor=client.get_executor(pure=False))
 

@@ -21,6 +21,8 @@ from omni_mj.simulation.simulation import batch_key
 from omni_mj.studies.run_scenario import check_memory, choose_shared_backend
 
 Value = int | float | str | bool
+SWEEP_FILE = "sweep.json"  # the axes; written first, so a folder that contains it is resumed
+MODEL_AXIS = "model.file"  # setting that names a file
 BATCH_SIZE = 128  # robots that are simulated together
 MAX_VALUES = 1000  # number of values of an axis
 
@@ -179,8 +181,20 @@ class SweepPlan:
         check_memory(processes * runs * len(self.scenario.controllers), self.frames)
 
     @property
+    def recorded_scenarios(self) -> list[Scenario]:
+        """The scenario, and one for each model that varies, from which provenance is recorded."""
+        variants = [
+            self.scenario.replace(
+                name=f"{self.scenario.name}-{i}",
+                settings=replace_values(self.scenario.settings, {MODEL_AXIS: file}),
+            )
+            for i, file in enumerate(self.axes.get(MODEL_AXIS, ()))
+        ]
+        return [self.scenario, *variants]
+
+    @property
     def files(self) -> dict[str, str]:
         """Texts of the files that identify a sweep, by name; equal for plans of the same sweep."""
         content = {"axes": self.axes, "batch_size": self.batch_size}
         sweep_json = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-        return {"sweep.json": sweep_json, "scenario.toml": self.scenario.to_toml()}
+        return {SWEEP_FILE: sweep_json, "scenario.toml": self.scenario.to_toml()}

@@ -20,11 +20,12 @@ import pyarrow as pa
 
 from omni_control.errors import OmniError
 from omni_mj import parquet
-from omni_mj.atomic_files import write_text
+from omni_mj.atomic_files import create_folder, lock_folder, write_text
 from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.rows import build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.metrics import row_metrics
+from omni_mj.results.provenance import check_unchanged, save_provenance
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.run_scenario import (
     AfterFrame,
@@ -40,9 +41,9 @@ from omni_mj.studies.sweep.sweep_statistics import (
     summarize_points,
     worst_runs,
 )
-from omni_mj.studies.sweep.workers import process_pool, run_shards
+from omni_mj.studies.sweep.workers import dependencies, process_pool, run_shards
 
-ROWS, SHARDS = "rows.parquet", "shards"
+STUDY, ROWS, SHARDS = "sweep", "rows.parquet", "shards"
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ class SweepResult:
             "complete": self.complete,
             "n_shards": len(self.plan.shards),
             "n_done": self.n_done,
+            "settings": self.plan.scenario.settings_to_dict(),
             "points": summarize_points(rows, list(self.plan.axes)),
             "correlations": rank_correlations(rows),
             "worst": worst_runs(rows, self.plan, self.folder),
@@ -93,6 +95,7 @@ def sweep(
     *,
     out: str | Path,
     batch_size: int = BATCH_SIZE,
+    jobs: int = 1,
     **run_options: Any,
 ) -> SweepResult:
     """Run a scenario with all combinations of settings, seeds and controllers.
@@ -108,20 +111,27 @@ def sweep(
         out: Folder of the sweep. If it holds shards of the same sweep, only the others are run.
         batch_size: Largest number of robots that are simulated together. Memory grows with it, not
             with the number of runs.
-        run_options: `jobs`, `executor` and `start_progress` of `run_sweep`.
+        jobs: Number of local processes.
+        run_options: `executor` and `start_progress` of `run_sweep`.
 
     Raises:
-        OmniError: A name is unknown or a value not valid, the sweep does not fit into memory, or
-            the folder holds another sweep.
+        OmniError: A name is unknown or a value not valid, the sweep does not fit into memory,
+            another program writes to the folder, or it holds another sweep or one of another
+            version, processor, robot, model, controller or plant.
     """
-    scenario = resolve_scenario(scenario, controllers, seeds)
-    return run_sweep(SweepPlan(scenario, check_axes(vary.items()), batch_size), out, **run_options)
+    scenario, folder = resolve_scenario(scenario, controllers, seeds), Path(out)
+    plan = SweepPlan(scenario, check_axes(vary.items()), batch_size)
+    plan.check(jobs)
+    create_folder(folder)
+    with lock_folder(folder):
+        return run_sweep(plan, folder, jobs=jobs, **run_options)
 
 
 def run_sweep(
     plan: SweepPlan,
-    out: str | Path,
+    folder: Path,
     *,
+    command: str | None = None,
     jobs: int = 1,
     executor: Executor | None = None,
     start_progress: StartProgress = no_progress,
@@ -129,8 +139,9 @@ def run_sweep(
     """Run the shards of a plan that are not stored in its folder yet.
 
     Args:
-        plan: Plan of the sweep.
-        out: Folder of the sweep.
+        plan: Plan of the sweep, which has been checked.
+        folder: Folder of the sweep, which exists. The caller locks it.
+        command: Command line, or None.
         jobs: Number of local processes.
         executor: Executor that runs shards instead, such as that of a Dask cluster.
         start_progress: Called with a title and the number of frames of all shards. It returns a
@@ -140,10 +151,11 @@ def run_sweep(
     Raises:
         OmniError: See `sweep`.
     """
-    folder, stopped = Path(out), None
-    plan.check(jobs)
-    _prepare_folder(plan, folder)
-    remaining = _remaining_shards(plan, folder)
+    stopped = None
+    _prepare_folder(plan, folder, command)
+    expected = dependencies(plan)
+    stored = stored_shards(plan, folder)
+    remaining = [shard for shard in plan.shards if shard not in stored]
     after_sweep_frame = start_progress("sweep", plan.frames * len(remaining))
     n_stored = 0  # shards stored since the start
 
@@ -157,24 +169,22 @@ def run_sweep(
                 shard_tables = ((shard, run_shard(plan, shard, after_frame)) for shard in remaining)
             else:
                 check = partial(after_frame, -1)
-                shard_tables = run_shards(workers, partial(run_shard, plan), remaining, check)
+                shard_tables = run_shards(workers, run_shard, plan, remaining, check)
             for shard, rows in shard_tables:
+                if dependencies(plan) != expected:
+                    raise OmniError(
+                        "a file of the robot, model, controller or plant was changed during the "
+                        f"sweep; the completed shards in {folder} are of the former file"
+                    )
                 parquet.write_tables([rows], _shard_file(folder, shard))
                 n_stored += 1
                 after_frame(-1)
     except StoppedError as error:
         stopped = str(error)
-    n_done = len(plan.shards) - len(remaining) + n_stored
+    n_done = len(stored) + n_stored
     result = SweepResult(plan, n_done, stopped, folder)
     _write_result(result)
     return result
-
-
-def _remaining_shards(plan: SweepPlan, folder: Path) -> list[Shard]:
-    """Return the shards that are not stored in the folder yet."""
-    if (folder / ROWS).exists():
-        return []
-    return [shard for shard in plan.shards if not _shard_file(folder, shard).exists()]
 
 
 def create_simulation(plan: SweepPlan, shard: Shard) -> Simulation:
@@ -232,19 +242,22 @@ def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_fr
     return pa.table(columns | row_metrics(log, simulation.failures))
 
 
-def _prepare_folder(plan: SweepPlan, folder: Path) -> None:
-    """Create the folder and the files that identify the sweep.
+def _prepare_folder(plan: SweepPlan, folder: Path, command: str | None) -> None:
+    """Create the files that identify the sweep, or compare them if it is continued.
 
     Raises:
-        OmniError: The folder holds another sweep.
+        OmniError: The folder holds another sweep, or one that cannot be continued here.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     for name, text in plan.files.items():
         if not (folder / name).exists():
             write_text(folder / name, text)
         elif (folder / name).read_text(encoding="utf-8") != text:
             raise OmniError(f"{folder} holds another sweep, by its {name}; name another --out")
-    (folder / SHARDS).mkdir(exist_ok=True)
+    if stored_shards(plan, folder):
+        check_unchanged(folder, STUDY, plan.recorded_scenarios)
+    else:
+        save_provenance(folder, STUDY, command, plan.recorded_scenarios, frames=False)
+    create_folder(folder / SHARDS)
 
 
 def _write_result(result: SweepResult) -> None:
@@ -261,16 +274,26 @@ def _write_result(result: SweepResult) -> None:
         (folder / SHARDS).rmdir()
 
 
+def stored_shards(plan: SweepPlan, folder: Path) -> list[Shard]:
+    """Return the shards whose rows are stored in the folder."""
+    is_complete = (folder / ROWS).exists()
+    return [s for s in plan.shards if is_complete or _shard_file(folder, s).exists()]
+
+
 def _merge_shards(plan: SweepPlan, folder: Path) -> pa.Table:
-    """Return the rows of all stored shards, sorted by point, controller, seed and slot.
+    """Return the rows of all stored shards in the order of `merge_rows`.
 
     Raises:
         OmniError: No shard is stored.
     """
-    paths = (_shard_file(folder, shard) for shard in plan.shards)
-    shard_rows = [parquet.read_table(path) for path in paths if path.exists()]
-    if not shard_rows:
+    stored = stored_shards(plan, folder)
+    if not stored:
         raise OmniError(f"nothing of the sweep in {folder} has been run yet")
+    return merge_rows(plan, [parquet.read_table(_shard_file(folder, shard)) for shard in stored])
+
+
+def merge_rows(plan: SweepPlan, shard_rows: Sequence[pa.Table]) -> pa.Table:
+    """Return the rows of shards, sorted by point, controller, seed and slot."""
     rows = pa.concat_tables(shard_rows, promote_options="permissive")
     labels = plan.scenario.labels
     order = pa.array([labels.index(label) for label in rows["controller"].to_pylist()])

@@ -1,6 +1,7 @@
 """Run shards in parallel, on this machine or on a Dask cluster. Only the caller writes files."""
 
 import multiprocessing
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -8,25 +9,27 @@ from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, w
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import cache
+from threading import Thread
 from typing import Any
 
 import pyarrow as pa
 
 from omni_control.errors import OmniError
 from omni_control.install_hints import describe_installation
-from omni_mj.results.provenance import source_digest
+from omni_mj.results.provenance import describe_scenarios, sha256, source_digest
 from omni_mj.results.summary import package_versions
 from omni_mj.studies.run_scenario import quiet_mujoco
-from omni_mj.studies.sweep.sweep_plan import Shard
+from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
 
 POLL_S = 0.2  # interval of calls to `check`
 SCHEDULER_TIMEOUT_S = 10.0
-RunShard = Callable[[Shard], pa.Table]
+RunShard = Callable[[SweepPlan, Shard], pa.Table]
 
 
 def run_shards(
     executor: Executor,
     run_shard: RunShard,
+    plan: SweepPlan,
     shards: Sequence[Shard],
     check: Callable[[], None],
 ) -> Iterator[tuple[Shard, pa.Table]]:
@@ -34,7 +37,8 @@ def run_shards(
 
     Args:
         executor: Executor of the processes.
-        run_shard: Function that runs one shard.
+        run_shard: Function that runs one shard of a plan.
+        plan: Plan of the sweep.
         shards: Shards to run.
         check: Called every `POLL_S`; its exceptions end the iteration.
 
@@ -42,9 +46,9 @@ def run_shards(
         OmniError: A shard cannot be run, a process was killed, or a worker has other versions of
             the packages.
     """
-    expected = dependencies()
+    expected = dependencies(plan)
     pending = {
-        executor.submit(_run_on_worker, run_shard, shard, expected): shard for shard in shards
+        executor.submit(_run_on_worker, run_shard, plan, shard, expected): shard for shard in shards
     }
     while pending:
         check()
@@ -64,13 +68,15 @@ def run_shards(
                 raise OmniError(f"a worker could not run shard {shard.number}: {reason}") from error
 
 
-def _run_on_worker(run_shard: RunShard, shard: Shard, expected: dict[str, str]) -> pa.Table:
-    """Run a shard if this worker has the expected versions of packages and source.
+def _run_on_worker(
+    run_shard: RunShard, plan: SweepPlan, shard: Shard, expected: dict[str, str]
+) -> pa.Table:
+    """Run a shard if this worker has the expected versions of packages, source and files.
 
     Raises:
         OmniError: The worker has other versions.
     """
-    actual = dependencies()
+    actual = dependencies(plan)
     differences = [
         f"{name} {actual.get(name)}, not {version}"
         for name, version in expected.items()
@@ -81,13 +87,20 @@ def _run_on_worker(run_shard: RunShard, shard: Shard, expected: dict[str, str]) 
             "a worker has other versions than this machine, and may compute other numbers: "
             f"{'; '.join(differences)}"
         )
-    return run_shard(shard)
+    return run_shard(plan, shard)
+
+
+def dependencies(plan: SweepPlan) -> dict[str, str]:
+    """Return the versions and hashes of files that must be equal for equal results."""
+    copies: dict[str, bytes] = {}
+    describe_scenarios(plan.recorded_scenarios, copies)
+    hashes = {name: sha256(data)[:12] for name, data in copies.items()}
+    return package_versions() | {"source": _short_source_digest()} | hashes
 
 
 @cache
-def dependencies() -> dict[str, str]:
-    """Return the versions and source hash that must be equal for equal results."""
-    return package_versions() | {"source": source_digest()[:12]}
+def _short_source_digest() -> str:
+    return source_digest()[:12]
 
 
 @contextmanager
@@ -136,9 +149,18 @@ def process_pool(count: int) -> Iterator[Executor]:
 
 
 def _initialize_process() -> None:
-    """Use one thread, and leave Ctrl-C to the parent process."""
+    """Use one thread, leave Ctrl-C to the parent process, and end with it."""
     from omni_mj.plants import mujoco_plant
 
+    Thread(target=_exit_after_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     mujoco_plant.MIN_ROBOTS_FOR_THREADS = sys.maxsize
     quiet_mujoco()
+
+
+def _exit_after_parent() -> None:
+    """Wait for the end of the parent process, even if it was killed, and end this one."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)

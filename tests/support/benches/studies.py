@@ -35,7 +35,7 @@ from omni_mj.studies.loop.loop_experiment import (
 )
 from omni_mj.studies.loop.loop_metrics import compute_margins, compute_step_metrics
 from omni_mj.studies.loop.loop_study import LoopResult, measure_loop
-from omni_mj.studies.run_scenario import StoppedError, ignore_frame
+from omni_mj.studies.run_scenario import StoppedError, ignore_frame, no_progress
 from omni_mj.studies.slip import slip_fits as fits
 from omni_mj.studies.slip import slip_moves as moves
 from omni_mj.studies.slip.slip_moves import Move, straight_move
