@@ -93,13 +93,12 @@ def list_changes(
         current: What it would be now. Values that JSON writes alike are equal.
         keys: Keys of both that are compared.
     """
-    old, new = (
-        dict(flatten({key: record.get(key) for key in keys})) for record in (saved, current)
-    )
-    texts = {name: (old.get(name, ABSENT), new.get(name, ABSENT)) for name in old | new}
+    records = ({key: record[key] for key in keys if key in record} for record in (saved, current))
+    old, new = (dict(flatten(json.loads(json.dumps(record)))) for record in records)
+    values = {name: (old.get(name, ABSENT), new.get(name, ABSENT)) for name in old | new}
     return [
         f"{name} was {before} in the run, is {after} here"
-        for name, (before, after) in texts.items()
+        for name, (before, after) in values.items()
         if json.dumps(before) != json.dumps(after)
     ]
 

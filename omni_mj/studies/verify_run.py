@@ -265,6 +265,10 @@ def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> Verify
         show_shard = partial(_show_shard_frame, show, i * plan.frames)
         tables.append(run_shard(plan, shard, show_shard))
     saved_rows, repeated_rows = saved.rows(), merge_rows(plan, tables)
+    if MODEL_AXIS in saved_rows.column_names:  # paths, which differ from those of the copies
+        saved_rows, repeated_rows = (
+            rows.drop_columns(MODEL_AXIS) for rows in (saved_rows, repeated_rows)
+        )
     lines = [*_table_differences(saved_rows, repeated_rows)]
     lines += _number_differences(numbers, saved.summary, SWEEP_RESULT_KEYS)
     return VerifyResult(repeated_rows.num_rows, is_sweep=True, differences=lines)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -37,17 +38,30 @@ SWEEP = (
 )  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run a sweep of a user's controller, robot and model, and return the folder of all files."""
+    folder = tmp_path_factory.mktemp("made")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        run_sweep_of_own_files()
+    return folder
+
+
 @pytest.fixture
-def sweep_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Run a sweep of a user's controller, robot and model, and return its folder."""
-    monkeypatch.chdir(tmp_path)
+def copied_sweep(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Change to a copy of that folder."""
+    shutil.copytree(made, tmp_path / "copy")
+    monkeypatch.chdir(tmp_path / "copy")
+
+
+def run_sweep_of_own_files() -> None:
     Path("mine.py").write_text(MINE)
     Path("parts.xml").write_text(PARTS)
     model = written((60, 180, 300)).replace("<compiler ", '<include file="parts.xml"/><compiler ')
     Path("body.xml").write_text(model)
     Path("robot.toml").write_text(om.load_robot("tigers-v2016").path.read_text())
     assert invoke(*SWEEP) == 0
-    return tmp_path / "out"
 
 
 def change_record(*keys: str) -> Callable[[], None]:
@@ -72,7 +86,7 @@ def change_file(name: str) -> Callable[[], None]:
 
 
 def test_a_sweep_is_continued_only_if_nothing_has_changed(
-    sweep_folder: Path, capsys: pytest.CaptureFixture[str]
+    copied_sweep: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = [path for path in Path().rglob("*") if path.is_file()]
     contents = {path: path.read_bytes() for path in files}
@@ -136,7 +150,7 @@ def test_a_sweep_from_python_is_continued_by_the_same_rules(tmp_path: Path) -> N
 
 
 def test_a_sweep_repeats_and_changed_rows_are_named(
-    sweep_folder: Path, capsys: pytest.CaptureFixture[str]
+    copied_sweep: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("mine.py", "robot.toml", "body.xml", "parts.xml"):
         Path(name).unlink()
@@ -154,7 +168,7 @@ def test_a_sweep_repeats_and_changed_rows_are_named(
     assert "first in point 1, controller Mine, seed 0, slot 0: " in capsys.readouterr().err
 
 
-def test_a_sweep_over_models_records_each_of_them(sweep_folder: Path) -> None:
+def test_a_sweep_over_models_records_each_of_them(copied_sweep: None) -> None:
     Path("other.xml").write_text(Path("body.xml").read_text() + "<!-- other -->")
     words = [word for word in SWEEP[:-1] if word not in ("--model", "body.xml")]
     words[words.index("radio.delay_frames=0,4")] = 'model.file="body.xml","other.xml"'
@@ -165,7 +179,7 @@ def test_a_sweep_over_models_records_each_of_them(sweep_folder: Path) -> None:
 
 
 def test_a_sweep_runs_no_code_that_only_a_folder_names(
-    sweep_folder: Path, capsys: pytest.CaptureFixture[str]
+    copied_sweep: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     vary = ("--vary", "radio.delay_frames=0,4", "--quiet")
     words = ("sweep", "--scenario", "out/scenario.toml", *vary, "--out", "again")

@@ -15,6 +15,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
+from omni_mj.atomic_files import check_folder
 from omni_mj.config import PERIOD_S
 from omni_mj.viz.recording.viewer import is_listening
 
@@ -79,6 +80,7 @@ class RerunStream:
             footer: Whether the file ends with an index, which is held in memory until then.
         """
         if isinstance(self._target, Path):
+            check_folder(self._target)
             self._stream.save(self._target, layout, write_footer=footer)
         else:
             self._stream.connect_grpc(self._target, default_blueprint=layout)
