@@ -1,6 +1,7 @@
 """Tables as Parquet files.
 
-Arrow gets opened files, because it would read a file name with a colon as a URL.
+Arrow gets opened files, because it would read a file name with a colon as a URL. A small file may
+hold a table that does not fit into the memory, so the sizes are checked before it is read.
 """
 
 import os
@@ -11,12 +12,15 @@ from typing import TYPE_CHECKING
 
 from omni_control.errors import OmniError, to_printable
 from omni_mj.atomic_files import open_atomic
+from omni_mj.free_memory import measure_free_bytes
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 # Rows of a block in a file that is written. Each block needs some memory until the file is closed.
 ROWS_PER_GROUP = 20_000
+VALUE_BYTES = 8  # of a number in memory
+MEMORY_FRACTION = 0.25  # of the free memory, for a table; its readers make copies
 
 
 def read_table(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
@@ -27,21 +31,31 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> "pa.Table":
         columns: Names of the columns to read. Default: all.
 
     Raises:
-        OmniError: The file cannot be read, or lacks a column.
+        OmniError: The file cannot be read, lacks a column, has columns of other types than numbers,
+            texts and times, or needs too much memory.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    if path.exists() and not path.is_file():
+        raise OmniError(f"{path} cannot be read: it is not a regular file")
     try:
         # Opening the file by Python first gives readable error messages. Arrow gets no file object
         # of Python: its threads may still hold one when the program ends, which would abort it.
         with path.open("rb"), pa.OSFile(os.fsencode(path), "rb") as file:
             parquet_file = pq.ParquetFile(file, pre_buffer=False)
-            names = parquet_file.schema_arrow.names
-            if absent_columns := [name for name in columns or () if name not in names]:
+            schema = parquet_file.schema_arrow
+            if absent_columns := [name for name in columns or () if name not in schema.names]:
                 raise OmniError(f"{path} cannot be read: it has no column {absent_columns[0]}")
+            fields = [field for field in schema if columns is None or field.name in columns]
+            _check_fields(path, fields, parquet_file.metadata.num_rows)
+            texts = [field.name for field in fields if _is_text(field.type)]
+            encoded_file = pq.ParquetFile(
+                file, metadata=parquet_file.metadata, read_dictionary=texts, pre_buffer=False
+            )
             # Without threads: if there is no memory to start one, Arrow waits for it forever.
-            return parquet_file.read(None if columns is None else list(columns), use_threads=False)
+            arrow_table = encoded_file.read([field.name for field in fields], use_threads=False)
+            return _decode_texts(path, arrow_table, schema)
     except (OSError, pa.ArrowException, UnicodeError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise OmniError(f"{path} cannot be read: {to_printable(reason)}") from None
@@ -65,3 +79,55 @@ def write_tables(arrow_tables: "Iterable[pa.Table]", path: Path) -> None:
     ):
         for arrow_table in chain([head], remaining):
             writer.write_table(arrow_table)
+
+
+def _check_fields(path: Path, fields: "Sequence[pa.Field]", n_rows: int) -> None:
+    """Raise `OmniError` if columns are nested, share a name, or do not fit into the memory."""
+    from pyarrow import types
+
+    names = [field.name for field in fields]
+    for field in fields:
+        name = to_printable(field.name, 100)
+        if names.count(field.name) > 1:
+            raise OmniError(f"{path} cannot be read: it has two columns {name}")
+        is_plain = types.is_primitive(field.type) or types.is_null(field.type)
+        if not (is_plain or _is_text(field.type) or types.is_dictionary(field.type)):
+            kind = to_printable(str(field.type), 100)
+            raise OmniError(
+                f"{path} cannot be read: its column {name} must hold numbers, texts or times, "
+                f"not {kind}"
+            )
+    _check_size(path, f"{n_rows} rows of {len(fields)} columns", n_rows * len(fields) * VALUE_BYTES)
+
+
+def _decode_texts(path: Path, arrow_table: "pa.Table", schema: "pa.Schema") -> "pa.Table":
+    """Return a table whose texts have the types of a schema in place of dictionaries."""
+    import pyarrow.compute as pc
+
+    for i, field in enumerate(arrow_table.schema):
+        if (text_type := schema.field(field.name).type) == field.type:
+            continue
+        column = arrow_table.column(i)
+        lengths = (
+            pc.sum(pc.binary_length(chunk.dictionary).take(chunk.indices)).as_py() or 0
+            for chunk in column.chunks
+        )
+        name = to_printable(field.name, 100)
+        _check_size(path, f"the texts of its column {name}", sum(lengths))
+        arrow_table = arrow_table.set_column(i, field.name, column.cast(text_type))
+    return arrow_table
+
+
+def _check_size(path: Path, content: str, n_bytes: float) -> None:
+    """Raise `OmniError` if some content of a file needs too much memory."""
+    if n_bytes > (max_bytes := MEMORY_FRACTION * measure_free_bytes()):
+        raise OmniError(
+            f"{path} cannot be read: {content} need {n_bytes / 1e9:.2g} GB of memory; at most "
+            f"{max_bytes / 1e9:.2g} GB, {MEMORY_FRACTION:.0%} of the free memory, are allowed"
+        )
+
+
+def _is_text(arrow_type: "pa.DataType") -> bool:
+    from pyarrow import types
+
+    return types.is_string(arrow_type) or types.is_large_string(arrow_type)

@@ -3,13 +3,13 @@
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 
 from omni_control.controllers.registry import list_available_controllers
 from omni_control.errors import OmniError, suggest_names
 from omni_mj.config.plugins import ControllerSpec, find_controller, label_controller
 from omni_mj.config.reference_factory import build_timed_reference
 from omni_mj.config.scenario import Scenario, load_with_overrides
+from omni_mj.free_memory import measure_free_bytes
 from omni_mj.results import metrics, summary
 from omni_mj.results.result import Outcome, Result
 from omni_mj.robot.numpy_and_jax_backends import choose_backend
@@ -178,15 +178,8 @@ def check_subject(scenario: Scenario, subject: str | None) -> None:
 
 
 def check_memory(robots: int, frames: int) -> None:
-    """Raise OmniError if robots that are simulated together need more memory than is free.
-
-    On systems without `/proc/meminfo`, nothing is checked.
-    """
-    try:
-        free_b = 1024 * int(Path("/proc/meminfo").read_text().split("MemAvailable:")[1].split()[0])
-    except (OSError, IndexError):
-        return
-    needed_b = robots * frames * FRAME_BYTES
+    """Raise OmniError if robots that are simulated together need more memory than is free."""
+    needed_b, free_b = robots * frames * FRAME_BYTES, measure_free_bytes()
     if needed_b > free_b:
         raise OmniError(
             f"{robots} robots at once for {frames} frames take about {needed_b / 1e9:.2g} GB of "
