@@ -157,7 +157,8 @@ def prepare_drive(
             settle_s = chosen.settings.reference.settle_s + PULSE_S
             longer = chosen.settings.replace(reference={"settle_s": settle_s})
             trial = Live(chosen.replace(settings=longer), frame_clock, radio)
-            chosen = _with_measured(chosen, options, {DEAD_TIME: _dead_time(trial)})
+            radio_settings = {"kind": "fixed", "delay_frames": _dead_time(trial)}
+            chosen = chosen.replace(settings=chosen.settings.replace(radio=radio_settings))
         max_frames = (
             np.inf if options.duration_s is None else round(options.duration_s * FRAME_RATE_HZ)
         )

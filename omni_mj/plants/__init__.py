@@ -28,7 +28,8 @@ class Plant(Protocol):
         """Advance by one frame of 1/60 s.
 
         Args:
-            received: Commands that the radio delivers at the beginning of the frame.
+            received: Commands that apply in this frame. If some arrive within the frame,
+                `received.command` is the mean over the frame, and `received.split()` yields them.
 
         Returns:
             Mapping from each row that failed in this frame to the cause in words. A failed row

@@ -7,6 +7,8 @@ import pytest
 from benches.serve import FAST, QUIET, Field, here
 from serve_client import local
 
+from omni_mj.network.camera_calibration import CameraErrors
+
 CYCLE_S = 1 / 960
 FAULTS = """
 [[fault]]
@@ -79,6 +81,20 @@ def test_cameras_that_see_a_robot_differ_by_how_they_are_set_up_and_their_noise(
     assert np.abs(errors).max() < 4 * offset
     assert np.ptp(errors, axis=0).min() > 10 * noise / 13
     np.testing.assert_allclose(seen.std(1), noise, rtol=5 / np.sqrt(2 * 170))
+
+
+def test_cameras_have_the_calibration_errors_of_run() -> None:
+    """Each at the robot's position; two cameras that detect it differ."""
+    sets = "vision.cameras=2", "vision.calibration_error_m=0.02", "vision.camera_offset_m=0.01"
+    bench = Field(*QUIET, FAST, *sets)
+    assert bench.put(0, 0.05, -0.05, 0.0) == []
+    calibrated = CameraErrors([bench.pitch.rows[0].settings.vision], [(bench.pitch.rows[0].seed,)])
+    errors = []
+    for image in bench.cycles(64):
+        pose = bench.poses[0, :2]
+        errors.append(calibrated(pose[None], image.detection.camera_id)[0])
+        np.testing.assert_allclose(image.poses[0, :2] - pose, errors[-1], atol=1e-4)
+    assert np.abs(np.diff(np.unique(errors, axis=0), axis=0)).min() > 1e-3
 
 
 def test_faults_concern_the_robots_whose_numbers_they_name_and_cameras_as_a_whole(
