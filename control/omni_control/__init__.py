@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         MotionLimits,
         Reference,
         SampledReference,
+        TargetReference,
         TimedReference,
     )
     from omni_control.team_computer import Team
@@ -52,6 +53,7 @@ __all__ = [
     "OmniError",
     "Reference",
     "SampledReference",
+    "TargetReference",
     "Team",
     "TeamModel",
     "TimedReference",

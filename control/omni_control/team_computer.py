@@ -27,6 +27,7 @@ from omni_control.estimation.delayed_measurements import MAX_FRAMES_BEHIND
 from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.estimation.vision_tracker import VisionTracker
 from omni_control.kinematics import Array
+from omni_control.reference.target_reference import TargetReference, as_robot_indices
 
 # Called with the indices (m,) of the robots that failed, and the reason.
 FailureHandler = Callable[[NDArray[np.intp], ControllerError], None]
@@ -211,6 +212,38 @@ class Team:
         self.observe(measured_poses, true_state, measurement_age)
         return self.command()
 
+    def set_target(self, robot: int, pose: ArrayLike, twist: ArrayLike = (0, 0, 0)) -> None:
+        """Set the pose and the twist of a robot's target, in any frame; see `TargetReference`.
+
+        They are those in the frame observed last, or after `command` those in the next frame.
+
+        Args:
+            robot: Index of the robot.
+            pose: Target pose [x, y, heading], (3,) m and rad.
+            twist: Twist of the target, (3,) world frame, m/s and rad/s. Default: it rests.
+
+        Raises:
+            OmniError: The robot does not exist, its controller has another reference, or the
+                target is not three finite numbers.
+        """
+        reference, row = self._find_target_reference(robot)
+        reference.set_target(self.frame + (self._observation is None), row, pose, twist)
+
+    def set_velocity(self, robot: int, twist: ArrayLike, heading: float | None = None) -> None:
+        """Set the twist at which a robot shall drive, in any frame; see `set_target`.
+
+        Args:
+            robot: Index of the robot.
+            twist: Desired twist [vx, vy, turn rate], (3,) world frame.
+            heading: Target heading, rad, which changes at the turn rate. Default: only the turn
+                rate matters.
+
+        Raises:
+            OmniError: As for `set_target`.
+        """
+        reference, row = self._find_target_reference(robot)
+        reference.set_velocity(self.frame + (self._observation is None), row, twist, heading)
+
     def stop(self, robots: RowSelection) -> None:
         """Stop robots: send them zero, and ignore failures of their controllers."""
         self.inactive[robots] = True
@@ -240,6 +273,19 @@ class Team:
         return {
             name: self._merge_channel(name) for name in names if name not in RECORDED_ATTRIBUTES
         }
+
+    def _find_target_reference(self, robot: int) -> tuple[TargetReference, int]:
+        """Return the reference of a robot that takes targets, and the robot's row in it."""
+        index = as_robot_indices(robot, self.n)[0]
+        all_robots = np.arange(self.n)
+        for controller, selection in zip(self.controllers, self._robot_indices, strict=True):
+            is_robot = all_robots[selection] == index
+            if is_robot.any():
+                reference, row = controller.reference, int(is_robot.argmax())
+        if not isinstance(reference, TargetReference):
+            kind = type(reference).__name__
+            raise OmniError(f"robot {robot} follows a {kind}; targets need a TargetReference")
+        return reference, row
 
     def _call_controller(self, i: int) -> Array:
         """Return the commands of controller i, (size, 3); zero for robots that fail."""

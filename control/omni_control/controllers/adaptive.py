@@ -32,7 +32,7 @@ from omni_control.estimation.motion_model import (
 from omni_control.estimation.robot_ekf import RobotEkf
 from omni_control.fuzzy_rules import FuzzyLaw
 from omni_control.kinematics import Array, body_to_world, world_to_body, wrap_angle
-from omni_control.reference import IteratedReference, Reference
+from omni_control.reference import Reference, ReplannedReference
 
 # Number of planned commands. 20 give the same results in scenarios league, waypoints, slippery.
 HORIZON_FRAMES = 10
@@ -55,7 +55,7 @@ class InverseFlc(Controller):
         self.filter = RobotEkf(model, n, noise, self.learns)
         self.fuzzy = FuzzyLaw(model.error_range_m, model.speed_range_m_s)
         self.memory_frames = self.filter.memory_frames + MAX_FRAMES_BEHIND
-        self._last_twist = np.zeros((n, 3))  # of an iterated reference, in the previous frame
+        self._last_twist = np.zeros((n, 3))  # of a replanned reference, in the previous frame
 
     def command(self, frame: int, observation: Observation) -> Array:
         """See `Controller`."""
@@ -117,15 +117,15 @@ class InverseFlc(Controller):
     def _preview_reference(self, frame: Array, count: int) -> tuple[Array, Array]:
         """Return poses and twists (2 + count, n, 3) of the reference from `frame` - 1 on.
 
-        An iterated reference is planned anew in every frame. It has no pose for `frame` - 1, so
-        that the pose of `frame` is repeated. Its twist for `frame` - 1 is that of the previous
+        A reference that is planned anew in every frame has no pose for `frame` - 1, so that the
+        pose of `frame` is repeated. Its twist for `frame` - 1 is that of the previous
         call. It advances by a call of `at`.
 
         Args:
             frame: Frame at which the commands will act, (n,).
             count: Number of frames after the first two.
         """
-        if not isinstance(self.reference, IteratedReference):
+        if not isinstance(self.reference, ReplannedReference):
             return self.reference.preview(frame - 1, self.predicted_pose, 2 + count)
         poses, twists = self.reference.preview(frame, self.predicted_pose, 1 + count)
         last_twist = self._last_twist[None]

@@ -1,12 +1,14 @@
-"""Reference that is planned anew in every frame from the pose of the robot.
+"""References that are planned anew in every frame, and the rule by which they approach a pose.
 
-This is the mode "iteratively updated" of the paper's section 3-A. The robot moves towards its
-way-point as fast as the limits of speed and acceleration allow and stops there exactly, in whole
-frames. The rule depends only on the present pose and velocity. It therefore also recovers from
-disturbances.
+`IteratedReference` is the mode "iteratively updated" of the paper's section 3-A. The robot moves
+towards its way-point as fast as the limits of speed and acceleration allow and stops there exactly,
+in whole frames. The rule depends only on the present pose and velocity. It therefore also recovers
+from disturbances, and the pose may move: see `target_reference`.
 """
 
-from typing import NamedTuple
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,35 +22,104 @@ from omni_control.reference.sampled_reference import as_poses
 ARRIVAL_RADIUS_M, ARRIVAL_ANGLE_RAD = 0.02, 0.1
 
 
-class _Plan(NamedTuple):
-    """Desired poses and twists of n robots in the latest frame, and state of the planning.
+@dataclass(frozen=True)
+class Plan:
+    """Desired poses and twists of n robots in the latest frame.
 
     Args:
-        frame: Latest frame.
+        frame: Latest frame, one for all robots or (n,); NaN before the first.
         pose, twist: Desired poses and twists in this frame, (n, 3).
         next_pose: Desired poses in the next frame, (n, 3).
-        waypoint_index: Index of the way-point that each robot approaches, (n,).
-        rest_frames: Remaining frames of rest at the first way-point.
     """
 
     frame: float | Array
     pose: Array
     twist: Array
     next_pose: Array
+
+
+AnyPlan = TypeVar("AnyPlan", bound=Plan)
+
+
+class ReplannedReference(ABC, Generic[AnyPlan]):
+    """Reference whose plan advances by one step with a call of `at` for a new frame.
+
+    A repeated call for the same frame returns the same result.
+
+    The directions in which a robot must accelerate are not known in advance. The limits are
+    therefore reduced until the wheels can keep all of them at once, in any direction.
+
+    Args:
+        plan: Plan before the first frame.
+        limits: Limits of velocity and acceleration. `reference.limits` may be replaced between
+            frames.
+        period: Length of a frame, s.
+
+    Raises:
+        OmniError: Jerk is limited.
+    """
+
+    def __init__(self, plan: AnyPlan, limits: MotionLimits, period: float) -> None:
+        self._plan, self.limits, self.period = plan, limits, period
+
+    @property
+    def limits(self) -> MotionLimits:
+        """Limits of the reference, reduced for the wheels."""
+        return self._limits
+
+    @limits.setter
+    def limits(self, limits: MotionLimits) -> None:
+        if limits.jerk or limits.turn_jerk:
+            raise OmniError(
+                "a reference that is planned anew in every frame cannot limit jerk, "
+                "because it responds to disturbances and new targets immediately"
+            )
+        self._limits = limits.reduce_for_wheels()
+
+    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
+        """Return the poses of the plan at a frame, and the twists to the next; see `Reference`."""
+        self._plan = self._advance(self._plan, frame, pose)
+        return self._plan.pose.copy(), self._plan.twist.copy()
+
+    def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
+        """Return poses and twists of robots that follow the plan from `pose`; see `Reference`."""
+        plan, (poses, twists) = self._plan, np.empty((2, count, *pose.shape))
+        for i in range(count):
+            plan = self._advance(plan, frame + i, pose)
+            poses[i], twists[i] = plan.pose, plan.twist
+            pose = pose + plan.twist * self.period
+        return poses, twists
+
+    def _advance(self, plan: AnyPlan, frame: float | Array, pose: Array) -> AnyPlan:
+        """Return the plan of `frame` from that of the previous frame."""
+        if np.array_equal(frame, plan.frame):
+            return plan
+        return self._plan_step(plan, np.array(frame, float), pose)
+
+    @abstractmethod
+    def _plan_step(self, plan: AnyPlan, frame: Array, pose: Array) -> AnyPlan:
+        """Return the plan of a new frame, for robots at `pose`."""
+
+
+@dataclass(frozen=True)
+class _WaypointPlan(Plan):
+    """Plan with the progress through way-points.
+
+    Args:
+        waypoint_index: Index of the way-point that each robot approaches, (n,).
+        rest_frames: Remaining frames of rest at the first way-point.
+    """
+
     waypoint_index: NDArray[np.intp]
     rest_frames: int
 
 
-class IteratedReference:
-    """Reference planned anew in every frame from the pose of the robot.
+class IteratedReference(ReplannedReference[_WaypointPlan]):
+    """Reference through way-points, planned anew in every frame from the pose of the robot.
 
     A robot approaches the next way-point as soon as it has come near to the last one, while it is
-    still slowing down. A call of `at` for a new frame advances the plan by one step. A repeated
-    call for the same frame returns the same result.
-
-    The directions in which a robot must accelerate depend on disturbances. The limits are therefore
-    reduced in advance until the wheels can keep all of them at once, in any direction. Jerk is not
-    limited, because the reference responds to disturbances immediately.
+    still slowing down. Jerk is not limited, because the reference responds to disturbances
+    immediately.
 
     Args:
         waypoints: Poses [x, y, heading], (points, 3).
@@ -69,51 +140,32 @@ class IteratedReference:
         n: int,
         rest_frames: int = 0,
     ) -> None:
-        if limits.jerk or limits.turn_jerk:
-            raise OmniError(
-                "a reference that is planned anew in every frame cannot limit jerk, "
-                "because it responds to disturbances immediately"
-            )
         self.waypoints = as_poses(waypoints)
-        self.limits, self.period = limits.reduce_for_wheels(), period
         start = np.repeat(self.waypoints[:1], n, axis=0)
         waypoint_index = np.full(n, min(1, len(self.waypoints) - 1))
-        self._plan = _Plan(np.nan, start, np.zeros((n, 3)), start, waypoint_index, rest_frames)
+        plan = _WaypointPlan(np.nan, start, np.zeros((n, 3)), start, waypoint_index, rest_frames)
+        super().__init__(plan, limits, period)
 
-    def at(self, frame: float | Array, pose: Array) -> tuple[Array, Array]:
-        """Return the poses planned in the previous frame, and the twists from `pose` on.
-
-        See `Reference`.
-        """
-        self._plan = self._advance(self._plan, frame, pose)
-        return self._plan.pose.copy(), self._plan.twist.copy()
-
-    def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
-        """Return poses and twists of robots that follow the plan from `pose`; see `Reference`."""
-        plan, (poses, twists) = self._plan, np.empty((2, count, *pose.shape))
-        for i in range(count):
-            plan = self._advance(plan, frame + i, pose)
-            poses[i], twists[i] = plan.pose, plan.twist
-            pose = pose + plan.twist * self.period
-        return poses, twists
-
-    def _advance(self, plan: _Plan, frame: float | Array, pose: Array) -> _Plan:
-        """Return the plan of `frame` from that of the previous frame."""
-        if np.array_equal(frame, plan.frame):
-            return plan
-        frame, target = np.array(frame, float), self.waypoints[plan.waypoint_index]
+    def _plan_step(self, plan: _WaypointPlan, frame: Array, pose: Array) -> _WaypointPlan:
+        target = self.waypoints[plan.waypoint_index]
         twist = approach_pose(pose, plan.twist, target, self.limits, self.period)
         offset = target - pose
         is_near = np.hypot(offset[:, 0], offset[:, 1]) < ARRIVAL_RADIUS_M
         has_arrived = is_near & (np.abs(offset[:, 2]) < ARRIVAL_ANGLE_RAD)
         waypoint_index = np.minimum(plan.waypoint_index + has_arrived, len(self.waypoints) - 1)
         if plan.rest_frames:
-            return plan._replace(frame=frame, pose=plan.next_pose, rest_frames=plan.rest_frames - 1)
-        return _Plan(frame, plan.next_pose, twist, pose + twist * self.period, waypoint_index, 0)
+            return replace(plan, frame=frame, pose=plan.next_pose, rest_frames=plan.rest_frames - 1)
+        next_pose = pose + twist * self.period
+        return _WaypointPlan(frame, plan.next_pose, twist, next_pose, waypoint_index, 0)
 
 
 def approach_pose(
-    pose: Array, twist: Array, target: Array, limits: MotionLimits, period: float
+    pose: Array,
+    twist: Array,
+    target: Array,
+    limits: MotionLimits,
+    period: float,
+    target_twist: Array | None = None,
 ) -> Array:
     """Return the twists (n, 3) of the next frame for robots that approach and stop at target poses.
 
@@ -124,25 +176,49 @@ def approach_pose(
     in a frame is limited at the heading in that frame. If it exceeds the limit, all its components
     are scaled down alike: towards the target and across.
 
+    A moving target is approached in the frame that moves with it, where it rests. Limits of
+    acceleration hold there unchanged. The speed towards the target is the highest one at which the
+    speed in the world keeps its limit.
+
     Args:
         pose: Poses (n, 3); headings are unwrapped (continuous, not limited to (-pi, pi]).
         twist: Twists of the last frame (n, 3), world frame.
         target: Target poses (n, 3).
         limits: Limits of speed and acceleration.
         period: Length of a frame, s.
+        target_twist: Twists of the targets, (n, 3), world frame. Default: they rest.
     """
-    offset, heading = target - pose, pose[:, 2]
+    offset, heading, target_heading = target - pose, pose[:, 2], target[:, 2]
+    relative_twist = twist
+    max_speed: float | Array = limits.speed
+    max_turn_rate: float | Array = limits.turn_rate
+    if target_twist is not None:
+        relative_twist = twist - target_twist
+        max_speed = _compute_max_closing_speed(offset[:, :2], target_twist[:, :2], limits.speed)
+        max_turn_rate = _compute_max_closing_speed(
+            offset[:, 2:], target_twist[:, 2:], limits.turn_rate
+        )
+        # A turning target may have any heading.
+        target_heading = np.where(target_twist[:, 2] == 0, target_heading, heading + np.pi)
     offset_xy, step = offset[:, :2], limits.acceleration * period
-    braking = limits.compute_min_acceleration(offset_xy, heading, target[:, 2])
+    braking = limits.compute_min_acceleration(offset_xy, heading, target_heading)
     max_gain = limits.compute_max_component(offset_xy, heading) * period
     change = _compute_velocity_change(
-        offset_xy, twist[:, :2], limits.speed, braking, max_gain, period
+        offset_xy, relative_twist[:, :2], max_speed, braking, max_gain, period
     )
-    norm = _norm(limits.to_isotropic(change, heading))
     turn_step = limits.turn_acceleration * period
     turn_change = _compute_velocity_change(
-        offset[:, 2:], twist[:, 2:], limits.turn_rate, limits.turn_acceleration, turn_step, period
+        offset[:, 2:],
+        relative_twist[:, 2:],
+        max_turn_rate,
+        limits.turn_acceleration,
+        turn_step,
+        period,
     )
+    if target_twist is not None:
+        change = _clip_norm(twist[:, :2] + change, limits.speed) - twist[:, :2]
+        turn_change = _clip_norm(twist[:, 2:] + turn_change, limits.turn_rate) - twist[:, 2:]
+    norm = _norm(limits.to_isotropic(change, heading))
     scaled_change = [
         change * (step / np.maximum(norm, step)),
         turn_change * (turn_step / np.maximum(_norm(turn_change), turn_step)),
@@ -150,10 +226,27 @@ def approach_pose(
     return twist + np.concatenate(scaled_change, axis=1)
 
 
+def _compute_max_closing_speed(offset: Array, velocity: Array, max_speed: float) -> Array:
+    """Return the highest speed towards targets, (n, 1), in the frames that move with them.
+
+    The speed s solves |v + s d| = max_speed, with the target's velocity v and the direction d to
+    the target: the robot intercepts a target of constant velocity. If the target is too fast to be
+    caught, s = 0, or it leads to the closest approach.
+
+    Args:
+        offset: Target minus position, (n, d) m or rad, d = 1 or 2.
+        velocity: Velocities of the targets, (n, d) m/s or rad/s.
+        max_speed: Highest speed in the world.
+    """
+    receding = _sum_columns(velocity * _normalize(offset))
+    discriminant = receding**2 + max_speed**2 - _sum_columns(velocity * velocity)
+    return np.maximum(np.sqrt(np.maximum(discriminant, 0)) - receding, 0)
+
+
 def _compute_velocity_change(
     offset: Array,
     velocity: Array,
-    max_speed: float,
+    max_speed: float | Array,
     braking: float | Array,
     max_gain: float | Array,
     period: float,
@@ -163,7 +256,7 @@ def _compute_velocity_change(
     Args:
         offset: Target minus position, (n, d) m or rad, d = 1 or 2.
         velocity: Velocity of the last frame, (n, d) m/s or rad/s.
-        max_speed: Highest speed.
+        max_speed: Highest speed, one or (n, 1).
         braking: Planned deceleration, one or (n, 1).
         max_gain: Highest gain of the speed towards the target in a frame, one or (n, 1). It must be
             at least the largest change that the limits allow. Otherwise a robot at the target, with
@@ -172,7 +265,7 @@ def _compute_velocity_change(
     """
     distance = _norm(offset)
     speed = np.minimum(max_speed, _compute_stopping_speed(distance, braking, period))
-    direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
+    direction = _normalize(offset)
     closing_speed = _sum_columns(velocity * direction)
     lateral_velocity = velocity - closing_speed * direction
     return np.minimum(speed - closing_speed, max_gain) * direction - lateral_velocity
@@ -198,6 +291,16 @@ def _compute_stopping_speed(distance: Array, acceleration: float | Array, period
     frames = np.floor(np.sqrt(0.25 + 2 * units) - 0.5)
     remainder = units - frames * (frames + 1) / 2
     return (frames + remainder / (frames + 1)) * unit / period
+
+
+def _normalize(vector: Array) -> Array:
+    """Return unit vectors, zero for zero vectors."""
+    norm = _norm(vector)
+    return np.divide(vector, norm, out=np.zeros_like(vector), where=norm > 0)
+
+
+def _clip_norm(vector: Array, max_norm: float) -> Array:
+    return vector * (max_norm / np.maximum(_norm(vector), max_norm))
 
 
 def _norm(vector: Array) -> Array:
