@@ -8,7 +8,7 @@ from disturbances, and the pose may move: see `target_reference`.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -159,13 +159,32 @@ class IteratedReference(ReplannedReference[_WaypointPlan]):
         return _WaypointPlan(frame, plan.next_pose, twist, next_pose, waypoint_index, 0)
 
 
+class TargetMotion(NamedTuple):
+    """Motion of the targets of n robots, and how fast the robots respond to it.
+
+    Args:
+        twist: Twists of the targets, (n, 3), world frame.
+        response: Fraction b of a desired change of velocity that is made in a frame, (n, 1). If
+            b < 1, the speed towards the target is at most b / (4 period) per distance. Small
+            errors then decay like (1 + t / tau) exp(-t / tau) with tau = 2 period / b. If b = 1,
+            targets are reached in whole frames.
+    """
+
+    twist: Array
+    response: Array
+
+    def select(self, axes: slice) -> "TargetMotion":
+        """Return the motion along some axes."""
+        return TargetMotion(self.twist[:, axes], self.response)
+
+
 def approach_pose(
     pose: Array,
     twist: Array,
     target: Array,
     limits: MotionLimits,
     period: float,
-    target_twist: Array | None = None,
+    motion: TargetMotion | None = None,
 ) -> Array:
     """Return the twists (n, 3) of the next frame for robots that approach and stop at target poses.
 
@@ -186,39 +205,31 @@ def approach_pose(
         target: Target poses (n, 3).
         limits: Limits of speed and acceleration.
         period: Length of a frame, s.
-        target_twist: Twists of the targets, (n, 3), world frame. Default: they rest.
+        motion: Motion of the targets. Default: they rest.
     """
     offset, heading, target_heading = target - pose, pose[:, 2], target[:, 2]
-    relative_twist = twist
-    max_speed: float | Array = limits.speed
-    max_turn_rate: float | Array = limits.turn_rate
-    if target_twist is not None:
-        relative_twist = twist - target_twist
-        max_speed = _compute_max_closing_speed(offset[:, :2], target_twist[:, :2], limits.speed)
-        max_turn_rate = _compute_max_closing_speed(
-            offset[:, 2:], target_twist[:, 2:], limits.turn_rate
-        )
+    translation = rotation = None
+    if motion is not None:
+        translation, rotation = motion.select(slice(0, 2)), motion.select(slice(2, 3))
         # A turning target may have any heading.
-        target_heading = np.where(target_twist[:, 2] == 0, target_heading, heading + np.pi)
+        target_heading = np.where(motion.twist[:, 2] == 0, target_heading, heading + np.pi)
     offset_xy, step = offset[:, :2], limits.acceleration * period
     braking = limits.compute_min_acceleration(offset_xy, heading, target_heading)
     max_gain = limits.compute_max_component(offset_xy, heading) * period
     change = _compute_velocity_change(
-        offset_xy, relative_twist[:, :2], max_speed, braking, max_gain, period
+        offset_xy, twist[:, :2], limits.speed, braking, max_gain, period, translation
     )
+    norm = _norm(limits.to_isotropic(change, heading))
     turn_step = limits.turn_acceleration * period
     turn_change = _compute_velocity_change(
         offset[:, 2:],
-        relative_twist[:, 2:],
-        max_turn_rate,
+        twist[:, 2:],
+        limits.turn_rate,
         limits.turn_acceleration,
         turn_step,
         period,
+        rotation,
     )
-    if target_twist is not None:
-        change = _clip_norm(twist[:, :2] + change, limits.speed) - twist[:, :2]
-        turn_change = _clip_norm(twist[:, 2:] + turn_change, limits.turn_rate) - twist[:, 2:]
-    norm = _norm(limits.to_isotropic(change, heading))
     scaled_change = [
         change * (step / np.maximum(norm, step)),
         turn_change * (turn_step / np.maximum(_norm(turn_change), turn_step)),
@@ -226,7 +237,49 @@ def approach_pose(
     return twist + np.concatenate(scaled_change, axis=1)
 
 
-def _compute_max_closing_speed(offset: Array, velocity: Array, max_speed: float) -> Array:
+def _compute_velocity_change(
+    offset: Array,
+    velocity: Array,
+    max_speed: float,
+    braking: float | Array,
+    max_gain: float | Array,
+    period: float,
+    motion: TargetMotion | None = None,
+) -> Array:
+    """Return the desired change of velocity (n, d) in a frame, before it is limited.
+
+    Args:
+        offset: Target minus position, (n, d) m or rad, d = 1 or 2.
+        velocity: Velocity of the last frame, (n, d) m/s or rad/s.
+        max_speed: Highest speed.
+        braking: Planned deceleration, one or (n, 1).
+        max_gain: Highest gain of the speed towards the target in a frame, one or (n, 1). It must be
+            at least the largest change that the limits allow. Otherwise a robot at the target, with
+            an offset in a random direction by rounding, might not stop in this frame.
+        period: Length of a frame, s.
+        motion: Motion of the targets along these axes. Default: they rest.
+    """
+    distance = _norm(offset)
+    speed = np.minimum(max_speed, _compute_stopping_speed(distance, braking, period))
+    direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
+    if motion is not None:
+        speed = np.minimum(speed, _compute_max_closing_speed(direction, motion.twist, max_speed))
+        max_slope = np.where(motion.response < 1, motion.response / (4 * period), 1 / period)
+        speed = np.minimum(speed, max_slope * distance)
+        velocity = velocity - motion.twist
+        max_gain = max_gain / motion.response
+    closing_speed = _sum_columns(velocity * direction)
+    lateral_velocity = velocity - closing_speed * direction
+    change = np.minimum(speed - closing_speed, max_gain) * direction - lateral_velocity
+    if motion is None:
+        return change
+    new_velocity = velocity + motion.twist + motion.response * change
+    return new_velocity * (max_speed / np.maximum(_norm(new_velocity), max_speed)) - (
+        velocity + motion.twist
+    )
+
+
+def _compute_max_closing_speed(direction: Array, velocity: Array, max_speed: float) -> Array:
     """Return the highest speed towards targets, (n, 1), in the frames that move with them.
 
     The speed s solves |v + s d| = max_speed, with the target's velocity v and the direction d to
@@ -234,41 +287,13 @@ def _compute_max_closing_speed(offset: Array, velocity: Array, max_speed: float)
     caught, s = 0, or it leads to the closest approach.
 
     Args:
-        offset: Target minus position, (n, d) m or rad, d = 1 or 2.
+        direction: Unit vectors to the targets, (n, d), d = 1 or 2.
         velocity: Velocities of the targets, (n, d) m/s or rad/s.
         max_speed: Highest speed in the world.
     """
-    receding = _sum_columns(velocity * _normalize(offset))
+    receding = _sum_columns(velocity * direction)
     discriminant = receding**2 + max_speed**2 - _sum_columns(velocity * velocity)
     return np.maximum(np.sqrt(np.maximum(discriminant, 0)) - receding, 0)
-
-
-def _compute_velocity_change(
-    offset: Array,
-    velocity: Array,
-    max_speed: float | Array,
-    braking: float | Array,
-    max_gain: float | Array,
-    period: float,
-) -> Array:
-    """Return the desired change of velocity (n, d) in a frame, before it is limited.
-
-    Args:
-        offset: Target minus position, (n, d) m or rad, d = 1 or 2.
-        velocity: Velocity of the last frame, (n, d) m/s or rad/s.
-        max_speed: Highest speed, one or (n, 1).
-        braking: Planned deceleration, one or (n, 1).
-        max_gain: Highest gain of the speed towards the target in a frame, one or (n, 1). It must be
-            at least the largest change that the limits allow. Otherwise a robot at the target, with
-            an offset in a random direction by rounding, might not stop in this frame.
-        period: Length of a frame, s.
-    """
-    distance = _norm(offset)
-    speed = np.minimum(max_speed, _compute_stopping_speed(distance, braking, period))
-    direction = _normalize(offset)
-    closing_speed = _sum_columns(velocity * direction)
-    lateral_velocity = velocity - closing_speed * direction
-    return np.minimum(speed - closing_speed, max_gain) * direction - lateral_velocity
 
 
 def _compute_stopping_speed(distance: Array, acceleration: float | Array, period: float) -> Array:
@@ -291,16 +316,6 @@ def _compute_stopping_speed(distance: Array, acceleration: float | Array, period
     frames = np.floor(np.sqrt(0.25 + 2 * units) - 0.5)
     remainder = units - frames * (frames + 1) / 2
     return (frames + remainder / (frames + 1)) * unit / period
-
-
-def _normalize(vector: Array) -> Array:
-    """Return unit vectors, zero for zero vectors."""
-    norm = _norm(vector)
-    return np.divide(vector, norm, out=np.zeros_like(vector), where=norm > 0)
-
-
-def _clip_norm(vector: Array, max_norm: float) -> Array:
-    return vector * (max_norm / np.maximum(_norm(vector), max_norm))
 
 
 def _norm(vector: Array) -> Array:

@@ -7,6 +7,9 @@ motion leads from the next frame on, but never r or v themselves, so that comman
 - **Pose targets.** In the frame that moves with the target, `approach_pose` drives the robot as
   fast as it can still brake, and stops it at the target in whole frames without overshoot. It then
   has the target's twist. From rest to rest this is the time-optimal trapezoid.
+- **Noise.** This law would answer noise of a millimeter with full acceleration. While targets keep
+  differing from the extrapolation of the previous ones, half of a desired change of velocity is
+  made per frame, and small errors decay with a time constant of four frames.
 - **Velocity targets.** v approaches v_t at the limit of acceleration.
 - **Dead time.** A controller asks for the frame in which its command will act. The target is
   extrapolated to that frame with its twist.
@@ -21,11 +24,20 @@ from numpy.typing import ArrayLike, NDArray
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.reference.replanned_reference import Plan, ReplannedReference, approach_pose
+from omni_control.reference.replanned_reference import (
+    Plan,
+    ReplannedReference,
+    TargetMotion,
+    approach_pose,
+)
 
 # Largest distance and angle between a robot and its reference.
 MAX_LEAD_M, MAX_LEAD_RAD = 0.3, 1.0
 MAX_GAP_FRAMES = 10  # after a longer pause, the reference starts again at the robot, at rest
+RESPONSE_TO_CHANGES = 0.5  # while targets change
+# Changes that are less than this apart continue each other. Counted up to the frame planned.
+SETTLING_FRAMES = 15
+_UNCHANGED_M = 1e-9  # also rad, m/s and rad/s
 _ARRIVAL_M = 1e-12  # also rad; removes the rounding of the last step
 
 
@@ -52,6 +64,8 @@ class TargetReference(ReplannedReference[Plan]):
         super().__init__(Plan(np.nan, zero, zero, zero), limits, period)
         self._target_pose, self._target_twist = zero.copy(), zero.copy()
         self._target_frame = np.zeros(n)
+        # Frames of the latest two targets that differ from the extrapolation of the previous one.
+        self._change_frames = np.repeat([[-2e9], [-1e9]], n, axis=1)
         self._has_pose = np.zeros((n, 3), bool)  # False: only the velocity matters
 
     def set_target(
@@ -70,8 +84,8 @@ class TargetReference(ReplannedReference[Plan]):
             OmniError: A robot does not exist, or a target is not three finite numbers.
         """
         rows = as_robot_indices(robots, len(self._target_frame))
-        self._store(rows, frame, as_finite(pose, (len(rows), 3), "target poses"), twist)
-        self._has_pose[rows] = True
+        pose = as_finite(pose, (len(rows), 3), "target poses")
+        self._store(rows, frame, pose, twist, np.ones(3, bool))
 
     def set_velocity(
         self,
@@ -96,13 +110,26 @@ class TargetReference(ReplannedReference[Plan]):
         pose = np.zeros((len(rows), 3))
         if heading is not None:
             pose[:, 2] = as_finite(heading, (len(rows),), "target headings")
-        self._store(rows, frame, pose, twist)
-        self._has_pose[rows] = [False, False, heading is not None]
+        self._store(rows, frame, pose, twist, np.array([False, False, heading is not None]))
 
-    def _store(self, rows: NDArray[np.intp], frame: float, pose: Array, twist: ArrayLike) -> None:
-        """Store the frame and the checked poses (m, 3) of targets, and their twists."""
+    def _store(
+        self,
+        rows: NDArray[np.intp],
+        frame: float,
+        pose: Array,
+        twist: ArrayLike,
+        has_pose: NDArray[np.bool_],
+    ) -> None:
+        """Store targets: the frame, the poses (m, 3) where `has_pose` (3,), and the twists."""
+        frame = float(as_finite(frame, (), "the frame of a target"))
         twist = as_finite(twist, pose.shape, "target twists")
-        self._target_frame[rows] = as_finite(frame, (), "the frame of a target")
+        change = np.abs(twist - self._target_twist[rows])
+        change += has_pose * np.abs(pose - self._extrapolate(frame)[rows])
+        is_changed = (change > _UNCHANGED_M) | (has_pose != self._has_pose[rows])
+        changed = rows[is_changed.any(1)]
+        self._change_frames[0, changed] = self._change_frames[1, changed]
+        self._change_frames[1, changed] = frame
+        self._target_frame[rows], self._has_pose[rows] = frame, has_pose
         self._target_pose[rows], self._target_twist[rows] = pose, twist
 
     def _plan_step(self, plan: Plan, frame: Array, pose: Array) -> Plan:
@@ -113,11 +140,19 @@ class TargetReference(ReplannedReference[Plan]):
         last_twist = np.where(is_new, 0.0, plan.twist)
         start = np.where(is_new, pose, _limit_lead(plan.next_pose, pose))
         target = self._extrapolate_targets(frame, start, last_twist)
-        target_twist = self._target_twist
-        twist = approach_pose(start, last_twist, target, self.limits, self.period, target_twist)
-        next_pose, next_target = start + twist * self.period, target + target_twist * self.period
+        intervals = self._change_frames[1] - self._change_frames[0], frame - self._change_frames[1]
+        is_changing = np.maximum(*intervals) < SETTLING_FRAMES
+        response = np.where(is_changing, RESPONSE_TO_CHANGES, 1.0)[:, None]
+        motion = TargetMotion(self._target_twist, response)
+        twist = approach_pose(start, last_twist, target, self.limits, self.period, motion)
+        next_pose = start + twist * self.period
+        next_target = target + self._target_twist * self.period
         has_arrived = np.abs(next_target - next_pose) < _ARRIVAL_M
         return Plan(frame, start, twist, np.where(has_arrived, next_target, next_pose))
+
+    def _extrapolate(self, frame: float | Array) -> Array:
+        elapsed = (frame - self._target_frame) * self.period
+        return self._target_pose + elapsed[:, None] * self._target_twist
 
     def _extrapolate_targets(self, frame: Array, pose: Array, twist: Array) -> Array:
         """Return the poses (n, 3) of the targets in a frame; `pose` where only velocity matters.
@@ -125,8 +160,7 @@ class TargetReference(ReplannedReference[Plan]):
         Of all full turns of a target's heading, the one nearest to the heading at which the robot
         could have the target's turn rate counts. A robot that turns does not turn back.
         """
-        elapsed = (frame - self._target_frame) * self.period
-        target = self._target_pose + elapsed[:, None] * self._target_twist
+        target = self._extrapolate(frame)
         turn_rate = twist[:, 2] - self._target_twist[:, 2]
         braking_turn = turn_rate * np.abs(turn_rate) / (2 * self.limits.turn_acceleration)
         full_turns = np.round((pose[:, 2] + braking_turn - target[:, 2]) / (2 * np.pi))
