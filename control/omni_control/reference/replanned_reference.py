@@ -164,10 +164,12 @@ class TargetMotion(NamedTuple):
 
     Args:
         twist: Twists of the targets, (n, 3), world frame.
-        response: Fraction b of a desired change of velocity that is made in a frame, (n, 1). If
-            b < 1, the speed towards the target is at most b / (4 period) per distance. Small
-            errors then decay like (1 + t / tau) exp(-t / tau) with tau = 2 period / b. If b = 1,
-            targets are reached in whole frames.
+        response: Fraction b of a desired change of velocity that is made in a frame, (n, 1). The
+            speed towards the target is at most (1 - r)^2 / (b period) per distance, with
+            r = sqrt(1 - b). Small errors then decay with a double pole at r: by the factor r per
+            frame, without overshoot. Braking is planned with the fraction b of the limit of
+            acceleration, which leaves some for changes of the twist. With b = 1, targets are
+            reached in whole frames.
     """
 
     twist: Array
@@ -259,12 +261,14 @@ def _compute_velocity_change(
         period: Length of a frame, s.
         motion: Motion of the targets along these axes. Default: they rest.
     """
+    if motion is not None:
+        braking = braking * motion.response
     distance = _norm(offset)
     speed = np.minimum(max_speed, _compute_stopping_speed(distance, braking, period))
     direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
     if motion is not None:
         speed = np.minimum(speed, _compute_max_closing_speed(direction, motion.twist, max_speed))
-        max_slope = np.where(motion.response < 1, motion.response / (4 * period), 1 / period)
+        max_slope = (1 - np.sqrt(1 - motion.response)) ** 2 / (motion.response * period)
         speed = np.minimum(speed, max_slope * distance)
         velocity = velocity - motion.twist
         max_gain = max_gain / motion.response

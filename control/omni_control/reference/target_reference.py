@@ -9,7 +9,7 @@ motion leads from the next frame on, but never r or v themselves, so that comman
   has the target's twist. From rest to rest this is the time-optimal trapezoid.
 - **Noise.** This law would answer noise of a millimeter with full acceleration. While targets keep
   differing from the extrapolation of the previous ones, half of a desired change of velocity is
-  made per frame, and small errors decay with a time constant of four frames.
+  made per frame, and small errors halve in two frames.
 - **Velocity targets.** v approaches v_t at the limit of acceleration.
 - **Dead time.** A controller asks for the frame in which its command will act. The target is
   extrapolated to that frame with its twist.
