@@ -198,8 +198,8 @@ def approach_pose(
     are scaled down alike: towards the target and across.
 
     A moving target is approached in the frame that moves with it, where it rests. Limits of
-    acceleration hold there unchanged. The speed towards the target is the highest one at which the
-    speed in the world keeps its limit.
+    acceleration hold there unchanged. A velocity in the world that exceeds the limit of speed is
+    scaled down.
 
     Args:
         pose: Poses (n, 3); headings are unwrapped (continuous, not limited to (-pi, pi]).
@@ -267,7 +267,6 @@ def _compute_velocity_change(
     speed = np.minimum(max_speed, _compute_stopping_speed(distance, braking, period))
     direction = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0)
     if motion is not None:
-        speed = np.minimum(speed, _compute_max_closing_speed(direction, motion.twist, max_speed))
         max_slope = (1 - np.sqrt(1 - motion.response)) ** 2 / (motion.response * period)
         speed = np.minimum(speed, max_slope * distance)
         velocity = velocity - motion.twist
@@ -281,23 +280,6 @@ def _compute_velocity_change(
     return new_velocity * (max_speed / np.maximum(_norm(new_velocity), max_speed)) - (
         velocity + motion.twist
     )
-
-
-def _compute_max_closing_speed(direction: Array, velocity: Array, max_speed: float) -> Array:
-    """Return the highest speed towards targets, (n, 1), in the frames that move with them.
-
-    The speed s solves |v + s d| = max_speed, with the target's velocity v and the direction d to
-    the target: the robot intercepts a target of constant velocity. If the target is too fast to be
-    caught, s = 0, or it leads to the closest approach.
-
-    Args:
-        direction: Unit vectors to the targets, (n, d), d = 1 or 2.
-        velocity: Velocities of the targets, (n, d) m/s or rad/s.
-        max_speed: Highest speed in the world.
-    """
-    receding = _sum_columns(velocity * direction)
-    discriminant = receding**2 + max_speed**2 - _sum_columns(velocity * velocity)
-    return np.maximum(np.sqrt(np.maximum(discriminant, 0)) - receding, 0)
 
 
 def _compute_stopping_speed(distance: Array, acceleration: float | Array, period: float) -> Array:

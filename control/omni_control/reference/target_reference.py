@@ -38,7 +38,6 @@ RESPONSE_TO_CHANGES = 0.5  # while targets change
 # Changes that are less than this apart continue each other. Counted up to the frame planned.
 SETTLING_FRAMES = 15
 _UNCHANGED_M = 1e-9  # also rad, m/s and rad/s
-_ARRIVAL_M = 1e-12  # also rad; removes the rounding of the last step
 
 
 class TargetReference(ReplannedReference[Plan]):
@@ -145,10 +144,7 @@ class TargetReference(ReplannedReference[Plan]):
         response = np.where(is_changing, RESPONSE_TO_CHANGES, 1.0)[:, None]
         motion = TargetMotion(self._target_twist, response)
         twist = approach_pose(start, last_twist, target, self.limits, self.period, motion)
-        next_pose = start + twist * self.period
-        next_target = target + self._target_twist * self.period
-        has_arrived = np.abs(next_target - next_pose) < _ARRIVAL_M
-        return Plan(frame, start, twist, np.where(has_arrived, next_target, next_pose))
+        return Plan(frame, start, twist, start + twist * self.period)
 
     def _extrapolate(self, frame: float | Array) -> Array:
         elapsed = (frame - self._target_frame) * self.period
