@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 
 from hypothesis import settings
@@ -9,6 +10,12 @@ from hypothesis import settings
 # Every process imports all tests. Cache their compiled code, even if the environment forbids it.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# A job in the background ignores these signals, and so would programs that tests start. A handler
+# that does nothing is not inherited.
+for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
+    if signal.getsignal(number) == signal.SIG_IGN:
+        signal.signal(number, lambda *_: None)
 
 # The same examples in each run. No deadline, because times depend on the load of the computer.
 settings.register_profile("laws", deadline=None, max_examples=30, derandomize=True)

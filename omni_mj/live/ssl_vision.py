@@ -19,7 +19,7 @@ WINDOW_FRAMES = 600  # newest frames, to which a clock is fitted
 FIT_FRAMES = 30  # number of frames between two fits
 # A clock is set anew if all of its newest packets are later than before: its computer has stalled.
 RECENT_FRAMES, STALL_S = 60, 0.02
-RESTART_S = 1.0  # back in time, after which time stamps are those of another clock
+RESTART_S = 1.0  # largest step of time stamps within which they are those of one clock
 RATES = 0.2, 5.0  # bounds of the seconds of our clock per second of another clock
 # Largest credible time from capture to sending or to use, s. If the time is negative or larger, the
 # time stamps are from two different clocks.
@@ -64,11 +64,9 @@ class PeerClock:
         self._n_packets += 1
         if self._n_packets % FIT_FRAMES == 0:
             recent = list(self._packets)[-RECENT_FRAMES:]
-            excess = min(arrival - self.local_time(stamp) for stamp, arrival in recent)
-            if excess > STALL_S:
+            earliest = min(late - self._slope * (sent - stamp) for sent, late in recent)
+            if earliest - self.local_time(stamp) > STALL_S:
                 self._packets = deque(recent, maxlen=WINDOW_FRAMES)
-                self._arrival += excess
-                return
             stamps, arrivals = (np.array(self._packets) - (stamp, arrival)).T
             fit = minimize_scalar(
                 lambda slope: (
@@ -103,8 +101,10 @@ class VisionCamera:
         age = detection.t_sent - detection.t_capture
         age = age if 0 <= age <= MAX_AGE_S else 0.0
         sent_s = detection.t_capture + age
+        if abs(sent_s - self.sent_s) > RESTART_S:
+            self.clock = PeerClock()
         if sent_s < self.sent_s - RESTART_S:
-            self.clock, self.restarts = PeerClock(), self.restarts + 1
+            self.restarts += 1
         elif sent_s <= self.sent_s:
             return False
         else:

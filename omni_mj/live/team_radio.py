@@ -136,7 +136,6 @@ class SimulatorRadio(TeamRadio):
                 self.messages.add("bad answer", f"skipped a malformed answer from {self._target}")
                 continue
             for error in response.errors:
-                text = error.message or error.code or "no reason given"
-                self.messages.add(
-                    f"refused: {to_printable(text)}", f"{self._target} refuses: {text}"
-                )
+                # Text that is not UTF-8 is of type bytes.
+                text = to_printable(str(error.message or error.code or "no reason given"))
+                self.messages.add(f"refused: {text}", f"{self._target} refuses: {text}")

@@ -15,6 +15,10 @@ from benches.drive import (
     simulate_in_process,
     summarize,
 )
+from serve_client import LOOPBACK, udp
+
+from omni_mj.live.sockets import Address, MessageCounter
+from omni_mj.live.team_radio import SenderConfig, SimulatorRadio
 
 
 @pytest.mark.parametrize(
@@ -125,6 +129,23 @@ def test_a_radio_of_ones_own(tmp_path: Path) -> None:
     with connect_peer(radio=f"{file}:Mine") as options:
         live = drive_live(live_scenario("comp-flc"), options)
     assert np.abs(live.log.channel("pose") - live.log.channel("ref")).max() < 0.02
+
+
+def test_answers_of_a_simulator_are_counted_and_said_once_in_printable_text() -> None:
+    """Whatever bytes they have: an error, one with control characters, one that is not UTF-8."""
+    said, errors = list[str](), (b"too fast", b"\x1b[2J", b"\xff")
+    with udp() as peer:
+        config = SenderConfig(Address(*peer.getsockname()), "blue", LOOPBACK, False)
+        radio = SimulatorRadio(config, MessageCounter(said.append))
+        radio.send([])
+        _, client = peer.recvfrom(100)
+        for text in errors * 2:
+            peer.sendto(bytes([0x0A, len(text) + 2, 0x12, len(text)]) + text, client)
+        radio.send([])
+        radio.close()
+    assert sorted(radio.messages.values()) == [2, 2, 2]
+    assert len(said) == 3
+    assert all(text.isprintable() for text in said)
 
 
 REFUSALS = [

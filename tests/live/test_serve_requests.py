@@ -28,11 +28,11 @@ from omni_mj.live.wire.league_pb2 import (
     WheelAngles,
 )
 
-ER_FORCE = "type.googleapis.com/sslsim.RealismConfigErForce"
+ER_FORCE = b"type.googleapis.com/sslsim.RealismConfigErForce"
 UNKNOWN = b"\x98\x06\x01"  # field 99, 1
 
 
-def configure(*specs: RobotSpecs, realism: bytes | None = None, url: str = ER_FORCE) -> bytes:
+def configure(*specs: RobotSpecs, realism: bytes | None = None, url: bytes = ER_FORCE) -> bytes:
     """A packet to the simulator: specs of robots, and realism."""
     config = SimulatorConfig(robot_specs=specs)
     if realism is not None:
@@ -209,7 +209,8 @@ def test_realism_changes_noise_delay_and_losses_and_the_rest_is_answered() -> No
         b"\xff",
     ):
         assert answers(field, configure(realism=wrong))[0].startswith("REALISM ")
-    assert answers(field, configure(realism=exact, url="other"))[0].startswith("REALISM ")
+    for url in (b"other", b"\xff"):
+        assert answers(field, configure(realism=exact, url=url))[0].startswith("REALISM ")
 
 
 def test_the_ball_is_at_the_dribbler_where_both_touch() -> None:

@@ -63,7 +63,7 @@ TABLES = {
     "?6 float vel_angular_max",
     "WheelAngles": "!1 float front_right, !2 float back_right, !3 float back_left, !4 float "
     "front_left",
-    "AnyMessage": "?1 string type_url, ?2 bytes value",
+    "AnyMessage": "?1 bytes type_url, ?2 bytes value",
     "RobotSpecs": "!1 RobotId id, ?2 float radius, ?3 float height, ?4 float mass, ?7 float "
     "max_linear_kick_speed, ?8 float max_chip_kick_speed, ?9 float center_to_dribbler, "
     "?10 RobotLimits limits, ?13 WheelAngles wheel_angles, *14 AnyMessage custom",

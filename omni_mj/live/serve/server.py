@@ -73,15 +73,18 @@ class Server:
         self._geometry_due = 0
         self._outbox = list[Image]()
         self._newest = dict[int, bytes]()  # camera -> packet
-        self.ports = list[int]()
         self._set_speed(speed)
         with ExitStack() as stack:
             self._socket = stack.enter_context(open_sender(interface))
             self._receivers = dict[int | None, Receiver]()
-            for number, team in zip(ports, (None, Team.BLUE, Team.YELLOW), strict=True):
+            teams = None, Team.BLUE, Team.YELLOW
+            # Given ports come first, so that no free port is one of them.
+            for number, team in sorted(
+                zip(ports, teams, strict=True), key=lambda port: port[0] == 0
+            ):
                 port = stack.enter_context(Receiver(Address(interface, number), interface))
                 self._receivers[team] = port
-                self.ports.append(port.address.port)
+            self.ports = [self._receivers[team].address.port for team in teams]
             self._inbox = Inbox(self._receivers, self.messages)
             stack.callback(self._inbox.close)
             self._stack = stack.pop_all()

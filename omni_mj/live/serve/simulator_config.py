@@ -1,7 +1,7 @@
 """Configuration of the simulator by clients: robot specs and realism, as far as they apply."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +23,9 @@ from omni_mj.live.wire.league_pb2 import (
     ErForceRealism,
     RobotSpecs,
     SimulatorError,
-    WheelAngles,
 )
 
-ERFORCE_REALISM = "RealismConfigErForce"  # end of the type of the message
+ERFORCE_REALISM = b"RealismConfigErForce"  # end of the type of the message
 # Field of ER-Force's realism -> setting, and unit of the field over ours.
 REALISM_SETTINGS = {
     "stddev_robot_p": ("vision.position_noise_m", 1.0),
@@ -78,7 +77,9 @@ def read_specs(
     name = read_name(specs.id)
     values = {field.name: value for field, value in specs.ListFields() if isinstance(value, float)}
     bounds = {field.name: value for field, value in specs.limits.ListFields()}
-    if not all(0 < value < math.inf for value in (*values.values(), *bounds.values())):
+    angles = [angle for _, angle in specs.wheel_angles.ListFields()]
+    is_positive = all(0 < value < math.inf for value in (*values.values(), *bounds.values()))
+    if not is_positive or not np.isfinite(angles).all():
         raise Refusal("SPECS", f"{robot_label(name)}: specs must be positive and finite")
     limit = limits.get(name, RobotLimit())
     limit = RobotLimit(
@@ -96,7 +97,7 @@ def read_specs(
         for field, value in values.items()
         if not math.isclose(value, fixed.get(field, math.nan), rel_tol=RELATIVE_TOLERANCE)
     ]
-    if specs.HasField("wheel_angles") and not _has_wheel_angles(settings, specs.wheel_angles):
+    if angles and not _has_wheel_angles(settings, angles):
         ignored.append("wheel_angles")
     return name, limit, [*ignored, *bounds, *["custom"] * bool(specs.custom)]
 
@@ -108,7 +109,7 @@ def read_realism(message: AnyMessage, settings: Settings) -> tuple[Settings, lis
         Refusal: The message is none of ER-Force's simulator, or a value is not allowed.
     """
     if not message.type_url.endswith(ERFORCE_REALISM):
-        raise Refusal("REALISM", f"serve knows realism of the type {ERFORCE_REALISM} only")
+        raise Refusal("REALISM", f"serve knows realism of the type {ERFORCE_REALISM.decode()} only")
     realism = ErForceRealism()
     try:
         realism.ParseFromString(message.value)
@@ -122,10 +123,9 @@ def read_realism(message: AnyMessage, settings: Settings) -> tuple[Settings, lis
         raise Refusal("REALISM", " ".join(str(error).split())) from None
 
 
-def _has_wheel_angles(settings: Settings, angles: WheelAngles) -> bool:
+def _has_wheel_angles(settings: Settings, angles: Sequence[float]) -> bool:
     """Return whether the simulated robot's wheels have these angles, clockwise from the front."""
     azimuths = -np.radians(settings.wheels.azimuths_deg[::-1])
-    values = np.array([value for _, value in angles.ListFields()])
-    return len(azimuths) == len(values) and bool(
-        (np.abs(wrap_angle(values - azimuths)) < RELATIVE_TOLERANCE).all()
-    )
+    if len(azimuths) != len(angles):
+        return False
+    return bool((np.abs(wrap_angle(angles - azimuths)) < RELATIVE_TOLERANCE).all())

@@ -413,9 +413,9 @@ class AnyMessage(_message.Message):
     __slots__ = ("type_url", "value")
     TYPE_URL_FIELD_NUMBER: _ClassVar[int]
     VALUE_FIELD_NUMBER: _ClassVar[int]
-    type_url: str
+    type_url: bytes
     value: bytes
-    def __init__(self, type_url: _Optional[str] = ..., value: _Optional[bytes] = ...) -> None: ...
+    def __init__(self, type_url: _Optional[bytes] = ..., value: _Optional[bytes] = ...) -> None: ...
 
 class RobotSpecs(_message.Message):
     __slots__ = ("id", "radius", "height", "mass", "max_linear_kick_speed", "max_chip_kick_speed", "center_to_dribbler", "limits", "wheel_angles", "custom")
