@@ -197,6 +197,51 @@ def test_a_value_that_differs_is_named_with_frame_and_channel(
     assert lines[1].endswith("2 channels differ")
 
 
+def replace_column(name: str, column: pa.Array) -> Callable[[pa.Table], pa.Table]:
+    return lambda frames: frames.set_column(frames.column_names.index(name), name, column)
+
+
+def test_frames_of_other_lengths_types_or_signs_differ(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = folder / "trajectory.parquet"
+    frames = pq.read_table(file)
+    zeros = frames["ref_x_m"].to_numpy().copy()
+    assert zeros[0] == 0.0
+    zeros[0] *= -1.0
+    numbers = frames["frame"].cast("float64")
+    cases: tuple[tuple[Callable[[pa.Table], pa.Table], str], ...] = (
+        (lambda saved: saved.slice(0, saved.num_rows - 1), f"{frames.num_rows - 1} lines, its"),
+        (
+            lambda saved: pa.concat_tables([saved, saved.slice(0, 1)]),
+            f"{frames.num_rows + 1} lines",
+        ),
+        (replace_column("x_m", frames["x_m"].cast("float32")), "x_m has the type float in the run"),
+        (replace_column("frame", numbers), "frame has the type double in the run"),
+        (lambda saved: saved.append_column("more", numbers), "repetition has no column more"),
+        (replace_column("ref_x_m", pa.array(zeros)), "ref_x_m is -0.0 in the run, 0.0 here"),
+    )
+    for change, expected_difference in cases:
+        pq.write_table(change(frames), file)
+        assert invoke("verify", folder, "--allow-code") == 1
+        assert expected_difference in capsys.readouterr().err
+
+
+def test_numbers_of_other_types_or_signs_differ(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Even if the frames are the same."""
+    file = folder / "summary.json"
+    text = file.read_text()
+    n_failed = '"n_failed": 0'
+    assert text.count(n_failed) == 2
+    for number in ("-0.0", "false", "null"):
+        file.write_text(text.replace(n_failed, f'"n_failed": {number}', 1))
+        assert invoke("verify", folder, "--allow-code") == 1
+        err = capsys.readouterr().err
+        assert f"results.flc.n_failed is {number} in the run, 0 here; 1 numbers differ" in err
+
+
 def test_changes_of_the_environment_are_reported(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -240,6 +285,18 @@ def test_runs_that_cannot_be_repeated_give_one_line(
             "repeat the study: omni-mj run",
         ),
         (put("provenance.json", '"robot": {', '"rob": {'), "were changed after the run"),
+        (
+            put("provenance.json", '"sources/mine.py"', '"sources/../../mine.py"'),
+            "which is not in sources/",
+        ),
+        (
+            put("provenance.json", '"sources/robot.toml"', '"scenario.toml"'),
+            "which is not in sources/",
+        ),
+        (put("scenario.toml", "\nfriction = ", "\nfriction = 1"), "carpet.friction was "),
+        (put("scenario.toml", "[carpet]", "[carpet]\nadded = 1"), "carpet.added was absent"),
+        (put("scenario.toml", "seed = 0", "seed = 0\nadded = 1"), "added was absent"),
+        (put("scenario.toml", "settle_s = ", "settle_s = -"), "reference.settle_s was 0.1"),
         (lambda: (folder / "trajectory.parquet").unlink(), "trajectory.parquet cannot be read"),
         (lambda: (folder / "scenario.toml").unlink(), "scenario.toml"),
         (lambda: (folder / "summary.json").unlink(), "has no summary.json"),
@@ -356,9 +413,11 @@ def test_a_users_model_is_copied_with_all_its_files(
     capsys.readouterr()
     assert invoke("verify", moved_folder) == 0
     assert capsys.readouterr().out.startswith("repeats: 1 rows, ")
-    (moved_folder / description["included"][0]["file"]).unlink()
-    assert invoke("verify", moved_folder) == 2
-    assert "is missing, or was changed after the run" in capsys.readouterr().err
+    for file, content in ((description["file"], None), (description["included"][0]["file"], b"")):
+        copy = moved_folder / file
+        copy.write_bytes(copy.read_bytes() + b"<!-- -->" if content is None else content)
+        assert invoke("verify", moved_folder) == 2
+        assert f"{copy} is missing, or was changed after the run" in capsys.readouterr().err
 
 
 PROGRAM = """

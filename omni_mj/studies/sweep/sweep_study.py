@@ -20,7 +20,7 @@ import pyarrow as pa
 
 from omni_control.errors import OmniError
 from omni_mj import parquet
-from omni_mj.atomic_files import create_folder, lock_folder, write_text
+from omni_mj.atomic_files import check_folder, create_folder, lock_folder, write_text
 from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.rows import build_rows
 from omni_mj.config.scenario import Scenario
@@ -263,6 +263,7 @@ def _prepare_folder(plan: SweepPlan, folder: Path, command: str | None) -> None:
 def _write_result(result: SweepResult) -> None:
     """Write summary.json, and replace the shards by one table if all are done."""
     plan, folder = result.plan, result.folder
+    check_folder(folder)
     if result.complete and not (folder / ROWS).exists():
         parquet.write_tables([_merge_shards(plan, folder)], folder / ROWS)
     if result.n_done:
