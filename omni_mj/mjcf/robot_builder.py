@@ -71,11 +71,27 @@ def _write_wheels(root: Element, mechanics: Mechanics) -> None:
         frame.set("euler", f"0 0 {azimuth!r}")
         _find_child(frame, "body").set("pos", f"{wheels.arm_m!r} 0 {wheels.radius_m!r}")
         _write_rollers(frame, wheels)
+    _remove_skirts(root, wheels)
     _replicate_first(root, "actuator/dcmotor", count)
     _replicate_first(root, "sensor/jointpos", count)
     motor = _find_child(root, "default/dcmotor")
     motor.set("gear", repr(mechanics.gear_ratio))
     motor.set("armature", repr(mechanics.rotor_inertia))
+
+
+def _remove_skirts(root: Element, wheels: WheelSettings) -> None:
+    """Remove the lower parts of the shell that would touch a wheel."""
+    chassis = _find_child(root, "worldbody/body")
+    meshes = {mesh.get("name"): mesh.get("vertex", "") for mesh in root.findall("asset/mesh")}
+    half_width = math.atan2(wheels.radius_m, wheels.arm_m)
+    for geom in chassis.findall("geom"):
+        if not geom.get("name", "").startswith("skirt_"):
+            continue
+        text = meshes.get(geom.get("mesh")) or geom.attrib["pos"]
+        x, y, _ = np.array(text.split(), float).reshape(-1, 3).T
+        angles = np.arctan2(y, x)[:, None] - np.radians(wheels.azimuths_deg)
+        if (np.cos(angles) > math.cos(half_width)).any():
+            chassis.remove(geom)
 
 
 def _write_rollers(frame: Element, wheels: WheelSettings) -> None:

@@ -158,7 +158,7 @@ def test_three_robots_share_the_momentum_of_one() -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
 def test_a_robot_pushed_by_another_moves_alike_at_any_time_step(heading: float) -> None:
-    """The wheels grip. 50 ms after the hit at 3 m/s, places agree within 1 mm."""
+    """The wheels grip. 50 ms after the hit at 3 m/s, poses agree within 5 mm and 5 mrad."""
     ends = []
     for substeps in (1, 4):
         chosen = [noiseless(wheels={"model": "two-rollers"}, physics={"substeps": substeps})] * 2
@@ -169,7 +169,7 @@ def test_a_robot_pushed_by_another_moves_alike_at_any_time_step(heading: float) 
         drive(plant, constant([[3.0, 0, 0], [0, 0, 0]], 6, 2))
         ends.append(plant.pose())
     assert ends[0][1, 0] > 0.05
-    np.testing.assert_allclose(ends[0], ends[1], atol=2e-3)
+    np.testing.assert_allclose(ends[0], ends[1], atol=5e-3)
 
 
 @pytest.mark.parametrize("wheels", WHEELS)

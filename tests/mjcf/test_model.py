@@ -7,7 +7,8 @@ from benches.plant import ARM_M, RADIUS_M, ROLLER_RADIUS_M
 from numpy.typing import NDArray
 
 from omni_mj.config.resolve import resolve_settings
-from omni_mj.config.robot_files import find_models_folder
+from omni_mj.config.robot_files import DEFAULT_ROBOT, find_models_folder
+from omni_mj.config.toml_files import find_builtin_files
 from omni_mj.mjcf import world_builder
 
 AZIMUTHS_DEG = (60, 135, 225, 300)
@@ -50,6 +51,12 @@ def support(model: mujoco.MjModel, data: mujoco.MjData, geom: int, directions: N
             reach = np.abs(local) @ [a, b, c]
         case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
             reach = np.linalg.norm(local * [a, b, c], axis=1)
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            reach = a + b * np.abs(local[:, 2])
+        case mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = model.mesh(model.geom_dataid[geom])
+            vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+            reach = (local @ vertices.T).max(1)
         case kind:
             raise AssertionError(f"no support function for geom type {kind}")
     return directions @ data.geom_xpos[geom] + reach
@@ -113,6 +120,42 @@ def test_every_geom_stays_inside_the_leagues_cylinder(model: mujoco.MjModel) -> 
             top, bottom = support(model, data, geom, up_down)
             assert top < 0.150, f"{name} is higher than 150 mm"
             assert bottom < 1e-9, f"{name} reaches below the carpet"
+
+
+@pytest.mark.parametrize(
+    ("robot", "azimuths_deg", "skirts"),
+    [(name, None, 5) for name in find_builtin_files("robots")]
+    + [(DEFAULT_ROBOT, [60, 180, 300], 4), (DEFAULT_ROBOT, [30, 90, 180, 270], 1)],
+)
+def test_the_shell_reaches_the_floor_and_touches_no_wheel(
+    robot: str, azimuths_deg: list[float] | None, skirts: int
+) -> None:
+    """Seen from the side, at most 5 mm of air are below, except where wheels and dribbler are."""
+    settings = resolve_settings(
+        {"wheels": {"azimuths_deg": azimuths_deg}} if azimuths_deg else {}, robot
+    )
+    world = world_builder.build_world(settings)
+    model, data = world.model, mujoco.MjData(world.model)
+    mujoco.mj_forward(model, data)
+    geoms = {model.geom(i).name.removeprefix("robot_1/"): i for i in range(model.ngeom)}
+    parts = [geoms[name] for name in geoms if name.startswith("skirt_")]
+    assert len(parts) == skirts
+    rollers = model.body_geomadr[world.robots[0].rollers.ravel()]
+    for part in parts:
+        down = support(model, data, part, np.array([[0.0, 0, -1]]))
+        assert -0.005 < down[0] < 0
+        assert support(model, data, part, np.array([[0.0, 0, 1]]))[0] > 0.065
+        for roller in rollers:
+            assert mujoco.mj_geomDistance(model, data, part, roller, 1.0, None) > 1e-4
+
+
+def test_the_front_is_flat(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """As the rules demand room for the ball: the shell ends 72.5 mm ahead, without the wheels."""
+    ahead = np.array([[1.0, 0, 0]])
+    chassis = model.body("chassis").id
+    for geom in robot_geoms(model):
+        if model.geom_bodyid[geom] == chassis:
+            assert support(model, data, geom, ahead)[0] < 0.0727, model.geom(geom).name
 
 
 def test_the_hull_is_the_leagues_cylinder_above_the_base_plate(model: mujoco.MjModel) -> None:

@@ -119,10 +119,13 @@ def _log_bodies(
             stream.log(f"{entity}/{name.lower()}s", shapes, static=True)
     for geom in np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & visible):
         mesh = model.mesh(model.geom_dataid[geom])
-        vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+        faces = model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
+        corners = model.mesh_vert[mesh.vertadr[0] + faces] @ data.geom_xmat[geom].reshape(3, 3).T
+        # Flat shading: each triangle (3 corners, 3 axes) has its own corners and normal.
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         mesh_3d = rr.Mesh3D(
-            vertex_positions=vertices @ data.geom_xmat[geom].reshape(3, 3).T + centers[geom],
-            triangle_indices=model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]],
+            vertex_positions=corners.reshape(-1, 3) + centers[geom],
+            vertex_normals=np.repeat(normals, 3, axis=0),
             albedo_factor=colors[geom],
         )
         stream.log(f"{entity}/mesh_{geom}", mesh_3d, static=True)
