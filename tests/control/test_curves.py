@@ -70,6 +70,16 @@ def test_the_heading_follows_the_path(
 
 
 @settings(max_examples=12)
+@given(curves, st.floats(5, 200))
+def test_a_reference_that_turns_keeps_its_turn_jerk(curve: Curve, turn_jerk: float) -> None:
+    """Nothing else limits it, so the limit is nearly used."""
+    limit = MotionLimits(100.0, 100.0, 100.0, 1000.0, turn_jerk=turn_jerk)
+    reference = CurveReference(curve, limit, T, 1, True)
+    velocity = np.pad(np.diff(reference.poses[:, 2]) / T, 2)
+    jerk = np.abs(np.diff(velocity, 2)).max() / T**2
+    assert jerk <= turn_jerk * (1 + 1e-6)
+
+
 @given(curves, limits | smooth_limits, st.integers(1, 2), st.booleans())
 def test_a_reference_keeps_its_limits(
     curve: Curve, limit: MotionLimits, laps: int, faces_along_path: bool

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_motion import (
     SNAP_M,
+    TIGERS,
     T,
     assert_keeps,
     compute_ellipse_utilization,
@@ -105,6 +106,22 @@ def test_a_segment_with_limited_jerk_takes_ruckigs_time(
     # Never less, but for the snap. Three durations are rounded up to whole frames: by up to 2.2
     # frames in 300 segments.
     assert trajectory.duration / T - 1e-3 <= frames <= trajectory.duration / T + 3
+
+
+@given(st.floats(0.1, 3), st.floats(10, 500), st.booleans())
+def test_a_turn_whose_jerk_alone_is_limited_keeps_it(
+    turn: float, turn_jerk: float, has_wheels: bool
+) -> None:
+    """Speeding up, braking and at the ends, with and without wheels that slow it down.
+
+    The fastest turn takes the time (32 angle / jerk)^(1/3), if nothing else limits it.
+    """
+    wheels = replace(TIGERS, max_rim_speed=0.2) if has_wheels else None
+    limit = MotionLimits(1.0, 100.0, 5.0, 1000.0, turn_jerk=turn_jerk, wheels=wheels)
+    reference = TimedReference([(0, 0, 0), (0.05, 0, turn)], limit, T)
+    velocity = np.pad(np.diff(reference.poses[:, 2]) / T, 2)
+    assert np.abs(np.diff(velocity, 2)).max() / T**2 <= turn_jerk * (1 + 1e-6)
+    assert (reference.frames - 1) * T >= math.cbrt(32 * turn / turn_jerk) - 1e-3
 
 
 # --- iterated ---

@@ -71,6 +71,41 @@ def test_a_curve_keeps_wheel_limits_and_all_others(
 # --- as fast as the limits allow ---
 
 
+def compute_peak_rim_speed(robot: WheelLimits, poses: Array) -> float:
+    """Return the highest speed of a rim, from differences of poses (frames, 3)."""
+    middle = (poses[1:, 2] + poses[:-1, 2]) / 2
+    twist = rotate(np.diff(poses, axis=0) / T, -middle)
+    return float(robot.compute_rim_speeds(twist).max())
+
+
+@pytest.mark.parametrize("max_rim_speed", [0.4, 1.0])
+def test_slow_rims_are_used_up_to_their_speed(max_rim_speed: float) -> None:
+    """On a path, on a curve and in place, where nothing else limits the robot."""
+    robot = replace(TIGERS, max_rim_speed=max_rim_speed)
+    limit = MotionLimits(3.0, 8.0, 20.0, 200.0, wheels=robot)
+    references = [
+        TimedReference([(0, 0, 0), (3, 1, 1)], limit, T),
+        TimedReference([(0, 0, 0), (0, 0, 3)], limit, T),
+        CurveReference(CURVES["circle"](2.0, 2.0), limit, T, 1, True),
+        CurveReference(CURVES["figure-eight"](2.0, 1.0), limit, T, 1, False),
+    ]
+    for reference in references:
+        peak = compute_peak_rim_speed(robot, reference.poses)
+        assert 0.98 * max_rim_speed < peak <= max_rim_speed * (1 + 1e-6)
+
+
+def test_reduced_limits_leave_rim_speed_for_driving_and_turning_at_once() -> None:
+    """A robot drives along a rim while it turns: v + arm w is the speed of that rim."""
+    robot = replace(TIGERS, max_rim_speed=1.0)
+    limit = MotionLimits(2.0, 1.0, 5.0, 5.0, wheels=robot)
+    reduced, arm = limit.reduce_for_wheels(), robot.kinematics.arm
+    assert reduced.speed + arm * reduced.turn_rate == pytest.approx(1.0)
+    assert reduced.speed / reduced.turn_rate == pytest.approx(limit.speed / limit.turn_rate)
+    faster = replace(limit, wheels=replace(robot, max_rim_speed=2.0 + 5.0 * arm))
+    unchanged = faster.reduce_for_wheels()
+    assert (unchanged.speed, unchanged.turn_rate) == (limit.speed, limit.turn_rate)
+
+
 def solve_max_sum(robot: WheelLimits, per_z: Array, twist: Array, max_z: Array) -> Array:
     """Return z (n,) with the largest sum, from 0 to `max_z`, that forces of the wheels allow.
 

@@ -85,6 +85,26 @@ def test_a_toppled_robot_stays_in_its_world_with_its_motors_off() -> None:
     np.testing.assert_allclose(poses[:, 0], separate[:, 0], rtol=0, atol=3e-4)
 
 
+def test_a_robot_has_toppled_from_45_degrees_of_tilt_in_any_direction() -> None:
+    """Falling robots keep their tilt, 44.9 or 45.1 degrees, whatever their heading."""
+    headings, axes, tilts = np.meshgrid([0.0, 2.0], np.arange(4) * 1.6, np.radians([44.9, 45.1]))
+    heading, axis, tilt = headings.ravel(), axes.ravel(), tilts.ravel()
+    plant = plant_of([noiseless()] * tilt.size)
+    pose = np.array(plant._views.pose.get())
+    pose[2] = 0.5  # m above the carpet
+    tilt_about_axis = np.array([np.cos(axis), np.sin(axis)]) * np.sin(tilt / 2)
+    for i in range(tilt.size):
+        turn = np.array([np.cos(heading[i] / 2), 0, 0, np.sin(heading[i] / 2)])
+        tilted = np.array([np.cos(tilt[i] / 2), *tilt_about_axis[:, i], 0])
+        quaternion = np.zeros(4)
+        mujoco.mju_mulQuat(quaternion, tilted, turn)
+        pose[3:, i] = quaternion
+    plant._views.pose.set(pose)
+    failed = plant.advance(receive_at_once(np.zeros((tilt.size, 3)), plant.pose()[:, 2]))
+    is_beyond = tilt > np.radians(45)
+    assert failed == dict.fromkeys(np.flatnonzero(is_beyond).tolist(), "toppled over")
+
+
 @pytest.mark.parametrize("x", [math.nan, 1e11], ids=["not a number", "too far"])
 def test_an_unstable_robot_is_reported_and_does_not_change_a_bit_of_others(
     x: float,
