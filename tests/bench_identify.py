@@ -251,7 +251,11 @@ def measured(runs: Path, folder: Path) -> Table:
 
 def identified_estimates(result: IdentificationResult) -> dict[str, Estimate]:
     """Return the estimates that the data identify, by name."""
-    return {name: estimate for name, estimate in result.estimates.items() if estimate.is_identified}
+    return {
+        name: estimate
+        for name, estimate in result.estimates.items()
+        if estimate.is_identified and not estimate.is_weak
+    }
 
 
 def format_estimate(estimate: Estimate | None, unit: float) -> str:

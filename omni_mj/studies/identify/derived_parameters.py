@@ -1,6 +1,7 @@
 """Derive a robot's parameters from a fit, with 95 % intervals.
 
-A parameter that the data do not determine is marked as not identified, with the reason.
+A parameter whose interval is too wide is marked as weak, and one that the data do not determine as
+not identified, with the reason.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,6 +23,9 @@ from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, RobotDynamics
 FAST_M_S, ACCELERATION_M_S2, MOVING_M_S, MIN_DURATION_S = 1.0, 1.0, 0.5, 0.2
 # To identify the gain of an axis, the velocity along it needs this root mean square.
 MIN_RMS_M_S, MIN_RMS_RAD_S = 0.1, 0.3
+# An estimate is weak if the half width of its interval exceeds the limit of its parameter, and not
+# identified if it exceeds this multiple of the limit.
+MAX_WEAKNESS = 10.0
 # Nothing is identified from a misfit whose residuals exceed this multiple of the noise.
 MAX_NOISE_RATIO_BY_WHEELS, MAX_NOISE_RATIO_BY_COMMANDS = 10.0, 2.0
 AXES = ("forward", "sideways")
@@ -34,7 +38,7 @@ class ParameterInfo(NamedTuple):
         title: Meaning, for tables.
         unit: Unit, empty for a ratio.
         excitation: Required excitations, separated by spaces; see `find_missing_excitation`.
-        limit: Largest half width of the 95 % interval of an identified parameter.
+        limit: Largest half width of the 95 % interval of an estimate that is not weak.
         model_error: Standard error caused by the model, measured by `tests/bench_identify.py`.
         relative: Whether `limit` and `model_error` are relative to the value.
     """
@@ -90,6 +94,7 @@ class Estimate:
         low: Lower end of the 95 % interval.
         high: Upper end of the 95 % interval.
         why_not: Reason why the data do not identify the parameter, or None.
+        is_weak: Whether the interval is wider than `ParameterInfo.limit`.
     """
 
     name: str
@@ -101,10 +106,11 @@ class Estimate:
     low: float
     high: float
     why_not: str | None
+    is_weak: bool
 
     @property
     def is_identified(self) -> bool:
-        """Whether the data identify the parameter."""
+        """Whether the data identify the parameter, at least weakly."""
         return self.why_not is None
 
     def report(self) -> dict[str, Any]:
@@ -113,6 +119,7 @@ class Estimate:
         if not self.is_identified:
             return head | {"value": None, "not_identifiable": self.why_not}
         return head | {
+            "weak": self.is_weak,
             "standard_error": self.standard_error,
             "interval_95": [self.low, self.high],
         }
@@ -187,8 +194,11 @@ def estimate_parameters(
         half = fit.quantile * total_error
         reason = _why_not_identified(fit, name, value, half, missing_excitation)
         source = "wheels" if by_wheels else "commands"
-        low, high = value - half, value + half
-        yield Estimate(name, info.title, info.unit, source, value, total_error, low, high, reason)
+        interval = value - half, value + half
+        is_weak = not half <= info.limit * size
+        yield Estimate(
+            name, info.title, info.unit, source, value, total_error, *interval, reason, is_weak
+        )
 
 
 def derive_parameters(
@@ -272,7 +282,7 @@ def _why_not_identified(
     is_creep_at_bound = "creep" in name and "creep_compliance" in fit.at_bound
     if name in fit.at_bound or is_creep_at_bound:
         return f"the fit stopped at a bound, {value:.3g} {info.unit}".rstrip()
-    limit = info.limit * (abs(value) if info.relative else 1.0)
+    limit = MAX_WEAKNESS * info.limit * (abs(value) if info.relative else 1.0)
     if not half <= limit:  # also if it is NaN
         width = f"its 95 % interval is +-{half:.2g} {info.unit}".rstrip()
         return f"{width}, wider than +-{limit:.2g}"

@@ -21,6 +21,7 @@ from omni_mj.config import robot_files, toml_files
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.results.text_table import DASH, Table, format_table
 from omni_mj.studies.identify import log_checks, robot_file_writer
+from omni_mj.studies.identify.cross_validation import Prediction, cross_validate
 from omni_mj.studies.identify.derived_parameters import (
     Estimate,
     estimate_parameters,
@@ -62,6 +63,7 @@ class IdentificationResult:
         estimates: All estimates, identified or not. Keys are source and name, such as
             "wheels.creep_stiffness".
         fits: Fits by source of the inputs: "wheels" and "commands".
+        predictions: Tests of the fits, by source; None without enough motion.
         remarks: Remarks for the user, one line each.
     """
 
@@ -69,6 +71,7 @@ class IdentificationResult:
     logs: list[str]
     estimates: dict[str, Estimate] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
+    predictions: dict[str, Prediction | None] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
 
     @property
@@ -100,13 +103,32 @@ class IdentificationResult:
                     f"motion by {source}: residuals of {quantity} {rms:.2f} {unit}, "
                     f"noise alone {noise:.2f} {unit}"
                 )
+        lines += [
+            self._describe_prediction(source, prediction)
+            for source, prediction in self.predictions.items()
+        ]
         lines += [f"misfit: {line}" for line in self.misfits]
+        if any(e.is_identified and e.is_weak for e in self.estimates.values()):
+            lines.append(
+                "weak: a 95 % interval is wide; robot.toml has weak numbers only of fits that "
+                f"predict better than {self.start.robot}"
+            )
         lines += [
             f"not identifiable from these data: {e.title} ({e.source}): {e.why_not}"
             for e in self.estimates.values()
             if not e.is_identified
         ]
         return "\n".join(lines + [f"note: {remark}" for remark in self.remarks])
+
+    def _describe_prediction(self, source: str, prediction: Prediction | None) -> str:
+        """Return a line about the test of a fit."""
+        if prediction is None:
+            return f"motion by {source}: not tested, the robot hardly moves in these data"
+        return (
+            f"motion by {source}: {prediction.n_segments} segments with motion, each left out of "
+            f"the fit, are predicted within {1e3 * prediction.fitted_m:.2f} mm, by "
+            f"{self.start.robot} within {1e3 * prediction.start_m:.2f} mm"
+        )
 
     def report(self) -> dict[str, Any]:
         """Return the content of identify.json."""
@@ -116,18 +138,27 @@ class IdentificationResult:
             for source, fit in self.fits.items()
         }
         return {
-            "format": 7,
+            "format": 8,
             "robot": self.start.robot,
             "logs": self.logs,
             "remarks": self.remarks,
             "misfits": self.misfits,
             "estimates": {name: estimate.report() for name, estimate in self.estimates.items()},
             "fits": fits,
+            "predictions": {
+                source: prediction and vars(prediction)
+                for source, prediction in self.predictions.items()
+            },
         }
 
     def save(self, folder: Path) -> None:
         """Write identify.json and robot.toml, and copies of a custom model's files to model/."""
-        changes = robot_file_writer.list_changes(self.estimates)
+        trusted_sources = [
+            source
+            for source, prediction in self.predictions.items()
+            if prediction and prediction.fitted_m < prediction.start_m
+        ]
+        changes = robot_file_writer.list_changes(self.estimates, trusted_sources)
         if model := self.start.settings.model.file:
             contents = robot_files.read_model_files(Path(model))
             for name, data in contents.items():
@@ -212,6 +243,9 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
     if by_wheels and "creep_compliance" in free:
         fit = _apply_radius_prior(result, fit)
     result.fits[source] = fit
+    result.predictions[source] = cross_validate(
+        fit, dynamics.nominal_parameters(settings, by_wheels)
+    )
     for estimate in estimate_parameters(fit, settings, missing_excitation):
         result.estimates[f"{source}.{estimate.name}"] = estimate
 
@@ -287,4 +321,5 @@ def _estimate_row(estimate: Estimate) -> list[str]:
         return [estimate.title, estimate.unit, DASH, DASH, DASH]
     value_and_error = [f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}"]
     interval = f"{estimate.low:.4g} to {estimate.high:.4g}"
-    return [estimate.title, estimate.unit, *value_and_error, interval]
+    title = f"{estimate.title} (weak)" if estimate.is_weak else estimate.title
+    return [title, estimate.unit, *value_and_error, interval]

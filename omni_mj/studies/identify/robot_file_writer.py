@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from omni_mj.config import PERIOD_S
 from omni_mj.studies.identify.derived_parameters import Estimate
@@ -15,6 +15,10 @@ FIELDS = {
     "wheels.creep_stiffness": ("drivetrain", "creep_stiffness"),
     "wheels.rolling_resistance": ("carpet", "rolling_resistance"),
     "wheels.roller_friction": ("drivetrain", "roller_friction"),
+    # The contacts by commands are written if there are none by wheels.
+    "commands.creep_stiffness": ("drivetrain", "creep_stiffness"),
+    "commands.rolling_resistance": ("carpet", "rolling_resistance"),
+    "commands.roller_friction": ("drivetrain", "roller_friction"),
     "commands.dead_time_s": ("radio", "delay_frames"),
     "commands.lag_forward_s": ("control", "assumed_lag_s"),
     "commands.friction_forward_m_s": ("control", "assumed_friction_loss_m_s"),
@@ -23,27 +27,33 @@ FIELDS = {
     "commands.gain_forward": ("control", "assumed_alpha_forward"),
     "commands.gain_sideways": ("control", "assumed_alpha_sideways"),
 }
-DRAG_ESTIMATES = ("wheels.rolling_resistance", "wheels.roller_friction")
 # Smallest values that settings allow; 0 for all others
 MINIMA = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}
 
 
-def list_changes(estimates: Mapping[str, Estimate]) -> Changes:
-    """Return the changes of a robot's file for all identified estimates.
+def list_changes(estimates: Mapping[str, Estimate], trusted_sources: Collection[str]) -> Changes:
+    """Return the changes of a robot's file for all usable estimates.
 
     Estimates that the settings do not allow are left out.
 
     Args:
         estimates: Mapping from source and name, such as "wheels.arm_m", to estimate.
+        trusted_sources: Sources whose weak estimates are used, because the fit predicts the motion
+            better than the start robot does.
     """
-    usable = {
+    allowed = {
         name
         for name, estimate in estimates.items()
-        if estimate.is_identified and estimate.value >= MINIMA.get(estimate.name, 0.0)
+        if estimate.value >= MINIMA.get(estimate.name, 0.0)
+        and (estimate.source in trusted_sources or not estimate.is_weak)
     }
+    usable = {name for name in allowed if estimates[name].is_identified}
     # A log determines the sum of both better than each, so neither is written without the other.
-    if not usable >= set(DRAG_ESTIMATES):
-        usable -= set(DRAG_ESTIMATES)
+    for source in ("commands", "wheels"):
+        pair = {f"{source}.rolling_resistance", f"{source}.roller_friction"}
+        has_sum = {f"{source}.creep_stiffness", f"{source}.gain_forward"} <= usable
+        is_pair_usable = pair <= usable or (has_sum and pair <= allowed)
+        usable = usable | pair if is_pair_usable else usable - pair
     return {
         field: _format_change(name, estimates[name])
         for name, field in FIELDS.items()
@@ -58,7 +68,8 @@ def _format_change(name: str, estimate: Estimate) -> str:
         value, size, unit = str(round(estimate.value / PERIOD_S)), PERIOD_S, "frames"
     estimate_text = f"{estimate.value / size:.4g} +- {estimate.standard_error / size:.2g}"
     estimate_text = f"{estimate_text} {unit}".rstrip()
-    return f"{value} # identified from {estimate.source}: {estimate_text} (standard error)"
+    weak = ", weak" if estimate.is_weak else ""
+    return f"{value} # identified from {estimate.source}: {estimate_text} (standard error{weak})"
 
 
 def apply_changes(start: str, changes: Mapping[tuple[str, str], str], logs: Sequence[str]) -> str:
