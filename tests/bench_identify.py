@@ -2,6 +2,7 @@
 
     python tests/bench_identify.py coverage [--logs 100] [--folder DIR]
     python tests/bench_identify.py measured FOLDER
+    python tests/bench_identify.py robocin [--out FILE]
 
 `coverage` counts how often 95 % intervals contain the true value. Each log has a robot of `ROBOTS`
 with random creep, drag, loop gain and dead time, and half of the moves of the scenario identify
@@ -11,14 +12,18 @@ as the program assumes. Logs in --folder are reused.
 `measured` identifies the robot omni3 of sousarbarb/optiodom (MIT; R. B. Sousa et al., J. Intell.
 Robot. Syst. 105, 39, 2022). The rows of its CSV files are time, true pose (m, m, rad) and encoder
 counts of three wheels.
+
+`robocin` identifies a robot of RobôCIn from tests/data/robocin, and writes its file.
 """
 
 import argparse
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from support.robocin_logs import LOG_NAMES, write_robocin_log
 
 from omni_control.errors import OmniError
 from omni_mj.config import CYCLE_RATE_HZ, PERIOD_S, robot_files
@@ -57,6 +62,20 @@ OMNI3 = {  # mass, inertias, height and rollers are guesses
     ("wheels", "roller_radius_m"): "0.005",
     ("carpet", "rolling_resistance"): "0.1",
 }
+ROBOCIN_COLUMNS = (
+    "gain_forward",
+    "gain_sideways",
+    "creep_forward_s2_m",
+    "creep_sideways_s2_m",
+    "creep_stiffness",
+)
+ROBOCIN_DESCRIPTION = (
+    'description = "RobôCIn: creep and drag from logs, all other numbers of tigers-v2016"'
+)
+ROBOCIN_HEADER = """# A robot of RobôCIn: creep and drag that explain its two logs (README.md).
+# All other numbers are those of tigers-v2016, and say nothing of RobôCIn. The logs do not tell:
+# radius (K is relative to that of their odometry), arm, latency, and the parts of the drag.
+"""
 LENGTHS = 4  # of the moves of scenario identify
 COLUMNS = {  # number -> unit in the table
     "radius_m": 2e3, "gain_forward": 102, "gain_sideways": 102, "arm_m": 1e3, "clock_offset_s": 1e3,
@@ -249,6 +268,34 @@ def measured(runs: Path, folder: Path) -> Table:
     return Table("omni3, by wheels and true poses; K times 102 mm", headings, rows, 1)
 
 
+def robocin(folder: Path, out: Path | None) -> Table:
+    """Return the estimates by each log of RobôCIn and by both, and write the robot's file."""
+    geometry = load_scenario("rect").settings.wheels.kinematics
+    logs = [write_robocin_log(name, folder, geometry) for name in LOG_NAMES]
+    rows = []
+    for chosen in (*([log] for log in logs), logs):
+        result = identify(chosen)
+        estimates = result.estimates
+        prediction = result.predictions["wheels"]
+        assert prediction is not None
+        formatted = [
+            format_estimate(estimates[f"wheels.{name}"], 1.0)
+            if estimates[f"wheels.{name}"].is_identified
+            else DASH
+            for name in ROBOCIN_COLUMNS
+        ]
+        errors = [f"{1e3 * e:.1f}" for e in (prediction.fitted_m, prediction.start_m)]
+        rows.append([", ".join(log.stem for log in chosen), *formatted, *errors])
+    if out:
+        result.save(folder)
+        text = (folder / "robot.toml").read_text("utf-8")
+        text = re.sub("(?m)^description = .*$", ROBOCIN_DESCRIPTION, text)
+        out.write_text(ROBOCIN_HEADER + text, "utf-8")
+    headings = ["log", "K forward", "K sideways", "T forward, s^2/m", "T sideways, s^2/m"]
+    headings += ["C", "predicted within, mm", "by the start robot, mm"]
+    return Table("a robot of RobôCIn, by odometry and SSL-Vision", headings, rows, 1)
+
+
 def identified_estimates(result: IdentificationResult) -> dict[str, Estimate]:
     """Return the estimates that the data identify, by name."""
     return {
@@ -275,10 +322,13 @@ def main() -> None:
     drawn.add_argument("--logs", type=int, default=100)
     drawn.add_argument("--folder", type=Path)
     commands.add_parser("measured").add_argument("runs", type=Path)
+    commands.add_parser("robocin").add_argument("--out", type=Path)
     options = parser.parse_args()
     with TemporaryDirectory() as name:
         if options.command == "measured":
             result = measured(options.runs, Path(name))
+        elif options.command == "robocin":
+            result = robocin(Path(name), options.out)
         else:
             result = coverage(options.logs, options.folder or Path(name))
     print(format_table(result))

@@ -11,15 +11,18 @@ LOG_NAMES = ("sqr_02", "igs_03")
 PERIOD_S = 0.04383  # from frame to frame
 
 
-def write_robocin_log(name: str, folder: Path, geometry: Kinematics) -> Path:
+def write_robocin_log(
+    name: str, folder: Path, geometry: Kinematics, n_lines: int | None = None
+) -> Path:
     """Write a log with the wheel angles that would give the odometry; return its path.
 
     Args:
         name: Name of the log, one of `LOG_NAMES`.
         folder: Folder of the new file.
         geometry: Wheels of the robot.
+        n_lines: Number of lines. Default: all.
     """
-    data = np.loadtxt(FOLDER / f"{name}.csv", delimiter=",", skiprows=1)
+    data = np.loadtxt(FOLDER / f"{name}.csv", delimiter=",", skiprows=1, max_rows=n_lines)
     pose, odometry = data[:, 1:4], data[:, 4:7]
     pose[:, 2] = np.radians(pose[:, 2])
     odometry[:, 2] = np.unwrap(np.radians(odometry[:, 2]))
