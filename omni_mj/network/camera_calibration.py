@@ -81,8 +81,8 @@ class CameraErrors:
     def _find_cameras(self, positions: Array) -> np.ndarray:
         """Return the number of the camera of each robot, numbered along x, then along y, (n,)."""
         fractions = np.nan_to_num(positions) / field.CARPET_SIZE_M + 0.5
-        cells = np.clip(np.floor(fractions * self._grids), 0, self._grids - 1).astype(int)
-        return np.asarray(cells[:, 0] + self._grids[:, 0] * cells[:, 1])
+        grid_indices = np.clip(np.floor(fractions * self._grids), 0, self._grids - 1).astype(int)
+        return np.asarray(grid_indices[:, 0] + self._grids[:, 0] * grid_indices[:, 1])
 
 
 @lru_cache(maxsize=4096)

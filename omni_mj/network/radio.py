@@ -36,8 +36,8 @@ class ReceivedCommand(NamedTuple):
         in_body_frame: Whether its velocities are in the robot's frame, (n,). Default: none are.
         rim_speeds: Commanded rim speeds in place of a velocity, (n, wheels) m/s; NaN for a
             velocity. Default: all are velocities.
-        parts: First cycle of each part of the frame, and the commands that apply from then on, if
-            dead times are not whole frames. Default: commands apply in the whole frame.
+        segments: First cycle of each segment of the frame, and the commands that apply from then
+            on, if dead times are not whole frames. Default: commands apply in the whole frame.
     """
 
     command: Array
@@ -46,13 +46,13 @@ class ReceivedCommand(NamedTuple):
     is_new: np.ndarray | None = None
     in_body_frame: np.ndarray | None = None
     rim_speeds: Array | None = None
-    parts: "tuple[tuple[int, ReceivedCommand], ...]" = ()
+    segments: "tuple[tuple[int, ReceivedCommand], ...]" = ()
 
     def split(self) -> "Iterator[tuple[int, ReceivedCommand]]":
-        """Yield the parts of the frame: number of cycles, and the commands that apply in them."""
-        parts = self.parts or ((0, self),)
-        for (start, part), (end, _) in pairwise([*parts, (CYCLES_PER_FRAME, self)]):
-            yield end - start, part
+        """Yield the number of cycles of each segment, and the commands that apply in them."""
+        segments = self.segments or ((0, self),)
+        for (start, segment), (end, _) in pairwise([*segments, (CYCLES_PER_FRAME, self)]):
+            yield end - start, segment
 
 
 def compute_max_delay_frames(settings: RadioSettings, faults: Sequence[Fault]) -> int:
@@ -168,35 +168,37 @@ class Radio:
         self.send(packets)
         packets, is_new, age = self.deliver()
         packets[~is_new, 3] = np.nan
-        first = ReceivedCommand(packets[:, :3], packets[:, 3], age // self._ticks_per_frame, is_new)
-        return first if self._ticks_per_frame == 1 else self._receive_rest_of_frame(first)
+        initial = ReceivedCommand(
+            packets[:, :3], packets[:, 3], age // self._ticks_per_frame, is_new
+        )
+        return initial if self._ticks_per_frame == 1 else self._receive_rest_of_frame(initial)
 
-    def _receive_rest_of_frame(self, first: ReceivedCommand) -> ReceivedCommand:
+    def _receive_rest_of_frame(self, initial: ReceivedCommand) -> ReceivedCommand:
         """Return the commands of a frame whose first tick has ended.
 
         Args:
-            first: Commands at the beginning of the frame.
+            initial: Commands at the beginning of the frame.
         """
-        is_missing = np.isnan(first.heading)
-        first = first._replace(
-            heading=np.where(is_missing, self._late_headings, first.heading),
-            age=np.where(is_missing, self._late_ages, first.age),
+        is_missing = np.isnan(initial.heading)
+        initial = initial._replace(
+            heading=np.where(is_missing, self._late_headings, initial.heading),
+            age=np.where(is_missing, self._late_ages, initial.age),
         )
         self._late_headings = np.full_like(self._late_headings, np.nan)
-        parts, mean, nothing = [(0, first)], first.command, self._late_headings
+        segments, mean, no_heading = [(0, initial)], initial.command, self._late_headings
         for tick in range(1, self._ticks_per_frame):
             packets, is_new, age = self.deliver()
             if not is_new.any():
                 continue
-            part = ReceivedCommand(packets[:, :3], nothing, age, is_new)
-            parts.append((tick * CYCLES_PER_FRAME // self._ticks_per_frame, part))
+            segment = ReceivedCommand(packets[:, :3], no_heading, age, is_new)
+            segments.append((tick * CYCLES_PER_FRAME // self._ticks_per_frame, segment))
             # The change of the command acts in the rest of the frame.
-            change = part.command - parts[-2][1].command
+            change = segment.command - segments[-2][1].command
             mean = mean + (1 - tick / self._ticks_per_frame) * change
             frames = -(-age // self._ticks_per_frame)
             self._late_headings = np.where(is_new, packets[:, 3], self._late_headings)
             self._late_ages = np.where(is_new, frames, self._late_ages)
-        return first._replace(command=mean, parts=tuple(parts))
+        return initial._replace(command=mean, segments=tuple(segments))
 
     def send(self, packets: Array, robots: np.ndarray | None = None) -> None:
         """Send packets.

@@ -154,8 +154,8 @@ class MujocoPlant(WheeledPlantBase):
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
         failures: dict[int, str] = {}
-        for n_cycles, part in received.split():
-            failures = self.advance_cycles(n_cycles, part)
+        for n_cycles, segment in received.split():
+            failures = self.advance_cycles(n_cycles, segment)
         return failures
 
     def advance_cycles(self, n_cycles: int, received: ReceivedCommand | None) -> dict[int, str]:

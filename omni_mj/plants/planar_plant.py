@@ -114,10 +114,10 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
         inputs = self._make_inputs(received.heading, received.age, self._failed)
-        _, first = next(received.split())
-        later_commands = self._make_later_commands(received) if received.parts else None
+        _, initial = next(received.split())
+        later_commands = self._make_later_commands(received) if received.segments else None
         return self._finish_frame(
-            self._backend.run(advance_frame, self._make_command(first), inputs, later_commands)
+            self._backend.run(advance_frame, self._make_command(initial), inputs, later_commands)
         )
 
     def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
@@ -156,8 +156,8 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
     def _make_later_commands(self, received: ReceivedCommand) -> FirmwareCommand:
         """Return the commands that arrive after the first cycle, with a leading axis of cycles."""
         commands = []
-        for n_cycles, part in received.split():
-            command = self._make_command(part)
+        for n_cycles, segment in received.split():
+            command = self._make_command(segment)
             is_old = np.zeros_like(command.is_new)
             commands += [command, *(n_cycles - 1) * [command._replace(is_new=is_old)]]
         velocity, is_new = (np.array(values) for values in list(zip(*commands, strict=True))[:2])

@@ -39,7 +39,7 @@ def test_a_command_acts_from_the_nearest_cycle_on(delays: list[float], is_fault:
     applied = []
     for command, heading in zip(commands, headings, strict=True):
         frame = link.exchange(command, heading)
-        by_cycle = [part.command for n, part in frame.split() for _ in range(n)]
+        by_cycle = [segment.command for n, segment in frame.split() for _ in range(n)]
         assert len(by_cycle) == CYCLES
         np.testing.assert_allclose(frame.command, np.mean(by_cycle, axis=0), rtol=0, atol=1e-12)
         applied += by_cycle
