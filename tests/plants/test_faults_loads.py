@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from benches.plant import (
+    COM_HEIGHT_M,
     CONTACTS,
     FRAME_S,
     GRAVITY,
@@ -12,7 +13,9 @@ from benches.plant import (
     ROLLING_KG,
     SETTLE_FRAMES,
     TWO_ROLLERS,
+    mass_matrices,
     noiseless,
+    planar,
     stand_still,
     wheel_loads,
     with_faults,
@@ -114,3 +117,41 @@ def test_wheels_carry_the_weight_and_inertia_of_a_payload() -> None:
     assert heavy / light == pytest.approx(
         ratio * (1 - (MASS_KG + mass) * drag) / (1 - MASS_KG * drag), rel=0.01
     )
+
+
+def test_a_payload_on_the_plant_planar_is_a_point_mass_at_its_height() -> None:
+    """Mass matrix about the wheels' center, and normal forces on a slope, by Newton's laws.
+
+    The payload is above the center of mass of the chassis, which is the robot without its wheels of
+    68 g each.
+    """
+    mass, height, com_x, angle = 8.0, 0.11, -0.03, np.radians(4.0)
+    x = (MASS_KG * com_x - 0.068 * CONTACTS[:, 0].sum()) / (MASS_KG - 4 * 0.068)
+    body = {"com_x_m": com_x}
+    load = {"kind": "payload", "start_s": 0.0, "mass_kg": mass, "height_m": height}
+    tilt = {"kind": "tilt", "angle_deg": 4.0}
+    blocked = [{"kind": "motor-blocked", "start_s": 0.0, "wheel": wheel} for wheel in (1, 2, 3, 4)]
+    matrices = []
+    for faults in ((), (load,)):
+        plant = planar([with_faults(*faults, body=body)])
+        stand_still(plant, 1)
+        r_x, r_y = -plant.parameters.body.center[:, 0]
+        twist_of_center = np.array([[1.0, 0, -r_y], [0, 1, r_x], [0, 0, 1]])
+        matrices.append(twist_of_center.T @ mass_matrices(plant)[0] @ twist_of_center)
+    expected = mass * np.array([[1.0, 0, 0], [0, 1, x], [0, x, x**2]])
+    # Loaded wheels roll on a smaller radius, which changes the share of the rims a little.
+    added = matrices[1] - matrices[0]
+    np.testing.assert_allclose(added[:2, :2], expected[:2, :2], atol=2e-3)
+    np.testing.assert_allclose(added[2, :2], expected[2, :2], atol=3e-5)
+    assert added[2, 2] == pytest.approx(expected[2, 2], abs=5e-6)
+
+    plant = planar([with_faults(load, tilt, *blocked, body=body)])
+    stand_still(plant, SETTLE_FRAMES + 60)
+    forces, weight = wheel_loads(plant)[0], (MASS_KG + mass) * GRAVITY
+    assert plant.twist()[0, 0] == pytest.approx(0, abs=1e-3)
+    assert forces.sum() == pytest.approx(weight * np.cos(angle), rel=1e-3)
+    moments = (
+        (MASS_KG * com_x + mass * x) * np.cos(angle)
+        + (MASS_KG * COM_HEIGHT_M + mass * height) * np.sin(angle)
+    ) * GRAVITY
+    assert forces @ CONTACTS[:, 0] == pytest.approx(moments, abs=0.02 * abs(moments))
