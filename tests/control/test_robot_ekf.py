@@ -1,6 +1,7 @@
 """Motion model and extended Kalman filter of a robot, wheel compliance, and slew-rate limits."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,11 @@ from benches.control import (
     DISTURBANCE,
     INVERSE_GAIN,
     LAG,
+    POSE,
     STATE_SIZE,
+    VELOCITY,
     Array,
+    FilterStep,
     MotionModel,
     RobotEkf,
     YawCoupling,
@@ -123,6 +127,34 @@ def test_parameters_are_found_and_their_uncertainty_is_honest() -> None:
     normalized = error / sigma[:, columns]
     assert (np.sqrt((normalized**2).mean(0)) < 2.5).all()
     assert (np.abs(error).mean(0) < [0.03, 0.04, 0.03, 0.8, 0.02]).all()
+
+
+@pytest.mark.parametrize("offset", [-0.05, -0.01, 0.0, 0.01])
+def test_the_covariance_after_a_late_image_is_the_textbook_s(offset: float) -> None:
+    """P - P H' (H P H' + R)^-1 H P with H = [I, t I, 0], t the time from state to capture.
+
+    P is the covariance of the same filter without that image.
+    """
+    filters, sent = (make_filter(2), make_filter(2)), CommandHistory(2, 40)
+    step = FilterStep(np.zeros(2), np.zeros(2, bool), np.full(2, offset))
+    for frame in range(60):
+        sent.append(np.tile([np.sin(frame / 7), 0.5, np.cos(frame / 9)], (2, 1)))
+        pose = np.tile(frame * T * np.array([0.3, 0.2, 0.1]), (2, 1))
+        for is_late, ekf in enumerate(filters):
+            is_last = frame == 59
+            measured = np.full((2, 3), np.nan) if is_last and not is_late else pose
+            observation = make_observation(pose, measured, sent)
+            if is_last:
+                observation = replace(observation, filter_steps=(step,))
+            ekf.update(observation)
+    prior, posterior = (ekf.covariance for ekf in filters)
+    h = np.zeros((3, STATE_SIZE))
+    h[:, POSE], h[:, VELOCITY] = np.eye(3), offset * np.eye(3)
+    cross = prior @ h.T
+    noise = np.diag(np.square(NOISE))
+    expected = prior - cross @ np.linalg.solve(h @ cross + noise, cross.swapaxes(1, 2))
+    np.testing.assert_allclose(posterior, expected, rtol=0, atol=1e-12)
+    assert np.abs(posterior - prior).max() > 1e-7
 
 
 def test_unobservable_parameters_are_forgotten() -> None:

@@ -44,6 +44,39 @@ def run_textbook_filter(
     return dict(zip(NAMES, np.array(record).T, strict=True))
 
 
+@given(seeds, st.floats(-0.1, T))
+def test_a_late_measurement_corrects_as_in_the_textbook(seed: int, offset: float) -> None:
+    """With h = [1, t], where t is the time from the state to the capture; covariance included.
+
+    The drift at the capture is that of the state, and commands move the robot in between. Noise of
+    their displacement counts only after the state.
+    """
+    rng = np.random.default_rng(seed)
+    q, moved = rng.uniform(-0.03, 0.03, (2, 8)) * [[1], [offset / T]]
+    f, h = np.array([[1, T], [0, np.exp(-T / DRIFT_TIME_S)]]), np.array([[1.0, offset]])
+    x, p, noise = np.zeros(2), np.diag([NOISE[0] ** 2, 0.0]), NOISE[0]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(vision_filter, "SCALE_BOUNDS", (1.0, 1.0))
+        kalman = vision_filter.KalmanFilter(np.zeros((1, 3)), T, NOISE)
+        step = FilterStep(np.zeros(1), np.zeros(1, bool), np.array([offset]))
+        for displacement, capture_displacement in zip(q, moved, strict=True):
+            process_noise = (DISPLACEMENT_NOISE_RATIO * displacement) ** 2
+            x = f @ x + [displacement, 0]
+            p = f @ p @ f.T + np.diag([process_noise, DRIFT[0] ** 2 * T])
+            z = (h @ x).item() + capture_displacement + rng.normal(0, 3 * noise)
+            s = (h @ p @ h.T).item() + noise**2 + max(offset / T, 0) * process_noise
+            k = p @ h.T / s
+            innovation = z - (h @ x).item() - capture_displacement
+            x, p = x + k[:, 0] * innovation, p - k @ h @ p
+            measured = np.array([[z, 0.0, 0.0]])
+            kalman.update(
+                measured, displacement * np.eye(1, 3), step, capture_displacement * np.eye(1, 3)
+            )
+            results = kalman.pose, kalman.drift, kalman.sigma, kalman.normalized_innovation
+            expected = x[0], x[1], np.sqrt(p[0, 0]), innovation / np.sqrt(s)
+            np.testing.assert_allclose([v[0, 0] for v in results], expected, rtol=1e-8, atol=1e-12)
+
+
 @given(seeds, st.floats(0, 0.9))
 def test_it_is_the_textbooks_kalman_filter(seed: int, missed: float) -> None:
     """All attributes agree to 1e-9, gaps included, if the process noise is not scaled."""

@@ -22,6 +22,57 @@ from scipy.optimize import linprog
 
 from omni_control import CURVES, CurveReference, MotionLimits, TimedReference, WheelLimits
 
+# --- closed forms ---
+
+
+@pytest.mark.parametrize("forward", [2.0, -1.0, 0.0])
+@pytest.mark.parametrize("turn_rate", [0.0, 5.0, -5.0])
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_rim_speeds_of_a_reference_have_a_closed_form(
+    forward: float, turn_rate: float, heading: float
+) -> None:
+    """|v sin(azimuth) - arm w| of the fastest rim limits a straight drive that turns.
+
+    The robot drives forward in the middle of the frame. With huge friction nothing else counts.
+    """
+    robot = replace(TIGERS, friction=1e6, com_height=0.0, max_rim_speed=0.5)
+    poses = np.zeros((2, 3))
+    poses[:, 2] = heading + T * turn_rate * np.array([-0.5, 0.5])
+    poses[1, :2] = forward * T * np.array([np.cos(heading), np.sin(heading)])
+    rims = forward * np.sin(robot.kinematics.azimuths) - robot.kinematics.arm * turn_rate
+    expected = np.abs(rims).max() / 0.5
+    assert robot.compute_peak_utilization(poses, T) == pytest.approx(expected, abs=1e-3)
+
+
+def test_the_rims_limit_the_top_speed_of_references() -> None:
+    """A straight segment and a turn reach the rims' highest speed, and no more."""
+    robot = replace(TIGERS, max_rim_speed=0.5)
+    limit = MotionLimits(9.0, 0.5, 90.0, 2.0, wheels=robot)
+    for end, rim_per_unit in (
+        ((3.0, 0, 0), np.abs(np.sin(robot.kinematics.azimuths)).max()),
+        ((0, 0, 30.0), robot.kinematics.arm),
+    ):
+        speeds = np.diff(TimedReference([(0, 0, 0), end], limit, T).poses, axis=0) / T
+        assert np.abs(speeds).max() * rim_per_unit == pytest.approx(0.5, rel=0.02)
+        assert np.abs(speeds).max() * rim_per_unit <= 0.5 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("turn_jerk", [5.0, 40.0])
+def test_the_turn_jerk_limits_references_that_turn(turn_jerk: float) -> None:
+    """The highest third difference of the heading is near the limit, and not above it."""
+    limit = MotionLimits(9.0, 9.0, 90.0, 90.0, turn_jerk=turn_jerk)
+    turn = TimedReference([(0, 0, 0), (0.1, 0, 3.0)], limit, T)
+    lap = CurveReference(CURVES["circle"](2.0, 2.0), limit, T, faces_along_path=True)
+    for reference, lowest in ((turn, 0.8), (lap, 0.5)):
+        heading = np.pad(reference.poses[:, 2], 4, mode="edge")
+        peak = np.abs(np.diff(heading, n=3)).max() / T**3
+        assert lowest * turn_jerk <= peak <= turn_jerk * (1 + 1e-6)
+        half_jerk = replace(limit, turn_jerk=turn_jerk / 8)
+        assert half_jerk.compute_time_scale(reference.poses, T) == pytest.approx(
+            np.cbrt(8 * peak / turn_jerk), rel=1e-6
+        )
+
+
 # --- limits are kept ---
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benches.serve import FAST, QUIET, Field
+from benches.serve import CYCLES, FAST, QUIET, Field
 from serve_client import local, wheels, world
 
 import omni_mj as om
@@ -83,6 +83,23 @@ def test_a_robot_that_spins_drives_where_the_field_s_velocity_leads(sets: tuple[
     assert abs(np.angle(np.exp(1j * error[0]))) < 0.03
     x, y = field.poses[0, :2] - [-1.0, 0.0]
     assert np.arctan2(y, x) == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_measured_heading_that_is_older_than_the_robot_s_memory_is_ignored() -> None:
+    """A team commands for 4 s after its last image; robots remember their headings for 2 s.
+
+    An old image compared with another moment's heading would put a turning robot off by radians.
+    """
+    field, command = Field(*QUIET, FAST, "firmware.timeout_s=0.2"), world(0, 0, 0, 3.0)
+    field.put(0, 0.0, 0.0, 0.0)
+    field.drive(10, command)
+    for _ in range(240):
+        assert field.command(command) == []
+        for _ in range(CYCLES):
+            field.pitch.advance()  # without publishing
+    error = field.heading_estimates() - field.poses[:, 2]
+    assert abs(np.angle(np.exp(1j * error[0]))) < 0.02
+    assert abs(field.poses[0, 2]) > 0.1
 
 
 def test_robots_stop_that_receive_nothing_for_a_tenth_of_a_second() -> None:

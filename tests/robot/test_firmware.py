@@ -112,9 +112,10 @@ def test_a_robot_without_new_commands_halts_until_it_gets_one() -> None:
     assert firmware.run(0.0, 0.0).any()
 
 
-def test_the_heading_is_the_integral_of_the_gyro_corrected_by_delayed_vision() -> None:
+@pytest.mark.parametrize("age", [7, 29], ids=["late", "as old as the memory"])
+def test_the_heading_is_the_integral_of_the_gyro_corrected_by_delayed_vision(age: int) -> None:
     """A heading of vision is compared with the estimate when it was sent; bias is estimated."""
-    rate, bias, age = 1.0, 0.05, 7
+    rate, bias = 1.0, 0.05
     firmware, true = Firmware([settings()], 0.0), [0.0]
     for frame in range(1200):
         sent_frame = max(frame - age, 0)

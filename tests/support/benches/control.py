@@ -30,7 +30,9 @@ from omni_control.estimation.motion_model import (
     DISTURBANCE,
     INVERSE_GAIN,
     LAG,
+    POSE,
     STATE_SIZE,
+    VELOCITY,
     MotionModel,
     YawCoupling,
 )
