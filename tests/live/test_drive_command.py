@@ -47,7 +47,7 @@ def test_vision_that_falls_silent_ends_the_drive_and_all_is_there(
         "--set",
         "radio.delay_frames=1",
         "--set",
-        "reference.waypoints=[[0, 0], [1.2, 0]]",
+        "reference.laps=20",  # so that a busy computer, which skips frames, does not end it
     )
     with run_peer(ports, "--delay", 1, "--loss", 0.05, "--tell", 75) as peer:
         process = drive(tmp_path, ports, *OUT, *known)
