@@ -4,6 +4,7 @@ import difflib
 from collections.abc import Iterable
 
 MAX_LISTED_NAMES = 60
+MAX_VALUE_LENGTH = 200  # characters of a wrong value in a message
 
 
 class OmniError(ValueError):
@@ -21,6 +22,14 @@ def to_printable(text: str, max_length: int = 500) -> str:
         for c in " ".join(text.split())
     )
     return line if len(line) <= max_length else f"{line[:max_length]}..."
+
+
+def format_value(value: object) -> str:
+    """Return a wrong value as one printable line of limited length, for messages."""
+    try:
+        return to_printable(repr(value), MAX_VALUE_LENGTH)
+    except Exception:  # integers of thousands of digits, deeply nested lists, a faulty __repr__
+        return "a value that cannot be printed"
 
 
 def suggest_names(misspelled: object, allowed: Iterable[str]) -> str:

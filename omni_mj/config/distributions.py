@@ -13,9 +13,8 @@ from zlib import crc32
 
 import numpy as np
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, format_value
 from omni_mj.config.settings import Settings, find_setting
-from omni_mj.config.validation import format_value
 
 PARAMETERS_BY_KIND = {  # kind of distribution -> description of its parameters, for messages
     "uniform": "[low, high], low below high",

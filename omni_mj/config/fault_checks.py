@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from omni_control.errors import OmniError, suggest_names
+from omni_control.errors import OmniError, format_value, suggest_names
 from omni_mj.config.faults import FAULT_KINDS, Fault, RadioDelay, WheelFault
 from omni_mj.config.plugins import PLANTS, find_plant
-from omni_mj.config.validation import collect_errors, format_value, raise_errors
+from omni_mj.config.validation import collect_errors, raise_errors
 
 if TYPE_CHECKING:
     from omni_mj.config.settings import Settings

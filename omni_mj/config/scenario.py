@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator
 
 from omni_control.controllers.registry import CONTROLLERS
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, format_value
 from omni_mj.config import distributions, fault_checks, faults, plugins, robot_files
 from omni_mj.config.resolve import Robot, resolve_settings
 from omni_mj.config.settings import Settings
@@ -21,7 +21,6 @@ from omni_mj.config.toml_files import (
 from omni_mj.config.validation import (
     SettingsModel,
     collect_errors,
-    format_value,
     merge_sections,
     raise_errors,
     setting,

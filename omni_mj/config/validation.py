@@ -19,13 +19,18 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from omni_control.errors import OmniError, suggest_names, to_printable
+from omni_control.errors import (
+    MAX_VALUE_LENGTH,
+    OmniError,
+    format_value,
+    suggest_names,
+    to_printable,
+)
 
 REQUIRED: Any = ...  # in place of a default: the value must be given
 FROM_ROBOT: Any = ...  # in place of a default: the robot's file gives the value, or implies it
 MAX_COORDINATE_M = 100.0  # of a position
 MIN_FRICTION, MAX_FRICTION = 0.01, 5.0  # coefficients of friction
-MAX_VALUE_LENGTH = 200  # characters of a wrong value in a message
 
 
 def setting(
@@ -205,14 +210,6 @@ def collect_errors(messages: list[str], prefix: str = "") -> Iterator[None]:
         yield
     except OmniError as error:
         messages.append("\n".join(prefix + line for line in str(error).splitlines()))
-
-
-def format_value(value: object) -> str:
-    """Return a wrong value as one printable line of limited length, for messages."""
-    try:
-        return to_printable(repr(value), MAX_VALUE_LENGTH)
-    except (ValueError, RecursionError):  # an int of thousands of digits, deeply nested lists
-        return "a value too large to print"
 
 
 def merge_sections(sections: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,17 +1,20 @@
 """Gymnasium environments `omni_mj/Track-v0`: robots that follow the reference of a scenario."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import starmap
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from omni_control.arguments import check_array, check_integer
 from omni_control.controllers.base import Controller
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, format_value
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference import combine_references
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
@@ -20,12 +23,12 @@ from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.config.settings import Settings
 from omni_mj.gym import observations
 from omni_mj.simulation.simulation import Simulation, batch_key
+from omni_mj.viz.route_picture import ROBOT_RADIUS_M, draw_robot
 
-# The league's maximum. A heading error costs as much as the displacement at this radius, m/rad.
-ROBOT_RADIUS_M = 0.09
+MAX_ENVS = 1_000_000
 MAX_ERROR_M = 1.0  # default position error at which an episode terminates
 MAX_HISTORY_LENGTH = 600  # frames
-MAX_SEED = 2**63 - 1
+MAX_SEED = 2**63 - 1 - MAX_ENVS
 Numbers = NDArray[Any]
 Bools = NDArray[np.bool_]
 
@@ -76,7 +79,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         max_error_m: Position error at which an episode terminates, m.
         autoreset_mode: When an ended episode is followed by the next one: in the next step, which
             ignores the action, or by `reset`. Until then a robot stays still with a reward of 0.
-        render_mode: Must be None; the environments do not draw.
+        render_mode: "rgb_array" for pictures from `render`, or None.
         changes: Changes of a named scenario: plant, robot, and sections of settings, as in
             `om.load_scenario`.
 
@@ -92,28 +95,29 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         history_length: int | None = None,
         max_error_m: float = MAX_ERROR_M,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        render_mode: None = None,
+        render_mode: str | None = None,
         **changes: Any,
     ) -> None:
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
-        if self.autoreset_mode is AutoresetMode.SAME_STEP:
-            raise OmniError("autoreset_mode must be NextStep or Disabled, got SameStep")
-        scenario = _load_single_robot_scenario(scenario, changes)
+        allowed_modes = [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED]
+        if autoreset_mode not in (*allowed_modes, *(mode.value for mode in allowed_modes)):
+            raise OmniError(f"autoreset_mode must be NextStep or Disabled, got {autoreset_mode}")
+        if render_mode not in (None, *TrackEnv.metadata["render_modes"]):
+            raise OmniError(f"render_mode must be 'rgb_array' or None, got {render_mode!r}")
+        self.autoreset_mode, self.render_mode = AutoresetMode(autoreset_mode), render_mode
+        num_envs = check_integer("num_envs", num_envs, 1, MAX_ENVS)
+        loaded = _load_single_robot_scenario(scenario, changes)
         if history_length is None:
-            history_length = _compute_default_history_length(scenario)
-        if not 1 <= history_length <= MAX_HISTORY_LENGTH:
-            raise OmniError(
-                f"history_length must be from 1 to {MAX_HISTORY_LENGTH} frames, "
-                f"got {history_length}"
-            )
-        if not 0 < max_error_m < math.inf:
-            raise OmniError(f"max_error_m must be above 0, got {max_error_m}")
+            history_length = _compute_default_history_length(loaded)
+        history_length = check_integer("history_length", history_length, 1, MAX_HISTORY_LENGTH)
+        is_number = isinstance(max_error_m, (int, float, np.number))
+        if not is_number or not 0 < max_error_m < math.inf:
+            raise OmniError(f"max_error_m must be a number above 0, got {max_error_m!r}")
         parameters = {ExternalController.__name__: {"history_length": history_length}}
-        settings = Settings(**{**dict(scenario.settings), "controller": parameters})
-        self.scenario = scenario.replace(controllers=(ExternalController,), settings=settings)
+        settings = Settings(**{**dict(loaded.settings), "controller": parameters})
+        self.scenario = loaded.replace(controllers=(ExternalController,), settings=settings)
         self.num_envs, self.max_error_m = num_envs, max_error_m
         self.history_length = history_length
-        self.metadata = {**TrackEnv.metadata, "autoreset_mode": self.autoreset_mode}
+        self.metadata = TrackEnv.metadata | {"autoreset_mode": self.autoreset_mode}
         size, high = observations.get_observation_size(history_length), observations.MAX_OBSERVATION
         self.single_observation_space = gymnasium.spaces.Box(-high, high, (size,), np.float32)
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
@@ -121,6 +125,10 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._observations = np.zeros((num_envs, size), np.float32)
         self._terminated, self._truncated = np.ones((2, num_envs), bool)
+        self._has_started = False
+        # Arguments of `draw_robot` for each robot, if pictures are drawn
+        self._scenes: list[tuple[Array, Array, int]] = [(np.zeros(3), np.zeros((1, 3)), 0)]
+        self._scenes *= num_envs
         self._batches: list[EpisodeBatch] = []
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
 
@@ -137,12 +145,19 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
             options: Options of Gymnasium; only `reset_mask` is used.
 
         Raises:
-            OmniError: A seed draws settings that are not allowed.
+            OmniError: A seed or the mask is invalid, or a seed draws settings that are not allowed.
         """
-        if isinstance(seed, int):
-            seed = [seed + i for i in range(self.num_envs)]
-        mask = (options or {}).get("reset_mask", np.ones(self.num_envs, bool))
-        info = self._start_episodes(np.flatnonzero(mask), seed or [None] * self.num_envs)
+        seeds = self._list_seeds(seed)
+        mask = np.ones(self.num_envs, bool)
+        if options is not None:
+            if not isinstance(options, Mapping):
+                raise OmniError(f"options must be a dictionary, got {format_value(options)}")
+            mask = np.asarray(options.get("reset_mask", mask))
+        if mask.shape != (self.num_envs,) or mask.dtype != bool:
+            raise OmniError(
+                f"reset_mask must be {self.num_envs} booleans, got {format_value(mask)}"
+            )
+        info = self._start_episodes(np.flatnonzero(mask), seeds)
         return self._observations.copy(), info
 
     def step(self, actions: Any) -> tuple[Numbers, Array, Bools, Bools, dict[str, Any]]:
@@ -150,12 +165,11 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
 
         Raises:
             OmniError: The actions are not finite numbers (num_envs, 3).
+            ResetNeeded: There was no `reset`.
         """
-        actions = np.asarray(actions, float)
-        if actions.shape != (self.num_envs, 3):
-            raise OmniError(
-                f"actions must be finite numbers {(self.num_envs, 3)}, got shape {actions.shape}"
-            )
+        actions = check_array("actions", actions, (self.num_envs, 3))
+        if not self._has_started:
+            raise ResetNeeded("call reset() before step()")
         had_ended = self._terminated | self._truncated
         results = np.zeros((5, self.num_envs))
         self._batches = [batch for batch in self._batches if self._is_running(batch).any()]
@@ -175,6 +189,36 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
             info |= self._start_episodes(np.flatnonzero(had_ended), [None] * self.num_envs)
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
         return self._observations.copy(), reward, terminated, truncated, info
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Return a picture of each robot, or None if the render mode is None.
+
+        Raises:
+            ResetNeeded: There was no `reset`.
+        """
+        if self.render_mode is None:
+            gymnasium.logger.warn('no picture: make the environment with render_mode="rgb_array"')
+            return None
+        if not self._has_started:
+            raise ResetNeeded("call reset() before render()")
+        return tuple(starmap(draw_robot, self._scenes))
+
+    def _list_seeds(self, seed: Any) -> list[int | None]:
+        """Return the seed of each robot, from one for the first robot or one for each.
+
+        Raises:
+            OmniError: A seed is not an integer in the allowed range, or their number is wrong.
+        """
+        n = self.num_envs
+        if seed is None:
+            return [None] * n
+        is_list = isinstance(seed, (Sequence, np.ndarray)) and not isinstance(seed, str | bytes)
+        if not is_list or np.ndim(seed) == 0:
+            start = check_integer("seed", seed, 0, MAX_SEED)
+            return list(range(start, start + n))
+        if len(seed) != n:
+            raise OmniError(f"seed must be an integer or {n} of them, got {format_value(seed)}")
+        return [None if s is None else check_integer("seed", s, 0, MAX_SEED) for s in seed]
 
     def _step_batch(self, batch: EpisodeBatch, actions: Array) -> Array:
         """Advance a batch by a frame.
@@ -196,19 +240,17 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         has_failed = np.zeros(len(poses), bool)
         has_failed[[failure.row for failure in simulation.failures]] = True
         terminated = has_failed | ~(position_error <= self.max_error_m)  # also if it is NaN
-        # A failed or terminated robot costs the maximum in all remaining frames.
-        max_cost = self.max_error_m
-        cost = np.where(has_failed, max_cost, position_error + ROBOT_RADIUS_M * heading_error)
-        cost = np.minimum(cost, max_cost)
-        remaining_frames = batch.last_frame - simulation.frame
-        cost += np.where(terminated, max_cost * remaining_frames, 0.0)
+        # No reward is negative, so a robot that ends early forgoes those of the remaining frames.
+        cost = np.minimum(position_error + ROBOT_RADIUS_M * heading_error, self.max_error_m)
+        reward = np.where(terminated, 0.0, self.max_error_m - cost)
         truncated = (simulation.frame >= batch.last_frame) & ~terminated
-        return np.array([-cost, position_error, heading_error, terminated, truncated])
+        return np.array([reward, position_error, heading_error, terminated, truncated])
 
     def _start_episodes(
         self, env_indices: NDArray[np.intp], seeds: Sequence[int | None]
     ) -> dict[str, Any]:
         """Start episodes in these environments, and return the info with their seeds."""
+        self._has_started = True
         used_seeds, has_started = np.zeros(self.num_envs, np.int64), np.zeros(self.num_envs, bool)
         self._terminated[env_indices] = self._truncated[env_indices] = False
         has_started[env_indices] = True
@@ -244,6 +286,11 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
             simulation.frame, simulation.observe(), batch.reference, self.history_length
         )
         self._observations[batch.env_indices[rows]] = batch_observations[rows]
+        if self.render_mode:
+            poses = simulation.plant.pose()
+            for row in np.arange(len(poses))[rows]:
+                scene = poses[row], simulation.references[row].poses, simulation.frame
+                self._scenes[batch.env_indices[row]] = scene
 
 
 class TrackEnv(gymnasium.Env[Numbers, Numbers]):
@@ -257,12 +304,18 @@ class TrackEnv(gymnasium.Env[Numbers, Numbers]):
     """
 
     # Gymnasium's base class also has a mutable class attribute.
-    metadata = {"render_modes": [], "render_fps": round(FRAME_RATE_HZ)}  # noqa: RUF012
+    metadata = {  # noqa: RUF012
+        "render_modes": ["rgb_array"],
+        "render_fps": round(FRAME_RATE_HZ),
+    }
 
     def __init__(self, scenario: Scenario | str = "rect", **options: Any) -> None:
+        for name in {"num_envs", "autoreset_mode"} & options.keys():
+            raise OmniError(f"{name} is an argument of gymnasium.make_vec only")
         self._env = TrackVectorEnv(1, scenario, autoreset_mode=AutoresetMode.DISABLED, **options)
         self.observation_space = self._env.single_observation_space
         self.action_space = self._env.single_action_space
+        self.render_mode = self._env.render_mode
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -271,6 +324,8 @@ class TrackEnv(gymnasium.Env[Numbers, Numbers]):
 
         With a seed, it has the noise of `omni-mj run --seed`; without, that of the next seed drawn.
         """
+        if seed is not None:
+            seed = check_integer("seed", seed, 0, MAX_SEED)
         super().reset(seed=seed)
         observation, info = self._env.reset(seed=seed)
         return observation[0], {"seed": int(info["seed"][0])}
@@ -278,10 +333,15 @@ class TrackEnv(gymnasium.Env[Numbers, Numbers]):
     def step(self, action: Any) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
         """Advance by a frame, 1/60 s."""
         observation, reward, terminated, truncated, info = self._env.step(
-            np.asarray(action, float)[None]
+            check_array("action", action, (3,))[None]
         )
         info = {name: float(values[0]) for name, values in info.items() if not name.startswith("_")}
         return observation[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture seen from above, or None if the render mode is None."""
+        pictures = self._env.render()
+        return pictures[0] if pictures else None
 
 
 def _load_single_robot_scenario(scenario: Scenario | str, changes: dict[str, Any]) -> Scenario:

@@ -7,8 +7,8 @@ therefore runs in the other.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omni_control.arguments import check_array
 from omni_control.controllers.base import Observation
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array, body_to_world, world_to_body
 from omni_control.reference import MotionLimits, Reference
 
@@ -69,19 +69,14 @@ def decode_action(
 
     Args:
         action: [forward, left, counter-clockwise] of each robot, (n, 3), as fractions of the
-            limits.
+            limits; clipped to -1 to 1.
         observation: State of the robots, of which the headings are used.
         limits: Limits of commands for all robots; or [speed, speed, turn rate] of each, (n, 3).
 
     Raises:
         OmniError: The actions are not finite numbers (n, 3).
     """
-    fractions, shape = np.asarray(action, float), observation.pose.shape
-    if fractions.shape != shape or not np.isfinite(fractions).all():
-        raise OmniError(
-            f"actions must be finite numbers {shape}, got {fractions.dtype} of shape "
-            f"{fractions.shape}"
-        )
+    fractions = np.clip(check_array("actions", action, observation.pose.shape), -1.0, 1.0)
     max_command = (
         np.array([limits.speed, limits.speed, limits.turn_rate])
         if isinstance(limits, MotionLimits)

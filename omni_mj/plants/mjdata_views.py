@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
+from typing import Any, Self
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
+from mujoco.batch import DATA_FIELDS, Batch
 from numpy.lib.stride_tricks import as_strided
 
 from omni_control.errors import OmniError
@@ -23,19 +24,49 @@ from omni_mj.robot.wheel_carpet_forces import ChassisMotion, Drag, compute_torqu
 _MASS_FIELDS = "body_mass", "body_subtreemass", "body_ipos", "body_inertia", "body_iquat"
 
 
+class CopyableBatch(Batch):  # type: ignore[misc]
+    """Batch that can be copied and pickled, with its states, models and outputs."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {
+            "arguments": (self.model, self.nsim, self.nthread),
+            "fields": {name: self.expand(name).copy() for name in self._expanded},
+            "outputs": {name: self.bind(name).copy() for name in self._bound},
+            "state": self.state.copy(),
+            "warning": np.array(self.warning),
+        }
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        super().__init__(*saved["arguments"])
+        for name, values in saved["fields"].items():
+            self.expand(name)[:] = values
+        for name, values in saved["outputs"].items():
+            output = self.bind(name)
+            output.flags.writeable = True
+            output[:] = values
+            output.flags.writeable = False
+        self.state[:] = saved["state"]
+        np.asarray(self.warning)[:] = saved["warning"]
+
+
 class EntryView:
     """View of some entries of a batch array as (k, n): k values for each of n robots.
 
     The robots are in the order of their worlds, then of their slots in a world.
 
     Args:
-        array: Array of the batch, which MuJoCo reads and writes, (worlds, ...).
+        batch: The batch.
+        field: Name of the array in its states, outputs or models, (worlds, ...).
         columns: Indices along its second axis for the robot in each slot, (slots, k), or (slots, 1)
             if `component` is None and the array has three axes.
         component: Index along its third axis. Default: all components of the one column.
     """
 
-    def __init__(self, array: Array, columns: Ids, component: int | None = None) -> None:
+    def __init__(
+        self, batch: Batch, field: str, columns: Ids, component: int | None = None
+    ) -> None:
+        self._arguments = batch, field, columns, component
+        array = batch.bind(field) if field in DATA_FIELDS else batch.expand(field)
         low, high = np.lib.array_utils.byte_bounds(array)
         size = (high - low) // array.itemsize
         offsets = as_strided(np.arange(size), array.shape, array.strides)
@@ -44,6 +75,10 @@ class EntryView:
         # This runs at every step of the physics. Indexing one flat axis takes a tenth of the time
         # of indexing two or three.
         self._flat = as_strided(array, (size,), (array.itemsize,))
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Any, ...]]:
+        """Let copies view the copy of the batch."""
+        return type(self), self._arguments
 
     def get(self) -> Array:
         """Return a copy of the values, (k, n)."""
@@ -89,27 +124,28 @@ class RobotViews(ChangeableBodies):
     def __init__(self, batch: Batch, world: World) -> None:
         self._batch = batch
         self._world = world
-        qpos, qvel, sensors = (batch.bind(name) for name in ("qpos", "qvel", "sensordata"))
         ids = self._ids
         self._chassis = ids("chassis")[:, None]
-        self.qpos = EntryView(qpos, ids("qpos"))
-        self.qvel = EntryView(qvel, ids("dofs"))
-        self.pose = EntryView(qpos, ids("qpos")[:, :7])
-        self.velocity = EntryView(qvel, ids("dofs")[:, :6])
-        self.wheel_angle = EntryView(qpos, ids("wheel_qpos"))
-        self.wheel_speed = EntryView(qvel, ids("wheel_dofs"))
-        self.gyro = EntryView(sensors, ids("gyro")[:, None])
-        self.encoders = EntryView(sensors, ids("encoders"))
-        self.load = EntryView(sensors, world.load_addresses)
-        self.voltage = EntryView(batch.bind("ctrl"), ids("motors"))
+        self.qpos = EntryView(batch, "qpos", ids("qpos"))
+        self.qvel = EntryView(batch, "qvel", ids("dofs"))
+        self.pose = EntryView(batch, "qpos", ids("qpos")[:, :7])
+        self.velocity = EntryView(batch, "qvel", ids("dofs")[:, :6])
+        self.wheel_angle = EntryView(batch, "qpos", ids("wheel_qpos"))
+        self.wheel_speed = EntryView(batch, "qvel", ids("wheel_dofs"))
+        self.gyro = EntryView(batch, "sensordata", ids("gyro")[:, None])
+        self.encoders = EntryView(batch, "sensordata", ids("encoders"))
+        self.load = EntryView(batch, "sensordata", world.load_addresses)
+        self.voltage = EntryView(batch, "ctrl", ids("motors"))
         self.resistance = self._view_model("actuator_gainprm", ids("motors"), 0)
         self.torque_constant = self._view_model("actuator_gainprm", ids("motors"), 1)
-        self.wrench = EntryView(batch.bind("xfrc_applied"), self._chassis)
-        self.slip_angle = EntryView(qpos, ids("slip_qpos"))
-        self.slip_speed = EntryView(qvel, ids("slip_dofs"))
+        self.wrench = EntryView(batch, "xfrc_applied", self._chassis)
+        self.slip_angle = EntryView(batch, "qpos", ids("slip_qpos"))
+        self.slip_speed = EntryView(batch, "qvel", ids("slip_dofs"))
         self.slip_limit = self._view_model("dof_frictionloss", ids("slip_dofs"))
         self.slip_impedance = self._view_model("dof_solimp", ids("slip_dofs"), 0)
-        self.roller_speeds = [EntryView(qvel, ids("roller_dofs")[:, :, i]) for i in range(2)]
+        self.roller_speeds = [
+            EntryView(batch, "qvel", ids("roller_dofs")[:, :, i]) for i in range(2)
+        ]
 
     def _ids(self, name: str) -> Ids:
         """Return a field of `RobotIndices` for the robot in each slot, (slots, ...)."""
@@ -117,7 +153,7 @@ class RobotViews(ChangeableBodies):
 
     def _view_model(self, field: str, columns: Ids, component: int | None = None) -> EntryView:
         """Return a view of a field of each world's model; arguments as for `EntryView`."""
-        return EntryView(self._batch.expand(field), columns, component)
+        return EntryView(self._batch, field, columns, component)
 
     def write_variation(self, settings: Sequence[Settings], variation: RobotVariation) -> None:
         """Write friction, roller wear and chassis mass of each robot into the models.

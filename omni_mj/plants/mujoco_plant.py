@@ -7,14 +7,13 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants.mjdata_views import RobotViews
+from omni_mj.plants.mjdata_views import CopyableBatch, RobotViews
 from omni_mj.plants.randomization import RobotVariation
 from omni_mj.plants.row_checks import MODEL_SETTINGS, check_equal_settings, check_start_poses
 from omni_mj.plants.telemetry import Telemetry
@@ -85,14 +84,11 @@ class MujocoPlant(WheeledPlantBase):
             settings[0], robots_per_world, with_hulls=with_hulls
         )
         # Results do not depend on the number of threads.
-        threads = 1 if n < MIN_ROBOTS_FOR_THREADS else os.cpu_count() or 1
+        threads = 1 if n < MIN_ROBOTS_FOR_THREADS else len(os.sched_getaffinity(0))
         model = copy.copy(world.model)
         # The battery limits voltages, which may exceed the model's range while motors brake.
         model.actuator_ctrllimited[:] = 0
-        self._batch = Batch(model, n_worlds, min(threads, n_worlds))
-        warnings = slice(INSTABILITY_WARNINGS[0], INSTABILITY_WARNINGS[-1] + 1)
-        # Numbers of warnings so far, which MuJoCo updates, (worlds, 3)
-        self._warning_counts = np.asarray(self._batch.warning)[:, warnings, 1]
+        self._batch = CopyableBatch(model, n_worlds, min(threads, n_worlds))
         variation = RobotVariation.draw(rows)
         self._views = RobotViews(self._batch, world)
         self._views.write_variation(settings, variation)
@@ -289,9 +285,11 @@ class MujocoPlant(WheeledPlantBase):
         _, x, y, _ = self._views.pose.get()[3:]
         has_toppled = (x * x + y * y > TOPPLED_SINE_SQUARED) & ~self._failed
         # np.count_nonzero is faster than .any() on small arrays.
-        if not (has_toppled.any() or np.count_nonzero(self._warning_counts)):
+        warnings = slice(INSTABILITY_WARNINGS[0], INSTABILITY_WARNINGS[-1] + 1)
+        warning_counts = np.asarray(self._batch.warning)[:, warnings, 1]  # (worlds, 3)
+        if not (has_toppled.any() or np.count_nonzero(warning_counts)):
             return {}
-        is_unstable = np.repeat(self._warning_counts > 0, self._robots_per_world, axis=0)
+        is_unstable = np.repeat(warning_counts > 0, self._robots_per_world, axis=0)
         symptoms = np.column_stack([is_unstable, has_toppled])
         messages = [f"became unstable (MuJoCo: {warning.name})" for warning in INSTABILITY_WARNINGS]
         messages.append("toppled over")

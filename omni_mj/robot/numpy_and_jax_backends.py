@@ -17,7 +17,7 @@ from collections.abc import Callable
 from functools import cache
 from itertools import accumulate, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -139,6 +139,10 @@ class JaxBackend:
         self._padded_indices = np.minimum(np.arange(padded_size), self._n_robots - 1)
         self.parameters = parameters
         self.state = state
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Any, Any]]:
+        """Copy and pickle without JAX's objects, which cannot be pickled."""
+        return type(self), (self.parameters, self.state)
 
     @property
     def parameters(self) -> Any:

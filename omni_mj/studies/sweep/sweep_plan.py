@@ -10,13 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, format_value
 from omni_mj.config.distributions import replace_values
 from omni_mj.config.reference_factory import build_timed_reference
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import find_setting
 from omni_mj.config.toml_files import parse_value
-from omni_mj.config.validation import format_value
 from omni_mj.simulation.simulation import batch_key
 from omni_mj.studies.run_scenario import check_memory, choose_shared_backend
 
