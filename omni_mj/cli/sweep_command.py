@@ -29,8 +29,7 @@ OUTPUTS = (
     "axes",
     multiple=True,
     metavar="SECTION.FIELD=VALUES",
-    help="Setting and its values: LOW:HIGH:N, for integers LOW:HIGH:STEP, or A,B,C; may be "
-    "repeated.",
+    help="Setting and its values: LOW:HIGH:N for N values, or A,B,C; may be repeated.",
 )
 @options.CONTROLLER
 @options.PLANT

@@ -37,7 +37,7 @@ def sweep_command(folder: Path) -> list[str]:
     return [
         "sweep", "--quiet", *ROUTE,
         "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--batch-size", "2",
-        "--vary", "radio.delay_frames=0:4:4", "--vary", "kinematic.alpha_low=0.7,0.9",
+        "--vary", "radio.delay_frames=0:4:2", "--vary", "kinematic.alpha_low=0.7,0.9",
         "--controller", "p", "--controller", "flc", "--out", str(folder),
     ]  # fmt: skip
 
@@ -267,18 +267,30 @@ def test_axes_are_parsed() -> None:
     for text, values in (
         ("carpet.friction=0.3:1.0:8", [0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]),
         ("radio.delay_frames=0:12:4", [0, 4, 8, 12]),
+        ("radio.delay_frames=0:10:4", [0, 3, 7, 10]),  # rounded
+        ("radio.delay_frames=12:0:3", [12, 6, 0]),
+        ("radio.delay_frames=0:1:2", [0, 1]),
+        ("vision.cameras=1:3:3", [1, 2, 3]),
+        ("carpet.friction=1:0.5:2", [1.0, 0.5]),
         ("radio.delay_frames=1,2,6", [1, 2, 6]),
         ("wheels.model=rollers,two-rollers", ["rollers", "two-rollers"]),
         ("carpet.friction=1,0.5", [1.0, 0.5]),
     ):
         assert bench.check_axes([bench.parse_axis(text)]) == {text.split("=")[0]: tuple(values)}
-    for text in (
-        "carpet.friction=0.3:1.0",
-        "radio.delay_frames=0:12:0",
-        "radio.delay_frames=0:1.5:2",
-        "nothing.at_all=1:2:3",
+    for text, words in (
+        ("carpet.friction=0.3:1.0", "LOW:HIGH:N or A,B,C"),
+        ("carpet.friction=0.3:1.0:2:3", "LOW:HIGH:N or A,B,C"),
+        ("carpet.friction=0.3:1.0:2.5", "LOW:HIGH:N or A,B,C"),
+        ("carpet.friction=0.3:inf:3", "LOW:HIGH:N or A,B,C"),
+        ("carpet.friction=0.3:1.0:1", "must be from 2 to 1000, got 1"),
+        ("radio.delay_frames=0:12:0", "must be from 2 to 13, got 0"),
+        ("radio.delay_frames=0:12:14", "must be from 2 to 13, got 14"),
+        ("radio.delay_frames=0:1.5:2", "an integer"),
+        ("firmware.thermal_derating=false:true:2", "is no number"),
+        ("wheels.model=a:b:2", "is no number"),
+        ("nothing.at_all=1:2:3", "unknown setting"),
     ):
-        with pytest.raises(om.OmniError):
+        with pytest.raises(om.OmniError, match=words):
             bench.check_axes([bench.parse_axis(text)])
 
 

@@ -1,6 +1,7 @@
 """Plan of a sweep: the settings that vary, the points of their grid, and the shards of runs."""
 
 import json
+import math
 import re
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
@@ -55,28 +56,37 @@ def check_axes(vary: Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[Val
 def parse_axis(text: str) -> tuple[str, Iterable[Any]]:
     """Parse an axis, such as `carpet.friction=0.3:1.0:8` or `a.b=1,2,4`.
 
-    LOW:HIGH:N gives N values, including both ends. For settings that are integers, the third number
-    is the step: LOW:HIGH:STEP.
+    LOW:HIGH:N gives N values at equal distances, including both ends. Those of a setting that is an
+    integer are rounded.
 
     Raises:
         OmniError: The text cannot be parsed, or there is no such setting.
     """
     name, _, values = (word.strip() for word in text.partition("="))
-    setting_type = find_setting(name).value_type
+    setting = find_setting(name)
     parsed = [parse_value(word) for word in re.split("[:,]", values)]
     if ":" not in values:
         return name, parsed
-    try:
-        low, high, count_or_step = parsed
-        if setting_type is int:
-            return name, range(low, high + 1, count_or_step)
-        points = np.linspace(low, high, min(count_or_step, MAX_VALUES + 1))
-        return name, [float(f"{x:.12g}") for x in points]
-    except (TypeError, ValueError):
+    if not setting.is_number:
+        raise OmniError(f"cannot read --vary {text}: {name} is no number; write {name}=A,B,C")
+    is_range = all(type(value) in (int, float) and math.isfinite(value) for value in parsed)
+    if not is_range or values.count(":") != 2 or type(parsed[2]) is not int:
+        raise OmniError(f"cannot read --vary {text}; write section.field=LOW:HIGH:N or A,B,C")
+    low, high, n_values = parsed
+    max_values = MAX_VALUES
+    if setting.value_type is int:
+        if type(low) is not int or type(high) is not int:
+            raise OmniError(f"cannot read --vary {text}: {name} is an integer; so are its ends")
+        max_values = min(MAX_VALUES, abs(high - low) + 1)
+    if not 2 <= n_values <= max_values:
         raise OmniError(
-            f"cannot read --vary {text}; write section.field=LOW:HIGH:N, "
-            "LOW:HIGH:STEP for integers, or A,B,C"
-        ) from None
+            f"cannot read --vary {text}: the number of values must be from 2 to {max_values}, "
+            f"got {n_values}"
+        )
+    points = np.linspace(low, high, n_values)
+    if setting.value_type is int:
+        return name, [round(x) for x in points.tolist()]
+    return name, [float(f"{x:.12g}") for x in points]
 
 
 class Shard(NamedTuple):
