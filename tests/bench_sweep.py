@@ -25,7 +25,8 @@ def measure_sweep(plant: str, runs: int, options: argparse.Namespace) -> tuple[f
         command = [
             sys.executable, "-m", "omni_mj.cli.main", "sweep", "--quiet",
             "--scenario", "rect", "--plant", plant,
-            "--controller", options.controller, "--vary", f"radio.delay_frames=0:{POINTS - 1}:{POINTS}",
+            "--controller", options.controller,
+            "--vary", f"radio.delay_frames=0:{POINTS - 1}:{POINTS}",
             "--seeds", str(runs // POINTS), "--batch-size", str(options.batch_size),
             "--out", str(out), *sets,
         ]  # fmt: skip

@@ -1,10 +1,18 @@
 """Settings of the team's computer: reference, assumptions about robots, controllers and limits."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Literal
 
 from omni_control.reference.curve_reference import CURVES
-from omni_mj.config.validation import FROM_ROBOT, Number, Poses, SettingsModel, setting
+from omni_mj.config.validation import (
+    FROM_ROBOT,
+    Number,
+    Poses,
+    SettingsModel,
+    find_degrees,
+    setting,
+)
 
 
 class ReferenceSettings(SettingsModel):
@@ -18,7 +26,7 @@ class ReferenceSettings(SettingsModel):
     )
     waypoints: Poses = setting(
         ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
-        "poses [x, y, heading] to visit; the first is the start",
+        "poses [x, y, heading in rad] to visit; the first is the start",
         "m, m, rad",
         min_length=2,
     )
@@ -95,7 +103,9 @@ class ReferenceSettings(SettingsModel):
     settle_s: float = setting(1.0, "rest at the end", "s", low=0, high=60)
 
     def find_contradictions(self) -> Iterator[str]:
-        """Yield a message for each setting that mode "iterated" does not support."""
+        """Yield a message for headings in degrees and for what mode "iterated" does not support."""
+        headings = [0.0, *(heading for _, _, heading in self.waypoints)]
+        yield from find_degrees("reference.waypoints", (b - a for a, b in pairwise(headings)))
         if self.mode != "iterated":
             return
         if self.shape in CURVES:

@@ -30,6 +30,8 @@ from omni_control.errors import (
 REQUIRED: Any = ...  # in place of a default: the value must be given
 FROM_ROBOT: Any = ...  # in place of a default: the robot's file gives the value, or implies it
 MAX_COORDINATE_M = 100.0  # of a position
+MAX_HEADING_RAD = 1000.0
+MAX_TURN_RAD = 6.3  # a full turn: larger headings are taken for degrees
 MIN_FRICTION, MAX_FRICTION = 0.01, 5.0  # coefficients of friction
 
 
@@ -198,6 +200,21 @@ def raise_errors(messages: Iterable[str]) -> None:
         raise OmniError("\n".join(lines))
 
 
+def find_degrees(name: str, turns: Iterable[float]) -> Iterator[str]:
+    """Yield a message if angles in rad seem to be degrees.
+
+    Args:
+        name: Name of the poses in the message.
+        turns: Headings, or their changes from pose to pose, rad.
+    """
+    largest = max(turns, key=abs)
+    if abs(largest) > MAX_TURN_RAD:
+        yield (
+            f"{name}: headings are in rad and change by at most one turn (6.28 rad) from pose to "
+            f"pose, got {largest:.6g}; convert degrees to rad"
+        )
+
+
 @contextmanager
 def collect_errors(messages: list[str], prefix: str = "") -> Iterator[None]:
     """End the `with` block at an `OmniError`, and append its message to a list.
@@ -248,7 +265,8 @@ Number = Annotated[
     float, AfterValidator(_drop_zero_fraction), PlainSerializer(_drop_zero_fraction, Any)
 ]
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
-Pose = Annotated[tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(_append_heading), _LIST]
+Heading = Annotated[float, Field(ge=-MAX_HEADING_RAD, le=MAX_HEADING_RAD)]
+Pose = Annotated[tuple[Coordinate, Coordinate, Heading], BeforeValidator(_append_heading), _LIST]
 Vectors = Annotated[tuple[Annotated[tuple[Coordinate, Coordinate], _LIST], ...], _LIST]
 Poses = Annotated[tuple[Pose, ...], _LIST]
 CarpetPatch = Annotated[

@@ -10,6 +10,7 @@ from omni_mj.config.validation import (
     CarpetPatches,
     Poses,
     SettingsModel,
+    find_degrees,
     setting,
 )
 
@@ -138,8 +139,15 @@ class WorldSettings(SettingsModel):
 
     start_poses: Poses = setting(
         ((0.0, 0.0, 0.0),),
-        "start poses of the robots: offsets of their references and initial poses",
+        "start poses [x, y, heading in rad] of the robots: offsets of their references and "
+        "initial poses",
         "m, m, rad",
         min_length=1,
         max_length=12,
     )
+
+    def find_contradictions(self) -> Iterator[str]:
+        """Yield a message for headings in degrees."""
+        yield from find_degrees(
+            "world.start_poses", (heading for _, _, heading in self.start_poses)
+        )

@@ -163,6 +163,12 @@ def test_numpy_numbers_and_ints_are_converted() -> None:
             {"reference": {"waypoints": [[0, 0], [100.1, 0]]}},
             ["reference.waypoints[1][0]", "100.1"],
         ),
+        (
+            {"reference": {"waypoints": [[0, 0], [1, 0, 90], [0, 0]]}},
+            ["reference.waypoints", "in rad", "got 90", "degrees"],
+        ),
+        ({"reference": {"waypoints": [[0, 0, -45], [1, 0, -45]]}}, ["in rad", "got -45"]),
+        ({"world": {"start_poses": [[0, 0, 180]]}}, ["world.start_poses", "in rad", "got 180"]),
         ({"world": {"start_poses": [[0, 0]] * 13}}, ["world.start_poses", "at most 12 items"]),
         ({"carpet": {"patches": [[0, 0, 0, 1]]}}, ["carpet.patches[0][2]", "greater than 0"]),
         ({"carpet": {"patches": [[0, 0, 1, 5.1]]}}, ["carpet.patches[0][3]", "5"]),

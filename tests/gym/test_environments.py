@@ -1,5 +1,7 @@
 """The environments: observations, actions and rewards equal those of a controller in the loop."""
 
+import copy
+import pickle
 import subprocess
 import sys
 import warnings
@@ -69,7 +71,7 @@ def test_rewards_equal_the_errors_of_the_same_controller() -> None:
     result = om.run(om.load_scenario("rect", **changes), [Policy], seeds=[5])
     table = result.frames().to_pydict()
     x, y, turn = (np.subtract(table[a], table[f"ref_{a}"]) for a in ("x_m", "y_m", "heading_rad"))
-    expected = -(np.hypot(x, y) + 0.09 * np.abs(turn))
+    expected = 1.0 - np.minimum(np.hypot(x, y) + 0.09 * np.abs(turn), 1.0)
 
     env = make_env("rect", history_length=MEMORY, **changes)
     observation, info = env.reset(seed=5)
@@ -166,24 +168,121 @@ def assert_same(result: Any, expected: Any) -> None:
         np.testing.assert_array_equal(result, expected)
 
 
-def test_ending_an_episode_early_never_pays() -> None:
-    """The remaining frames cost as if the robot had stayed there: getting lost never pays."""
-    env = make_env("rect", max_error_m=0.2, plant="kinematic", reference=SHORT)
-    env.reset(seed=1)
-    rewards, terminated = [], False
-    while not terminated:
-        _, reward, terminated, truncated, info = env.step([-1.0, 0.0, 0.0])
-        assert not truncated
+def play(env: gymnasium.Env, action: list[float]) -> tuple[list[float], bool]:
+    """Repeat an action to the end; return the rewards and whether the robot was terminated."""
+    rewards, terminated, truncated = [], False, False
+    while not (terminated or truncated):
+        _, reward, terminated, truncated, _ = env.step(action)
         rewards.append(reward)
-    frames = (
-        om.Simulation(om.load_scenario("rect", plant="kinematic", reference=SHORT))
-        .references[0]
-        .frames
-        - 1
+    assert env.step(action)[1:4] == (0.0, terminated, truncated)
+    return rewards, terminated
+
+
+def test_ending_an_episode_early_never_pays() -> None:
+    """The same past continued in two ways: no reward is negative, and none follows an end."""
+    max_error = 0.2
+    env = make_env("rect", max_error_m=max_error, plant="kinematic", reference=SHORT)
+    env.reset(seed=1)
+    for _ in range(5):
+        env.step([0.0, 0.0, 0.0])
+    lost, is_lost = play(copy.deepcopy(env), [-1.0, 0.0, 0.0])
+    stayed, has_failed = play(env, [0.05, 0.03, 0.0])
+    assert is_lost
+    assert not has_failed
+    assert len(lost) < len(stayed)
+    assert lost[-1] == 0
+    assert all(0 <= reward <= max_error for reward in lost + stayed)
+    for discount in (1.0, 0.99, 0.5):
+        returns = [
+            sum(discount**i * r for i, r in enumerate(rewards)) for rewards in (lost, stayed)
+        ]
+        assert 0 <= returns[0] <= returns[1]
+
+
+def test_observations_are_within_their_space() -> None:
+    """Also if faults act, and if a reference turns away by more than 100 rad."""
+    spins = [[0, 0, 6 * i] for i in range(25)]
+    turning = {"waypoints": spins, "max_turn_rate_rad_s": 30, "max_turn_acceleration_rad_s2": 200}
+    largest = 0.0
+    for n_steps, options in (
+        (30, {"scenario": "fault-all", "plant": "mujoco"}),
+        (200, {"scenario": "fault-vision-outliers", "plant": "kinematic"}),
+        (600, {"scenario": "rect", "plant": "kinematic", "reference": turning, "max_error_m": 9.0}),
+    ):
+        env = make_env(**options)
+        observation, _ = env.reset(seed=0)
+        for _ in range(n_steps):
+            observation, *_ = env.step([0.1, 0.0, 0.0])
+            assert observation in env.observation_space
+            largest = max(largest, abs(observation).max())
+    assert largest == 100  # of the last: clipped
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"plant": "kinematic"},
+        {"plant": "planar"},
+        {"scenario": "fault-all", "plant": "mujoco"},
+    ],
+    ids=["kinematic", "planar", "mujoco"],
+)
+def test_copies_and_pickles_continue_alike(changes: dict[str, Any]) -> None:
+    """Bit for bit, in the running episode and in those that follow; copies are independent."""
+    envs = make_envs(2, max_error_m=0.15, **changes)
+    envs.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1, 1, (12, 2, 3))
+    for action in actions[:4]:
+        envs.step(action)
+    for twin in (copy.deepcopy(envs), pickle.loads(pickle.dumps(envs))):
+        original = copy.deepcopy(envs)
+        for action in actions:
+            assert_same(twin.step(action), original.step(action))
+        assert_same(twin.reset(), original.reset())
+
+
+def test_pictures_are_drawn() -> None:
+    """As `make_vec_env` of Stable-Baselines3 and recorders of videos ask for them."""
+    env = gymnasium.make(
+        "omni_mj/Track-v0", render_mode="rgb_array", plant="kinematic", reference=SHORT
     )
-    assert info["position_error_m"] > 0.2
-    assert sum(rewards) == pytest.approx(sum(rewards[:-1]) - 0.2 * (frames - len(rewards) + 1))
-    assert env.step([0.0, 0.0, 0.0])[1:4] == (0.0, True, False)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.unwrapped.render()
+    env.reset(seed=0)
+    pictures = [env.render()]
+    for _ in range(30):
+        env.step([0.3, 0.0, 0.0])
+    pictures.append(env.render())
+    for picture in pictures:
+        assert picture.dtype == np.uint8
+        assert picture.shape == (360, 480, 3)
+        assert len(np.unique(picture)) > 3
+    assert (pictures[0] != pictures[1]).any()
+    envs = make_envs(2, plant="kinematic", reference=SHORT, render_mode="rgb_array")
+    envs.reset(seed=0)
+    np.testing.assert_array_equal(envs.render()[0], pictures[0])
+    with pytest.raises(om.OmniError, match="render_mode must be 'rgb_array' or None, got 'ansi'"):
+        make_env(render_mode="ansi")
+    without = make_env(plant="kinematic")
+    without.reset(seed=0)
+    with pytest.warns(UserWarning, match="render_mode"):
+        assert without.render() is None
+
+
+def test_seeds_of_all_integer_types_are_equal() -> None:
+    env, envs = make_env(plant="kinematic"), make_envs(2, plant="kinematic")
+    expected, _ = env.reset(seed=250)
+    for kind in (np.uint8, np.int16, np.uint32, np.int64, np.uint64, np.array):
+        np.testing.assert_array_equal(env.reset(seed=kind(250))[0], expected)
+        for seed in (kind(249), np.array([249, 250]), (kind(249), kind(250)), [None, kind(250)]):
+            np.testing.assert_array_equal(envs.reset(seed=seed)[0][1], expected)
+    for seed in (-1, 2**63, True, 1.0, "1", [1, 2, 3], np.nan):
+        for reset in (env.reset, envs.reset):
+            with pytest.raises(om.OmniError, match="seed must be an integer"):
+                reset(seed=seed)
+    for mask in ([1, 0], np.ones(3, bool), "x", None):
+        with pytest.raises(om.OmniError, match="reset_mask must be 2 booleans"):
+            envs.reset(options={"reset_mask": mask})
 
 
 def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
@@ -205,11 +304,15 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
     [
         ({"scenario": "recht"}, "unknown scenario"),
         ({"plant": "planer"}, "unknown plant"),
-        ({"history_length": 0}, "history_length must be from 1"),
-        ({"max_error_m": 0.0}, "max_error_m must be above 0"),
+        ({"history_length": 0}, "history_length must be an integer from 1"),
+        ({"max_error_m": 0.0}, "max_error_m must be a number above 0"),
         ({"world": {"start_poses": [[0, 0, 0], [0, 2, 0]]}}, "an environment has one robot"),
         ({"radio": {"delay_frames": {"normal": [6, 1]}}}, "give history_length="),
         ({"autoreset_mode": "SameStep"}, "must be NextStep or Disabled"),
+        ({"history_length": 2.5}, "history_length must be an integer"),
+        ({"max_error_m": "1"}, "max_error_m must be a number above 0, got '1'"),
+        ({"num_envs": 0}, "num_envs must be an integer from 1"),
+        ({"num_envs": "3"}, "num_envs must be an integer from 1"),
     ],
 )
 def test_invalid_arguments_are_rejected_with_one_line(
@@ -233,11 +336,24 @@ class Tuned(Policy):
 
 
 def test_invalid_actions_are_rejected() -> None:
-    env = make_envs(2, plant="kinematic")
+    """Numbers beyond -1 to 1 are clipped; anything that is not finite numbers is refused."""
+    env, envs = make_env(plant="kinematic"), make_envs(1, plant="kinematic")
+    for unstarted in (env, envs):
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            unstarted.step(np.zeros(unstarted.action_space.shape))
+    for action in (
+        None, 0.0, "abc", [], [0, 0], [0, 0, 0, 0], [np.nan, 0, 0], [0, np.inf, 0], ["0", "0", "0"],
+        [None] * 3, [True, False, True], [[0], [0, 1], [0]], {"x": 1}, np.zeros(3, complex),
+        np.zeros((1, 1, 3)),
+    ):  # fmt: skip
+        for step, argument in ((env.step, action), (envs.step, [action])):
+            with pytest.raises(om.OmniError, match="must be finite numbers of shape"):
+                step(argument)
     env.reset(seed=0)
-    for action in (np.zeros(3), np.full((2, 3), np.nan)):
-        with pytest.raises(om.OmniError, match="actions must be finite numbers"):
-            env.step(action)
+    envs.reset(seed=0)
+    for beyond, limit in (([1e308, -2, 0], [1, -1, 0]), ([3, 0, -1e9], [1, 0, -1])):
+        observation, *_ = env.step(np.array(beyond, np.float64))
+        np.testing.assert_array_equal(envs.step(np.array([limit], int))[0][0], observation)
 
 
 def test_gymnasium_imports_the_package_by_the_environments_name() -> None:

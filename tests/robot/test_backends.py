@@ -1,6 +1,8 @@
 """Backends of the planar plant: equal results but for rounding, gradients, and the choice."""
 
+import copy
 import importlib.util
+import pickle
 import runpy
 from functools import partial
 from pathlib import Path
@@ -38,10 +40,11 @@ COMMON: dict[str, Any] = {
 
 
 def drive_with(backend: str, robots: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return poses and telemetry of robots with pushes, held currents and faults."""
+    """Return poses and telemetry of copied robots with pushes, held currents and faults."""
     plant = planar([with_settings(physics={"backend": backend}, **COMMON)] * robots)
     twists = np.linspace(-1, 1, robots)[:, None] * [2.5, 1.0, 3.0] + [0.5, 0.0, 0.0]
     plant.set_motor_currents(np.array([[np.nan, np.nan, np.nan, 0.5]] * robots))
+    plant = pickle.loads(pickle.dumps(copy.deepcopy(plant)))
     return drive(plant, ramp(twists, 6.0, 30)), {
         name: getattr(plant.telemetry(), name) for name in TELEMETRY_NAMES
     }
