@@ -5,12 +5,15 @@ from typing import Any
 
 import numpy as np
 
+from omni_control.arguments import check_types, explain_types
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 
 RowSelection = slice | Sequence[int] | np.ndarray[Any, np.dtype[np.intp]]
 
 
+@explain_types
+@check_types
 class CommandHistory:
     """The latest commands sent to n robots, newest last.
 

@@ -19,6 +19,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omni_control.arguments import check_types, explain_types
+
 Array = NDArray[np.float64]
 
 _ABOVE_MINUS_PI = np.nextafter(-np.pi, 0)
@@ -55,6 +57,8 @@ def world_to_body(twist: ArrayLike, heading: ArrayLike) -> Array:
     return body_to_world(twist, -np.asarray(heading, float))
 
 
+@explain_types
+@check_types
 @dataclass(frozen=True)
 class Kinematics:
     """Geometry of the wheels, and conversion between body twist and wheel speeds.

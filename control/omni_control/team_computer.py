@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omni_control.arguments import check_types, explain_types
 from omni_control.command_limiter import CommandLimiter
 from omni_control.controllers.base import (
     RECORDED_ATTRIBUTES,
@@ -33,6 +34,7 @@ from omni_control.reference.target_reference import TargetReference, as_robot_in
 FailureHandler = Callable[[NDArray[np.intp], ControllerError], None]
 
 
+@explain_types
 class Team:
     """n robots under one or more controllers. A robot's model is that of its controller.
 
@@ -63,6 +65,7 @@ class Team:
             numbers (n, 3), or `robot_indices` does not assign every robot to one controller.
     """
 
+    @check_types
     def __init__(
         self,
         controllers: Controller | Sequence[Controller],

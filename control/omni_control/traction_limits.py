@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from omni_control.arguments import check_types, explain_types
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, Kinematics, world_to_body
 
@@ -51,6 +52,8 @@ def compute_traction_limits(
     return min(forward, backward), min(to_left, to_right)
 
 
+@explain_types
+@check_types
 @dataclass(frozen=True)
 class WheelLimits:
     """Combined limits of the wheels of a robot. Motors are assumed to be strong enough.

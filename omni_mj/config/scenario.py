@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from omni_control.arguments import check_types
 from omni_control.controllers.registry import CONTROLLERS
 from omni_control.errors import OmniError, format_value
 from omni_mj.config import distributions, fault_checks, faults, plugins, robot_files
@@ -100,7 +101,8 @@ class Scenario(SettingsModel):
         Raises:
             OmniError: A value is not allowed, or `robot` is changed without `settings`.
         """
-        if values.get("robot", self.robot) != self.robot and "settings" not in values:
+        robot = values.get("robot", self.robot)
+        if isinstance(robot, str) and robot != self.robot and "settings" not in values:
             raise OmniError(
                 "another robot has other settings: give robot= to load_scenario(...), or give "
                 "settings= as well"
@@ -187,6 +189,8 @@ class Scenario(SettingsModel):
         valid_fields = info.data  # those declared before `settings` and without errors
         settings = sections
         if not isinstance(sections, Settings):
+            if not isinstance(sections, Mapping):
+                raise OmniError(f"settings must be sections by name, got {format_value(sections)}")
             settings = resolve_settings(
                 sections, valid_fields.get("robot", robot_files.DEFAULT_ROBOT)
             )
@@ -212,6 +216,7 @@ TOP_LEVEL_FIELDS = tuple(
 )
 
 
+@check_types
 def load_scenario(
     name_or_path: str | Path,
     *,

@@ -7,7 +7,7 @@ therefore runs in the other.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_control.arguments import check_array
+from omni_control.arguments import check_array, check_types, explain_types
 from omni_control.controllers.base import Observation
 from omni_control.kinematics import Array, body_to_world, world_to_body
 from omni_control.reference import MotionLimits, Reference
@@ -17,11 +17,13 @@ PREVIEW_FRAMES = (0, 3, 6, 9, 12)
 MAX_OBSERVATION = 100.0  # m, m/s, rad or rad/s; observations are clipped to it
 
 
+@check_types
 def get_observation_size(history_length: int) -> int:
     """Return the number of values in an observation with `history_length` commands."""
     return 3 * (2 + 2 * len(PREVIEW_FRAMES) + history_length)
 
 
+@explain_types
 def encode_observation(
     frame: int, observation: Observation, reference: Reference, history_length: int
 ) -> NDArray[np.float32]:
@@ -60,6 +62,7 @@ def encode_observation(
     return np.clip(body_vectors, -MAX_OBSERVATION, MAX_OBSERVATION).astype(np.float32)
 
 
+@explain_types
 def decode_action(
     action: ArrayLike, observation: Observation, limits: MotionLimits | Array
 ) -> Array:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from omni_control.errors import OmniError
+from omni_control.arguments import check_types
+from omni_control.errors import OmniError, suggest_names
 from omni_mj.atomic_files import create_folder, lock_folder, write_text
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
@@ -94,9 +95,14 @@ class Result:
         """All rows that were stopped before their end."""
         return [failure for outcome in self.outcomes for failure in outcome.failures]
 
+    @check_types
     def __getitem__(self, scenario: str) -> Outcome:
         """Return the outcome of a scenario, given its name."""
-        return {outcome.scenario.name: outcome for outcome in self.outcomes}[scenario]
+        outcomes = {outcome.scenario.name: outcome for outcome in self.outcomes}
+        if scenario not in outcomes:
+            hint = suggest_names(scenario, outcomes)
+            raise OmniError(f"the result has no scenario {scenario!r}; {hint}")
+        return outcomes[scenario]
 
     def summary(self) -> dict[str, Any]:
         """Return the content of summary.json: all numbers and their definitions."""
@@ -168,6 +174,7 @@ class Result:
         columns = [name for name in names if name not in equal_settings]
         return pa.table({name: pa.array([line.get(name) for line in lines]) for name in columns})
 
+    @check_types
     def save(self, folder: str | Path) -> None:
         """Write summary.json, the scenarios, the frames if they were kept, and the provenance.
 

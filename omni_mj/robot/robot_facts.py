@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from omni_control.arguments import check_types
 from omni_control.errors import OmniError
 from omni_control.traction_limits import GRAVITY, compute_traction_limits
 from omni_mj.config import nominal_model, robot_files
@@ -14,6 +15,7 @@ from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
 
 
+@check_types
 def load_robot(name_or_path: str | Path) -> Robot:
     """Read a robot's file, check every number, and build its MuJoCo model once to find errors.
 

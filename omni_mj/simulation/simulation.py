@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from omni_control.arguments import check_integer, check_types
 from omni_control.controllers.base import Observation
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
@@ -24,6 +25,8 @@ from omni_mj.plants import Plant
 from omni_mj.robot.numpy_and_jax_backends import choose_backend
 from omni_mj.simulation.log import Failure, Log
 from omni_mj.simulation.team_builder import ReferenceFactory, build_team
+
+MAX_SEED = 2**63 - 1
 
 
 class CameraModel(Protocol):
@@ -52,6 +55,7 @@ class RadioModel(Protocol):
         """
 
 
+@check_types
 class Simulation:
     """Simulation of a scenario, to be run as a whole or stepped.
 
@@ -101,11 +105,15 @@ class Simulation:
             plugins.label_controller(kind): plugins.find_controller(kind)
             for kind in scenario.controllers
         }
-        seed_list = scenario.seed_list if seeds is None else list(seeds)
+        seed_list = scenario.seed_list
+        if seeds is not None:
+            seed_list = [check_integer("seed", seed, 0, MAX_SEED) for seed in seeds]
         self._has_random_settings = bool(scenario.distributions) and rows is None
         self._initial_rows = rows or build_rows(
             self._controller_classes, seed_list, scenario.settings_for_seed, scenario.robot
         )
+        if not self._initial_rows:
+            raise OmniError("a simulation needs at least one controller and one seed")
         for label in dict.fromkeys(row.controller for row in self._initial_rows):
             if label not in self._controller_classes:
                 hint = suggest_names(label, self._controller_classes)
@@ -148,6 +156,7 @@ class Simulation:
         if self.scenario.settings.physics.backend == "auto":
             self.scenario = self.scenario.replace(settings=resolve(self.scenario.settings))
 
+    @check_types
     def reset(self, seed: int | None = None) -> None:
         """Return to the start. The same commands then give the same frames.
 
@@ -155,7 +164,9 @@ class Simulation:
             seed: New smallest seed; the others are shifted by the same number. Default: the seeds
                 of the first run.
         """
-        shift = 0 if seed is None else seed - min(row.seed for row in self._initial_rows)
+        seeds = [row.seed for row in self._initial_rows]
+        max_seed = MAX_SEED - max(seeds) + min(seeds)
+        shift = 0 if seed is None else check_integer("seed", seed, 0, max_seed) - min(seeds)
         self.rows = [replace(row, seed=row.seed + shift) for row in self._initial_rows]
         if shift and self._has_random_settings:
             settings = {row.seed: self.scenario.settings_for_seed(row.seed) for row in self.rows}
@@ -199,6 +210,7 @@ class Simulation:
             parameters[name] = np.array([attrgetter(name)(row.settings) for row in self.rows])
         return parameters
 
+    @check_types
     def run(self, after_frame: Callable[[int], None] = lambda frame: None) -> Log:
         """Run from the start to the end.
 

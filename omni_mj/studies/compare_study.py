@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
+from omni_control.arguments import check_types
 from omni_control.controllers.registry import list_available_controllers
 from omni_control.errors import OmniError
 from omni_mj.config import fault_checks
@@ -29,9 +30,10 @@ EXCLUDED = ("hot-motors", "fault-all", "identify")
 SEEDS = 10  # default number of seeds
 
 
+@check_types
 def compare(
     scenarios: Sequence[Scenario | str] | None = None,
-    controllers: Sequence[ControllerSpec] | None = None,
+    controllers: ControllerSpec | Sequence[ControllerSpec] | None = None,
     seeds: int | Iterable[int] = SEEDS,
     subject: str | None = None,
     keep_frames: bool = False,

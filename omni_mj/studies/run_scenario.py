@@ -4,11 +4,14 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 
+import numpy as np
+
+from omni_control.arguments import check_integer, check_types
 from omni_control.controllers.registry import list_available_controllers
 from omni_control.errors import OmniError, suggest_names
 from omni_mj.config.plugins import ControllerSpec, find_controller, label_controller
 from omni_mj.config.reference_factory import build_timed_reference
-from omni_mj.config.scenario import Scenario, load_with_overrides
+from omni_mj.config.scenario import MAX_SEEDS, Scenario, load_with_overrides
 from omni_mj.free_memory import measure_free_bytes
 from omni_mj.results import metrics, summary
 from omni_mj.results.result import Outcome, Result
@@ -37,9 +40,10 @@ def no_progress(title: str, frames: int) -> AfterFrame:
     return ignore_frame
 
 
+@check_types
 def run(
     scenario: Scenario | str,
-    controllers: Sequence[ControllerSpec] | None = None,
+    controllers: ControllerSpec | Sequence[ControllerSpec] | None = None,
     seeds: int | Iterable[int] | None = None,
     *,
     subject: str | None = None,
@@ -120,7 +124,7 @@ def build_result(outcome: Outcome, subject: str | None = None) -> Result:
 
 def resolve_scenario(
     scenario: Scenario | str,
-    controllers: Sequence[ControllerSpec] | None = None,
+    controllers: ControllerSpec | Sequence[ControllerSpec] | None = None,
     seeds: int | Iterable[int] | None = None,
 ) -> Scenario:
     """Return a scenario with other controllers and seeds, if they are given.
@@ -132,8 +136,9 @@ def resolve_scenario(
     """
     scenario = scenario if isinstance(scenario, Scenario) else load_with_overrides(str(scenario))
     if controllers is not None:
-        is_one = isinstance(controllers, str | type)
-        scenario = scenario.replace(controllers=(controllers,) if is_one else tuple(controllers))
+        if isinstance(controllers, str | type):
+            controllers = (controllers,)
+        scenario = scenario.replace(controllers=tuple(controllers))
     if seeds is not None:
         seed_list = list_seeds(seeds)
         scenario = scenario.replace(seed=seed_list[0], seeds=len(seed_list))
@@ -149,7 +154,9 @@ def list_seeds(seeds: int | Iterable[int]) -> list[int]:
     Raises:
         OmniError: The seeds are not consecutive.
     """
-    seed_list = list(range(seeds) if isinstance(seeds, int) else seeds)
+    if isinstance(seeds, int | np.integer):
+        seeds = range(check_integer("seeds", seeds, 1, MAX_SEEDS))
+    seed_list = list(seeds)
     if not seed_list or seed_list != list(range(seed_list[0], seed_list[0] + len(seed_list))):
         raise OmniError(
             f"seeds must be consecutive, such as range(5), got {seed_list}: a scenario's file "

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from omni_control.arguments import check_types
 from omni_control.errors import OmniError
 from omni_mj import parquet
 from omni_mj.atomic_files import read_json
@@ -89,6 +90,7 @@ class VerifyResult:
         return "\n".join([head, *(f"note: {note}" for note in self.remarks)])
 
 
+@check_types
 def verify(
     folder: str | Path,
     start_progress: StartProgress = no_progress,

@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from omni_control.arguments import check_types, explain_types
 from omni_control.delay_compensation import CommandHistory, RowSelection, predict_displacement
 from omni_control.errors import OmniError, to_printable
 from omni_control.estimation.delayed_measurements import FilterStep
@@ -27,6 +28,8 @@ _POSITIVE_FIELDS = ("period", "alpha", "alpha_window_frames")
 _INTEGER_FIELDS = ("alpha_window_frames",)
 
 
+@explain_types
+@check_types
 @dataclass(frozen=True)
 class TeamModel:
     """The team's knowledge of its robots and of the control loop.
@@ -204,6 +207,8 @@ class Controller:
 
     knows_truth: ClassVar[bool] = False
 
+    @explain_types
+    @check_types
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         self.model, self.reference = model, reference
         self.predicted_pose = np.full((n, 3), np.nan)

@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from omni_control.arguments import check_types, explain_types
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
 from omni_control.reference.sampled_reference import SampledReference
@@ -74,6 +75,8 @@ class CurveReference(SampledReference):
             Otherwise its heading is 0.
     """
 
+    @explain_types
+    @check_types
     def __init__(
         self,
         curve: Curve,

@@ -11,11 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from omni_control.arguments import check_types, explain_types
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.traction_limits import WheelLimits
 
 
+@explain_types
+@check_types
 @dataclass(frozen=True)
 class MotionLimits:
     """Limits of a reference or of commands.

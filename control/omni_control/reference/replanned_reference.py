@@ -13,6 +13,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omni_control.arguments import check_types, explain_types
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
@@ -41,6 +42,7 @@ class Plan:
 AnyPlan = TypeVar("AnyPlan", bound=Plan)
 
 
+@explain_types
 class ReplannedReference(ABC, Generic[AnyPlan]):
     """Reference whose plan advances by one step with a call of `at` for a new frame.
 
@@ -114,6 +116,7 @@ class _WaypointPlan(Plan):
     rest_frames: int
 
 
+@explain_types
 class IteratedReference(ReplannedReference[_WaypointPlan]):
     """Reference through way-points, planned anew in every frame from the pose of the robot.
 
@@ -132,6 +135,7 @@ class IteratedReference(ReplannedReference[_WaypointPlan]):
         OmniError: There are no way-points, one is not three finite numbers, or jerk is limited.
     """
 
+    @check_types
     def __init__(
         self,
         waypoints: ArrayLike,

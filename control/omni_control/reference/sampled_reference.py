@@ -1,15 +1,17 @@
 """Interface of references, and references that are known in advance: one pose per frame."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from omni_control.arguments import check_types, explain_types
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 
 
+@runtime_checkable
 class Reference(Protocol):
     """Desired poses and twists of robots over time."""
 
@@ -41,6 +43,7 @@ class Reference(Protocol):
         ...
 
 
+@explain_types
 class SampledReference:
     """Reference known in advance, one for all robots or one per robot.
 
@@ -56,6 +59,7 @@ class SampledReference:
         OmniError: There are no poses, or one is not three finite numbers.
     """
 
+    @check_types
     def __init__(self, poses: ArrayLike, period: float) -> None:
         self.poses, self.period = as_poses(poses), period
         twists = np.diff(self.poses, axis=0, append=self.poses[-1:]) / period

@@ -24,6 +24,7 @@ from functools import partial, reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
+from omni_control.arguments import check_types, explain_types
 from omni_control.kinematics import Array, world_to_body
 from omni_control.reference.motion_limits import MotionLimits
 from omni_control.reference.replanned_reference import approach_pose
@@ -48,6 +49,8 @@ class TimedReference(SampledReference):
         OmniError: There are no way-points, or one is not three finite numbers.
     """
 
+    @explain_types
+    @check_types
     def __init__(
         self,
         waypoints: ArrayLike,

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from omni_control.arguments import check_types
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
@@ -173,6 +174,7 @@ class AlphaResult(Result):
         return self.study.text() if self.study else ""
 
 
+@check_types
 def measure_alpha(
     scenario: Scenario | str = "rect",
     condition_values: ConditionValues = CONDITION_VALUES,

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from omni_control.arguments import check_types
 from omni_control.kinematics import Array, Kinematics, world_to_body
 from omni_mj.atomic_files import write_text
 from omni_mj.config import robot_files, toml_files
@@ -173,6 +174,7 @@ class IdentificationResult:
         write_text(folder / "identify.json", report)
 
 
+@check_types
 def identify(
     logs: Sequence[Path | str] | Path | str,
     robot: str = robot_files.DEFAULT_ROBOT,

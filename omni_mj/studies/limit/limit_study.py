@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
+from omni_control.arguments import check_types
 from omni_control.errors import OmniError
 from omni_mj.config import distributions
 from omni_mj.config.plugins import ControllerSpec
@@ -103,6 +104,7 @@ class LimitResult(Result):
         return f"{format_table(Table(title, headings, rows, 1))}\n{learned}"
 
 
+@check_types
 def find_limit(
     scenario: Scenario | str = "rect",
     seeds: int | Iterable[int] = SEEDS,

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from omni_control.arguments import check_types
 from omni_control.kinematics import Array
 from omni_mj.config import distributions
 from omni_mj.config.plugins import ControllerSpec
@@ -170,6 +171,7 @@ class LoopResult(Result):
         return format_table(Table(title, headings, rows, 2))
 
 
+@check_types
 def measure_loop(
     scenario: Scenario | str = "rect",
     controllers: Sequence[ControllerSpec] | None = None,

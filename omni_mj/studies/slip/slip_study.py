@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from omni_control.arguments import check_types
+from omni_control.errors import OmniError
 from omni_mj.config import distributions
 from omni_mj.config.resolve import Robot
 from omni_mj.config.scenario import Scenario, load_scenario
@@ -130,6 +132,7 @@ class SlipResult(Result):
         return format_table(Table(title, headings, rows, 2))
 
 
+@check_types
 def measure_slip(
     robots: Sequence[Scenario | Robot | str] | None = None,
     moves: Sequence[Move] | None = None,
@@ -150,6 +153,8 @@ def measure_slip(
     """
     study_start = time.perf_counter()
     moves = list(identification_moves() if moves is None else moves)
+    if not moves:
+        raise OmniError("moves must have at least one move")
     scenarios = [prepare_slip_scenario(robot) for robot in (ROBOTS if robots is None else robots)]
     check_scenarios(scenarios, None)
     outcomes = [Outcome.not_run(scenario) for scenario in scenarios]

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from omni_control.arguments import check_types
 from omni_control.errors import OmniError
 from omni_mj import parquet
 from omni_mj.atomic_files import check_folder, create_folder, lock_folder, write_text
@@ -87,10 +88,11 @@ class SweepResult:
         }
 
 
+@check_types
 def sweep(
     scenario: Scenario | str,
     vary: Mapping[str, Iterable[Any]],
-    controllers: Sequence[ControllerSpec] | None = None,
+    controllers: ControllerSpec | Sequence[ControllerSpec] | None = None,
     seeds: int | Iterable[int] | None = None,
     *,
     out: str | Path,
@@ -120,13 +122,14 @@ def sweep(
             version, processor, robot, model, controller or plant.
     """
     scenario, folder = resolve_scenario(scenario, controllers, seeds), Path(out)
-    plan = SweepPlan(scenario, check_axes(vary.items()), batch_size)
+    plan = SweepPlan(scenario, check_axes(vary.items()), int(batch_size))
     plan.check(jobs)
     create_folder(folder)
     with lock_folder(folder):
         return run_sweep(plan, folder, jobs=jobs, **run_options)
 
 
+@check_types
 def run_sweep(
     plan: SweepPlan,
     folder: Path,
