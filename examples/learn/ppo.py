@@ -1,6 +1,6 @@
 """Train a linear policy by proximal policy optimization (PPO), then run it as a controller.
 
-    python ppo.py [--scenario rect] [--iterations 300] [--plant planar]
+    python ppo.py [--scenario rect] [--iterations 300] [--plant planar] [--robots 512]
 
 The policy is trained on the planar plant. `--plant` is the plant of the final comparison with other
 controllers, on seeds that were not used for training. Needs omni-mj[gym].
@@ -15,7 +15,16 @@ import numpy as np
 import omni_mj as om
 import omni_mj.gym
 
-HISTORY_LENGTH, N_ENVS, N_STEPS = 9, 512, 32
+parser = argparse.ArgumentParser(
+    description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+)
+parser.add_argument("--scenario", default="rect")
+parser.add_argument("--iterations", type=int, default=300)
+parser.add_argument("--robots", type=int, default=512, help="that explore at the same time")
+parser.add_argument("--plant", default="planar")
+options = parser.parse_args()
+
+HISTORY_LENGTH, N_ENVS, N_STEPS = 9, options.robots, 32
 DISCOUNT, GAE_DECAY, CLIP = 0.96, 0.95, 0.2
 N_EPOCHS, BATCH_SIZE, LEARNING_RATE = 4, 8192, 0.006
 MAX_COMMAND = np.array([3.7, 3.7, 26.0])  # m/s and rad/s of an action of 1
@@ -176,13 +185,6 @@ def train(scenario, n_iterations):
     return weights
 
 
-parser = argparse.ArgumentParser(
-    description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-)
-parser.add_argument("--scenario", default="rect")
-parser.add_argument("--iterations", type=int, default=300)
-parser.add_argument("--plant", default="planar")
-options = parser.parse_args()
 learned_weights = train(options.scenario, options.iterations)
 
 
@@ -204,4 +206,5 @@ class Learned(om.Controller):
 
 scenario = om.load_scenario(options.scenario, plant=options.plant)
 controllers = ["p", "comp-flc", "adaptive-comp-flc", Learned]
-print(om.run(scenario, controllers, seeds=range(10**6, 10**6 + 4)).table())
+result = om.run(scenario, controllers, seeds=range(10**6, 10**6 + 4))
+print(result.table())
