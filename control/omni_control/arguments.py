@@ -136,7 +136,7 @@ def _inspect_annotations(function: Callable[..., Any]) -> tuple[inspect.Signatur
 def fits_annotation(value: object, hint: Any) -> bool:
     """Return whether a value has the type of an annotation.
 
-    NumPy's numbers are numbers, true and false are none, and NaN fits no annotation.
+    NumPy's numbers are numbers, true and false are none. NaN is a number.
     """
     if hint is Any or hint is object or isinstance(hint, TypeVar):
         return True
@@ -146,9 +146,7 @@ def fits_annotation(value: object, hint: Any) -> bool:
         return _is_numeric(value)
     if hint in _SCALARS:
         is_bool = isinstance(value, (bool, np.bool_))
-        return (
-            isinstance(value, _SCALARS[hint]) and is_bool == (hint is bool) and bool(value == value)
-        )
+        return isinstance(value, _SCALARS[hint]) and is_bool == (hint is bool)
     origin, args = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
         return any(fits_annotation(value, arg) for arg in args)

@@ -13,9 +13,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from omni_control.arguments import check_types, explain_types
+from omni_control.arguments import explain_types
 from omni_control.delay_compensation import CommandHistory, RowSelection, predict_displacement
-from omni_control.errors import OmniError, to_printable
+from omni_control.errors import OmniError, format_value, to_printable
 from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_control.reference import MotionLimits, Reference
@@ -29,7 +29,6 @@ _INTEGER_FIELDS = ("alpha_window_frames",)
 
 
 @explain_types
-@check_types
 @dataclass(frozen=True)
 class TeamModel:
     """The team's knowledge of its robots and of the control loop.
@@ -78,15 +77,17 @@ class TeamModel:
     def __post_init__(self) -> None:
         """Check all numbers. `FuzzyLaw` also checks the ranges of the fuzzy controller."""
         errors = []
-        for name, value in [*vars(self).items(), *(("alpha", value) for value in self.alpha or ())]:
-            if not isinstance(value, int | float | np.integer):
+        alpha = [] if self.alpha is None else self.alpha
+        for name, value in [*vars(self).items(), *(("alpha", value) for value in alpha)]:
+            if value is None or isinstance(value, tuple | Kinematics | MotionLimits):
                 continue
             is_positive, is_integer = name in _POSITIVE_FIELDS, name in _INTEGER_FIELDS
-            in_range = 0 < value < math.inf if is_positive else 0 <= value < math.inf
+            is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+            in_range = is_number and (value > 0 if is_positive else value >= 0) and value < math.inf
             if not in_range or (is_integer and value % 1):
                 kind = "a whole number" if is_integer else "a number"
                 minimum = "above 0" if is_positive else "from 0"
-                errors.append(f"{name} must be {kind} {minimum}, got {value}")
+                errors.append(f"{name} must be {kind} {minimum}, got {format_value(value)}")
         if errors:
             raise OmniError("\n".join(errors))
         if self.delay_frames % 1 == 0:
@@ -208,7 +209,6 @@ class Controller:
     knows_truth: ClassVar[bool] = False
 
     @explain_types
-    @check_types
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         self.model, self.reference = model, reference
         self.predicted_pose = np.full((n, 3), np.nan)

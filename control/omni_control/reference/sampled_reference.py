@@ -61,6 +61,8 @@ class SampledReference:
 
     @check_types
     def __init__(self, poses: ArrayLike, period: float) -> None:
+        if not 0 < period < np.inf:
+            raise OmniError(f"period must be a positive number of seconds, got {period}")
         self.poses, self.period = as_poses(poses), period
         twists = np.diff(self.poses, axis=0, append=self.poses[-1:]) / period
         samples = np.concatenate([self.poses, twists], axis=-1) + 0.0  # turns -0.0 into 0.0
