@@ -1,6 +1,8 @@
 """The plant mujoco: laws of a point mass on carpet, and independence of rows in a batch."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -132,3 +134,14 @@ def test_neither_threads_nor_the_batch_change_a_bit() -> None:
     for row in range(5):
         single = drive(plant_of([settings], start[[row]], [seeds[row]]), commands[:, [row]])
         np.testing.assert_array_equal(single, serial[:, [row]])
+
+
+def test_threads_follow_the_affinity_of_the_process() -> None:
+    """A process that is bound to one processor runs many robots on its only thread."""
+    code = (
+        "import os, omni_mj as om; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))});"
+        "om.Simulation(om.load_scenario('rect'), ['p'], range(16)).step();"
+        "print(len(os.listdir('/proc/self/task')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["1"]
