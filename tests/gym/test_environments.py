@@ -234,11 +234,11 @@ def test_copies_and_pickles_continue_alike(changes: dict[str, Any]) -> None:
     actions = np.random.default_rng(0).uniform(-1, 1, (12, 2, 3))
     for action in actions[:4]:
         envs.step(action)
-    for twin in (copy.deepcopy(envs), pickle.loads(pickle.dumps(envs))):
-        original = copy.deepcopy(envs)
-        for action in actions:
-            assert_same(twin.step(action), original.step(action))
-        assert_same(twin.reset(), original.reset())
+    twins = copy.deepcopy(envs), pickle.loads(pickle.dumps(envs))
+    results = [[env.step(action) for action in actions] + [env.reset()] for env in (envs, *twins)]
+    for result in results[1:]:
+        for twin_step, step in zip(result, results[0], strict=True):
+            assert_same(twin_step, step)
 
 
 def test_pictures_are_drawn() -> None:
