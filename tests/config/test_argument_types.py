@@ -51,6 +51,7 @@ TEAM: dict[str, dict[str, Any]] = {
     "Kinematics": {"azimuths": WHEELS.azimuths, "arm": 0.08, "radius": 0.03},
     "MotionLimits": {"speed": 3.0, "jerk": None, "wheels": None},
     "SampledReference": {"poses": POINTS, "period": 1 / 60},
+    "TargetReference": {"limits": LIMITS, "period": 1 / 60, "n": 1},
     "Team": {"controllers": Follower(MODEL, REFERENCE, 1), "start_poses": np.zeros((1, 3))},
     "TeamModel": {"period": 1 / 60, "delay_frames": 6, "alpha": None, "limits": LIMITS},
     "TimedReference": {"waypoints": POINTS, "limits": LIMITS, "period": 1 / 60, "dwell_frames": 0},

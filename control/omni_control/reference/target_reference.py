@@ -21,6 +21,7 @@ motion leads from the next frame on, but never r or v themselves, so that comman
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omni_control.arguments import check_types, explain_types
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
 from omni_control.reference.motion_limits import MotionLimits
@@ -40,6 +41,7 @@ SETTLING_FRAMES = 15
 _UNCHANGED_M = 1e-9  # also rad, m/s and rad/s
 
 
+@explain_types
 class TargetReference(ReplannedReference[Plan]):
     """Reference of n robots towards targets that may change in every frame.
 
@@ -58,6 +60,7 @@ class TargetReference(ReplannedReference[Plan]):
         OmniError: Jerk is limited.
     """
 
+    @check_types
     def __init__(self, limits: MotionLimits, period: float, n: int) -> None:
         zero = np.zeros((n, 3))
         super().__init__(Plan(np.nan, zero, zero, zero), limits, period)
