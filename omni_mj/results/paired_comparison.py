@@ -15,6 +15,7 @@ from omni_mj.results.seed_statistics import (
 )
 
 SIGNIFICANCE_LEVEL = 1 - CONFIDENCE
+ROUNDING_M = 1e-9  # smaller errors are rounding, of which no percentage is computed
 # Statistics of the position error that verdicts are about.
 STATISTIC_LABELS = {"max": "maximum", "mean": "mean"}
 
@@ -133,7 +134,7 @@ def _judge_statistic(
             results[name]["error_m"]["position"][statistic] for name in (subject, competitor)
         )
         difference, half_width, p = paired_difference(ours, theirs)
-        has_ratio = 0 < errors[competitor] < inf
+        has_ratio = ROUNDING_M < errors[competitor] < inf
         against[competitor] = {
             "ratio": finite_or_none(errors[subject] / errors[competitor]) if has_ratio else None,
             "difference_m": difference,

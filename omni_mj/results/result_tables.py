@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_mj.results.metrics import EXCURSION, RECOVERED_M, RECOVERY, RECOVERY_WINDOW_S
+from omni_mj.results.paired_comparison import ROUNDING_M
 from omni_mj.results.saturation import DUTY, METRIC_LABELS
 from omni_mj.results.seed_statistics import SeedStatistics
 from omni_mj.results.text_table import (
@@ -184,7 +185,8 @@ def _change_percent(result: Mapping[str, Any], baseline: Mapping[str, Any]) -> s
         new, old = (
             compared["error_m"]["position"][statistic]["median"] for compared in (result, baseline)
         )
-        changes.append(DASH if new is None or not old else f"{100 * (new / old - 1):+.0f}")
+        has_ratio = new is not None and old is not None and old > ROUNDING_M
+        changes.append(f"{100 * (new / old - 1):+.0f}" if has_ratio else DASH)
     return _join(changes)
 
 

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from omni_mj.results.paired_comparison import STATISTIC_LABELS, paired_difference
+from omni_mj.results.paired_comparison import ROUNDING_M, STATISTIC_LABELS, paired_difference
 
 Results = Mapping[str, Mapping[str, Any]]  # controller -> its results in summary.json
 
@@ -102,7 +102,7 @@ def _compare_best(results: Results, best: str, second: str) -> str:
     difference, half_width, _ = paired_difference(
         theirs["error_m"]["position"]["mean"], ours["error_m"]["position"]["mean"]
     )
-    if not difference:
+    if difference is None or abs(difference) <= ROUNDING_M:
         return f"{best} and {second} have the same mean position error, {_cm(ours)}"
     if half_width is not None and difference <= half_width:
         return (

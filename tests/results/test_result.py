@@ -11,6 +11,7 @@ import scipy.stats
 from benches.logs import failure, fill_log, outcome, paper_tables, results_table, rows
 
 import omni_mj as om
+from omni_mj.results.summary_sentence import summary_sentence
 
 SEEDS = (3, 4, 5)
 RECT = om.load_scenario("rect", plant="planar")
@@ -199,3 +200,33 @@ def test_rows_have_names_differing_settings_failures_and_metrics() -> None:
     assert results_table(result.summary()).rows[1][3] == "0.00/0.00", (
         "the median of three seeds stands one that failed"
     )
+
+
+class Still(om.Controller):
+    speed = 0.0  # m/s
+
+    def command(self, frame: int, observation: om.Observation) -> np.ndarray:
+        return np.full((len(observation.pose), 3), self.speed)
+
+
+class Rounding(Still):
+    speed = 1e-15
+
+
+class Drifting(Still):
+    speed = 1e-3
+
+
+@pytest.mark.parametrize("baseline", [Still, Rounding])
+def test_no_percentage_of_an_error_that_is_zero_or_rounding(baseline: type[Still]) -> None:
+    """A robot rests on its reference; one drifts away, and others by rounding only."""
+    reference = {"waypoints": [[0, 0], [0, 0]], "settle_s": 1.0}
+    scenario = om.load_scenario("rect", plant="kinematic", reference=reference)
+    others = {Still, Rounding} - {baseline}
+    result = om.run(scenario, [baseline, *others, Drifting], subject="Drifting")
+    assert "%" not in summary_sentence(result.summary())
+    lines = result.table().splitlines()
+    assert sum("baseline" in line for line in lines) == 1
+    assert not [line for line in lines if "+" in line or "-" in line or "inf" in line]
+    against = result.summary()["scenarios"]["rect"]["verdict"]["errors"]["mean"]["against"]
+    assert {comparison["ratio"] for comparison in against.values()} == {None}

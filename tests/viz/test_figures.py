@@ -108,6 +108,18 @@ def test_a_close_up_shows_the_largest_deviation_of_each_controller(controllers: 
         np.testing.assert_allclose(ring, [[0, -5.1]], atol=0.15)
 
 
+def test_a_close_up_shows_the_first_of_equal_deviations() -> None:
+    """The path deviates by exactly 5 cm at 0.5 m and at 1.5 m from its start."""
+    ref = np.zeros((FRAMES, 1, 3))
+    ref[..., 0] = np.linspace(0, 2, FRAMES)[:, None]
+    pose = ref.copy()
+    peaks = [FRAMES // 4, FRAMES - 1 - FRAMES // 4]
+    pose[peaks, :, 1] = 0.05
+    _, close_up = draw_figures(make_outcome(["c"], 1, ref=ref, pose=pose), "path")["path"].axes
+    path = next(line for line in close_up.get_lines() if line.get_label() == "c")
+    assert path.get_xdata()[0] == pytest.approx(-100 * ref[peaks[0], 0, 0], abs=0.01)
+
+
 @given(st.lists(st.sampled_from([*CONTROLLERS, *USER_CONTROLLERS]), unique=True, min_size=1))
 def test_line_styles_are_distinct_without_color_and_fixed_for_built_in_controllers(
     controllers: list[str],
