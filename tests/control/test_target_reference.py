@@ -268,6 +268,7 @@ NAN, INF = math.nan, math.inf
         (["a", 0, 0], [0, 0, 0], "target poses must be finite"),
         (None, [0, 0, 0], "target poses must be finite"),
         ([0, 0, 0], [INF, 0, 0], "target twists must be finite"),
+        ([0, 1e200, 0], [0, 0, 0], "target poses must be .* at most 1e"),
         ([0, 0, 0], [0, 0, 0, 0], "target twists must be finite"),
     ],
 )

@@ -38,6 +38,7 @@ MAX_GAP_FRAMES = 10  # after a longer pause, the reference starts again at the r
 RESPONSE_TO_CHANGES = 0.5  # while targets change
 # Changes that are less than this apart continue each other. Counted up to the frame planned.
 SETTLING_FRAMES = 15
+MAX_NUMBER = 1e9  # of targets and frames; larger ones would overflow
 _UNCHANGED_M = 1e-9  # also rad, m/s and rad/s
 
 
@@ -192,15 +193,16 @@ def _limit_lead(reference: Array, pose: Array) -> Array:
 
 
 def as_finite(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
-    """Return finite numbers, repeated to a shape.
+    """Return numbers of at most `MAX_NUMBER`, repeated to a shape.
 
     Raises:
-        OmniError: A value is not a finite number, or the shape is wrong.
+        OmniError: A value is not a finite number or too large, or the shape is wrong.
     """
     try:
         array = np.broadcast_to(np.asarray(values, float), shape)
     except (TypeError, ValueError):
         array = np.array(np.nan)
-    if not np.isfinite(array).all():
-        raise OmniError(f"{name} must be finite numbers of shape {shape}, got {values!r}")
+    if not (np.abs(array) <= MAX_NUMBER).all():
+        limit = f"finite numbers of shape {shape}, at most {MAX_NUMBER:g}"
+        raise OmniError(f"{name} must be {limit}, got {values!r}")
     return array
