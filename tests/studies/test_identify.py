@@ -129,6 +129,21 @@ def test_wheels_identify_radius_arm_and_clock_offset(tmp_path: Path) -> None:
     assert not result.misfits
 
 
+def test_encoders_may_be_logged_more_often_than_poses(tmp_path: Path) -> None:
+    """Wheels at 480 Hz and poses at 60 Hz give the same creep stiffness."""
+    log = make_log(commands=False)
+    time = np.arange(0, log["time_s"][-1], 1 / 480)
+    columns = {"time_s": time}
+    for name in WHEELS:
+        columns[name] = np.interp(time, log["time_s"], log[name])
+    for name in POSE:
+        has_pose = np.arange(len(time)) % 8 == 0
+        columns[name] = np.where(has_pose, np.repeat(log[name], 8)[: len(time)], np.nan)
+    creep = identify_log(columns, tmp_path).estimates["wheels.creep_stiffness"]
+    assert creep.is_identified
+    assert creep.value == pytest.approx(CREEP_STIFFNESS, abs=4 * creep.standard_error)
+
+
 def test_a_carried_robot_and_false_detections_are_cut_out(tmp_path: Path) -> None:
     """Carried 1 m with resting wheels; one false detection; 0.2 s at the origin."""
     log = make_log(10.0, commands=False)

@@ -125,29 +125,31 @@ class Estimate:
         }
 
 
-def find_missing_excitation(twists: Sequence[Array], period: float) -> dict[str, str]:
+def find_missing_excitation(twists: Sequence[Array], periods: Sequence[float]) -> dict[str, str]:
     """Return the excitations that the motion in all logs lacks.
 
     Args:
         twists: Twists of each log, body frame, (F, 3).
-        period: Time between lines of the logs, s.
+        periods: Time between lines of each log, s.
 
     Returns:
         Mapping from a missing excitation to the reason. Excitations are "motion", "creep",
         "forward", "sideways" and "turning".
     """
-    window = max(1, round(0.1 / period))
     rms = np.sqrt((np.concatenate(twists) ** 2).mean(0))
-    acceleration = np.concatenate(
-        [np.hypot(*(t[window:] - t[:-window]).T[:2]) / (window * period) for t in twists]
-    )
-    speed = np.concatenate([np.hypot(*t[window:].T[:2]) for t in twists])
+    accelerations, speeds, durations = [], [], []
+    for twist, period in zip(twists, periods, strict=True):
+        window = max(1, round(0.1 / period))
+        change = twist[window:, :2] - twist[:-window, :2]
+        accelerations.append(np.hypot(*change.T) / (window * period))
+        speeds.append(np.hypot(*twist[window:, :2].T))
+        durations.append(np.full(len(change), period))
+    acceleration, speed, duration = map(np.concatenate, (accelerations, speeds, durations))
     reasons = {}
     if np.hypot(*rms[:2]) < MIN_RMS_M_S / 2 and rms[2] < MIN_RMS_RAD_S / 2:
         reasons["motion"] = "the robot does not move"
     is_accelerating = (acceleration >= ACCELERATION_M_S2) & (speed >= MOVING_M_S)
-    n_samples = min(is_accelerating.sum(), (speed >= FAST_M_S).sum())
-    if period * n_samples < MIN_DURATION_S:
+    if min(duration[is_accelerating].sum(), duration[speed >= FAST_M_S].sum()) < MIN_DURATION_S:
         present = [f"{np.quantile(values, 0.99):.2f}" for values in (speed, acceleration)]
         reasons["creep"] = (
             f"it needs {FAST_M_S:g} m/s and {ACCELERATION_M_S2:g} m/s^2; "

@@ -221,7 +221,9 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
     dynamics = RobotDynamics.from_settings(settings)
     twists, delays = _check_logs(logs, source, settings.wheels.kinematics)
     segments = cut_segments(logs, source)
-    missing_excitation = find_missing_excitation(twists, segments.period)
+    missing_excitation = find_missing_excitation(
+        twists, [float(np.median(np.diff(log.time))) for log in logs]
+    )
     if "motion" in missing_excitation:
         result.remarks.append(
             f"{source}: the robot does not move; nothing is identified from its motion"
