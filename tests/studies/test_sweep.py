@@ -346,6 +346,18 @@ def test_correlations_and_worst_runs_are_reported(
     assert again["error_m"]["position"]["max"]["per_seed"] == [worst["position_max_m"]]
 
 
+def test_the_command_of_the_worst_run_has_values_of_all_types(tmp_path: Path) -> None:
+    """Truth values, texts and numbers, in a folder whose name needs quotes."""
+    axes = ("firmware.thermal_derating=true", "wheels.model=two-rollers", "carpet.friction=0.5,0.6")
+    options = [word for axis in axes for word in ("--vary", axis)]
+    folder = tmp_path / "it's $1"
+    words = ("--scenario", "rect", "--plant", "kinematic", *ROUTE, "--controller", "p")
+    assert invoke("sweep", *words, *options, "--out", folder, "--quiet") == 0
+    worst = json.loads((folder / "summary.json").read_text())["worst"][0]
+    command = shlex.split(worst["repeat_command"])[1:]
+    assert invoke(*command, "--no-figures", "--no-record", "--out", tmp_path / "again") == 0
+
+
 def test_points_have_failure_rates_and_medians_with_intervals(
     complete_sweep: bench.SweepResult,
 ) -> None:

@@ -10,6 +10,7 @@ from scipy.stats import binomtest, quantile_test, spearmanr
 
 from omni_mj.atomic_files import write_text
 from omni_mj.config.plugins import format_controller_spec
+from omni_mj.config.toml_files import format_toml_value
 from omni_mj.printable_text import join_words
 from omni_mj.results.seed_statistics import CONFIDENCE, finite_or_none
 from omni_mj.results.text_table import (
@@ -128,7 +129,7 @@ def worst_runs(all_rows: pa.Table, plan: SweepPlan, folder: Path) -> list[dict[s
         command += ["--controller", controllers[row["controller"]]]
         command += ["--seed", str(row["seed"]), "--seeds", "1"]
         for name in plan.axes:
-            command += ["--set", f"{name}={row[name]}"]
+            command += ["--set", f"{name}={format_toml_value(row[name])}"]
         run = {name: row[name] for name in columns}
         run[MAX_ERROR] = finite_or_none(row[MAX_ERROR])
         runs.append(run | {"repeat_command": join_words(command)})
