@@ -294,6 +294,14 @@ def test_runs_that_cannot_be_repeated_give_one_line(
             "which is not in sources/",
         ),
         (put("scenario.toml", "\nfriction = ", "\nfriction = 1"), "carpet.friction was "),
+        (
+            put("scenario.toml", "dwell_s = 0.0", "dwell_s = -0.0"),
+            "dwell_s was 0.0 in the run, is -0.",
+        ),
+        (
+            put("scenario.toml", "dwell_s = 0.0", "dwell_s = 0"),
+            "dwell_s was 0.0 in the run, is 0 h",
+        ),
         (put("scenario.toml", "[carpet]", "[carpet]\nadded = 1"), "carpet.added was absent"),
         (put("scenario.toml", "seed = 0", "seed = 0\nadded = 1"), "added was absent"),
         (put("scenario.toml", "settle_s = ", "settle_s = -"), "reference.settle_s was 0.1"),

@@ -202,15 +202,21 @@ def is_running(process: int) -> bool:
 
 
 def test_workers_end_with_their_parent(tmp_path: Path) -> None:
-    """However it is killed."""
+    """However it is killed, and with one line even if Ctrl-C reaches them while they start."""
     command = (
         sys.executable, "-m", "omni_mj", "sweep", "--scenario", "rect", "--plant", "kinematic",
         "--controller", "p", "--set", "reference.laps=1000", "--vary", "radio.delay_frames=0,4",
         "--batch-size", "1", "--jobs", "2", "--quiet", "--out",
     )  # fmt: skip
-    signals = (signal.SIGKILL, signal.SIGTERM)
+    signals = (signal.SIGINT, signal.SIGKILL, signal.SIGTERM)
     parents = [
-        subprocess.Popen([*command, tmp_path / number.name], stderr=subprocess.DEVNULL)
+        subprocess.Popen(
+            [*command, tmp_path / number.name],
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        )
         for number in signals
     ]
     for parent, number in zip(parents, signals, strict=True):
@@ -219,8 +225,13 @@ def test_workers_end_with_their_parent(tmp_path: Path) -> None:
             time.sleep(0.05)
         workers = list_children(parent.pid)  # two, and a tracker of resources
         assert len(workers) == 3
-        os.kill(parent.pid, number)
-        parent.wait(timeout=60)
+        if number == signal.SIGKILL:
+            parent.kill()
+            parent.wait()
+        else:
+            os.killpg(parent.pid, number)
+            _, err = parent.communicate(timeout=60)
+            assert (parent.returncode, err.count("\n")) == (128 + number, 1), err
         while any(map(is_running, workers)) and time.monotonic() < deadline:
             time.sleep(0.05)
         assert not any(map(is_running, workers))

@@ -57,6 +57,7 @@ def run_shards(
             try:
                 yield shard, future.result()
             except BrokenProcessPool:
+                check()  # a signal to all processes is the reason
                 raise OmniError(
                     "a process of --jobs was killed, perhaps for lack of memory; completed shards "
                     "are saved: to resume, repeat the command with fewer --jobs"
@@ -139,6 +140,11 @@ def process_pool(count: int) -> Iterator[Executor]:
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(count, context, _initialize_process) as executor:
         try:
+            # Processes inherit the mask, which leaves Ctrl-C to this one from their start.
+            previous_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            for _ in range(count):
+                executor.submit(int)  # starts a process
+            signal.pthread_sigmask(signal.SIG_SETMASK, previous_mask)
             yield executor
         except BaseException:
             executor.shutdown(wait=False, cancel_futures=True)
@@ -149,11 +155,10 @@ def process_pool(count: int) -> Iterator[Executor]:
 
 
 def _initialize_process() -> None:
-    """Use one thread, leave Ctrl-C to the parent process, and end with it."""
+    """Use one thread, and end with the parent process."""
     from omni_mj.plants import mujoco_plant
 
     Thread(target=_exit_after_parent, daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     mujoco_plant.MIN_ROBOTS_FOR_THREADS = sys.maxsize
     quiet_mujoco()
 
