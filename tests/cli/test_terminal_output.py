@@ -90,7 +90,7 @@ def test_text_of_files_reaches_the_terminal_without_control_characters(tmp_path:
     record = json.loads((tmp_path / "r" / "provenance.json").read_text("utf-8"))
     record["versions"]["numpy"] = HOSTILE
     (tmp_path / "r" / "provenance.json").write_text(json.dumps(record), encoding="utf-8")
-    verified = program("verify", "r", cwd=tmp_path)
+    verified = program("verify", "r", "--allow-code", cwd=tmp_path)
     (tmp_path / "robot.xml").write_text(f"<mujoco><{HOSTILE}/></mujoco>", encoding="utf-8")
     model = program("run", "--scenario", "rect", "--model", "robot.xml", cwd=tmp_path)
     for done, code in ((shown, 0), (failed, 1), (verified, 0), (model, 2)):
