@@ -24,7 +24,7 @@ def project(folder: Path) -> dict:
 
 
 def test_the_example_drives_a_robot_there_and_back_without_a_simulator() -> None:
-    """As a script, and as it is printed in the README; at most 30 lines."""
+    """As a script of at most 30 lines."""
     script = (
         f"import runpy, sys; runpy.run_path({str(EXAMPLE)!r}); assert 'omni_mj' not in sys.modules"
     )
@@ -37,12 +37,11 @@ def test_the_example_drives_a_robot_there_and_back_without_a_simulator() -> None
     assert int(match[1]) <= 10, "some millimetres of noise"
     assert float(match[2]) == pytest.approx(0.9, abs=0.05)
     assert len(EXAMPLE.read_text().splitlines()) <= 30
-    assert BLOCKS[0] == EXAMPLE.read_text()
 
 
 def test_the_controller_of_the_readme_runs() -> None:
     names: dict = {}
-    exec(BLOCKS[1], names)
+    exec(BLOCKS[0], names)
     controller = make_controller(names["Bridged"], TeamModel(T, 2), TIMED, 1, {"gain": 3.0})
     sent = make_empty_history(controller)
     sent.append(np.array([[0.6, 0.0, 0.0]]))
