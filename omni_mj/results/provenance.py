@@ -8,7 +8,7 @@ import json
 import platform
 import re
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from omni_control.errors import OmniError
 from omni_mj.atomic_files import create_folder, open_atomic, read_json, write_text
 from omni_mj.config import plugins, robot_files
 from omni_mj.config.scenario import Scenario
-from omni_mj.results.summary import package_versions
+from omni_mj.results.summary import flatten, package_versions
 
 PROVENANCE_FORMAT = 3  # version of the keys of provenance.json
 PROVENANCE_FILE, SOURCES_FOLDER = "provenance.json", "sources"
@@ -94,13 +94,26 @@ def list_changes(
         keys: Keys of both that are compared.
     """
     records = ({key: record[key] for key in keys if key in record} for record in (saved, current))
-    old, new = (dict(flatten(json.loads(json.dumps(record)))) for record in records)
-    values = {name: (old.get(name, ABSENT), new.get(name, ABSENT)) for name in old | new}
+    differences = find_differences(*map(flatten_as_json, records))
     return [
         f"{name} was {before} in the run, is {after} here"
+        for name, (before, after) in differences.items()
+    ]
+
+
+def flatten_as_json(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values in a record as JSON writes them, by their names `key.key`."""
+    return dict(flatten(json.loads(json.dumps(record)), split_lists=True))
+
+
+def find_differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """Return both values of each name for which JSON writes them differently, or `ABSENT`."""
+    values = {name: (old.get(name, ABSENT), new.get(name, ABSENT)) for name in {**old, **new}}
+    return {
+        name: (before, after)
         for name, (before, after) in values.items()
         if json.dumps(before) != json.dumps(after)
-    ]
+    }
 
 
 def check_unchanged(folder: Path, study: str, scenarios: Sequence[Scenario]) -> None:
@@ -242,14 +255,3 @@ def _add_copies(files: dict[str, bytes], copies: Mapping[str, bytes]) -> list[di
         folder += "/other"  # different files of these names are already there
     files |= {f"{folder}/{name}": data for name, data in copies.items()}
     return [{"file": f"{folder}/{name}", "sha256": sha256(data)} for name, data in copies.items()]
-
-
-def flatten(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the names `key.key` of nested values, and the values. Items of lists have numbers."""
-    if isinstance(value, list):
-        value = {str(i): item for i, item in enumerate(value)}
-    if not isinstance(value, Mapping):
-        yield name, value
-        return
-    for key, item in value.items():
-        yield from flatten(item, f"{name}.{key}" if name else key)

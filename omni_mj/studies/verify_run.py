@@ -21,13 +21,13 @@ from omni_mj.config.plugins import is_class_path
 from omni_mj.config.scenario import TOP_LEVEL_FIELDS, Scenario, load_with_overrides
 from omni_mj.results import summary
 from omni_mj.results.provenance import (
-    ABSENT,
     ENVIRONMENT_KEYS,
     PROVENANCE_FILE,
     PROVENANCE_FORMAT,
     SOURCES_FOLDER,
     describe_environment,
-    flatten,
+    find_differences,
+    flatten_as_json,
     list_changes,
     sha256,
 )
@@ -360,15 +360,14 @@ def _number_differences(
 
     Results that only this version has are no differences.
     """
-    repeated = json.loads(json.dumps({key: repeated[key] for key in keys}))
-    old, new = (dict(flatten({key: entry[key] for key in keys})) for entry in (saved, repeated))
-    names = [*old, *(name for name in new if name not in old and not name.startswith("results."))]
-    texts = {
-        name: [json.dumps(values.get(name, ABSENT)) for values in (old, new)] for name in names
+    old, new = (flatten_as_json({key: entry[key] for key in keys}) for entry in (saved, repeated))
+    new = {
+        name: value for name, value in new.items() if name in old or not name.startswith("results.")
     }
-    if differing := [name for name, (before, after) in texts.items() if before != after]:
-        before, after = texts[differing[0]]
+    if differences := find_differences(old, new):
+        name, values = next(iter(differences.items()))
+        before, after = map(json.dumps, values)
         yield (
-            f"summary.json: {differing[0]} is {before} in the run, {after} here; "
-            f"{len(differing)} numbers differ"
+            f"summary.json: {name} is {before} in the run, {after} here; "
+            f"{len(differences)} numbers differ"
         )
