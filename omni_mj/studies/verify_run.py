@@ -6,7 +6,6 @@ The numbers of the summary are compared too.
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +33,6 @@ from omni_mj.results.provenance import (
 from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.run_scenario import (
-    AfterFrame,
     StartProgress,
     StoppedError,
     count_frames,
@@ -262,10 +260,13 @@ def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> Verify
     shards = stored_shards(plan, path)
     saved = SweepResult(plan, len(shards), None, path)
     show = start_progress("sweep", plan.frames * len(shards))
-    tables = []
-    for i, shard in enumerate(shards):
-        show_shard = partial(_show_shard_frame, show, i * plan.frames)
-        tables.append(run_shard(plan, shard, show_shard))
+    tables: list[pa.Table] = []
+
+    def after_frame(frame: int) -> None:
+        show(len(tables) * plan.frames + frame)
+
+    for shard in shards:
+        tables.append(run_shard(plan, shard, after_frame))
     saved_rows, repeated_rows = saved.rows(), merge_rows(plan, tables)
     if MODEL_AXIS in saved_rows.column_names:  # paths, which differ from those of the copies
         saved_rows, repeated_rows = (
@@ -288,10 +289,6 @@ def _check_record(path: Path, record: Mapping[str, Any]) -> None:
             f"{path} is a result of omni-mj {record['study']}, which verify does not repeat; "
             f"repeat the study: {record['command'] or 'it was called from Python'}"
         )
-
-
-def _show_shard_frame(show: AfterFrame, previous_frames: int, frame: int) -> None:
-    show(previous_frames + frame)
 
 
 def _run_as_saved(
