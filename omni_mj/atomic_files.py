@@ -120,9 +120,9 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
                 raise OmniError(f"{path} cannot be read: it is not a regular file")
             data = file.read(max_bytes + 1)
+    except OmniError:
+        raise
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        if isinstance(error, OmniError):
-            raise
         raise OmniError(f"{path} cannot be read: {getattr(error, 'strerror', error)}") from None
     if len(data) > max_bytes:
         raise OmniError(f"{path} has more than {max_bytes / 1e6:g} MB")
@@ -135,10 +135,9 @@ def read_json(path: Path) -> dict[str, Any]:
     Raises:
         OmniError: See `read_regular_file`; or the file contains no mapping.
     """
+    data = read_regular_file(path, MAX_JSON_BYTES)
     try:
-        content = json.loads(read_regular_file(path, MAX_JSON_BYTES))
-    except OmniError:
-        raise
+        content = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise OmniError(f"{path} is not valid JSON: {error}") from None
     if not isinstance(content, dict):
