@@ -189,12 +189,16 @@ class RadioSettings(SettingsModel):
         return self.slots * self.slot_s
 
     @property
+    def _burst_s(self) -> float:
+        """Mean length of a burst, s: a packet for each frame between two bursts."""
+        return BURST_SPACING_S * self.beacon_interval_s / PERIOD_S
+
+    @property
     def mean_air_frames(self) -> float:
         """Mean time on air, frames. A burst is half as long on average as all of its packets."""
-        burst = BURST_SPACING_S * self.beacon_interval_s / PERIOD_S
         means = {
             "fixed": 0.0,
-            "wifi-broadcast": (self.beacon_interval_s + burst) / 2,
+            "wifi-broadcast": (self.beacon_interval_s + self._burst_s) / 2,
             "wifi-unicast": self.access_delay_s,
             "time-slots": self.slot_cycle_s / 2,
         }
@@ -203,10 +207,9 @@ class RadioSettings(SettingsModel):
     @property
     def max_air_frames(self) -> float:
         """Upper limit of the time on air, frames: for broadcasts, twice the mean burst."""
-        burst = BURST_SPACING_S * self.beacon_interval_s / PERIOD_S
         limits = {
             "fixed": 0.0,
-            "wifi-broadcast": self.beacon_interval_s + 2 * burst + PERIOD_S,
+            "wifi-broadcast": self.beacon_interval_s + 2 * self._burst_s + PERIOD_S,
             "wifi-unicast": 2 * self.access_delay_s,
             "time-slots": self.slot_cycle_s,
         }
