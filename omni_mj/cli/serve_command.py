@@ -103,10 +103,11 @@ PORT = click.IntRange(0, 65_535)
 @options.VIEW
 @options.CONNECT
 @options.QUIET
+@options.collect_scenario_options
 @options.collect_output_options
 def serve_command(
+    scenario_options: options.ScenarioOptions,
     name: str | None,
-    overrides: tuple[str, ...],
     out: Path | None,
     overwrite: bool,
     output_options: options.OutputOptions,
@@ -124,9 +125,9 @@ def serve_command(
     from omni_mj.studies.run_scenario import StoppedError, quiet_mujoco
 
     vision = parse_address(values["vision"], VISION_PORT, values["interface"])
-    names = "plant", "robot", "model", "seed"
-    chosen = options.ScenarioOptions(overrides=overrides, **{key: values[key] for key in names})
-    scenario = initial_setup.load_served_scenario(name, chosen.setting_overrides, chosen.top_level)
+    scenario = initial_setup.load_served_scenario(
+        name, scenario_options.setting_overrides, scenario_options.top_level
+    )
     blue, yellow = (
         initial_setup.parse_robot_ids(values[team], f"--{team}") for team in ("blue", "yellow")
     )
