@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from commands import invoke, strict
-from own_robot import written
+from own_robot import MESH, written
 
 import omni_mj as om
 
@@ -88,8 +88,6 @@ class Stopped(om.Controller):
             os.kill(os.getpid(), signal.SIGINT)
         return 0 * observation.pose
 """
-# A tetrahedron of 2 cm.
-MESH = "v 0 0 0\nv 0.02 0 0\nv 0 0.02 0\nv 0 0 0.02\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 MATERIALS = '<mujoco><asset><mesh name="cover" file="cover.obj"/></asset></mujoco>'
 
 

@@ -7,13 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from own_robot import written
+from own_robot import MESH, written
 
 import omni_mj as om
 from omni_mj.config.robot_files import read_model_files
 
 ROBOT = written((60, 180, 300))
-MESH = "v 0 0 0\nv 0.02 0 0\nv 0 0.02 0\nv 0 0 0.02\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 FILES = {  # in the folder of the model, or next to it
     "in/cover.obj": MESH,
     "in/secret.txt": "secret",

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from math import sqrt
 
 ROLLER_KG = 0.0015
+# A tetrahedron of 2 cm, as the content of an OBJ file
+MESH = "v 0 0 0\nv 0.02 0 0\nv 0 0.02 0\nv 0 0 0.02\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 WHEEL = """
       <frame euler="0 0 {azimuth}">
         <body name="{name}" pos="{arm} 0 {height}" childclass="wheel">
