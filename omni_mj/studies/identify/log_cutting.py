@@ -44,11 +44,12 @@ def discard_unexplained_poses(log: RobotLog, geometry: Kinematics) -> tuple[Robo
     pose = log.pose.copy()
     is_discarded = _mark_intervals(log.time, *_find_jumps(log.time, pose))
     pose[is_discarded] = np.nan
-    unexplained = _find_unexplained_windows(
-        replace(log, pose=pose), twist, by_wheels or log.in_body, by_wheels
-    )
-    is_discarded |= _mark_intervals(log.time, unexplained, unexplained + WINDOW_S)
-    pose[is_discarded] = np.nan
+    if np.isfinite(pose).all(1).sum() >= MIN_LINES:
+        unexplained = _find_unexplained_windows(
+            log.time, pose, twist, by_wheels or log.in_body, by_wheels
+        )
+        is_discarded |= _mark_intervals(log.time, unexplained, unexplained + WINDOW_S)
+        pose[is_discarded] = np.nan
     if not is_discarded.any():
         return log, []
     ends = np.flatnonzero(np.diff(is_discarded.astype(int), prepend=0, append=0))
@@ -86,18 +87,21 @@ def _find_jumps(time: Array, pose: Array) -> tuple[Array, Array]:
     return visible_time[:-1][is_jump], visible_time[1:][is_jump]
 
 
-def _find_unexplained_windows(log: RobotLog, twist: Array, in_body: bool, by_wheels: bool) -> Array:
+def _find_unexplained_windows(
+    time: Array, pose: Array, twist: Array, in_body: bool, by_wheels: bool
+) -> Array:
     """Return the start times of windows whose displacements the inputs do not explain, (n,) s.
 
     Args:
-        log: The log.
+        time: Times of the lines, (F,) s.
+        pose: Measured poses, world frame, (F, 3).
         twist: Twists by wheels or commands, (F, 3).
         in_body: Whether the twists are in the body frame.
         by_wheels: Whether the twists are those by wheels.
     """
-    match = log_checks.match_motion(log.time, log.pose, twist, in_body, by_wheels)
-    start, motion = log_checks.compute_displacements(log.time, log.pose, in_body, WINDOW_S)
-    integral = integrate_inputs(log.time, twist)
+    match = log_checks.match_motion(time, pose, twist, in_body, by_wheels)
+    start, motion = log_checks.compute_displacements(time, pose, in_body, WINDOW_S)
+    integral = integrate_inputs(time, twist)
     expected = integral(start - match.delay + WINDOW_S) - integral(start - match.delay)
     plane = [1, 1j, 0]
     rotation = 1.0 if np.isnan(match.angle) else np.exp(1j * match.angle)
