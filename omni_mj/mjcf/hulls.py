@@ -33,13 +33,13 @@ FRICTION_RATE_PER_S = 400.0  # of the decay of the sliding speed, within Coulomb
 MIN_IMPEDANCE, MAX_IMPEDANCE = 0.05, 0.95
 SOFT_DEPTH_M = 0.013  # at which the impedance is largest
 UPRIGHT_COSINE = 1 - 1e-6
-SUFFIX = "_sphere"  # of the name of the sphere in place of a cylinder
+SPHERE_SUFFIX = "_sphere"  # appended to a cylinder's name, for the sphere in its place
 
 
 def enable_hulls(
     robot_spec: RobotSpec, spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices
 ) -> list[str]:
-    """Let the hull of a robot collide.
+    """Let the hull of a robot collide, or add the spheres that collide in its place.
 
     Args:
         robot_spec: The robot.
@@ -48,7 +48,8 @@ def enable_hulls(
         robot: Indices of the robot in the model.
 
     Returns:
-        Names of the spheres that `add_hull_pairs` lets collide.
+        Names of the spheres, which collide by `add_hull_pairs`; none for a hull of another shape
+        than upright cylinders.
 
     Raises:
         OmniError: The robot has no hull.
@@ -58,18 +59,18 @@ def enable_hulls(
             f"{robot_spec.file}: no hull; robots in one world collide with geoms of the class "
             "'hull'"
         )
-    if not all(_is_upright_cylinder(model, name) for name in robot_spec.hull_geoms):
+    data = compute_initial_kinematics(model)
+    if not all(_is_upright_cylinder(data, name) for name in robot_spec.hull_geoms):
         for name in robot_spec.hull_geoms:
             spec.geom(name).contype = spec.geom(name).conaffinity = 1
         return []
-    data = compute_initial_kinematics(model)
     bodies = np.flatnonzero(model.body_rootid == robot.chassis)
     _, center, _ = compute_composite_inertia(model, bodies)
     chassis = spec.body(model.body(robot.chassis).name)
     for name in robot_spec.hull_geoms:
         x, y, _ = data.geom(name).xpos
         chassis.add_geom(
-            name=name + SUFFIX,
+            name=name + SPHERE_SUFFIX,
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
             size=[model.geom(name).size[0], 0, 0],
             pos=[x, y, center[2]],
@@ -79,7 +80,7 @@ def enable_hulls(
             mass=0,
             group=model.geom(name).group[0],
         )
-    return [name + SUFFIX for name in robot_spec.hull_geoms]
+    return [name + SPHERE_SUFFIX for name in robot_spec.hull_geoms]
 
 
 def add_hull_pairs(field: mujoco.MjSpec, n_robots: int, spheres: Sequence[str]) -> None:
@@ -95,29 +96,29 @@ def add_hull_pairs(field: mujoco.MjSpec, n_robots: int, spheres: Sequence[str]) 
     walls = [name for name in solid if name != "carpet"]
     k, b = FREQUENCY_RAD_S**2, 2 * DAMPING_RATIO * FREQUENCY_RAD_S
     d = MAX_IMPEDANCE
-    law = {
+    sphere_law = {
         "solref": [-k * d * d, -b * d],  # MuJoCo divides by d^2 and d
         "solreffriction": [-1.0, -FRICTION_RATE_PER_S * d],
         "solimp": [MIN_IMPEDANCE, d, SOFT_DEPTH_M, 0.5, 1.0],
     }
     for geoms, other_geoms in combinations([*robots, walls], 2):
         for name, other_name in product(geoms, other_geoms):
-            _add_pair(field, name, other_name, law)
+            _add_pair(field, name, other_name, sphere_law)
     for name in chain.from_iterable(robots):
-        cylinder = field.geom(name.removesuffix(SUFFIX))
-        law = {"solref": cylinder.solref, "solreffriction": [0, 0], "solimp": cylinder.solimp}
-        _add_pair(field, cylinder.name, "carpet", law)
+        cylinder = field.geom(name.removesuffix(SPHERE_SUFFIX))
+        own_law = {"solref": cylinder.solref, "solreffriction": [0, 0], "solimp": cylinder.solimp}
+        _add_pair(field, cylinder.name, "carpet", own_law)
 
 
 def _add_pair(field: mujoco.MjSpec, hull: str, other: str, law: Mapping[str, Any]) -> None:
-    """Let two geoms collide, with the friction of the first one."""
+    """Let two geoms collide by a law of force, with the friction of the first one."""
     sliding, spinning, rolling = field.geom(hull).friction
     friction = [sliding, sliding, spinning, rolling, rolling]
     field.add_pair(geomname1=hull, geomname2=other, condim=3, friction=friction, **law)
 
 
-def _is_upright_cylinder(model: mujoco.MjModel, name: str) -> bool:
-    """Return whether a geom of a robot in its initial pose is a cylinder with a vertical axis."""
-    axis_z = compute_initial_kinematics(model).geom(name).xmat[8]
-    is_cylinder = model.geom(name).type[0] == mujoco.mjtGeom.mjGEOM_CYLINDER
+def _is_upright_cylinder(data: mujoco.MjData, name: str) -> bool:
+    """Return whether a geom is a cylinder with a vertical axis."""
+    axis_z = data.geom(name).xmat[8]
+    is_cylinder = data.model.geom(name).type[0] == mujoco.mjtGeom.mjGEOM_CYLINDER
     return bool(is_cylinder and abs(axis_z) > UPRIGHT_COSINE)
