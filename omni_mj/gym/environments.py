@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from omni_control.arguments import check_array, check_integer
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, format_value
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array, compute_pose_error
 from omni_control.reference import combine_references
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.rows import Row
@@ -234,9 +234,9 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         command = observations.decode_action(actions, simulation.observe(), batch.limits)
         simulation.step(command)
         poses = simulation.plant.pose()
-        error = poses - batch.reference.at(simulation.frame, poses)[0]
+        error = compute_pose_error(poses, batch.reference.at(simulation.frame, poses)[0])
         position_error = np.hypot(error[:, 0], error[:, 1])
-        heading_error = np.abs(wrap_angle(error[:, 2]))
+        heading_error = np.abs(error[:, 2])
         has_failed = np.zeros(len(poses), bool)
         has_failed[[failure.row for failure in simulation.failures]] = True
         terminated = has_failed | ~(position_error <= self.max_error_m)  # also if it is NaN

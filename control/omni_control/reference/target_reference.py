@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omni_control.arguments import check_types, explain_types
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array, compute_pose_error
 from omni_control.reference.motion_limits import MotionLimits
 from omni_control.reference.replanned_reference import (
     Plan,
@@ -183,8 +183,7 @@ def as_robot_indices(robots: ArrayLike, n: int) -> NDArray[np.intp]:
 
 def _limit_lead(reference: Array, pose: Array) -> Array:
     """Return the poses (n, 3) nearest to those of the reference, not too far from the robots'."""
-    lead = reference - pose
-    lead[:, 2] = wrap_angle(lead[:, 2])
+    lead = compute_pose_error(reference, pose)
     distance = np.hypot(lead[:, 0], lead[:, 1])
     excess = np.zeros_like(lead)
     excess[:, :2] = lead[:, :2] * (1 - MAX_LEAD_M / np.maximum(distance, MAX_LEAD_M))[:, None]
