@@ -130,6 +130,9 @@ def test_team_models_are_checked_and_comparable() -> None:
     ]  # fmt: skip
     with pytest.raises(OmniError, match="delay_frames"):
         TeamModel(T, np.int64(-1))  # type: ignore[arg-type]
+    for wrong in (-1.0, np.int64(0), np.float32(-1), np.float32(np.nan)):
+        with pytest.raises(OmniError, match=r"MotionLimits\.jerk must be a positive number"):
+            MotionLimits(jerk=wrong)  # type: ignore[arg-type]
 
 
 def test_the_package_needs_no_simulator_and_scipy_only_when_it_must() -> None:

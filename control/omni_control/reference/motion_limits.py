@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from omni_control.arguments import check_types, explain_types
+from omni_control.arguments import check_types, explain_types, fits_annotation
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.traction_limits import WheelLimits
@@ -55,7 +55,7 @@ class MotionLimits:
     def __post_init__(self) -> None:
         """Check the limits."""
         for name, value in vars(self).items():
-            if isinstance(value, float | int) and not 0 < value < np.inf:
+            if fits_annotation(value, float) and not 0 < value < np.inf:
                 raise OmniError(f"MotionLimits.{name} must be a positive number, got {value}")
 
     @property
