@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from omni_control.arguments import check_array, check_integer
+from omni_control.arguments import check_array, check_integer, fits_annotation
 from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError, format_value
 from omni_control.kinematics import Array, compute_pose_error
@@ -109,8 +109,7 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         if history_length is None:
             history_length = _compute_default_history_length(loaded)
         history_length = check_integer("history_length", history_length, 1, MAX_HISTORY_LENGTH)
-        is_number = isinstance(max_error_m, (int, float, np.number))
-        if not is_number or not 0 < max_error_m < math.inf:
+        if not fits_annotation(max_error_m, float) or not 0 < max_error_m < math.inf:
             raise OmniError(f"max_error_m must be a number above 0, got {max_error_m!r}")
         parameters = {ExternalController.__name__: {"history_length": history_length}}
         settings = Settings(**{**dict(loaded.settings), "controller": parameters})

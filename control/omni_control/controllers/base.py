@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from omni_control.arguments import explain_types
+from omni_control.arguments import explain_types, fits_annotation
 from omni_control.delay_compensation import CommandHistory, RowSelection, predict_displacement
 from omni_control.errors import OmniError, format_value, to_printable
 from omni_control.estimation.delayed_measurements import FilterStep
@@ -82,7 +82,7 @@ class TeamModel:
             if value is None or isinstance(value, tuple | Kinematics | MotionLimits):
                 continue
             is_positive, is_integer = name in _POSITIVE_FIELDS, name in _INTEGER_FIELDS
-            is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+            is_number = fits_annotation(value, float)
             in_range = is_number and (value > 0 if is_positive else value >= 0) and value < math.inf
             if not in_range or (is_integer and value % 1):
                 kind = "a whole number" if is_integer else "a number"
