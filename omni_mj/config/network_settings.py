@@ -4,7 +4,13 @@ from collections.abc import Iterator
 from typing import Literal
 
 from omni_mj.config import CYCLES_PER_FRAME, FRAME_RATE_HZ, PERIOD_S
-from omni_mj.config.validation import Number, SettingsModel, Vectors, setting
+from omni_mj.config.validation import (
+    Number,
+    SettingsModel,
+    Vectors,
+    drop_zero_fraction,
+    setting,
+)
 
 # Time between packets of a broadcast burst, with a lognormal distribution: median, and standard
 # deviation of the logarithm. With them, half of all intervals between packets sent every 15 ms are
@@ -222,8 +228,7 @@ class RadioSettings(SettingsModel):
         The dead time is a whole number of cycles, and the mean time on air is added.
         """
         delay = round(self.delay_frames * CYCLES_PER_FRAME) / CYCLES_PER_FRAME
-        delay += self.mean_air_frames
-        return round(delay) if delay == round(delay) else delay
+        return drop_zero_fraction(delay + self.mean_air_frames)
 
     def find_contradictions(self) -> Iterator[str]:
         """Yield a message if the jitter is above the dead time."""

@@ -243,6 +243,11 @@ def merge_sections(sections: Mapping[str, Any], changes: Mapping[str, Any]) -> d
     return result
 
 
+def drop_zero_fraction(number: float) -> float:
+    """Convert a whole number to an int; keep any other."""
+    return int(number) if number == int(number) else number
+
+
 def _from_numpy(value: Any) -> Any:
     """Convert a NumPy number or array to a Python number or list; keep any other value."""
     return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
@@ -253,16 +258,11 @@ def _append_heading(pose: Any) -> Any:
     return (*pose, 0.0) if isinstance(pose, (list, tuple)) and len(pose) == 2 else pose
 
 
-def _drop_zero_fraction(number: float) -> float:
-    """Convert a whole number to an int; keep any other."""
-    return int(number) if number == int(number) else number
-
-
 # TOML has lists, and immutable settings need tuples: convert lists to tuples.
 _LIST = Field(strict=False)
 # A number that is mostly whole; it is then an int, so that files show 6 instead of 6.0.
 Number = Annotated[
-    float, AfterValidator(_drop_zero_fraction), PlainSerializer(_drop_zero_fraction, Any)
+    float, AfterValidator(drop_zero_fraction), PlainSerializer(drop_zero_fraction, Any)
 ]
 Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 Heading = Annotated[float, Field(ge=-MAX_HEADING_RAD, le=MAX_HEADING_RAD)]
