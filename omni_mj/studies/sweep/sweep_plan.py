@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from omni_control.errors import OmniError, format_value
-from omni_mj.config.distributions import replace_values
+from omni_mj.config.distributions import SettingValue, replace_values
 from omni_mj.config.reference_factory import build_timed_reference
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import find_setting
@@ -20,14 +20,13 @@ from omni_mj.config.toml_files import parse_value
 from omni_mj.simulation.simulation import batch_key
 from omni_mj.studies.run_scenario import check_memory, choose_shared_backend
 
-Value = int | float | str | bool
 SWEEP_FILE = "sweep.json"  # the axes; written first, so a folder that contains it is resumed
 MODEL_AXIS = "model.file"  # setting that names a file
 BATCH_SIZE = 128  # robots that are simulated together
 MAX_VALUES = 1000  # number of values of an axis
 
 
-def check_axes(vary: Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[Value, ...]]:
+def check_axes(vary: Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[SettingValue, ...]]:
     """Return the axes of a sweep as a mapping from `section.field` to values.
 
     Args:
@@ -37,7 +36,7 @@ def check_axes(vary: Iterable[tuple[str, Iterable[Any]]]) -> dict[str, tuple[Val
         OmniError: A setting does not exist or is varied twice; or it has no values, more than
             `MAX_VALUES`, or a value twice.
     """
-    axes: dict[str, tuple[Value, ...]] = {}
+    axes: dict[str, tuple[SettingValue, ...]] = {}
     for name, values in vary:
         setting_type = find_setting(name).value_type
         plain = [value.item() if isinstance(value, np.generic) else value for value in values]
@@ -115,7 +114,7 @@ class SweepPlan:
     """
 
     scenario: Scenario
-    axes: Mapping[str, tuple[Value, ...]]
+    axes: Mapping[str, tuple[SettingValue, ...]]
     batch_size: int
 
     def __post_init__(self) -> None:
@@ -135,7 +134,7 @@ class SweepPlan:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
-    def points(self) -> list[dict[str, Value]]:
+    def points(self) -> list[dict[str, SettingValue]]:
         """Values of the axes at all points of the grid; the last axis changes fastest."""
         return [dict(zip(self.axes, point, strict=True)) for point in product(*self.axes.values())]
 
