@@ -77,8 +77,8 @@ class MotionModel:
         # Turning: the inertia is NORMALIZED_INERTIA m arm^2, and the gyro loop reduces deviations.
         turning_ratio = GYRO_RESIDUAL * NORMALIZED_INERTIA * forward_stiffness
         # Creep depends on the direction in which a wheel travels (`YawCoupling`).
-        rims, axles = wheels.matrix[:, :2], wheels.axles[:, :2]
-        forward_creep, sideways_creep = (rims**2 / np.hypot(rims, CONTACT_RATIO * axles)).mean(0)
+        contact_speeds = np.hypot(rim_directions, CONTACT_RATIO * wheels.axles[:, :2])
+        forward_creep, sideways_creep = (rim_directions**2 / contact_speeds).mean(0)
         creep_ratio = forward_creep / sideways_creep
         if model.creep_sideways_s2_m and model.creep_s2_m:
             creep_ratio = model.creep_sideways_s2_m / model.creep_s2_m
