@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 from benches.control import Array, Lqr
-from closed_loop import LaggedPlant, T, make_empty_history, make_observation, run_controller
+from closed_loop import (
+    LaggedPlant,
+    T,
+    discretize_lag,
+    make_empty_history,
+    make_observation,
+    run_controller,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
-from scipy.signal import cont2discrete
-from team_setup import LIMITS, MODES, REST, STRAIGHT, make_model, make_reference
+from team_setup import LIMITS, MODES, REST, STRAIGHT, assert_dead_time_only_delays, make_model
 
 from omni_control import MotionLimits, TimedReference
 
@@ -20,13 +26,7 @@ LITTLE = 2.0**-10
 
 def augmented(delay: int, lag: float) -> tuple[Array, Array, Array, float]:
     """Return A, B, Q, r of the state [position, velocity, commands in flight, oldest first]."""
-    equation = (
-        np.array([[0, 1], [0, -1 / lag]]),
-        np.array([[0], [1 / lag]]),
-        np.eye(2),
-        np.zeros((2, 1)),
-    )
-    transition, effect, *_ = cont2discrete(equation, T, "zoh")
+    transition, effect = discretize_lag(lag)
     size = 2 + delay
     a, b = np.eye(size, k=1), np.zeros((size, 1))
     a[:2] = 0
@@ -93,20 +93,9 @@ def test_prediction_removes_the_dead_time_from_the_loop(
     kind: str, start: tuple[float, ...], delay: int, lag: float
 ) -> None:
     """Dead time delays the motion of a nominal robot by k_d frames."""
-
-    def follow(delay: int, frames: int, first_frame: int) -> Array:
-        return run_controller(
-            Lqr(make_model(delay, lag), make_reference(kind), 1),
-            LaggedPlant([start], delay, lag),
-            frames,
-            first_frame=first_frame,
-        ).pose
-
-    late, prompt = follow(delay, 60, 0), follow(0, 60 - delay, delay)
-    assert (late[:delay] == start).all()
     # Roundings of poses of size 1, which a stable loop forgets; divided by T for the acceleration,
     # times the lag.
-    np.testing.assert_allclose(late[delay:], prompt, rtol=0, atol=1e-11)
+    assert_dead_time_only_delays(Lqr, kind, start, delay, lag, 60, tolerance=1e-11)
 
 
 def test_with_a_lag_it_follows_a_constant_acceleration_exactly() -> None:

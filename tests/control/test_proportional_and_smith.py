@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 from benches.control import NominalRobot, Proportional, SmithPredictor, compute_simc_gain
-from closed_loop import LaggedPlant, T, run_controller
+from closed_loop import LaggedPlant, T, discretize_lag, run_controller
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
-from scipy.signal import cont2discrete
-from team_setup import LIMITS, MODES, REST, STRAIGHT, make_model, make_reference
+from team_setup import LIMITS, MODES, REST, STRAIGHT, assert_dead_time_only_delays, make_model
 
 from omni_control import CommandHistory, TimedReference
 
@@ -30,13 +29,7 @@ def test_the_nominal_robot_samples_its_differential_equation(
     for command in commands:
         queue.append(command)
         robot.advance(queue)
-    equation = (
-        np.array([[0, 1], [0, -1 / lag]]),
-        np.array([[0], [1 / lag]]),
-        np.eye(2),
-        np.zeros((2, 1)),
-    )
-    transition, effect, *_ = cont2discrete(equation, T, "zoh")
+    transition, effect = discretize_lag(lag)
     state, last_pose = np.zeros((2, 3)), np.zeros(3)
     for k, command in enumerate(commands):
         if k == 20 - delay:
@@ -65,8 +58,7 @@ def test_the_nominal_robot_has_dead_times_that_are_not_whole_frames(
     for command in commands:
         queue.append(command)
         robot.advance(queue)
-    equation = np.array([[0, 1], [0, -1 / lag]]), np.array([[0], [1 / lag]]), np.eye(2), [[0], [0]]
-    transition, effect, *_ = cont2discrete(equation, T / CYCLES, "zoh")
+    transition, effect = discretize_lag(lag, T / CYCLES)
     state, states = np.zeros((2, 3)), []
     for cycle in range(delay_cycles + CYCLES * len(commands)):
         sent = (cycle - delay_cycles) // CYCLES
@@ -123,19 +115,8 @@ def test_smith_takes_the_dead_time_out_of_the_loop(
     kind: str, start: tuple[float, ...], delay: int, lag: float
 ) -> None:
     """Law of the Smith predictor: dead time delays the motion of a nominal robot by k_d frames."""
-
-    def follow(delay: int, frames: int, first_frame: int) -> np.ndarray:
-        return run_controller(
-            SmithPredictor(make_model(delay, lag), make_reference(kind), 1),
-            LaggedPlant([start], delay, lag),
-            frames,
-            first_frame=first_frame,
-        ).pose
-
-    late, prompt = follow(delay, 120, 0), follow(0, 120 - delay, delay)
-    assert (late[:delay] == start).all()
     # Roundings of poses of size 1, which a stable loop forgets.
-    np.testing.assert_allclose(late[delay:], prompt, rtol=0, atol=1e-12)
+    assert_dead_time_only_delays(SmithPredictor, kind, start, delay, lag, 120, tolerance=1e-12)
 
 
 def test_with_a_lag_smith_has_a_known_error_in_acceleration() -> None:

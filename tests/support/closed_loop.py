@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.signal import cont2discrete
 
 from omni_control import CommandHistory, Controller, Kinematics, Observation, Team, TeamModel
 from omni_control.kinematics import Array
@@ -80,6 +81,16 @@ class LaggedPlant(Plant):
         decay = np.exp(-T / self._lag) if self._lag else 0.0
         self.pose = self.pose + speed * T + (self.twist - speed) * self._lag * (1 - decay)
         self.twist = speed + (self.twist - speed) * decay
+
+
+def discretize_lag(lag: float, period: float = T) -> tuple[Array, Array]:
+    """Return A (2, 2) and B (2, 1) of a robot with x' = v, v' = (u - v) / lag, by scipy.
+
+    The state is [x, v], and each command u is held for a period.
+    """
+    equation = np.array([[0, 1], [0, -1 / lag]]), np.array([[0], [1 / lag]]), np.eye(2), [[0], [0]]
+    transition, effect, *_ = cont2discrete(equation, period, "zoh")
+    return transition, effect
 
 
 class CreepingPlant(Plant):
