@@ -13,6 +13,7 @@ from random_motion import (
     T,
     compute_drag,
     compute_loads,
+    compute_peak_turn_jerk,
     limits,
     paths,
     smooth_limits,
@@ -64,8 +65,7 @@ def test_the_turn_jerk_limits_references_that_turn(turn_jerk: float) -> None:
     turn = TimedReference([(0, 0, 0), (0.1, 0, 3.0)], limit, T)
     lap = CurveReference(CURVES["circle"](2.0, 2.0), limit, T, faces_along_path=True)
     for reference, lowest in ((turn, 0.8), (lap, 0.5)):
-        heading = np.pad(reference.poses[:, 2], 4, mode="edge")
-        peak = np.abs(np.diff(heading, n=3)).max() / T**3
+        peak = compute_peak_turn_jerk(reference.poses)
         assert lowest * turn_jerk <= peak <= turn_jerk * (1 + 1e-6)
         half_jerk = replace(limit, turn_jerk=turn_jerk / 8)
         assert half_jerk.compute_time_scale(reference.poses, T) == pytest.approx(

@@ -58,6 +58,12 @@ def assert_keeps(poses: Array, limit: MotionLimits, snap: float = 0.0) -> None:
     assert np.abs(jerk[:, 2]).max() <= (limit.turn_jerk or np.inf) * close
 
 
+def compute_peak_turn_jerk(poses: Array) -> float:
+    """Return the highest third difference of headings, with rest at both ends, rad/s^3."""
+    velocity = np.pad(np.diff(poses[:, 2]) / T, 2)
+    return float(np.abs(np.diff(velocity, 2)).max() / T**2)
+
+
 def compute_fastest_time(distance: float, speed: float, acceleration: float) -> float:
     """Return the duration (s) of the triangular or trapezoidal profile from rest to rest."""
     if distance <= speed**2 / acceleration:
