@@ -51,8 +51,7 @@ def cross_validate(fit: Fit, start: Parameters) -> Prediction | None:
         start | {name: fit.parameters[name] for name in CLOCK_AND_CAMERA},
         CLOCK_AND_CAMERA,
     )
-    start_values = np.array([start_problem.start[name] for name in CLOCK_AND_CAMERA])
-    start_residual = start_problem.residual(start_problem.solve(start_values))
+    start_residual = start_problem.residual(start_problem.solve())
     errors = _predict_folds(fit, np.where(is_moving, np.cumsum(is_moving) % N_FOLDS, -1))
     return Prediction(int(is_moving.sum()), _rms(errors), _rms(start_residual[..., :2]))
 
@@ -65,21 +64,20 @@ def _predict_folds(fit: Fit, folds: np.ndarray) -> Array:
         folds: Fold of each segment, or -1, (S,).
     """
     problem = ProjectedProblem(fit.dynamics, fit.segments, fit.parameters, fit.free)
-    x = np.array([fit.parameters[name] for name in fit.free])
-    residual = problem.residual(x)
+    residual = problem.residual(problem.start_values)
     # Columns are scaled, so that singular values are comparable.
     jacobian = problem.jacobian * problem.scale
     errors = []
     for fold in range(N_FOLDS):
         is_test = folds == fold
-        train = jacobian[~is_test].reshape(-1, len(x))
+        train = jacobian[~is_test].reshape(-1, len(fit.free))
         gradient = np.einsum("smkn,smk->n", jacobian[is_test], residual[is_test])
         step = np.linalg.pinv(train.T @ train, rcond=1e-9, hermitian=True) @ gradient
         test_problem = ProjectedProblem(
             fit.dynamics, fit.segments.select(is_test), fit.parameters, fit.free
         )
         test_problem.weights = problem.weights
-        x_fold = np.clip(x + problem.scale * step, problem.low, problem.high)
+        x_fold = np.clip(problem.start_values + problem.scale * step, problem.low, problem.high)
         errors.append(test_problem.residual(x_fold)[..., :2])
     return np.concatenate(errors)
 

@@ -138,6 +138,7 @@ class ProjectedProblem:
         jacobian: Derivatives of the residuals by the free parameters at the last evaluated point,
             (S, m, 3, n).
         weights: Weights of residuals of x, y and heading, (3,).
+        start_values: Initial values of the free parameters, (n,).
     """
 
     def __init__(
@@ -148,6 +149,7 @@ class ProjectedProblem:
         free: Sequence[str],
     ) -> None:
         self.dynamics, self.segments, self.start, self.free = dynamics, segments, start, free
+        self.start_values = np.array([start[name] for name in free])
         self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in free]).T
         noise = np.median(np.abs(_white_differences(segments.pose)), axis=(0, 1))
         self.weights = np.array([1.0, 1.0, noise[:2].mean() / max(noise[2], 1e-6)])
@@ -195,11 +197,11 @@ class ProjectedProblem:
         poses = simulate_segments(self.dynamics, self.segments, sets, initial)
         return (poses * self.weights).reshape(count, n, 3 * m)
 
-    def solve(self, x: Array) -> Array:
-        """Return the free parameters with the smallest squared residuals, starting at x."""
+    def solve(self) -> Array:
+        """Return the free parameters with the smallest squared residuals, (n,)."""
         return least_squares(
             lambda x: self.residual(x).ravel(),
-            np.clip(x, self.low + 1e-3 * self.scale, self.high - 1e-3 * self.scale),
+            np.clip(self.start_values, self.low + 1e-3 * self.scale, self.high - 1e-3 * self.scale),
             lambda x: self.jacobian.reshape(-1, len(x)),
             bounds=(self.low, self.high),
             x_scale=self.scale,
@@ -227,7 +229,7 @@ def fit_parameters(
         drop_outliers: Whether to fit again without the outliers if there are only a few.
     """
     problem = ProjectedProblem(dynamics, segments, start, free)
-    x = problem.solve(np.array([start[name] for name in free]))
+    x = problem.solve()
     residual = problem.residual(x)
     rms = np.sqrt((residual**2).mean((1, 2)))
     is_inlier = rms <= OUTLIER_RATIO * np.median(rms)
