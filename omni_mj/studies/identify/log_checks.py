@@ -18,7 +18,7 @@ from omni_mj.studies.identify.robot_logs import (
     MAX_GAP_PERIODS,
     MIN_LINES,
     RobotLog,
-    integrate_inputs,
+    integrate_windows,
 )
 
 MIN_PERIOD_S, MAX_PERIOD_S = 5e-4, 0.5  # from line to line
@@ -168,10 +168,8 @@ def match_motion(time: Array, pose: Array, inputs: Array, in_body: bool, by_whee
         by_wheels: Whether the delay may be negative, as that of encoders with another clock.
     """
     start, motion = compute_displacements(time, pose, in_body)
-    integral = integrate_inputs(time, inputs)
     delays = np.arange(-MAX_DELAY_S / 2 if by_wheels else 0.0, MAX_DELAY_S, DELAY_STEP_S)
-    delayed_start = start - delays[:, None]
-    expected = integral(delayed_start + WINDOW_S) - integral(delayed_start)
+    expected = integrate_windows(time, inputs, start - delays[:, None], WINDOW_S)
     # Translation as x + i y, and rotation
     motion = np.stack([motion @ [1, 1j, 0], motion[:, 2]])
     expected = np.stack([expected @ [1, 1j, 0], expected[..., 2]], axis=1)
@@ -227,9 +225,8 @@ def _check_wheels(log: RobotLog, geometry: Kinematics) -> None:
     deviation = expected.std(0)
     if deviation.max() * geometry.radius < MIN_RMS_M_S * WINDOW_S:
         return
-    integral = integrate_inputs(log.time, log.inputs["wheels"])
     delayed_start = start - np.arange(-MAX_DELAY_S / 2, MAX_DELAY_S, DELAY_STEP_S)[:, None]
-    angles = integral(delayed_start + WINDOW_S) - integral(delayed_start)
+    angles = integrate_windows(log.time, log.inputs["wheels"], delayed_start, WINDOW_S)
     n = len(geometry.azimuths)
     with np.errstate(invalid="ignore"):  # a wheel that does not turn
         correlations = [np.corrcoef(expected.T, measured.T)[:n, n:] for measured in angles]

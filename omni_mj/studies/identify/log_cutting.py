@@ -10,7 +10,7 @@ from omni_mj.studies.identify.robot_logs import (
     MAX_GAP_PERIODS,
     MIN_LINES,
     RobotLog,
-    integrate_inputs,
+    integrate_windows,
 )
 
 # A faster step from one pose to the next is a jump to a false detection, or of a robot that was
@@ -101,8 +101,7 @@ def _find_unexplained_windows(
     """
     match = log_checks.match_motion(time, pose, twist, in_body, by_wheels)
     start, motion = log_checks.compute_displacements(time, pose, in_body, WINDOW_S)
-    integral = integrate_inputs(time, twist)
-    expected = integral(start - match.delay + WINDOW_S) - integral(start - match.delay)
+    expected = integrate_windows(time, twist, start - match.delay, WINDOW_S)
     plane = [1, 1j, 0]
     rotation = 1.0 if np.isnan(match.angle) else np.exp(1j * match.angle)
     distance, angle = abs(expected @ plane), abs(expected[:, 2])

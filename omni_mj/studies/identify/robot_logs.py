@@ -119,6 +119,19 @@ def integrate_inputs(time: Array, inputs: Array) -> BSpline:
     return make_interp_spline(ends, np.concatenate([np.zeros_like(total[:1]), total]), k=1)
 
 
+def integrate_windows(time: Array, inputs: Array, start: Array, window: float) -> Array:
+    """Return the integrals of inputs over windows, (..., K).
+
+    Args:
+        time: Times of the lines, (F,) s.
+        inputs: Inputs (F, K); see `integrate_inputs`.
+        start: Start times of the windows, (...) s.
+        window: Duration of each window, s.
+    """
+    integral = integrate_inputs(time, inputs)
+    return integral(start + window) - integral(start)
+
+
 def _robot_names(columns: Columns, lines: int) -> np.ndarray:
     """Return controller, seed and slot of each line as text; empty without such columns."""
     keys = [columns[key].to_pylist() for key in ("controller", "seed", "slot") if key in columns]
