@@ -52,10 +52,10 @@ def discard_unexplained_poses(log: RobotLog, geometry: Kinematics) -> tuple[Robo
         pose[is_discarded] = np.nan
     if not is_discarded.any():
         return log, []
-    ends = np.flatnonzero(np.diff(is_discarded.astype(int), prepend=0, append=0))
+    bounds = np.flatnonzero(np.diff(is_discarded.astype(int), prepend=0, append=0))
     spans = [
         f"{log.time[start] - log.time[0]:.2f} to {log.time[stop - 1] - log.time[0]:.2f} s"
-        for start, stop in ends.reshape(-1, 2)
+        for start, stop in bounds.reshape(-1, 2)
     ]
     more = f", and {len(spans) - 5} more" if len(spans) > 5 else ""
     remark = (
@@ -66,7 +66,7 @@ def discard_unexplained_poses(log: RobotLog, geometry: Kinematics) -> tuple[Robo
 
 
 def _mark_intervals(time: Array, start: Array, end: Array) -> np.ndarray:
-    """Return whether times (F,) are within intervals with their margins, (F,)."""
+    """Return whether times (F,) are between starts and ends (n,), or in a margin, (F,)."""
     margin = max(MARGIN_S, 2 * float(np.median(np.diff(time))))
     changes = np.zeros(len(time) + 1)
     np.add.at(changes, np.searchsorted(time, start - margin), 1)
@@ -75,7 +75,10 @@ def _mark_intervals(time: Array, start: Array, end: Array) -> np.ndarray:
 
 
 def _find_jumps(time: Array, pose: Array) -> tuple[Array, Array]:
-    """Return the times before and after each jump, none if there are too many, (n,) s each."""
+    """Return the times of the poses before and after each jump, (n,) s each.
+
+    There are none if too many steps are jumps.
+    """
     is_visible = np.isfinite(pose).all(1)
     visible_time = time[is_visible]
     interval, step = np.diff(visible_time), np.diff(pose[is_visible], axis=0)
@@ -92,6 +95,8 @@ def _find_unexplained_windows(
 ) -> Array:
     """Return the start times of windows whose displacements the inputs do not explain, (n,) s.
 
+    There are none if the inputs leave most of the motion unexplained.
+
     Args:
         time: Times of the lines, (F,) s.
         pose: Measured poses, world frame, (F, 3).
@@ -102,14 +107,16 @@ def _find_unexplained_windows(
     match = log_checks.match_motion(time, pose, twist, in_body, by_wheels)
     start, motion = log_checks.compute_displacements(time, pose, in_body, WINDOW_S)
     expected = integrate_windows(time, twist, start - match.delay, WINDOW_S)
-    plane = [1, 1j, 0]
-    rotation = 1.0 if np.isnan(match.angle) else np.exp(1j * match.angle)
-    distance, angle = abs(expected @ plane), abs(expected[:, 2])
-    is_unexplained = (
-        abs(motion @ plane - rotation * (expected @ plane))
-        > TOLERANCE_M + TOLERANCE_FRACTION * distance
-    ) | (abs(motion[:, 2] - expected[:, 2]) > TOLERANCE_RAD + TOLERANCE_FRACTION * angle)
-    is_moving = (abs(motion @ plane) > TOLERANCE_M) | (abs(motion[:, 2]) > TOLERANCE_RAD)
+    # Translations as x + i y
+    translation, expected_translation = motion @ [1, 1j, 0], expected @ [1, 1j, 0]
+    turn, expected_turn = motion[:, 2], expected[:, 2]
+    axes_rotation = 1.0 if np.isnan(match.angle) else np.exp(1j * match.angle)
+    translation_error = abs(translation - axes_rotation * expected_translation)
+    turn_error = abs(turn - expected_turn)
+    max_translation_error = TOLERANCE_M + TOLERANCE_FRACTION * abs(expected_translation)
+    max_turn_error = TOLERANCE_RAD + TOLERANCE_FRACTION * abs(expected_turn)
+    is_unexplained = (translation_error > max_translation_error) | (turn_error > max_turn_error)
+    is_moving = (abs(translation) > TOLERANCE_M) | (abs(turn) > TOLERANCE_RAD)
     if is_unexplained.sum() > MAX_UNEXPLAINED_FRACTION * is_moving.sum():
         return np.empty(0)
     return start[is_unexplained]
