@@ -114,7 +114,7 @@ class ChassisMotion(NamedTuple):
 
 
 class Drag(NamedTuple):
-    """Drag of carpet and bearings, and limits of traction, constant for `DRAG_CYCLES` cycles."""
+    """Drag, slip compliance and limit of traction, constant for `DRAG_CYCLES` cycles."""
 
     force: tuple[Array, Array]  # forward and sideways drag force, body frame, (n,) N each
     moment: Array  # moment of the drag about the center of the wheels, (n,) N m
@@ -252,11 +252,11 @@ def _compute_friction(p: CarpetParameters, motion: ChassisMotion, wheel_angle: A
 
 
 def compute_torque_limit(torque_per_load: Array, load: Array) -> tuple[Array, Array]:
-    """Return Coulomb's limit of the rims' torques, mu N R.
+    """Return Coulomb's limit of the rims' torques, mu' N R, and the normal forces N in it.
 
     Args:
-        torque_per_load: Largest torque over normal force, mu R, (W, n) m.
-        load: Normal force N of the wheels, (W, n) N.
+        torque_per_load: Largest torque over normal force, mu' R, (W, n) m.
+        load: Normal force of the wheels, (W, n) N.
 
     Returns:
         Largest torque, (W, n) N m, and the normal force, at least `MIN_LOAD_N`, (W, n) N.
