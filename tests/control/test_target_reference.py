@@ -305,6 +305,9 @@ def test_wrong_calls_are_refused(call: Callable[[Team], None], reason: str) -> N
 def test_unsuitable_references_are_refused() -> None:
     with pytest.raises(OmniError, match="cannot limit jerk"):
         TargetReference(MotionLimits(jerk=9.0), T, 1)
+    for period in (0.0, -T, NAN, INF):
+        with pytest.raises(OmniError, match="period must be a positive number"):
+            TargetReference(MotionLimits(), period, 1)
     with pytest.raises(OmniError, match="reference is that of 2 robots, got 1"):
         TargetReference(MotionLimits(), T, 2).at(0, np.zeros((1, 3)))
 

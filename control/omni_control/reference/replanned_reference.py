@@ -17,7 +17,7 @@ from omni_control.arguments import check_types, explain_types
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.reference.sampled_reference import as_poses
+from omni_control.reference.sampled_reference import as_poses, check_period
 
 # Position and heading error within which a way-point is reached.
 ARRIVAL_RADIUS_M, ARRIVAL_ANGLE_RAD = 0.02, 0.1
@@ -58,11 +58,11 @@ class ReplannedReference(ABC, Generic[AnyPlan]):
         period: Length of a frame, s.
 
     Raises:
-        OmniError: Jerk is limited.
+        OmniError: Jerk is limited, or the period is not a positive number.
     """
 
     def __init__(self, plan: AnyPlan, limits: MotionLimits, period: float) -> None:
-        self._plan, self.limits, self.period = plan, limits, period
+        self._plan, self.limits, self.period = plan, limits, check_period(period)
 
     @property
     def limits(self) -> MotionLimits:
@@ -132,7 +132,8 @@ class IteratedReference(ReplannedReference[_WaypointPlan]):
         rest_frames: Frames of rest at the first way-point.
 
     Raises:
-        OmniError: There are no way-points, one is not three finite numbers, or jerk is limited.
+        OmniError: There are no way-points, one is not three finite numbers, jerk is limited, or
+            the period is not a positive number.
     """
 
     @check_types

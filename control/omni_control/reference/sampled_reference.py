@@ -61,9 +61,7 @@ class SampledReference:
 
     @check_types
     def __init__(self, poses: ArrayLike, period: float) -> None:
-        if not 0 < period < np.inf:
-            raise OmniError(f"period must be a positive number of seconds, got {period}")
-        self.poses, self.period = as_poses(poses), period
+        self.period, self.poses = check_period(period), as_poses(poses)
         twists = np.diff(self.poses, axis=0, append=self.poses[-1:]) / period
         samples = np.concatenate([self.poses, twists], axis=-1) + 0.0  # turns -0.0 into 0.0
         # Poses with twists, (frames, 1 or n, 6).
@@ -138,6 +136,17 @@ def combine_references(references: Sequence[SampledReference]) -> SampledReferen
     """Return one reference for several robots: the one that all share, or a combination."""
     is_shared = all(reference is references[0] for reference in references)
     return references[0] if is_shared else PerRobotReference(references)
+
+
+def check_period(period: float) -> float:
+    """Return the length of a frame, s.
+
+    Raises:
+        OmniError: It is not a positive number.
+    """
+    if not 0 < period < np.inf:
+        raise OmniError(f"period must be a positive number of seconds, got {period}")
+    return period
 
 
 def as_poses(poses: ArrayLike) -> Array:

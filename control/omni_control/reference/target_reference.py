@@ -58,7 +58,7 @@ class TargetReference(ReplannedReference[Plan]):
         n: Number of robots.
 
     Raises:
-        OmniError: Jerk is limited.
+        OmniError: Jerk is limited, or the period is not a positive number.
     """
 
     @check_types
