@@ -1,5 +1,6 @@
 """Base class of settings: immutable pydantic models that report all wrong values at once."""
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -85,6 +86,8 @@ class SettingInfo(NamedTuple):
         unit: Unit; empty if dimensionless.
         doc: Meaning.
         allowed: Allowed values, such as '0 to 600', 'at least 2' or 'timed, iterated'.
+        low: Smallest value of a number; -inf if unlimited.
+        high: Largest value of a number; inf if unlimited.
     """
 
     full_name: str
@@ -93,6 +96,8 @@ class SettingInfo(NamedTuple):
     unit: str
     doc: str
     allowed: str
+    low: float
+    high: float
 
     @classmethod
     def from_field(cls, full_name: str, field: FieldInfo) -> Self:
@@ -102,6 +107,12 @@ class SettingInfo(NamedTuple):
             origin = int
         choices = {Literal: get_args(field.annotation), bool: ("true", "false")}.get(origin, ())
         extra: Any = field.json_schema_extra or {}
+        limits = {
+            key: getattr(rule, key)
+            for rule in field.metadata
+            for key in ("ge", "le")
+            if hasattr(rule, key)
+        }
         return cls(
             full_name=full_name,
             value_type=str if origin is Literal else origin,
@@ -109,6 +120,8 @@ class SettingInfo(NamedTuple):
             unit=extra.get("unit", ""),
             doc=field.description or "",
             allowed=", ".join(map(str, choices)) or extra.get("allowed", ""),
+            low=limits.get("ge", -math.inf),
+            high=limits.get("le", math.inf),
         )
 
     @property

@@ -19,7 +19,9 @@ from synthetic_logs import (
 )
 
 import omni_mj as om
+from omni_mj.studies.identify.derived_parameters import Estimate
 from omni_mj.studies.identify.identify_study import IdentificationResult
+from omni_mj.studies.identify.robot_file_writer import list_changes
 
 OTHER: dict[str, Any] = {
     "radio": {"delay_frames": 5},
@@ -164,6 +166,21 @@ def test_a_carried_robot_and_false_detections_are_cut_out(tmp_path: Path) -> Non
     creep = result.estimates["wheels.creep_stiffness"]
     assert creep.value == pytest.approx(CREEP_STIFFNESS, rel=0.06)
     assert creep.standard_error < 0.03 * CREEP_STIFFNESS
+
+
+def test_estimates_beyond_the_limits_of_settings_are_not_written() -> None:
+    """At most 2 for a gain, at least 0.02 m for an arm, at most 600 frames for a dead time."""
+    for name, value, is_written in (
+        ("commands.gain_forward", 1.9, True),
+        ("commands.gain_forward", 2.1, False),
+        ("wheels.arm_m", 0.03, True),
+        ("wheels.arm_m", 0.01, False),
+        ("commands.dead_time_s", 9.9, True),
+        ("commands.dead_time_s", 10.1, False),
+    ):
+        source, parameter = name.split(".")
+        estimate = Estimate(parameter, "", "", source, value, 0.0, value, value, None, False)
+        assert bool(list_changes({name: estimate}, [])) == is_written, (name, value)
 
 
 def test_false_detections_all_over_a_log_give_one_line(tmp_path: Path) -> None:

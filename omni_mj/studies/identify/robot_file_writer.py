@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Collection, Mapping, Sequence
 
 from omni_mj.config import PERIOD_S
+from omni_mj.config.settings import find_setting
 from omni_mj.studies.identify.derived_parameters import Estimate
 
 Changes = dict[tuple[str, str], str]  # section and field -> value as TOML, with a comment
@@ -27,8 +28,6 @@ FIELDS = {
     "commands.gain_forward": ("control", "assumed_alpha_forward"),
     "commands.gain_sideways": ("control", "assumed_alpha_sideways"),
 }
-# Smallest values that settings allow; 0 for all others
-MINIMA = {"radius_m": 0.01, "arm_m": 0.02, "creep_stiffness": 0.1}
 
 
 def list_changes(estimates: Mapping[str, Estimate], trusted_sources: Collection[str]) -> Changes:
@@ -44,7 +43,7 @@ def list_changes(estimates: Mapping[str, Estimate], trusted_sources: Collection[
     allowed = {
         name
         for name, estimate in estimates.items()
-        if estimate.value >= MINIMA.get(estimate.name, 0.0)
+        if _is_in_range(name, estimate.value)
         and (estimate.source in trusted_sources or not estimate.is_weak)
     }
     usable = {name for name in allowed if estimates[name].is_identified}
@@ -59,6 +58,15 @@ def list_changes(estimates: Mapping[str, Estimate], trusted_sources: Collection[
         for name, field in FIELDS.items()
         if name in usable
     }
+
+
+def _is_in_range(name: str, value: float) -> bool:
+    """Return whether the setting that an estimate is written into allows its value."""
+    if name not in FIELDS:
+        return True
+    setting = find_setting(".".join(FIELDS[name]))
+    size = PERIOD_S if setting.unit == "frames" else 1.0
+    return setting.low <= value / size <= setting.high
 
 
 def _format_change(name: str, estimate: Estimate) -> str:
