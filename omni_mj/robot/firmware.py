@@ -191,9 +191,9 @@ def derate_motors(p: FirmwareParameters, s: FirmwareState, winding: Array) -> Fi
     """Limit motor currents near the temperature limit of the windings.
 
     The current I = (V - K w) / R is limited to I_max by |V - K w| <= R I_max, with the voltage V,
-    the back-EMF K w and the resistance R of the datasheet. I_max is the
-    derating current at `DERATING_BAND_K` below the temperature limit, and falls linearly to zero
-    there. Below this band it is unlimited.
+    the back-EMF K w and the resistance R of the datasheet. I_max falls linearly from the derating
+    current at `DERATING_BAND_K` below the temperature limit to zero at the limit. Cooler windings
+    have no limit.
 
     Args:
         p: Parameters.

@@ -8,9 +8,10 @@ transmits the torque t from hub to rim, and lets their speeds differ by the slip
 compliance S. Without t, the hub would reach the speed e in a step. With the inertia I of hub and
 motor and G = h / I,
 
-    w = e - G t,    w - J' v = S t,    therefore    t = (e - J' v) / (S + G),    |t| <= mu N R,
+    w = e - G t,    w - J' v = S t,    therefore    t = (e - J' v) / (S + G),    |t| <= mu' N R,
 
-with the coefficient of friction mu, the normal force N and the wheel radius R.
+with the normal force N, the wheel radius R, and the friction mu' that the bearings of rollers
+leave (`omni_mj.robot.wheel_carpet_forces`).
 
 **The body.** The mass matrix M is that of the body, the rims, and the rollers that turn as wheels
 travel along their axles. F are all other forces. Sums are over wheels.
@@ -19,9 +20,9 @@ travel along their axles. F are all other forces. Sums are over wheels.
 
     (M / h + sum J J' / (S + G)) v = M v_before / h + F + sum J e / (S + G).
 
-The torque of a sliding wheel is Coulomb's limit mu N R, with the sign of t. Vectors are in the body
-frame, which turns. The body keeps its velocity in the world frame, so v_before is rotated. Rims and
-rollers keep their speeds in the body frame, so their terms are not rotated.
+The torque of a sliding wheel is Coulomb's limit mu' N R, with the sign of t. Vectors are in the
+body frame, which turns. The body keeps its velocity in the world frame, so v_before is rotated.
+Rims and rollers keep their speeds in the body frame, so their terms are not rotated.
 
 **Normal forces.** Wheels share the robot's weight, and the tilting moments of the forces on it, as
 equal springs do. Turning raises the normal force of a wheel (lift), and it ripples as rollers pass.
@@ -262,7 +263,7 @@ def solve_traction(
         momentum: M v_before / h + F, (3, n) N, N, N m.
         free_speed: e: speeds of the hubs without rubber, (W, n) rad/s.
         traction_gain: 1 / (S + G): torque per slip speed, (W, n) N m s/rad.
-        limit: mu N R: largest torque, (W, n) N m.
+        limit: mu' N R: largest torque, (W, n) N m.
 
     Returns:
         Twist v, (3, n) m/s, m/s, rad/s; speeds of the rims, (W, n) rad/s; and torques t of the
