@@ -13,10 +13,10 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from omni_control.arguments import check_array, check_integer, fits_annotation
-from omni_control.controllers.base import Controller
+from omni_control.controllers.base import Controller, TeamModel
 from omni_control.errors import OmniError, format_value
 from omni_control.kinematics import Array, compute_pose_error
-from omni_control.reference import combine_references
+from omni_control.reference import Reference, combine_references
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario, load_scenario
@@ -38,8 +38,8 @@ class ExternalController(Controller):
 
     history_length: int = 1  # frames
 
-    def __init__(self, model: object, reference: object, n: int) -> None:
-        super().__init__(model, reference, n)  # type: ignore[arg-type]
+    def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+        super().__init__(model, reference, n)
         self.memory_frames = max(self.history_length, self.memory_frames)
 
 
