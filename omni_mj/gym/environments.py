@@ -22,8 +22,9 @@ from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.config.settings import Settings
 from omni_mj.gym import observations
+from omni_mj.mjcf.field import ROBOT_RADIUS_M
 from omni_mj.simulation.simulation import Simulation, batch_key
-from omni_mj.viz.route_picture import ROBOT_RADIUS_M, draw_robot
+from omni_mj.viz.route_picture import draw_robot
 
 MAX_ENVS = 1_000_000
 MAX_ERROR_M = 1.0  # default position error at which an episode terminates

@@ -1,4 +1,4 @@
-"""Dimensions of the field: division B of the Small Size League.
+"""Dimensions of the field, and the largest robot: division B of the Small Size League.
 
 Source: RoboCup-SSL/ssl-rules, chapter "Playing Environment", field setup. The origin of the world
 frame is the center of the field; x points to a goal, y left, z up. The carpet and the walls around
@@ -16,6 +16,7 @@ LINE_WIDTH_M = 0.01
 CENTER_CIRCLE_RADIUS_M = 0.5
 PENALTY_AREA_DEPTH_M, PENALTY_AREA_WIDTH_M = 1.0, 2.0  # "defense area" in the rules
 GOAL_WIDTH_M, GOAL_DEPTH_M, GOAL_HEIGHT_M, GOAL_WALL_THICKNESS_M = 1.0, 0.18, 0.16, 0.02
+ROBOT_RADIUS_M, ROBOT_HEIGHT_M = 0.09, 0.15  # largest robot that the rules allow
 
 
 def get_field_lines() -> dict[str, tuple[float, float, float, float]]:

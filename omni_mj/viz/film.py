@@ -18,10 +18,10 @@ from omni_mj.config import PERIOD_S
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
+from omni_mj.mjcf.field import ROBOT_HEIGHT_M, ROBOT_RADIUS_M
 from omni_mj.results.summary import read_summary
 from omni_mj.viz import style
 from omni_mj.viz.recording.robot_shapes import cover_materials, points_above
-from omni_mj.viz.recording.scene import HEIGHT_M, RADIUS_M
 
 SUFFIXES = (".gif", ".webp")
 GAP_PIXELS = 4  # between panels
@@ -194,8 +194,8 @@ class FilmRenderer:
             self._add_line(track.poses[: frame + 1, slot, :2], (*color, 1.0))
             # The reference is a ring above the robot with a line that shows its heading.
             angles = heading + np.linspace(0, 2 * np.pi, 25)
-            ring = [x, y] + RADIUS_M * np.column_stack([np.cos(angles), np.sin(angles)])
-            self._add_line(np.vstack([[x, y], ring]), REFERENCE_RGBA, HEIGHT_M)
+            ring = [x, y] + ROBOT_RADIUS_M * np.column_stack([np.cos(angles), np.sin(angles)])
+            self._add_line(np.vstack([[x, y], ring]), REFERENCE_RGBA, ROBOT_HEIGHT_M)
 
     def _add_line(self, points: Array, rgba: tuple[float, ...], height: float = 0.0) -> None:
         """Add a line through points (n, 2) at a height in m to the scene."""

@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from omni_control.kinematics import Array
+from omni_mj.mjcf.field import ROBOT_RADIUS_M
 from omni_mj.viz import style
 
 SIZE = (480, 360)  # width and height, pixels
 MARGIN_M = 0.35  # around the route
-ROBOT_RADIUS_M = 0.09
 ROBOT_COLOR = style.COLORS[0]
 
 

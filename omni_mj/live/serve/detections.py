@@ -19,8 +19,7 @@ from omni_mj.network.camera import Camera, ImageTiming
 from omni_mj.network.camera_calibration import CAMERA_GRIDS, SEED_OFFSET, CameraErrors
 from omni_mj.network.random_streams import Noise, Seed, Stream
 
-BALL_RADIUS_M, ROBOT_RADIUS_M = 0.0215, 0.09
-ROBOT_HEIGHT_M = 0.15  # height of the pattern above the carpet
+BALL_RADIUS_M = 0.0215
 CAMERA_HEIGHT_M = 4.0
 IMAGE_SIZE = np.array([1920, 1200])  # pixels
 
@@ -133,7 +132,7 @@ class FieldCamera:
                     orientation=heading,
                     pixel_x=0.0,
                     pixel_y=0.0,
-                    height=MM_PER_M * ROBOT_HEIGHT_M,
+                    height=MM_PER_M * field.ROBOT_HEIGHT_M,  # of the pattern above the carpet
                 )
         self._frame += 1
         self.due = self._cycle_of(self._frame)
@@ -187,7 +186,7 @@ def standard_field() -> FieldSize:
         "line_thickness": field.LINE_WIDTH_M,
     }
     size = FieldSize(
-        ball_radius=MM_PER_M * BALL_RADIUS_M, max_robot_radius=MM_PER_M * ROBOT_RADIUS_M
+        ball_radius=MM_PER_M * BALL_RADIUS_M, max_robot_radius=MM_PER_M * field.ROBOT_RADIUS_M
     )
     for name, value in lengths_m.items():
         setattr(size, name, round(MM_PER_M * value))

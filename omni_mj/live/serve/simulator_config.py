@@ -11,7 +11,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config import distributions
 from omni_mj.config.settings import Settings
-from omni_mj.live.serve.detections import ROBOT_HEIGHT_M, ROBOT_RADIUS_M, RobotName
+from omni_mj.live.serve.detections import RobotName
 from omni_mj.live.serve.simulation_requests import (
     Refusal,
     find_unknown_fields,
@@ -24,6 +24,7 @@ from omni_mj.live.wire.league_pb2 import (
     RobotSpecs,
     SimulatorError,
 )
+from omni_mj.mjcf.field import ROBOT_HEIGHT_M, ROBOT_RADIUS_M
 
 ERFORCE_REALISM = b"RealismConfigErForce"  # end of the type of the message
 # Field of ER-Force's realism -> setting, and unit of the field over ours.

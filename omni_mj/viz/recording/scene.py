@@ -7,6 +7,7 @@ import rerun as rr
 
 from omni_control.kinematics import Array
 from omni_mj.mjcf import field
+from omni_mj.mjcf.field import ROBOT_HEIGHT_M, ROBOT_RADIUS_M
 from omni_mj.viz import style
 from omni_mj.viz.displayed_robots import RecordedRobot
 from omni_mj.viz.recording.rerun_stream import Frames, FrameStream
@@ -14,7 +15,6 @@ from omni_mj.viz.recording.robot_shapes import log_robot, points_above, pose_col
 
 CARPET_COLOR, LINE_COLOR, GOAL_COLOR = (33, 66, 45), (150, 175, 158), (190, 190, 190)
 REFERENCE_COLOR = (240, 240, 240)
-RADIUS_M, HEIGHT_M = 0.09, 0.15  # largest robot that the rules allow
 ERROR_SCALE = 10  # enlargement of position errors
 # Errors are drawn as flags. Heights differ so that the labels of controllers do not overlap.
 FLAG_STEP = 0.07  # height per controller, as a fraction of the scene's size
@@ -26,7 +26,7 @@ REFERENCE_HEIGHT_M, PATH_HEIGHT_M, TARGET_HEIGHT_M = 0.002, 0.004, 0.005
 # the others, so that the picture does not flicker.
 LAYER_M = 5e-4
 # Channel of the log -> label, and height of the lower end of its cylinder, m.
-ESTIMATES = {"vision": ("measured", HEIGHT_M), "predicted": ("predicted", 0.0)}
+ESTIMATES = {"vision": ("measured", ROBOT_HEIGHT_M), "predicted": ("predicted", 0.0)}
 
 
 def log_static(stream: FrameStream, robots: Sequence[RecordedRobot]) -> None:
@@ -91,7 +91,7 @@ def choose_flag_heights(
     n_controllers = 1 + robots[-1].layer
     _, size_m = measure_scene(references)
     step = min(FLAG_STEP, MAX_FLAG_HEIGHT / n_controllers) * size_m
-    return [HEIGHT_M + (k + 0.5) * step for k in range(n_controllers)]
+    return [ROBOT_HEIGHT_M + (k + 0.5) * step for k in range(n_controllers)]
 
 
 def send_robot(
@@ -144,9 +144,9 @@ def _send_estimates(stream: FrameStream, robot: RecordedRobot, frames: Frames) -
         entity = f"world/{robot.name}/{channel}"
         stream.send_frames(entity, known, pose_columns(poses[known]))
         envelope = rr.Cylinders3D.columns(
-            lengths=[HEIGHT_M - bottom],
-            radii=[RADIUS_M],
-            centers=[[0, 0, (HEIGHT_M + bottom) / 2]],
+            lengths=[ROBOT_HEIGHT_M - bottom],
+            radii=[ROBOT_RADIUS_M],
+            centers=[[0, 0, (ROBOT_HEIGHT_M + bottom) / 2]],
             colors=[style.mix_with_white(robot.color)],
             line_radii=[-1.2],  # points of the screen
             fill_mode=["majorwireframe"],
