@@ -9,26 +9,21 @@ import mujoco
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
-from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
+from omni_mj.plants.cyclewise_plant import CyclewisePlant
 from omni_mj.plants.mjdata_views import CopyableBatch, RobotViews
 from omni_mj.plants.randomization import RobotVariation
 from omni_mj.plants.row_checks import MODEL_SETTINGS, check_equal_settings, check_start_poses
 from omni_mj.plants.telemetry import Telemetry
-from omni_mj.plants.wheeled_plant_base import WheeledPlantBase
-from omni_mj.robot.array_ops import stack_records
 from omni_mj.robot.electronics import (
     CycleRecord,
     ElectronicsParameters,
     begin_frame,
-    end_frame,
-    receive_command,
     run_cycle,
     stack_telemetry,
 )
-from omni_mj.robot.firmware import set_heading
 from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES, CarpetParameters, Drag, compute_drag
 
 # Number of robots from which several threads are faster than one
@@ -51,7 +46,7 @@ class MujocoParameters(NamedTuple):
     carpet: CarpetParameters  # its creep compliance is scaled for slip hinges
 
 
-class MujocoPlant(WheeledPlantBase):
+class MujocoPlant(CyclewisePlant):
     """Robots with roller wheels on carpet that collide with robots and walls of their world.
 
     Args:
@@ -106,11 +101,7 @@ class MujocoPlant(WheeledPlantBase):
             self._roller_pitch = 2 * np.pi / wheels.rollers
         self._make_parameters()
         self._drag: Drag
-        self._cycle = 0  # number of cycles so far in this frame
-        self._records = list[CycleRecord]()
-        # Vision's headings that arrived in this frame, rad, NaN if none, and ages in frames, (n,)
-        self._no_vision: tuple[Array, np.ndarray] = np.full(n, np.nan), np.zeros(n, int)
-        self._vision = self._no_vision
+        self._start_cycles()
         self._start_faults(self._views)
 
     def _make_parameters(self) -> None:
@@ -154,83 +145,42 @@ class MujocoPlant(WheeledPlantBase):
             failures = self.advance_cycles(n_cycles, segment)
         return failures
 
-    def advance_cycles(self, n_cycles: int, received: ReceivedCommand | None) -> dict[int, str]:
-        """Advance by some cycles of 1/960 s, at most to the end of the frame.
-
-        Args:
-            n_cycles: Number of cycles.
-            received: Commands that apply from now on, or None if none arrived. Vision's headings in
-                them are used at the beginning of the next frame.
-
-        Returns:
-            At the end of a frame a mapping from failed row to cause, as `advance`; otherwise empty.
-        """
-        if received is not None:
-            self._receive(received)
-        if self._cycle == 0:
-            self._begin_frame()
-        for _ in range(n_cycles):
-            self._begin_cycle()
-            for substep in range(self._substeps):
-                self._batch.step(self._active_worlds)
-                if substep == 0:
-                    # MuJoCo computes sensors at the beginning of a step. Reading them after the
-                    # first step makes them one cycle old in the next cycle, for any number of
-                    # steps per cycle.
-                    self._read_sensors()
-                if self._roller_pitch is not None:
-                    self._views.wrap_rollers(self._roller_pitch)
-                if substep < self._substeps - 1:
-                    self._views.write_slip_limits(self._drag, self._views.load.get())
-        self._cycle = (self._cycle + n_cycles) % CYCLES_PER_FRAME
-        if self._cycle:
-            return {}
-        self._record = stack_records(self._records)
-        self.electronics = end_frame(self.parameters.electronics, self.electronics, self._record)
-        self._records.clear()
-        self._heading += wrap_angle(self.compute_heading() - self._heading)
-        return self._stop_failed_rows()
-
     def compute_heading(self) -> Array:
         """Return the headings of robots, which may be tilted, (n,) rad in (-pi, pi]."""
         w, x, y, z = self._views.pose.get()[3:]
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
-    def set_heading_estimate(self, robot: int, heading: float) -> None:
-        """Set the heading estimate of a robot's firmware.
-
-        Args:
-            robot: Row of the robot.
-            heading: New estimate, rad.
-        """
-        mask = np.arange(len(self._rows)) == robot
-        firmware = set_heading(self.electronics.firmware, mask, np.array(heading))
-        self.electronics = self.electronics._replace(firmware=firmware)
-
-    def _receive(self, received: ReceivedCommand) -> None:
-        """Pass commands to the firmware, and store vision's headings until the next frame."""
-        command = self._make_command(received)
-        self.electronics = receive_command(self.parameters.electronics, self.electronics, command)
-        heading, age = self._vision
-        is_missing = np.isnan(received.heading)
-        self._vision = (
-            np.where(is_missing, heading, received.heading),
-            np.where(is_missing, age, received.age),
-        )
-
     def _begin_frame(self) -> None:
         """Apply changes from frame to frame: faults, disturbances, vision's headings, heat."""
         # Faults that begin or end change `self.parameters` here, so read them afterwards.
-        inputs = self._make_inputs(*self._vision, self._failed)
+        inputs = self._take_inputs()
         parameters = self.parameters.electronics
         _, wheel_angle = self._sensor_values
         self.electronics = begin_frame(parameters, self.electronics, inputs, wheel_angle)
         motors = self.electronics.motors
         self._views.resistance.set(motors.resistance)
         self._views.torque_constant.set(motors.back_emf_constant / parameters.motors.gear_ratio)
-        self._vision = self._no_vision
 
-    def _begin_cycle(self) -> None:
+    def _advance_cycle(self) -> CycleRecord:
+        record = self._begin_cycle()
+        for substep in range(self._substeps):
+            self._batch.step(self._active_worlds)
+            if substep == 0:
+                # MuJoCo computes sensors at the beginning of a step. Reading them after the first
+                # step makes them one cycle old in the next cycle, for any number of steps per
+                # cycle.
+                self._read_sensors()
+            if self._roller_pitch is not None:
+                self._views.wrap_rollers(self._roller_pitch)
+            if substep < self._substeps - 1:
+                self._views.write_slip_limits(self._drag, self._views.load.get())
+        return record
+
+    def _end_frame(self) -> dict[int, str]:
+        self._heading += wrap_angle(self.compute_heading() - self._heading)
+        return self._stop_failed_rows()
+
+    def _begin_cycle(self) -> CycleRecord:
         """Run the firmware, and write voltages, forces on the chassis, and slip limits."""
         views = self._views
         is_drag_due = self.electronics.cycle % DRAG_CYCLES == 0
@@ -240,7 +190,6 @@ class MujocoPlant(WheeledPlantBase):
         self.electronics, record = run_cycle(
             self.parameters.electronics, self.electronics, gyro, wheel_angle, wheel_speed
         )
-        self._records.append(record)
         if is_drag_due:
             motion = views.read_motion()
             slip_speed = views.slip_speed.get()
@@ -253,6 +202,7 @@ class MujocoPlant(WheeledPlantBase):
             motors.back_emf_constant * wheel_speed + record.current * motors.resistance
         )
         views.write_slip_limits(self._drag, load)
+        return record
 
     def _read_sensors(self) -> None:
         """Store gyro, (n,) rad/s, and encoders, (W, n) rad."""

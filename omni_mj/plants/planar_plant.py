@@ -99,6 +99,10 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         """State of firmware, motors and battery."""
         return self.state.electronics
 
+    @electronics.setter
+    def electronics(self, electronics: Any) -> None:
+        self._backend.state = self.state._replace(electronics=electronics)
+
     def pose(self) -> Array:
         """See `Plant`."""
         return self._pose

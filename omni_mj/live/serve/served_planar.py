@@ -5,14 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, world_to_body
-from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
 from omni_mj.live.serve.served_plant import HEADING_MEMORY_FRAMES
-from omni_mj.network.radio import ReceivedCommand
+from omni_mj.plants.cyclewise_plant import CyclewisePlant
 from omni_mj.plants.planar_plant import PlanarPlant
-from omni_mj.robot.array_ops import rotate, stack_records
-from omni_mj.robot.electronics import CycleRecord, begin_frame, end_frame, receive_command
-from omni_mj.robot.firmware import set_heading
+from omni_mj.robot.array_ops import rotate
+from omni_mj.robot.electronics import CycleRecord, begin_frame
 from omni_mj.robot.planar_dynamics import SlowForces, compute_center_motion
 from omni_mj.robot.planar_robot import (
     PlanarState,
@@ -23,7 +21,7 @@ from omni_mj.robot.planar_robot import (
 from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES
 
 
-class ServedPlanar(PlanarPlant):
+class ServedPlanar(CyclewisePlant, PlanarPlant):
     """Robots that pass through each other and through walls, and can be removed.
 
     Args:
@@ -43,15 +41,7 @@ class ServedPlanar(PlanarPlant):
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
         super().__init__(rows, start)
         self.present = np.ones(len(rows), bool)
-        self._cycle = 0  # number of cycles so far in this frame
-        self._records = list[CycleRecord]()
-        # Vision's headings that arrived in this frame, rad, NaN if none, and ages in frames, (n,)
-        self._vision = np.full(len(rows), np.nan), np.zeros(len(rows), int)
-
-    @property
-    def cycles_left(self) -> int:
-        """Number of cycles to the end of the frame; 0 at its beginning."""
-        return -self._cycle % CYCLES_PER_FRAME
+        self._start_cycles()
 
     def pose(self) -> Array:
         """Return poses, also between frames, shape (n, 3)."""
@@ -63,35 +53,6 @@ class ServedPlanar(PlanarPlant):
         motion = compute_center_motion(self.parameters.body, self.state.body)
         velocity = rotate(motion.velocity, motion.cosine, motion.sine)
         return np.column_stack([*velocity, motion.turn_rate])
-
-    def advance_cycles(self, n_cycles: int, received: ReceivedCommand | None) -> dict[int, str]:
-        """Advance by some cycles; see `MujocoPlant.advance_cycles`."""
-        if received is not None:
-            command = self._make_command(received)
-            electronics = self.parameters.electronics
-            self._set_electronics(receive_command(electronics, self.electronics, command))
-            is_missing = np.isnan(received.heading)
-            self._vision = (
-                np.where(is_missing, self._vision[0], received.heading),
-                np.where(is_missing, self._vision[1], received.age),
-            )
-        if self._cycle == 0:
-            self._begin_frame()
-        p = self.parameters
-        for cycle in range(self._cycle, self._cycle + n_cycles):
-            state = self.state
-            if cycle % DRAG_CYCLES == 0:
-                inputs = state.electronics.inputs
-                self._slow = compute_slow_forces(p.body, p.carpet, state.body, inputs)
-            self._backend.state, record = advance_cycle(p, state, self._slow)
-            self._records.append(record)
-        self._cycle = (self._cycle + n_cycles) % CYCLES_PER_FRAME
-        if self._cycle:
-            return {}
-        record = stack_records(self._records)
-        self._records.clear()
-        self._set_electronics(end_frame(p.electronics, self.electronics, record))
-        return self._finish_frame(make_report(p, self.state, record))
 
     def place_robot(self, robot: int, pose: Array, twist: Array) -> None:
         """Place a robot, with wheels that roll without slip.
@@ -128,21 +89,16 @@ class ServedPlanar(PlanarPlant):
                 rim_speed=np.where(mask, wheel_speed, body.rim_speed),
             )
         )
-        firmware = set_heading(self.electronics.firmware, mask, np.array(pose[2]))
-        self._set_electronics(self.electronics._replace(firmware=firmware))
+        self.set_heading_estimate(robot, float(pose[2]))
 
     def remove(self, robot: int) -> None:
         """Switch a robot off and take it away."""
         self.present[robot], self._failed[robot] = False, True
         self._stop_robots(np.arange(len(self._rows)) == robot, self.pose())
 
-    def _set_electronics(self, electronics: object) -> None:
-        self._backend.state = self.state._replace(electronics=electronics)
-
     def _begin_frame(self) -> None:
         """Apply what changes from frame to frame, as `planar_robot.advance_frame` does."""
-        inputs = self._make_inputs(*self._vision, self._failed)
-        self._vision = np.full(len(self._rows), np.nan), np.zeros(len(self._rows), int)
+        inputs = self._take_inputs()
         p, state = self.parameters, self.state
         body = state.body
         electronics = begin_frame(p.electronics, state.electronics, inputs, body.encoder_angle)
@@ -152,3 +108,14 @@ class ServedPlanar(PlanarPlant):
             tilting_moment=np.zeros_like(body.tilting_moment),
         )
         self._backend.state = PlanarState(electronics, body)
+
+    def _advance_cycle(self) -> CycleRecord:
+        p, state = self.parameters, self.state
+        if state.electronics.cycle % DRAG_CYCLES == 0:
+            inputs = state.electronics.inputs
+            self._slow = compute_slow_forces(p.body, p.carpet, state.body, inputs)
+        self._backend.state, record = advance_cycle(p, state, self._slow)
+        return record
+
+    def _end_frame(self) -> dict[int, str]:
+        return self._finish_frame(make_report(self.parameters, self.state, self._record))

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from omni_control.kinematics import Array, world_to_body, wrap_angle
-from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
 from omni_mj.plants.mujoco_plant import MujocoPlant
 
@@ -31,11 +30,6 @@ class ServedPlant(MujocoPlant):
     def __init__(self, rows: Sequence[Row], start: Array) -> None:
         super().__init__(rows, start, with_hulls=True)
         self.present, self.is_unstable = np.ones(len(rows), bool), False
-
-    @property
-    def cycles_left(self) -> int:
-        """Number of cycles to the end of the frame; 0 at its beginning."""
-        return -self._cycle % CYCLES_PER_FRAME
 
     def pose(self) -> Array:
         """Return poses, also between frames, shape (n, 3)."""
