@@ -67,11 +67,8 @@ def advance_frame(
         later_commands: Velocities (cycles, 3, n) that apply in each cycle, and whether they arrived
             in it (cycles, n). Default: the command applies in the whole frame.
     """
-    xp = namespace(s.body.x)
-    electronics = receive_command(p.electronics, s.electronics, command)
-    electronics = begin_frame(p.electronics, electronics, inputs, s.body.encoder_angle)
-    cosine, sine = xp.cos(s.body.heading), xp.sin(s.body.heading)
-    body = s.body._replace(cosine=cosine, sine=sine, tilting_moment=s.body.tilting_moment * 0.0)
+    s = s._replace(electronics=receive_command(p.electronics, s.electronics, command))
+    s = begin_planar_frame(p, s, inputs)
 
     def advance_one_cycle(s: PlanarState, slow: SlowForces) -> tuple[PlanarState, CycleRecord]:
         if later_commands is not None:
@@ -80,15 +77,23 @@ def advance_frame(
 
     def advance_drag_cycles(s: PlanarState) -> tuple[PlanarState, CycleRecord]:
         slow = compute_slow_forces(p.body, p.carpet, s.body, s.electronics.inputs)
-        return scan(lambda s: advance_one_cycle(s, slow), s, DRAG_CYCLES, cosine)
+        return scan(lambda s: advance_one_cycle(s, slow), s, DRAG_CYCLES, s.body.cosine)
 
-    s = PlanarState(electronics, body)
-    s, nested = scan(advance_drag_cycles, s, CYCLES_PER_FRAME // DRAG_CYCLES, cosine)
+    s, nested = scan(advance_drag_cycles, s, CYCLES_PER_FRAME // DRAG_CYCLES, s.body.cosine)
     record = CycleRecord(
         *(values.reshape((CYCLES_PER_FRAME, *values.shape[2:])) for values in nested)
     )
     s = PlanarState(end_frame(p.electronics, s.electronics, record), s.body)
     return s, make_report(p, s, record)
+
+
+def begin_planar_frame(p: PlanarParameters, s: PlanarState, inputs: FrameInputs) -> PlanarState:
+    """Apply what changes from frame to frame, and start the sums over the frame anew."""
+    xp = namespace(s.body.x)
+    electronics = begin_frame(p.electronics, s.electronics, inputs, s.body.encoder_angle)
+    cosine, sine = xp.cos(s.body.heading), xp.sin(s.body.heading)
+    body = s.body._replace(cosine=cosine, sine=sine, tilting_moment=s.body.tilting_moment * 0.0)
+    return PlanarState(electronics, body)
 
 
 def receive_later_command(

@@ -10,11 +10,11 @@ from omni_mj.live.serve.served_plant import HEADING_MEMORY_FRAMES
 from omni_mj.plants.cyclewise_plant import CyclewisePlant
 from omni_mj.plants.planar_plant import PlanarPlant
 from omni_mj.robot.array_ops import rotate
-from omni_mj.robot.electronics import CycleRecord, begin_frame
+from omni_mj.robot.electronics import CycleRecord
 from omni_mj.robot.planar_dynamics import SlowForces, compute_center_motion
 from omni_mj.robot.planar_robot import (
-    PlanarState,
     advance_cycle,
+    begin_planar_frame,
     compute_slow_forces,
     make_report,
 )
@@ -97,17 +97,8 @@ class ServedPlanar(CyclewisePlant, PlanarPlant):
         self._stop_robots(np.arange(len(self._rows)) == robot, self.pose())
 
     def _begin_frame(self) -> None:
-        """Apply what changes from frame to frame, as `planar_robot.advance_frame` does."""
         inputs = self._take_inputs()
-        p, state = self.parameters, self.state
-        body = state.body
-        electronics = begin_frame(p.electronics, state.electronics, inputs, body.encoder_angle)
-        body = body._replace(
-            cosine=np.cos(body.heading),
-            sine=np.sin(body.heading),
-            tilting_moment=np.zeros_like(body.tilting_moment),
-        )
-        self._backend.state = PlanarState(electronics, body)
+        self._backend.state = begin_planar_frame(self.parameters, self.state, inputs)
 
     def _advance_cycle(self) -> CycleRecord:
         p, state = self.parameters, self.state
