@@ -23,7 +23,7 @@ from omni_mj.robot.array_ops import rotate, select
 from omni_mj.robot.electronics import stack_telemetry
 from omni_mj.robot.firmware_state import FirmwareCommand
 from omni_mj.robot.numpy_and_jax_backends import JaxBackend, NumpyBackend
-from omni_mj.robot.planar_dynamics import BodyParameters, BodyState
+from omni_mj.robot.planar_dynamics import BodyParameters, BodyState, compute_point_velocity
 from omni_mj.robot.planar_robot import (
     FrameReport,
     PlanarParameters,
@@ -133,11 +133,8 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         shift = old.center - new.center
         state = self.state
         body = state.body
-        forward, sideways, turn_rate = body.twist
         world_x, world_y = rotate(shift, body.cosine, body.sine)
-        twist = np.stack(
-            [forward - turn_rate * shift[1], sideways + turn_rate * shift[0], turn_rate]
-        )
+        twist = np.stack([*compute_point_velocity(body.twist, shift), body.twist[2]])
         body = body._replace(x=body.x + world_x, y=body.y + world_y, twist=twist)
         self._backend.state = state._replace(body=body)
 

@@ -147,16 +147,26 @@ class SlowForces(NamedTuple):
 
 def compute_center_motion(p: BodyParameters, s: BodyState) -> ChassisMotion:
     """Return the motion of the center of the wheels, computed from that of the center of mass."""
-    forward, sideways, turn_rate = s.twist
     world_x, world_y = rotate(p.center, s.cosine, s.sine)
     return ChassisMotion(
         x=s.x + world_x,
         y=s.y + world_y,
         cosine=s.cosine,
         sine=s.sine,
-        velocity=(forward - turn_rate * p.center[1], sideways + turn_rate * p.center[0]),
-        turn_rate=turn_rate,
+        velocity=compute_point_velocity(s.twist, p.center),
+        turn_rate=s.twist[2],
     )
+
+
+def compute_point_velocity(twist: Array, point: Array) -> tuple[Array, Array]:
+    """Return the velocity of a point that is fixed to a body, forward and sideways.
+
+    Args:
+        twist: Twist of another point of the body, body frame, (3, n) m/s, m/s, rad/s.
+        point: Position relative to that point, body frame, (2, n) m.
+    """
+    forward, sideways, turn_rate = twist
+    return forward - turn_rate * point[1], sideways + turn_rate * point[0]
 
 
 def advance_body(

@@ -11,7 +11,11 @@ from omni_mj.plants.cyclewise_plant import CyclewisePlant
 from omni_mj.plants.planar_plant import PlanarPlant
 from omni_mj.robot.array_ops import rotate
 from omni_mj.robot.electronics import CycleRecord
-from omni_mj.robot.planar_dynamics import SlowForces, compute_center_motion
+from omni_mj.robot.planar_dynamics import (
+    SlowForces,
+    compute_center_motion,
+    compute_point_velocity,
+)
 from omni_mj.robot.planar_robot import (
     advance_cycle,
     begin_planar_frame,
@@ -71,19 +75,13 @@ class ServedPlanar(CyclewisePlant, PlanarPlant):
         assert self.geometry is not None
         wheel_speed = self.geometry.wheel_speeds(body_twist)[:, None]
         body = state.body
-        forward, sideways, turn_rate = body_twist[:, None]
-        center_x, center_y = self.parameters.body.center
         # Of the center of mass, from that of the center of the wheels
-        center_twist = np.stack(
-            [
-                forward + turn_rate * center_y,
-                sideways - turn_rate * center_x,
-                turn_rate + 0.0 * center_x,
-            ]
-        )
+        from_wheels = -self.parameters.body.center[:, robot]
+        center_twist = body.twist.copy()
+        center_twist[:, robot] = *compute_point_velocity(body_twist, from_wheels), twist[2]
         self._backend.state = state._replace(
             body=body._replace(
-                twist=np.where(mask, center_twist, body.twist),
+                twist=center_twist,
                 gyro_rate=np.where(mask, twist[2], body.gyro_rate),
                 hub_speed=np.where(mask, wheel_speed, body.hub_speed),
                 rim_speed=np.where(mask, wheel_speed, body.rim_speed),
