@@ -42,6 +42,7 @@ from omni_mj.live.sockets import MessageCounter
 from omni_mj.live.wire.league_pb2 import (
     Geometry,
     RobotCommand,
+    RobotFeedback,
     SimulatorConfig,
     SimulatorControl,
     SimulatorError,
@@ -119,14 +120,6 @@ class ServedWorld:
         robots = zip(self.names, self.plant.pose(), self.plant.present, strict=True)
         return {name: pose for name, pose, is_present in robots if is_present}
 
-    def has_ball_contact(self, name: RobotName) -> bool:
-        """Return whether the ball touches the dribbler of a robot."""
-        if name not in (poses := self.poses()):
-            return False
-        x, y = world_to_body([*(self.ball - poses[name][:2]), 0.0], poses[name][2])[:2]
-        gap = x - self._limits.get(name, RobotLimit()).dribbler
-        return 0 <= gap <= BALL_RADIUS_M + CONTACT_M and abs(y) <= DRIBBLER_HALF_WIDTH_M
-
     def geometry(self) -> Geometry:
         """Return the SSL-Vision message with the geometry of field and cameras."""
         return Geometry(
@@ -174,14 +167,14 @@ class ServedWorld:
 
     def command(
         self, team: int, commands: Iterable[RobotCommand]
-    ) -> tuple[list[SimulatorError], list[int]]:
+    ) -> tuple[list[SimulatorError], list[RobotFeedback]]:
         """Send commands to robots of a team.
 
         Returns:
-            Errors, and the numbers of the team's robots that got a command, including refused ones
+            Errors, and feedback from the team's robots that got a command, including refused ones
             and those without a velocity.
         """
-        errors, commanded, receivers = list[SimulatorError](), list[int](), set[int]()
+        errors, feedback, receivers = list[SimulatorError](), list[RobotFeedback](), set[int]()
         packets, present = self._packets.copy(), self.poses()
         for command in commands:
             name = team, command.id
@@ -189,8 +182,9 @@ class ServedWorld:
                 if name not in present:
                     place = "is parked beyond the walls" if name in self._parked else "is absent"
                     raise Refusal("UNKNOWN_ROBOT", f"{robot_label(name)} {place}")
-                commanded.append(command.id)
-                packet = encode_packet(command, packets.shape[1] - len(empty_packet(0)))
+                touches_ball = self._touches_ball(name, present[name])
+                feedback.append(RobotFeedback(id=command.id, dribbler_ball_contact=touches_ball))
+                packet = encode_packet(command, packets.shape[1] - WHEELS)
                 if packet is not None and name in self._limits:
                     self._limit_packet(packet, self._limits[name])
             except Refusal as refusal:
@@ -198,11 +192,18 @@ class ServedWorld:
                 continue
             if packet is not None:
                 packet[HEADING], packet[IMAGE_CYCLE] = self._headings.get(name, (math.nan, 0))
-                packets[self.names.index(name)] = packet
-                receivers.add(self.names.index(name))
+                robot = self.names.index(name)
+                packets[robot] = packet
+                receivers.add(robot)
         if receivers:
             self._radio.send(packets, np.array(sorted(receivers)))
-        return errors, commanded
+        return errors, feedback
+
+    def _touches_ball(self, name: RobotName, pose: Array) -> bool:
+        """Return whether the ball touches the dribbler of a robot at a pose."""
+        x, y = world_to_body([*(self.ball - pose[:2]), 0.0], pose[2])[:2]
+        gap = x - self._limits.get(name, RobotLimit()).dribbler
+        return bool(0 <= gap <= BALL_RADIUS_M + CONTACT_M and abs(y) <= DRIBBLER_HALF_WIDTH_M)
 
     def teleport(self, control: SimulatorControl) -> list[SimulatorError]:
         """Place the ball and robots, remove robots, and return errors for refused requests.

@@ -19,7 +19,6 @@ from omni_mj.live.wire import WireError, parse_message
 from omni_mj.live.wire.league_pb2 import (
     RobotControl,
     RobotControlResponse,
-    RobotFeedback,
     SimulatorCommand,
     SimulatorError,
     SimulatorResponse,
@@ -251,15 +250,9 @@ class Server:
         errors, commands = find_unknown_fields(control), control.robot_commands
         if error := _check_length(commands):
             return RobotControlResponse(errors=[*errors, error])
-        refusals, commanded = self.world.command(team, commands)
+        refusals, feedback = self.world.command(team, commands)
         if any(command.kick_speed or command.dribbler_speed for command in commands):
             self.messages.add("kicks", "kicker and dribbler are not simulated")
-        feedback = [
-            RobotFeedback(
-                id=number, dribbler_ball_contact=self.world.has_ball_contact((team, number))
-            )
-            for number in commanded
-        ]
         return RobotControlResponse(errors=errors + refusals, feedback=feedback)
 
 
