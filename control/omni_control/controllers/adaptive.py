@@ -127,9 +127,10 @@ class InverseFlc(Controller):
         """
         if not isinstance(self.reference, ReplannedReference):
             return self.reference.preview(frame - 1, self.predicted_pose, 2 + count)
-        poses, twists = self.reference.preview(frame, self.predicted_pose, 1 + count)
         last_twist = self._last_twist[None]
+        # In this order, `frame` is planned only once: the preview begins with the plan of `at`.
         _, self._last_twist = self.reference.at(frame, self.predicted_pose)
+        poses, twists = self.reference.preview(frame, self.predicted_pose, 1 + count)
         return np.concatenate([poses[:1], poses]), np.concatenate([last_twist, twists])
 
     def _compute_lead(self, velocity: Array, velocity_error: Array, heading: Array) -> Array:
