@@ -1,6 +1,6 @@
 """Base class of the plants with wheels that advance cycle by cycle."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from omni_mj.robot.firmware import set_heading
 from omni_mj.robot.firmware_state import FrameInputs
 
 
-class CyclewisePlant(WheeledPlantBase):
+class CyclewisePlant(WheeledPlantBase, ABC):
     """Robots with wheels whose frames can be advanced in several parts.
 
     Attributes:
