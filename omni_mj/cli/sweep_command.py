@@ -1,6 +1,5 @@
 """`omni-mj sweep`: run a scenario under many settings and seeds, and report failure rates."""
 
-from contextlib import nullcontext
 from pathlib import Path
 
 import click
@@ -86,12 +85,13 @@ def sweep_command(
     plan.check(jobs)  # before the folder is created
     if cluster and jobs > 1:
         raise OmniError("--jobs are processes on this machine; it cannot be used with --cluster")
+    context = click.get_current_context()
+    executor = context.with_resource(workers.cluster(cluster)) if cluster else None
     if out is None or not (out / SWEEP_FILE).exists():
         out = output_folders.prepare_folder(out, "sweep", OUTPUTS, overwrite=False)
     else:
         output_folders.reserve_folder(out)
     with (
-        workers.cluster(cluster) if cluster else nullcontext() as executor,
         console.report_write_errors(out),
         Interrupts() as interrupts,
         console.show_progress(quiet, interrupts.check) as start_progress,

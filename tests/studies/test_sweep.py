@@ -227,8 +227,8 @@ def test_cluster_with_a_killed_worker_and_processes_give_the_same(
             run_sweep(tmp_path / "other", executor=client.get_executor(pure=False))
 
 
-def test_unreachable_cluster_gives_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_clusters_and_packages_that_are_not_there_leave_no_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for cluster, message in (
         (("nonsense",), "no Dask scheduler answers at nonsense"),
@@ -236,6 +236,13 @@ def test_unreachable_cluster_gives_one_line(
     ):
         assert invoke(*sweep_command(tmp_path / "none"), "--cluster", *cluster) == 2
         assert message in capsys.readouterr().err
+    for package in ("distributed", "jax"):
+        monkeypatch.setitem(sys.modules, package, None)  # as if it were not installed
+    jax = ("--plant", "planar", "--vary", "physics.backend=numpy,jax")
+    for options in (("--cluster", "tcp://127.0.0.1:9"), jax):
+        assert invoke(*sweep_command(tmp_path / "none"), *options) == 2
+        assert "which is not installed; install it with" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
 
 
 def test_invalid_sweeps_are_rejected(tmp_path: Path) -> None:

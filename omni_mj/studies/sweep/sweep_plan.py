@@ -17,6 +17,7 @@ from omni_mj.config.reference_factory import build_timed_reference
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import find_setting
 from omni_mj.config.toml_files import parse_value
+from omni_mj.robot.numpy_and_jax_backends import choose_backend
 from omni_mj.simulation.simulation import batch_key
 from omni_mj.studies.run_scenario import check_memory, choose_shared_backend
 
@@ -127,7 +128,8 @@ class SweepPlan:
             )
         scenario = choose_shared_backend(self.scenario, self.batch_size)
         object.__setattr__(self, "scenario", scenario)
-        _ = self.point_scenarios  # raises OmniError if a point is not valid
+        for point in self.point_scenarios:  # raises OmniError if a point is not valid
+            choose_backend(point.settings.physics.backend, point.plant, n_robots=0, n_frames=0)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields without cached properties, which other processes compute again."""
