@@ -26,7 +26,7 @@ import control
 import omni_mj as om
 from omni_control.controllers.base import TeamModel
 from omni_control.controllers.baselines import Proportional
-from omni_control.reference import Reference
+from omni_control.reference import Reference, SampledReference
 
 T, DELAY = 1 / 60, 6
 # Equation 7 without uncertainty: no noise, alpha 1, no limits
@@ -222,6 +222,26 @@ def test_a_users_controller_that_copies_its_reference_sees_the_step(
     keep_cases(monkeypatch, REST)
     loop = measure_loop(ideal(), [Mine]).loops[REST]["Mine"]
     np.testing.assert_allclose(loop.step_response, small.loops[REST]["p"].step_response, atol=1e-9)
+
+
+def test_no_step_response_is_shown_of_a_controller_that_read_its_reference_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its margins are those of p, because the disturbance is not part of the reference."""
+
+    class Table(Proportional):
+        def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
+            frames, count = np.zeros(n), loop_experiment.TOTAL_FRAMES + 100
+            poses, _ = reference.preview(frames, np.zeros((n, 3)), count)
+            super().__init__(model, SampledReference(poses, T), n)
+
+    keep_cases(monkeypatch, REST)
+    result = measure_loop(ideal(), [Table, "p"])
+    loop, expected = (result.loops[REST][label] for label in ("Table", "p"))
+    assert np.isnan([*loop.step_metrics]).all()
+    assert loop.margins == pytest.approx(expected.margins, rel=1e-6, nan_ok=True)
+    assert "note: Table did not respond to the step" in result.table()
+    assert "note: p" not in result.table()
 
 
 def test_stopped_loop_study_has_no_result_and_unknown_controller_is_rejected() -> None:

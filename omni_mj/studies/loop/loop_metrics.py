@@ -107,7 +107,8 @@ def interpolate_gains(gains: Gains) -> tuple[Array, Gains]:
         Frequencies (m,) rad/s, and the loop gain at them, (m,).
     """
     fine = np.geomspace(FREQUENCIES[0], FREQUENCIES[-1], _N_INTERPOLATED)
-    magnitude = np.exp(np.interp(np.log(fine), np.log(FREQUENCIES), np.log(np.abs(gains))))
+    log_gains = np.log(np.maximum(np.abs(gains), 1e-12))  # a controller may ignore its input
+    magnitude = np.exp(np.interp(np.log(fine), np.log(FREQUENCIES), log_gains))
     phase = np.interp(fine, FREQUENCIES, np.unwrap(np.angle(gains)))
     return fine, magnitude * np.exp(1j * phase)
 

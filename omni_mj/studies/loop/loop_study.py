@@ -45,7 +45,8 @@ DEFINITIONS = {
     "forward, sideways": "direction of step and disturbance, in the body frame",
     "step": (
         "the reference's poses step without notice, its velocities do not; the response is half "
-        "the difference of two robots with opposite steps under the same noise"
+        "the difference of two robots with opposite steps under the same noise; it does not exist "
+        "for a controller that reads the reference before the step only"
     ),
     "rise_time_s": "time from 10 % to 90 % of the step",
     "overshoot": "largest excess over the step, fraction of the step",
@@ -145,7 +146,12 @@ class LoopResult(Result):
         steps = self._format_metrics(step_title, "step_metrics", STEP_COLUMNS)
         margin_title = f"stability margins: {self.title}"
         margins = self._format_metrics(margin_title, "margins", MARGIN_COLUMNS)
-        return f"{steps}\n\n{margins}"
+        notes = [
+            f"note: {label} did not respond to the step; it must read self.reference in command()"
+            for label, loop in next(iter(self.loops.values())).items()
+            if np.isnan(loop.step_response).all() and np.isfinite(loop.gains).all()
+        ]
+        return "\n\n".join([steps, margins, *(["\n".join(notes)] if notes else [])])
 
     def _format_metrics(
         self, title: str, field_name: str, columns: Sequence[tuple[str, float, int]]
@@ -213,14 +219,16 @@ def _evaluate(
 ) -> dict[str, dict[str, LoopMeasurement]]:
     """Return case -> controller -> measurement of an experiment that ran to its end."""
     position, command, disturbance = experiment.paired_responses()
+    after_step = slice(loop_experiment.WARM_UP_FRAMES, None)
+    is_responding = np.abs(command[after_step][: loop_experiment.STEP_FRAMES]).max(axis=(0, 3)) > 0
     command = command[-loop_experiment.MEASURED_FRAMES :]
     disturbance = disturbance[-loop_experiment.MEASURED_FRAMES :]
-    displacement = position[loop_experiment.WARM_UP_FRAMES :][: loop_experiment.STEP_FRAMES]
+    displacement = position[after_step][: loop_experiment.STEP_FRAMES]
     displacement = (displacement - displacement[0]).mean(3)
 
     def evaluate_loop(i: int, j: int) -> LoopMeasurement:
         gains = estimate_loop_gain(command[:, i, j], disturbance[:, i, j])
-        response = displacement[:, i, j]
+        response = np.where(is_responding[i, j], displacement[:, i, j], np.nan)
         metrics = compute_step_metrics(response, STEP_M)
         return LoopMeasurement(gains, response, metrics, compute_margins(gains))
 
