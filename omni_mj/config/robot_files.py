@@ -36,7 +36,7 @@ _ASSET_SUFFIXES = {  # element of MJCF -> formats of its files
     "hfield": (".png", ".bin"),
     "skin": (".skn",),
 }
-MAX_XML_BYTES = 10_000_000
+MAX_XML_BYTES = 4_000_000  # of all XML files of a model
 MAX_MODEL_FILES = 500
 MAX_MODEL_BYTES = 200_000_000  # of all files of a model
 # Markup of XML; an unfinished comment ends with the file. Tags may contain ">" in quotes.
@@ -166,6 +166,7 @@ class _ModelFileCollector:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self.files: dict[Path, None] = {}
+        self._n_xml_bytes = 0
 
     def add_model(self, model: Path, ancestors: tuple[Path, ...]) -> None:
         """Add the file of a model, and the files that it and its included files name.
@@ -218,6 +219,9 @@ class _ModelFileCollector:
             raise OmniError(f"{file.name} is included twice, or includes itself")
         if len(self.files) >= MAX_MODEL_FILES:
             raise OmniError(f"it must not have more than {MAX_MODEL_FILES} files")
+        self._n_xml_bytes += file.stat().st_size
+        if self._n_xml_bytes > MAX_XML_BYTES:
+            raise OmniError(f"its XML files must not exceed {MAX_XML_BYTES / 1e6:g} MB")
         roots[file] = _parse_xml(file)
         self.files[file] = None
         for element in roots[file].iter():

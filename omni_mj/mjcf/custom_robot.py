@@ -25,6 +25,7 @@ from omni_control.errors import OmniError, to_printable
 from omni_mj.config.robot_files import list_model_files
 from omni_mj.config.robot_settings import AZIMUTH_DIGITS
 from omni_mj.config.validation import SettingsModel, raise_errors
+from omni_mj.mjcf.compile_check import check_compiles
 from omni_mj.mjcf.robot_geometry import WheelGeometry, compute_composite_inertia, measure_wheels
 from omni_mj.mjcf.robot_parts import (
     HINGE,
@@ -129,6 +130,7 @@ def _read_robot_file(path: Path, file: str, change_times: tuple[int, ...]) -> Cu
         change_times: Times of the last change of all files of the model, ns. They are part of the
             cache's key: changed files are read again.
     """
+    check_compiles(path)
     spec = mujoco.MjSpec.from_file(str(path))
     if spec.compiler.settotalmass > 0:
         raise OmniError(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from own_robot import MESH, written
+from PIL import Image
 
 import omni_mj as om
 from omni_mj.config.robot_files import read_model_files
@@ -26,6 +27,11 @@ FILES = {  # in the folder of the model, or next to it
     "out.obj": MESH,
     "out.xml": "<mujoco/>",
 }
+MANY = (
+    "<worldbody>REPEAT<site/></replicate></replicate></replicate></replicate></worldbody>".replace(
+        "REPEAT", 4 * '<replicate count="200">'
+    )
+)
 REFUSED = {  # content of the model -> message
     '<asset><mesh name="m" file="../out.obj"/></asset>': "outside",
     '<asset><mesh name="m" file="..\\out.obj"/></asset>': "outside",
@@ -45,7 +51,15 @@ REFUSED = {  # content of the model -> message
     '<include file="/dev/zero"/>': "outside",
     '<include file="parts"/>': "not a regular file",
     '<asset><mesh name="m" file="huge.obj"/></asset>': "must not exceed 200 MB",
-    '<include file="huge.xml"/>': "more than 10 MB",
+    '<include file="huge.xml"/>': "XML files must not exceed 4 MB",
+    '<include file="half.xml"/><include file="rest.xml"/>': "XML files must not exceed 4 MB",
+    '<asset><texture name="t" type="2d" file="bomb.png"/></asset>': "MuJoCo cannot compile it",
+    '<asset><hfield name="h" size="1 1 1 1" file="bomb.png"/></asset>': "MuJoCo cannot compile it",
+    '<asset><hfield name="h" size="1 1 1 1" nrow="60000" ncol="60000"/></asset>': (
+        "MuJoCo cannot compile it with 0.5 GB"
+    ),
+    MANY: "MuJoCo cannot compile it",
+    '<worldbody><body pos="nan 0 0"><geom size="nan"/></body></worldbody>': "nan size in geom",
     '<asset><mesh name="m" file="none.obj"/></asset>': "none.obj, which does not exist",
     '<asset><texture name="t" type="2d" file="secret.txt" content_type="image/png"/></asset>': (
         "must end in"
@@ -84,6 +98,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         os.mkfifo(tmp_path / "in" / f"pipe.{suffix}")
         with (tmp_path / "in" / f"huge.{suffix}").open("wb") as file:
             file.truncate(250_000_000)
+    for name in ("half", "rest"):
+        (tmp_path / "in" / f"{name}.xml").write_text(f"<mujoco>{' ' * 2_000_000}</mujoco>")
     return tmp_path
 
 
@@ -94,6 +110,7 @@ def with_content(content: str) -> str:
 
 def test_a_model_reads_nothing_but_regular_files_below_its_folder(folder: Path) -> None:
     """Each is refused at once, in one line that names the model."""
+    Image.new("1", (20_000, 20_000)).save(folder / "in" / "bomb.png")  # 50 kB
     texts = [with_content(content.replace("HERE", str(folder))) for content in REFUSED]
     texts += [
         with_content('<x:a xmlns:x="u"/>').replace("<mujoco ", '<mujoco xmlns="u" ', 1),
