@@ -173,6 +173,12 @@ class DrivetrainSettings(SettingsModel):
     gear_friction_nm: float = setting(
         FROM_ROBOT, "dry friction torque of a gear, at the wheel", "N m", low=0, high=1
     )
+    efficiency: float = setting(
+        FROM_ROBOT,
+        "fraction of a motor's torque that drives the wheel; the rest is friction under load",
+        low=0.1,
+        high=1,
+    )
     roller_friction: float = setting(
         FROM_ROBOT,
         "dry friction of a roller's bearing: force at its rim over normal force",

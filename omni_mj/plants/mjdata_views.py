@@ -170,7 +170,7 @@ class RobotViews(ChangeableBodies):
         rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
         self._hub_friction = self._view_model("dof_frictionloss", hubs)
         self._nominal_hub_friction = gather(settings, "hub_friction_nm")
-        self._hub_friction.set(self._nominal_hub_friction)
+        self._dry_friction = self._nominal_hub_friction * np.ones((hubs.shape[1], 1))
         self._view_model("dof_damping", hubs).set(
             gather(settings, "motor.wheel_viscous_friction_nm_s")
         )
@@ -280,6 +280,14 @@ class RobotViews(ChangeableBodies):
             np.stack([x + push_x, y + push_y, 0 * moment, height * y, -height * x, moment])
         )
 
+    def write_hub_friction(self, load_friction: Array) -> None:
+        """Write the friction of the hubs.
+
+        Args:
+            load_friction: Friction torque by the load of the motors, (W, n) N m.
+        """
+        self._hub_friction.set(self._dry_friction + load_friction)
+
     def write_slip_limits(self, drag: Drag, load: Array) -> None:
         """Write Coulomb's limits and impedances of creep to the slip hinges.
 
@@ -340,7 +348,7 @@ class RobotViews(ChangeableBodies):
 
     def block_hubs(self, is_blocked: np.ndarray) -> None:
         """See `ChangeableBodies`."""
-        self._hub_friction.set(np.where(is_blocked, BLOCKED_HUB_NM, self._nominal_hub_friction))
+        self._dry_friction = np.where(is_blocked, BLOCKED_HUB_NM, self._nominal_hub_friction)
 
     def displace_robot(self, row: int, displacement: tuple[float, float, float]) -> None:
         """See `ChangeableBodies`. Tilt and height do not change; all speeds become zero."""

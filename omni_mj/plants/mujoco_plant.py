@@ -24,6 +24,7 @@ from omni_mj.robot.electronics import (
     run_cycle,
     stack_telemetry,
 )
+from omni_mj.robot.motors_and_drivers import compute_load_friction
 from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES, CarpetParameters, Drag, compute_drag
 
 # Number of robots from which several threads are faster than one
@@ -201,6 +202,8 @@ class MujocoPlant(CyclewisePlant):
         views.voltage.set(
             motors.back_emf_constant * wheel_speed + record.current * motors.resistance
         )
+        motor_parameters = self.parameters.electronics.motors
+        views.write_hub_friction(compute_load_friction(motor_parameters, motors, record.current))
         views.write_slip_limits(self._drag, load)
         return record
 

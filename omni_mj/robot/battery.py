@@ -34,8 +34,8 @@ class BatteryParameters(NamedTuple):
 class BatterySource(NamedTuple):
     """Thevenin equivalent of n batteries in a frame, (n,).
 
-    If the protection has switched a battery off, its voltage and resistance are zero: drivers then
-    short the motors.
+    If the protection has switched a battery off, its voltage and resistance are zero. Drivers
+    without power let the motors coast.
     """
 
     open_circuit_voltage: Array  # voltage without load, V
@@ -96,8 +96,8 @@ def apply_motor_load(
     Returns:
         The state with the new terminal voltage, and the battery currents, (n,) A.
     """
-    # A battery that is off has no voltage to divide by, and no current for any duty cycle.
-    battery_voltage = namespace(voltage).where(s.is_on, s.voltage, 1.0)
+    # Without voltage, motors carry no current for any duty cycle.
+    battery_voltage = namespace(voltage).where(s.voltage > 0, s.voltage, 1.0)
     duty = clip(voltage / battery_voltage, -1.0, 1.0)
     battery_current = s.is_on * sum_wheels(duty * current)
     loaded_voltage = source.open_circuit_voltage - source.resistance * battery_current

@@ -181,7 +181,7 @@ def run_cycle(
             p.motors, s.motors, duty, inputs.current_setpoint, wheel_speed, battery_voltage
         )
     voltage, current, is_limited = drive_motors(
-        p.motors, s.motors, duty * battery_voltage, wheel_speed
+        p.motors, s.motors, duty * battery_voltage, wheel_speed, battery_voltage > 0
     )
     battery, battery_current = apply_motor_load(s.battery, s.battery_source, voltage, current)
     record = CycleRecord(

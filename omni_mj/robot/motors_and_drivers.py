@@ -4,13 +4,16 @@ The voltage of a DC motor is V = (R + X |w|) I + K w, with the current I, the wh
 resistance R, and the back-EMF constant K at the wheel. The commutation of a brushless motor adds
 the resistance X |w| (derived in `omni_mj.config.motor_settings`). A driver is an ideal chopper. If
 the current, driving or braking, would exceed its limit, the driver sets the voltage at which the
-current is at the limit.
+current is at the limit. Without battery voltage, drivers let the motors coast.
+
+Motor and gear lose torque under load: the friction of a hub grows by (1 - eta) |K I|, with the
+efficiency eta of the robot. A motor that drives passes eta K I to the wheel.
 
 Heat flows through two nodes, as in the thermal rows of maxon's datasheets. The winding receives
 the copper losses R I^2 and passes heat to the housing. The housing receives the commutation losses
-X |w| I^2 and the friction losses (dry friction + viscous friction |w|) |w|, and passes heat to the
-air. The resistance of copper rises with the winding's temperature. The magnets have the housing's
-temperature, and weaken as it rises.
+X |w| I^2 and the friction losses (dry friction + viscous friction |w| + load friction) |w|, and
+passes heat to the air. The resistance of copper rises with the winding's temperature. The magnets
+have the housing's temperature, and weaken as it rises.
 """
 
 from collections.abc import Sequence
@@ -41,6 +44,7 @@ class MotorParameters(NamedTuple):
     current_limit: Array  # largest current of the driver, A
     dry_friction: Array  # dry friction torque of motor and gear, N m
     viscous_friction: Array  # friction torque per wheel speed, N m s/rad
+    load_friction: Array  # friction torque per torque of the motor, 1
     copper_coefficient: Array  # relative change of the resistance, 1/K
     magnet_coefficient: Array  # relative change of the torque constant, 1/K
     ambient: Array  # temperature of the air, deg C
@@ -74,6 +78,7 @@ def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) ->
         current_limit=gather(settings, "firmware.current_limit_a"),
         dry_friction=gather(sheets, "wheel_dry_friction_nm"),
         viscous_friction=gather(sheets, "wheel_viscous_friction_nm_s"),
+        load_friction=1 - gather(settings, "drivetrain.efficiency"),
         copper_coefficient=gather(sheets, "winding_resistance_per_k"),
         magnet_coefficient=gather(sheets, "torque_constant_per_k"),
         ambient=gather(sheets, "ambient_c"),
@@ -123,15 +128,18 @@ def solve_thermal_nodes(s: MotorSettings) -> Array:
 
 
 def drive_motors(
-    p: MotorParameters, s: MotorState, voltage: Array, wheel_speed: Array
+    p: MotorParameters, s: MotorState, voltage: Array, wheel_speed: Array, is_powered: Array
 ) -> tuple[Array, Array, Array]:
     """Compute I = (V - K w) / (R + X |w|), and lower the voltage where the driver limits I.
+
+    A driver without power switches its transistors off, and the motor carries no current.
 
     Args:
         p: Parameters.
         s: State.
         voltage: Voltages that the drivers apply, (W, n) V.
         wheel_speed: Speeds of the wheels, (W, n) rad/s.
+        is_powered: Whether the battery supplies the drivers, (n,).
 
     Returns:
         Voltages at the motor terminals, (W, n) V, currents, (W, n) A, and whether the driver
@@ -140,6 +148,7 @@ def drive_motors(
     xp = namespace(voltage)
     back_emf = s.back_emf_constant * wheel_speed
     resistance = s.resistance + p.commutation * abs(wheel_speed)
+    voltage = xp.where(is_powered, voltage, back_emf)
     current = (voltage - back_emf) / resistance
     is_limited = abs(current) > p.current_limit
     if any_true(is_limited):
@@ -147,6 +156,17 @@ def drive_motors(
         voltage = xp.where(is_limited, back_emf + limit * resistance, voltage)
         current = xp.where(is_limited, limit, current)
     return voltage, current, is_limited
+
+
+def compute_load_friction(p: MotorParameters, s: MotorState, current: Array) -> Array:
+    """Return the friction torque of hubs by the load of motor and gear, (W, n) N m.
+
+    Args:
+        p: Parameters.
+        s: State.
+        current: Motor currents, (W, n) A.
+    """
+    return p.load_friction * abs(s.back_emf_constant * current)
 
 
 def override_duty(
@@ -193,7 +213,10 @@ def update_temperatures(
     abs_speeds = abs(wheel_speeds)
     # Averaged as a product, because speed and current are correlated within a frame
     housing_losses = abs_speeds * (
-        p.commutation * squares + p.dry_friction + p.viscous_friction * abs_speeds
+        p.commutation * squares
+        + p.dry_friction
+        + p.viscous_friction * abs_speeds
+        + compute_load_friction(p, s, currents)
     )
     housing_heat = housing_losses.sum(0) / len(currents)
     mean_square = squares.sum(0) / len(currents)

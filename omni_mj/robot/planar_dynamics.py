@@ -93,7 +93,7 @@ class BodyParameters(NamedTuple):
     rolling_mass: Array
     hub_gain: Array  # G: speed that a hub gains in a cycle per torque, rad/s / (N m)
     hub_viscous_friction: Array  # friction torque per speed of the hub, N m s/rad
-    hub_dry_friction: Array  # dry friction torque of the hub, (W, n) N m
+    hub_dry_friction: Array  # dry friction torque of the hub without load, (W, n) N m
     # Slip speed per torque due to the contact damping of the rollers, (W, n) rad/s / (N m)
     contact_compliance: Array
     # Force of the rollers along the axle per speed of the wheel along it, for the wheel speed w:
@@ -170,7 +170,7 @@ def compute_point_velocity(twist: Array, point: Array) -> tuple[Array, Array]:
 
 
 def advance_body(
-    p: BodyParameters, s: BodyState, slow: SlowForces, motor_torque: Array
+    p: BodyParameters, s: BodyState, slow: SlowForces, motor_torque: Array, load_friction: Array
 ) -> BodyState:
     """Advance hubs, rubber and body by a cycle of backward Euler, then compute normal forces.
 
@@ -179,11 +179,14 @@ def advance_body(
         s: State.
         slow: Forces that are constant for `DRAG_CYCLES` cycles.
         motor_torque: Torque of the motors at the wheels, (W, n) N m.
+        load_friction: Friction torque of the hubs by the load of the motors, (W, n) N m.
     """
     xp = namespace(s.x)
     torque_limit, load = compute_torque_limit(slow.drag.torque_per_load, s.load)
     compliance = slow.drag.slip_compliance / load + p.contact_compliance
-    free_speed, hub_gain = compute_free_hub_speed(p, s, motor_torque, compliance)
+    free_speed, hub_gain = compute_free_hub_speed(
+        p, s, motor_torque, p.hub_dry_friction + load_friction, compliance
+    )
     forward, sideways, turn_rate = s.twist
     rolling = p.rolling_mass
     # The twist is rotated into the new body frame at the end of the cycle: at the turn rate r the
@@ -226,7 +229,7 @@ def advance_body(
 
 
 def compute_free_hub_speed(
-    p: BodyParameters, s: BodyState, motor_torque: Array, compliance: Array
+    p: BodyParameters, s: BodyState, motor_torque: Array, friction: Array, compliance: Array
 ) -> tuple[Array, Array]:
     """Return e and G of the hubs: speed after the cycle without rubber, and speed per torque.
 
@@ -237,6 +240,7 @@ def compute_free_hub_speed(
         p: Parameters.
         s: State.
         motor_torque: Torque of the motors at the wheels, (W, n) N m.
+        friction: Dry friction torque of the hubs, (W, n) N m.
         compliance: S: slip speed per torque, (W, n) rad/s / (N m).
 
     Returns:
@@ -251,10 +255,10 @@ def compute_free_hub_speed(
         - s.torque
         + (1 - STICTION_RETENTION) * s.hub_speed * (1 / p.hub_gain + 1 / compliance)
     )
-    dry_friction = xp.copysign(p.hub_dry_friction, stopping_torque)
+    dry_friction = xp.copysign(friction, stopping_torque)
     free_speed = s.hub_speed + p.hub_gain * (drive_torque - dry_friction)
     hub_gain = p.hub_gain + compliance * 0.0  # broadcast to (W, n)
-    sticks = abs(stopping_torque) <= p.hub_dry_friction
+    sticks = abs(stopping_torque) <= friction
     if not any_true(sticks):
         return free_speed, hub_gain
     sticking_speed = STICTION_RETENTION * s.hub_speed

@@ -15,6 +15,7 @@ from omni_mj.robot.electronics import (
     stack_telemetry,
 )
 from omni_mj.robot.firmware_state import FirmwareCommand, FrameInputs
+from omni_mj.robot.motors_and_drivers import compute_load_friction
 from omni_mj.robot.planar_dynamics import (
     BodyParameters,
     BodyState,
@@ -166,8 +167,11 @@ def advance_cycle(
     electronics, record = run_cycle(
         p.electronics, s.electronics, body.gyro_rate, body.encoder_angle, body.hub_speed
     )
-    motor_torque = electronics.motors.back_emf_constant * record.current
-    return PlanarState(electronics, advance_body(p.body, body, slow, motor_torque)), record
+    motors = electronics.motors
+    motor_torque = motors.back_emf_constant * record.current
+    load_friction = compute_load_friction(p.electronics.motors, motors, record.current)
+    body = advance_body(p.body, body, slow, motor_torque, load_friction)
+    return PlanarState(electronics, body), record
 
 
 def make_report(p: PlanarParameters, s: PlanarState, record: CycleRecord) -> FrameReport:

@@ -115,7 +115,7 @@ def drive_motor(
         p, np.full_like(speeds, winding), np.full_like(speeds, 25.0)
     )
     volts, amperes, _ = motors_and_drivers.drive_motors(
-        p, state, np.full_like(speeds, voltage), speeds
+        p, state, np.full_like(speeds, voltage), speeds, np.full(speeds.shape[1], True)
     )
     return volts[0], amperes[0]
 
