@@ -24,6 +24,7 @@ from omni_mj.mjcf.robot_geometry import (
 )
 
 Element = ElementTree.Element
+MODEL_RADIUS_M = 0.0285  # radius of the wheels in models/ssl_robot.xml
 
 
 def build_robot_spec(mechanics: Mechanics) -> RobotSpec:
@@ -70,6 +71,7 @@ def _write_wheels(root: Element, mechanics: Mechanics) -> None:
     for azimuth, frame in zip(wheels.azimuths_deg, frames, strict=True):
         frame.set("euler", f"0 0 {azimuth!r}")
         _find_child(frame, "body").set("pos", f"{wheels.arm_m!r} 0 {wheels.radius_m!r}")
+        _scale_hub(frame, wheels.radius_m / MODEL_RADIUS_M)
         _write_rollers(frame, wheels)
     _remove_skirts(root, wheels)
     _replicate_first(root, "actuator/dcmotor", count)
@@ -92,6 +94,19 @@ def _remove_skirts(root: Element, wheels: WheelSettings) -> None:
         angles = np.arctan2(y, x)[:, None] - np.radians(wheels.azimuths_deg)
         if (np.cos(angles) > math.cos(half_width)).any():
             chassis.remove(geom)
+
+
+def _scale_hub(frame: Element, factor: float) -> None:
+    """Scale hub and rim to the radius of the wheel; their thickness and density do not change."""
+    hub = _find_child(frame, "body")
+    geom = _find_child(hub, "geom")
+    radius, half_thickness = map(float, geom.get("size", "").split())
+    geom.set("size", f"{radius * factor!r} {half_thickness!r}")
+    for body in (hub, _find_child(hub, "body")):
+        inertial = _find_child(body, "inertial")
+        inertial.set("mass", repr(float(inertial.get("mass", "")) * factor**2))
+        moments = (float(moment) * factor**4 for moment in inertial.get("diaginertia", "").split())
+        inertial.set("diaginertia", " ".join(map(repr, moments)))
 
 
 def _write_rollers(frame: Element, wheels: WheelSettings) -> None:

@@ -40,7 +40,7 @@ def test_current_reduces_the_charge() -> None:
     assert battery.state.charge[0] == pytest.approx(0.5 - 6.0 * 60 / 3600)
 
 
-def test_after_a_deep_discharge_the_battery_is_off_and_motors_are_shorted() -> None:
+def test_after_a_deep_discharge_the_battery_is_off() -> None:
     battery = Battery(PACK.replace(battery={"charge": 0.06}))
     battery.discharge(20.0, 30)
     assert battery.state.is_on[0], "a sag of half a second does not trip the protection"
