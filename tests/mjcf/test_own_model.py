@@ -56,8 +56,12 @@ def path(**sections: Any) -> NDArray:
 
 
 def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
-    """The paths are equal but for the digits in the file: nine, or six if MuJoCo saved it."""
-    expected = path()
+    """The paths are equal but for the digits in the file: nine, or six if MuJoCo saved it.
+
+    Losses under load change when a current changes its sign; without them, digits matter less.
+    """
+    lossless = {"drivetrain": {"efficiency": 1.0}}
+    expected = path(**lossless)
     text = ROBOT.read_text()
     for old, new in (
         ("wheel", "axle"),
@@ -78,7 +82,7 @@ def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
                 np.testing.assert_allclose(
                     value, settings[section][name], rtol=1e-5, atol=1e-6, err_msg=name
                 )
-        np.testing.assert_allclose(path(model=file), expected, atol=tolerance)
+        np.testing.assert_allclose(path(model=file, **lossless), expected, atol=tolerance)
 
 
 CASES: list[tuple[tuple[float, ...], dict[str, Any]]] = [

@@ -45,7 +45,7 @@ STIFFNESS = 2.5
 NO_FRICTION = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
 FREE: dict[str, Any] = {
     "carpet": {"rolling_resistance": 0.0},
-    "drivetrain": NO_FRICTION | {"creep_stiffness": STIFFNESS},
+    "drivetrain": NO_FRICTION | {"creep_stiffness": STIFFNESS, "efficiency": 1.0},
     "firmware": STIFF,
     "battery": {"resistance_ohm": 0.0},
     "motor": {"no_load_current_a": 0.0},

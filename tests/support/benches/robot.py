@@ -218,10 +218,11 @@ class Motor:
         """Return the resistance with that of commutation, ohm."""
         return self.resistance + self._commutation * self.gear_ratio * np.abs(wheel_speed)
 
-    def housing_heat(self, current: Any, wheel_speed: Any) -> Any:
+    def housing_heat(self, current: Any, wheel_speed: Any, load_friction: Any) -> Any:
         """Return the heat into the housing, W: X |w| I^2, and the power of friction."""
         drop = self.series_resistance(wheel_speed) - self.resistance
-        return drop * np.square(current) + self.friction(wheel_speed) * np.abs(wheel_speed)
+        friction = self.friction(wheel_speed) + load_friction
+        return drop * np.square(current) + friction * np.abs(wheel_speed)
 
 
 def motor_settings(**changes: float) -> MotorSettings:
