@@ -96,21 +96,21 @@ def _merge_with_mjcf(
 
 
 def _check_required_values(sections: Mapping[str, Any], robot: str) -> None:
-    """Check that sections have all values that the default robot's file has, except assumptions.
+    """Check that sections have all values without a default, except assumptions.
 
     Raises:
         OmniError: A value is missing. The message has one line per value.
     """
     errors = []
-    for section, fields in robot_files.read_robot_sections(DEFAULT_ROBOT).items():
+    for section, settings in get_section_classes().items():
         values = sections.get(section, {})
         if section == "control" or not isinstance(values, Mapping):
             continue
         errors += [
-            f"{section}.{field} depends on the robot; give it in the scenario, or in "
+            f"{section}.{name} depends on the robot; give it in the scenario, or in "
             f"{robot_files.find_robot_file(robot)}"
-            for field in fields
-            if field not in values
+            for name, field in settings.model_fields.items()
+            if field.is_required() and name not in values
         ]
     raise_errors(errors)
 

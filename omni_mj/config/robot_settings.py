@@ -174,7 +174,7 @@ class DrivetrainSettings(SettingsModel):
         FROM_ROBOT, "dry friction torque of a gear, at the wheel", "N m", low=0, high=1
     )
     efficiency: float = setting(
-        FROM_ROBOT,
+        1.0,
         "fraction of a motor's torque that drives the wheel; the rest is friction under load",
         low=0.1,
         high=1,

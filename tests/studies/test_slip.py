@@ -193,7 +193,8 @@ def test_measured_slip_and_drag_agree_with_the_closed_form(name: str) -> None:
     assert measured["time_turning"] + 0.0016 == pytest.approx(closed["time_turning"], rel=0.03)
     assert measured["drag_forward"] == pytest.approx(closed["drag_forward"], rel=0.02)
     assert 0.83 < measured["drag_sideways"] / closed["drag_sideways"] < 0.96
-    assert measured["drag_turning"] == pytest.approx(closed["drag_turning"], rel=0.06)
+    # Hubs, rims and rollers turn, too: their inertia is 5 to 8 % of that of robot and motors.
+    assert 0.92 < measured["drag_turning"] / closed["drag_turning"] < 0.98
     assert [row["move"] for row in result.rows().to_pylist()] == [move.axis for move in MOVES]
     reported = result.summary()["slip"]["robots"][name]["quantities"]
     assert reported["drag_sideways"]["published"] is None
