@@ -4,11 +4,16 @@ import difflib
 from collections.abc import Iterable
 
 MAX_LISTED_NAMES = 60
+MAX_LINE_LENGTH = 4000  # characters of a line of a message
 MAX_VALUE_LENGTH = 200  # characters of a wrong value in a message
 
 
 class OmniError(ValueError):
     """Invalid input or request. The message says what is wrong, where, and what is allowed."""
+
+    def __str__(self) -> str:
+        """Return the message without control characters, which files and arguments may contain."""
+        return "\n".join(to_printable(line, MAX_LINE_LENGTH) for line in super().__str__().split("\n"))
 
 
 class ControllerError(OmniError):

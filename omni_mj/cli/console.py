@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from omni_control.errors import OmniError, to_printable
+from omni_control.errors import MAX_LINE_LENGTH, OmniError, to_printable
 from omni_mj.atomic_files import check_folder
 from omni_mj.printable_text import PrintableOutput, join_words
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes; the last is 128 + SIGINT
 MAX_EVENTS = 5  # printed after a run
-MAX_MESSAGE_LENGTH = 4000  # characters of a line on stderr
 
 
 def run_program(command: click.Command) -> NoReturn:
@@ -86,7 +85,7 @@ def get_command_line() -> str | None:
 def exit_with_error(message: str, code: int) -> NoReturn:
     """Print each line of a message as an error on stderr, and exit with `code`."""
     for line in message.split("\n"):
-        click.echo(f"error: {to_printable(line, MAX_MESSAGE_LENGTH)}", err=True)
+        click.echo(f"error: {to_printable(line, MAX_LINE_LENGTH)}", err=True)
     sys.exit(code)
 
 

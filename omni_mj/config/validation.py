@@ -246,9 +246,10 @@ def merge_sections(sections: Mapping[str, Any], changes: Mapping[str, Any]) -> d
     """Return sections of settings with changes.
 
     A mapping changes only the fields that it names. Any other value replaces the whole section.
+    Names become strings.
     """
     result = dict(sections)
-    for name, change in changes.items():
+    for name, change in ((str(name), change) for name, change in changes.items()):
         section = sections.get(name, {})
         if isinstance(change, Mapping) and isinstance(section, (Mapping, SettingsModel)):
             change = merge_sections(dict(section), change)

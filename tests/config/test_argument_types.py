@@ -73,6 +73,28 @@ def test_functions_of_omni_mj_refuse_wrong_types(
     assert not list(tmp_path.iterdir())
 
 
+def test_names_of_settings_that_are_no_strings_are_unknown() -> None:
+    replace = RECT.settings.replace
+    for section in ("radio", "model", "carpet", "control"):
+        for change in (
+            lambda **sections: om.load_scenario("rect", **sections),
+            lambda **sections: RECT.replace(settings=sections),
+            replace,
+        ):
+            with pytest.raises(om.OmniError, match=f"unknown setting {section}.1"):
+                change(**{section: {1: 2}})
+    with pytest.raises(om.OmniError, match="unknown section 1"):
+        RECT.replace(settings={1: {}})
+
+
+def test_messages_have_no_control_characters() -> None:
+    """Of paths and of names, which programs may have received from elsewhere."""
+    for call in (om.identify, om.load_robot, om.verify, om.load_scenario, om.measure_slip):
+        with pytest.raises(om.OmniError) as caught:
+            call("\x1b[2J\x07\x9b\u202e.csv")
+        assert str(caught.value).replace("\n", "").isprintable()
+
+
 @pytest.mark.parametrize("name", TEAM)
 def test_classes_of_omni_control_refuse_wrong_types(name: str) -> None:
     """`OmniError` is the only exception, and no argument accepts most of the values."""
