@@ -94,6 +94,22 @@ def test_clients_are_bounded_and_silent_ones_make_room(inbox) -> None:
     assert received.take().data == b"again"
 
 
+def test_a_flood_of_small_packets_is_read_in_portions(inbox) -> None:
+    """The simulation goes on in between, and no packet of the flood displaces a known client."""
+    received, send, messages = inbox
+    for number in range(MAX_CLIENTS):
+        send(number, b"mine")
+    with serve_client.udp() as late:
+        for _ in range(1500):
+            late.sendto(b"late", received._ports[BLUE].address)
+        counts = [0]
+        for _ in range(3000):
+            received.receive(0.0)
+            counts.append(messages["packets of too many clients"])
+    assert counts[1] < min(counts[-1], 1000)
+    assert [received.take().data for _ in range(MAX_CLIENTS)] == [b"mine"] * MAX_CLIENTS
+
+
 def test_a_flood_of_large_packets_stops_neither_vision_nor_another_client() -> None:
     """Of 16 kB each, with thousands of commands or teleports; of 52 kB they are not even read."""
     commands = [RobotCommand(id=1)] * 3000

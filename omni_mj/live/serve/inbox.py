@@ -1,6 +1,7 @@
 """Packets of the clients of `serve`: bounded queues, which are handled in turn."""
 
 import selectors
+import time
 from collections import deque
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -10,6 +11,9 @@ from omni_mj.live.sockets import Address, MessageCounter, Receiver
 MAX_CLIENTS = 100  # a client that was silent for some time makes room for another
 SILENT_S, KNOWN_SILENT_S = 0.25, 5.0  # after its first packet, after later ones
 MAX_QUEUE = 32  # packets of a client that wait; older ones are dropped
+FULL_S = 0.01  # time until new clients are considered again if all places are taken
+TOO_MANY = "packets of too many clients"
+READ_S = 0.001  # time for packets of a port before the simulation goes on, although it is late
 MAX_BYTES = 16_384  # of a packet; those of all robots have less than 2,000
 
 
@@ -39,6 +43,7 @@ class Inbox:
         self._ports, self._messages = ports, messages
         self._queues = dict[tuple[int | None, Address], deque[Request]]()
         self._expiry = dict[tuple[int | None, Address], float]()  # when a silent client makes room
+        self._full_until = 0.0  # until then, no client is silent
         self._turns = deque[tuple[int | None, Address]]()  # clients with waiting packets
         self._selector = selectors.DefaultSelector()
         for team, port in ports.items():
@@ -49,10 +54,17 @@ class Inbox:
         self._selector.close()
 
     def receive(self, seconds: float) -> None:
-        """Queue the packets that have arrived; if none waits, wait for one for some seconds."""
+        """Queue the packets that have arrived; if none waits, wait for one for some seconds.
+
+        A flood of packets takes hardly longer. The rest is read the next time.
+        """
+        share_s = max(seconds / len(self._ports), READ_S)
         for key, _ in self._selector.select(0.0 if self._turns else max(seconds, 0.0)):
+            until = time.monotonic() + share_s
             for data, arrival, client in self._ports[key.data].packets():
                 self._add(Request(key.data, client, data), arrival)
+                if arrival > until:
+                    break
 
     def take(self) -> Request | None:
         """Return the oldest packet of the client whose turn it is, or None if none waits."""
@@ -76,9 +88,13 @@ class Inbox:
             return
         queue = self._queues.get(key)
         if queue is None:
+            if arrival < self._full_until:  # a flood costs little
+                self._messages[TOO_MANY] += 1
+                return
             if not self._make_room(arrival):
+                self._full_until = arrival + FULL_S
                 self._messages.add(
-                    "packets of too many clients",
+                    TOO_MANY,
                     f"skipped a packet from {request.client}: {MAX_CLIENTS} others are served",
                 )
                 return
