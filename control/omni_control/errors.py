@@ -13,7 +13,9 @@ class OmniError(ValueError):
 
     def __str__(self) -> str:
         """Return the message without control characters, which files and arguments may contain."""
-        return "\n".join(to_printable(line, MAX_LINE_LENGTH) for line in super().__str__().split("\n"))
+        return "\n".join(
+            to_printable(line, MAX_LINE_LENGTH) for line in super().__str__().split("\n")
+        )
 
 
 class ControllerError(OmniError):

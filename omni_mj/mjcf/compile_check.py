@@ -15,19 +15,24 @@ MAX_CPU_S = 10
 _PROGRAM = f"""
 import resource
 import sys
+import warnings
 for limit, value in (("DATA", {MAX_MEMORY_GB * 1e9:.0f}), ("CPU", {MAX_CPU_S}), ("CORE", 0)):
     resource.setrlimit(getattr(resource, "RLIMIT_" + limit), (value, value))
 sys.path[:] = sys.argv[2:]
 import mujoco
-mujoco.set_mju_user_warning(lambda warning: None)
+messages = []
+warnings.filterwarnings("error", "Inertia matrix")
+mujoco.set_mju_user_warning(messages.append)
 try:
     spec = mujoco.MjSpec.from_file(sys.argv[1])
     spec.compiler.usethread = False
     spec.compile()
-except ValueError as error:
+except (ValueError, UserWarning) as error:
     if "allocat" in str(error):
         raise
-    print(" ".join(str(error).split()))
+    messages = [str(error)]
+for message in messages[:1]:
+    print(" ".join(message.split()))
 """
 
 
@@ -35,7 +40,7 @@ def check_compiles(path: Path) -> None:
     """Compile a model with little memory and time.
 
     Raises:
-        OmniError: MuJoCo finds an error in it, needs more memory or time, or crashes.
+        OmniError: MuJoCo warns of it or refuses it, needs more memory or time, or crashes.
     """
     process = subprocess.run(
         [sys.executable, "-c", _PROGRAM, str(path), *sys.path],
