@@ -1,7 +1,6 @@
 """`omni-mj drive`: drive external robots, real or of another simulator, and measure latency."""
 
 import gc
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -200,7 +199,7 @@ def _drive(
     quiet: bool,
 ) -> None:
     """Drive the robots, save the results, and print them with the measured latency."""
-    from omni_mj.atomic_files import write_text
+    from omni_mj.atomic_files import write_json
     from omni_mj.live import drive_setup, latency_fit
 
     def show(text: str) -> None:
@@ -222,7 +221,7 @@ def _drive(
                 live, folder, rerun_targets, interrupts, quiet, "drive"
             )
     summary = latency_fit.summarize(live)
-    write_text(folder / "link.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    write_json(folder / "link.json", summary)
     run_command.report_result(result, folder, output_options, quiet)
     show("\n".join(latency_fit.describe(summary)))
     run_command.exit_unless_complete(result, folder, interrupts)

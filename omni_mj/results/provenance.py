@@ -16,7 +16,7 @@ from typing import Any
 import omni_control
 from omni_control.controllers.registry import CONTROLLERS, get_parameters
 from omni_control.errors import OmniError
-from omni_mj.atomic_files import create_folder, open_atomic, read_json, write_text
+from omni_mj.atomic_files import create_folder, open_atomic, read_json, write_json
 from omni_mj.config import plugins, robot_files
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.summary import flatten, package_versions
@@ -50,26 +50,20 @@ def save_provenance(
         OmniError: A file of the user no longer exists.
     """
     files: dict[str, bytes] = {}
-    content = {
-        "format": PROVENANCE_FORMAT,
-        "study": study,
+    content = _describe_study(study, scenarios, files) | {
         "command": command,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "frames_saved": frames,
-        "scenarios": describe_scenarios(scenarios, files),
-        **describe_environment(),
     }
     # Written first, because --overwrite recognizes the folder of a run by it.
-    write_text(folder / PROVENANCE_FILE, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+    write_json(folder / PROVENANCE_FILE, content)
     for name, data in files.items():
         create_folder((folder / name).parent)
         with open_atomic(folder / name) as file:
             file.write(data)
 
 
-def describe_scenarios(
-    scenarios: Sequence[Scenario], files: dict[str, bytes] | None = None
-) -> dict[str, Any]:
+def describe_scenarios(scenarios: Sequence[Scenario], files: dict[str, bytes]) -> dict[str, Any]:
     """Return a description of everything in scenarios that affects the results, by their names.
 
     Args:
@@ -79,8 +73,7 @@ def describe_scenarios(
     Raises:
         OmniError: A file of the user no longer exists.
     """
-    copies: dict[str, bytes] = {} if files is None else files
-    return {scenario.name: _describe_scenario(scenario, copies) for scenario in scenarios}
+    return {scenario.name: _describe_scenario(scenario, files) for scenario in scenarios}
 
 
 def list_changes(
@@ -123,16 +116,23 @@ def check_unchanged(folder: Path, study: str, scenarios: Sequence[Scenario]) -> 
         OmniError: Another version, source, processor, robot, model, controller or plant, a line
             each; or provenance.json is missing.
     """
-    current = {
-        "format": PROVENANCE_FORMAT,
-        "study": study,
-        "scenarios": describe_scenarios(scenarios),
-        **describe_environment(),
-    }
+    current = _describe_study(study, scenarios, {})
     keys = [key for key in current if key != "git"]  # a commit of the same source is no change
     if changes := list_changes(read_json(folder / PROVENANCE_FILE), current, keys):
         remark = f"{folder} cannot be continued, because its results would be mixed with others"
         raise OmniError("\n".join([f"{remark}; name another folder", *changes]))
+
+
+def _describe_study(
+    study: str, scenarios: Sequence[Scenario], files: dict[str, bytes]
+) -> dict[str, Any]:
+    """Return everything that affects the results of a study; see `describe_scenarios`."""
+    return {
+        "format": PROVENANCE_FORMAT,
+        "study": study,
+        "scenarios": describe_scenarios(scenarios, files),
+        **describe_environment(),
+    }
 
 
 def describe_environment() -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from omni_control.arguments import check_types
 from omni_control.errors import OmniError, suggest_names
-from omni_mj.atomic_files import create_folder, lock_folder, write_text
+from omni_mj.atomic_files import create_folder, lock_folder, write_json, write_text
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.results import summary
@@ -207,8 +207,7 @@ class Result:
         """Write summary.json, strict JSON without NaN, and return its content."""
         create_folder(folder)
         content = self.summary()
-        text = json.dumps(content, indent=2, allow_nan=False)
-        write_text(folder / "summary.json", text + "\n")
+        write_json(folder / "summary.json", content)
         return content
 
     def save_outcome(self, outcome: Outcome, folder: Path) -> None:

@@ -5,7 +5,6 @@ resumed.
 """
 
 import gc
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
@@ -21,7 +20,7 @@ import pyarrow as pa
 from omni_control.arguments import check_types
 from omni_control.errors import OmniError
 from omni_mj import parquet
-from omni_mj.atomic_files import check_folder, create_folder, lock_folder, write_text
+from omni_mj.atomic_files import check_folder, create_folder, lock_folder, write_json, write_text
 from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.rows import build_rows
 from omni_mj.config.scenario import Scenario
@@ -270,8 +269,7 @@ def _write_result(result: SweepResult) -> None:
     if result.complete and not (folder / ROWS).exists():
         parquet.write_tables([_merge_shards(plan, folder)], folder / ROWS)
     if result.n_done:
-        summary = json.dumps(result.summary, indent=1, allow_nan=False) + "\n"
-        write_text(folder / "summary.json", summary)
+        write_json(folder / "summary.json", result.summary)
     if result.complete:
         for shard in plan.shards:
             _shard_file(folder, shard).unlink(missing_ok=True)
