@@ -26,7 +26,7 @@ from omni_mj.config.network_settings import VisionSettings
 from omni_mj.config.settings import gather
 from omni_mj.network.camera_calibration import CameraErrors
 from omni_mj.network.fault_schedule import FaultsByRow, FaultSchedule
-from omni_mj.network.random_streams import Noise, Seed, Stream
+from omni_mj.network.random_streams import Noise, Seed, Stream, continue_bursts
 
 _TIME_TOLERANCE_S = 1e-9  # for the comparison of times
 
@@ -58,7 +58,9 @@ class Camera:
         self._miss_frames = gather(settings, "miss_frames")
         self._pose_noise = Noise(seeds, Stream.VISION_NOISE, 3, "standard_normal")
         self._miss_noise = Noise(seeds, Stream.VISION_MISSES)
-        self._dropouts = Dropouts(settings, seeds)
+        self._dropout_fraction = gather(settings, "dropout_fraction")
+        self._mean_dropout_images = gather(settings, "mean_dropout_frames")
+        self._dropout_noise = Noise(seeds, Stream.CAMERA_DROPOUTS)
         self._number, self._errors = number, CameraErrors(settings, seeds)
         # Drawn for each image, also without faults, so that a fault does not affect another.
         self._fault_noise = Noise(seeds, Stream.CAMERA_FAULTS, 2)
@@ -66,6 +68,7 @@ class Camera:
         n = len(seeds)
         # Remaining images without a detection; negative before the first image.
         self._missed_images = np.full(n, -1.0)
+        self._is_dropout = np.zeros(n, bool)
         self._last_measured = np.full((n, 3), np.nan)
         self._apply_faults()
 
@@ -77,15 +80,20 @@ class Camera:
             frame: Frame of the loop in which this image is taken.
         """
         # A robot is always detected in its first image, so that the team knows its pose.
-        begins_miss = (self._miss_noise.next()[:, 0] < self._miss_probability) & (
-            self._missed_images >= 0
-        )
+        may_miss = self._missed_images >= 0
+        begins_miss = may_miss & (self._miss_noise.next()[:, 0] < self._miss_probability)
         self._missed_images = np.where(
             begins_miss, self._miss_frames, np.maximum(self._missed_images - 1, 0)
         )
+        self._is_dropout = may_miss & continue_bursts(
+            self._is_dropout,
+            self._mean_dropout_images,
+            self._dropout_fraction,
+            self._dropout_noise.next()[:, 0],
+        )
         measured = self._get_visible_poses(pose, frame) + self._sigma * self._pose_noise.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
-        measured[(self._missed_images > 0) | self._dropouts.next()] = np.nan
+        measured[(self._missed_images > 0) | self._is_dropout] = np.nan
         measured[self._is_frozen] = self._last_measured[self._is_frozen]
         is_detected = ~np.isnan(measured[:, 0])
         self._last_measured[is_detected] = measured[is_detected]
@@ -114,35 +122,6 @@ class Camera:
         self._is_frozen[[row for row, _ in self._schedule.list_active(VisionFreeze)]] = True
         self._wrong_ids = list(self._schedule.list_active(VisionWrongId))
         self._biases = list(self._schedule.list_active(VisionBias))
-
-
-class Dropouts:
-    """Bursts of images in which robots are not detected: a Gilbert-Elliott channel with two states.
-
-    Lengths of bursts have a geometric distribution. The first image is not in a burst.
-
-    Args:
-        settings: Fraction of images in bursts and mean length of bursts of each row.
-        seeds: Seed of each row.
-    """
-
-    def __init__(self, settings: Sequence[VisionSettings], seeds: Sequence[Seed]) -> None:
-        fraction = gather(settings, "dropout_fraction")
-        self._exit_probability = 1 / gather(settings, "mean_dropout_frames")
-        self._entry_probability = self._exit_probability * fraction / (1 - fraction)
-        self._noise = Noise(seeds, Stream.CAMERA_DROPOUTS)
-        self._is_dropped = np.zeros(len(seeds), bool)
-        self._has_begun = False
-
-    def next(self) -> np.ndarray:
-        """Return the robots that are missed in the next image, (n,)."""
-        uniform = self._noise.next()[:, 0]
-        self._is_dropped = np.where(
-            self._is_dropped, uniform >= self._exit_probability, uniform < self._entry_probability
-        )
-        self._is_dropped &= self._has_begun
-        self._has_begun = True
-        return self._is_dropped
 
 
 class ImageTiming:

@@ -21,7 +21,7 @@ from omni_mj.config.network_settings import RadioSettings
 from omni_mj.config.settings import gather
 from omni_mj.network.air_time import AirTime
 from omni_mj.network.fault_schedule import FaultsByRow, FaultSchedule
-from omni_mj.network.random_streams import Noise, Seed, Stream
+from omni_mj.network.random_streams import Noise, Seed, Stream, continue_bursts
 
 
 class ReceivedCommand(NamedTuple):
@@ -274,14 +274,10 @@ class Radio:
         uniform = self._burst_noise.next()[:, 0]
         self._burst_pass_probability[:] = 1.0
         for (row, bursts), is_lossy in self._burst_states.items():
-            # Markov chain with the mean duration 1 / exit of a burst, and the fraction
-            # entry / (entry + exit) of frames in bursts.
-            exit_probability = 1 / bursts.mean_burst_frames
-            entry_probability = (
-                exit_probability * bursts.burst_fraction / (1 - bursts.burst_fraction)
-            )
             is_lossy = bool(
-                uniform[row] >= exit_probability if is_lossy else uniform[row] < entry_probability
+                continue_bursts(
+                    is_lossy, bursts.mean_burst_frames, bursts.burst_fraction, uniform[row]
+                )
             )
             self._burst_states[row, bursts] = is_lossy
             self._burst_pass_probability[row] *= 1 - bursts.probability * is_lossy

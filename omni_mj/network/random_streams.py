@@ -71,3 +71,25 @@ class Noise:
             self._position = 0
         self._position += 1
         return self._block[self._position - 1]
+
+
+def continue_bursts(
+    is_burst: bool | np.ndarray,
+    mean_steps: float | Array,
+    fraction: float | Array,
+    uniform: float | Array,
+) -> np.ndarray:
+    """Return the next states of Markov chains with bursts of geometrically distributed lengths.
+
+    This is the channel of Gilbert (1960) and Elliott (1963). With the probabilities of entry and
+    exit per step, the mean length is 1 / exit, and the fraction is entry / (entry + exit).
+
+    Args:
+        is_burst: Whether each chain is in a burst.
+        mean_steps: Mean length of a burst, steps.
+        fraction: Fraction of the steps that are in bursts, in the long run.
+        uniform: Random number of each chain, uniform in [0, 1).
+    """
+    exit_probability = 1 / mean_steps
+    entry_probability = exit_probability * fraction / (1 - fraction)
+    return np.where(is_burst, uniform >= exit_probability, uniform < entry_probability)

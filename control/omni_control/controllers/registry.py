@@ -6,11 +6,11 @@ without scipy and without a QP solver.
 
 import inspect
 import math
-import numbers
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pkgutil import resolve_name
 
+from omni_control.arguments import fits_annotation
 from omni_control.controllers.base import Controller, TeamModel, collect_channels, describe_error
 from omni_control.errors import ControllerError, OmniError, suggest_names
 from omni_control.install_hints import describe_installation
@@ -33,13 +33,12 @@ CONTROLLERS: dict[str, str] = {  # name -> "module:class"
 # Controller -> package that it needs besides numpy and scipy. An extra of the controller's name
 # installs it.
 REQUIRED_PACKAGES = {"mpc": "piqp"}
-# Type of a parameter -> type of the values that it accepts (numpy's numbers too), and their
-# description in messages
-_ACCEPTED: dict[type, tuple[type, str]] = {
-    bool: (bool, "true or false"),
-    int: (numbers.Integral, "a whole number"),
-    float: (numbers.Real, "a number"),
-    str: (str, "a string"),
+# Type of a parameter -> description of its values in messages
+_DESCRIPTIONS: dict[type, str] = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    str: "a string",
 }
 
 
@@ -97,17 +96,13 @@ def validate_parameters(
             errors.append(f"{controller_class.__name__} has no parameter {name!r}; {hint}")
             continue
         parameter_type = types[name]
-        accepted, description = _ACCEPTED[parameter_type]
-        # Python's true and false are whole numbers too: only bool parameters accept them.
-        is_valid = isinstance(value, accepted) and (
-            isinstance(value, bool) == (parameter_type is bool)
-        )
+        is_valid = fits_annotation(value, parameter_type)
         if is_valid and (isinstance(value, str) or math.isfinite(value)):  # type: ignore[arg-type]
             validated[name] = parameter_type(value)
         else:
             errors.append(
-                f"parameter {name} of {controller_class.__name__} must be {description}, "
-                f"not {value!r}"
+                f"parameter {name} of {controller_class.__name__} must be "
+                f"{_DESCRIPTIONS[parameter_type]}, not {value!r}"
             )
     if errors:
         raise OmniError("\n".join(errors))
@@ -157,7 +152,7 @@ def _get_parameter_types(controller_class: type[Controller]) -> dict[str, type]:
 
     An annotation is a type or, if it is quoted in the source, the name of a type.
     """
-    types_by_name = {parameter_type.__name__: parameter_type for parameter_type in _ACCEPTED}
+    types_by_name = {parameter_type.__name__: parameter_type for parameter_type in _DESCRIPTIONS}
     annotations: dict[str, object] = {}
     for base in reversed(controller_class.__mro__):
         annotations |= inspect.get_annotations(base)
