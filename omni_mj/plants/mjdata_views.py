@@ -1,7 +1,7 @@
 """Views of robots in a batch of MuJoCo worlds, through which a plant reads and writes values."""
 
 from collections.abc import Iterable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self
 
 import mujoco
@@ -124,36 +124,31 @@ class RobotViews(ChangeableBodies):
     def __init__(self, batch: Batch, world: World) -> None:
         self._batch = batch
         self._world = world
+        self._view = view = partial(EntryView, batch)
         ids = self._ids
         self._chassis = ids("chassis")[:, None]
-        self.qpos = EntryView(batch, "qpos", ids("qpos"))
-        self.qvel = EntryView(batch, "qvel", ids("dofs"))
-        self.pose = EntryView(batch, "qpos", ids("qpos")[:, :7])
-        self.velocity = EntryView(batch, "qvel", ids("dofs")[:, :6])
-        self.wheel_angle = EntryView(batch, "qpos", ids("wheel_qpos"))
-        self.wheel_speed = EntryView(batch, "qvel", ids("wheel_dofs"))
-        self.gyro = EntryView(batch, "sensordata", ids("gyro")[:, None])
-        self.encoders = EntryView(batch, "sensordata", ids("encoders"))
-        self.load = EntryView(batch, "sensordata", world.load_addresses)
-        self.voltage = EntryView(batch, "ctrl", ids("motors"))
-        self.resistance = self._view_model("actuator_gainprm", ids("motors"), 0)
-        self.torque_constant = self._view_model("actuator_gainprm", ids("motors"), 1)
-        self.wrench = EntryView(batch, "xfrc_applied", self._chassis)
-        self.slip_angle = EntryView(batch, "qpos", ids("slip_qpos"))
-        self.slip_speed = EntryView(batch, "qvel", ids("slip_dofs"))
-        self.slip_limit = self._view_model("dof_frictionloss", ids("slip_dofs"))
-        self.slip_impedance = self._view_model("dof_solimp", ids("slip_dofs"), 0)
-        self.roller_speeds = [
-            EntryView(batch, "qvel", ids("roller_dofs")[:, :, i]) for i in range(2)
-        ]
+        self.qpos = view("qpos", ids("qpos"))
+        self.qvel = view("qvel", ids("dofs"))
+        self.pose = view("qpos", ids("qpos")[:, :7])
+        self.velocity = view("qvel", ids("dofs")[:, :6])
+        self.wheel_angle = view("qpos", ids("wheel_qpos"))
+        self.wheel_speed = view("qvel", ids("wheel_dofs"))
+        self.gyro = view("sensordata", ids("gyro")[:, None])
+        self.encoders = view("sensordata", ids("encoders"))
+        self.load = view("sensordata", world.load_addresses)
+        self.voltage = view("ctrl", ids("motors"))
+        self.resistance = view("actuator_gainprm", ids("motors"), 0)
+        self.torque_constant = view("actuator_gainprm", ids("motors"), 1)
+        self.wrench = view("xfrc_applied", self._chassis)
+        self.slip_angle = view("qpos", ids("slip_qpos"))
+        self.slip_speed = view("qvel", ids("slip_dofs"))
+        self.slip_limit = view("dof_frictionloss", ids("slip_dofs"))
+        self.slip_impedance = view("dof_solimp", ids("slip_dofs"), 0)
+        self.roller_speeds = [view("qvel", ids("roller_dofs")[:, :, i]) for i in range(2)]
 
     def _ids(self, name: str) -> Ids:
         """Return a field of `RobotIndices` for the robot in each slot, (slots, ...)."""
         return np.array([getattr(robot, name) for robot in self._world.robots])
-
-    def _view_model(self, field: str, columns: Ids, component: int | None = None) -> EntryView:
-        """Return a view of a field of each world's model; arguments as for `EntryView`."""
-        return EntryView(self._batch, field, columns, component)
 
     def write_variation(self, settings: Sequence[Settings], variation: RobotVariation) -> None:
         """Write friction, roller wear and chassis mass of each robot into the models.
@@ -168,15 +163,11 @@ class RobotViews(ChangeableBodies):
         """
         hubs = self._ids("wheel_dofs")
         rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
-        self._hub_friction = self._view_model("dof_frictionloss", hubs)
+        self._hub_friction = self._view("dof_frictionloss", hubs)
         self._nominal_hub_friction = gather(settings, "hub_friction_nm")
         self._dry_friction = self._nominal_hub_friction * np.ones((hubs.shape[1], 1))
-        self._view_model("dof_damping", hubs).set(
-            gather(settings, "motor.wheel_viscous_friction_nm_s")
-        )
-        self._view_model("dof_damping", rollers).set(
-            gather(settings, "drivetrain.roller_damping_nm_s")
-        )
+        self._view("dof_damping", hubs).set(gather(settings, "motor.wheel_viscous_friction_nm_s"))
+        self._view("dof_damping", rollers).set(gather(settings, "drivetrain.roller_damping_nm_s"))
         nominal_center = self._world.model.body_ipos[self._world.robots[0].chassis]
         mass_factor = variation.mass_factor
         shift = np.append(variation.center_offset, 0 * mass_factor, 1).T
@@ -191,7 +182,7 @@ class RobotViews(ChangeableBodies):
         model = self._world.model
         robot = self._world.robots[0]
         axle_height = model.body_pos[robot.wheels, 2][:, None]
-        self._view_model("body_pos", self._ids("wheels"), 2).set(axle_height - wear)
+        self._view("body_pos", self._ids("wheels"), 2).set(axle_height - wear)
         geoms = model.body_geomadr[self._ids("rollers")].reshape(len(self._world.robots), -1)
         size = model.geom_size[geoms[0]]
         is_ellipsoid = model.geom_type[geoms[0]] == mujoco.mjtGeom.mjGEOM_ELLIPSOID
@@ -207,7 +198,7 @@ class RobotViews(ChangeableBodies):
         length_ratio = np.sqrt((1 - roller_wear / radius) * (1 - roller_wear / wheel_radius))
         worn_radius = radius - roller_wear
         for axis, values in enumerate((worn_radius, worn_radius, size[:, 2:] * length_ratio)):
-            self._view_model("geom_size", geoms, axis).set(values)
+            self._view("geom_size", geoms, axis).set(values)
 
     def _change_chassis_mass(self, factor: Array, shift: Array) -> None:
         """Change mass, inertia and center of mass of the chassis.
@@ -217,7 +208,7 @@ class RobotViews(ChangeableBodies):
             shift: Displacements of the center of mass, body frame, (3, n) m.
         """
         mass, subtree_mass, center, inertia = (
-            self._view_model(name, self._chassis) for name in _MASS_FIELDS[:4]
+            self._view(name, self._chassis) for name in _MASS_FIELDS[:4]
         )
         added_mass = mass.get() * (factor - 1)
         for view in (mass, subtree_mass):
@@ -306,7 +297,7 @@ class RobotViews(ChangeableBodies):
     @cached_property
     def _unloaded_chassis(self) -> list[tuple[EntryView, Array]]:
         """Views of the mass properties of each chassis, and their values without payloads."""
-        views = [self._view_model(name, self._chassis) for name in _MASS_FIELDS]
+        views = [self._view(name, self._chassis) for name in _MASS_FIELDS]
         return [(view, view.get()) for view in views]
 
     def set_payloads(self, payloads: Iterable[tuple[int, Payload]]) -> None:
