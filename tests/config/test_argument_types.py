@@ -95,9 +95,10 @@ def test_messages_have_no_control_characters() -> None:
         assert str(caught.value).replace("\n", "").isprintable()
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", TEAM)
 def test_classes_of_omni_control_refuse_wrong_types(name: str) -> None:
-    """`OmniError` is the only exception, and no argument accepts most of the values."""
+    """`OmniError` is the only exception, without a warning; most values are refused."""
     function = Follower if name == "Controller" else getattr(omni_control, name)
     valid = {"reference": REFERENCE} if name == "Controller" else {}
     for argument in TEAM[name]:

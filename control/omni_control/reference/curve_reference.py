@@ -16,7 +16,7 @@ import numpy as np
 from omni_control.arguments import check_types, explain_types
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
-from omni_control.reference.sampled_reference import SampledReference
+from omni_control.reference.sampled_reference import SampledReference, check_period
 from omni_control.reference.speed_profiles import (
     ClosedPath,
     integrate_speed_profile,
@@ -87,7 +87,7 @@ class CurveReference(SampledReference):
     ) -> None:
         path = partial(_get_poses, curve, faces_along_path)
         poses = sample_path(
-            path, _plan_timing(curve, limits, laps, faces_along_path), limits, period
+            path, _plan_timing(curve, limits, laps, faces_along_path), limits, check_period(period)
         )
         plan_timing = partial(_plan_timing_on_wheels, curve, limits, laps, faces_along_path)
         poses = slow_down_for_wheels(poses, path, plan_timing, limits, period)

@@ -28,7 +28,7 @@ from omni_control.arguments import check_types, explain_types
 from omni_control.kinematics import Array, world_to_body
 from omni_control.reference.motion_limits import MotionLimits
 from omni_control.reference.replanned_reference import approach_pose
-from omni_control.reference.sampled_reference import SampledReference, as_poses
+from omni_control.reference.sampled_reference import SampledReference, as_poses, check_period
 from omni_control.reference.time_scaling import ROUNDING, PathTiming, slow_down_for_wheels
 from omni_control.traction_limits import WheelLimits, max_over_neighbors
 
@@ -46,7 +46,8 @@ class TimedReference(SampledReference):
         dwell_frames: Additional frames of rest at each way-point after the start.
 
     Raises:
-        OmniError: There are no way-points, or one is not three finite numbers.
+        OmniError: There are no way-points, one is not three finite numbers, or the period is not
+            a positive number.
     """
 
     @explain_types
@@ -63,7 +64,7 @@ class TimedReference(SampledReference):
         segments, indices = np.unique(
             np.stack([points[:-1], points[1:]], axis=1), axis=0, return_inverse=True
         )
-        planned = _plan_segments(segments, limits, period)
+        planned = _plan_segments(segments, limits, check_period(period))
         poses = [points[:1]]
         for i in indices.ravel():
             poses += [planned[i], np.repeat(segments[i, 1:], dwell_frames, axis=0)]
