@@ -183,7 +183,7 @@ def identify_drawn(
             for i, (number, settings_i) in enumerate(zip(log_numbers, settings, strict=True))
         ]
         simulation = Simulation(base, rows=rows)
-        run_scenario.build_result(simulation, run_simulation(simulation)).save(run_folder)
+        run_scenario.build_result(run_simulation(simulation)).save(run_folder)
     logs = read_logs(run_folder / "trajectory.parquet")
     results = []
     for number, log, settings_i in zip(log_numbers, logs, settings, strict=True):

@@ -171,7 +171,7 @@ def prepare_drive(
             live.stop()
 
 
-def _dead_time(trial: Live) -> int:
+def _dead_time(trial: Live) -> float:
     """Measure the dead time with a pulse: latency minus the lag of the wheel loops, frames.
 
     Raises:
@@ -193,7 +193,8 @@ def _dead_time(trial: Live) -> int:
         )
     latency = float(np.median([fit.latency_frames for fit in fits if fit]))
     trial.messages.add("pulse", f"latency measured by a pulse: {format_latency(latency)}")
-    return max(round(latency - trial.scenario.settings.control.assumed_lag_s * FRAME_RATE_HZ), 0)
+    lag_frames = trial.scenario.settings.control.assumed_lag_s * FRAME_RATE_HZ
+    return max(round(latency - lag_frames, 2), 0.0)
 
 
 def _with_measured(

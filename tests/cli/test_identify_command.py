@@ -1,5 +1,6 @@
 """`omni-mj identify`: its files, gaps in logs, our own recordings, moves to drive."""
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -27,11 +28,11 @@ def test_a_log_gives_parameters_a_report_and_a_robot_file(
     assert low < late["value"] < high
     text = (tmp_path / "out" / "robot.toml").read_text()
     data = tomllib.loads(text)
-    assert data["radio"]["delay_frames"] == 6
+    assert data["radio"]["delay_frames"] == pytest.approx(60 * late["value"], abs=1e-3)
     assert data["body"]["mass_kg"] == 2.65  # as it was
-    assert "delay_frames = 6 # identified from commands: " in text
+    assert re.search(r"delay_frames = 5\.\d+ # identified from commands: ", text)
     robot = om.load_scenario("rect", robot=str(tmp_path / "out" / "robot.toml"))
-    assert robot.settings.radio.delay_frames == 6
+    assert robot.settings.radio.delay_frames == data["radio"]["delay_frames"]
 
 
 def test_an_invalid_log_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

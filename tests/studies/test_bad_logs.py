@@ -31,7 +31,7 @@ def write_parquet(path: Path, columns: Any) -> Path:
 
 @settings(max_examples=30)
 @given(
-    separator=st.sampled_from(",;\t|"),
+    separator=st.sampled_from(",;\t| "),
     has_decimal_comma=st.booleans(),
     has_bom=st.booleans(),
     quote=st.sampled_from(["", '"']),
@@ -80,6 +80,48 @@ def test_csv_dialects_give_the_same_numbers(
     np.testing.assert_array_equal(
         log.inputs["commands"], np.stack([complete_log()[name] for name in COMMAND], 1)[:40]
     )
+
+
+def test_units_of_columns_are_converted(tmp_path: Path) -> None:
+    """Names in other units, with units in brackets or without, give the same log."""
+    log = make_log(3.0, commands=False)
+    (expected,) = read_logs(write_parquet(tmp_path / "log.parquet", log))
+    units = {"time [ms]": 1e-3, "X [mm]": 1e-3, "y_cm": 1e-2, "Heading (deg)": np.pi / 180}
+    units |= {f"wheel_{i} [rad]": 1.0 for i in range(1, 5)}
+    columns = {name: log[old] / size for (name, size), old in zip(units.items(), log, strict=True)}
+    (converted,) = read_logs(write_parquet(tmp_path / "log.parquet", columns))
+    np.testing.assert_allclose(converted.pose, expected.pose, atol=1e-12)
+    np.testing.assert_allclose(converted.inputs["wheels"], expected.inputs["wheels"], atol=1e-9)
+    speeds = dict(zip(log, log.values(), strict=True))
+    for i in range(1, 5):
+        speeds[f"wheel_{i}_rpm"] = np.gradient(speeds.pop(f"wheel_{i}_rad"), log["time_s"]) * 9.5493
+    (converted,) = read_logs(write_parquet(tmp_path / "log.parquet", speeds))
+    error = converted.inputs["wheels"] - expected.inputs["wheels"]
+    assert np.abs(error).max() < 0.1 * np.abs(expected.inputs["wheels"]).max()
+
+
+def test_wheel_angles_survive_wrapping_and_equal_times(tmp_path: Path) -> None:
+    """Angles within one turn; every time twice, with another angle in the second line."""
+    log = make_log(3.0, commands=False)
+    (expected,) = read_logs(write_parquet(tmp_path / "log.parquet", log))
+    wrapped = {
+        name: (values + np.pi) % (2 * np.pi) - np.pi if name.startswith("wheel") else values
+        for name, values in log.items()
+    }
+    (unwrapped,) = read_logs(write_parquet(tmp_path / "log.parquet", wrapped))
+    np.testing.assert_allclose(unwrapped.inputs["wheels"], expected.inputs["wheels"], atol=1e-9)
+    twice = {name: np.repeat(values, 2) for name, values in log.items()}
+    twice["wheel_1_rad"][1::2] += 0.1
+    (once,) = read_logs(write_parquet(tmp_path / "log.parquet", twice))
+    np.testing.assert_array_equal(once.inputs["wheels"], expected.inputs["wheels"])
+
+
+def test_a_clock_that_is_set_in_the_log_costs_no_memory(tmp_path: Path) -> None:
+    """The first lines are 54 years older than the others."""
+    log = make_log(6.5, wheels=False)
+    log["time_s"][:30] -= 1.7e9
+    result = om.identify([write_parquet(tmp_path / "log.parquet", log)])
+    assert result.estimates["commands.dead_time_s"].value == pytest.approx(DEAD_TIME_S, abs=5e-3)
 
 
 def test_ten_lines_per_second_suffice(tmp_path: Path) -> None:
@@ -141,6 +183,7 @@ def test_invalid_columns_give_one_line(tmp_path: Path) -> None:
             "time_s must hold numbers",
         ),
         (damaged_log("time_s", lambda t: (t + 1.7e9).astype(np.float32)), "times are too few"),
+        (damaged_log("time_s", lambda t: 1e9 * t), "time_s must be in s"),
         (damaged_log("time_s", set_line(5, np.nan)), "time_s is missing or infinite in line 6"),
         (damaged_log("time_s", set_line(5, 0.0)), "does not increase from line 5 to 6"),
         (
@@ -148,6 +191,10 @@ def test_invalid_columns_give_one_line(tmp_path: Path) -> None:
             "commands are missing or infinite in line 8",
         ),
         ({name: complete_log()[name] for name in LOG_COLUMNS[:4]}, "neither commands nor wheels"),
+        (
+            complete_log() | dict.fromkeys(["wheel_0_rad", "wheel_1_rad"], complete_log()["x_m"]),
+            "columns wheel_0_rad, wheel_1_rad: wheels are numbered from 1, without gaps",
+        ),
         (
             {f" {name}": values for name, values in complete_log().items() if name != "y_m"},
             "column y_m is missing",

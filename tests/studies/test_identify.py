@@ -205,7 +205,7 @@ WRONG: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "wheels 1 and 3": (lambda log: swapped(log, WHEELS[0], WHEELS[2]), "turn as 3, 2, 1, 4 of"),
     "all wheels": (
         lambda log: log | {name: -log[name] for name in WHEELS},
-        "wheel 3 turns and wheel 4 turns the other way",
+        "wheels 1, 2, 3, 4 turn the other way",
     ),
     "a dead encoder": (lambda log: log | {WHEELS[2]: 0 * log[WHEELS[2]]}, "turn as 1, 2, 0, 4 of"),
     "one gear": (
@@ -213,6 +213,10 @@ WRONG: dict[str, tuple[Callable[[Columns], Columns], str]] = {
         "wheel 1 turns (1.9|2|2.1) times as fast",
     ),
     "gear": (lambda log: log | {name: 3 * log[name] for name in WHEELS}, "wheels behind the gear"),
+    "headings by 180 degrees": (
+        lambda log: log | {"heading_rad": log["heading_rad"] + np.pi},
+        "rotated by -?1[78]. degrees from the wheels",
+    ),
     "three wheels": (
         lambda log: {k: v for k, v in log.items() if k != WHEELS[3]},
         "3 wheels, but the robot's file has 4",

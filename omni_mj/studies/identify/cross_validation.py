@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.parameter_fit import Fit, ProjectedProblem
+from omni_mj.studies.identify.parameter_fit import Fit, Prior, ProjectedProblem
 from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, Parameters
 
 N_FOLDS = 4
@@ -33,11 +33,12 @@ class Prediction:
     start_m: float
 
 
-def cross_validate(fit: Fit, start: Parameters) -> Prediction | None:
+def cross_validate(fit: Fit, prior: Prior, start: Parameters) -> Prediction | None:
     """Return the errors of predictions, or None if there are too few segments with motion.
 
     Args:
-        fit: Fit to all segments.
+        fit: Fit to all segments, without prior.
+        prior: Prior of the fit.
         start: Parameters of the start robot. Clock and heading offset are fitted.
     """
     pose = fit.segments.pose
@@ -52,19 +53,21 @@ def cross_validate(fit: Fit, start: Parameters) -> Prediction | None:
         CLOCK_AND_CAMERA,
     )
     start_residual = start_problem.residual(start_problem.solve())
-    errors = _predict_folds(fit, np.where(is_moving, np.cumsum(is_moving) % N_FOLDS, -1))
+    errors = _predict_folds(fit, prior, np.where(is_moving, np.cumsum(is_moving) % N_FOLDS, -1))
     return Prediction(int(is_moving.sum()), _rms(errors), _rms(start_residual[..., :2]))
 
 
-def _predict_folds(fit: Fit, folds: np.ndarray) -> Array:
+def _predict_folds(fit: Fit, prior: Prior, folds: np.ndarray) -> Array:
     """Return the errors of positions in all folds, each by a fit to the other segments, (n, m, 2).
 
     Args:
-        fit: Fit to all segments.
+        fit: Fit to all segments, without prior.
+        prior: Prior of the fit.
         folds: Fold of each segment, or -1, (S,).
     """
     problem = ProjectedProblem(fit.dynamics, fit.segments, fit.parameters, fit.free)
     residual = problem.residual(problem.start_values)
+    covariance = N_FOLDS / (N_FOLDS - 1) * fit.covariance
     # Columns are scaled, so that singular values are comparable.
     jacobian = problem.jacobian * problem.scale
     errors = []
@@ -77,7 +80,8 @@ def _predict_folds(fit: Fit, folds: np.ndarray) -> Array:
             fit.dynamics, fit.segments.select(is_test), fit.parameters, fit.free
         )
         test_problem.weights = problem.weights
-        x_fold = np.clip(problem.start_values + problem.scale * step, problem.low, problem.high)
+        x_fold = prior.combine(problem.start_values + problem.scale * step, covariance)[0]
+        x_fold = np.clip(x_fold, problem.low, problem.high)
         errors.append(test_problem.residual(x_fold)[..., :2])
     return np.concatenate(errors)
 

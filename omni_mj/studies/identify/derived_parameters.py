@@ -15,7 +15,7 @@ from omni_control.kinematics import Array
 from omni_control.traction_limits import GRAVITY
 from omni_mj.config import PERIOD_S, nominal_model
 from omni_mj.config.settings import Settings
-from omni_mj.studies.identify.parameter_fit import RANGES, Fit
+from omni_mj.studies.identify.parameter_fit import RANGES, Fit, Prior
 from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, RobotDynamics
 
 # To identify creep, a log needs the speed FAST_M_S for MIN_DURATION_S, and the acceleration
@@ -24,8 +24,8 @@ FAST_M_S, ACCELERATION_M_S2, MOVING_M_S, MIN_DURATION_S = 1.0, 1.0, 0.5, 0.2
 # To identify the gain of an axis, the velocity along it needs this root mean square.
 MIN_RMS_M_S, MIN_RMS_RAD_S = 0.1, 0.3
 # An estimate is weak if the half width of its interval exceeds the limit of its parameter, and not
-# identified if it exceeds this multiple of the limit.
-MAX_WEAKNESS = 10.0
+# identified if its standard error exceeds this fraction of the prior's.
+MAX_PRIOR_FRACTION = 0.95
 # Nothing is identified from a misfit whose residuals exceed this multiple of the noise.
 MAX_NOISE_RATIO_BY_WHEELS, MAX_NOISE_RATIO_BY_COMMANDS = 10.0, 2.0
 AXES = ("forward", "sideways")
@@ -53,7 +53,7 @@ class ParameterInfo(NamedTuple):
 
 PARAMETERS = {
     DEAD_TIME: ParameterInfo("dead time of the loop", "s", "", 0.5 * PERIOD_S, 8e-4),
-    "clock_offset_s": ParameterInfo("clock offset of poses", "s", "", 0.5 * PERIOD_S, 4.5e-4),
+    "clock_offset_s": ParameterInfo("clock offset of poses", "s", "", 0.5 * PERIOD_S, 8e-4),
     "creep_stiffness": ParameterInfo("creep stiffness C", "", "creep", 0.25, 0.014, relative=True),
     "rolling_resistance": ParameterInfo("rolling resistance p", "", "creep", 0.02, 7e-3),
     "roller_friction": ParameterInfo("roller friction b", "", "creep", 0.03, 8e-3),
@@ -164,14 +164,15 @@ def find_missing_excitation(twists: Sequence[Array], periods: Sequence[float]) -
 
 
 def estimate_parameters(
-    fit: Fit, settings: Settings, missing_excitation: Mapping[str, str]
+    fit: Fit, prior: Prior, settings: Settings, missing_excitation: Mapping[str, str]
 ) -> Iterator[Estimate]:
     """Yield an estimate of each parameter that depends on fitted ones.
 
     Standard errors follow from the covariance of the fit by the delta method.
 
     Args:
-        fit: Fit of the slip dynamics.
+        fit: Fit of the slip dynamics, with its prior.
+        prior: The prior.
         settings: Settings of the start robot.
         missing_excitation: Missing excitations and reasons; see `find_missing_excitation`.
     """
@@ -181,11 +182,14 @@ def estimate_parameters(
         parameters = fit.parameters | dict(zip(free, x.tolist(), strict=True))
         return derive_parameters(fit.dynamics, settings, parameters, by_wheels)
 
-    x = np.array([fit.parameters[name] for name in free])
+    x = fit.values
     steps = [1e-3 * RANGES[name].scale for name in free]
     gradient = approx_fprime(x, lambda x: np.array(list(evaluate(x).values())), steps)
     errors = np.sqrt(np.einsum("ki,ij,kj->k", gradient, fit.covariance, gradient))
-    for (name, value), error in zip(evaluate(x).items(), errors, strict=True):
+    prior_errors = np.hypot.reduce(gradient * prior.error, axis=1)
+    for (name, value), error, prior_error in zip(
+        evaluate(x).items(), errors, prior_errors, strict=True
+    ):
         is_creep_fitted = "creep" not in name or "creep_compliance" in free
         is_fitted = error != 0 and is_creep_fitted
         if not is_fitted and not (name == "creep_stiffness" and by_wheels):
@@ -194,7 +198,9 @@ def estimate_parameters(
         size = abs(value) if info.relative else 1.0
         total_error = float(np.hypot(error, info.model_error * size))
         half = fit.quantile * total_error
-        reason = _why_not_identified(fit, name, value, half, missing_excitation)
+        reason = _why_not_identified(fit, name, value, missing_excitation)
+        if reason is None and error > MAX_PRIOR_FRACTION * prior_error:
+            reason = "these data tell hardly more than the robot's file does"
         source = "wheels" if by_wheels else "commands"
         interval = value - half, value + half
         is_weak = not half <= info.limit * size
@@ -264,7 +270,7 @@ def derive_parameters(
 
 
 def _why_not_identified(
-    fit: Fit, name: str, value: float, half: float, missing_excitation: Mapping[str, str]
+    fit: Fit, name: str, value: float, missing_excitation: Mapping[str, str]
 ) -> str | None:
     """Return the reason why a parameter is not identified, or None if it is.
 
@@ -272,7 +278,6 @@ def _why_not_identified(
         fit: Fit of the slip dynamics.
         name: Name of the parameter.
         value: Value of the parameter.
-        half: Half width of the 95 % interval.
         missing_excitation: Missing excitations and reasons; see `find_missing_excitation`.
     """
     info = PARAMETERS[name]
@@ -284,10 +289,6 @@ def _why_not_identified(
     is_creep_at_bound = "creep" in name and "creep_compliance" in fit.at_bound
     if name in fit.at_bound or is_creep_at_bound:
         return f"the fit stopped at a bound, {value:.3g} {info.unit}".rstrip()
-    limit = MAX_WEAKNESS * info.limit * (abs(value) if info.relative else 1.0)
-    if not half <= limit:  # also if it is NaN
-        width = f"its 95 % interval is +-{half:.2g} {info.unit}".rstrip()
-        return f"{width}, wider than +-{limit:.2g}"
     return None
 
 

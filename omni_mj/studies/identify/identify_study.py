@@ -9,7 +9,7 @@ file.
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -30,15 +30,16 @@ from omni_mj.studies.identify.derived_parameters import (
 )
 from omni_mj.studies.identify.log_cutting import discard_unexplained_poses
 from omni_mj.studies.identify.log_segments import cut_segments
-from omni_mj.studies.identify.parameter_fit import Fit, fit_parameters
+from omni_mj.studies.identify.parameter_fit import RANGES, Fit, Prior, fit_parameters
 from omni_mj.studies.identify.robot_logs import RobotLog, read_logs
 from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, Parameters, RobotDynamics
 
 # The radius of the file is rejected if the fitted one deviates by more than both limits: a fraction
 # of the radius, and a number of standard errors.
 MAX_RADIUS_DEVIATION, MAX_RADIUS_SIGMAS = 0.025, 3.0
-# Rolling radius over the radius of the file, with compressed rubber, and its standard error
-ROLLING_RADIUS, RADIUS_ERROR = 0.9988, 0.002
+# Rolling radius over the radius of the file, with compressed rubber, and its standard error, also
+# if the radius is not trusted
+ROLLING_RADIUS, RADIUS_ERROR, UNKNOWN_RADIUS_ERROR = 0.9988, 0.002, 1.0
 CONTACT_PARAMETERS = (
     "creep_compliance",
     "rolling_resistance",
@@ -244,13 +245,12 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
             f"{source}: {n_outliers} of {len(segments)} segments with far larger residuals are "
             "left out; causes may be sliding wheels, a collision, or a false detection"
         )
-    if by_wheels and "creep_compliance" in free:
-        fit = _apply_radius_prior(result, fit)
-    result.fits[source] = fit
+    prior = _choose_prior(result, fit)
     result.predictions[source] = cross_validate(
-        fit, dynamics.nominal_parameters(settings, by_wheels)
+        fit, prior, dynamics.nominal_parameters(settings, by_wheels)
     )
-    for estimate in estimate_parameters(fit, settings, missing_excitation):
+    result.fits[source] = fit = fit.with_prior(prior)
+    for estimate in estimate_parameters(fit, prior, settings, missing_excitation):
         result.estimates[f"{source}.{estimate.name}"] = estimate
 
 
@@ -298,25 +298,30 @@ def _prepare_contacts(
     return ()
 
 
-def _apply_radius_prior(result: IdentificationResult, fit: Fit) -> Fit:
-    """Condition a fit on the wheel radius of the robot's file, unless the data contradict it.
+def _choose_prior(result: IdentificationResult, fit: Fit) -> Prior:
+    """Return the prior of a fit: the values of the robot's file, and a level carpet.
 
-    Drag and a smaller radius both lower the speed, and the data cannot tell them apart well. The
-    radius enters as a measurement of the scale with the standard error `RADIUS_ERROR`.
+    Drag and a smaller radius both lower the speed, and the data cannot tell them apart well. So
+    the radius of the file is trusted, unless the data contradict it.
     """
+    start = fit.dynamics.nominal_parameters(result.start.settings, fit.segments.by_wheels)
+    mean = np.array([start[name] for name in fit.free])
+    error = np.array([RANGES[name].prior_error for name in fit.free])
+    if not fit.segments.by_wheels:
+        return Prior(mean, error)
     i = fit.free.index("scale")
-    scale, variance = fit.parameters["scale"], fit.covariance[i, i]
-    if abs(scale - 1) > max(MAX_RADIUS_SIGMAS * variance**0.5, MAX_RADIUS_DEVIATION):
-        deviation = f"{100 * (scale - 1):+.1f} +- {100 * variance**0.5:.1f} %"
-        result.remarks.append(f"wheels: their radius is not that of the robot's file: {deviation}")
-        return fit
-    gain = fit.covariance[i] / (variance + RADIUS_ERROR**2)
-    parameters = fit.parameters | {
-        name: float(fit.parameters[name] + g * (ROLLING_RADIUS - scale))
-        for name, g in zip(fit.free, gain, strict=True)
-    }
-    covariance = fit.covariance - np.outer(gain, fit.covariance[i])
-    return replace(fit, covariance=covariance, parameters=parameters)
+    mean[i], error[i] = ROLLING_RADIUS, UNKNOWN_RADIUS_ERROR
+    if "creep_compliance" in fit.free:
+        deviation = fit.parameters["scale"] - 1
+        sigma = fit.misfit_ratio * fit.covariance[i, i] ** 0.5
+        if abs(deviation) > max(MAX_RADIUS_SIGMAS * sigma, MAX_RADIUS_DEVIATION):
+            percent = f"{100 * deviation:+.1f} +- {100 * sigma:.1f} %"
+            result.remarks.append(
+                f"wheels: their radius is not that of the robot's file: {percent}"
+            )
+        else:
+            error[i] = RADIUS_ERROR
+    return Prior(mean, error)
 
 
 def _estimate_row(estimate: Estimate) -> list[str]:

@@ -21,7 +21,6 @@ from omni_mj.studies.identify.robot_logs import (
     integrate_windows,
 )
 
-MIN_PERIOD_S, MAX_PERIOD_S = 5e-4, 0.5  # from line to line
 WINDOW_S = 0.1  # duration of a displacement
 MAX_WINDOWS = 2000  # number of displacements
 MAX_DELAY_S, DELAY_STEP_S = 0.5, 1 / 120  # candidates of the delay
@@ -29,6 +28,7 @@ MIN_RMS_M_S, MIN_RMS_RAD_S = 0.05, 0.2  # slower motion is not checked
 # Range of the ratio of motion to inputs. If the ratio is outside, units are wrong.
 VALID_RATIOS = {"wheels": (0.5, 2.0), "commands": (0.25, 2.5)}
 MIN_EXPLAINED = 0.3  # smallest valid explained part
+SURE_EXPLAINED = 0.9  # larger parts prove that signs and order of wheels are right
 # A mistake is reported if it raises the score by this advantage, and to at least this value.
 MISTAKE_ADVANTAGE, MISTAKE_EXPLAINED = 0.1, 0.6
 MAX_ANGLE_RAD = 0.5  # largest valid angle between the axes of inputs and motion
@@ -96,16 +96,14 @@ def check_and_estimate_delay(
             motion.
     """
     n_poses = int(np.isfinite(log.pose).all(1).sum())
-    period = float(np.median(np.diff(log.time)))
     if n_poses < MIN_LINES:
         raise OmniError(
             f"{log.name}: {n_poses} lines with a pose are too few; at least {MIN_LINES}"
         )
-    if not MIN_PERIOD_S <= period <= MAX_PERIOD_S:
-        raise OmniError(f"{log.name}: {period:g} s from line to line; time_s must be in s")
     by_wheels = source == "wheels"
     match = match_motion(log.time, log.pose, inputs, by_wheels or log.in_body, by_wheels)
-    if by_wheels:
+    is_rotated = abs(match.angle) > MAX_ANGLE_RAD
+    if by_wheels and not (is_rotated and match.explained > SURE_EXPLAINED):
         _check_wheels(log, geometry)
     if np.isnan(match.explained):
         return match.delay
@@ -116,7 +114,7 @@ def check_and_estimate_delay(
             f"{log.name}: the {source} explain {match.explained:.0%} of the motion at any delay "
             f"up to {MAX_DELAY_S:g} s; are they this robot's?"
         )
-    if abs(match.angle) > MAX_ANGLE_RAD:
+    if is_rotated:
         raise OmniError(
             f"{log.name}: the motion is rotated by {np.degrees(match.angle):.0f} degrees from the "
             f"{source}; x must be forward, y to the left, heading counter-clockwise"
@@ -201,13 +199,10 @@ def compute_displacements(
     """
     is_visible = np.isfinite(pose).all(1)
     visible_time = time[is_visible]
-    start = np.arange(visible_time[0], visible_time[-1] - window, window / 2)
     intervals = np.diff(visible_time)
     max_interval = max(MAX_GAP_PERIODS * float(np.median(intervals)), WINDOW_S)
-    n_gaps = np.append(0, np.cumsum(intervals > max_interval))
-    before = np.searchsorted(visible_time, start, "right") - 1
-    after = np.searchsorted(visible_time, start + window)
-    start = start[n_gaps[before] == n_gaps[after]]
+    pieces = np.split(visible_time, np.flatnonzero(intervals > max_interval) + 1)
+    start = np.concatenate([np.arange(p[0], p[-1] - window, window / 2) for p in pieces])
     start = start[:: 1 + len(start) // MAX_WINDOWS]
     path = make_interp_spline(visible_time, pose[is_visible], k=1)
     heading = path(start + window / 2)[:, 2] * in_body
@@ -265,8 +260,13 @@ def _describe_wheels(columns: Array) -> str:
     """
     numbers = np.arange(1, len(columns) + 1)
     if (abs(columns) == numbers).all():
-        names = " and ".join(f"wheel {i} turns" for i in numbers[columns < 0])
-        return f"{names} the other way; a positive speed must turn the robot counter-clockwise"
+        wrong = numbers[columns < 0]
+        verb = (
+            f"wheel {wrong[0]} turns"
+            if len(wrong) == 1
+            else f"wheels {', '.join(map(str, wrong))} turn"
+        )
+        return f"{verb} the other way; a positive speed must turn the robot counter-clockwise"
     logged = ", ".join(f"{column:g}" for column in columns)
     return (
         f"wheels {', '.join(map(str, numbers))} of the robot's file turn as {logged} of the log "

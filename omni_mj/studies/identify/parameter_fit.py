@@ -12,7 +12,7 @@ errors grow by the ratio of persistent residuals to their allowed size.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -38,27 +38,29 @@ class ParameterRange(NamedTuple):
         step: Step of finite differences.
         low: Smallest value.
         high: Largest value.
+        prior_error: Standard error of the initial value, which the robot's file gives.
     """
 
     scale: float
     step: float
     low: float
     high: float
+    prior_error: float
 
 
 RANGES = {
-    "creep_compliance": ParameterRange(0.2, 1e-2, 0.0, 20.0),
-    "rolling_resistance": ParameterRange(0.02, 1e-3, -0.2, 1.0),
-    "roller_friction": ParameterRange(0.02, 1e-3, -0.2, 1.0),
-    "scale": ParameterRange(0.05, 1e-3, 0.4, 2.5),
-    "arm": ParameterRange(0.05, 1e-3, 0.4, 2.5),
-    "heading_offset_rad": ParameterRange(0.05, 1e-3, -1.0, 1.0),
-    "compliance_s": ParameterRange(0.02, 2e-4, 1e-4, 1.0),
-    "dry_friction_m_s": ParameterRange(0.05, 1e-3, -0.2, 0.4),
-    "turn_rate_gain": ParameterRange(0.3, 1e-2, -0.5, 10.0),
-    "slope_x_m_s2": ParameterRange(0.1, 1e-2, -2.0, 2.0),
-    "slope_y_m_s2": ParameterRange(0.1, 1e-2, -2.0, 2.0),
-    DEAD_TIME: ParameterRange(0.01, 1e-4, -0.5, 0.6),
+    "creep_compliance": ParameterRange(0.2, 1e-2, 0.0, 20.0, 0.1),
+    "rolling_resistance": ParameterRange(0.02, 1e-3, -0.2, 1.0, 0.015),
+    "roller_friction": ParameterRange(0.02, 1e-3, -0.2, 1.0, 0.06),
+    "scale": ParameterRange(0.05, 1e-3, 0.4, 2.5, 0.03),
+    "arm": ParameterRange(0.05, 1e-3, 0.4, 2.5, 0.05),
+    "heading_offset_rad": ParameterRange(0.05, 1e-3, -1.0, 1.0, 0.5),
+    "compliance_s": ParameterRange(0.02, 2e-4, 1e-4, 1.0, 0.04),
+    "dry_friction_m_s": ParameterRange(0.05, 1e-3, -0.2, 0.4, 0.03),
+    "turn_rate_gain": ParameterRange(0.3, 1e-2, -0.5, 10.0, 1.0),
+    "slope_x_m_s2": ParameterRange(0.1, 1e-2, -2.0, 2.0, 0.1),
+    "slope_y_m_s2": ParameterRange(0.1, 1e-2, -2.0, 2.0, 0.1),
+    DEAD_TIME: ParameterRange(0.01, 1e-4, -0.5, 0.6, 0.5),
 }
 # Steps of finite differences of the initial heading in rad and twist in m/s and rad/s
 INITIAL_STEPS = 0.02 * np.eye(4)
@@ -95,13 +97,40 @@ class Residuals:
 
 
 @dataclass(frozen=True)
+class Prior:
+    """Knowledge of n parameters before a fit, as independent normal distributions.
+
+    Attributes:
+        mean: Means, (n,).
+        error: Standard errors, (n,).
+    """
+
+    mean: Array
+    error: Array
+
+    def combine(self, values: Array, covariance: Array) -> tuple[Array, Array]:
+        """Return mean and covariance of parameters that data estimate.
+
+        Args:
+            values: Estimates by the data, (n,).
+            covariance: Their covariance, (n, n).
+        """
+        unit = np.outer(self.error, self.error)
+        normalized = covariance / unit
+        total = normalized + np.eye(len(values))
+        deviation = np.linalg.solve(total, (values - self.mean) / self.error)
+        return self.mean + self.error * deviation, np.linalg.solve(total, normalized) * unit
+
+
+@dataclass(frozen=True)
 class Fit:
     """Result of a fit.
 
     Attributes:
         free: Names of the n fitted parameters.
         covariance: Covariance of the fitted parameters, (n, n); huge for parameters that the data
-            do not determine.
+            do not determine, before a prior is applied.
+        misfit_ratio: Ratio by which a misfit enlarges standard errors, at least 1.
         parameters: All parameters by name; see `RobotDynamics.nominal_parameters`.
         quantile: Half width of a 95 % interval over the standard error, by Student's t.
         at_bound: Names of the fitted parameters that stopped at a bound.
@@ -112,6 +141,7 @@ class Fit:
 
     free: Sequence[str]
     covariance: Array
+    misfit_ratio: float
     parameters: Parameters
     quantile: float
     at_bound: frozenset[str]
@@ -123,6 +153,18 @@ class Fit:
     def misfit(self) -> bool:
         """Whether the model lacks a property of this robot."""
         return any(residuals.misfit for residuals in self.residuals.values())
+
+    @property
+    def values(self) -> Array:
+        """Values of the fitted parameters, (n,)."""
+        return np.array([self.parameters[name] for name in self.free])
+
+    def with_prior(self, prior: Prior) -> "Fit":
+        """Return the fit combined with a prior. A misfit enlarges standard errors only."""
+        values = prior.combine(self.values, self.covariance)[0]
+        covariance = prior.combine(self.values, self.misfit_ratio**2 * self.covariance)[1]
+        parameters = self.parameters | dict(zip(self.free, values.tolist(), strict=True))
+        return replace(self, parameters=parameters, covariance=covariance)
 
 
 class ProjectedProblem:
@@ -150,7 +192,8 @@ class ProjectedProblem:
     ) -> None:
         self.dynamics, self.segments, self.start, self.free = dynamics, segments, start, free
         self.start_values = np.array([start[name] for name in free])
-        self.scale, self.steps, self.low, self.high = np.array([RANGES[name] for name in free]).T
+        ranges = np.array([RANGES[name] for name in free]).T
+        self.scale, self.steps, self.low, self.high = ranges[:4]
         noise = np.median(np.abs(_white_differences(segments.pose)), axis=(0, 1))
         self.weights = np.array([1.0, 1.0, noise[:2].mean() / max(noise[2], 1e-6)])
         self.initial_states = segments.estimate_initial_states()
@@ -242,12 +285,13 @@ def fit_parameters(
         "positions": measure_residuals(residual[..., :2], allowed[0]),
         "headings": measure_residuals(residual[..., 2:] / problem.weights[2], allowed[1]),
     }
-    excess = max([1.0, *(r.persistent / r.allowed for r in residuals.values() if r.misfit)])
+    misfits = [r for r in residuals.values() if r.misfit]
     is_low = x < problem.low + 2e-3 * problem.scale
     is_high = x > problem.high - 2e-3 * problem.scale
     return Fit(
         free=free,
-        covariance=excess**2 * robust_covariance(problem.jacobian, residual),
+        covariance=robust_covariance(problem.jacobian, residual),
+        misfit_ratio=max([1.0, *(r.persistent / r.allowed for r in misfits)]),
         parameters=problem.parameters(x),
         quantile=float(stdtrit(len(segments) - 1, 0.975)),
         at_bound=frozenset(np.array(free)[is_low | is_high].tolist()),
@@ -292,9 +336,17 @@ def robust_covariance(jacobian: Array, residual: Array) -> Array:
     scores = inverse @ np.einsum("smkn,smk->ns", unit, residual)
     robust = scores @ scores.T * freedom
     white = np.diag(inverse) * (residual**2).mean() * freedom
-    ratio = white / np.maximum(np.diag(robust), 1e-300)
-    inflation = np.sqrt(np.maximum(ratio, 1.0)) / length
-    return robust * np.outer(inflation, inflation)
+    error = np.sqrt(np.maximum(np.diag(robust), white))
+    # Correlations of n parameters are known from many more than n segments only.
+    weight = min(1.0, n / len(residual))
+    correlation = weight * _correlate(inverse) + (1 - weight) * _correlate(robust)
+    return correlation * np.outer(error / length, error / length)
+
+
+def _correlate(covariance: Array) -> Array:
+    """Return the correlations of a covariance (n, n)."""
+    deviation = np.maximum(np.sqrt(np.diag(covariance)), 1e-150)
+    return covariance / np.outer(deviation, deviation)
 
 
 def _white_differences(values: Array) -> Array:

@@ -71,9 +71,10 @@ def _is_in_range(name: str, value: float) -> bool:
 
 def _format_change(name: str, estimate: Estimate) -> str:
     """Return the value as TOML, with estimate and standard error in a comment."""
-    value, size, unit = f"{float(f'{estimate.value:.5g}')}", 1.0, estimate.unit
+    size, unit = 1.0, estimate.unit
     if name == "commands.dead_time_s":
-        value, size, unit = str(round(estimate.value / PERIOD_S)), PERIOD_S, "frames"
+        size, unit = PERIOD_S, "frames"
+    value = float(f"{estimate.value / size:.5g}")
     estimate_text = f"{estimate.value / size:.4g} +- {estimate.standard_error / size:.2g}"
     estimate_text = f"{estimate_text} {unit}".rstrip()
     weak = ", weak" if estimate.is_weak else ""

@@ -8,9 +8,8 @@ a separate log.
 import csv
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import count, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -43,10 +42,23 @@ KNOWN_COLUMN = re.compile(
         + [pattern.format(r"\d+") for pattern in WHEEL_PATTERNS]
     )
 )
-SEPARATORS = ",;\t|"
+# Unit of a column -> unit in which it is read, and factor
+UNITS = {
+    "ms": ("s", 1e-3),
+    "us": ("s", 1e-6),
+    "ns": ("s", 1e-9),
+    "mm": ("m", 1e-3),
+    "cm": ("m", 1e-2),
+    "deg": ("rad", np.pi / 180),
+    "mm_s": ("m_s", 1e-3),
+    "deg_s": ("rad_s", np.pi / 180),
+    "rpm": ("rad_s", np.pi / 30),
+}
+SEPARATORS = ",;\t| "
 MAX_HEADER_LINES, MAX_HEADER_BYTES = 50, 100_000  # at the start of a file, with column names
 MIN_LINES = 30
 MAX_GAP_PERIODS = 3.5  # a longer gap splits a log
+MIN_PERIOD_S, MAX_PERIOD_S = 5e-4, 0.5  # from line to line
 
 
 @dataclass(frozen=True)
@@ -65,7 +77,7 @@ class RobotLog:
     name: str
     time: Array
     pose: Array
-    inputs: Mapping[str, Array]
+    inputs: dict[str, Array]
     in_body: bool
 
 
@@ -78,7 +90,7 @@ def read_logs(file: Path | str) -> list[RobotLog]:
     """
     path = Path(file)
     columns = _read_columns(path)
-    is_angle, wheels = _wheel_columns(columns)
+    is_angle, wheels = _wheel_columns(path, columns)
     command_sets = (TRAJECTORY_COMMANDS, WORLD_COMMANDS, BODY_COMMANDS)
     command = next((names for names in command_sets if columns.keys() >= set(names)), ())
     for name in ("time_s", *POSE_COLUMNS):
@@ -101,11 +113,13 @@ def read_logs(file: Path | str) -> list[RobotLog]:
     for robot in dict.fromkeys(robots.tolist()) or [""]:
         lines = np.flatnonzero(robots == robot)
         robot_inputs = {source: values[lines] for source, values in inputs.items()}
-        if wheels:
-            robot_inputs["wheels"] = _mean_speeds(time[lines], robot_inputs["wheels"], is_angle)
         name = f"{path.name} ({robot})" if robot else path.name
         in_body = command == BODY_COMMANDS
-        logs.append(_clean(RobotLog(name, time[lines], pose[lines], robot_inputs, in_body)))
+        log = _clean(RobotLog(name, time[lines], pose[lines], robot_inputs, in_body))
+        if wheels:
+            speeds = _mean_speeds(log.time, log.inputs["wheels"], is_angle)
+            log = replace(log, inputs=log.inputs | {"wheels": speeds})
+        logs.append(log)
     return logs
 
 
@@ -157,6 +171,9 @@ def _clean(log: RobotLog) -> RobotLog:
     if is_new.sum() < MIN_LINES:
         raise OmniError(f"{log.name}: {is_new.sum()} times are too few; at least {MIN_LINES}")
     time, pose = log.time[is_new], log.pose[is_new]
+    period = float(np.median(np.diff(time)))
+    if not MIN_PERIOD_S <= period <= MAX_PERIOD_S:
+        raise OmniError(f"{log.name}: {period:g} s from line to line; time_s must be in s")
     pose[~np.isfinite(pose)] = np.nan
     is_repeated = np.append(False, (np.diff(pose, axis=0) == 0).all(1))
     pose[is_repeated] = np.nan
@@ -171,10 +188,21 @@ def _clean(log: RobotLog) -> RobotLog:
     return replace(log, time=time, pose=pose, inputs=inputs)
 
 
-def _wheel_columns(columns: Columns) -> tuple[bool, list[str]]:
-    """Return whether the columns of wheels hold angles, and the names of these columns."""
+def _wheel_columns(path: Path, columns: Columns) -> tuple[bool, list[str]]:
+    """Return whether the columns of wheels hold angles, and the names of these columns.
+
+    Raises:
+        OmniError: The numbers of wheels do not start with 1, or one is missing.
+    """
     for pattern in WHEEL_PATTERNS:
-        if names := list(takewhile(columns.__contains__, map(pattern.format, count(1)))):
+        present = sorted(filter(re.compile(pattern.format(r"\d+")).fullmatch, columns))
+        names = [pattern.format(i + 1) for i in range(len(present))]
+        if set(names) != set(present):
+            raise OmniError(
+                f"{path.name}: columns {', '.join(present)}: wheels are numbered from 1, "
+                "without gaps"
+            )
+        if names:
             return pattern.endswith("_rad"), names
     return False, []
 
@@ -184,20 +212,21 @@ def _mean_speeds(time: Array, values: Array, is_angle: bool) -> Array:
 
     Args:
         time: Times of the lines, (F,) s.
-        values: Wheel angles in rad, or wheel speeds in rad/s, (F, W).
+        values: Wheel angles in rad, or wheel speeds in rad/s, (F, W). Angles that all lie within
+            one turn are unwrapped.
         is_angle: Whether the values are angles.
     """
     if is_angle:
-        # Lines with equal times are removed later.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            means = np.diff(values, axis=0) / np.diff(time)[:, None]
+        if np.ptp(values) <= 2 * np.pi:
+            values = np.unwrap(values, axis=0)
+        means = np.diff(values, axis=0) / np.diff(time)[:, None]
     else:
         means = (values[1:] + values[:-1]) / 2
     return np.concatenate([means, means[-1:]])
 
 
 def _read_columns(path: Path) -> Columns:
-    """Return the columns of a CSV or Parquet file by their names in lower case.
+    """Return the columns of a CSV or Parquet file by their names in lower case, in SI units.
 
     Raises:
         OmniError: The file does not exist, is not a table, or has a known column twice.
@@ -209,18 +238,33 @@ def _read_columns(path: Path) -> Columns:
         raise OmniError(f"there is no log {path}")
     try:
         arrow_table = readers[path.suffix.lower()](path)
-        names = [_normalize_name(name) for name in arrow_table.column_names]
+        names, factors = zip(*map(_normalize_name, arrow_table.column_names), strict=True)
     except (pa.ArrowException, OSError, ValueError, csv.Error) as error:
         raise OmniError(f"{path} cannot be read: {to_printable(str(error), 200)}") from None
     for name in filter(KNOWN_COLUMN.fullmatch, names):
         if names.count(name) > 1:
             raise OmniError(f"{path.name}: column {name} is there twice; leave one")
-    return dict(zip(names, arrow_table.columns, strict=True))
+    columns = dict(zip(names, arrow_table.columns, strict=True))
+    for name, factor in zip(names, factors, strict=True):
+        if factor != 1:
+            columns[name] = pa.chunked_array([factor * _to_numbers(path, columns, [name])[:, 0]])
+    return columns
 
 
-def _normalize_name(name: str) -> str:
-    """Return a column's name in lower case, without comment signs, quotes and spaces."""
-    return to_printable(name).strip("# \"'").lower()
+def _normalize_name(name: str) -> tuple[str, float]:
+    """Return a column's name with the unit in which it is read, and the factor to this unit.
+
+    The name is in lower case, without comment signs, quotes and spaces. `Heading [deg]` becomes
+    heading_rad, with the factor pi / 180.
+    """
+    name = re.sub(r"\s*[\[(](.*)[\])]$", r"_\1", name.strip("# \"'").lower())
+    name = to_printable(name.replace("/", "_").replace("°", "deg"))
+    name = re.sub(r"_([a-z]+(?:_s)?)_\1$", r"_\1", name)  # x_m [m]
+    for unit, (si_unit, factor) in UNITS.items():
+        si_name = name.removesuffix(unit) + si_unit
+        if name.endswith(f"_{unit}") and KNOWN_COLUMN.fullmatch(si_name):
+            return si_name, factor
+    return name, 1.0
 
 
 def _read_csv(path: Path) -> pa.Table:
@@ -234,7 +278,7 @@ def _read_csv(path: Path) -> pa.Table:
     # Only the first lines are decoded here. Arrow decodes the others.
     lines = re.split(r"\r?\n|\r", toml_files.decode_utf8(head, "replace"))
     choices = [
-        (number, separator, next(csv.reader([line], delimiter=separator), []))
+        (number, separator, next(csv.reader([line.lstrip("# ")], delimiter=separator), []))
         for number, line in enumerate(lines[:MAX_HEADER_LINES])
         for separator in SEPARATORS
     ]
@@ -249,7 +293,7 @@ def _read_csv(path: Path) -> pa.Table:
 
 def _count_known_names(names: Iterable[str]) -> int:
     """Return how many names are those of columns that `identify` reads."""
-    return sum(KNOWN_COLUMN.fullmatch(_normalize_name(name)) is not None for name in names)
+    return sum(KNOWN_COLUMN.fullmatch(_normalize_name(name)[0]) is not None for name in names)
 
 
 def _count_number_columns(arrow_table: pa.Table) -> int:
