@@ -61,10 +61,16 @@ def alpha_percentiles(log: Log, rows: np.ndarray) -> dict[str, dict[str, float |
     """
     if log.length <= ALPHA_WINDOW_FRAMES:
         return None
-    alpha = alpha_windows(log.channel("pose")[:, rows, :2], log.channel("applied")[:, rows, :2])
     percentiles: dict[str, dict[str, float | None]] = {}
     for j, axis in enumerate(ALPHA_AXES):
-        values = alpha[..., j][~np.isnan(alpha[..., j])]
+        ratios = [np.empty(0)]
+        for row in rows[log.lengths[rows] > ALPHA_WINDOW_FRAMES].tolist():
+            position, command = (
+                log.channel_of_row(name, row)[:, j] for name in ("pose", "applied")
+            )
+            ratio = alpha_windows(position, command)
+            ratios.append(ratio[~np.isnan(ratio)])
+        values = np.concatenate(ratios)
         percentiles[axis] = {
             f"p{p}": float(np.percentile(values, p)) if values.size else None
             for p in ALPHA_PERCENTILES

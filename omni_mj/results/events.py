@@ -42,17 +42,23 @@ def find_events(log: Log, failures: Sequence[Failure]) -> list[Event]:
     return sorted(events, key=lambda event: (event.frame, event.kind != STOPPED))
 
 
-def row_events(log: Log, row: int, failures: Sequence[Failure]) -> list[Event]:
+def row_events(log: Log, row: int, failures: Sequence[Failure], start: int = 0) -> list[Event]:
     """Return the events of a row in order of time.
 
     Further frames of the log add events, and change none.
+
+    Args:
+        log: The log.
+        row: Index of the row.
+        failures: Failures of rows.
+        start: First frame of the log to consider. Failures always count.
     """
     occurrences = [
         (round(failure.time_s / PERIOD_S), STOPPED, f"stopped: {failure.cause}")
         for failure in failures
         if failure.row == row
     ]
-    occurrences += _logged_occurrences(log, row)
+    occurrences += _logged_occurrences(log, row, start)
     occurrences.sort(key=lambda occurrence: occurrence[0])
     source = log.rows[row]
     return [
@@ -61,19 +67,23 @@ def row_events(log: Log, row: int, failures: Sequence[Failure]) -> list[Event]:
     ]
 
 
-def _logged_occurrences(log: Log, row: int) -> Iterator[tuple[int, str, str]]:
-    """Yield frame, kind and text of events of motors, battery and faults."""
+def _logged_occurrences(log: Log, row: int, start: int) -> Iterator[tuple[int, str, str]]:
+    """Yield frame, kind and text of events of motors, battery and faults from a frame on."""
     length, settings = int(log.lengths[row]), log.rows[row].settings
-    battery, winding = (log.channel(name)[:length, row] for name in ("battery", "winding"))
+    battery, winding = (log.channel_of_row(name, row, start) for name in ("battery", "winding"))
     max_winding_c = settings.motor.max_winding_c
     is_hot = (winding > max_winding_c).any(-1)  # false where NaN: on plants without motors
     if is_hot.any():
-        yield int(is_hot.argmax()), TEMPERATURE, f"a winding is above {max_winding_c:g} deg C"
+        yield (
+            start + int(is_hot.argmax()),
+            TEMPERATURE,
+            f"a winding is above {max_winding_c:g} deg C",
+        )
     is_empty = battery == 0
     if is_empty.any():
         text = f"the battery is empty: its voltage fell below {settings.battery.cut_off_v:g} V"
-        yield int(is_empty.argmax()), BATTERY, text
+        yield start + int(is_empty.argmax()), BATTERY, text
     for fault in log.rows[row].faults:
         for frame, verb in zip(fault.frame_span, ("begins", "ends"), strict=True):
-            if frame < length:
+            if start <= frame < length:
                 yield int(frame), FAULT, f"{verb}: {fault.label}"

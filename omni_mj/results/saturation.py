@@ -82,9 +82,9 @@ def saturated_frames(log: Log, row: int) -> dict[str, np.ndarray]:
         Key of `LIMIT_LABELS` -> shape (frames,). Limits that the plant does not simulate are
             absent.
     """
-    frames, settings = slice(log.lengths[row]), log.rows[row].settings
+    settings = log.rows[row].settings
     names = ("pose", "slip", "duty_peak", "current_limited", "command")
-    channels = {name: log.channel(name)[frames, row] for name in names}
+    channels = {name: log.channel_of_row(name, row) for name in names}
     saturated: dict[str, np.ndarray] = {}
     if not np.isnan(channels["slip"]).all():
         is_sliding = (excess_slip(channels["pose"], channels["slip"], settings) > 0).any(-1)
@@ -97,15 +97,13 @@ def saturated_frames(log: Log, row: int) -> dict[str, np.ndarray]:
     return saturated
 
 
-def saturation_metrics(log: Log) -> dict[str, Array]:
-    """Return the fraction of frames at each limit, and the mean duty, of each row.
+def saturation_metrics(log: Log, row: int) -> dict[str, float]:
+    """Return the fraction of frames at each limit, and the mean duty, of a row with frames.
 
     Returns:
-        Key of `METRIC_LABELS` -> shape (n,). NaN if the plant does not simulate the limit.
+        Key of `METRIC_LABELS` -> value. Limits that the plant does not simulate are absent.
     """
-    metrics = {name: np.full(len(log.rows), np.nan) for name in METRIC_LABELS}
-    for row in np.flatnonzero(log.lengths):
-        for limit, frames in saturated_frames(log, int(row)).items():
-            metrics[f"{limit}_fraction"][row] = frames.mean()
-        metrics[DUTY][row] = log.channel("duty_peak")[: log.lengths[row], row, 0].mean()
-    return metrics
+    metrics = {
+        f"{limit}_fraction": frames.mean() for limit, frames in saturated_frames(log, row).items()
+    }
+    return metrics | {DUTY: log.channel_of_row("duty_peak", row)[:, 0].mean()}

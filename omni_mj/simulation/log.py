@@ -1,4 +1,4 @@
-"""The log of a simulation: all channels of each row and frame, in memory and as Arrow tables."""
+"""The log of a simulation: all channels of each row and frame, and their Arrow tables."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,11 +13,12 @@ from omni_mj import parquet
 from omni_mj.config import PERIOD_S
 from omni_mj.config.rows import Row
 from omni_mj.plants.telemetry import TELEMETRY_NAMES
+from omni_mj.simulation.frame_blocks import FrameBlocks
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-INITIAL_CAPACITY = 512  # frames, at least
+BLOCK_FRAMES = 512
 CHANNEL_PREFIX = "channel_"  # before the names of a controller's own channels
 
 
@@ -91,7 +92,6 @@ class Log:
     Args:
         rows: The rows.
         n_wheels: Number of wheels of a robot.
-        n_frames: Expected number of frames. The capacity doubles when more are recorded.
         has_true_poses: Whether poses are true. If not, only those of frames with a detection are
             measured.
 
@@ -103,13 +103,7 @@ class Log:
         lengths: Number of frames of each row, shape (n,). Smaller for rows that failed or ended.
     """
 
-    def __init__(
-        self,
-        rows: Sequence[Row],
-        n_wheels: int,
-        n_frames: int = 0,
-        has_true_poses: bool = True,
-    ) -> None:
+    def __init__(self, rows: Sequence[Row], n_wheels: int, has_true_poses: bool = True) -> None:
         self.rows, self.has_true_poses = list(rows), has_true_poses
         self.columns = channel_columns(n_wheels)
         ends = np.cumsum([0, *map(len, self.columns.values())]).tolist()
@@ -120,11 +114,14 @@ class Log:
         self._slices["telemetry"] = slice(start, stop)
         self.length, self.first_frame = 0, 0
         self.lengths = np.zeros(len(self.rows), int)
-        # Channels of the simulation, shape (capacity, columns, n). The operating system provides
-        # the memory only when it is written.
-        self._data: Array = np.empty((max(n_frames, INITIAL_CAPACITY), ends[-1], len(self.rows)))
-        # Channels of controllers, name -> shape (capacity, columns, n).
-        self._controller_data: dict[str, Array] = {}
+        # Channel -> indices of its columns in the blocks. Columns are added with new channels of
+        # controllers, so older blocks have fewer.
+        self._indices = {
+            name: [*range(*span.indices(ends[-1]))] for name, span in self._slices.items()
+        }
+        self._n_columns = ends[-1]
+        self._blocks = FrameBlocks()
+        self._block = self._create_block()  # the newest
 
     @property
     def controllers(self) -> tuple[str, ...]:
@@ -154,30 +151,41 @@ class Log:
             **values: Channels of the simulation, shape (n, columns) or (n,), or broadcastable.
                 `telemetry` stands for all of `TELEMETRY_NAMES` side by side.
         """
-        if self.length == len(self._data):
-            self._double_capacity()
-        for data in (self._data, *self._controller_data.values()):
-            data[self.length] = np.nan
-        for name, value in values.items():
-            np.copyto(self._data[self.length, self._slices[name]], value.T, where=is_active)
+        if self._n_in_block == BLOCK_FRAMES:
+            self._blocks.append(self._block)
+            self._block = self._create_block()
         for name, value in controller_channels.items():
-            width = value.shape[1]
-            data = self._controller_channel(CHANNEL_PREFIX + name, width)
-            np.copyto(data[self.length, :width], value.T, where=is_active)
+            self._add_columns(CHANNEL_PREFIX + name, value.shape[1])
+        frame = self._block[self._n_in_block]
+        frame[:] = np.nan
+        for name, value in values.items():
+            np.copyto(frame[self._slices[name]], value.T, where=is_active)
+        for name, value in controller_channels.items():
+            indices = self._indices[CHANNEL_PREFIX + name][: value.shape[1]]
+            frame[indices] = np.where(is_active, value.T, np.nan)
         self.length += 1
         self.lengths += is_active
 
-    def channel(self, name: str) -> np.ndarray:
-        """Return a channel, shape (length, n, columns).
+    def channel(self, name: str, rows: slice = slice(None)) -> np.ndarray:
+        """Return a copy of a channel, shape (length, n, columns).
 
         Frames that a row did not record are NaN, or false in `vision_valid`.
+
+        Args:
+            name: Name of the channel.
+            rows: Rows to return. Default: all.
         """
-        if name in self._slices:
-            data = self._data[:, self._slices[name]]
-        else:
-            data = self._controller_data[name]
-        values = data[: self.length].swapaxes(1, 2)
-        return values == 1 if name == "vision_valid" else values
+        return self._read(name, rows, 0, self.length)
+
+    def channel_of_row(self, name: str, row: int, start: int = 0) -> np.ndarray:
+        """Return a copy of a channel in the recorded frames of a row, shape (frames, columns).
+
+        Args:
+            name: Name of the channel.
+            row: Index of the row.
+            start: First frame to return.
+        """
+        return self._read(name, slice(row, row + 1), start, int(self.lengths[row]))[:, 0]
 
     def to_arrow(self, start: int = 0, stop: int | None = None) -> "pa.Table":
         """Return a table with one line per row and recorded frame, row by row.
@@ -200,9 +208,16 @@ class Log:
             "frame": (self.first_frame + frames).astype(np.int32),
             "time_s": (self.first_frame + frames) * PERIOD_S,
         }
+        spans = [
+            (int(row), int(frames[first]), int(frames[first] + count))
+            for row, first, count in zip(
+                *np.unique(row_indices, return_index=True, return_counts=True), strict=True
+            )
+        ]
         for name, titles in self.columns.items():
-            data = self.channel(name)
-            columns |= {title: data[frames, row_indices, i] for i, title in enumerate(titles)}
+            parts = [self._read(name, slice(row, row + 1), *span)[:, 0] for row, *span in spans]
+            data = np.concatenate(parts) if parts else self.channel(name)[:0, 0]
+            columns |= {title: data[:, i] for i, title in enumerate(titles)}
         controllers = pa.DictionaryArray.from_arrays(
             label_indices[row_indices], pa.array(labels, pa.string())
         )
@@ -217,19 +232,38 @@ class Log:
         starts = range(0, max(n_lines, 1), size)
         parquet.write_tables((self.to_arrow(start, start + size) for start in starts), path)
 
-    def _controller_channel(self, name: str, width: int) -> Array:
-        """Return the data of a controller's channel, extended to at least `width` columns."""
-        data = self._controller_data.get(name, self._data[:, :0])
-        if data.shape[1] < width:
-            wider = np.empty((len(self._data), width, len(self.rows)))
-            wider[: self.length + 1] = np.nan
-            wider[: self.length, : data.shape[1]] = data[: self.length]
-            self._controller_data[name] = wider
-            titles = tuple(f"{name}_{i + 1}" for i in range(width))
-            self.columns[name] = (name,) if width == 1 else titles
-        return self._controller_data[name]
+    @property
+    def _n_in_block(self) -> int:
+        """Number of frames in the newest block."""
+        return self.length - BLOCK_FRAMES * len(self._blocks)
 
-    def _double_capacity(self) -> None:
-        self._data = np.concatenate([self._data, np.empty_like(self._data)])
-        for name, data in self._controller_data.items():
-            self._controller_data[name] = np.concatenate([data, np.empty_like(data)])
+    def _create_block(self) -> Array:
+        """Return an empty block, for which the system provides memory only when it is written."""
+        return np.empty((BLOCK_FRAMES, self._n_columns, len(self.rows)))
+
+    def _read(self, name: str, rows: slice, start: int, stop: int) -> np.ndarray:
+        """Return a channel of some rows from frame `start` until `stop`."""
+        n_rows, columns = len(self.rows[rows]), np.array(self._indices[name])
+        values = np.full((max(stop - start, 0), n_rows, len(columns)), np.nan)
+        for i in range(start // BLOCK_FRAMES, -(-stop // BLOCK_FRAMES)):
+            block = self._blocks[i] if i < len(self._blocks) else self._block
+            begin = i * BLOCK_FRAMES
+            frames = block[max(start - begin, 0) : stop - begin, :, rows]
+            is_known = columns < frames.shape[1]
+            target = values[max(begin - start, 0) :][: len(frames)]
+            target[..., is_known] = frames[:, columns[is_known]].swapaxes(1, 2)
+        return values == 1 if name == "vision_valid" else values
+
+    def _add_columns(self, name: str, width: int) -> None:
+        """Extend a controller's channel to at least `width` columns."""
+        indices = self._indices.get(name, [])
+        if len(indices) >= width:
+            return
+        n_columns = self._n_columns
+        self._n_columns += width - len(indices)
+        self._indices[name] = [*indices, *range(n_columns, self._n_columns)]
+        titles = tuple(f"{name}_{i + 1}" for i in range(width))
+        self.columns[name] = (name,) if width == 1 else titles
+        frames, self._block = self._block[: self._n_in_block], self._create_block()
+        self._block[: len(frames)] = np.nan
+        self._block[: len(frames), :n_columns] = frames

@@ -193,7 +193,7 @@ class Simulation:
         self._reference_indices = np.array([indices[reference] for reference in self.references])
         n_wheels = self.plant.telemetry().wheel_angle.shape[1]
         log_rows = self.rows if self._keep_log else []
-        self.log = Log(log_rows, n_wheels, int(self._n_frames.max()), self.has_true_poses)
+        self.log = Log(log_rows, n_wheels, self.has_true_poses)
 
     @property
     def done(self) -> bool:

@@ -20,8 +20,8 @@ from omni_mj.simulation.simulation import Simulation
 
 AfterFrame = Callable[[int], None]  # called with the number of each frame
 StartProgress = Callable[[str, int], AfterFrame]  # called with a title and the number of frames
-# Memory per robot and frame, bytes: log, reference, and temporary arrays of the metrics
-FRAME_BYTES = 1200
+# Memory per robot and frame, bytes: reference, and the log if the disk has no room for it
+FRAME_BYTES = 700
 
 
 class StoppedError(Exception):

@@ -50,7 +50,7 @@ class RecordedRobot:
 
     def __getitem__(self, channel: str) -> Array:
         """Return a channel of the log from the first frame on, (frames, columns)."""
-        return self.log.channel(channel)[self.first_frame : self.length, self.row]
+        return self.log.channel_of_row(channel, self.row, self.first_frame)
 
     def pose_error(self) -> Array:
         """Return true pose minus reference, (frames, 3) cm, cm, deg."""

@@ -1,7 +1,11 @@
-"""The log's file does not depend on the size of its blocks, and is read without threads."""
+"""The log: its file does not depend on the size of blocks, and its memory not on its length."""
 
+import copy
+import pickle
+import resource
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +14,10 @@ import pytest
 from benches.logs import fill_log, rows
 
 from omni_mj import parquet
+from omni_mj.simulation import frame_blocks
+from omni_mj.simulation.log import Log
+
+N_ROWS, N_FRAMES = 10, 2600  # 14 MB
 
 
 @pytest.mark.parametrize("lines", [1, 7, 10, 1000])
@@ -39,3 +47,48 @@ def test_a_table_is_read_without_threads(tmp_path: Path) -> None:
     )
     words = [sys.executable, "-c", code, str(tmp_path / "table.parquet")]
     assert subprocess.run(words, capture_output=True, text=True, check=True).stdout == "0\n"
+
+
+@pytest.mark.parametrize("disk", ["free", "without a folder", "full", "nearly full"])
+def test_a_long_log_needs_little_memory_and_loses_nothing_if_the_disk_is_full(
+    disk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A controller's channel begins late, gets wider, and half of the rows end early."""
+    monkeypatch.setattr(frame_blocks, "FOLDER", tmp_path)
+    monkeypatch.setattr(frame_blocks, "MEMORY_BYTES", 1e6)
+    if disk == "without a folder":
+        monkeypatch.setattr(frame_blocks, "FOLDER", tmp_path / "none")
+    if disk == "nearly full":
+        monkeypatch.setattr(frame_blocks, "RESERVED_BYTES", 1e15)
+    old_limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    if disk == "full":  # in the middle of a block
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4_000_000, old_limits[1]))
+    rng = np.random.default_rng(0)
+    log = Log(rows(["a", "b"], range(N_ROWS // 2)), 4)
+    ends = np.where(np.arange(N_ROWS) < N_ROWS // 2, N_FRAMES, N_FRAMES // 2)
+    pose, telemetry = rng.normal(size=(N_FRAMES, N_ROWS, 3)), rng.normal(size=(N_FRAMES, 1))
+    tracemalloc.start()
+    try:
+        for frame in range(N_FRAMES):
+            is_wide = frame > 2000
+            mine = {"mine": pose[frame, :, : 1 + is_wide]} if frame > 1000 else {}
+            log.append(frame < ends, mine, pose=pose[frame], telemetry=telemetry[frame])
+        assert disk != "free" or tracemalloc.get_traced_memory()[1] < 7e6
+    finally:
+        tracemalloc.stop()
+        resource.setrlimit(resource.RLIMIT_FSIZE, old_limits)
+    pose[N_FRAMES // 2 :, N_ROWS // 2 :] = np.nan
+    expected = np.where(np.arange(N_FRAMES)[:, None, None] > [1000, 2000], pose[..., :2], np.nan)
+    for same_log in (log, copy.deepcopy(log), pickle.loads(pickle.dumps(log))):
+        np.testing.assert_array_equal(same_log.channel("pose"), pose)
+        np.testing.assert_array_equal(same_log.channel("channel_mine"), expected)
+        np.testing.assert_array_equal(
+            same_log.channel("slip")[:1500, 3], np.tile(telemetry, 4)[:1500]
+        )
+    np.testing.assert_array_equal(log.channel_of_row("pose", 1, 700), pose[700:, 1])
+    frames = log.to_arrow()
+    np.testing.assert_array_equal(
+        frames["x_m"],
+        np.concatenate([*(p[:n, 0] for p, n in zip(pose.swapaxes(0, 1), ends, strict=True))]),
+    )
+    assert not [*tmp_path.iterdir()], "the file has no name"

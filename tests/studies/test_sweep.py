@@ -1,5 +1,6 @@
 """Test that sweeps run each run once and equal separate runs, whatever batch and process."""
 
+import gc
 import json
 import shlex
 import subprocess
@@ -52,13 +53,24 @@ def complete_sweep(tmp_path_factory: pytest.TempPathFactory) -> bench.SweepResul
     return run_sweep(tmp_path_factory.mktemp("sweep") / "complete")
 
 
+def test_a_shard_leaves_no_simulation_behind(complete_sweep: bench.SweepResult) -> None:
+    """Nothing waits for the collection of garbage, whose time grows with the number of points."""
+    gc.collect()
+    gc.disable()
+    try:
+        bench.run_shard(complete_sweep.plan, complete_sweep.plan.shards[0])
+        assert not [thing for thing in gc.get_objects() if isinstance(thing, om.Simulation)]
+    finally:
+        gc.enable()
+
+
 def test_runs_equal_those_outside_a_sweep(complete_sweep: bench.SweepResult) -> None:
     """Bit for bit at each point, and each run once."""
     table = complete_sweep.rows()
     assert table.num_rows == 2 * 2 * 2 * 3
-    for point, values in enumerate(complete_sweep.plan.points):
+    for point in range(complete_sweep.plan.n_points):
         sections: dict[str, dict[str, object]] = {}
-        for name, value in values.items():
+        for name, value in complete_sweep.plan.values_at(point).items():
             sections.setdefault(name.split(".")[0], {})[name.split(".")[1]] = value
         single_runs = bits(om.run(scenario(**sections), NAMES, range(3)).rows())
         swept = bits(table.filter(pa.compute.equal(table["point"], point)))
@@ -309,7 +321,7 @@ def test_wheel_models_do_not_share_a_shard() -> None:
     )
     assert [len(shard.runs) for shard in plan.shards] == [4, 4]
     for shard in plan.shards:
-        assert len({plan.points[point]["wheels.model"] for point, _ in shard.runs}) == 1
+        assert len({plan.values_at(point)["wheels.model"] for point, _ in shard.runs}) == 1
 
 
 def test_correlations_and_worst_runs_are_reported(

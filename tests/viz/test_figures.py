@@ -74,9 +74,11 @@ def test_a_failed_row_ends_early_and_does_not_set_the_limits(
 ) -> None:
     """The last one fails after 90 frames, 1 m from its reference; the others are within 3 cm."""
     names = [f"c{i}" for i in range(controllers)]
-    run = make_outcome(names, 1, ends={controllers - 1: 90})
-    assert run.log
-    run.log.channel("pose")[80:90, -1, 0] += 1.0
+    log = make_outcome(names, 1).log
+    assert log
+    pose = log.channel("pose")
+    pose[80:90, -1, 0] += 1.0
+    run = make_outcome(names, 1, ends={controllers - 1: 90}, pose=pose)
     figures = draw_figures(run, "path", "command", "error")
     for name in ("command", "error"):
         lines = [line for axes in figures[name].axes for line in line_values(axes, names[-1])]

@@ -6,7 +6,6 @@ import re
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -135,15 +134,20 @@ class SweepPlan:
         """Return the fields without cached properties, which other processes compute again."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
-    @cached_property
-    def points(self) -> list[dict[str, SettingValue]]:
-        """Values of the axes at all points of the grid; the last axis changes fastest."""
-        return [dict(zip(self.axes, point, strict=True)) for point in product(*self.axes.values())]
+    @property
+    def n_points(self) -> int:
+        """Number of points of the grid."""
+        return math.prod(map(len, self.axes.values()))
+
+    def values_at(self, point: int) -> dict[str, SettingValue]:
+        """Return the values of the axes at a point of the grid; the last axis changes fastest."""
+        indices = np.unravel_index(point, [len(values) for values in self.axes.values()])
+        return {name: self.axes[name][i] for name, i in zip(self.axes, indices, strict=True)}
 
     @cached_property
     def point_scenarios(self) -> list[Scenario]:
         """Scenario at each point."""
-        return [self.scenario_at(point) for point in range(len(self.points))]
+        return [self.scenario_at(point) for point in range(self.n_points)]
 
     def scenario_at(self, point: int) -> Scenario:
         """Return the scenario at a point.
@@ -151,7 +155,7 @@ class SweepPlan:
         Raises:
             OmniError: A value is not valid by itself, or together with the others.
         """
-        values = self.points[point]
+        values = self.values_at(point)
         distributions = {
             name: distribution
             for name, distribution in self.scenario.distributions.items()

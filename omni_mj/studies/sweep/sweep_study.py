@@ -4,7 +4,6 @@ The rows of a shard are stored as soon as it is done, so a sweep that was stoppe
 resumed.
 """
 
-import gc
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
@@ -157,7 +156,7 @@ def run_sweep(
     _prepare_folder(plan, folder, command)
     expected = dependencies(plan)
     stored = stored_shards(plan, folder)
-    remaining = [shard for shard in plan.shards if shard not in stored]
+    remaining = sorted(set(plan.shards) - set(stored))
     after_sweep_frame = start_progress("sweep", plan.frames * len(remaining))
     n_stored = 0  # shards stored since the start
 
@@ -220,10 +219,10 @@ def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_fr
         `failed_at_s`, `cause`, the settings that were drawn, and the numbers of
         `metrics.row_metrics`. Errors are infinite for a robot that failed.
     """
-    # The previous shard is kept alive by reference cycles and would double the memory.
-    gc.collect()
     simulation = create_simulation(plan, shard)
     log = simulation.run(after_frame)
+    # The team refers to the simulation. This cycle would keep the log and double the memory.
+    del simulation.team
     rows = simulation.rows
     rows_per_run = len(rows) // len(shard.runs)
     points = np.repeat([point for point, _ in shard.runs], rows_per_run).astype(np.int32)
@@ -231,7 +230,8 @@ def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_fr
     failed_at_s = [failures[i].time_s if i in failures else np.nan for i in range(len(rows))]
     failure_causes = [failures[i].cause if i in failures else None for i in range(len(rows))]
     columns: dict[str, object] = {"point": points}
-    columns |= {name: [plan.points[point][name] for point in points] for name in plan.axes}
+    values = [plan.values_at(point) for point in points.tolist()]
+    columns |= {name: [point_values[name] for point_values in values] for name in plan.axes}
     columns |= {
         "controller": [row.controller for row in rows],
         "seed": np.array([row.seed for row in rows], np.int64),
@@ -239,7 +239,7 @@ def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_fr
         "failed_at_s": failed_at_s,
         "cause": pa.array(failure_causes, pa.string()),
     }
-    for name in sorted(set(plan.scenario.distributions) - set(plan.points[0])):
+    for name in sorted(set(plan.scenario.distributions) - set(plan.axes)):
         columns[name] = [attrgetter(name)(row.settings) for row in rows]
     return pa.table(columns | row_metrics(log, simulation.failures))
 

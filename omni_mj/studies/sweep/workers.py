@@ -5,10 +5,11 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, wait
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import cache
+from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any
 
@@ -47,26 +48,32 @@ def run_shards(
             the packages.
     """
     expected = dependencies(plan)
-    pending = {
-        executor.submit(_run_on_worker, run_shard, plan, shard, expected): shard for shard in shards
-    }
+    done = SimpleQueue[Future[pa.Table]]()
+    pending: dict[Future[pa.Table], Shard] = {}
+    for shard in shards:
+        future = executor.submit(_run_on_worker, run_shard, plan, shard, expected)
+        pending[future] = shard
+        future.add_done_callback(done.put)
     while pending:
         check()
-        for future in wait(pending, POLL_S, FIRST_COMPLETED).done:
-            shard = pending.pop(future)
-            try:
-                yield shard, future.result()
-            except BrokenProcessPool:
-                check()  # a signal to all processes is the reason
-                raise OmniError(
-                    "a process of --jobs was killed, perhaps for lack of memory; completed shards "
-                    "are saved: to resume, repeat the command with fewer --jobs"
-                ) from None
-            except OmniError:
-                raise
-            except Exception as error:
-                reason = f"{type(error).__name__}: {error}"
-                raise OmniError(f"a worker could not run shard {shard.number}: {reason}") from error
+        try:
+            future = done.get(timeout=POLL_S)
+        except Empty:
+            continue
+        shard = pending.pop(future)
+        try:
+            yield shard, future.result()
+        except BrokenProcessPool:
+            check()  # a signal to all processes is the reason
+            raise OmniError(
+                "a process of --jobs was killed, perhaps for lack of memory; completed shards "
+                "are saved: to resume, repeat the command with fewer --jobs"
+            ) from None
+        except OmniError:
+            raise
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise OmniError(f"a worker could not run shard {shard.number}: {reason}") from error
 
 
 def _run_on_worker(

@@ -25,6 +25,8 @@ from omni_mj.viz.recording.viewer_layout import create_layout
 
 FILE_BLOCK_FRAMES = 5 * FRAME_RATE_HZ  # the most that a killed process loses
 VIEWER_BLOCK_FRAMES = FRAME_RATE_HZ // 2
+# Longer recordings get no index, which grows in memory by 0.25 kB per frame.
+MAX_INDEXED_FRAMES = 600 * FRAME_RATE_HZ
 VALUE_BYTES = 8  # of one number of the trajectory table
 SERVED_PLOT_TITLES = {  # channel of the log -> title
     "command": "command: vx, vy, m/s; turn rate, rad/s",
@@ -61,7 +63,8 @@ class Recording(RerunStream):
         references = [simulation.references[robot.row] for robot in self._robots]
         self._references = [reference.poses for reference in dict.fromkeys(references)]
         self._flag_heights = scene.choose_flag_heights(self._robots, self._references)
-        self._n_events = [0] * len(self._robots)  # sent so far
+        # Kinds of events sent so far. All except faults happen once.
+        self._event_kinds: list[set[str]] = [set() for _ in self._robots]
 
     def update(self) -> None:
         """Send the frames recorded since the last block if they fill a block."""
@@ -84,20 +87,28 @@ class Recording(RerunStream):
             self._begin()
         elif self._channels != list(self._log.columns):  # a controller records a new channel
             self._stream.send_blueprint(self._create_layout())
-        new_frames = np.arange(self._n_sent, self._log.length)
+        begin = self._n_sent
+        new_frames = np.arange(begin, self._log.length)
         self._n_sent = self._log.length
         for i, robot in enumerate(self._robots):
             frames = new_frames[new_frames < robot.length]
             if frames.size:
                 scene.send_robot(self._stream, robot, frames, self._flag_heights[robot.layer])
                 self._send_series(robot, frames)
-            robot_events = events.row_events(self._log, robot.row, self._simulation.failures)
-            self._send_events(robot, robot_events[self._n_events[i] :])
-            self._n_events[i] = len(robot_events)
+            new_events = [
+                event
+                for event in events.row_events(
+                    self._log, robot.row, self._simulation.failures, begin
+                )
+                if event.kind == events.FAULT or event.kind not in self._event_kinds[i]
+            ]
+            self._send_events(robot, new_events)
+            self._event_kinds[i].update(event.kind for event in new_events)
 
     def _begin(self) -> None:
         """Open the stream and send everything that does not change."""
-        self._open(self._create_layout())
+        n_frames = max(reference.frames for reference in self._simulation.references)
+        self._open(self._create_layout(), has_index=n_frames <= MAX_INDEXED_FRAMES)
         scenario = self._simulation.scenario
         name = f"{scenario.name} on {scenario.plant}, seed {self._log.rows[0].seed}"
         self._stream.send_recording_name(name)
@@ -165,7 +176,7 @@ class ServedRecording(RerunStream):
         ]
         time = rrb.TimePanel(timeline=TIME, play_state="following", state="collapsed")
         columns = rrb.Horizontal(field, rrb.Tabs(*plot_views), column_shares=[3, 2])
-        self._open(rrb.Blueprint(columns, time, collapse_panels=True), footer=False)
+        self._open(rrb.Blueprint(columns, time, collapse_panels=True), has_index=False)
         scene.log_field(self._stream)
 
     def _send_block(self, log: Log) -> None:

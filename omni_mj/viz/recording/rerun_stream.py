@@ -72,16 +72,16 @@ class RerunStream:
             message = f"the recording could not be written to its end: {self._failure}"
             raise OSError(None, message, str(self._target))
 
-    def _open(self, layout: rrb.Blueprint, footer: bool = True) -> None:
+    def _open(self, layout: rrb.Blueprint, has_index: bool) -> None:
         """Begin the file, or connect to the viewer.
 
         Args:
             layout: Layout of the viewer.
-            footer: Whether the file ends with an index, which is held in memory until then.
+            has_index: Whether the file ends with an index, which is held in memory until then.
         """
         if isinstance(self._target, Path):
             check_folder(self._target)
-            self._stream.save(self._target, layout, write_footer=footer)
+            self._stream.save(self._target, layout, write_footer=has_index)
         else:
             self._stream.connect_grpc(self._target, default_blueprint=layout)
 
