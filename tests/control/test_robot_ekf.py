@@ -22,7 +22,15 @@ from benches.control import (
     YawCoupling,
     anticipate,
 )
-from closed_loop import CONTACT_RATIO, NOISE, SIDE, SIDE_CREEP, WHEELS, CreepingPlant, T
+from closed_loop import (
+    CONTACT_RATIO,
+    NOISE,
+    SIDE,
+    WHEELS,
+    CreepingPlant,
+    T,
+    compute_creep_speeds,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -60,16 +68,18 @@ def make_observation(pose: Array, measured: Array, sent: CommandHistory) -> Obse
 
 @given(st.tuples(*[number] * 5))
 def test_a_step_solves_the_equation_of_motion(drawn: tuple[float, ...]) -> None:
-    """(tau + g^2 T |v|) v' = u - g v in the body's axes; each short step uses its initial |v|."""
+    """(tau + g T S(v) g) v' = u - g v in the body's axes; each short step uses its initial S."""
     model, steps = MotionModel(UNCOUPLED), 64
     state = model.prior.copy()[None]
     state[0, 3:5], command = drawn[:2], np.array([[*drawn[2:4], 0.0]])
     gain = model.prior[INVERSE_GAIN]
 
     def derivative(_: float, z: Array) -> Array:
-        creep = gain[:2] ** 2 * model.prior[CREEP] * np.array([1.0, SIDE_CREEP]) * np.hypot(*z[2:])
-        time_constant = model.prior[LAG] * np.array([1.0, SIDE]) + creep
-        return np.concatenate([z[2:], (command[0, :2] - gain[:2] * z[2:]) / time_constant])
+        creep = model.prior[CREEP] * np.outer(gain[:2], gain[:2])
+        lags = model.prior[LAG] * np.diag([1.0, SIDE]) + creep * compute_creep_speeds(
+            np.array([[*z[2:], 0.0]])
+        )
+        return np.concatenate([z[2:], np.linalg.solve(lags[0], command[0, :2] - gain[:2] * z[2:])])
 
     true = solve_ivp(derivative, (0, T), [0, 0, *state[0, 3:5]], rtol=1e-10, atol=1e-12).y[:, -1]
     for _ in range(steps):

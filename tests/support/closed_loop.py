@@ -15,12 +15,28 @@ NOISE = np.array([0.0013, 0.0013, 0.01])  # of vision in the league, m and rad
 MEMORY = 40  # commands that a plant stores, frames
 WHEELS = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), 0.083, 0.0285)
 SIDE = 5 / 3  # lag and friction sideways over those forward, with these wheels
-# The same for creep: sums of d^2 / hypot(d, rho a) with the components d along rims and a along
-# axles, which are 60 and 45 degrees from forward, and the ratio rho of the contacts' axes
-CONTACT_RATIO = 2.8
-SIDE_CREEP = (
-    0.75 / np.hypot(0.75**0.5, CONTACT_RATIO * 0.5) + 0.5**0.5 / np.hypot(1, CONTACT_RATIO)
-) / (0.25 / np.hypot(0.5, CONTACT_RATIO * 0.75**0.5) + 0.5**0.5 / np.hypot(1, CONTACT_RATIO))
+CONTACT_RATIO = 2.8  # of the axes of a contact
+
+
+def compute_creep_speeds(twist: Array) -> Array:
+    """Return the matrices (n, 2, 2), m/s, by which a creep coefficient is multiplied.
+
+    They are the inverse of sum d d^T / |V|_c over the wheels, with the rim directions d and the
+    speeds |V|_c through elliptic contacts. The scale gives the speed itself in forward motion.
+
+    Args:
+        twist: Body twists (n, 3).
+    """
+    rims = np.stack([-np.sin(WHEELS.azimuths), np.cos(WHEELS.azimuths)], axis=1)
+    axles = np.stack([np.cos(WHEELS.azimuths), np.sin(WHEELS.azimuths)], axis=1)
+    outer = rims[:, :, None] * rims[:, None]
+
+    def invert_stiffness(twist: Array) -> Array:
+        along_rims = twist[:, :2] @ rims.T + WHEELS.arm * twist[:, 2:]
+        speeds = np.hypot(along_rims, CONTACT_RATIO * twist[:, :2] @ axles.T)
+        return np.linalg.inv(np.tensordot(1 / np.maximum(speeds, 1e-9), outer, 1))
+
+    return invert_stiffness(twist) / invert_stiffness(np.array([[1.0, 0.0, 0.0]]))[0, 0, 0]
 
 
 def rotate(twist: Array, angle: Array) -> Array:
@@ -94,9 +110,9 @@ def discretize_lag(lag: float, period: float = T) -> tuple[Array, Array]:
 
 
 class CreepingPlant(Plant):
-    """Robots with (lag + g^2 creep |v|) v' = u - friction v / |v| - g v in the body's axes.
+    """Robots with (lag + g creep S g) v' = u - friction v / |v| - g v in the body's axes.
 
-    Turning has a lag.
+    S is the matrix of `compute_creep_speeds`. Turning has a lag.
 
     Args:
         start, delay: As of `Plant`.
@@ -121,15 +137,16 @@ class CreepingPlant(Plant):
     def advance(self, command: Array) -> None:
         super().advance(command)
         gain, side, dt = self._gain, np.array([1.0, SIDE]), T / SUBSTEPS
-        creep = self._creep * np.array([1.0, SIDE_CREEP])
+        gain_matrix = gain[..., :2, None] * gain[..., None, :2]
         halves = self.get_acting(), self.get_acting(0.5)
         for i in range(SUBSTEPS):
             v, heading = self._body_twist, self.pose[:, 2]
             u = rotate(halves[2 * i // SUBSTEPS], -heading)
             speed = np.hypot(v[:, 0], v[:, 1])[:, None]
             friction = self._friction * side * v[:, :2] / np.maximum(speed, 0.05)
-            time_constant = self._lag * side + gain[..., :2] ** 2 * creep * speed
-            rate = ((u - gain * v)[:, :2] - friction) / time_constant
+            creep = self._creep * gain_matrix * compute_creep_speeds(v)
+            residual = (u - gain * v)[:, :2] - friction
+            rate = np.linalg.solve(self._lag * np.diag(side) + creep, residual[..., None])[..., 0]
             turning = (u - gain * v)[:, 2:] / (0.25 * self._lag)
             # Rotation of the axes leaves the velocity in the world unchanged.
             spin = v[:, 2:] * np.stack([v[:, 1], -v[:, 0]], axis=1)

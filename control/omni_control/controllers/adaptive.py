@@ -142,9 +142,9 @@ class InverseFlc(Controller):
             heading: Headings of the robots, (n,).
         """
         ekf = self.filter
-        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        body_velocity = world_to_body(velocity, heading)
         # tau = lag / g;  T = 2 tau / (1 + sqrt(1 + 2 k tau / g))
-        tau = ekf.dynamics.compute_time_constants(ekf.state, speed[:, None])
+        tau = ekf.dynamics.compute_time_constants(ekf.state, body_velocity)
         gain = self.fuzzy.gain_at_zero
         lead_time = 2 * tau / (1 + np.sqrt(1 + 2 * gain * tau / ekf.state[:, INVERSE_GAIN]))
         body_error = world_to_body(velocity_error, heading)
@@ -155,7 +155,7 @@ class InverseFlc(Controller):
         ekf = self.filter
         state = ekf.state
         sigma = np.sqrt(np.maximum(np.diagonal(ekf.covariance, axis1=1, axis2=2), 0))
-        time_constants = ekf.dynamics.compute_time_constants(state, np.zeros((len(state), 1)))
+        time_constants = ekf.dynamics.compute_time_constants(state, np.zeros((len(state), 3)))
         lag = time_constants * state[:, INVERSE_GAIN]
         self.alpha_hat = 1 / state[:, INVERSE_GAIN]
         self.latency_hat = ekf.dead_time[:, None] + lag / self.model.period

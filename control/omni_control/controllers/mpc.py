@@ -126,8 +126,7 @@ class Mpc(AdaptiveCompFlc):
         ekf, period, n = self.filter, self.model.period, headings.shape[1]
         start = world_to_body(velocities[:-1], headings)
         end = world_to_body(velocities[1:], headings)
-        speed = np.hypot(start[..., 0], start[..., 1])
-        tau = ekf.dynamics.compute_time_constants(ekf.state, speed[..., None])  # lag / g
+        tau = ekf.dynamics.compute_time_constants(ekf.state, start)  # lag / g
         inverse_gain = ekf.state[:, INVERSE_GAIN]
         decay = np.exp(-period / tau)
         coast_time = (1 - decay) * tau

@@ -2,13 +2,11 @@
 
 For each body axis i (forward, sideways, turning), with the acting command u and the velocity v:
 
-    (tau_i + g_i^2 c_i s_i) v'_i = u_i + b_i - f_i sgn(v)_i - g_i v_i
+    tau_i v'_i + sum_j g_i S_ij g_j v'_j = u_i + b_i - f_i sgn(v)_i - g_i v_i
 
-    s    speed of the wheels, m/s
     g    inverse gain 1 / alpha (equation 8 of the paper): command per steady velocity
     tau  lag of the wheel loops, s
-    c    creep coefficient, s^2/m: adds g^2 c s to the lag, because rubber under traction slips in
-         proportion to speed
+    S    lag by creep, s (`Creep`): rubber under traction slips in proportion to speed
     f    dry friction: command that it cancels, against the direction of motion sgn(v) = v / s
     b    disturbance: everything else that acts like a command (a collision, a slope, a biased gyro)
 
@@ -16,8 +14,9 @@ A velocity deficit u - v turns the robot in two ways. The wheels yield under tra
 different degree (`YawCoupling`). A weak or sliding wheel and an eccentric center of mass act like
 a commanded turn rate of -kappa (u - v), with the coupling kappa.
 
-A command acts one dead time after it was sent. Of lag, creep and friction only the forward values
-are states. The values of the other axes follow by ratios that depend on the geometry.
+A command acts one dead time after it was sent. Of lag, creep coefficient and friction only the
+forward values are states. The values of the other axes follow by ratios that depend on the
+geometry.
 """
 
 import numpy as np
@@ -52,6 +51,7 @@ COM_HEIGHT_M = 0.047  # height of the center of mass; robots of TIGERs Mannheim:
 # of the wheel over that of its rollers, about 4.8, to the power 2/3
 CONTACT_RATIO = 2.8
 MIN_LOAD = 0.1  # lowest load of a wheel, relative to the mean load
+MIN_CONTACT_M_S = 1e-6  # lowest speed through a contact: wheels at rest do not creep
 
 
 class MotionModel:
@@ -76,15 +76,11 @@ class MotionModel:
         sideways_ratio = forward_stiffness / sideways_stiffness
         # Turning: the inertia is NORMALIZED_INERTIA m arm^2, and the gyro loop reduces deviations.
         turning_ratio = GYRO_RESIDUAL * NORMALIZED_INERTIA * forward_stiffness
-        # Creep depends on the direction in which a wheel travels (`YawCoupling`).
-        contact_speeds = np.hypot(rim_directions, CONTACT_RATIO * wheels.axles[:, :2])
-        forward_creep, sideways_creep = (rim_directions**2 / contact_speeds).mean(0)
-        creep_ratio = forward_creep / sideways_creep
+        self._lag_ratios = np.array([1.0, sideways_ratio, turning_ratio])
+        creep_ratio = 0.0
         if model.creep_sideways_s2_m and model.creep_s2_m:
             creep_ratio = model.creep_sideways_s2_m / model.creep_s2_m
-        self._lag_ratios = np.array([1.0, sideways_ratio, turning_ratio])
-        turning_creep_ratio = GYRO_RESIDUAL * NORMALIZED_INERTIA * forward_creep
-        self._creep_ratios = np.array([1.0, creep_ratio, turning_creep_ratio])
+        self._creep = Creep(wheels, creep_ratio)
         # The command that dry friction cancels is its force or moment over the stiffness. Friction
         # forces of the rims add up to the mean of |d_x| forward, and to the moment arm in turning.
         mean_forward_component = np.abs(rim_directions[:, 0]).mean()
@@ -106,19 +102,26 @@ class MotionModel:
             ]
         )
 
-    def compute_time_constants(self, state: Array, rim_speed: Array) -> Array:
-        """Return the time constants of the velocity (..., n, 3), s.
+    def compute_time_constants(self, state: Array, velocity: Array) -> Array:
+        """Return the time constants of the velocity (..., n, 3), s, each axis by itself.
 
         Args:
             state: States (..., n, 18).
-            rim_speed: Wheel speed s of each axis, (..., n, 3) or one for all axes (..., n, 1), m/s.
+            velocity: Body velocities (..., n, 3) at which the wheels creep.
         """
-        # (tau_i + g_i^2 c_i s) / g_i. In turning, c_2 = ratio g_0^2 c_0: the ratio applies to the
-        # creep g_0^2 c_0 of forward motion.
+        return self._compute_lags(state, velocity)[0] / state[..., INVERSE_GAIN]
+
+    def _compute_lags(self, state: Array, velocity: Array) -> tuple[Array, Array]:
+        """Return the lags of the axes (..., n, 3), and that between forward and sideways, s."""
         inverse_gain = state[..., INVERSE_GAIN]
-        creep = inverse_gain * self._creep_ratios * state[..., CREEP, None]
-        creep[..., 2] *= inverse_gain[..., 0] ** 2
-        return self._lag_ratios * state[..., LAG, None] / inverse_gain + creep * rim_speed
+        speeds, cross_speed = self._creep.compute_speeds(velocity)
+        creep = state[..., CREEP, None] * speeds
+        # In turning, the ratio applies to the creep g_0^2 c of forward motion.
+        gains = inverse_gain.copy()
+        gains[..., 2] *= inverse_gain[..., 0]
+        lags = self._lag_ratios * state[..., LAG, None] + gains**2 * creep
+        cross_lag = state[..., CREEP] * cross_speed * inverse_gain[..., 0] * inverse_gain[..., 1]
+        return lags, cross_lag[..., None]
 
     def step(self, state: Array, command: Array, duration: Array | float) -> Array:
         """Return the states (..., n, 18) after commands have acted for a duration.
@@ -135,11 +138,19 @@ class MotionModel:
         inverse_gain = state[..., INVERSE_GAIN]
         velocity = world_to_body(state[..., VELOCITY], heading)
         drive = world_to_body(command + state[..., DISTURBANCE], heading)
-        time_constant = self.compute_time_constants(state, self._compute_rim_speeds(velocity))
-        acceleration = (drive / inverse_gain - velocity) / time_constant
+        lags, cross_lag = self._compute_lags(state, velocity)
+        time_constant = lags / inverse_gain
+        # The initial acceleration solves the equations of forward and sideways motion together.
+        residual = drive - inverse_gain * velocity
+        acceleration = residual / lags
+        determinant = lags[..., :1] * lags[..., 1:2] - cross_lag**2
+        acceleration[..., :2] = (
+            lags[..., 1::-1] * residual[..., :2] - cross_lag * residual[..., 1::-1]
+        ) / determinant
         drive[..., 2] += self._yaw_coupling.compute_turn_rate(
             state, velocity, acceleration, drive - velocity
         )
+        drive[..., :2] -= cross_lag * acceleration[..., 1::-1]
         decay = np.exp(-duration / time_constant)
         # An exponential approach: v(t) = steady velocity + initial excess exp(-t / time constant).
         frictionless_velocity = velocity + (1 - decay) * (drive / inverse_gain - velocity)
@@ -166,43 +177,109 @@ class MotionModel:
         """
         velocity = world_to_body(velocity, heading)
         next_velocity = world_to_body(next_velocity, heading)
-        rim_speed = self._compute_rim_speeds(velocity)
-        decay = np.exp(-self._period / self.compute_time_constants(state, rim_speed))
+        lags, cross_lag = self._compute_lags(state, velocity)
+        time_constant = lags / state[..., INVERSE_GAIN]
+        decay = np.exp(-self._period / time_constant)
         steady_velocity = (next_velocity - decay * velocity) / (1 - decay)
         friction = self._compute_friction(state, (velocity + next_velocity) / 2)
         command = steady_velocity * state[..., INVERSE_GAIN] + friction
-        acceleration = (next_velocity - velocity) / self._period
+        acceleration = (steady_velocity - velocity) / time_constant
+        command[..., :2] += cross_lag * acceleration[..., 1::-1]
         command[..., 2] -= self._yaw_coupling.compute_turn_rate(
             state, velocity, acceleration, command - velocity
         )
         return body_to_world(command, heading)
 
-    def _compute_rim_speeds(self, velocity: Array) -> Array:
-        """Return the wheel speed s of each axis, (..., n, 3) m/s; the last includes turning."""
-        speed = np.hypot(velocity[..., 0], velocity[..., 1])
-        return np.stack([speed, speed, np.hypot(speed, self.arm * velocity[..., 2])], axis=-1)
-
     def _compute_friction(self, state: Array, velocity: Array) -> Array:
         """Return the commands that dry friction cancels at body velocities, both (..., n, 3)."""
-        rim_speed = np.maximum(self._compute_rim_speeds(velocity), SLOW_M_S)
-        direction = velocity * [1.0, 1.0, self.arm] / rim_speed
+        speed = np.hypot(velocity[..., 0], velocity[..., 1])
+        rim_speed = np.stack([speed, speed, np.hypot(speed, self.arm * velocity[..., 2])], axis=-1)
+        direction = velocity * [1.0, 1.0, self.arm] / np.maximum(rim_speed, SLOW_M_S)
         return self._friction_ratios * state[..., FRICTION, None] * direction
+
+
+class Creep:
+    """Creep of wheels in any direction of travel (Pacejka, Tire and Vehicle Dynamics, brush model).
+
+    Rubber slips in proportion to the traction of its wheel, and to the speed |V|_c at which it
+    passes through the contact. The contact is an ellipse, which rubber leaves sooner along the
+    axle, by the factor rho:
+
+        |V_i|_c^2 = (V_i . d_i)^2 + rho^2 (V_i . a_i)^2,    V_i = v + w l d_i
+
+    with the directions d_i of the rim and a_i of the axle, the arm l and the turn rate w. All
+    wheels together have the stiffness sum d_i d_i^T / |V_i|_c against slip of the body. The lag by
+    creep is the inverse of this matrix, up to a factor. The creep coefficient contains this factor,
+    so that the lag of a robot that drives forward is that coefficient times its speed.
+
+    Args:
+        geometry: Geometry of the wheels.
+        sideways_ratio: Creep coefficient sideways over that forward. Default: of this law.
+    """
+
+    def __init__(self, geometry: Kinematics, sideways_ratio: float = 0.0) -> None:
+        self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
+        self._axle_directions = geometry.axles[:, :2].T  # (2, wheels)
+        self._arm = geometry.arm
+        self._scale = np.ones(2)  # of forward and sideways compliance
+        forward, sideways = self._compute_compliance(np.eye(3)[:2])[0]
+        ratio = sideways_ratio or sideways[1] / forward[0]
+        self._scale = np.array([1.0, ratio]) / [forward[0], sideways[1]]
+
+    def compute_contact_speeds(self, velocity: Array) -> Array:
+        """Return the speeds |V_i|_c of all wheels (..., n, W), m/s.
+
+        Args:
+            velocity: Body velocities (..., n, 3).
+        """
+        # Sums instead of matrix products, which BLAS may round differently in a larger batch.
+        rim_x, rim_y = self._rim_directions
+        axle_x, axle_y = self._axle_directions
+        forward, sideways, turn = velocity[..., :1], velocity[..., 1:2], velocity[..., 2:]
+        return np.hypot(
+            forward * rim_x + sideways * rim_y + self._arm * turn,
+            CONTACT_RATIO * (forward * axle_x + sideways * axle_y),
+        )
+
+    def compute_speeds(self, velocity: Array) -> tuple[Array, Array]:
+        """Return the speeds by which the creep coefficient is multiplied, m/s.
+
+        Args:
+            velocity: Body velocities (..., n, 3).
+
+        Returns:
+            Speeds of the three axes, (..., n, 3), and that between forward and sideways, (..., n).
+        """
+        compliance, cross_compliance, turning = self._compute_compliance(velocity)
+        forward_scale, sideways_scale = self._scale
+        turning = GYRO_RESIDUAL * NORMALIZED_INERTIA * forward_scale * turning
+        speeds = np.concatenate([self._scale * compliance, turning[..., None]], axis=-1)
+        return speeds, np.sqrt(forward_scale * sideways_scale) * cross_compliance
+
+    def _compute_compliance(self, velocity: Array) -> tuple[Array, Array, Array]:
+        """Return the compliance forward and sideways (..., 2), between them, and in turning."""
+        stiffness = 1 / np.maximum(self.compute_contact_speeds(velocity), MIN_CONTACT_M_S)
+        rim_x, rim_y = self._rim_directions
+        forward = (stiffness * rim_x**2).sum(-1)
+        sideways = (stiffness * rim_y**2).sum(-1)
+        cross = (stiffness * rim_x * rim_y).sum(-1)
+        determinant = forward * sideways - cross**2
+        compliance = np.stack([sideways, forward], axis=-1) / determinant[..., None]
+        return compliance, -cross / determinant, 1 / stiffness.sum(-1)
 
 
 class YawCoupling:
     """Turn rate that driving causes: compliant wheels, and the coupling states.
 
     Wheel i yields along its rim by its traction over its stiffness K_i. Two effects add up: the lag
-    of its speed loop, and creep. Creep is proportional to the speed at which rubber passes through
-    the contact, and inversely proportional to the load (Pacejka, Tire and Vehicle Dynamics, brush
-    model). The contact is an ellipse, which rubber leaves sooner along the axle, by the factor rho.
-    Except for a common factor that cancels,
+    of its speed loop, and creep, which is inversely proportional to the load. Except for a common
+    factor that cancels,
 
-        1 / K_i = tau + c |V_i|_c / N_i,    |V_i|_c^2 = (V_i . d_i)^2 + rho^2 (V_i . a_i)^2
+        1 / K_i = tau + c |V_i|_c / N_i
 
-    with V_i = v + w l d_i, the forward lag tau and creep c, the directions d_i of the rim and a_i
-    of the axle, the arm l, the turn rate w, and the load N_i over the mean load. The creep c is
-    that of the whole robot, so |V_i|_c is relative to its mean in forward motion. A velocity
+    with the forward lag tau and creep coefficient c, the speed |V_i|_c through the contact
+    (`Creep`), and the load N_i over the mean load. The coefficient c is that of the whole robot, so
+    |V_i|_c is relative to its mean in forward motion. With directions d_i and arm l, a velocity
     deficit e and a turn rate deficit e_w cause the moment l sum K_i (d_i . e + l e_w). So e turns
     the robot like a commanded turn rate of
 
@@ -219,16 +296,14 @@ class YawCoupling:
 
     def __init__(self, geometry: Kinematics, gyro_residual: float) -> None:
         self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
-        self._axle_directions = geometry.axles[:, :2].T  # (2, wheels)
-        forward_rim, forward_axle = self._rim_directions[0], self._axle_directions[0]
-        forward_speed = np.hypot(forward_rim, CONTACT_RATIO * forward_axle)
-        squares = forward_rim**2
+        self._creep = Creep(geometry)
+        forward_speed = self._creep.compute_contact_speeds(np.array([1.0, 0.0, 0.0]))
+        squares = self._rim_directions[0] ** 2
         self._contact_scale = (squares / forward_speed).sum() / squares.sum()
         static, dynamic = compute_load_distribution(geometry, COM_HEIGHT_M)
         n_wheels = len(geometry.azimuths)
         self._static_load = n_wheels * static
         self._load_transfer = n_wheels / GRAVITY * dynamic[:, :2].T
-        self._arm = geometry.arm
         self._turn_rate_per_rim_speed = gyro_residual / geometry.arm
 
     def compute_turn_rate(
@@ -247,12 +322,7 @@ class YawCoupling:
         transfer_x, transfer_y = self._load_transfer
         transfer = acceleration[..., :1] * transfer_x + acceleration[..., 1:2] * transfer_y
         load = np.maximum(self._static_load + transfer, MIN_LOAD)
-        axle_x, axle_y = self._axle_directions
-        forward, sideways, turn = velocity[..., :1], velocity[..., 1:2], velocity[..., 2:]
-        contact_speed = self._contact_scale * np.hypot(
-            forward * rim_x + sideways * rim_y + self._arm * turn,
-            CONTACT_RATIO * (forward * axle_x + sideways * axle_y),
-        )
+        contact_speed = self._contact_scale * self._creep.compute_contact_speeds(velocity)
         lag, creep = state[..., LAG, None], state[..., CREEP, None]
         stiffness = 1 / (lag + creep * contact_speed / load)
         traction = stiffness * (deficit[..., :1] * rim_x + deficit[..., 1:2] * rim_y)
