@@ -94,8 +94,9 @@ def test_mirrored_tasks_have_mirrored_commands() -> None:
                 )["command"]
                 for side in (np.ones(3), mirror)
             ]
+            # Models sum over wheels in the opposite order, whose rounding errors grow to 4e-10.
             # Programs are solved to 1e-9.
-            atol = 1e-6 if name == "mpc" else 0
+            atol = 1e-6 if name == "mpc" else 1e-8 if name in IDENTIFYING else 0
             np.testing.assert_allclose(runs[0], mirror * runs[1], rtol=0, atol=atol)
 
 

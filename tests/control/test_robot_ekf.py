@@ -16,6 +16,7 @@ from benches.control import (
     STATE_SIZE,
     VELOCITY,
     Array,
+    Creep,
     FilterStep,
     MotionModel,
     RobotEkf,
@@ -244,11 +245,12 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
 
     state = np.zeros((1, STATE_SIZE))
     state[:, [LAG, CREEP]] = lag, creep
-    vectors = (
+    twist, *vectors = (
         np.array([[z.real, z.imag, turn]])
         for z, turn in ((velocity, turn_rate), (acceleration, 0.0), (deficit, 0.0))
     )
-    result = YawCoupling(WHEELS, 1.0).compute_turn_rate(state, *vectors)
+    contact_speeds = Creep(WHEELS).compute_contact_speeds(twist)
+    result = YawCoupling(WHEELS, 1.0).compute_turn_rate(state, contact_speeds, *vectors)
     assert result[0] == pytest.approx(-brentq(moment, -100, 100, xtol=1e-12), abs=1e-9)
 
 
@@ -258,7 +260,7 @@ def test_wheels_at_right_angles_cause_no_turning_at_a_steady_speed() -> None:
     state = np.zeros((1, STATE_SIZE))
     state[:, [LAG, CREEP]] = 0.02, 0.05
     turn_rate = YawCoupling(square, 1.0).compute_turn_rate(
-        state, velocity, np.zeros((1, 3)), deficit
+        state, Creep(square).compute_contact_speeds(velocity), np.zeros((1, 3)), deficit
     )
     assert turn_rate[0] == pytest.approx(0, abs=1e-12)
 

@@ -109,12 +109,13 @@ class MotionModel:
             state: States (..., n, 18).
             velocity: Body velocities (..., n, 3) at which the wheels creep.
         """
-        return self._compute_lags(state, velocity)[0] / state[..., INVERSE_GAIN]
+        contact_speed = self._creep.compute_contact_speeds(velocity)
+        return self._compute_lags(state, contact_speed)[0] / state[..., INVERSE_GAIN]
 
-    def _compute_lags(self, state: Array, velocity: Array) -> tuple[Array, Array]:
+    def _compute_lags(self, state: Array, contact_speed: Array) -> tuple[Array, Array]:
         """Return the lags of the axes (..., n, 3), and that between forward and sideways, s."""
         inverse_gain = state[..., INVERSE_GAIN]
-        speeds, cross_speed = self._creep.compute_speeds(velocity)
+        speeds, cross_speed = self._creep.compute_speeds(contact_speed)
         creep = state[..., CREEP, None] * speeds
         # In turning, the ratio applies to the creep g_0^2 c of forward motion.
         gains = inverse_gain.copy()
@@ -138,7 +139,8 @@ class MotionModel:
         inverse_gain = state[..., INVERSE_GAIN]
         velocity = world_to_body(state[..., VELOCITY], heading)
         drive = world_to_body(command + state[..., DISTURBANCE], heading)
-        lags, cross_lag = self._compute_lags(state, velocity)
+        contact_speed = self._creep.compute_contact_speeds(velocity)
+        lags, cross_lag = self._compute_lags(state, contact_speed)
         time_constant = lags / inverse_gain
         # The initial acceleration solves the equations of forward and sideways motion together.
         residual = drive - inverse_gain * velocity
@@ -148,7 +150,7 @@ class MotionModel:
             lags[..., 1::-1] * residual[..., :2] - cross_lag * residual[..., 1::-1]
         ) / determinant
         drive[..., 2] += self._yaw_coupling.compute_turn_rate(
-            state, velocity, acceleration, drive - velocity
+            state, contact_speed, acceleration, drive - velocity
         )
         drive[..., :2] -= cross_lag * acceleration[..., 1::-1]
         decay = np.exp(-duration / time_constant)
@@ -177,7 +179,8 @@ class MotionModel:
         """
         velocity = world_to_body(velocity, heading)
         next_velocity = world_to_body(next_velocity, heading)
-        lags, cross_lag = self._compute_lags(state, velocity)
+        contact_speed = self._creep.compute_contact_speeds(velocity)
+        lags, cross_lag = self._compute_lags(state, contact_speed)
         time_constant = lags / state[..., INVERSE_GAIN]
         decay = np.exp(-self._period / time_constant)
         steady_velocity = (next_velocity - decay * velocity) / (1 - decay)
@@ -186,7 +189,7 @@ class MotionModel:
         acceleration = (steady_velocity - velocity) / time_constant
         command[..., :2] += cross_lag * acceleration[..., 1::-1]
         command[..., 2] -= self._yaw_coupling.compute_turn_rate(
-            state, velocity, acceleration, command - velocity
+            state, contact_speed, acceleration, command - velocity
         )
         return body_to_world(command, heading)
 
@@ -221,8 +224,8 @@ class Creep:
         self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
         self._axle_directions = geometry.axles[:, :2].T  # (2, wheels)
         self._arm = geometry.arm
-        self._scale = np.ones(2)  # of forward and sideways compliance
-        forward, sideways = self._compute_compliance(np.eye(3)[:2])[0]
+        unit_speeds = self.compute_contact_speeds(np.eye(3)[:2])
+        forward, sideways = self._compute_compliance(unit_speeds)[0]
         ratio = sideways_ratio or sideways[1] / forward[0]
         self._scale = np.array([1.0, ratio]) / [forward[0], sideways[1]]
 
@@ -241,28 +244,28 @@ class Creep:
             CONTACT_RATIO * (forward * axle_x + sideways * axle_y),
         )
 
-    def compute_speeds(self, velocity: Array) -> tuple[Array, Array]:
+    def compute_speeds(self, contact_speed: Array) -> tuple[Array, Array]:
         """Return the speeds by which the creep coefficient is multiplied, m/s.
 
         Args:
-            velocity: Body velocities (..., n, 3).
+            contact_speed: Speeds |V_i|_c, (..., n, W) m/s.
 
         Returns:
             Speeds of the three axes, (..., n, 3), and that between forward and sideways, (..., n).
         """
-        compliance, cross_compliance, turning = self._compute_compliance(velocity)
+        compliance, cross_compliance, turning = self._compute_compliance(contact_speed)
         forward_scale, sideways_scale = self._scale
         turning = GYRO_RESIDUAL * NORMALIZED_INERTIA * forward_scale * turning
         speeds = np.concatenate([self._scale * compliance, turning[..., None]], axis=-1)
         return speeds, np.sqrt(forward_scale * sideways_scale) * cross_compliance
 
-    def _compute_compliance(self, velocity: Array) -> tuple[Array, Array, Array]:
+    def _compute_compliance(self, contact_speed: Array) -> tuple[Array, Array, Array]:
         """Return the compliance forward and sideways (..., 2), between them, and in turning."""
-        stiffness = 1 / np.maximum(self.compute_contact_speeds(velocity), MIN_CONTACT_M_S)
+        stiffness = 1 / np.maximum(contact_speed, MIN_CONTACT_M_S)
         rim_x, rim_y = self._rim_directions
         forward = (stiffness * rim_x**2).sum(-1)
         sideways = (stiffness * rim_y**2).sum(-1)
-        cross = (stiffness * rim_x * rim_y).sum(-1)
+        cross = (stiffness * (rim_x * rim_y)).sum(-1)
         determinant = forward * sideways - cross**2
         compliance = np.stack([sideways, forward], axis=-1) / determinant[..., None]
         return compliance, -cross / determinant, 1 / stiffness.sum(-1)
@@ -296,8 +299,7 @@ class YawCoupling:
 
     def __init__(self, geometry: Kinematics, gyro_residual: float) -> None:
         self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
-        self._creep = Creep(geometry)
-        forward_speed = self._creep.compute_contact_speeds(np.array([1.0, 0.0, 0.0]))
+        forward_speed = Creep(geometry).compute_contact_speeds(np.array([1.0, 0.0, 0.0]))
         squares = self._rim_directions[0] ** 2
         self._contact_scale = (squares / forward_speed).sum() / squares.sum()
         static, dynamic = compute_load_distribution(geometry, COM_HEIGHT_M)
@@ -307,13 +309,13 @@ class YawCoupling:
         self._turn_rate_per_rim_speed = gyro_residual / geometry.arm
 
     def compute_turn_rate(
-        self, state: Array, velocity: Array, acceleration: Array, deficit: Array
+        self, state: Array, contact_speed: Array, acceleration: Array, deficit: Array
     ) -> Array:
         """Return the turn rates (..., n) that driving adds to the commanded ones, rad/s.
 
         Args:
             state: States (..., n, 18); lag, creep and coupling are used.
-            velocity: Body velocities (..., n, 3).
+            contact_speed: Speeds |V_i|_c (`Creep`), (..., n, W) m/s.
             acceleration: Body accelerations (..., n, 3).
             deficit: Commanded minus actual body velocities (..., n, 3).
         """
@@ -322,9 +324,9 @@ class YawCoupling:
         transfer_x, transfer_y = self._load_transfer
         transfer = acceleration[..., :1] * transfer_x + acceleration[..., 1:2] * transfer_y
         load = np.maximum(self._static_load + transfer, MIN_LOAD)
-        contact_speed = self._contact_scale * self._creep.compute_contact_speeds(velocity)
+        relative_speed = self._contact_scale * contact_speed
         lag, creep = state[..., LAG, None], state[..., CREEP, None]
-        stiffness = 1 / (lag + creep * contact_speed / load)
+        stiffness = 1 / (lag + creep * relative_speed / load)
         traction = stiffness * (deficit[..., :1] * rim_x + deficit[..., 1:2] * rim_y)
         turn_rate = self._turn_rate_per_rim_speed * traction.sum(-1) / stiffness.sum(-1)
         return turn_rate - (state[..., COUPLING] * deficit[..., :2]).sum(-1)

@@ -33,6 +33,7 @@ from omni_control.estimation.motion_model import (
     POSE,
     STATE_SIZE,
     VELOCITY,
+    Creep,
     MotionModel,
     YawCoupling,
 )
