@@ -1,6 +1,7 @@
 """Find controllers and plants by name or by the class path of a user's class, `file.py:Class`."""
 
 import inspect
+import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
@@ -149,7 +150,7 @@ def load_class(name: str, requirement: str, is_suitable: Callable[[type], bool])
     """
     file, _, class_name = name.rpartition(":")
     path = Path(file)
-    if not path.is_file():
+    if not os.path.isfile(path):  # unlike `Path.is_file`, also if the name is too long
         raise OmniError(f"there is no file {to_printable(file)}")
     module = _run_file(path.resolve(), path.stat().st_mtime_ns)
     classes = {

@@ -82,7 +82,7 @@ def read_robot_file(robot: str) -> tuple[str, Sections]:
         OmniError: As `read_robot_sections`.
     """
     path = find_robot_file(robot)
-    return _parse_robot_file(path, path.stat().st_mtime_ns if path.is_file() else 0)
+    return _parse_robot_file(path, path.stat().st_mtime_ns if os.path.isfile(path) else 0)
 
 
 def find_models_folder() -> Path:
@@ -297,6 +297,8 @@ def _check_is_below(path: Path, folder: Path, statement: str) -> Path:
         folder: The folder.
         statement: Start of the error message, which names the file.
     """
+    if "\0" in str(path):
+        raise OmniError(f"{statement}, which is not the name of a file")
     normal_path, real_path = Path(os.path.abspath(path)), Path(os.path.realpath(path))
     is_below = normal_path.is_relative_to(os.path.abspath(folder))
     if not (is_below and real_path.is_relative_to(os.path.realpath(folder))):

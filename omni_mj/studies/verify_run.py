@@ -4,6 +4,7 @@ The numbers of the summary are compared too.
 """
 
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -106,7 +107,7 @@ def verify(
         OmniError: The run cannot be repeated; a line for each reason.
     """
     path = Path(folder)
-    if not (path / PROVENANCE_FILE).exists():
+    if not os.path.exists(path / PROVENANCE_FILE):
         raise OmniError(f"{path} holds no run that can be repeated: it has no {PROVENANCE_FILE}")
     record = read_json(path / PROVENANCE_FILE)
     try:

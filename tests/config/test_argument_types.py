@@ -1,6 +1,7 @@
 """Wrong types of arguments: every public function and class refuses them in words."""
 
 import inspect
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -89,10 +90,19 @@ def test_names_of_settings_that_are_no_strings_are_unknown() -> None:
 
 def test_messages_have_no_control_characters() -> None:
     """Of paths and of names, which programs may have received from elsewhere."""
-    for call in (om.identify, om.load_robot, om.verify, om.load_scenario, om.measure_slip):
-        with pytest.raises(om.OmniError) as caught:
-            call("\x1b[2J\x07\x9b\u202e.csv")
-        assert str(caught.value).replace("\n", "").isprintable()
+    calls = (om.identify, om.load_robot, om.verify, om.load_scenario, om.measure_slip)
+    for name in ("\x1b[2J\x07\x9b\u202e", "\0", 5000 * "x"):
+        for call, suffix in itertools.product(calls, ("", ".csv", ".toml", ".py:Mine", ".xml")):
+            with pytest.raises(om.OmniError) as caught:
+                call(name + suffix)
+            assert str(caught.value).replace("\n", "").isprintable()
+
+
+def test_a_robots_file_may_name_any_text_as_its_model(tmp_path: Path) -> None:
+    for name in (r"\u0000", 5000 * "x", "/", ".."):
+        (tmp_path / "robot.toml").write_text(f'[model]\nfile = "{name}"\n')
+        with pytest.raises(om.OmniError, match=r"robot\.toml names|there is no model"):
+            om.load_robot(tmp_path / "robot.toml")
 
 
 @pytest.mark.filterwarnings("error")
