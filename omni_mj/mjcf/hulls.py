@@ -24,7 +24,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.mjcf.custom_robot import RobotSpec
-from omni_mj.mjcf.robot_geometry import compute_composite_inertia
+from omni_mj.mjcf.robot_geometry import compute_composite_inertia, compute_support_distance
 from omni_mj.mjcf.robot_parts import RobotIndices, compute_initial_kinematics
 
 FREQUENCY_RAD_S = 590.0  # omega
@@ -52,7 +52,7 @@ def enable_hulls(
         than upright cylinders.
 
     Raises:
-        OmniError: The robot has no hull.
+        OmniError: The robot has no hull, or it reaches below the carpet.
     """
     if not robot_spec.hull_geoms:
         raise OmniError(
@@ -60,6 +60,13 @@ def enable_hulls(
             "'hull'"
         )
     data = compute_initial_kinematics(model)
+    for name in robot_spec.hull_geoms:
+        depth = compute_support_distance(data, model.geom(name).id, np.array([0.0, 0.0, -1.0]))
+        if depth > 0:
+            raise OmniError(
+                f"{robot_spec.file}: the hull {name!r} must end above the carpet, where the robot "
+                f"would stand on it; its lowest point is {1e3 * depth:.2g} mm below"
+            )
     if not all(_is_upright_cylinder(data, name) for name in robot_spec.hull_geoms):
         for name in robot_spec.hull_geoms:
             spec.geom(name).contype = spec.geom(name).conaffinity = 1

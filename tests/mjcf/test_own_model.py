@@ -153,6 +153,12 @@ def test_custom_robots_share_a_world_and_collide(write: Write) -> None:
         om.Simulation(
             om.load_scenario("rect", model=write(written(THREE)), world=start_poses), ["flc"]
         )
+    low = '<geom name="low" class="hull" size="0.06" pos="0 0 0.05" mass="0"/>'
+    with pytest.raises(om.OmniError, match=r"hull 'low' must end above the carpet.* 10 mm below"):
+        om.Simulation(
+            om.load_scenario("rect", model=write(written(THREE, more=low)), world=start_poses),
+            ["p"],
+        )
     file = write(written(THREE).replace('name="plate"', 'class="hull"'))
     frames = om.run(
         om.load_scenario("rect", model=file, world=start_poses, reference=WAY), ["comp-flc"]
