@@ -2,6 +2,7 @@
 
 import io
 import os
+import signal
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,6 +24,15 @@ FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes; the last is 128 + SIGI
 MAX_EVENTS = 5  # printed after a run
 
 
+_interrupts: list[int] = []  # signals that `_interrupt` received
+
+
+def _interrupt(number: int, _: object) -> NoReturn:
+    """Raise KeyboardInterrupt, and record it."""
+    _interrupts.append(number)
+    raise KeyboardInterrupt
+
+
 def run_program(command: click.Command) -> NoReturn:
     """Run a click command with the arguments of this process, and exit."""
     arguments = sys.argv[1:]
@@ -39,6 +49,8 @@ def run_program(command: click.Command) -> NoReturn:
         )
     if "film" not in arguments:  # only film renders with MuJoCo, which would load window libraries
         os.environ.setdefault("MUJOCO_GL", "disable")
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+        signal.signal(signal.SIGINT, _interrupt)
     invoke_command(command, arguments)
 
 
@@ -72,6 +84,8 @@ def invoke_command(command: click.Command, arguments: list[str]) -> NoReturn:
     except UnicodeError:
         exit_with_error("file names and all other arguments must be UTF-8", BAD_INPUT)
     except (MemoryError, ImportError) as error:
+        if _interrupts:  # a library that is being imported may replace KeyboardInterrupt
+            exit_with_error("interrupted", INTERRUPTED)
         exit_with_error(f"too little memory, or a library cannot be loaded: {error}", FAILED)
     sys.exit(code if isinstance(code, int) else 0)
 

@@ -1,4 +1,4 @@
-"""The console script `omni-mj`: a group of commands, each imported when it is called."""
+"""The command line: a group of commands, each imported when it is called."""
 
 from collections.abc import Iterator, Mapping
 from pkgutil import resolve_name

@@ -1,7 +1,9 @@
 """Help, lists, starter files and wrong input of the command line."""
 
+import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
 from itertools import pairwise
@@ -47,6 +49,29 @@ def test_help_version_and_lists_import_nothing_heavy() -> None:
         )
         assert (done.returncode, done.stderr) == (0, ""), words
         assert set(done.stdout.splitlines()[-1].split()[1:]) <= allowed, words
+
+
+def test_an_interrupt_during_an_import_is_an_interrupt(tmp_path: Path) -> None:
+    """Libraries in C may replace it by an ImportError; Python's own traceback is of no use."""
+    interrupt = "import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n"
+    replaced = "try:\n    {}\nexcept KeyboardInterrupt:\n    raise ImportError from None\n".format(
+        interrupt.rstrip().replace("\n", "\n    ")
+    )
+    for module, text, code, message in (
+        ("click", interrupt, -signal.SIGINT, ""),
+        ("numpy", replaced, 130, "error: interrupted\n"),
+    ):
+        (tmp_path / module).mkdir()
+        (tmp_path / module / f"{module}.py").write_text(text)
+        done = subprocess.run(
+            [sys.executable, "-m", "omni_mj", "list"],
+            env=os.environ | {"PYTHONPATH": str(tmp_path / module)},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
+        assert (done.returncode, done.stderr) == (code, message)
 
 
 def test_help_names_every_command_and_its_examples_parse(
