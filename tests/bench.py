@@ -262,7 +262,7 @@ def machine() -> dict[str, str | int | None]:
     python = platform.python_version()
     return {
         "cpu": cpu,
-        "cores": os.cpu_count(),
+        "cores": len(os.sched_getaffinity(0)),
         "system": platform.platform(),
         "python": python,
         **versions,

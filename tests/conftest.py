@@ -35,5 +35,5 @@ def pytest_collection_finish() -> None:
 
 def pytest_xdist_auto_num_workers() -> int:
     """Use 1.5 processes per core, because tests of live drives often wait for a clock."""
-    cores = os.cpu_count() or 1
+    cores = len(os.sched_getaffinity(0))
     return cores + (cores + 1) // 2

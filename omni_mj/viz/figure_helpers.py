@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import XAxis, YAxis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
 from omni_mj.atomic_files import open_atomic
@@ -21,6 +22,7 @@ from omni_mj.viz import style
 LETTERS_PER_INCH = 12  # of titles and legends
 LEGEND_HANDLE_LETTERS = 9  # width of a line and its margins in a legend
 NARROW_RANGE = 10.0  # ratio of limits below which a logarithmic axis has evenly spaced ticks
+MAX_POINTS = 60_000  # of a line, which needs 0.2 kB of memory per point
 WIDE_RANGE = 200.0  # ratio of limits above which a logarithmic axis labels powers of ten only
 
 
@@ -46,6 +48,7 @@ def figure_file(stem: Path, title: str = "", svg: bool = False, **options: Any) 
             metadata = {"Date": None} if suffix == "svg" else None
             with open_atomic(stem.with_suffix(f".{suffix}")) as file:
                 figure.savefig(file, format=suffix, metadata=metadata)
+        figure.clear()  # frees the memory of its lines, which refer to one another
 
 
 def create_time_axes(
@@ -70,9 +73,25 @@ def create_time_axes(
     return grid
 
 
-def frame_times(values: Array) -> Array:
-    """Return the times of values that have one frame per row, (frames,) s."""
-    return np.arange(len(values)) / FRAME_RATE_HZ
+def plot_frames(axes: Axes, values: Array, **options: Any) -> None:
+    """Plot values, one per frame, over time.
+
+    A line of more than `MAX_POINTS` frames shows the extremes in short intervals of equal length.
+    """
+    frames = choose_frames(values)
+    axes.plot(frames / FRAME_RATE_HZ, values[frames], **options)
+
+
+def choose_frames(values: Array) -> NDArray[np.int_]:
+    """Return the frames that a line through values, one per frame, shows."""
+    n = len(values)
+    if n <= MAX_POINTS:
+        return np.arange(n)
+    interval = -(-2 * n // MAX_POINTS)
+    intervals = np.pad(values, (0, -n % interval), "edge").reshape(-1, interval)
+    extremes = np.concatenate([intervals.argmin(1), intervals.argmax(1)])
+    starts = np.tile(np.arange(0, n, interval), 2)
+    return np.unique(np.minimum(starts + extremes, n - 1))
 
 
 def add_legend(figure: Figure, axes: Iterable[Axes]) -> None:

@@ -124,10 +124,10 @@ def draw_paths(robots: Robots, failed: Collection[str], figure: Figure) -> None:
             label = f"{robot.name} failed"
             overview.plot(*path[-1], "X", color=color, ms=8, mec="black", zorder=6, label=label)
         errors_cm = robot.position_error()
-        frame = errors_cm.argmax()
+        frame = int(errors_cm.argmax())
         center = path[frame]
         axes = figure.add_subplot(grid[1 + i // columns, i % columns])
-        _draw_path_lines(axes, robots, reference, center, 100)
+        _draw_path_lines(axes, robots, reference, center, frame)
         ring = 100 * (robot["ref"][frame, :2] - center)
         axes.plot([0, ring[0]], [0, ring[1]], "o-", color="black", mfc=color, lw=1, zorder=5)
         label = "reference at the largest position error"
@@ -157,10 +157,9 @@ def draw_commands(robots: Robots, failed: Collection[str], figure: Figure) -> No
     labels = labels if np.ptp(poses[:, 2]) > 0 else labels[:2]
     panels = _draw_columns(robots, failed, figure, labels, lambda robot: robot["command"])
     velocity = np.diff(poses, axis=0, append=poses[-1:]) * FRAME_RATE_HZ
-    time = figure_helpers.frame_times(poses)
+    line_style = {"color": style.BACKGROUND, "lw": 3.5, "zorder": 1, "label": "reference"}
     for axis, axes in enumerate(panels):
-        speed = velocity[:, axis]
-        axes.plot(time, speed, color=style.BACKGROUND, lw=3.5, zorder=1, label="reference")
+        figure_helpers.plot_frames(axes, velocity[:, axis], **line_style)
     figure_helpers.add_legend(figure, figure.axes)
 
 
@@ -170,17 +169,19 @@ def draw_alpha(robots: Robots, figure: Figure) -> None:
     for (row, axis), axes in np.ndenumerate(grid):
         robot = robots[row]
         measured, low, high, estimate = robot.alpha(axis).T
-        time = figure_helpers.frame_times(measured)
         color = style.color(robot.style_index)
         paper_label = "range of the paper, 0.7 to 1"
         axes.axhspan(*PAPER_ALPHA_RANGE, color="#EEEEEE", lw=0, zorder=0, label=paper_label)
         measured_label = "displacement ratio, achieved / commanded in 0.25 s (gain and lag)"
-        axes.plot(time, measured, color="black", lw=1, zorder=4, label=measured_label)
+        measured_style = {"color": "black", "lw": 1, "zorder": 4, "label": measured_label}
+        figure_helpers.plot_frames(axes, measured, **measured_style)
         label = "estimate, in the controller's color"
-        axes.plot(time, estimate, color=color, lw=2, zorder=3, label=label)
+        figure_helpers.plot_frames(axes, estimate, color=color, lw=2, zorder=3, label=label)
         if np.isfinite(low).any():
+            frames = figure_helpers.choose_frames(low)
+            band = frames / FRAME_RATE_HZ, low[frames], high[frames]
             label = "estimate ± 2 sigma"
-            axes.fill_between(time, low, high, color=color, alpha=0.25, lw=0, zorder=1, label=label)
+            axes.fill_between(*band, color=color, alpha=0.25, lw=0, zorder=1, label=label)
         axes.set(title=f"{robot.name}, {'xy'[axis]}", ylabel="" if axis else "alpha")
     grid[0, 0].set_ylim(ALPHA_RANGE)
     figure_helpers.add_legend(figure, grid.flat)
@@ -205,18 +206,20 @@ def _draw_columns(
         values: Function of a robot that returns an array (frames, columns).
     """
     panels = list(figure_helpers.create_time_axes(figure, len(labels), 1, 1.8)[:, 0])
-    successful = [values(robot) for robot in robots if robot.name not in failed]
-    limits = np.concatenate(successful or [np.zeros((1, 3))])
+    limits = np.zeros((1, 3))  # extremes of the robots that did not fail
+    for robot in robots:
+        if robot.name not in failed:
+            array = values(robot)
+            limits = np.concatenate([limits, [array.min(0), array.max(0)]])
     for column, axes in enumerate(panels):
         axes.set_ylabel(labels[column])
-        low, high = limits[:, column].min(initial=0.0), limits[:, column].max(initial=1e-9)
+        low, high = limits[:, column].min(), limits[:, column].max(initial=1e-9)
         margin = 0.08 * (high - low)
         axes.set_ylim(low - margin, high + margin)
         for robot in robots:
             line = values(robot)[:, column]
             line_style = style.line_style(robot.style_index) | {"marker": ""}
-            time = figure_helpers.frame_times(line)
-            axes.plot(time, line, label=robot.name, zorder=3, **line_style)
+            figure_helpers.plot_frames(axes, line, label=robot.name, zorder=3, **line_style)
     return panels
 
 
@@ -225,21 +228,28 @@ def _draw_path_lines(
     robots: Iterable[RecordedRobot],
     reference: Array,
     origin: Array | float = 0.0,
-    scale: float = 1.0,
+    center: int | None = None,
 ) -> None:
     """Draw the reference path and the paths of robots.
+
+    Of paths of more than `MAX_POINTS` frames, an overview shows frames at equal distances, and a
+    close-up those before and after its frame.
 
     Args:
         axes: Empty axes.
         robots: Robots to draw.
         reference: Positions of the reference, (frames, 2) m.
         origin: Position that becomes the origin of the axes, (2,) m.
-        scale: Units of the axes per m.
+        center: Frame of a close-up, whose axes are in cm. Default: an overview in m.
     """
-    path = scale * (reference - origin)
+    limit, scale = figure_helpers.MAX_POINTS, 1.0 if center is None else 100.0
+    shown = slice(None, None, -(-len(reference) // limit))
+    if center is not None:
+        shown = slice(max(center - limit // 2, 0), center + limit // 2)
+    path = scale * (reference[shown] - origin)
     axes.plot(*path.T, color=style.BACKGROUND, lw=4, zorder=1, label="reference")
     for robot in robots:
-        path = scale * (robot["pose"][:, :2] - origin)
+        path = scale * (robot["pose"][shown, :2] - origin)
         line_style = style.line_style(robot.style_index) | {"marker": ""}
         axes.plot(*path.T, zorder=3, label=robot.name, **line_style)
     axes.set_aspect("equal", adjustable="box")

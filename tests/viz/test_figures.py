@@ -16,8 +16,10 @@ from benches.figures import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 
 from omni_control.controllers.registry import CONTROLLERS
+from omni_mj.viz import figure_helpers
 
 USER_CONTROLLERS = ("mine", "yours")
 
@@ -160,3 +162,18 @@ def test_a_figure_over_seeds_has_a_dot_at_each_mean() -> None:
     figure = draw_figures(make_outcome(ends={5: 100}), "seeds")["seeds"]
     dots = {bar.get_label(): bar.lines[0].get_xdata()[0] for bar in figure.axes[0].containers}
     np.testing.assert_allclose([dots["c0"], dots["c1"]], [np.sqrt(2) * 0.1, np.nan])
+
+
+def test_a_line_of_a_long_run_shows_its_extremes_and_gaps_with_few_points() -> None:
+    n = 200_001
+    values = np.sin(np.arange(n) / 1000)
+    values[[70_001, n - 1]], values[123_456] = [2.0, 3.0], -4.0
+    values[150_000:150_100] = np.nan
+    axes = Figure().subplots()
+    figure_helpers.plot_frames(axes, values)
+    x, y = axes.lines[0].get_data()
+    assert len(x) <= figure_helpers.MAX_POINTS + 2
+    np.testing.assert_array_equal(values[np.rint(60 * np.asarray(x)).astype(int)], y)
+    assert {2.0, 3.0, -4.0} <= set(np.asarray(y).tolist())
+    assert np.isnan(y).any()
+    assert (np.diff(x) > 0).all()

@@ -48,7 +48,7 @@ def _draw_loop(panels: np.ndarray, loop: LoopMeasurement, label: str, line: dict
     response = loop.step_response
     if not (np.isfinite(response).all() and np.isfinite(loop.gains).all()):
         return
-    step.plot(figure_helpers.frame_times(response), 100 * response, label=label, **line)
+    figure_helpers.plot_frames(step, 100 * response, label=label, **line)
     frequencies, gains = interpolate_gains(loop.gains)
     gain.loglog(frequencies, np.abs(gains), **line)
     angle = np.degrees(np.unwrap(np.angle(gains)))
