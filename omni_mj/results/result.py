@@ -1,9 +1,10 @@
 """The result of a study, with an outcome for each scenario, and its files."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from omni_control.errors import OmniError, suggest_names
 from omni_mj.atomic_files import create_folder, lock_folder, write_json, write_text
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import Settings
 from omni_mj.results import summary
 from omni_mj.results.result_tables import results_table
 from omni_mj.results.text_table import format_table
@@ -163,16 +165,14 @@ class Result:
         """
         import pyarrow as pa
 
-        lines = [line for outcome in self.outcomes for line in _list_rows(outcome)]
-        names = dict.fromkeys(name for line in lines for name in line)
-        equal_settings = {
+        row_tables = [pa.table({}), *map(_tabulate_rows, self.outcomes)]
+        rows = pa.concat_tables(row_tables, promote_options="permissive")
+        equal_settings = [
             name
-            for name in names
-            if ("." in name or name == "fault")
-            and all(line.get(name) == lines[0].get(name) for line in lines)
-        }
-        columns = [name for name in names if name not in equal_settings]
-        return pa.table({name: pa.array([line.get(name) for line in lines]) for name in columns})
+            for name in rows.column_names
+            if ("." in name or name == "fault") and len(rows[name].unique()) == 1
+        ]
+        return rows.drop_columns(equal_settings)
 
     @check_types
     def save(self, folder: str | Path) -> None:
@@ -224,25 +224,39 @@ class Result:
             outcome.log.save(frames_path)
 
 
-def _list_rows(outcome: Outcome) -> Iterator[dict[str, Any]]:
-    """Yield name, failure, settings and metrics of each row."""
-    failures = {failure.row: failure for failure in outcome.failures}
-    settings_by_id: dict[int, dict[str, Any]] = {}
-    row_values = {**outcome.metrics, **outcome.drawn_parameters}
-    for i, row in enumerate(outcome.rows):
-        failure = failures.get(i)
-        if id(row.settings) not in settings_by_id:  # rows share settings
-            settings_by_id[id(row.settings)] = {
-                name: json.dumps(value) if isinstance(value, list) else value
-                for name, value in summary.flatten(row.settings.to_dict())
-            }
-        yield {
-            "scenario": outcome.scenario.name,
-            "controller": row.controller,
-            "seed": row.seed,
-            "slot": row.slot,
-            "failed_at_s": failure.time_s if failure else None,
-            "cause": failure.cause if failure else None,
-            **settings_by_id[id(row.settings)],
-            **{name: array[i] for name, array in row_values.items()},
+def list_row_columns(rows: Sequence[Row], failures: Iterable[Failure]) -> dict[str, Any]:
+    """Return columns with controller, seed, slot and failure of rows, name -> n values."""
+    import pyarrow as pa
+
+    times = {failure.row: failure.time_s for failure in failures}
+    causes = {failure.row: failure.cause for failure in failures}
+    return {
+        "controller": [row.controller for row in rows],
+        "seed": [row.seed for row in rows],
+        "slot": [row.slot for row in rows],
+        "failed_at_s": pa.array(map(times.get, range(len(rows))), pa.float64()),
+        "cause": pa.array(map(causes.get, range(len(rows))), pa.string()),
+    }
+
+
+def _tabulate_rows(outcome: Outcome) -> "pa.Table":
+    """Return names, failure, settings and metrics of the rows of an outcome."""
+    import pyarrow as pa
+
+    @cache  # rows share settings
+    def flatten_settings(settings: Settings) -> dict[str, Any]:
+        return {
+            name: json.dumps(value) if isinstance(value, list) else value
+            for name, value in summary.flatten(settings.to_dict())
         }
+
+    settings = pa.Table.from_pylist([flatten_settings(row.settings) for row in outcome.rows])
+    return pa.table(
+        {
+            "scenario": [outcome.scenario.name] * len(outcome.rows),
+            **list_row_columns(outcome.rows, outcome.failures),
+            **dict(zip(settings.column_names, settings.columns, strict=True)),
+            **outcome.metrics,
+            **outcome.drawn_parameters,
+        }
+    )

@@ -25,6 +25,7 @@ from omni_mj.config.rows import build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.metrics import row_metrics
 from omni_mj.results.provenance import check_unchanged, save_provenance
+from omni_mj.results.result import list_row_columns
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.run_scenario import (
     AfterFrame,
@@ -226,19 +227,10 @@ def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_fr
     rows = simulation.rows
     rows_per_run = len(rows) // len(shard.runs)
     points = np.repeat([point for point, _ in shard.runs], rows_per_run).astype(np.int32)
-    failures = {failure.row: failure for failure in simulation.failures}
-    failed_at_s = [failures[i].time_s if i in failures else np.nan for i in range(len(rows))]
-    failure_causes = [failures[i].cause if i in failures else None for i in range(len(rows))]
     columns: dict[str, object] = {"point": points}
     values = [plan.values_at(point) for point in points.tolist()]
     columns |= {name: [point_values[name] for point_values in values] for name in plan.axes}
-    columns |= {
-        "controller": [row.controller for row in rows],
-        "seed": np.array([row.seed for row in rows], np.int64),
-        "slot": np.array([row.slot for row in rows], np.int32),
-        "failed_at_s": failed_at_s,
-        "cause": pa.array(failure_causes, pa.string()),
-    }
+    columns |= list_row_columns(rows, simulation.failures)
     for name in sorted(set(plan.scenario.distributions) - set(plan.axes)):
         columns[name] = [attrgetter(name)(row.settings) for row in rows]
     return pa.table(columns | row_metrics(log, simulation.failures))
