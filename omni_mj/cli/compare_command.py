@@ -35,9 +35,7 @@ OUTPUTS = (
     "fault-all and identify.",
 )
 @options.CONTROLLER
-@options.PLANT
-@options.ROBOT
-@options.MODEL
+@options.scenario_options
 @click.option(
     "--seeds",
     metavar="N",
@@ -51,14 +49,12 @@ OUTPUTS = (
     help="First seed of the random numbers. Default: 0.",
 )
 @options.SUBJECT
-@options.SETTINGS
 @click.option(
     "--trajectories",
     is_flag=True,
     help="Save all frames as DIR/trajectories/<scenario>.parquet.",
 )
 @options.study_output_options("compare")
-@options.collect_scenario_options
 def compare_command(
     scenario_options: options.ScenarioOptions,
     names: tuple[str, ...],

@@ -99,12 +99,9 @@ OUTPUTS = (*run_command.OUTPUTS, "link.json")
 @options.SETTINGS
 @options.out_option("drive-<scenario>")
 @options.OVERWRITE
-@options.RECORD
-@options.VIEW
-@options.CONNECT
+@options.viewer_options
 @options.FIGURES
 @options.QUIET
-@options.collect_output_options
 def drive_command(
     name: str | None,
     controller: str,

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import wraps
+from functools import reduce, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -186,8 +186,15 @@ def collect_options(
     return decorate
 
 
-collect_scenario_options = collect_options(ScenarioOptions, "scenario_options")
-collect_output_options = collect_options(OutputOptions, "output_options")
+def combine(*decorators: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a decorator that adds several options to a command, in this order."""
+    return lambda command: reduce(lambda inner, add: add(inner), reversed(decorators), command)
+
+
+model_options = combine(MODEL, SETTINGS, collect_options(ScenarioOptions, "scenario_options"))
+robot_options = combine(ROBOT, model_options)
+scenario_options = combine(PLANT, robot_options)
+viewer_options = combine(RECORD, VIEW, CONNECT, collect_options(OutputOptions, "output_options"))
 
 
 @dataclass(frozen=True)
@@ -201,5 +208,4 @@ class StudyOutput:
 
 def study_output_options(study: str) -> Callable[[Any], Any]:
     """Return a decorator that adds --out, --overwrite and --quiet to a study's command."""
-    collect, out = collect_options(StudyOutput, "output"), out_option(study)
-    return lambda command: out(OVERWRITE(QUIET(collect(command))))
+    return combine(out_option(study), OVERWRITE, QUIET, collect_options(StudyOutput, "output"))

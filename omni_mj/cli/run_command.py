@@ -30,23 +30,16 @@ OUTPUTS = (
 @click.command("run")
 @options.SCENARIO
 @options.CONTROLLER
-@options.PLANT
-@options.ROBOT
-@options.MODEL
+@options.scenario_options
 @options.SEED
 @options.SEEDS
-@options.SETTINGS
 @options.out_option("<scenario>")
 @options.ALLOW_CODE
 @options.OVERWRITE
-@options.RECORD
-@options.VIEW
-@options.CONNECT
+@options.viewer_options
 @options.FIGURES
 @options.SVG
 @options.QUIET
-@options.collect_scenario_options
-@options.collect_output_options
 def run_command(
     scenario_options: options.ScenarioOptions,
     output_options: options.OutputOptions,

@@ -27,10 +27,7 @@ PORT = click.IntRange(0, 65_535)
     help="Scenario with the settings of carpet, cameras, radio and faults. Default: no dead time, "
     "and robots that stop 0.1 s after the last command.",
 )
-@options.PLANT
-@options.ROBOT
-@options.MODEL
-@options.SETTINGS
+@options.scenario_options
 @options.SEED
 @click.option(
     "--blue",
@@ -99,12 +96,8 @@ PORT = click.IntRange(0, 65_535)
     help="Folder of the recorded trajectory. Default: nothing is recorded.",
 )
 @options.OVERWRITE
-@options.RECORD
-@options.VIEW
-@options.CONNECT
+@options.viewer_options
 @options.QUIET
-@options.collect_scenario_options
-@options.collect_output_options
 def serve_command(
     scenario_options: options.ScenarioOptions,
     name: str | None,

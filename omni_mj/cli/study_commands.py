@@ -19,11 +19,8 @@ FAST_WHEELS = "wheels.model=two-rollers"  # default of studies that drive many r
 
 
 @click.command("alpha")
-@options.ROBOT
-@options.MODEL
-@options.SETTINGS
+@options.robot_options
 @options.study_output_options("alpha")
-@options.collect_scenario_options
 def alpha_command(scenario_options: options.ScenarioOptions, output: options.StudyOutput) -> None:
     """Measure gain and lag of a robot's response to commands, and their causes."""
     from omni_mj.studies.alpha import alpha_figure
@@ -71,10 +68,7 @@ def identify_command(
 
 @click.command("limit")
 @click.argument("name", metavar="SCENARIO|FILE.toml")
-@options.PLANT
-@options.ROBOT
-@options.MODEL
-@options.SETTINGS
+@options.scenario_options
 @click.option(
     "--seeds",
     metavar="N",
@@ -90,7 +84,6 @@ def identify_command(
 )
 @options.ALLOW_CODE
 @options.study_output_options("limit")
-@options.collect_scenario_options
 def limit_command(
     scenario_options: options.ScenarioOptions,
     name: str,
@@ -135,15 +128,11 @@ def limit_command(
     default="rect",
     help="Scenario whose settings apply. Default: rect.",
 )
-@options.PLANT
-@options.ROBOT
-@options.MODEL
+@options.scenario_options
 @options.SEED
 @options.SEEDS
-@options.SETTINGS
 @options.ALLOW_CODE
 @options.study_output_options("loop")
-@options.collect_scenario_options
 def loop_command(
     scenario_options: options.ScenarioOptions, name: str, output: options.StudyOutput
 ) -> None:
@@ -173,10 +162,8 @@ def loop_command(
     multiple=True,
     help="Robot to measure; may be repeated. Default: those with published measurements.",
 )
-@options.MODEL
-@options.SETTINGS
+@options.model_options
 @options.study_output_options("slip")
-@options.collect_scenario_options
 def slip_command(
     scenario_options: options.ScenarioOptions, robots: Sequence[str], output: options.StudyOutput
 ) -> None:

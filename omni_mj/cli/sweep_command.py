@@ -31,12 +31,9 @@ OUTPUTS = (
     help="Setting and its values: LOW:HIGH:N for N values, or A,B,C; may be repeated.",
 )
 @options.CONTROLLER
-@options.PLANT
-@options.ROBOT
-@options.MODEL
+@options.scenario_options
 @options.SEED
 @options.SEEDS
-@options.SETTINGS
 @click.option(
     "--batch-size",
     type=int,
@@ -60,7 +57,6 @@ OUTPUTS = (
 )
 @options.ALLOW_CODE
 @options.QUIET
-@options.collect_scenario_options
 def sweep_command(
     scenario_options: options.ScenarioOptions,
     name: str | None,
