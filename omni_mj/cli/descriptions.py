@@ -43,18 +43,20 @@ def print_lists(title: str | None, word: str) -> None:
         OmniError: No entry contains the word.
     """
     lists = {name: list_entries(name) for name in ([title] if title else TITLES)}
-    has_match = False
-    terms = set[str]()  # names and parts of names
-    for name, entries in lists.items():
-        terms.update(*(entry[0].split(".") for entry in entries))
-        matching = [entry for entry in entries if word.casefold() in " ".join(entry).casefold()]
-        if matching:
-            has_match = True
-            print(f"{name} ({TITLES[name]})")
-            _print_entries(matching)
-    if not has_match:
-        suggestion = suggest_names(word, sorted(terms))
+    matches = {
+        name: [entry for entry in entries if word.casefold() in " ".join(entry).casefold()]
+        for name, entries in lists.items()
+    }
+    if not any(matches.values()):
+        names = [entry[0] for entries in lists.values() for entry in entries]
+        suggestion = suggest_names(
+            word, sorted({part for name in names for part in name.split(".")})
+        )
         raise OmniError(f"there is no {word!r} in the {title or 'lists'}; {suggestion}")
+    for name, entries in matches.items():
+        if entries:
+            print(f"{name} ({TITLES[name]})")
+            _print_entries(entries)
 
 
 def list_entries(title: str) -> Entries:
@@ -175,7 +177,7 @@ def _describe_robot(name: str) -> str:
         f"description = {toml_files.format_toml_value(robot.description)}",
     ]
     sections = robot_files.read_robot_sections(name)
-    fields = {section: getattr(robot.settings, section).values() for section in sections}
+    fields = {section: dict(getattr(robot.settings, section)) for section in sections}
     return "\n".join([*head, format_sections(robot.settings, fields)])
 
 

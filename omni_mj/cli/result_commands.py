@@ -3,8 +3,8 @@
 import os
 import re
 import sys
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -27,27 +27,6 @@ def _parse_size(context: click.Context, parameter: click.Parameter, size: str) -
             f"{parameter.default}, got {size}"
         )
     return int(match[1]), int(match[2])
-
-
-@dataclass(frozen=True)
-class FilmOptions:
-    """Camera, time span and size of a film.
-
-    Attributes:
-        view: "follow" or "plan".
-        start_s: Simulated time at which the film starts, s.
-        end_s: Simulated time at which it ends, s; None for the end of the run.
-        speed: Playback speed.
-        fps: Images per second.
-        size: Width and height, pixels.
-    """
-
-    view: str
-    start_s: float
-    end_s: float | None
-    speed: float
-    fps: float
-    size: tuple[int, int]
 
 
 @click.command("report")
@@ -122,9 +101,15 @@ def report_command(folders: tuple[Path, ...], out: Path | None) -> None:
     metavar="WxH",
     help="Width and height, pixels. Default: 960x320.",
 )
-@options.collect_options(FilmOptions, "film_options")
 def film_command(
-    folder: Path, out: Path | None, controllers: tuple[str, ...], film_options: FilmOptions
+    folder: Path,
+    out: Path | None,
+    controllers: tuple[str, ...],
+    start_s: float,
+    end_s: float | None,
+    speed: float,
+    fps: float,
+    **view_and_size: Any,
 ) -> None:
     """Render the run in DIR as a film: OUT.gif or OUT.webp. Default: DIR/film.webp.
 
@@ -143,13 +128,12 @@ def film_command(
     if out.suffix not in film.SUFFIXES:
         raise OmniError(f"the name of a film must end in {', '.join(film.SUFFIXES)}, got {out}")
     settings, tracks = film.load_tracks(folder, controllers)
-    start_s, end_s, fps = film_options.start_s, film_options.end_s, film_options.fps
     run_end_s = PERIOD_S * max(len(track.poses) for track in tracks)
     film_end_s = min(run_end_s if end_s is None else end_s, run_end_s)
     if start_s >= film_end_s:
         raise OmniError(f"--from {start_s:g} must be before the film's end at {film_end_s:g} s")
-    times_s = np.arange(start_s, film_end_s, film_options.speed / fps)
-    renderer = film.FilmRenderer(settings, tracks, film_options.view, film_options.size)
+    times_s = np.arange(start_s, film_end_s, speed / fps)
+    renderer = film.FilmRenderer(settings, tracks, **view_and_size)
     with click.progressbar(renderer.render(times_s), len(times_s), file=sys.stderr) as images:
         film.write_film(images, out, fps)
     print(f"film in {out}: {len(times_s) / fps:.1f} s, {out.stat().st_size / 1e6:.1f} MB")

@@ -119,6 +119,10 @@ class WheelFault(WheeledRobotFault):
     )
 
 
+def _coordinate_setting(doc: str) -> Any:
+    return setting(REQUIRED, doc, "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M)
+
+
 def _probability_setting(doc: str, default: Any = REQUIRED) -> Any:
     return setting(default, f"probability {doc}", low=0, high=1)
 
@@ -195,12 +199,8 @@ class Friction(WheeledRobotFault):
 class FrictionPatch(WheeledRobotFault):
     """A circular patch with another friction coefficient, on top of those in carpet.patches."""
 
-    x_m: float = setting(
-        REQUIRED, "x of the center, world frame", "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M
-    )
-    y_m: float = setting(
-        REQUIRED, "y of the center, world frame", "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M
-    )
+    x_m: float = _coordinate_setting("x of the center, world frame")
+    y_m: float = _coordinate_setting("y of the center, world frame")
     radius_m: float = setting(REQUIRED, "radius", "m", low=0.01, high=20)
     friction: float = setting(REQUIRED, "friction coefficient", low=MIN_FRICTION, high=MAX_FRICTION)
 
@@ -359,12 +359,8 @@ class VisionFreeze(Fault):
 class VisionWrongId(Fault):
     """Detections of another robot, at rest elsewhere, with the id of this one."""
 
-    x_m: float = setting(
-        REQUIRED, "x of the other robot", "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M
-    )
-    y_m: float = setting(
-        REQUIRED, "y of the other robot", "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M
-    )
+    x_m: float = _coordinate_setting("x of the other robot")
+    y_m: float = _coordinate_setting("y of the other robot")
     heading_deg: float = setting(0.0, "heading of the other robot", "deg", low=-360, high=360)
     probability: float = _probability_setting("per image", 1.0)
 

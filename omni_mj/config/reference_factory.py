@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_control.kinematics import Array
+from omni_control.kinematics import Array, body_to_world
 from omni_control.reference import (
     CURVES,
     CurveReference,
@@ -174,12 +174,7 @@ def _count_frames(duration_s: float) -> int:
 
 def _displace_poses(poses: Array, start_pose: StartPose) -> Array:
     """Transform poses (n, 3) from the coordinate frame of a start pose to the world frame."""
-    x, y, heading = start_pose
-    c, s = math.cos(heading), math.sin(heading)
-    rotated = np.stack(
-        [c * poses[:, 0] - s * poses[:, 1], s * poses[:, 0] + c * poses[:, 1], poses[:, 2]], axis=1
-    )
-    return rotated + np.array([x, y, heading])
+    return body_to_world(poses, start_pose[2]) + np.array(start_pose)
 
 
 def _list_waypoints(settings: ReferenceSettings) -> tuple[tuple[float, ...], ...]:

@@ -92,11 +92,6 @@ def find_models_folder() -> Path:
     return checkout if (checkout / "ssl_robot.xml").is_file() else package / "models"
 
 
-def find_robot_mjcf() -> Path:
-    """Return the MJCF file of the standard robot shape."""
-    return find_models_folder() / "ssl_robot.xml"
-
-
 def list_model_files(path: Path) -> list[Path]:
     """Return a model's main file and all files that it names.
 

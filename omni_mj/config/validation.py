@@ -164,11 +164,7 @@ class SettingsModel(BaseModel):
         Raises:
             OmniError: A value is not allowed.
         """
-        return type(self)(**{**self.values(), **values})
-
-    def values(self) -> dict[str, Any]:
-        """Return all values by name."""
-        return {name: getattr(self, name) for name in type(self).model_fields}
+        return type(self)(**dict(self) | values)
 
     @classmethod
     def describe_fields(cls) -> dict[str, SettingInfo]:

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.config.robot_files import find_robot_mjcf
+from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.robot_settings import BodySettings, Mechanics, WheelSettings
 from omni_mj.config.validation import raise_errors
 from omni_mj.mjcf.custom_robot import RobotSpec, read_custom_robot
@@ -52,7 +52,7 @@ def build_robot_spec(mechanics: Mechanics) -> RobotSpec:
 @lru_cache(maxsize=16)
 def _build_standard_robot(mechanics: Mechanics) -> RobotSpec:
     """Return the specification of models/ssl_robot.xml with the numbers of the settings."""
-    path = find_robot_mjcf()
+    path = find_models_folder() / "ssl_robot.xml"
     root = ElementTree.parse(path).getroot()
     _write_wheels(root, mechanics)
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))

@@ -72,7 +72,7 @@ def needs_cycles(settings: RadioSettings, faults: Sequence[Fault]) -> bool:
 
 
 def _list_fault_delays(faults: Sequence[Fault], *kinds: type[Fault]) -> list[float]:
-    return [fault.values()["delay_frames"] for fault in faults if isinstance(fault, kinds)]
+    return [dict(fault)["delay_frames"] for fault in faults if isinstance(fault, kinds)]
 
 
 class _Delivery(NamedTuple):
