@@ -105,8 +105,7 @@ class Camera:
         if self._schedule.advance(frame):
             self._apply_faults()
         uniform, visible = self._fault_noise.next(), pose.copy()
-        if not self._errors.is_zero:
-            visible[:, :2] += self._errors(pose[:, :2], self._number)
+        visible[:, :2] += self._errors(pose[:, :2], self._number)
         for row, bias in self._biases:
             if uniform[row, 1] < bias.probability:
                 visible[row] += bias.x_m, bias.y_m, np.radians(bias.heading_deg)

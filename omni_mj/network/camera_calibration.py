@@ -33,17 +33,14 @@ class CameraErrors:
     Args:
         settings: Settings of each row.
         seeds: Seed of each row.
-
-    Attributes:
-        is_zero: Whether all errors are zero.
     """
 
     def __init__(self, settings: Sequence[VisionSettings], seeds: Sequence[Seed]) -> None:
         sigma = gather(settings, "calibration_error_m")
         offset_sigma = gather(settings, "camera_offset_m")
         has_known_offsets = any(row.camera_offsets_m for row in settings)
-        self.is_zero = not (sigma.any() or offset_sigma.any() or has_known_offsets)
-        if self.is_zero:
+        self._is_zero = not (sigma.any() or offset_sigma.any() or has_known_offsets)
+        if self._is_zero:
             return
         n_cameras = max(row.cameras for row in settings)
         self._grids = np.array([CAMERA_GRIDS[row.cameras] for row in settings])
@@ -69,7 +66,7 @@ class CameraErrors:
             positions: True positions, (n, 2) m.
             camera: Number of the camera. Default: the camera whose part of the field a robot is in.
         """
-        if self.is_zero:
+        if self._is_zero:
             return np.zeros(positions.shape)
         cameras = self._find_cameras(positions) if camera is None else np.array([camera])
         rows = np.arange(len(self._offsets))

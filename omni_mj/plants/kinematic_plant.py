@@ -44,8 +44,8 @@ class KinematicPlant:
         self._disturbance = np.zeros(self._pose.shape)
         self._schedule = FaultSchedule([row.faults for row in rows])
         self._frame = 0
-        # Alpha that faults set, (n, 1), NaN for rows without such a fault; None if there was none
-        self._fault_alpha: Array | None = None
+        # Alpha that faults set, (n, 1), NaN for rows without such a fault
+        self._fault_alpha = np.full((len(rows), 1), np.nan)
         n_wheels = len(rows[0].settings.wheels.azimuths_deg)
         self._telemetry = Telemetry.without_wheels(len(rows), n_wheels)
 
@@ -66,8 +66,7 @@ class KinematicPlant:
             self._alpha_high,
         )
         self._apply_faults()
-        if self._fault_alpha is not None:
-            alpha = np.where(np.isnan(self._fault_alpha), alpha, self._fault_alpha)
+        alpha = np.where(np.isnan(self._fault_alpha), alpha, self._fault_alpha)
         self._disturbance[:, :2] = self._amplitude * (2 * self._disturbance_noise.next() - 1)
         self._twist = alpha * received.command + self._disturbance
         self._pose = self._pose + PERIOD_S * self._twist
@@ -82,7 +81,7 @@ class KinematicPlant:
         """Set alpha and displace robots by the faults that begin or end in this frame."""
         if not self._schedule.advance(self._frame):
             return
-        self._fault_alpha = np.full((len(self._pose), 1), np.nan)
+        self._fault_alpha[:] = np.nan
         for row, fault in self._schedule.list_active(Alpha):
             self._fault_alpha[row] = fault.alpha
         for row, kidnap in self._schedule.list_active(Kidnap):

@@ -10,6 +10,7 @@ import re
 import subprocess
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -157,6 +158,7 @@ def sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
+@cache
 def source_digest() -> str:
     """Return a hash of the names and contents of the packages' source files and the models."""
     folders = _PACKAGE, Path(omni_control.__file__).parent, robot_files.find_models_folder()

@@ -25,7 +25,7 @@ from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config import distributions
-from omni_mj.config.rows import Row
+from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import Settings
 from omni_mj.results.ramp_response import RampProfile, RampResponse, measure_ramp_response
@@ -73,10 +73,6 @@ Trials = Sequence[tuple[Settings, RampProfile]]
 # Quantity of `RampResponse` -> factor to the table's unit, decimal places
 _FORMATS = {"steady_gain": (1.0, 3), "acceleration_gain": (1.0, 3), "lag_s": (1000.0, 0)}
 _HEADINGS = ["forward/sideways", "", "steady gain", "gain speeding up", "lag, ms"]
-
-
-class Commanded(Controller):
-    """Placeholder for a controller in the rows; the study itself commands the robots."""
 
 
 @dataclass(frozen=True)
@@ -218,7 +214,7 @@ def measure_alpha(
         columns |= {name: values.ravel() for name, values in response._asdict().items()}
     return AlphaResult(
         [open_loop_outcome(robot, simulation, start_time, stopped, columns)],
-        [Commanded.__name__],
+        [Controller.__name__],  # a placeholder: the study itself commands the robots
         seeds=[robot.seed],
         wall_s=time.perf_counter() - start_time,
         stopped=stopped,
@@ -241,14 +237,13 @@ def _prepare_trials(scenario: Scenario, trials: Trials) -> tuple[Simulation, Arr
     twists = np.zeros((1 + max(map(len, speeds)), len(trials), len(DIRECTIONS), 3))
     for i, speed in enumerate(speeds):
         twists[: len(speed), i, :, :2] = speed[:, None, None] * np.array([*DIRECTIONS.values()])
-    settings = [
-        open_loop_settings(s, len(twists), **UNDISTURBED) for s, _ in trials for _ in DIRECTIONS
+    runs = [
+        (Controller.__name__, scenario.seed, open_loop_settings(s, len(twists), **UNDISTURBED))
+        for s, _ in trials
+        for _ in DIRECTIONS
     ]
-    rows = [
-        Row(i, 0, Commanded.__name__, scenario.seed, settings_i, scenario.robot)
-        for i, settings_i in enumerate(settings)
-    ]
-    simulation = Simulation(scenario, [Commanded], rows=rows)
+    rows = build_single_robot_rows(runs, scenario.robot)
+    simulation = Simulation(scenario, [Controller], rows=rows)
     if simulation.plant.geometry is None:
         raise OmniError(
             f"the alpha study needs a plant with wheels, and the plant {scenario.plant!r} has none"

@@ -14,7 +14,6 @@ The limits v and a apply to lengths of vectors in the plane, and to turn rates s
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,6 +26,7 @@ from omni_control.reference import MotionLimits
 from omni_mj.config import PERIOD_S, reference_factory
 from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
+from omni_mj.results.paired_comparison import STATISTIC_LABELS
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.deviation_model import SCALE, DeviationModel
 from omni_mj.studies.limit.recorded_run_lqr import FeedbackSettings, RunTracker
@@ -38,8 +38,6 @@ RHO = 2e-8  # weight of command changes, s^2
 # Penalties of ADMM on commands and their changes, s^2; they only affect the speed of convergence
 COMMAND_PENALTY, CHANGE_PENALTY = 2e-5, 2e-4
 
-Statistic = Literal["max", "mean"]
-STATISTICS: tuple[Statistic, ...] = ("max", "mean")
 # Function that maps extrapolated poses, sent headings and last commands to commands
 CommandFunction = Callable[[Array, Array, Array], Array]
 INITIAL_CONTROLLERS = ("comp-flc", "adaptive-comp-flc")  # learning starts from their best run
@@ -84,7 +82,7 @@ class Runs:
         row = [int(self.cost.argmin())]
         return Runs(*(values[:, row] for values in (self.sent, self.poses, self.errors)))
 
-    def error(self, statistic: Statistic, heading_weight_m: float = HEADING_WEIGHT_M) -> Array:
+    def error(self, statistic: str, heading_weight_m: float = HEADING_WEIGHT_M) -> Array:
         """Return the maximum or mean over the frames of the weighted error, (n,) m.
 
         The error of a frame is the position error plus `heading_weight_m` per rad of heading error.
@@ -127,7 +125,7 @@ def run_function(
 def learn_run(
     scenario: Scenario,
     max_trials: int,
-    history: list[dict[Statistic, float]],
+    history: list[dict[str, float]],
     start_progress: StartProgress,
 ) -> tuple[Runs, DeviationModel]:
     """Learn the commands of a scenario without noise.
@@ -159,7 +157,7 @@ def learn_run(
     fractions = np.array([f for f, _ in OPTIMIZED_ROWS] + [0.0] * EXPLORING_ROWS)[:, None]
     random, idle_trials = np.random.default_rng(0), 0
     for trial in range(max_trials + 1):
-        history.append({name: float(best.error(name, 0.0)[0]) for name in STATISTICS})
+        history.append({name: float(best.error(name, 0.0)[0]) for name in STATISTIC_LABELS})
         if trial == max_trials or idle_trials == MAX_IDLE_TRIALS:
             break
         optimized, predicted = optimize_commands(model, limits, best.errors[:, 0], best.sent[:, 0])

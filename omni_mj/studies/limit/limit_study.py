@@ -25,9 +25,7 @@ from omni_mj.results.text_table import Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.deviation_model import DeviationModel
 from omni_mj.studies.limit.iterative_learning import (
-    STATISTICS,
     Runs,
-    Statistic,
     controller_from_function,
     learn_run,
     run_function,
@@ -75,7 +73,7 @@ class LimitResult(Result):
             trial and after each trial.
     """
 
-    history: list[dict[Statistic, float]] = field(default_factory=list)
+    history: list[dict[str, float]] = field(default_factory=list)
 
     def summary(self) -> dict[str, Any]:
         """Return the summary of any result, with the trials as `limit`."""
@@ -88,17 +86,21 @@ class LimitResult(Result):
         ((name, entry),) = self.summary()["scenarios"].items()
         limit, rows = entry["results"][LIMIT], []
         for label, result in entry["results"].items():
-            errors = [format_mean_cm(result["error_m"]["position"][s]) for s in STATISTICS]
+            errors = [format_mean_cm(result["error_m"]["position"][s]) for s in STATISTIC_LABELS]
             ratios = [
                 f"{mean_position_error(result, s) / mean_position_error(limit, s):.1f}"
-                for s in STATISTICS
+                for s in STATISTIC_LABELS
             ]
             rows.append([label, *errors, "/".join(ratios)])
-        headings = ["", *(f"{STATISTIC_LABELS[s]}, cm" for s in STATISTICS), "times the limit"]
+        headings = [
+            "",
+            *(f"{STATISTIC_LABELS[s]}, cm" for s in STATISTIC_LABELS),
+            "times the limit",
+        ]
         seeds = f"mean of {len(self.seeds)} seeds"
         title = f"{name}, {describe_plant(entry)}: position error, {seeds}"
         start, end = (
-            " / ".join(f"{100 * self.history[i][s]:.4f}" for s in STATISTICS) for i in (0, -1)
+            " / ".join(f"{100 * self.history[i][s]:.4f}" for s in STATISTIC_LABELS) for i in (0, -1)
         )
         learned = f"without noise, in {len(self.history) - 1} trials: from {start} to {end} cm"
         return f"{format_table(Table(title, headings, rows, 1))}\n{learned}"
@@ -228,5 +230,5 @@ def _tune_feedback(
     tracker = RunTracker(model, run.sent, run.poses, scenario, feedback)
     after_frame = start_progress("feedback", model.frames)
     runs = run_function(scenario, seeds * len(TUNING_GRID), tracker, after_frame)
-    errors = [runs.error(name).reshape(len(TUNING_GRID), -1).mean(1) for name in STATISTICS]
+    errors = [runs.error(name).reshape(len(TUNING_GRID), -1).mean(1) for name in STATISTIC_LABELS]
     return TUNING_GRID[int(sum(error / error.min() for error in errors).argmin())]

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from functools import cache
 from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any
@@ -103,12 +102,7 @@ def dependencies(plan: SweepPlan) -> dict[str, str]:
     copies: dict[str, bytes] = {}
     describe_scenarios(plan.recorded_scenarios, copies)
     hashes = {name: sha256(data)[:12] for name, data in copies.items()}
-    return package_versions() | {"source": _short_source_digest()} | hashes
-
-
-@cache
-def _short_source_digest() -> str:
-    return source_digest()[:12]
+    return package_versions() | {"source": source_digest()[:12]} | hashes
 
 
 @contextmanager
