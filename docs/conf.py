@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_mj.cli import descriptions
+from omni_mj.results.text_table import Table, format_markdown
 from omni_mj.robot.robot_facts import load_robot
 from omni_mj.simulation.log import channel_columns
 
@@ -258,10 +259,7 @@ def _settings_table(rows: Iterable[Sequence[str]], without_default: str) -> str:
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "".join(
-        "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines
-    )
+    return format_markdown(Table("", list(head), list(map(list, rows)), 0)) + "\n"
 
 
 def _short(value: Any) -> str:

@@ -1,11 +1,11 @@
 """`omni-mj compare`: run all controllers on all scenarios over many seeds."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from omni_mj.atomic_files import write_text
 from omni_mj.cli import console, options, output_folders
 from omni_mj.cli.interrupts import Interrupts
 
@@ -81,8 +81,14 @@ def compare_command(
     compare_study.check_scenarios(scenarios, subject)
     folder = output_folders.prepare_folder(output.out, "compare", OUTPUTS, output.overwrite)
 
+    def save_tables(result: "Result") -> dict[str, Any]:
+        result.repeat_command = console.get_command_line()
+        summary = result.save_summary(folder)
+        write_text(folder / "compare.md", compare_table.to_markdown(summary))
+        return summary
+
     def after_scenario(result: "Result", outcome: "Outcome") -> None:
-        _save_tables(result, folder)
+        save_tables(result)
         result.save_outcome(outcome if trajectories else replace(outcome, log=None), folder)
 
     with (
@@ -100,7 +106,7 @@ def compare_command(
             after_scenario=after_scenario,
         )
     with console.report_write_errors(folder):
-        summary = _save_tables(result, folder)
+        summary = save_tables(result)
         compare_figure.save_comparison_figure(summary, folder / "compare")
     if not output.quiet:
         console.print_summary_sentence(summary)
@@ -111,14 +117,3 @@ def compare_command(
         result.stopped, f"{n_done} of {len(scenarios)} scenarios are in {folder}"
     )
     console.exit_if_failed(result.outcomes)
-
-
-def _save_tables(result: "Result", folder: Path) -> dict[str, Any]:
-    """Write summary.json and compare.md, and return the summary."""
-    from omni_mj.atomic_files import write_text
-    from omni_mj.studies import compare_table
-
-    result.repeat_command = console.get_command_line()
-    summary = result.save_summary(folder)
-    write_text(folder / "compare.md", compare_table.to_markdown(summary))
-    return summary

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,6 @@ from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
-    from omni_mj.studies.run_scenario import StartProgress
 
 OUTPUTS = ("summary.json", "scenario.toml", "scenarios", "trajectory.parquet")
 FAST_WHEELS = "wheels.model=two-rollers"  # default of studies that drive many robots
@@ -30,7 +30,7 @@ def alpha_command(scenario_options: options.ScenarioOptions, output: options.Stu
     _run_study(
         "alpha",
         [scenario],
-        lambda start_progress: measure_alpha(scenario, start_progress=start_progress),
+        partial(measure_alpha, scenario),
         alpha_figure.save_alpha_figure,
         output,
     )
@@ -104,9 +104,7 @@ def limit_command(
     _run_study(
         "limit",
         [scenario],
-        lambda start_progress: find_limit(
-            scenario, scenario.seed_list, iterations, start_progress=start_progress
-        ),
+        partial(find_limit, scenario, scenario.seed_list, iterations),
         lambda result, stem: save_comparison_figure(result.summary(), stem),
         output,
     )
@@ -146,9 +144,7 @@ def loop_command(
     _run_study(
         "loop",
         [scenario],
-        lambda start_progress: measure_loop(
-            scenario, scenario.controllers, start_progress=start_progress
-        ),
+        partial(measure_loop, scenario, scenario.controllers),
         loop_figure.save_loop_figure,
         output,
     )
@@ -181,7 +177,7 @@ def slip_command(
     _run_study(
         "slip",
         scenarios,
-        lambda start_progress: measure_slip(scenarios, start_progress=start_progress),
+        partial(measure_slip, scenarios),
         slip_figure.save_slip_figure,
         output,
     )
@@ -190,7 +186,7 @@ def slip_command(
 def _run_study(
     name: str,
     scenarios: "Sequence[Scenario]",
-    measure: "Callable[[StartProgress], Any]",
+    measure: Callable[..., Any],
     draw: Callable[[Any, Path], None],
     output: options.StudyOutput,
 ) -> None:
@@ -199,8 +195,8 @@ def _run_study(
     Args:
         name: Name of the command.
         scenarios: Scenarios of the study.
-        measure: Returns the result. Its argument takes a title and the number of frames, and
-            returns a function to call after each frame.
+        measure: Returns the result. Its argument `start_progress` takes a title and the number of
+            frames, and returns a function to call after each frame.
         draw: Saves the figure of a result, given the path without its suffix.
         output: Options for the results.
     """
@@ -212,7 +208,7 @@ def _run_study(
         console.show_progress(output.quiet, interrupts.check) as start_progress,
     ):
         output_folders.write_initial_files(folder, name, scenarios, frames=name == "limit")
-        result = measure(start_progress)
+        result = measure(start_progress=start_progress)
         result.repeat_command = console.get_command_line()
     with console.report_write_errors(folder):
         result.save_files(folder)
