@@ -123,6 +123,10 @@ def _coordinate_setting(doc: str) -> Any:
     return setting(REQUIRED, doc, "m", low=-MAX_COORDINATE_M, high=MAX_COORDINATE_M)
 
 
+def _angle_setting(doc: str) -> Any:
+    return setting(0.0, doc, "deg", low=-360, high=360)
+
+
 def _probability_setting(doc: str, default: Any = REQUIRED) -> Any:
     return setting(default, f"probability {doc}", low=0, high=1)
 
@@ -134,12 +138,8 @@ class Push(WheeledRobotFault):
     """An external force on the chassis at its center of mass."""
 
     force_n: float = setting(REQUIRED, "force", "N", low=0, high=1000)
-    direction_deg: float = setting(
-        0.0,
-        "direction of the force, from the world's x axis to its y axis",
-        "deg",
-        low=-360,
-        high=360,
+    direction_deg: float = _angle_setting(
+        "direction of the force, from the world's x axis to its y axis"
     )
 
 
@@ -174,8 +174,8 @@ class Tilt(WheeledRobotFault):
     """A sloping carpet: gravity has a component along it, for all robots of the world."""
 
     angle_deg: float = setting(REQUIRED, "slope", "deg", low=0, high=30)
-    direction_deg: float = setting(
-        0.0, "direction downhill, from the world's x axis to its y axis", "deg", low=-360, high=360
+    direction_deg: float = _angle_setting(
+        "direction downhill, from the world's x axis to its y axis"
     )
 
     def find_contradictions(self) -> Iterator[str]:
@@ -361,7 +361,7 @@ class VisionWrongId(Fault):
 
     x_m: float = _coordinate_setting("x of the other robot")
     y_m: float = _coordinate_setting("y of the other robot")
-    heading_deg: float = setting(0.0, "heading of the other robot", "deg", low=-360, high=360)
+    heading_deg: float = _angle_setting("heading of the other robot")
     probability: float = _probability_setting("per image", 1.0)
 
 
