@@ -20,6 +20,8 @@ MIN_SAMPLES = 8  # of a segment
 SKIPPED_S = 0.3  # skipped at the start of a log and after a gap: earlier commands are unknown
 INITIAL_FIT_S = 0.25  # first part of a segment, to which its initial state is fitted
 MIN_FIT_SAMPLES = 6  # of this part
+# Poses closer than this are thinned: noise of interpolated poses is not white.
+MIN_SAMPLE_PERIOD_S = 0.01
 LOG_SPACING_S = 10.0  # between logs on the common time axis
 
 
@@ -91,7 +93,12 @@ def cut_segments(logs: Sequence[RobotLog], source: str) -> LogSegments:
     Raises:
         OmniError: There are too few segments.
     """
-    pose_lines = [np.flatnonzero(np.isfinite(log.pose).all(1)) for log in logs]
+    pose_lines = []
+    for log in logs:
+        lines = np.flatnonzero(np.isfinite(log.pose).all(1))
+        pose_lines.append(
+            lines[:: max(1, int(MIN_SAMPLE_PERIOD_S / np.median(np.diff(log.time[lines]))))]
+        )
     intervals = [np.diff(log.time[lines]) for log, lines in zip(logs, pose_lines, strict=True)]
     period = float(np.median(np.concatenate(intervals)))
     m = max(MIN_SAMPLES, round(SEGMENT_S / period))
