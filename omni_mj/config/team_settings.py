@@ -14,6 +14,10 @@ from omni_mj.config.validation import (
     setting,
 )
 
+# Limits of `ReferenceSettings` that may be 0, which means none, and their smallest other value.
+OPTIONAL_LIMITS = ("max_sideways_acceleration_m_s2", "max_jerk_m_s3", "max_turn_jerk_rad_s3")
+MIN_LIMIT = 0.01
+
 
 class ReferenceSettings(SettingsModel):
     """The reference trajectory: waypoints or a curve, and the limits of the planned motion.
@@ -103,7 +107,10 @@ class ReferenceSettings(SettingsModel):
     settle_s: float = setting(1.0, "rest at the end", "s", low=0, high=60)
 
     def find_contradictions(self) -> Iterator[str]:
-        """Yield a message for headings in degrees and for what mode "iterated" does not support."""
+        """Yield a message for headings in degrees, and for limits that are not supported."""
+        for name in OPTIONAL_LIMITS:
+            if 0 < getattr(self, name) < MIN_LIMIT:  # its plan would have millions of frames
+                yield f"reference.{name} must be 0 or at least {MIN_LIMIT}"
         headings = [0.0, *(heading for _, _, heading in self.waypoints)]
         yield from find_degrees("reference.waypoints", (b - a for a, b in pairwise(headings)))
         if self.mode != "iterated":

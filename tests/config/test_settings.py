@@ -178,6 +178,14 @@ def test_numpy_numbers_and_ints_are_converted() -> None:
             {"reference": {"shape": "figure-eight", "mode": "iterated"}},
             ["reference.shape = figure-eight needs"],
         ),
+        *(
+            ({"reference": {name: 1e-6}}, [f"reference.{name}", "0 or at least 0.01"])
+            for name in (
+                "max_jerk_m_s3",
+                "max_turn_jerk_rad_s3",
+                "max_sideways_acceleration_m_s2",
+            )
+        ),
         ({"firmware": {"rate_hz": 200}}, ["firmware.rate_hz", "960, 480, 320"]),
         ({"controller": {"flc": {"gain": 3}}}, ["controller.flc", "no parameter 'gain'"]),
         ({"controller": {"fcl": {"gain": 3}}}, ["controller.fcl", "did you mean 'flc'"]),
