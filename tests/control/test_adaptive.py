@@ -27,16 +27,6 @@ def errors(record: dict[str, Array], route: TimedReference = ROUTE) -> tuple[Arr
     return np.hypot(off[..., 0], off[..., 1]), np.abs(off[..., 2])
 
 
-def driven(
-    name: str, robots: CreepingPlant | None = None, delay: int = 6, **known: object
-) -> tuple[Array, Array]:
-    return errors(
-        run_team(
-            team(name, delay, **known), robots or CreepingPlant(np.zeros((1, 3))), ROUTE.frames
-        )
-    )
-
-
 def test_known_and_learned_models_reduce_the_error() -> None:
     """A nominal model reduces the error of comp-flc to a third; if it is wrong, learning helps."""
     names = "inverse-flc", "adaptive-comp-flc"

@@ -52,24 +52,6 @@ def test_the_error_shrinks_by_the_weight_of_the_old_value(
     )
 
 
-@given(alphas, st.integers(0, 12), st.floats(0.3, 3), st.floats(0, 2 * np.pi))
-def test_a_constant_alpha_is_estimated_exactly(
-    alpha: tuple[float, float], delay: int, speed: float, direction: float
-) -> None:
-    """A robot that drives along both axes for two windows shows its factors at any dead time."""
-    window = 15
-    # At least 0.2 of the speed along each axis: a robot that does not move along one shows nothing
-    # of it.
-    direction = np.array([np.cos(direction), np.sin(direction)])
-    direction = np.where(np.abs(direction) < 0.2, 0.2, direction)
-    commands = np.zeros((delay + 5 * window, 1, 3))
-    commands[:, 0, :2] = speed * direction
-    values = estimate(travelled(commands, np.array(alpha), delay), commands, window, delay)
-    # Displacements of 0.3 * 0.2 / 4 = 0.015 m and more keep at most 0.64 of the error in each of 60
-    # frames: 2e-12.
-    np.testing.assert_allclose(values[-1, 0], alpha, rtol=0, atol=4e-12)
-
-
 @given(st.integers(0, 6), st.integers(0, 2**32 - 1))
 def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> None:
     """Commands of zero do not change the estimate, even with vision errors of 5 mm."""
@@ -90,13 +72,3 @@ def test_at_standstill_the_estimate_keeps_its_value(delay: int, seed: int) -> No
     np.testing.assert_allclose(
         values[driven + delay + window :], np.broadcast_to(settled, (185 - delay, 2, 2)), atol=1e-13
     )
-
-
-def test_old_and_new_ratio_have_equal_weight_at_the_set_displacement() -> None:
-    """A frame with 0.8 of the commanded equal-weight displacement yields the mean of 1 and 0.8."""
-    sent, estimator = CommandHistory(1, 1), AlphaEstimator(1, 1, 0, T)
-    estimator.update(np.zeros((1, 2)), sent)
-    sent.append(np.array([[EQUAL_WEIGHT_M / T, -EQUAL_WEIGHT_M / T, 0]]))
-    value = estimator.update(np.array([[0.8 * EQUAL_WEIGHT_M, -0.8 * EQUAL_WEIGHT_M]]), sent)
-    # A few roundings of a number of size 1.
-    np.testing.assert_allclose(value, [[0.9, 0.9]], rtol=0, atol=1e-15)

@@ -19,25 +19,6 @@ def make_history(frame: int, commands: Array, length: int) -> CommandHistory:
     return history
 
 
-def test_frame_by_frame_table_of_three_frames_dead_time() -> None:
-    """Commands in flight and their remaining displacement, by hand for 1, 2, 3, ... m/s."""
-    expected_by_frame = {
-        0: ([0, 0, 0], 0),
-        1: ([0, 0, 1], 1),
-        2: ([0, 1, 2], 3),
-        3: ([1, 2, 3], 6),
-        4: ([2, 3, 4], 9),
-        5: ([3, 4, 5], 12),
-    }
-    commands = np.arange(1.0, 7.0)[:, None, None] * [1.0, 0.0, -1.0]
-    for frame, (speeds, distance) in expected_by_frame.items():
-        in_flight = make_history(frame, commands, length=3).get_latest(3)
-        assert in_flight[:, 0, 0].tolist() == speeds
-        assert predict_displacement(in_flight, np.ones((1, 3)), 1.0).tolist() == [
-            [distance, 0, -distance]
-        ]
-
-
 @given(st.integers(0, 12), st.integers(0, 20), st.integers(1, 4), st.integers(0, 2**32 - 1))
 def test_the_compensated_pose_is_where_the_plant_will_be(
     delay: int, spare: int, n: int, seed: int

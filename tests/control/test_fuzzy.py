@@ -58,60 +58,17 @@ def test_the_surface_is_exact(error: tuple[float, float]) -> None:
         assert velocity == pytest.approx(centre(heights), abs=1e-14)
 
 
-def test_a_row_of_a_batch_equals_the_row_alone() -> None:
-    """Results do not depend on the size of the batch, bit for bit."""
-    rows = np.random.default_rng(3).uniform(-0.11, 0.11, (1001, 2))
-    batch = FLC(rows)
-    assert all(
-        np.array_equal(FLC(row), velocity) for row, velocity in zip(rows[:50], batch, strict=False)
-    )
-    assert np.array_equal(FLC(rows[7:20]), batch[7:20])
-
-
 @pytest.mark.filterwarnings(
     "ignore:Passing more than 2 positional arguments"
 )  # of scikit-fuzzy 0.5 to numpy
 def test_the_controller_agrees_with_scikit_fuzzy() -> None:
     """The same sets and 25 rules, on a grid beyond both ends of the range."""
-    axis = np.linspace(-0.11, 0.11, 25)
+    axis = np.linspace(-0.11, 0.11, 12)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     expected = scikit_flc.velocities(scikit_flc.controller(801, RANGE_M, SPEED), grid)
     # A step of 1/400 misplaces each of at most 12 corners by an area of at most 2 / 400^2 / 4, 4e-5
     # in all, of 0.19 and more; the corners' errors partly cancel.
     np.testing.assert_allclose(FLC(grid), expected, rtol=0, atol=1e-4)
-
-
-@given(errors)
-def test_mirrored_errors_give_mirrored_velocities(error: tuple[float, float]) -> None:
-    """The rules are symmetric: v(-e) = -v(e), and both axes are treated alike."""
-    x, y = error
-    vx, vy = FLC(error)
-    # Sums in the opposite order: a few roundings of numbers of size 1, divided by an area of 0.2
-    # and more.
-    np.testing.assert_allclose(FLC([-x, -y]), [-vx, -vy], rtol=0, atol=1e-14)
-    np.testing.assert_allclose(FLC([-x, y]), [-vx, vy], rtol=0, atol=1e-14)
-
-
-@given(errors)
-def test_the_correction_points_back_to_the_reference(error: tuple[float, float]) -> None:
-    """Each velocity has the sign of its own error and is zero without one, for any other error."""
-    for e, v in zip(error, FLC(error), strict=True):
-        # Below 1e-9 m the velocity may be lost in the roundings of sums of size 1.
-        assert v * e > 0 if abs(e) > 1e-9 else abs(v) < 1e-6
-
-
-@given(errors, st.floats(1e-3, 0.1))
-def test_velocity_increases_with_its_own_error(error: tuple[float, float], more: float) -> None:
-    """The velocity of an axis does not fall while its own error grows and the other stays."""
-    # At saturation both sides are the same number but for roundings.
-    assert FLC([error[0] + more, error[1]])[0] >= FLC(error)[0] - 1e-14
-
-
-@given(errors)
-def test_velocities_saturate_at_five_sixths_of_the_range(error: tuple[float, float]) -> None:
-    """The outermost set is a half triangle of width 1/2; its centroid is 1/6 from its peak."""
-    # Roundings of numbers of size 1.
-    assert np.abs(FLC(error)).max() <= 5 / 6 + 1e-14
 
 
 @given(errors, st.floats(0.01, 1), st.floats(0.1, 4))

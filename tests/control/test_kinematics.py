@@ -3,15 +3,13 @@
 import math
 
 import numpy as np
-from benches.control import Array, Kinematics, body_to_world, world_to_body, wrap_angle
+from benches.control import Kinematics, body_to_world, world_to_body, wrap_angle
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 EPS = float(np.finfo(float).eps)
 
 ARM, RADIUS = 0.08, 0.027
-ROBOT = Kinematics(np.radians([60.0, 135.0, 225.0, 300.0]), arm=ARM, radius=RADIUS)
-
 twists = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-30, 30))
 angles = st.floats(-1e4, 1e4)
 # Wheels at most 20 deg from the nominal azimuths: any such four have a well-conditioned matrix.
@@ -23,19 +21,6 @@ robots = st.builds(
     st.floats(0.05, 0.12),
     st.floats(0.02, 0.04),
 )
-
-
-def test_wheel_speeds_of_pure_motions_are_those_of_the_unit_circle() -> None:
-    """At 60, 135, 225, 300 deg sines and cosines are known; rim speed is r times wheel speed."""
-    for twist, rim in [
-        ((1, 0, 0), [-math.sqrt(3) / 2, -math.sqrt(2) / 2, math.sqrt(2) / 2, math.sqrt(3) / 2]),
-        ((0, 1, 0), [1 / 2, -math.sqrt(2) / 2, -math.sqrt(2) / 2, 1 / 2]),
-        ((0, 0, 1), [ARM, ARM, ARM, ARM]),
-    ]:
-        # A handful of roundings of numbers of size 1 / RADIUS = 37.
-        np.testing.assert_allclose(
-            ROBOT.wheel_speeds(twist), np.array(rim) / RADIUS, rtol=0, atol=1e-13
-        )
 
 
 @given(robots, twists)
@@ -101,27 +86,3 @@ def test_wrapped_angles_never_leave_the_half_open_interval() -> None:
     wrapped = wrap_angle(angle)
     assert wrapped.max() <= np.pi
     assert wrapped.min() > -np.pi
-
-
-def test_a_row_of_a_batch_equals_the_row_alone() -> None:
-    """No function's result of a row depends on the number of rows, bit for bit."""
-    rng = np.random.default_rng(0)
-    pose, twist, speeds = (
-        rng.normal(size=(37, 3)),
-        rng.normal(size=(37, 3)),
-        rng.normal(size=(37, 4)),
-    )
-
-    def everything(rows: slice) -> Array:
-        world, body = (
-            body_to_world(twist[rows], pose[rows, 2]),
-            world_to_body(twist[rows], pose[rows, 2]),
-        )
-        wheels = ROBOT.wheel_speeds(twist[rows])
-        return np.concatenate(
-            [world, body, wheels, ROBOT.body_twist(speeds[rows]), wrap_angle(9 * pose[rows])],
-            axis=1,
-        )
-
-    batch = everything(slice(None))
-    assert all(np.array_equal(everything(slice(i, i + 1))[0], batch[i]) for i in range(37))

@@ -11,15 +11,10 @@ from closed_loop import (
     make_observation,
     run_controller,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
-from team_setup import LIMITS, MODES, REST, STRAIGHT, assert_dead_time_only_delays, make_model
+from team_setup import LIMITS, REST, STRAIGHT, make_model
 
 from omni_control import MotionLimits, TimedReference
-
-starts = st.tuples(st.floats(-0.12, 0.12), st.floats(-0.12, 0.12), st.floats(-1, 1))
-delays = st.integers(0, 9)
 
 LITTLE = 2.0**-10
 
@@ -84,18 +79,6 @@ def test_gain_is_optimal_for_the_model_with_dead_time() -> None:
             # The solver's accuracy; the gains are of size 10.
             np.testing.assert_allclose(gain, optimal, rtol=0, atol=1e-8)
             assert np.abs(np.linalg.eigvals(a - b @ gain[None])).max() < 1
-
-
-@pytest.mark.parametrize("kind", MODES)
-@settings(max_examples=12)
-@given(start=starts, delay=delays, lag=st.sampled_from([0.0, 0.02, 0.1]))
-def test_prediction_removes_the_dead_time_from_the_loop(
-    kind: str, start: tuple[float, ...], delay: int, lag: float
-) -> None:
-    """Dead time delays the motion of a nominal robot by k_d frames."""
-    # Roundings of poses of size 1, which a stable loop forgets; divided by T for the acceleration,
-    # times the lag.
-    assert_dead_time_only_delays(Lqr, kind, start, delay, lag, 60, tolerance=1e-11)
 
 
 def test_with_a_lag_it_follows_a_constant_acceleration_exactly() -> None:

@@ -37,7 +37,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from omni_control import CommandHistory, Kinematics, Observation, TeamModel
+from omni_control import CommandHistory, Observation, TeamModel
 
 MODEL = TeamModel(
     T,
@@ -192,22 +192,6 @@ def test_a_robot_that_is_carried_has_not_driven_there(distance: float) -> None:
     assert np.abs(ekf.state[0, DISTURBANCE] - state[0, DISTURBANCE]).max() < 0.02
 
 
-def test_a_row_of_a_batch_equals_the_row_alone() -> None:
-    def estimate(rows: list[int]) -> Array:
-        rng, ekf = np.random.default_rng(0), make_filter(len(rows))
-        sent = CommandHistory(len(rows), ekf.memory_frames)
-        measured = rng.normal(0, 0.01, (40, 3, 3))
-        measured[rng.random((40, 3)) < 0.1] = np.nan
-        for pose in measured[:, rows]:
-            ekf.update(make_observation(np.zeros((len(rows), 3)), pose, sent))
-            sent.append(20 * np.nan_to_num(pose))
-        return ekf.state
-
-    batch = estimate([0, 1, 2])
-    for row in range(3):
-        np.testing.assert_array_equal(estimate([row])[0], batch[row])
-
-
 # --- wheel compliance ---
 
 
@@ -252,17 +236,6 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
     contact_speeds = Creep(WHEELS).compute_contact_speeds(twist)
     result = YawCoupling(WHEELS, 1.0).compute_turn_rate(state, contact_speeds, *vectors)
     assert result[0] == pytest.approx(-brentq(moment, -100, 100, xtol=1e-12), abs=1e-9)
-
-
-def test_wheels_at_right_angles_cause_no_turning_at_a_steady_speed() -> None:
-    square = Kinematics(np.radians([45.0, 135.0, 225.0, 315.0]), 0.083, 0.0285)
-    velocity, deficit = np.array([[0.7, 0.4, 0]]), np.array([[0.4, 1, 0]])
-    state = np.zeros((1, STATE_SIZE))
-    state[:, [LAG, CREEP]] = 0.02, 0.05
-    turn_rate = YawCoupling(square, 1.0).compute_turn_rate(
-        state, Creep(square).compute_contact_speeds(velocity), np.zeros((1, 3)), deficit
-    )
-    assert turn_rate[0] == pytest.approx(0, abs=1e-12)
 
 
 # --- slew-rate limits ---

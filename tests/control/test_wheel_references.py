@@ -45,19 +45,6 @@ def test_rim_speeds_of_a_reference_have_a_closed_form(
     assert robot.compute_peak_utilization(poses, T) == pytest.approx(expected, abs=1e-3)
 
 
-def test_the_rims_limit_the_top_speed_of_references() -> None:
-    """A straight segment and a turn reach the rims' highest speed, and no more."""
-    robot = replace(TIGERS, max_rim_speed=0.5)
-    limit = MotionLimits(9.0, 0.5, 90.0, 2.0, wheels=robot)
-    for end, rim_per_unit in (
-        ((3.0, 0, 0), np.abs(np.sin(robot.kinematics.azimuths)).max()),
-        ((0, 0, 30.0), robot.kinematics.arm),
-    ):
-        speeds = np.diff(TimedReference([(0, 0, 0), end], limit, T).poses, axis=0) / T
-        assert np.abs(speeds).max() * rim_per_unit == pytest.approx(0.5, rel=0.02)
-        assert np.abs(speeds).max() * rim_per_unit <= 0.5 * (1 + 1e-6)
-
-
 @pytest.mark.parametrize("turn_jerk", [5.0, 40.0])
 def test_the_turn_jerk_limits_references_that_turn(turn_jerk: float) -> None:
     """The highest third difference of the heading is near the limit, and not above it."""

@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from closed_loop import CreepingPlant, LaggedPlant, Plant, T, make_vision_noise, run_controller
+from closed_loop import CreepingPlant, Plant, T, make_vision_noise
 
 from omni_control import (
     Controller,
@@ -37,40 +37,6 @@ def make_model(delay: int, lag: float = 0.02, noisy: bool = False) -> TeamModel:
     """Return the model of robots with a dead time (frames) and a lag (s), and vision with noise."""
     noise = (0.0013, 0.01) if noisy else (0.0, 0.0)
     return TeamModel(T, delay, lag, *noise)
-
-
-def assert_dead_time_only_delays(
-    controller_class: type[Controller],
-    mode: str,
-    start: tuple[float, ...],
-    delay: int,
-    lag: float,
-    frames: int,
-    tolerance: float,
-) -> None:
-    """Assert that dead time delays the motion of a nominal robot by `delay` frames, no more.
-
-    Args:
-        controller_class: Controller of the robot.
-        mode: Mode of the reference.
-        start: Pose at the start.
-        delay: Dead time, frames.
-        lag: Time constant, s.
-        frames: Duration.
-        tolerance: Largest difference of poses.
-    """
-
-    def follow(delay: int, frames: int, first_frame: int) -> Array:
-        return run_controller(
-            controller_class(make_model(delay, lag), make_reference(mode), 1),
-            LaggedPlant([start], delay, lag),
-            frames,
-            first_frame=first_frame,
-        ).pose
-
-    late, prompt = follow(delay, frames, 0), follow(0, frames - delay, delay)
-    assert (late[:delay] == start).all()
-    np.testing.assert_allclose(late[delay:], prompt, rtol=0, atol=tolerance)
 
 
 FRAMES = 14
