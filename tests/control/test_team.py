@@ -63,14 +63,14 @@ def run_loop_by_hand(controllers: Sequence[Controller], plant: Plant, noise: Arr
 
 def test_team_equals_a_loop_written_by_hand() -> None:
     """Every controller with a dead time of its own, side by side, bit for bit."""
-    start = make_start_poses(2 * len(CONTROLLERS))
+    start = make_start_poses(2 * len(CONTROLLERS) + 2)
     for kind in MODES:
         controllers = [
             [
                 make_controller(
                     name, TeamModel(T, 3 + i % 4, limits=TIGHT), make_reference(kind, 2), 2
                 )
-                for i, name in enumerate(CONTROLLERS)
+                for i, name in enumerate((*CONTROLLERS, Follower))
             ]
             for _ in range(2)
         ]

@@ -5,12 +5,12 @@ import copy
 import numpy as np
 import pytest
 from benches.plant import (
-    COM_HEIGHT_M,
-    CONTACTS,
     FRAME_S,
     GRAVITY,
+    MASS_KG,
     STIFF,
     TANGENTS,
+    compute_loads,
     constant,
     drive,
     noiseless,
@@ -46,14 +46,9 @@ def test_friction_wheel_angles_and_loads_limit_the_acceleration() -> None:
     for friction in frictions:
         for axis in (0, 1):
             pull = np.abs(TANGENTS[:, axis])
-            # Four equal springs under a rigid body: load per mass = g / 4 + b . lever, with the
-            # moment a h to carry.
             a = friction * GRAVITY * pull.mean()
             for _ in range(50):
-                sums = np.array([np.ones(4), *CONTACTS.T])
-                load = sums.T @ np.linalg.solve(
-                    sums @ sums.T, [GRAVITY, *(-a * COM_HEIGHT_M * (np.arange(2) == axis))]
-                )
+                load = compute_loads(a * (np.arange(2) == axis)) / MASS_KG
                 a = friction * float(pull @ load)
             expected.append(a)
     free = {"roller_friction": 0.0, "roller_damping_nm_s": 0.0}

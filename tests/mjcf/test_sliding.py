@@ -7,6 +7,7 @@ from benches.plant import (
     MASS_KG,
     OUTWARD,
     RADIUS_M,
+    ROLLING_KG,
     STIFF,
     TANGENTS,
     constant,
@@ -21,9 +22,6 @@ from omni_mj.config.settings import Settings
 
 FORWARD, LEFT, DIAGONAL, TURN = np.array([[1, 0, 0], [0, 1, 0], [0.7, 0.7, 0], [0, 0, 12.0]])
 MODELS = ("rollers", "two-rollers")
-# Rim and rollers roll with the body however the hub spins: I / R^2 along each tangent.
-RIM_INERTIA = 1e-6 + 16 * (0.0015 * 0.0225**2 + 6e-8)
-ROLLING_KG = MASS_KG + RIM_INERTIA / RADIUS_M**2 * (TANGENTS**2).sum(0)
 
 
 def stiff(friction: float, **sections: dict[str, object]) -> Settings:
@@ -54,8 +52,8 @@ def impulses(tape: StepRecorder, first_step: int, last_step: int) -> tuple[NDArr
     pull = np.concatenate(
         [c * pull[..., :1] - s * pull[..., 1:], s * pull[..., :1] + c * pull[..., 1:]], axis=-1
     )
-    velocity = tape.steps["velocity"][..., :2]
-    return ROLLING_KG * (velocity[last_step - 1] - velocity[first_step - 1]), pull.sum(0) / 960
+    velocity = tape.steps["velocity"][[first_step - 1, last_step - 1], :, :2]
+    return (MASS_KG + ROLLING_KG) * (velocity[1] - velocity[0]), pull.sum(0) / 960
 
 
 def test_traction_over_load_is_the_friction() -> None:

@@ -5,7 +5,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-from benches.plant import FRAME_S, ROLLERS, STIFF, constant, drive, noiseless, ramp, receive_at_once
+from benches.plant import FRAME_S, ROLLERS, STIFF, constant, drive, noiseless, receive_at_once
 from benches.plant import mujoco as plant_of
 from benches.step_recorder import StepRecorder
 from numpy.typing import NDArray
@@ -15,10 +15,6 @@ from omni_mj.mjcf import world_builder
 
 FAST = {"model": "two-rollers"}
 EITHER = (noiseless(), noiseless(wheels=FAST))
-# An encoder that hardly rounds: of the robot's own, a count that comes a cycle later or not is 0.9
-# rad/s, for which the loop gives 0.6 A, so that the least difference between two wheels makes 2
-# mm/s of slip, whatever it is.
-EXACT = {"encoder_counts": 1_000_000}
 
 
 def inertia(world: world_builder.World, wheel_angle: float) -> Array:
@@ -45,38 +41,14 @@ def test_both_wheel_models_have_the_same_inertia(wheel_angle: float) -> None:
     )
 
 
-@pytest.fixture(scope="module")
-def tapes() -> list[StepRecorder]:
-    """Ramps of 1 and 3 m/s^2 in x, y and diagonally, turning, and both; on both wheels."""
-    twists = np.array(
-        [
-            [1.0, 0, 0],
-            [0, 1.0, 0],
-            [0.8, -0.8, 0],
-            [1.5, 0, 0],
-            [0, 1.5, 0],
-            [0, 0, 6.0],
-            [0.8, 0.3, 5.0],
-        ]
-    )
-    commands = ramp(twists, [1.0, 1.0, 1.0, 3.0, 3.0, 12.0, 4.0], 75)
-    return [
-        StepRecorder(plant_of([settings_i.replace(sensors=EXACT)] * 7)).drive(commands)
-        for settings_i in EITHER
-    ]
-
-
 def rms(values: NDArray) -> NDArray:
     """Return the root mean square over steps and wheels for each row."""
     return np.asarray(np.sqrt((values**2).mean((0, 2))))
 
 
-@pytest.mark.parametrize("turn", [0.0, 1.5], ids=["rect", "rect-spin"])
-def test_both_wheel_models_drive_the_same_rectangle(turn: float) -> None:
+def test_both_wheel_models_drive_the_same_rectangle() -> None:
     """Feedback of true poses: paths differ by less than 0.3 mm rms, slips by less than a tenth."""
-    corners = np.array(
-        [[0, 0, 0], [0.4, 0, turn], [0.4, 0.3, 2 * turn], [0, 0.3, 3 * turn], [0, 0, 4 * turn]]
-    )
+    corners = np.array([[0, 0, 0], [0.4, 0, 1.5], [0.4, 0.3, 3.0], [0, 0.3, 4.5], [0, 0, 6.0]])
     fraction = (1 - np.cos(np.pi * np.arange(45) / 45)) / 2  # from rest to rest, at up to 3.5 m/s^2
     route = np.concatenate([a + fraction[:, None] * (b - a) for a, b in pairwise(corners)])
     speed = np.diff(route, axis=0, append=route[-1:]) / FRAME_S

@@ -1,64 +1,13 @@
 """Worlds of a field and n robots: indices of parts, and invalid robots."""
 
-import re
-
 import mujoco
 import numpy as np
 import pytest
-from benches.plant import model_arrays, with_settings
+from benches.plant import with_settings
 
 from omni_control.errors import OmniError
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.mjcf import world_builder
-
-
-def test_robots_of_a_world_equal_a_single_robot() -> None:
-    single, three = (
-        world_builder.build_world(resolve_settings()),
-        world_builder.build_world(resolve_settings(), robots_per_world=3),
-    )
-    single_robot = single.robots[0]
-    bodies, dofs = single.model.nbody - 1, single.model.nv
-    for i, robot in enumerate(three.robots):
-        assert robot.chassis == 1 + i * bodies
-        assert robot.dofs == range(i * dofs, (i + 1) * dofs)
-        assert three.model.body(robot.chassis).name == f"robot_{i + 1}/chassis"
-        # Arrays by body, dof, actuator and sensor, in each robot's share.
-        for name, value in model_arrays(single.model).items():
-            kind, offset = name.partition("_")[0], {"body": 1}.get(name.partition("_")[0], 0)
-            if kind not in ("body", "dof", "actuator") or re.search(
-                "adr|id$|root|geom|joint", name
-            ):
-                continue
-            if (
-                "bvh" in name
-                or "contype" in name
-                or "conaffinity" in name
-                or not isinstance(value, np.ndarray)
-            ):
-                continue
-            size = len(value) - offset
-            robot_values = getattr(three.model, name)[offset + i * size :][:size]
-            # Inverse weights are solved for, with rounding.
-            np.testing.assert_allclose(
-                robot_values,
-                value[offset:],
-                rtol=1e-12 if "weight" in name else 0,
-                err_msg=name,
-            )
-        np.testing.assert_array_equal(
-            three.rest_qpos[robot.qpos], single.rest_qpos[single_robot.qpos]
-        )
-        rollers = three.model.body_geomadr[robot.rollers.ravel()]
-        pairs = np.isin(three.model.pair_geom2, rollers)
-        for name in ("solref", "solreffriction", "solimp", "friction"):
-            values, single_values = (
-                getattr(model, f"pair_{name}") for model in (three.model, single.model)
-            )
-            np.testing.assert_array_equal(values[pairs], single_values)
-        np.testing.assert_array_equal(
-            robot.encoders - three.robots[0].encoders, i * single.model.nsensordata
-        )
 
 
 def test_rollers_reach_the_bottom_in_order() -> None:

@@ -1,8 +1,5 @@
 """Losses between motor and carpet: efficiency under load, and motors without a battery."""
 
-from collections.abc import Callable
-from typing import Any
-
 import mujoco
 import numpy as np
 import pytest
@@ -10,6 +7,7 @@ from benches.plant import (
     RADIUS_M,
     TANGENTS,
     WHEELED_PLANTS,
+    PlantOf,
     constant,
     drive,
     noiseless,
@@ -17,10 +15,8 @@ from benches.plant import (
 )
 
 import omni_mj as om
-from omni_mj.config.settings import Settings
 from omni_mj.mjcf.robot_builder import build_robot_spec
 
-PlantFactory = Callable[[list[Settings]], Any]
 FORWARD = (1.0, 0.0, 0.0)
 STANDING = constant((0, 0, 0), 10, 2)
 LOSSLESS = noiseless(
@@ -40,7 +36,7 @@ LOSSLESS = noiseless(
 @WHEELED_PLANTS
 @pytest.mark.parametrize("efficiency", [0.5, 0.8])
 def test_an_efficiency_reduces_forces_and_adds_to_those_of_brakes(
-    efficiency: float, plant_of: PlantFactory
+    efficiency: float, plant_of: PlantOf
 ) -> None:
     """Accelerations have the ratio eta while motors drive, and 2 - eta while they brake.
 
@@ -62,7 +58,7 @@ def test_an_efficiency_reduces_forces_and_adds_to_those_of_brakes(
 
 
 @WHEELED_PLANTS
-def test_cruising_needs_more_current_the_lower_the_efficiency(plant_of: PlantFactory) -> None:
+def test_cruising_needs_more_current_the_lower_the_efficiency(plant_of: PlantOf) -> None:
     """The force of the motors is that of rolling resistance over the efficiency."""
     lossy = LOSSLESS.replace(drivetrain={"efficiency": 0.6}, carpet={"rolling_resistance": 0.1})
     plant = plant_of([lossy, lossy.replace(drivetrain={"efficiency": 1.0})])
@@ -81,6 +77,8 @@ def test_a_robot_coasts_when_its_battery_switches_off(plant: str) -> None:
     scenario = om.load_scenario(
         "sprint",
         plant=plant,
+        physics={"backend": "numpy"},
+        reference={"waypoints": [[0, 0], [3, 0]]},
         wheels={"model": "two-rollers"},
         battery={"resistance_ohm": 0.5, "cut_off_v": 14.2},
     )

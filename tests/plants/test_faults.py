@@ -1,6 +1,5 @@
 """Faults act on their row only, and leave nothing behind."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ from benches.plant import (
     ICE,
     MAX_DRIFT,
     SETTLE_FRAMES,
+    PlantOf,
     changeable_values,
     drive,
     noiseless,
@@ -21,9 +21,6 @@ from benches.plant import (
 )
 from benches.plant import mujoco as plant_of
 
-from omni_mj.config.settings import Settings
-
-PlantOf = Callable[[list[Settings]], Any]
 EVERYTHING: list[dict[str, Any]] = [
     {"kind": "push", "start_s": 0.05, "duration_s": 0.1, "force_n": 15.0, "direction_deg": 30.0},
     {"kind": "tilt", "start_s": 0.1, "duration_s": 0.1, "angle_deg": 3.0, "direction_deg": -60.0},
@@ -63,33 +60,22 @@ EVERYTHING: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize(
-    ("model", "faults_by_row"),
+    ("make", "model", "faults_by_row"),
     [
-        ("rollers", [[], EVERYTHING]),
-        ("two-rollers", [[], EVERYTHING, *([fault] for fault in EVERYTHING)]),
+        (plant_of, "rollers", [[], EVERYTHING]),
+        (plant_of, "two-rollers", [[], EVERYTHING, *([fault] for fault in EVERYTHING)]),
+        (planar, "rollers", [[], EVERYTHING, *([fault] for fault in EVERYTHING)]),
     ],
 )
 def test_faults_of_a_row_do_not_change_other_rows(
-    model: str, faults_by_row: list[list[dict[str, Any]]]
+    make: PlantOf, model: str, faults_by_row: list[list[dict[str, Any]]]
 ) -> None:
     """Bit for bit: all rows in a batch, and rows without faults, with all, and the others apart."""
     settings = [with_settings(wheels={"model": model}, fault=faults) for faults in faults_by_row]
     commands = ramp([[1.5, 0.3, 2.0]] * len(settings), 3.0, 16)
-    together = drive(plant_of(settings), commands)
+    together = drive(make(settings), commands)
     for subset in filter(len, ([0], [1], range(2, len(settings)))):
-        separate = drive(plant_of([settings[i] for i in subset]), commands[:, : len(subset)])
-        np.testing.assert_array_equal(separate, together[:, list(subset)])
-    for i, row_settings in enumerate(settings[1:], 1):
-        assert (together[-1, i] != together[-1, 0]).all(), row_settings.fault
-
-
-def test_faults_of_a_row_do_not_change_other_rows_of_the_planar_plant() -> None:
-    faults_by_row = [], EVERYTHING, *([fault] for fault in EVERYTHING)
-    settings = [with_settings(fault=faults) for faults in faults_by_row]
-    commands = ramp([[1.5, 0.3, 2.0]] * len(settings), 3.0, 16)
-    together = drive(planar(settings), commands)
-    for subset in ([0], [1], range(2, len(settings))):
-        separate = drive(planar([settings[i] for i in subset]), commands[:, : len(subset)])
+        separate = drive(make([settings[i] for i in subset]), commands[:, : len(subset)])
         np.testing.assert_array_equal(separate, together[:, list(subset)])
     for i, row_settings in enumerate(settings[1:], 1):
         assert (together[-1, i] != together[-1, 0]).all(), row_settings.fault

@@ -1,6 +1,5 @@
 """Faults of firmware and supply on both plants: timeout, restart, brown-out."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 from benches.plant import (
     FRAME_S,
     WHEELED_PLANTS,
+    PlantOf,
     constant,
     drive,
     estimated_heading,
@@ -16,10 +16,8 @@ from benches.plant import (
 )
 
 from omni_mj.config.resolve import resolve_settings
-from omni_mj.config.settings import Settings
 from omni_mj.network.radio import ReceivedCommand
 
-PlantOf = Callable[[list[Settings]], Any]
 TWIST = np.array([1.0, 0.4, 0.0])
 START, DURATION = 30, 20  # frames
 

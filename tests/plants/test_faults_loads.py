@@ -15,6 +15,7 @@ from benches.plant import (
     TWO_ROLLERS,
     mass_matrices,
     noiseless,
+    on_all_wheels,
     planar,
     stand_still,
     wheel_loads,
@@ -84,7 +85,7 @@ def test_wheels_carry_the_weight_and_inertia_of_a_payload() -> None:
     tilt = {"kind": "tilt", "angle_deg": 5.0}
     faults_by_row = (high_load,), (load,), (high_load, tilt), (tilt,)
     # Otherwise gears would hold the robot on the slope up to 3 degrees only.
-    blocked = [{"kind": "motor-blocked", "start_s": 0.0, "wheel": wheel} for wheel in (1, 2, 3, 4)]
+    blocked = on_all_wheels("motor-blocked")
     settings = [with_faults(*faults, *blocked, **TWO_ROLLERS) for faults in faults_by_row]
     plant = plant_of([*settings, noiseless(**TWO_ROLLERS)])
     stand_still(plant, SETTLE_FRAMES + 60)
@@ -130,7 +131,7 @@ def test_a_payload_on_the_plant_planar_is_a_point_mass_at_its_height() -> None:
     body = {"com_x_m": com_x}
     load = {"kind": "payload", "start_s": 0.0, "mass_kg": mass, "height_m": height}
     tilt = {"kind": "tilt", "angle_deg": 4.0}
-    blocked = [{"kind": "motor-blocked", "start_s": 0.0, "wheel": wheel} for wheel in (1, 2, 3, 4)]
+    blocked = on_all_wheels("motor-blocked")
     matrices = []
     for faults in ((), (load,)):
         plant = planar([with_faults(*faults, body=body)])

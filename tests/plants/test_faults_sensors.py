@@ -1,30 +1,26 @@
 """Faults of encoders and gyros on both plants, by the laws of the control loops."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from benches.plant import (
     FRAME_S,
     RADIUS_M,
     SETTLE_FRAMES,
+    SIGMAS,
     STIFF,
     TANGENTS,
     WHEELED_PLANTS,
+    PlantOf,
     constant,
     drive,
     encoder_angles,
     estimated_heading,
+    on_all_wheels,
     ramp,
     stand_still,
     with_faults,
 )
 
-from omni_mj.config.settings import Settings
-
-PlantOf = Callable[[list[Settings]], Any]
-SIGMAS = 5
 NO_VISION = {"heading_gain": 0.0, "gyro_bias_gain": 0.0, "turn_rate_gain": 0.0}
 
 
@@ -32,10 +28,7 @@ NO_VISION = {"heading_gain": 0.0, "gyro_bias_gain": 0.0, "turn_rate_gain": 0.0}
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_wheels_turn_by_the_inverse_of_the_encoder_scale(plant_of: PlantOf, factor: float) -> None:
     """Loops with an integral bring the measured speed to the desired one: w / factor."""
-    scales = [
-        {"kind": "encoder-scale", "wheel": w, "factor": factor, "start_s": 0.0}
-        for w in (1, 2, 3, 4)
-    ]
+    scales = on_all_wheels("encoder-scale", factor=factor)
     plant, twist = plant_of([with_faults(*scales, firmware=STIFF)]), np.array([0.5, 0.3, 0.0])
     drive(plant, ramp([twist], 1.5, 60))
     start_angle = plant.telemetry().wheel_angle

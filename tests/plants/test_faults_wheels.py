@@ -1,6 +1,5 @@
 """Faults of wheels on both plants: dead and blocked motors, wear, missing rollers."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,22 +11,18 @@ from benches.plant import (
     ROLLERS,
     TANGENTS,
     WHEELED_PLANTS,
+    PlantOf,
     constant,
     drive,
+    on_all_wheels,
     ramp,
     with_faults,
 )
 
 from omni_control.kinematics import world_to_body
 from omni_mj.config.resolve import resolve_settings
-from omni_mj.config.settings import Settings
 
-PlantOf = Callable[[list[Settings]], Any]
 FORWARD = np.array([1.0, 0.0, 0.0])
-
-
-def all_wheels(kind: str, **values: Any) -> list[dict[str, Any]]:
-    return [{"kind": kind, "wheel": wheel, "start_s": 0.0, **values} for wheel in (1, 2, 3, 4)]
 
 
 def rolling_speed(plant: Any, wheel: int) -> float:
@@ -96,7 +91,9 @@ def test_equal_wear_of_all_wheels_acts_like_less_friction_of_the_carpet(
 ) -> None:
     """Bit for bit, because friction is the product of both."""
     friction, worn = 0.8, 0.5
-    worn_wheels = with_faults(*all_wheels("wheel-worn", factor=worn), carpet={"friction": friction})
+    worn_wheels = with_faults(
+        *on_all_wheels("wheel-worn", factor=worn), carpet={"friction": friction}
+    )
     slippery_carpet = with_faults(
         {"kind": "friction", "start_s": 0.0, "friction": friction * worn},
         carpet={"friction": friction},
@@ -120,7 +117,7 @@ def test_sliding_wheels_with_half_of_their_rollers_have_half_the_traction(
     }
     plant = plant_of(
         [
-            with_faults(*all_wheels("wheel-missing-rollers", rollers=ROLLERS // 2), **slick),
+            with_faults(*on_all_wheels("wheel-missing-rollers", rollers=ROLLERS // 2), **slick),
             with_faults(**slick),
         ]
     )

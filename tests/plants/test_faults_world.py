@@ -1,6 +1,5 @@
 """Faults of the world, by laws of mechanics: pushes, slopes, friction, displacement."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,11 +17,13 @@ from benches.plant import (
     SETTLE_FRAMES,
     STIFF,
     TANGENTS,
-    TWO_ROLLERS,
+    WHEELED_PLANTS,
+    PlantOf,
     constant,
     drive,
     estimated_heading,
     noiseless,
+    on_all_wheels,
     planar,
     ramp,
     rows,
@@ -35,7 +36,6 @@ from benches.plant import mujoco as plant_of
 from benches.step_recorder import StepRecorder
 
 from omni_control.errors import OmniError
-from omni_mj.config.settings import Settings
 from omni_mj.plants.kinematic_plant import KinematicPlant
 
 # --- pushes ---
@@ -91,14 +91,15 @@ def test_on_ice_a_slope_accelerates_by_g_sin() -> None:
     )
 
 
-def test_normal_forces_on_a_slope_are_those_of_statics() -> None:
+@WHEELED_PLANTS
+def test_normal_forces_on_a_slope_are_those_of_statics(
+    plant_of: PlantOf,
+) -> None:
     """Their sum is m g cos, their moment that of m g sin at the center of mass, downhill."""
     angle, bearings = np.radians(5.0), np.radians([0.0, 90.0, 180.0])
     tilts = [{"kind": "tilt", "angle_deg": 5.0, "direction_deg": np.degrees(b)} for b in bearings]
-    blocked = [{"kind": "motor-blocked", "start_s": 0.0, "wheel": wheel} for wheel in (1, 2, 3, 4)]
-    plant = plant_of(
-        [with_faults(tilt, *blocked, **TWO_ROLLERS) for tilt in tilts] + [noiseless(**TWO_ROLLERS)]
-    )
+    blocked = on_all_wheels("motor-blocked")
+    plant = plant_of([with_faults(tilt, *blocked) for tilt in tilts] + [noiseless()])
     stand_still(plant, SETTLE_FRAMES + 40)
     load = wheel_loads(plant)
     np.testing.assert_allclose(load.sum(1)[:3], MASS_KG * GRAVITY * np.cos(angle), rtol=2e-3)
@@ -188,7 +189,7 @@ def test_a_patch_of_a_fault_acts_like_one_of_the_scenario_while_it_lasts() -> No
 @pytest.mark.parametrize(
     "make", [two_rollers, planar, lambda s: KinematicPlant(rows(s), np.zeros((len(s), 3)))]
 )
-def test_a_kidnapped_robot_is_displaced_and_at_rest(make: Callable[[list[Settings]], Any]) -> None:
+def test_a_kidnapped_robot_is_displaced_and_at_rest(make: PlantOf) -> None:
     """By the set distance, for any heading, in one frame; with zero commands it stays there."""
     kidnap = {"kind": "kidnap", "x_m": 0.7, "y_m": -0.4, "heading_deg": 150.0}
     plant = make([with_faults({"kind": "vision-loss"}, kidnap), with_faults()])

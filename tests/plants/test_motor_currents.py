@@ -2,19 +2,19 @@
 
 import numpy as np
 import pytest
-from benches.plant import constant, drive, mujoco, noiseless
+from benches.plant import WHEELED_PLANTS, PlantOf, constant, drive, noiseless
 
 SETTINGS = noiseless(
-    wheels={"model": "two-rollers"},
     carpet={"rolling_resistance": 0.05},
     drivetrain={"roller_friction": 0.05},
 )
 FORWARD = (1.0, 0.0, 0.0)
 
 
-def test_a_robot_without_currents_rolls_out_while_the_other_brakes() -> None:
+@WHEELED_PLANTS
+def test_a_robot_without_currents_rolls_out_while_the_other_brakes(plant_of: PlantOf) -> None:
     """Afterwards it applies commands again."""
-    plant = mujoco([SETTINGS] * 2)
+    plant = plant_of([SETTINGS] * 2)
     drive(plant, constant(FORWARD, 40, 2))
     plant.set_motor_currents(np.array([[0.0] * 4, [np.nan] * 4]))
     drive(plant, constant((0, 0, 0), 3, 2))
@@ -29,9 +29,10 @@ def test_a_robot_without_currents_rolls_out_while_the_other_brakes() -> None:
     assert abs(plant.twist()[0, 0]) < 0.05
 
 
-def test_currents_are_held_as_far_as_the_battery_can_drive_them() -> None:
+@WHEELED_PLANTS
+def test_currents_are_held_as_far_as_the_battery_can_drive_them(plant_of: PlantOf) -> None:
     """The battery can drive 1 A, but not 100 A."""
-    plant = mujoco([SETTINGS] * 2)
+    plant = plant_of([SETTINGS] * 2)
     directions = np.array([-1.0, -1.0, 1.0, 1.0])
     plant.set_motor_currents(np.array([1.0 * directions, 100.0 * directions]))
     drive(plant, constant(FORWARD, 6, 2))

@@ -1,8 +1,6 @@
 """The plant planar: mechanics, creep, rejected rows, and agreement with the plant mujoco."""
 
 import itertools
-import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,8 +8,6 @@ import pytest
 from benches.creep import contact_speed, traction_per_load
 from benches.plant import (
     ARM_M,
-    COM_HEIGHT_M,
-    CONTACTS,
     FRAME_S,
     GRAVITY,
     MASS_KG,
@@ -20,6 +16,8 @@ from benches.plant import (
     STIFF,
     TANGENTS,
     WHEELED_PLANTS,
+    PlantOf,
+    compute_loads,
     constant,
     drive,
     mass_matrices,
@@ -29,18 +27,15 @@ from benches.plant import (
     receive_at_once,
     remove_roller_losses,
     set_twist,
-    wheel_loads,
 )
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import omni_mj as om
 from omni_control.errors import OmniError
 from omni_control.kinematics import world_to_body
 from omni_mj.config.resolve import resolve_settings
-from omni_mj.config.settings import Settings
 
-PlantOf = Callable[[list[Settings]], Any]
 STIFFNESS = 2.5
 NO_FRICTION = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
 FREE: dict[str, Any] = {
@@ -50,13 +45,6 @@ FREE: dict[str, Any] = {
     "battery": {"resistance_ohm": 0.0},
     "motor": {"no_load_current_a": 0.0},
 }
-
-
-def statics(acceleration: ArrayLike) -> NDArray:
-    """Return the forces of four springs, (4,) N, under an acceleration, body axes, (2,) m/s^2."""
-    sums = np.array([np.ones(4), *CONTACTS.T])
-    moments = [GRAVITY, *(-np.asarray(acceleration) * COM_HEIGHT_M)]
-    return MASS_KG * sums.T @ np.linalg.solve(sums @ sums.T, moments)
 
 
 @WHEELED_PLANTS
@@ -99,7 +87,7 @@ def test_slip_and_acceleration_obey_the_creep_law(plant_of: PlantOf) -> None:
         twist = body[window, i].mean(0)
         change = np.polyfit(np.arange(len(body))[window] * FRAME_S, body[window, i], 1)[0]
         acceleration = change + twist[2] * np.array([-twist[1], twist[0], 0.0])
-        load = statics(acceleration[:2])
+        load = compute_loads(acceleration[:2])
         travel = np.stack([b @ twist, OUTWARD @ twist[:2]], axis=1)
         drag = load[:, None] * rolling[i] * travel / np.linalg.norm(travel, axis=1, keepdims=True)
         drag[:, 1] += load * bearing[i] * np.sign(travel[:, 1])
@@ -142,51 +130,12 @@ def test_slip_is_steady_up_to_the_friction_limit_and_beyond(plant_of: PlantOf) -
     assert (fraction.std(0) < 0.02 * np.maximum(fraction.mean(0), 1)).all()
     traction = traction_per_load(slip, travel, STIFFNESS, friction)
     for i, acceleration in enumerate(np.polyfit(np.arange(20) * FRAME_S, speed, 1)[0]):
-        force = statics([acceleration, 0.0]) @ (traction[:, i].mean(0) * np.abs(TANGENTS[:, 0]))
+        force = compute_loads([acceleration, 0.0]) @ (
+            traction[:, i].mean(0) * np.abs(TANGENTS[:, 0])
+        )
         # 3 %: rims turn with the body. Rollers that are spun up brake, as in the test above.
         excess = force - MASS_KG * acceleration
         assert abs(excess) < 0.03 * force + 0.15 * speed[:, i].mean(), pulls[i]
-
-
-def test_traction_of_sliding_wheels_is_friction_times_normal_force() -> None:
-    friction = 0.3
-    carpet = {"rolling_resistance": 0.0, "friction": friction}
-    plant, speeds = planar([noiseless(**FREE | {"carpet": carpet})]), []
-    for command in constant([3.6, 0.0, 0.0], 15, 1):
-        drive(plant, command[None])
-        speeds.append(plant.twist()[0, 0])
-    assert (plant.telemetry().slip > 0.1).all()
-    acceleration = (speeds[-1] - speeds[4]) / (10 * FRAME_S)
-    # 2 %: rims turn with the body; 1 %: the carpet yields.
-    load = statics([acceleration, 0.0])
-    force = friction * load @ np.abs(TANGENTS[:, 0])
-    assert acceleration * MASS_KG == pytest.approx(force, rel=0.03)
-
-
-def test_normal_forces_on_a_slope_are_those_of_statics() -> None:
-    """Their sum is m g cos, their moment that of m g sin at the center of mass, downhill."""
-    faults = [{"kind": "motor-blocked", "start_s": 0.0, "wheel": wheel} for wheel in (1, 2, 3, 4)]
-    tilt = {"kind": "tilt", "start_s": 0.0, "angle_deg": 5.0, "direction_deg": 30.0}
-    plant = planar([noiseless(fault=[tilt, *faults])])
-    drive(plant, constant([0, 0, 0], 60, 1))
-    (load,) = wheel_loads(plant)
-    angle, downhill = math.radians(5), np.array([math.cos(math.pi / 6), 0.5])
-    weight, shift = MASS_KG * GRAVITY * np.array([math.cos(angle), math.sin(angle) * COM_HEIGHT_M])
-    assert load.sum() == pytest.approx(weight, rel=1e-9)
-    np.testing.assert_allclose(load @ CONTACTS, shift * downhill, atol=1e-3 * shift)
-
-
-def test_without_motor_currents_a_robot_slows_down_and_stays_at_rest() -> None:
-    plant = planar([noiseless(), noiseless()])
-    set_twist(plant, [1.0, 0.5, 0.0])
-    plant.set_motor_currents(np.zeros((2, 4)))
-    speeds = []
-    for _ in range(60):
-        drive(plant, constant([0, 0, 0], 1, 2))
-        speeds.append(np.hypot(*plant.twist()[0, :2]))
-    assert (np.diff(speeds)[np.array(speeds[1:]) > 1e-4] < 0).all()
-    assert speeds[-1] < 0.3 * speeds[0]
-    assert np.abs(plant.pose()[1]).max() < 1e-9
 
 
 def test_a_rolling_and_turning_robot_follows_lagranges_equations() -> None:

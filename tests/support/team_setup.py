@@ -54,6 +54,7 @@ class Follower(Controller):
 
     def command(self, frame: int, observation: Observation) -> Array:
         self.observations.append(observation)
+        observation.sent_commands.get_latest(self.memory_frames)  # as many are stored
         self.predicted_pose = observation.predicted_pose
         target, twist = self.reference.at(frame, observation.pose)
         return twist + self.gain * (target - observation.predicted_pose)

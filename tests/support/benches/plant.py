@@ -1,6 +1,6 @@
 """Helpers to test plants: settings, rows, data of the default robot, drives without radio."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco as mj
@@ -29,6 +29,7 @@ CONTACTS = ARM_M * np.stack([np.cos(AZIMUTHS), np.sin(AZIMUTHS)], axis=1)
 TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
 OUTWARD = np.stack([np.cos(AZIMUTHS), np.sin(AZIMUTHS)], axis=1)
 
+PlantOf = Callable[[list[Settings]], Any]  # makes robots, one for each of the settings
 FRAME_S = 1 / 60
 SIGMAS = 5  # tolerance of a statistic in its standard errors
 ROBOT = "tigers-v2016"
@@ -41,6 +42,13 @@ STIFF = {"kp": 0.4, "ki": 20.0, "turn_rate_gain": 0.0}
 def with_settings(**sections: dict[str, Any]) -> Settings:
     """Return the default settings with fields of some sections replaced."""
     return resolve_settings().replace(**sections)
+
+
+def compute_loads(acceleration: ArrayLike) -> NDArray:
+    """Return the forces of four springs, (4,) N, under an acceleration, body axes, (2,) m/s^2."""
+    sums = np.array([np.ones(4), *CONTACTS.T])
+    moments = [GRAVITY, *(-np.asarray(acceleration) * COM_HEIGHT_M)]
+    return np.asarray(MASS_KG * sums.T @ np.linalg.solve(sums @ sums.T, moments))
 
 
 def noiseless(**sections: dict[str, Any]) -> Settings:
@@ -132,6 +140,11 @@ def with_faults(*faults: dict[str, Any], **sections: Any) -> Settings:
     return noiseless(
         **sections, fault=[{"start_s": SETTLE_FRAMES * FRAME_S, **fault} for fault in faults]
     )
+
+
+def on_all_wheels(kind: str, **values: Any) -> list[dict[str, Any]]:
+    """Return a fault of each wheel from the start on."""
+    return [{"kind": kind, "wheel": wheel, "start_s": 0.0, **values} for wheel in (1, 2, 3, 4)]
 
 
 def stand_still(plant: Plant, frames: int = SETTLE_FRAMES) -> NDArray:
