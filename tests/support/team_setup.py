@@ -44,16 +44,11 @@ TIGHT = MotionLimits(0.25, 3.0, 1.0, 5.0)
 
 
 class Follower(Controller):
-    """Follow a reference with proportional feedback, and store the observations."""
+    """Follow a reference with proportional feedback."""
 
     gain: float = 2.0
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        self.observations: list[Observation] = []
-
     def command(self, frame: int, observation: Observation) -> Array:
-        self.observations.append(observation)
         observation.sent_commands.get_latest(self.memory_frames)  # as many are stored
         self.predicted_pose = observation.predicted_pose
         target, twist = self.reference.at(frame, observation.pose)
