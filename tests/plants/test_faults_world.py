@@ -102,13 +102,14 @@ def test_normal_forces_on_a_slope_are_those_of_statics(
     plant = plant_of([with_faults(tilt, *blocked) for tilt in tilts] + [noiseless()])
     stand_still(plant, SETTLE_FRAMES + 40)
     load = wheel_loads(plant)
-    np.testing.assert_allclose(load.sum(1)[:3], MASS_KG * GRAVITY * np.cos(angle), rtol=2e-3)
+    # MuJoCo's springs still oscillate, by 1 % of the shift. The loads of planar are statics.
+    rtol, share = (1e-9, 1e-3) if plant_of is planar else (2e-3, 0.01)
+    np.testing.assert_allclose(load.sum(1)[:3], MASS_KG * GRAVITY * np.cos(angle), rtol=rtol)
     moment = load @ CONTACTS / GRAVITY
     downhill = np.column_stack([np.cos(bearings), np.sin(bearings)])
-    # Springs still oscillate by 1 % of the shift.
     shift = MASS_KG * COM_HEIGHT_M * np.sin(angle)
     np.testing.assert_allclose(
-        moment[:3] - np.cos(angle) * moment[3], shift * downhill, atol=0.01 * shift
+        moment[:3] - np.cos(angle) * moment[3], shift * downhill, atol=share * shift
     )
     assert np.abs(plant.pose()[:, :2]).max() < 1e-3, "blocked motors hold the robot"
 

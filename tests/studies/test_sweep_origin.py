@@ -208,7 +208,7 @@ def test_workers_end_with_their_parent(tmp_path: Path) -> None:
         "--controller", "p", "--set", "reference.laps=1000", "--vary", "radio.delay_frames=0,4",
         "--batch-size", "1", "--jobs", "2", "--quiet", "--out",
     )  # fmt: skip
-    signals = (signal.SIGINT, signal.SIGKILL)
+    signals = (signal.SIGINT, signal.SIGKILL, signal.SIGTERM)
     parents = [
         subprocess.Popen(
             [*command, tmp_path / number.name],
