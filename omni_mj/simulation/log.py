@@ -216,7 +216,8 @@ class Log:
         ]
         for name, titles in self.columns.items():
             parts = [self._read(name, slice(row, row + 1), *span)[:, 0] for row, *span in spans]
-            data = np.concatenate(parts) if parts else self.channel(name)[:0, 0]
+            no_lines = self._read(name, slice(0), 0, 0).reshape(0, len(titles))
+            data = np.concatenate([no_lines, *parts])
             columns |= {title: data[:, i] for i, title in enumerate(titles)}
         controllers = pa.DictionaryArray.from_arrays(
             label_indices[row_indices], pa.array(labels, pa.string())

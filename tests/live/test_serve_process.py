@@ -125,7 +125,10 @@ def test_time_stamps_recover_from_a_stall() -> None:
 def test_own_models_are_served_and_the_start_names_plant_and_load(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    model, text = tmp_path / "mine.xml", '<geom class="hull" size="0.09 0.05" type="cylinder"/>'
+    model, text = (
+        tmp_path / "mine.xml",
+        '<geom class="hull" size="0.09 0.05" pos="0 0 0.08" type="cylinder"/>',
+    )
     model.write_text(own_robot.written([60, 180, 300], more=text))
     ports = [word for port in ("control", "blue", "yellow") for word in (f"--{port}-port", 0)]
     assert invoke("serve", "--model", model, "--duration", 0.05, *ports) == 0
