@@ -55,11 +55,16 @@ def complete_sweep(tmp_path_factory: pytest.TempPathFactory) -> bench.SweepResul
 
 def test_a_shard_leaves_no_simulation_behind(complete_sweep: bench.SweepResult) -> None:
     """Nothing waits for the collection of garbage, whose time grows with the number of points."""
+
+    def count_simulations() -> int:
+        return sum(isinstance(thing, om.Simulation) for thing in gc.get_objects())
+
     gc.collect()
     gc.disable()
     try:
+        before = count_simulations()  # of other tests
         bench.run_shard(complete_sweep.plan, complete_sweep.plan.shards[0])
-        assert not [thing for thing in gc.get_objects() if isinstance(thing, om.Simulation)]
+        assert count_simulations() == before
     finally:
         gc.enable()
 
