@@ -48,7 +48,8 @@ class FrameBlocks:
         if isinstance(block, np.ndarray):
             return block
         shape, offset = block
-        mapped: Array = np.memmap(self._file, float, "r", offset, shape[::-1])  # type: ignore[call-overload]
+        size = shape[::-1]
+        mapped: Array = np.memmap(self._file, float, "r", offset, size)  # type: ignore[call-overload]
         return mapped.T
 
     def __getstate__(self) -> dict[str, Any]:
