@@ -48,8 +48,9 @@ class FrameBlocks:
         if isinstance(block, np.ndarray):
             return block
         shape, offset = block
+        mapped: Array
         size = shape[::-1]
-        mapped: Array = np.memmap(self._file, float, "r", offset, size)  # type: ignore[call-overload]
+        mapped = np.memmap(self._file, float, "r", offset, size)  # type: ignore[call-overload]
         return mapped.T
 
     def __getstate__(self) -> dict[str, Any]:
