@@ -24,7 +24,6 @@ from omni_mj.mjcf.robot_geometry import (
 )
 
 Element = ElementTree.Element
-MODEL_RADIUS_M = 0.0285  # radius of the wheels in models/ssl_robot.xml
 
 
 def build_robot_spec(mechanics: Mechanics) -> RobotSpec:
@@ -70,8 +69,10 @@ def _write_wheels(root: Element, mechanics: Mechanics) -> None:
     frames = _replicate_first(root, "worldbody/body/frame", count)
     for azimuth, frame in zip(wheels.azimuths_deg, frames, strict=True):
         frame.set("euler", f"0 0 {azimuth!r}")
-        _find_child(frame, "body").set("pos", f"{wheels.arm_m!r} 0 {wheels.radius_m!r}")
-        _scale_hub(frame, wheels.radius_m / MODEL_RADIUS_M)
+        hub = _find_child(frame, "body")
+        file_radius = float(hub.get("pos", "").split()[2])
+        hub.set("pos", f"{wheels.arm_m!r} 0 {wheels.radius_m!r}")
+        _scale_hub(hub, wheels.radius_m / file_radius)
         _write_rollers(frame, wheels)
     _remove_skirts(root, wheels)
     _replicate_first(root, "actuator/dcmotor", count)
@@ -96,9 +97,8 @@ def _remove_skirts(root: Element, wheels: WheelSettings) -> None:
             chassis.remove(geom)
 
 
-def _scale_hub(frame: Element, factor: float) -> None:
+def _scale_hub(hub: Element, factor: float) -> None:
     """Scale hub and rim to the radius of the wheel; their thickness and density do not change."""
-    hub = _find_child(frame, "body")
     geom = _find_child(hub, "geom")
     radius, half_thickness = map(float, geom.get("size", "").split())
     geom.set("size", f"{radius * factor!r} {half_thickness!r}")
