@@ -16,12 +16,12 @@ from benches.control import (
     STATE_SIZE,
     VELOCITY,
     Array,
-    Creep,
     FilterStep,
     MotionModel,
     RobotEkf,
     YawCoupling,
     anticipate,
+    compute_contact_speeds,
 )
 from closed_loop import (
     CONTACT_RATIO,
@@ -233,7 +233,7 @@ def test_compliance_is_the_turn_rate_at_which_the_wheels_have_no_moment(
         np.array([[z.real, z.imag, turn]])
         for z, turn in ((velocity, turn_rate), (acceleration, 0.0), (deficit, 0.0))
     )
-    contact_speeds = Creep(WHEELS).compute_contact_speeds(twist)
+    contact_speeds = compute_contact_speeds(WHEELS, twist)
     result = YawCoupling(WHEELS, 1.0).compute_turn_rate(state, contact_speeds, *vectors)
     assert result[0] == pytest.approx(-brentq(moment, -100, 100, xtol=1e-12), abs=1e-9)
 

@@ -67,7 +67,7 @@ class MotionModel:
 
     def __init__(self, model: TeamModel) -> None:
         self._period = model.period
-        wheels = model.geometry or LEAGUE_WHEELS
+        self._wheels = wheels = model.geometry or LEAGUE_WHEELS
         rim_directions, self.arm = wheels.matrix[:, :2], wheels.arm
         # The traction of a wheel is proportional to the velocity deficit along its rim. With rim
         # directions d, the force on the body is therefore proportional to the mean of d_x^2 forward
@@ -109,7 +109,7 @@ class MotionModel:
             state: States (..., n, 18).
             velocity: Body velocities (..., n, 3) at which the wheels creep.
         """
-        contact_speed = self._creep.compute_contact_speeds(velocity)
+        contact_speed = compute_contact_speeds(self._wheels, velocity)
         return self._compute_lags(state, contact_speed)[0] / state[..., INVERSE_GAIN]
 
     def _compute_lags(self, state: Array, contact_speed: Array) -> tuple[Array, Array]:
@@ -139,7 +139,7 @@ class MotionModel:
         inverse_gain = state[..., INVERSE_GAIN]
         velocity = world_to_body(state[..., VELOCITY], heading)
         drive = world_to_body(command + state[..., DISTURBANCE], heading)
-        contact_speed = self._creep.compute_contact_speeds(velocity)
+        contact_speed = compute_contact_speeds(self._wheels, velocity)
         lags, cross_lag = self._compute_lags(state, contact_speed)
         time_constant = lags / inverse_gain
         # The initial acceleration solves the equations of forward and sideways motion together.
@@ -179,7 +179,7 @@ class MotionModel:
         """
         velocity = world_to_body(velocity, heading)
         next_velocity = world_to_body(next_velocity, heading)
-        contact_speed = self._creep.compute_contact_speeds(velocity)
+        contact_speed = compute_contact_speeds(self._wheels, velocity)
         lags, cross_lag = self._compute_lags(state, contact_speed)
         time_constant = lags / state[..., INVERSE_GAIN]
         decay = np.exp(-self._period / time_constant)
@@ -201,6 +201,23 @@ class MotionModel:
         return self._friction_ratios * state[..., FRICTION, None] * direction
 
 
+def compute_contact_speeds(geometry: Kinematics, velocity: Array) -> Array:
+    """Return the speeds |V_i|_c (`Creep`) of all wheels (..., n, W), m/s.
+
+    Args:
+        geometry: Geometry of the wheels.
+        velocity: Body velocities (..., n, 3).
+    """
+    # Sums instead of matrix products, which BLAS may round differently in a larger batch.
+    rim_x, rim_y = geometry.matrix[:, :2].T
+    axle_x, axle_y = geometry.axles[:, :2].T
+    forward, sideways, turn = velocity[..., :1], velocity[..., 1:2], velocity[..., 2:]
+    return np.hypot(
+        forward * rim_x + sideways * rim_y + geometry.arm * turn,
+        CONTACT_RATIO * (forward * axle_x + sideways * axle_y),
+    )
+
+
 class Creep:
     """Creep of wheels in any direction of travel (Pacejka, Tire and Vehicle Dynamics, brush model).
 
@@ -217,32 +234,15 @@ class Creep:
 
     Args:
         geometry: Geometry of the wheels.
-        sideways_ratio: Creep coefficient sideways over that forward. Default: of this law.
+        sideways_ratio: Creep coefficient sideways over that forward; 0: of this law.
     """
 
-    def __init__(self, geometry: Kinematics, sideways_ratio: float = 0.0) -> None:
+    def __init__(self, geometry: Kinematics, sideways_ratio: float) -> None:
         self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
-        self._axle_directions = geometry.axles[:, :2].T  # (2, wheels)
-        self._arm = geometry.arm
-        unit_speeds = self.compute_contact_speeds(np.eye(3)[:2])
+        unit_speeds = compute_contact_speeds(geometry, np.eye(3)[:2])
         forward, sideways = self._compute_compliance(unit_speeds)[0]
         ratio = sideways_ratio or sideways[1] / forward[0]
         self._scale = np.array([1.0, ratio]) / [forward[0], sideways[1]]
-
-    def compute_contact_speeds(self, velocity: Array) -> Array:
-        """Return the speeds |V_i|_c of all wheels (..., n, W), m/s.
-
-        Args:
-            velocity: Body velocities (..., n, 3).
-        """
-        # Sums instead of matrix products, which BLAS may round differently in a larger batch.
-        rim_x, rim_y = self._rim_directions
-        axle_x, axle_y = self._axle_directions
-        forward, sideways, turn = velocity[..., :1], velocity[..., 1:2], velocity[..., 2:]
-        return np.hypot(
-            forward * rim_x + sideways * rim_y + self._arm * turn,
-            CONTACT_RATIO * (forward * axle_x + sideways * axle_y),
-        )
 
     def compute_speeds(self, contact_speed: Array) -> tuple[Array, Array]:
         """Return the speeds by which the creep coefficient is multiplied, m/s.
@@ -299,7 +299,7 @@ class YawCoupling:
 
     def __init__(self, geometry: Kinematics, gyro_residual: float) -> None:
         self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
-        forward_speed = Creep(geometry).compute_contact_speeds(np.array([1.0, 0.0, 0.0]))
+        forward_speed = compute_contact_speeds(geometry, np.array([1.0, 0.0, 0.0]))
         squares = self._rim_directions[0] ** 2
         self._contact_scale = (squares / forward_speed).sum() / squares.sum()
         static, dynamic = compute_load_distribution(geometry, COM_HEIGHT_M)

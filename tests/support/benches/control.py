@@ -33,9 +33,9 @@ from omni_control.estimation.motion_model import (
     POSE,
     STATE_SIZE,
     VELOCITY,
-    Creep,
     MotionModel,
     YawCoupling,
+    compute_contact_speeds,
 )
 from omni_control.estimation.outlier_gate import OUTLIERS_TO_ACCEPT, REPEATS_TO_ACCEPT, OutlierGate
 from omni_control.estimation.robot_ekf import RobotEkf
