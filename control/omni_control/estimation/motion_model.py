@@ -115,9 +115,9 @@ class MotionModel:
     def _compute_lags(self, state: Array, contact_speed: Array) -> tuple[Array, Array]:
         """Return the lags of the axes (..., n, 3), and that between forward and sideways, s."""
         inverse_gain = state[..., INVERSE_GAIN]
-        speeds, cross_speed = self._creep.compute_speeds(contact_speed)
+        speeds, cross_speed = self._creep.compute_effective_speeds(contact_speed)
         creep = state[..., CREEP, None] * speeds
-        # In turning, the ratio applies to the creep g_0^2 c of forward motion.
+        # In turning, the speed applies to the creep g_0^2 c of forward motion.
         gains = inverse_gain.copy()
         gains[..., 2] *= inverse_gain[..., 0]
         lags = self._lag_ratios * state[..., LAG, None] + gains**2 * creep
@@ -240,12 +240,14 @@ class Creep:
     def __init__(self, geometry: Kinematics, sideways_ratio: float) -> None:
         self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
         unit_speeds = compute_contact_speeds(geometry, np.eye(3)[:2])
-        forward, sideways = self._compute_compliance(unit_speeds)[0]
-        ratio = sideways_ratio or sideways[1] / forward[0]
-        self._scale = np.array([1.0, ratio]) / [forward[0], sideways[1]]
+        forward, sideways = np.diagonal(self._compute_compliance(unit_speeds)[0])
+        self._scale = np.array([1.0, sideways_ratio or sideways / forward]) / [forward, sideways]
 
-    def compute_speeds(self, contact_speed: Array) -> tuple[Array, Array]:
+    def compute_effective_speeds(self, contact_speed: Array) -> tuple[Array, Array]:
         """Return the speeds by which the creep coefficient is multiplied, m/s.
+
+        They are the inverse of the stiffness matrix, scaled. In forward motion the first is the
+        speed of the robot, in sideways motion the second is that speed times the ratio.
 
         Args:
             contact_speed: Speeds |V_i|_c, (..., n, W) m/s.
