@@ -30,8 +30,7 @@ def check_integer(name: str, value: object, low: int, high: int) -> int:
     """
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
-    is_integer = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not is_integer or not low <= value <= high:  # type: ignore[operator]
+    if not fits_annotation(value, int) or not low <= value <= high:  # type: ignore[operator]
         raise OmniError(
             f"{name} must be an integer from {low} to {high}, got {format_value(value)}"
         )
