@@ -28,6 +28,8 @@ FIELDS = {
     "commands.gain_forward": ("control", "assumed_alpha_forward"),
     "commands.gain_sideways": ("control", "assumed_alpha_sideways"),
 }
+# Size and name of a setting's unit, where it is not that of the estimate
+SETTING_UNITS = {"commands.dead_time_s": (PERIOD_S, "frames")}
 
 
 def list_changes(estimates: Mapping[str, Estimate], trusted_sources: Collection[str]) -> Changes:
@@ -65,15 +67,13 @@ def _is_in_range(name: str, value: float) -> bool:
     if name not in FIELDS:
         return True
     setting = find_setting(".".join(FIELDS[name]))
-    size = PERIOD_S if setting.unit == "frames" else 1.0
+    size, _ = SETTING_UNITS.get(name, (1.0, ""))
     return setting.low <= value / size <= setting.high
 
 
 def _format_change(name: str, estimate: Estimate) -> str:
     """Return the value as TOML, with estimate and standard error in a comment."""
-    size, unit = 1.0, estimate.unit
-    if name == "commands.dead_time_s":
-        size, unit = PERIOD_S, "frames"
+    size, unit = SETTING_UNITS.get(name, (1.0, estimate.unit))
     value = float(f"{estimate.value / size:.5g}")
     estimate_text = f"{estimate.value / size:.4g} +- {estimate.standard_error / size:.2g}"
     estimate_text = f"{estimate_text} {unit}".rstrip()
