@@ -74,6 +74,7 @@ def _predict_folds(fit: Fit, prior: Prior, folds: np.ndarray) -> Array:
     for fold in range(N_FOLDS):
         is_test = folds == fold
         train = jacobian[~is_test].reshape(-1, len(fit.free))
+        # At the fit to all segments, the gradients of training and test add up to zero.
         gradient = np.einsum("smkn,smk->n", jacobian[is_test], residual[is_test])
         step = np.linalg.pinv(train.T @ train, rcond=1e-9, hermitian=True) @ gradient
         test_problem = ProjectedProblem(

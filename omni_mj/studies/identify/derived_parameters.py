@@ -203,7 +203,7 @@ def estimate_parameters(
             reason = "these data tell hardly more than the robot's file does"
         source = "wheels" if by_wheels else "commands"
         interval = value - half, value + half
-        is_weak = not half <= info.limit * size
+        is_weak = not half <= info.limit * size  # also if it is NaN
         yield Estimate(
             name, info.title, info.unit, source, value, total_error, *interval, reason, is_weak
         )

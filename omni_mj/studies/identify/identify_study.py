@@ -2,9 +2,9 @@
 
 `robot_logs` reads the files, `log_cutting` cuts out poses that the inputs do not explain, and
 `log_checks` rejects logs of another robot or in other units. `log_segments` cuts logs into
-segments, `slip_dynamics` predicts the motion in them, and `parameter_fit` fits it.
-`derived_parameters` computes the estimates, and `robot_file_writer` writes them into a robot's
-file.
+segments, `slip_dynamics` predicts the motion in them, `parameter_fit` fits it, and
+`cross_validation` tests the fit. `derived_parameters` computes the estimates, and
+`robot_file_writer` writes them into a robot's file.
 """
 
 import json

@@ -50,11 +50,12 @@ def list_changes(estimates: Mapping[str, Estimate], trusted_sources: Collection[
     }
     usable = {name for name in allowed if estimates[name].is_identified}
     # A log determines the sum of both better than each, so neither is written without the other.
+    # Creep stiffness and gain imply the sum, even if a log tells little of each.
     for source in ("commands", "wheels"):
         pair = {f"{source}.rolling_resistance", f"{source}.roller_friction"}
-        has_sum = {f"{source}.creep_stiffness", f"{source}.gain_forward"} <= usable
-        is_pair_usable = pair <= usable or (has_sum and pair <= allowed)
-        usable = usable | pair if is_pair_usable else usable - pair
+        is_sum_known = {f"{source}.creep_stiffness", f"{source}.gain_forward"} <= usable
+        candidates = allowed if is_sum_known else usable
+        usable = usable | pair if pair <= candidates else usable - pair
     return {
         field: _format_change(name, estimates[name])
         for name, field in FIELDS.items()
