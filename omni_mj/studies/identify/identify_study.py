@@ -230,8 +230,8 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
             f"{source}: the robot does not move; nothing is identified from its motion"
         )
         return
-    start = dynamics.nominal_parameters(settings, by_wheels)
-    start[DEAD_TIME] = float(np.median(delays))
+    nominal = dynamics.nominal_parameters(settings, by_wheels)
+    start = nominal | {DEAD_TIME: float(np.median(delays))}
     if not by_wheels:  # the delay of commands is dead time plus lag
         lag = 2 * start["compliance_s"] / len(dynamics.rim_directions)
         start[DEAD_TIME] = max(start[DEAD_TIME] - lag, MIN_DEAD_TIME_S)
@@ -245,10 +245,8 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
             f"{source}: {n_outliers} of {len(segments)} segments with far larger residuals are "
             "left out; causes may be sliding wheels, a collision, or a false detection"
         )
-    prior = _choose_prior(result, fit)
-    result.predictions[source] = cross_validate(
-        fit, prior, dynamics.nominal_parameters(settings, by_wheels)
-    )
+    prior = _choose_prior(result, fit, nominal)
+    result.predictions[source] = cross_validate(fit, prior, nominal)
     result.fits[source] = fit = fit.with_prior(prior)
     for estimate in estimate_parameters(fit, prior, settings, missing_excitation):
         result.estimates[f"{source}.{estimate.name}"] = estimate
@@ -298,14 +296,13 @@ def _prepare_contacts(
     return ()
 
 
-def _choose_prior(result: IdentificationResult, fit: Fit) -> Prior:
+def _choose_prior(result: IdentificationResult, fit: Fit, nominal: Parameters) -> Prior:
     """Return the prior of a fit: the values of the robot's file, and a level carpet.
 
     Drag and a smaller radius both lower the speed, and the data cannot tell them apart well. So
     the radius of the file is trusted, unless the data contradict it.
     """
-    start = fit.dynamics.nominal_parameters(result.start.settings, fit.segments.by_wheels)
-    mean = np.array([start[name] for name in fit.free])
+    mean = np.array([nominal[name] for name in fit.free])
     error = np.array([RANGES[name].prior_error for name in fit.free])
     if not fit.segments.by_wheels:
         return Prior(mean, error)
