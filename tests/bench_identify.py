@@ -275,15 +275,10 @@ def robocin(folder: Path, out: Path | None) -> Table:
     rows = []
     for chosen in (*([log] for log in logs), logs):
         result = identify(chosen)
-        estimates = result.estimates
         prediction = result.predictions["wheels"]
         assert prediction is not None
-        formatted = [
-            format_estimate(estimates[f"wheels.{name}"], 1.0)
-            if estimates[f"wheels.{name}"].is_identified
-            else DASH
-            for name in ROBOCIN_COLUMNS
-        ]
+        estimates = [result.estimates[f"wheels.{name}"] for name in ROBOCIN_COLUMNS]
+        formatted = [format_estimate(e if e.is_identified else None, 1.0) for e in estimates]
         errors = [f"{1e3 * e:.1f}" for e in (prediction.fitted_m, prediction.start_m)]
         rows.append([", ".join(log.stem for log in chosen), *formatted, *errors])
     if out:
@@ -297,7 +292,7 @@ def robocin(folder: Path, out: Path | None) -> Table:
 
 
 def identified_estimates(result: IdentificationResult) -> dict[str, Estimate]:
-    """Return the estimates that the data identify, by name."""
+    """Return the estimates that the data identify, without weak ones, by name."""
     return {
         name: estimate
         for name, estimate in result.estimates.items()

@@ -92,7 +92,7 @@ def test_units_of_columns_are_converted(tmp_path: Path) -> None:
     (converted,) = read_logs(write_parquet(tmp_path / "log.parquet", columns))
     np.testing.assert_allclose(converted.pose, expected.pose, atol=1e-12)
     np.testing.assert_allclose(converted.inputs["wheels"], expected.inputs["wheels"], atol=1e-9)
-    speeds = dict(zip(log, log.values(), strict=True))
+    speeds = dict(log)
     for i in range(1, 5):
         speeds[f"wheel_{i}_rpm"] = np.gradient(speeds.pop(f"wheel_{i}_rad"), log["time_s"]) * 9.5493
     (converted,) = read_logs(write_parquet(tmp_path / "log.parquet", speeds))
