@@ -300,7 +300,7 @@ def _choose_prior(result: IdentificationResult, fit: Fit, nominal: Parameters) -
     """Return the prior of a fit: the values of the robot's file, and a level carpet.
 
     Drag and a smaller radius both lower the speed, and the data cannot tell them apart well. So
-    the radius of the file is trusted, unless the data contradict it.
+    the radius of the file is trusted. If the data contradict it, the result gets a remark instead.
     """
     mean = np.array([nominal[name] for name in fit.free])
     error = np.array([RANGES[name].prior_error for name in fit.free])

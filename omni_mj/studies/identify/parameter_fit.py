@@ -31,14 +31,14 @@ from omni_mj.studies.identify.slip_dynamics import (
 
 
 class ParameterRange(NamedTuple):
-    """Bounds and step sizes of a parameter, in its unit.
+    """Bounds, step sizes and prior error of a parameter, in its unit.
 
     Attributes:
         scale: Size of a relevant change, for the trust region and tolerances.
         step: Step of finite differences.
         low: Smallest value.
         high: Largest value.
-        prior_error: Standard error of the initial value, which the robot's file gives.
+        prior_error: Standard error of the value that the robot's file gives.
     """
 
     scale: float
@@ -109,7 +109,7 @@ class Prior:
     error: Array
 
     def combine(self, values: Array, covariance: Array) -> tuple[Array, Array]:
-        """Return mean and covariance of parameters that data estimate.
+        """Return mean and covariance of the parameters after the data are known.
 
         Args:
             values: Estimates by the data, (n,).
@@ -339,11 +339,11 @@ def robust_covariance(jacobian: Array, residual: Array) -> Array:
     error = np.sqrt(np.maximum(np.diag(robust), white))
     # Correlations of n parameters are known from many more than n segments only.
     weight = min(1.0, n / len(residual))
-    correlation = weight * _correlate(inverse) + (1 - weight) * _correlate(robust)
+    correlation = weight * _to_correlation(inverse) + (1 - weight) * _to_correlation(robust)
     return correlation * np.outer(error / length, error / length)
 
 
-def _correlate(covariance: Array) -> Array:
+def _to_correlation(covariance: Array) -> Array:
     """Return the correlations of a covariance (n, n)."""
     deviation = np.maximum(np.sqrt(np.diag(covariance)), 1e-150)
     return covariance / np.outer(deviation, deviation)
