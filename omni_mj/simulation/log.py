@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -166,16 +166,12 @@ class Log:
         self.length += 1
         self.lengths += is_active
 
-    def channel(self, name: str, rows: slice = slice(None)) -> np.ndarray:
+    def channel(self, name: str) -> np.ndarray:
         """Return a copy of a channel, shape (length, n, columns).
 
         Frames that a row did not record are NaN, or false in `vision_valid`.
-
-        Args:
-            name: Name of the channel.
-            rows: Rows to return. Default: all.
         """
-        return self._read(name, rows, 0, self.length)
+        return self._read_channel(name, slice(None), 0, self.length)
 
     def channel_of_row(self, name: str, row: int, start: int = 0) -> np.ndarray:
         """Return a copy of a channel in the recorded frames of a row, shape (frames, columns).
@@ -185,7 +181,7 @@ class Log:
             row: Index of the row.
             start: First frame to return.
         """
-        return self._read(name, slice(row, row + 1), start, int(self.lengths[row]))[:, 0]
+        return self._read_channel(name, slice(row, row + 1), start, int(self.lengths[row]))[:, 0]
 
     def to_arrow(self, start: int = 0, stop: int | None = None) -> "pa.Table":
         """Return a table with one line per row and recorded frame, row by row.
@@ -208,17 +204,16 @@ class Log:
             "frame": (self.first_frame + frames).astype(np.int32),
             "time_s": (self.first_frame + frames) * PERIOD_S,
         }
-        spans = [
-            (int(row), int(frames[first]), int(frames[first] + count))
-            for row, first, count in zip(
-                *np.unique(row_indices, return_index=True, return_counts=True), strict=True
-            )
-        ]
-        for name, titles in self.columns.items():
-            parts = [self._read(name, slice(row, row + 1), *span)[:, 0] for row, *span in spans]
-            no_lines = self._read(name, slice(0), 0, 0).reshape(0, len(titles))
-            data = np.concatenate([no_lines, *parts])
-            columns |= {title: data[:, i] for i, title in enumerate(titles)}
+        indices = [i for name in self.columns for i in self._indices[name]]
+        values = np.empty((len(indices), len(lines)))
+        for row, first, count in zip(
+            *np.unique(row_indices, return_index=True, return_counts=True), strict=True
+        ):
+            span = int(frames[first]), int(frames[first] + count)
+            row_values = self._read(indices, slice(row, row + 1), *span)[:, 0]
+            values[:, first : first + count] = row_values.T
+        columns |= dict(zip(chain.from_iterable(self.columns.values()), values, strict=True))
+        columns["vision_valid"] = columns["vision_valid"] == 1
         controllers = pa.DictionaryArray.from_arrays(
             label_indices[row_indices], pa.array(labels, pa.string())
         )
@@ -242,9 +237,14 @@ class Log:
         """Return an empty block, for which the system provides memory only when it is written."""
         return np.empty((BLOCK_FRAMES, self._n_columns, len(self.rows)))
 
-    def _read(self, name: str, rows: slice, start: int, stop: int) -> np.ndarray:
+    def _read_channel(self, name: str, rows: slice, start: int, stop: int) -> np.ndarray:
         """Return a channel of some rows from frame `start` until `stop`."""
-        n_rows, columns = len(self.rows[rows]), np.array(self._indices[name])
+        values = self._read(self._indices[name], rows, start, stop)
+        return values == 1 if name == "vision_valid" else values
+
+    def _read(self, indices: Sequence[int], rows: slice, start: int, stop: int) -> Array:
+        """Return columns of the blocks for some rows from frame `start` until `stop`."""
+        n_rows, columns = len(self.rows[rows]), np.array(indices)
         values = np.full((max(stop - start, 0), n_rows, len(columns)), np.nan)
         for i in range(start // BLOCK_FRAMES, -(-stop // BLOCK_FRAMES)):
             block = self._blocks[i] if i < len(self._blocks) else self._block
@@ -253,7 +253,7 @@ class Log:
             is_known = columns < frames.shape[1]
             target = values[max(begin - start, 0) :][: len(frames)]
             target[..., is_known] = frames[:, columns[is_known]].swapaxes(1, 2)
-        return values == 1 if name == "vision_valid" else values
+        return values
 
     def _add_columns(self, name: str, width: int) -> None:
         """Extend a controller's channel to at least `width` columns."""
