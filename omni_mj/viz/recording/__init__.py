@@ -194,8 +194,8 @@ class ServedRecording(RerunStream):
                 self._logged_robots.add(name)
                 color = TEAM_COLORS[log.rows[i].controller]
                 robot_shapes.log_robot(self._stream, entity, color, self._settings)
-            pose, angles = log.channel("pose")[:, i], log.channel("wheel_angle")[:, i]
+            pose, angles = (log.channel_of_row(key, i) for key in ("pose", "wheel_angle"))
             robot_shapes.send_poses(self._stream, entity, frames, pose, angles, self._settings)
             for channel in SERVED_PLOT_TITLES:
-                values = rr.Scalars.columns(scalars=log.channel(channel)[:, i])
+                values = rr.Scalars.columns(scalars=log.channel_of_row(channel, i))
                 self._stream.send_frames(f"plots/{channel}/{name}", frames, values)
