@@ -25,7 +25,6 @@ class CyclewisePlant(WheeledPlantBase, ABC):
 
     parameters: Any
     electronics: ElectronicsState
-    _failed: np.ndarray
 
     def _start_cycles(self) -> None:
         """Begin with a new frame."""
@@ -92,7 +91,7 @@ class CyclewisePlant(WheeledPlantBase, ABC):
         """Return the inputs of the frame that begins, with vision's headings so far."""
         # Headings that arrive from now on are for the next frame.
         vision, self._vision = self._vision, self._no_vision
-        return self._make_inputs(*vision, self._failed)
+        return self._make_inputs(*vision)
 
     def _receive(self, received: ReceivedCommand) -> None:
         """Pass commands to the firmware, and store vision's headings until the next frame."""

@@ -165,7 +165,7 @@ class RobotViews(ChangeableBodies):
         rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
         self._hub_friction = self._view("dof_frictionloss", hubs)
         self._nominal_hub_friction = gather(settings, "hub_friction_nm")
-        self._dry_friction = self._nominal_hub_friction * np.ones((hubs.shape[1], 1))
+        self._dry_friction = self._nominal_hub_friction
         self._view("dof_damping", hubs).set(gather(settings, "motor.wheel_viscous_friction_nm_s"))
         self._view("dof_damping", rollers).set(gather(settings, "drivetrain.roller_damping_nm_s"))
         nominal_center = self._world.model.body_ipos[self._world.robots[0].chassis]

@@ -91,7 +91,6 @@ class MujocoPlant(CyclewisePlant):
         self._start_poses = np.array(start_poses, float)
         self._heading = self._start_poses[:, 2].copy()
         super().__init__(rows, world.kinematics, variation, self._heading)
-        self._failed = np.zeros(n, bool)
         self._active_worlds: np.ndarray | None = None  # indices of worlds to step; None for all
         self._reset_worlds(np.arange(n_worlds))
         if robots_per_world > 1 and with_hulls is None:

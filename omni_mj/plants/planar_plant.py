@@ -73,7 +73,6 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
             JaxBackend if settings[0].physics.backend == "jax" else NumpyBackend
         )(parameters, state)
         self._start_faults(self)
-        self._failed = np.zeros(n, bool)
         self._twist = np.zeros((n, 3))
         zeros = np.zeros(self._hub_is_blocked.shape)
         self._telemetry = Telemetry(
@@ -117,7 +116,7 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
-        inputs = self._make_inputs(received.heading, received.age, self._failed)
+        inputs = self._make_inputs(received.heading, received.age)
         _, initial = next(received.split())
         later_commands = self._make_later_commands(received) if received.segments else None
         return self._finish_frame(

@@ -48,6 +48,7 @@ class WheeledPlantBase:
         self.geometry = kinematics
         self.variation = variation
         self._rows = rows
+        self._failed = np.zeros(len(rows), bool)  # on failed robots no force acts
         self._disturbances = Disturbances(rows)
         self._current_setpoint: Array | None = None
         self._fault_effects: FaultEffects | None = None
@@ -103,15 +104,12 @@ class WheeledPlantBase:
         is_new = np.ones(len(self._rows), bool) if received.is_new is None else received.is_new
         return FirmwareCommand(velocity, is_new, received.in_body_frame, wheel_speeds)
 
-    def _make_inputs(
-        self, vision_heading: Array, heading_age: np.ndarray, has_failed: np.ndarray
-    ) -> FrameInputs:
+    def _make_inputs(self, vision_heading: Array, heading_age: np.ndarray) -> FrameInputs:
         """Return the inputs of the next frame, with disturbances and faults.
 
         Args:
             vision_heading: Headings that arrived from vision, (n,) rad; NaN where none arrived.
             heading_age: Frames since these headings were sent, (n,).
-            has_failed: Robots that have failed, on which no force acts, (n,).
         """
         push_force = self._disturbances.draw_push_force()
         fault_gyro_bias: float | Array = 0.0
@@ -128,13 +126,13 @@ class WheeledPlantBase:
                 np.nan if current_setpoint is None else current_setpoint,
                 faults.current_setpoint,
             )
-        push_force = np.where(has_failed[:, None], 0.0, push_force)
+        push_force = np.where(self._failed[:, None], 0.0, push_force)
         return FrameInputs(
             vision_heading=vision_heading,
             heading_age=heading_age,
             gyro_error=self._disturbances.draw_gyro_error(fault_gyro_bias),
             push_force=push_force.T,
             current_setpoint=current_setpoint,
-            has_failed=has_failed if has_failed.any() else None,
+            has_failed=self._failed if self._failed.any() else None,
             **fault_inputs,
         )
