@@ -186,20 +186,20 @@ def _settling_time(reference: Array, position_error: Array) -> float:
     settling_end = frames_until_last(position_error >= SETTLED_M)
     if settling_end == len(position_error):
         return np.inf
-    return max(int(settling_end) - int(motion_end), 0) * PERIOD_S
+    return max(settling_end - motion_end, 0) * PERIOD_S
 
 
-def frames_until_last(condition: np.ndarray) -> np.ndarray:
+def frames_until_last(condition: np.ndarray) -> int:
     """Return the number of frames up to and including the last one that meets a condition.
 
     Args:
-        condition: Shape (frames, ...).
+        condition: Shape (frames,).
 
     Returns:
-        Shape (...). Zero if no frame of a row meets it.
+        The number; zero if no frame meets the condition.
     """
-    frame_numbers = np.arange(1, len(condition) + 1)
-    return (condition.T * frame_numbers).max(-1, initial=0).T
+    frames = np.flatnonzero(condition)
+    return int(frames[-1]) + 1 if frames.size else 0
 
 
 def _recoveries(row: Row, position_error: Array, has_failed: bool) -> dict[str, float]:
@@ -235,5 +235,5 @@ def _recovery(error: Array) -> tuple[float, float]:
     Args:
         error: Position error of each frame from the start of the fault, m. At least one frame.
     """
-    frames = int(frames_until_last(error >= RECOVERED_M))
+    frames = frames_until_last(error >= RECOVERED_M)
     return float(error.max()), frames * PERIOD_S if frames < len(error) else np.inf

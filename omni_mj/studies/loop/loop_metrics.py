@@ -147,7 +147,7 @@ def _crossing_time(fraction: Array, level: float) -> float:
 
 def _settling_time(error: Array, band: float) -> float:
     """Return the time after which the error stays within a band, s; NaN if it does not."""
-    frame = int(frames_until_last(error > band))
+    frame = frames_until_last(error > band)
     return PERIOD_S * frame if frame < len(error) else np.nan
 
 
