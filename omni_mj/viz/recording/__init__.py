@@ -93,8 +93,10 @@ class Recording(RerunStream):
         for i, robot in enumerate(self._robots):
             frames = new_frames[new_frames < robot.length]
             if frames.size:
-                scene.send_robot(self._stream, robot, frames, self._flag_heights[robot.layer])
-                self._send_series(robot, frames)
+                first_frame = max(int(frames[0]) - plots.HISTORY_FRAMES, 0)
+                recent = replace(robot, first_frame=first_frame)
+                scene.send_robot(self._stream, recent, frames, self._flag_heights[robot.layer])
+                self._send_series(recent, frames)
             new_events = [
                 event
                 for event in events.row_events(
@@ -125,11 +127,9 @@ class Recording(RerunStream):
 
     def _send_series(self, robot: RecordedRobot, frames: Frames) -> None:
         """Send a robot's plots, each from the block of its first value on; NaN is a gap."""
-        begin = max(int(frames[0]) - plots.HISTORY_FRAMES, 0)
-        recent = replace(robot, first_frame=begin)
         for plot in chain(*self._tabs.values()):
             entity = f"plots/{plot.path}/{robot.name}"
-            values = plot.compute(recent)[frames - begin]
+            values = plot.compute(robot)[frames - robot.first_frame]
             if entity not in self._open_series:
                 if np.isnan(values).all():
                     continue

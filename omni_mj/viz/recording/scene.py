@@ -101,19 +101,20 @@ def send_robot(
 
     Args:
         stream: Stream of the recording.
-        robot: Robot whose log contains the frames.
+        robot: Robot whose first frame is at the latest that before the frames.
         frames: Numbers of successive frames, (n,).
         flag_height_m: Height at which the enlarged position error is drawn, m.
     """
     entity, pose, height = f"world/{robot.name}", robot["pose"], robot.layer * LAYER_M
-    angles = robot["wheel_angle"][frames]
-    send_poses(stream, f"{entity}/robot", frames, pose[frames], angles, robot.settings, height)
+    new = frames - robot.first_frame
+    angles = robot["wheel_angle"][new]
+    send_poses(stream, f"{entity}/robot", frames, pose[new], angles, robot.settings, height)
     # Each frame has a segment from the frame before. The viewer shows those up to its time cursor.
-    starts = points_above(pose[np.maximum(frames - 1, 0)], PATH_HEIGHT_M + height)
-    ends = points_above(pose[frames], PATH_HEIGHT_M + height)
+    starts = points_above(pose[np.maximum(new - 1, 0)], PATH_HEIGHT_M + height)
+    ends = points_above(pose[new], PATH_HEIGHT_M + height)
     segments = np.stack([starts, ends], axis=1, dtype=np.float32)
     stream.send_frames(f"{entity}/path", frames, rr.LineStrips3D.columns(strips=segments))
-    target = rr.Points3D.columns(positions=points_above(robot["ref"][frames], TARGET_HEIGHT_M))
+    target = rr.Points3D.columns(positions=points_above(robot["ref"][new], TARGET_HEIGHT_M))
     stream.send_frames(f"{entity}/target", frames, target)
     _send_error(stream, robot, frames, flag_height_m)
     _send_estimates(stream, robot, frames)
@@ -121,7 +122,8 @@ def send_robot(
 
 def _send_error(stream: FrameStream, robot: RecordedRobot, frames: Frames, height: float) -> None:
     """Send the enlarged position error as a flag: a pole at the reference, the error at its top."""
-    reference, pose = robot["ref"][frames, :2], robot["pose"][frames, :2]
+    new = frames - robot.first_frame
+    reference, pose = robot["ref"][new, :2], robot["pose"][new, :2]
     error = pose - reference
     tip = points_above(reference + ERROR_SCALE * error, height)
     corners = [points_above(reference, 0.0), points_above(reference, height), tip]
@@ -137,12 +139,13 @@ def _send_error(stream: FrameStream, robot: RecordedRobot, frames: Frames, heigh
 def _send_estimates(stream: FrameStream, robot: RecordedRobot, frames: Frames) -> None:
     """Send the measured pose as a ring and the predicted pose as a wireframe cylinder."""
     for channel, (label, bottom) in ESTIMATES.items():
-        poses = robot[channel]
-        known = frames[~np.isnan(poses[frames, 0])]
+        poses = robot[channel][frames - robot.first_frame]
+        is_known = ~np.isnan(poses[:, 0])
+        known = frames[is_known]
         if not known.size:
             continue
         entity = f"world/{robot.name}/{channel}"
-        stream.send_frames(entity, known, pose_columns(poses[known]))
+        stream.send_frames(entity, known, pose_columns(poses[is_known]))
         envelope = rr.Cylinders3D.columns(
             lengths=[ROBOT_HEIGHT_M - bottom],
             radii=[ROBOT_RADIUS_M],
