@@ -83,17 +83,17 @@ def _write_wheels(root: Element, mechanics: Mechanics) -> None:
 
 
 def _remove_skirts(root: Element, wheels: WheelSettings) -> None:
-    """Remove the lower parts of the shell that would touch a wheel."""
+    """Remove the lower parts of the shell that would touch a wheel, by angles seen from above."""
     chassis = _find_child(root, "worldbody/body")
     meshes = {mesh.get("name"): mesh.get("vertex", "") for mesh in root.findall("asset/mesh")}
-    half_width = math.atan2(wheels.radius_m, wheels.arm_m)
+    half_angle = math.atan2(wheels.radius_m, wheels.arm_m)  # that a wheel takes up
     for geom in chassis.findall("geom"):
         if not geom.get("name", "").startswith("skirt_"):
             continue
-        text = meshes.get(geom.get("mesh")) or geom.attrib["pos"]
-        x, y, _ = np.array(text.split(), float).reshape(-1, 3).T
+        points = meshes.get(geom.get("mesh")) or geom.attrib["pos"]
+        x, y, _ = np.array(points.split(), float).reshape(-1, 3).T
         angles = np.arctan2(y, x)[:, None] - np.radians(wheels.azimuths_deg)
-        if (np.cos(angles) > math.cos(half_width)).any():
+        if (np.cos(angles) > math.cos(half_angle)).any():
             chassis.remove(geom)
 
 

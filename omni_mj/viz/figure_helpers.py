@@ -83,7 +83,7 @@ def plot_frames(axes: Axes, values: Array, **options: Any) -> None:
 
 
 def choose_frames(values: Array) -> NDArray[np.int_]:
-    """Return the frames that a line through values, one per frame, shows."""
+    """Return the frames that `plot_frames` shows: all, or those of the extremes."""
     n = len(values)
     if n <= MAX_POINTS:
         return np.arange(n)
