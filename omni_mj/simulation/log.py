@@ -206,12 +206,12 @@ class Log:
         }
         indices = [i for name in self.columns for i in self._indices[name]]
         values = np.empty((len(indices), len(lines)))
-        for row, first, count in zip(
-            *np.unique(row_indices, return_index=True, return_counts=True), strict=True
-        ):
-            span = int(frames[first]), int(frames[first] + count)
-            row_values = self._read(indices, slice(row, row + 1), *span)[:, 0]
-            values[:, first : first + count] = row_values.T
+        parts = row_indices * (len(self._blocks) + 1) + frames // BLOCK_FRAMES
+        _, *spans = np.unique(parts, return_index=True, return_counts=True)
+        for first, count in zip(*spans, strict=True):
+            row, frame = row_indices[first], frames[first]
+            part = self._read(indices, slice(row, row + 1), frame, frame + count)
+            values[:, first : first + count] = part[:, 0].T
         columns |= dict(zip(chain.from_iterable(self.columns.values()), values, strict=True))
         columns["vision_valid"] = columns["vision_valid"] == 1
         controllers = pa.DictionaryArray.from_arrays(
