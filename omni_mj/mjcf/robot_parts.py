@@ -2,13 +2,13 @@
 
 A wheel is a hinge that is driven by a <dcmotor> and has rollers. Wheels are numbered
 counter-clockwise from forward, in any order of the file. Rollers are bodies with a hinge across the
-axle. They are all on one body, the rim: the body of the wheel, or one on it, with or without a slip
-hinge along the axle. The encoder is the <jointpos> sensor of the wheel's hinge. The chassis is the
-body with the <freejoint> that carries the wheels, and the gyro is a <gyro> sensor on a site of the
-chassis.
+axle, without a range and without further joints on them. They are all on one body, the rim: the
+body of the wheel, or one on it, with or without a slip hinge along the axle. The encoder is the
+<jointpos> sensor of the wheel's hinge. The chassis is the body with the <freejoint> that carries
+the wheels, and the gyro is a <gyro> sensor on a site of the chassis, with its z axis up.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -24,11 +24,13 @@ Ids = NDArray[np.int_]
 RETAINED_ROLLERS = 2
 MIN_COUNT = 3  # least number of wheels, and of rollers of a wheel
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
+DCMOTOR = mujoco.mjtGain.mjGAIN_DCMOTOR
 _DCMOTOR_EXAMPLE = (
     '<dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'
 )
 _MAX_ROLLER_ALIGNMENT = 0.5  # cosine of the angle between the hinges of a roller and its wheel
 _MAX_SPACING_ERROR_RAD = 1e-3
+_MAX_DIFFERENCE = 1e-3  # of equal wheels: lengths in m, cosines
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +39,8 @@ class RobotIndices:
 
     Attributes:
         chassis: Body with the free joint.
-        qpos: Addresses of all positions (range), the free joint's seven first.
-        dofs: Addresses of all degrees of freedom (range), the free joint's six first.
+        qpos: Addresses of all positions, (nq,), the free joint's seven first.
+        dofs: Addresses of all degrees of freedom, (nv,), the free joint's six first.
         joints: Hinges of the wheels, (wheels,).
         wheel_qpos: Addresses of their angles, (wheels,).
         wheel_dofs: Addresses of their speeds, (wheels,).
@@ -57,8 +59,8 @@ class RobotIndices:
     """
 
     chassis: int
-    qpos: range
-    dofs: range
+    qpos: Ids
+    dofs: Ids
     joints: Ids
     wheel_qpos: Ids
     wheel_dofs: Ids
@@ -84,7 +86,7 @@ def compute_initial_kinematics(model: mujoco.MjModel) -> mujoco.MjData:
 def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
     """Return the indices of all robots of a model, in the order of their bodies.
 
-    The robots must stand upright in the initial state.
+    Whatever is on a chassis belongs to the robot.
 
     Raises:
         OmniError: Parts are missing. One line per part, with the element that is needed.
@@ -92,9 +94,38 @@ def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
     data = compute_initial_kinematics(model)
     motors, chassis_of_motor = _find_wheel_motors(data)
     return tuple(
-        _find_robot(data, int(chassis), motors[chassis_of_motor == chassis])
+        _find_parts(data, int(chassis), motors[chassis_of_motor == chassis])
         for chassis in np.unique(chassis_of_motor)
     )
+
+
+def find_robot(model: mujoco.MjModel, chassis: str) -> RobotIndices:
+    """Return the indices of one robot of a model that may contain anything else.
+
+    Other joints and motors are ignored, also those of things on the chassis: `qpos` and `dofs` are
+    the robot's alone. If hinges on the chassis differ, its wheels are the largest group of equal
+    ones.
+
+    Args:
+        model: Compiled model. The robot may have any pose.
+        chassis: Name of the body with its free joint.
+
+    Raises:
+        OmniError: Parts are missing. One line per part.
+    """
+    data = compute_initial_kinematics(model)
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, chassis)
+    motors = _find_driven_wheels(data)
+    motors = motors[model.body_rootid[model.jnt_bodyid[model.actuator_trnid[motors, 0]]] == body]
+    if not motors.size:
+        raise OmniError(
+            f"{chassis!r} must be a body with a <freejoint> and hinges with rollers that "
+            "<dcmotor>s drive"
+        )
+    robot = _find_parts(data, body, _select_equal_wheels(data, body, motors))
+    own_bodies = np.array([body, *robot.wheels, *robot.rims, *robot.rollers.ravel()])
+    qpos, dofs = _find_addresses(model, own_bodies)
+    return replace(robot, qpos=qpos, dofs=dofs)
 
 
 def find_chassis_names(model: mujoco.MjModel) -> list[str]:
@@ -126,11 +157,8 @@ def _find_wheel_motors(data: mujoco.MjData) -> tuple[Ids, Ids]:
         OmniError: There are none, or a hinge with rollers has none.
     """
     model = data.model
-    is_dc = model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR
-    motors = np.flatnonzero(is_dc & (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT))
-    motors = np.array(
-        [m for m in motors if _find_rollers(data, model.actuator_trnid[m, 0]).size], int
-    )
+    is_dc = model.actuator_gaintype == DCMOTOR
+    motors = _find_driven_wheels(data)
     if not motors.size:
         hint = "" if is_dc.all() else f"; other actuators do not count: write {_DCMOTOR_EXAMPLE}"
         raise OmniError(
@@ -151,17 +179,63 @@ def _find_wheel_motors(data: mujoco.MjData) -> tuple[Ids, Ids]:
     return motors, model.body_rootid[wheels]
 
 
+def _find_driven_wheels(data: mujoco.MjData) -> Ids:
+    """Return the <dcmotor>s of hinges with at least two rollers."""
+    model = data.model
+    is_at_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    motors = np.flatnonzero(is_at_joint & (model.actuator_gaintype == DCMOTOR))
+    n_rollers = [_find_rollers(data, joint).size for joint in model.actuator_trnid[motors, 0]]
+    return motors[np.array(n_rollers, int) >= RETAINED_ROLLERS]
+
+
+def _select_equal_wheels(data: mujoco.MjData, chassis: int, motors: Ids) -> Ids:
+    """Return the motors of the largest group of equal wheels, or all if it has too few.
+
+    Equal wheels have the same height, distance from the center, tilt and number of rollers.
+    """
+    joints = data.model.actuator_trnid[motors, 0]
+    rotation = data.xmat[chassis].reshape(3, 3)
+    x, y, z = ((data.xanchor[joints] - data.xpos[chassis]) @ rotation).T
+    n_rollers = np.array([_find_rollers(data, joint).size for joint in joints], int)
+    tilt = np.abs(data.xaxis[joints] @ rotation[:, 2])
+    properties = np.column_stack([np.hypot(x, y), z, tilt, n_rollers])
+    is_equal = (np.abs(properties[:, None] - properties) < _MAX_DIFFERENCE).all(2)
+    group_sizes = is_equal.sum(1)
+    if group_sizes.max(initial=0) < MIN_COUNT:
+        return motors
+    return motors[is_equal[np.lexsort([n_rollers, group_sizes])[-1]]]
+
+
 def _find_rollers(data: mujoco.MjData, joint: int) -> Ids:
     """Return the bodies with one hinge across that of a wheel, on the wheel's body or one on it."""
     model, axes = data.model, data.xaxis
     wheel, parent = model.jnt_bodyid[joint], model.body_parentid
-    is_hinged = (model.body_jntnum == 1) & (model.jnt_type[model.body_jntadr] == HINGE)
-    is_across = np.abs(axes[model.body_jntadr] @ axes[joint]) < _MAX_ROLLER_ALIGNMENT
-    is_on_wheel = (parent == wheel) | (parent[parent] == wheel)
-    return np.flatnonzero(is_hinged & is_across & is_on_wheel)
+    bodies = np.flatnonzero(((parent == wheel) | (parent[parent] == wheel)) & _is_last_link(model))
+    hinges = model.body_jntadr[bodies]
+    is_hinge = (model.jnt_type[hinges] == HINGE) & (model.jnt_limited[hinges] == 0)
+    is_across = np.abs(axes[hinges] @ axes[joint]) < _MAX_ROLLER_ALIGNMENT
+    return bodies[is_hinge & is_across]
 
 
-def _find_robot(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
+def _is_last_link(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return whether each body has one joint, and none of the bodies on it has any."""
+    is_last = model.body_jntnum == 1
+    is_last[model.body_parentid[model.jnt_bodyid]] = False
+    return is_last
+
+
+def _find_addresses(model: mujoco.MjModel, bodies: Ids) -> tuple[Ids, Ids]:
+    """Return the addresses of positions and of degrees of freedom of the joints of bodies."""
+    is_included = np.isin(model.jnt_bodyid, bodies)
+    n_positions = np.diff([*model.jnt_qposadr, model.nq])
+    n_dofs = np.diff([*model.jnt_dofadr, model.nv])
+    return (
+        np.flatnonzero(np.repeat(is_included, n_positions)),
+        np.flatnonzero(np.repeat(is_included, n_dofs)),
+    )
+
+
+def _find_parts(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
     """Return the indices of the robot with a chassis and motors.
 
     Raises:
@@ -188,14 +262,11 @@ def _find_robot(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
     if 0 < len(slip_hinges) < len(joints):
         errors.append("some rims have a slip hinge, and some have none")
     raise_errors(errors)
-    # The joints of a robot are consecutive.
-    robot_joints = np.flatnonzero(model.body_rootid[model.jnt_bodyid] == chassis)
-    start, stop = robot_joints[0], robot_joints[-1] + 1
-    qpos, dofs = [*model.jnt_qposadr, model.nq], [*model.jnt_dofadr, model.nv]
+    qpos, dofs = _find_addresses(model, np.flatnonzero(model.body_rootid == chassis))
     return RobotIndices(
         chassis=chassis,
-        qpos=range(int(qpos[start]), int(qpos[stop])),
-        dofs=range(int(dofs[start]), int(dofs[stop])),
+        qpos=qpos,
+        dofs=dofs,
         joints=joints,
         wheel_qpos=model.jnt_qposadr[joints],
         wheel_dofs=model.jnt_dofadr[joints],
@@ -245,7 +316,8 @@ def _order_rollers(data: mujoco.MjData, joint: int, errors: list[str]) -> tuple[
         )
     rim = rims[0]
     # Wheel angle at which each roller is at the bottom.
-    spokes, down = data.xpos[bodies] - data.xanchor[joint], np.array([0.0, 0.0, -1.0])
+    spokes = data.xpos[bodies] - data.xanchor[joint]
+    down = -data.xmat[model.body_rootid[wheel]].reshape(3, 3)[:, 2]
     angles = np.arctan2(np.cross(spokes, down) @ axle, spokes @ down)
     slip_hinges = find_slip_hinges(model, joint, rim)
     angles = angles + (model.qpos0[model.jnt_qposadr[slip_hinges[0]]] if slip_hinges else 0.0)
@@ -281,11 +353,12 @@ def _find_gyro(data: mujoco.MjData, chassis: int, errors: list[str]) -> int:
     gyros = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_GYRO)
     sites = model.sensor_objid[gyros]
     on_chassis = np.flatnonzero(model.site_bodyid[sites] == chassis)
+    is_upright = data.site_xmat[sites[on_chassis], 2::3] @ data.xmat[chassis, 2::3] > 1 - 1e-6
     if not on_chassis.size:
         errors.append(
             f"no gyro; it is a <gyro> sensor on a site of the body {model.body(chassis).name!r}"
         )
         return -1
-    if data.site_xmat[sites[on_chassis[0]]].reshape(3, 3)[2, 2] < 1 - 1e-6:
+    if not is_upright.any():
         errors.append("the z axis of the gyro's site must point up, like the robot's")
-    return int(model.sensor_adr[gyros[on_chassis[0]]]) + 2
+    return int(model.sensor_adr[gyros[on_chassis[np.argmax(is_upright)]]]) + 2
