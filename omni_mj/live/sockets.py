@@ -6,6 +6,7 @@ By default all packets stay on this computer (loopback, time to live 0).
 import ipaddress
 import select
 import socket
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -113,6 +114,7 @@ class Receiver(socket.socket):
         target: Multicast group to join, or address of this computer, and port. Port 0: any free
             port.
         interface: Address of the network interface.
+        sender: The only sender whose packets are received; see `open_branch`. Default: any.
 
     Attributes:
         address: Address and port of the socket.
@@ -121,11 +123,15 @@ class Receiver(socket.socket):
         OmniError: The address is taken, or there is no such interface.
     """
 
-    def __init__(self, target: Address, interface: str) -> None:
+    def __init__(self, target: Address, interface: str, sender: Address | None = None) -> None:
         super().__init__(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
-            if ipaddress.ip_address(target.host).is_multicast:
+            if sender:
+                self.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                self.bind(target)
+                self.connect(sender)
+                self.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
+            elif ipaddress.ip_address(target.host).is_multicast:
                 # Several programs may listen to one group.
                 self.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 self.bind(target)
@@ -133,6 +139,8 @@ class Receiver(socket.socket):
                 self.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
             else:
                 self.bind(target)
+            if not sender:
+                self.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
             self.setblocking(False)
         except OSError as error:
             self.close()
@@ -140,6 +148,23 @@ class Receiver(socket.socket):
                 f"cannot listen to {target} on the interface {interface!r}: {error_reason(error)}"
             ) from None
         self.address = Address(*self.getsockname())
+
+    def open_branch(self, sender: Address) -> "Receiver | None":
+        """Return a socket for later packets of a sender, so that no other sender fills its queue.
+
+        Returns:
+            None if the operating system has no such sockets, or no more of them.
+        """
+        if sys.platform != "linux":
+            return None
+        # Only while the branch is bound: other programs must find the port in use.
+        self.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            return Receiver(self.address, self.address.host, sender)
+        except OmniError:
+            return None
+        finally:
+            self.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
 
     def wait(self, until: float) -> bool:
         """Return whether a packet arrives before `until` (`time.monotonic`)."""

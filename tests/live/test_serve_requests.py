@@ -1,5 +1,6 @@
 """Requests of clients: each is done or answered; none costs others their turn."""
 
+import sys
 import time
 
 import numpy as np
@@ -8,6 +9,7 @@ import serve_client
 from benches.serve import FAST, QUIET, Field, here
 from serve_client import BLUE, YELLOW, local, wheels, world
 
+from omni_control.errors import OmniError
 from omni_mj.live.serve.inbox import MAX_CLIENTS, MAX_QUEUE, Inbox
 from omni_mj.live.sockets import Address, MessageCounter, Receiver
 from omni_mj.live.wire.league_pb2 import (
@@ -108,6 +110,24 @@ def test_a_flood_of_small_packets_is_read_in_portions(inbox) -> None:
             counts.append(messages["packets of too many clients"])
     assert counts[1] < min(counts[-1], 1000)
     assert [received.take().data for _ in range(MAX_CLIENTS)] == [b"mine"] * MAX_CLIENTS
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a kernel queue for each client")
+def test_a_flood_that_fills_the_kernel_queue_loses_no_packet_of_a_known_client(inbox) -> None:
+    """Its packet is there after one portion of the flood, and the port remains taken."""
+    received, send, messages = inbox
+    port = received._ports[BLUE].address
+    for data in (b"first", b"second"):
+        send(0, data)
+        assert received.take().data == data
+    with serve_client.udp() as hostile:
+        for _ in range(8000):
+            hostile.sendto(b"flood", port)
+    send(0, b"third")
+    assert b"third" in [received.take().data for _ in range(2)]
+    assert received.take() is not None  # the flood's portion is bounded, and waits
+    with pytest.raises(OmniError, match="in use"):
+        Receiver(port, serve_client.LOOPBACK)
 
 
 def test_a_flood_of_large_packets_stops_neither_vision_nor_another_client() -> None:

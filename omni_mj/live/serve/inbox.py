@@ -13,7 +13,8 @@ SILENT_S, KNOWN_SILENT_S = 0.25, 5.0  # after its first packet, after later ones
 MAX_QUEUE = 32  # packets of a client that wait; older ones are dropped
 FULL_S = 0.01  # time until new clients are considered again if all places are taken
 TOO_MANY = "packets of too many clients"
-READ_S = 0.001  # time for packets of a port before the simulation goes on, although it is late
+# Packets of a socket, and time for those of all, before the simulation goes on, although it is late
+MAX_READS, READ_S = 100, 0.001
 MAX_BYTES = 16_384  # of a packet; those of all robots have less than 2,000
 
 
@@ -34,6 +35,8 @@ class Request(NamedTuple):
 class Inbox:
     """Queues of packets, one for each client, so that no client delays another.
 
+    A client that sent twice gets a socket of its own, whose queue a flood by others cannot fill.
+
     Args:
         ports: Team, or None for the simulator -> socket. The caller closes the sockets.
         messages: Counts packets that are dropped.
@@ -43,28 +46,31 @@ class Inbox:
         self._ports, self._messages = ports, messages
         self._queues = dict[tuple[int | None, Address], deque[Request]]()
         self._expiry = dict[tuple[int | None, Address], float]()  # when a silent client makes room
+        self._branches = dict[tuple[int | None, Address], Receiver]()
         self._full_until = 0.0  # until then, no client is silent
         self._turns = deque[tuple[int | None, Address]]()  # clients with waiting packets
         self._selector = selectors.DefaultSelector()
         for team, port in ports.items():
-            self._selector.register(port, selectors.EVENT_READ, team)
+            self._selector.register(port, selectors.EVENT_READ, (port, team))
 
     def close(self) -> None:
-        """Free the selector."""
+        """Free the selector and the clients' sockets."""
         self._selector.close()
+        for branch in self._branches.values():
+            branch.close()
 
     def receive(self, seconds: float) -> None:
         """Queue the packets that have arrived; if none waits, wait for one for some seconds.
 
-        A flood of packets takes hardly longer. The rest is read the next time.
+        Sockets are read in turn. A flood of packets takes hardly longer. The rest is read the next
+        time.
         """
-        share_s = max(seconds / len(self._ports), READ_S)
-        for key, _ in self._selector.select(0.0 if self._turns else max(seconds, 0.0)):
-            until = time.monotonic() + share_s
-            for data, arrival, client in self._ports[key.data].packets():
-                self._add(Request(key.data, client, data), arrival)
-                if arrival > until:
-                    break
+        ready = self._selector.select(0.0 if self._turns else max(seconds, 0.0))
+        until = time.monotonic() + READ_S
+        for _ in range(MAX_READS):
+            ready = [source for source in ready if self._read(*source[0].data)]
+            if not ready or time.monotonic() > until:
+                break
 
     def take(self) -> Request | None:
         """Return the oldest packet of the client whose turn it is, or None if none waits."""
@@ -75,6 +81,15 @@ class Inbox:
         if self._queues[key]:
             self._turns.append(key)
         return request
+
+    def _read(self, port: Receiver, team: int | None) -> bool:
+        """Queue a packet of a socket, and return whether there was one."""
+        packet = None if port.fileno() < 0 else next(port.packets(), None)
+        if packet is None:
+            return False
+        data, arrival, client = packet
+        self._add(Request(team, client, data), arrival)
+        return True
 
     def _add(self, request: Request, arrival: float) -> None:
         """Queue a packet, and count it if it is dropped."""
@@ -102,6 +117,11 @@ class Inbox:
             self._expiry[key] = arrival + SILENT_S
         else:
             self._expiry[key] = arrival + KNOWN_SILENT_S
+            if key not in self._branches and (
+                branch := self._ports[request.team].open_branch(request.client)
+            ):
+                self._branches[key] = branch
+                self._selector.register(branch, selectors.EVENT_READ, (branch, request.team))
         if not queue:
             self._turns.append(key)
         elif len(queue) == MAX_QUEUE:
@@ -120,4 +140,7 @@ class Inbox:
             if self._queues[key] or arrival < self._expiry[key]:
                 return False
             del self._queues[key], self._expiry[key]
+            if branch := self._branches.pop(key, None):
+                self._selector.unregister(branch)
+                branch.close()
         return True
