@@ -17,7 +17,7 @@ import numpy as np
 
 from omni_control.arguments import check_types
 from omni_control.kinematics import Array, Kinematics, world_to_body
-from omni_mj.atomic_files import write_text
+from omni_mj.atomic_files import write_json, write_text
 from omni_mj.config import robot_files, toml_files
 from omni_mj.config.scenario import Scenario, load_scenario
 from omni_mj.results.text_table import DASH, Table, format_table
@@ -170,9 +170,8 @@ class IdentificationResult:
             changes["model", "file"] = json.dumps(f"model/{next(iter(contents))}")
         start = toml_files.decode_utf8(robot_files.find_robot_file(self.start.robot).read_bytes())
         robot_file = robot_file_writer.apply_changes(start, changes, self.logs)
-        report = json.dumps(self.report(), indent=2, allow_nan=False) + "\n"
         write_text(folder / "robot.toml", robot_file)
-        write_text(folder / "identify.json", report)
+        write_json(folder / "identify.json", self.report())
 
 
 @check_types
