@@ -115,7 +115,7 @@ def test_a_flood_of_small_packets_is_read_in_portions(inbox) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="needs a kernel queue for each client")
 def test_a_flood_that_fills_the_kernel_queue_loses_no_packet_of_a_known_client(inbox) -> None:
     """Its packet is there after one portion of the flood, and the port remains taken."""
-    received, send, messages = inbox
+    received, send, _ = inbox
     port = received._ports[BLUE].address
     for data in (b"first", b"second"):
         send(0, data)
