@@ -3,6 +3,9 @@
 The file defines chassis, hull, sensors, and wheels of hub, rim and rollers. The settings define
 sizes, masses and counts, see `Mechanics`. The file's first wheel is copied to each azimuth. The
 mass of the chassis is that of the robot minus that of the wheels.
+
+The file is a robot for any scene, see `plain_model`. In worlds of this program a hinge between hub
+and rim slips instead of the rollers, and `world_builder` lists the contacts.
 """
 
 import math
@@ -22,8 +25,24 @@ from omni_mj.mjcf.robot_geometry import (
     compute_point_mass_inertia,
     set_inertial,
 )
+from omni_mj.mjcf.robot_parts import HINGE
 
 Element = ElementTree.Element
+DEFAULTS = "default/default"  # path of the class of all defaults
+# Attributes of the classes of geoms in worlds of this program: only listed pairs touch.
+_NO_CONTACT = {"contype": "0", "conaffinity": "0"}
+_WORLD_CONTACTS = {
+    "roller": {
+        **_NO_CONTACT,
+        "priority": "0",
+        "friction": "1 0.005 0.0001",
+        "solref": "0.02 1",
+        "solimp": "0.9 0.95 0.001",
+    },
+    "hull": {**_NO_CONTACT, "solref": "0.003 0.7"},
+}
+# Dry friction of a slip hinge at rest; plants write it in every step.
+_SLIP_FRICTION_NM = 0.14818005
 
 
 def build_robot_spec(mechanics: Mechanics) -> RobotSpec:
@@ -53,23 +72,33 @@ def _build_standard_robot(mechanics: Mechanics) -> RobotSpec:
     """Return the specification of models/ssl_robot.xml with the numbers of the settings."""
     path = find_models_folder() / "ssl_robot.xml"
     root = ElementTree.parse(path).getroot()
-    _write_wheels(root, mechanics)
+    write_wheels(root, mechanics)
+    for geom_class, attributes in _WORLD_CONTACTS.items():
+        find_child(root, f"{DEFAULTS}/default[@class='{geom_class}']/geom").attrib |= attributes
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     spec.modelfiledir = str(path.parent)
-    _set_chassis_inertia(spec, mechanics.body)
+    set_chassis_inertia(spec, mechanics.body)
     for key in list(spec.keys):  # a keyframe fits only the world of one robot
         spec.delete(key)
+    for number in range(1, len(mechanics.wheels.azimuths_deg) + 1):
+        spec.body(f"rim_{number}").add_joint(
+            spec.default,  # not that of the wheel's hinge
+            name=f"slip_{number}",
+            type=HINGE,
+            axis=[-1, 0, 0],
+            frictionloss=_SLIP_FRICTION_NM,
+        )
     rollers = tuple(geom.name for geom in spec.geoms if geom.parent.name.startswith("roller_"))
     return RobotSpec(path.name, spec, rollers)
 
 
-def _write_wheels(root: Element, mechanics: Mechanics) -> None:
+def write_wheels(root: Element, mechanics: Mechanics) -> None:
     """Put a copy of the first wheel at each azimuth, with a motor, gear and encoder."""
     wheels, count = mechanics.wheels, len(mechanics.wheels.azimuths_deg)
     frames = _replicate_first(root, "worldbody/body/frame", count)
     for azimuth, frame in zip(wheels.azimuths_deg, frames, strict=True):
         frame.set("euler", f"0 0 {azimuth!r}")
-        hub = _find_child(frame, "body")
+        hub = find_child(frame, "body")
         file_radius = float(hub.get("pos", "").split()[2])
         hub.set("pos", f"{wheels.arm_m!r} 0 {wheels.radius_m!r}")
         _scale_hub(hub, wheels.radius_m / file_radius)
@@ -77,14 +106,14 @@ def _write_wheels(root: Element, mechanics: Mechanics) -> None:
     _remove_skirts(root, wheels)
     _replicate_first(root, "actuator/dcmotor", count)
     _replicate_first(root, "sensor/jointpos", count)
-    motor = _find_child(root, "default/dcmotor")
+    motor = find_child(root, f"{DEFAULTS}/dcmotor")
     motor.set("gear", repr(mechanics.gear_ratio))
     motor.set("armature", repr(mechanics.rotor_inertia))
 
 
 def _remove_skirts(root: Element, wheels: WheelSettings) -> None:
     """Remove the lower parts of the shell that would touch a wheel, by angles seen from above."""
-    chassis = _find_child(root, "worldbody/body")
+    chassis = find_child(root, "worldbody/body")
     meshes = {mesh.get("name"): mesh.get("vertex", "") for mesh in root.findall("asset/mesh")}
     half_angle = math.atan2(wheels.radius_m, wheels.arm_m)  # that a wheel takes up
     for geom in chassis.findall("geom"):
@@ -99,11 +128,11 @@ def _remove_skirts(root: Element, wheels: WheelSettings) -> None:
 
 def _scale_hub(hub: Element, factor: float) -> None:
     """Scale hub and rim to the radius of the wheel; their thickness and density do not change."""
-    geom = _find_child(hub, "geom")
+    geom = find_child(hub, "geom")
     radius, half_thickness = map(float, geom.get("size", "").split())
     geom.set("size", f"{radius * factor!r} {half_thickness!r}")
-    for body in (hub, _find_child(hub, "body")):
-        inertial = _find_child(body, "inertial")
+    for body in (hub, find_child(hub, "body")):
+        inertial = find_child(body, "inertial")
         inertial.set("mass", repr(float(inertial.get("mass", "")) * factor**2))
         moments = (float(moment) * factor**4 for moment in inertial.get("diaginertia", "").split())
         inertial.set("diaginertia", " ".join(map(repr, moments)))
@@ -111,20 +140,20 @@ def _scale_hub(hub: Element, factor: float) -> None:
 
 def _write_rollers(frame: Element, wheels: WheelSettings) -> None:
     """Set number and size of a wheel's rollers."""
-    rollers = _find_child(frame, "body/body/replicate")
+    rollers = find_child(frame, "body/body/replicate")
     rollers.set("count", str(wheels.rollers))
     rollers.set("euler", f"{360 / wheels.rollers!r} 0 0")
-    roller = _find_child(rollers, "body")
+    roller = find_child(rollers, "body")
     roller.set("pos", f"0 0 {wheels.roller_radius_m - wheels.radius_m!r}")
     # A barrel. The radius of curvature of its profile is the wheel's radius.
     half_length = math.sqrt(wheels.radius_m * wheels.roller_radius_m)
     size = wheels.roller_radius_m, wheels.roller_radius_m, half_length
-    _find_child(roller, "geom").set("size", " ".join(map(repr, size)))
+    find_child(roller, "geom").set("size", " ".join(map(repr, size)))
 
 
 def _replicate_first(root: Element, path: str, count: int) -> list[Element]:
     """Replace all elements at a path by copies of the first one; return the copies."""
-    template, parent = _find_child(root, path), _find_child(root, path.rpartition("/")[0])
+    template, parent = find_child(root, path), find_child(root, path.rpartition("/")[0])
     for element in root.findall(path):
         parent.remove(element)
     text = ElementTree.tostring(template, encoding="unicode")
@@ -136,14 +165,14 @@ def _replicate_first(root: Element, path: str, count: int) -> list[Element]:
     return copies
 
 
-def _find_child(parent: Element, path: str) -> Element:
+def find_child(parent: Element, path: str) -> Element:
     """Return an element of models/ssl_robot.xml."""
     element = parent.find(path)
     assert element is not None, path
     return element
 
 
-def _set_chassis_inertia(spec: mujoco.MjSpec, body: BodySettings) -> None:
+def set_chassis_inertia(spec: mujoco.MjSpec, body: BodySettings) -> None:
     """Set mass and inertia of the chassis to those of the robot minus those of the wheels.
 
     Raises:
