@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import textwrap
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -58,13 +59,19 @@ def invoke_command(command: click.Command, arguments: list[str]) -> NoReturn:
     """Run a click command and exit.
 
     The exit code is 0 on success, 1 for a failure, 2 for wrong input and 130 after Ctrl-C. Errors
-    are printed on stderr, one line each.
+    and warnings are printed on stderr, one line each.
     """
     name = "omni-mj" if isinstance(command, click.Group) else f"python -m omni_mj.{command.name}"
     command_line = f"{name} {join_words(arguments)}"
     try:
         "".join(arguments).encode()  # raises UnicodeError
-        code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=command_line)
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_: click.echo(
+                f"warning: {to_printable(str(message), MAX_LINE_LENGTH)}", err=True
+            )
+            code = command.main(
+                args=arguments, prog_name=name, standalone_mode=False, obj=command_line
+            )
         print(end="", flush=True)
     except click.exceptions.Abort:
         exit_with_error("interrupted", INTERRUPTED)

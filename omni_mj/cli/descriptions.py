@@ -201,11 +201,9 @@ def _describe_controller(name: str) -> str:
 
 def _is_robot(file: str) -> bool:
     """Return whether a TOML file contains sections of robots only, and is no scenario."""
-    data = toml_files.read_toml(Path(file))
-    return bool(data) and data.keys() <= {
-        *robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT),
-        robot_files.DESCRIPTION,
-    }
+    sections = set(toml_files.read_toml(Path(file))) - {"model", "control", robot_files.DESCRIPTION}
+    default_sections = robot_files.read_robot_sections(robot_files.DEFAULT_ROBOT)
+    return bool(sections) and sections <= default_sections.keys()
 
 
 def _add_comments(lines: Iterable[str], defaults: Mapping[str, Any] | None = None) -> Iterator[str]:

@@ -12,6 +12,7 @@ Changes of the file, in addition to those of each plant (motor constants, fricti
 """
 
 import os
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -36,6 +37,7 @@ from omni_mj.mjcf.robot_parts import (
     find_slip_hinges,
 )
 
+MAX_RIPPLE = 0.005  # of the radius; wheels with more are reported
 RELATIVE_TOLERANCE = 1e-6  # within which a setting equals the value in MJCF
 # Solver parameters of the friction of hinges, same as in models/ssl_robot.xml.
 _HINGE_FRICTION = {
@@ -150,6 +152,7 @@ def _read_robot_file(path: Path, file: str, change_times: tuple[int, ...]) -> Cu
     geom_ids = np.array([model.geom(geom).id for geom in contact_geoms], int)
     wheels = measure_wheels(model, robot, geom_ids)
     raise_errors(_find_drive_errors(model, robot))
+    _warn_of_ripple(file, wheels)
     _prepare_hinges(spec, model, robot, wheels)
     _raise_parts(chassis, wheels.radius - wheels.axle_height)
     model = spec.compile()
@@ -212,6 +215,19 @@ def _disable_contacts(
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
     return tuple(contact_geoms)
+
+
+def _warn_of_ripple(file: str, wheels: WheelGeometry) -> None:
+    """Warn of wheels that are not round, once per process and file."""
+    ripple, radius = wheels.ripple, wheels.radius
+    if ripple > MAX_RIPPLE * radius:
+        warnings.warn(
+            f"{file}: the wheels are not round: their axles rise and fall by {1e3 * ripple:.2g} mm "
+            f"({100 * ripple / radius:.1f} % of the radius), and they roll as far as wheels of "
+            f"radius {1e3 * wheels.rolling_radius:.2f} mm, not {1e3 * radius:.2f} mm; more or "
+            "longer rollers are rounder",
+            stacklevel=2,
+        )
 
 
 def _prepare_hinges(

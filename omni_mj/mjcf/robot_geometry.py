@@ -11,6 +11,7 @@ from omni_control.kinematics import Array
 from omni_mj.mjcf.robot_parts import Ids, RobotIndices, compute_initial_kinematics
 
 LENGTH_TOLERANCE_M = 5e-4  # of the geometry of equal wheels
+N_WHEEL_ANGLES = 64  # from one roller to the next, at which the height of an axle is computed
 ANGLE_TOLERANCE_RAD = 0.01  # of axles that point at the robot's center, horizontally
 DIGITS = 10  # decimal places; further ones are rounding errors of the compiler
 _GEOM = mujoco.mjtGeom
@@ -27,6 +28,8 @@ class WheelGeometry:
         radius: Radius of the wheels over the rollers, m.
         roller_radius: Radius of the rollers, m.
         axle_height: Height of the axles above the origin of the chassis, m.
+        ripple: Height by which the axles rise and fall while the wheels roll, m.
+        rolling_radius: Distance per angle by which the wheels roll, m.
     """
 
     azimuths_deg: tuple[float, ...]
@@ -35,6 +38,8 @@ class WheelGeometry:
     radius: float
     roller_radius: float
     axle_height: float
+    ripple: float
+    rolling_radius: float
 
 
 def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, contact_geoms: Ids) -> WheelGeometry:
@@ -46,11 +51,12 @@ def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, contact_geoms: Id
         contact_geoms: Geoms of rollers that touch the carpet.
 
     Raises:
-        OmniError: The wheels are not equal, upright, or on one circle about the robot's center.
+        OmniError: The wheels are not equal, upright, or on one circle about the robot's center, or
+            the carpet would touch a hub.
     """
     data = compute_initial_kinematics(model)
     azimuths, is_outward, lengths = list[float](), list[bool](), list[list[float]]()
-    for joint, rollers in zip(robot.joints, robot.rollers, strict=True):
+    for joint, rim, rollers in zip(robot.joints, robot.rims, robot.rollers, strict=True):
         anchor, axis = data.xanchor[joint], data.xaxis[joint]
         radial = np.array([*anchor[:2], 0.0])
         is_outward.append(bool(axis @ radial > 0))
@@ -69,15 +75,16 @@ def measure_wheels(model: mujoco.MjModel, robot: RobotIndices, contact_geoms: Id
             [_measure_roller(data, roller, contact_geoms, anchor, axle) for roller in rollers],
             axis=0,
         )
-        lengths.append([*roller_lengths, anchor[2]])
+        heights = _compute_axle_heights(data, joint, rim, rollers, contact_geoms)
+        lengths.append([*roller_lengths, anchor[2], float(np.ptp(heights)), float(heights.mean())])
     _check_equal_wheels(lengths)
     rounded = (float(np.round(value, DIGITS)) for value in np.mean(lengths, axis=0))
     return WheelGeometry(tuple(azimuths), tuple(is_outward), *rounded)
 
 
 def _check_equal_wheels(lengths: list[list[float]]) -> None:
-    """Raise an OmniError if a length differs from wheel to wheel; lengths (wheels, 4), m."""
-    names = "arms", "radii", "radii of rollers", "heights"
+    """Raise an OmniError if a length differs from wheel to wheel; lengths (wheels, 6), m."""
+    names = "arms", "radii", "radii of rollers", "heights", "ripples", "rolling radii"
     for values, name in zip(np.transpose(lengths), names, strict=True):
         if np.ptp(values) > LENGTH_TOLERANCE_M:
             values_mm = ", ".join(f"{1e3 * value:.2f}" for value in values)
@@ -113,33 +120,83 @@ def _measure_roller(
     return float(arm), radius, radius - length
 
 
+def _compute_axle_heights(
+    data: mujoco.MjData, joint: int, rim: int, rollers: Ids, contact_geoms: Ids
+) -> Array:
+    """Return the height of an axle above the rollers' lowest point while the wheel turns, m.
+
+    Args:
+        data: Kinematic state of the robot.
+        joint: Hinge of the wheel.
+        rim: Body that carries the rollers.
+        rollers: Bodies of the rollers.
+        contact_geoms: Geoms of these and other rollers that touch the carpet.
+
+    Returns:
+        Heights at equal steps from one roller at the bottom to the next, (N_WHEEL_ANGLES,).
+
+    Raises:
+        OmniError: A geom of the hub or rim that can collide reaches below the rollers.
+    """
+    model, anchor, axle = data.model, data.xanchor[joint], data.xaxis[joint]
+    spoke = data.xpos[rollers[0]] - anchor
+    spoke -= (spoke @ axle) * axle
+    spoke /= np.linalg.norm(spoke)
+    angles = np.linspace(0, 2 * np.pi / len(rollers), N_WHEEL_ANGLES, endpoint=False)[:, None]
+    directions = np.cos(angles) * spoke + np.sin(angles) * np.cross(axle, spoke)
+    geoms = contact_geoms[np.isin(model.geom_bodyid[contact_geoms], rollers)]
+    distances = [_compute_support_distances(data, geom, directions) for geom in geoms]
+    heights = np.max(distances, axis=0) - directions @ anchor
+    can_collide = (model.geom_contype | model.geom_conaffinity) != 0
+    is_on_hub = np.isin(model.geom_bodyid, [model.jnt_bodyid[joint], rim])
+    for geom in np.flatnonzero(can_collide & is_on_hub).tolist():
+        reach = _compute_support_distances(data, geom, directions) - directions @ anchor
+        if (depth := np.max(reach - heights)) > 0:
+            raise OmniError(
+                f"the wheel {model.joint(joint).name!r} cannot roll: between two rollers, the geom "
+                f"{model.geom(geom).name!r} of its hub is {1e3 * depth:.2g} mm lower; make it "
+                "smaller, or switch its contacts off with contype and conaffinity"
+            )
+    return heights
+
+
 def compute_support_distance(data: mujoco.MjData, geom: int, direction: Array) -> float:
     """Return the largest extent of a geom along a unit vector (3,) from the world's origin, m.
 
     Raises:
         OmniError: The type of the geom is not supported.
     """
+    return float(_compute_support_distances(data, geom, direction))
+
+
+def _compute_support_distances(data: mujoco.MjData, geom: int, directions: Array) -> Array:
+    """Return the largest extents of a geom along unit vectors (..., 3) from the origin, (...) m.
+
+    Raises:
+        OmniError: The type of the geom is not supported.
+    """
     model = data.model
-    local_direction = direction @ data.geom_xmat[geom].reshape(3, 3)
+    local_directions = directions @ data.geom_xmat[geom].reshape(3, 3)
+    x, y, z = np.moveaxis(local_directions, -1, 0)
     a, b, c = model.geom_size[geom]
     kind = _GEOM(model.geom_type[geom])
     if kind == _GEOM.mjGEOM_MESH:
         mesh = model.geom_dataid[geom]
         start = model.mesh_vertadr[mesh]
         vertices = model.mesh_vert[start : start + model.mesh_vertnum[mesh]]
-        extent = (vertices @ local_direction).max()
+        extent = (local_directions @ vertices.T).max(-1)
     elif kind == _GEOM.mjGEOM_ELLIPSOID:
-        extent = np.linalg.norm(local_direction * [a, b, c])
+        extent = np.linalg.norm(local_directions * [a, b, c], axis=-1)
     elif kind == _GEOM.mjGEOM_CYLINDER:
-        extent = a * np.hypot(local_direction[0], local_direction[1]) + b * abs(local_direction[2])
+        extent = a * np.hypot(x, y) + b * np.abs(z)
     elif kind in (_GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_SPHERE):
-        extent = a + b * abs(local_direction[2])  # b is 0 for a sphere
+        extent = a + b * np.abs(z)  # b is 0 for a sphere
     elif kind == _GEOM.mjGEOM_BOX:
-        extent = np.abs(local_direction) @ [a, b, c]
+        extent = np.abs(local_directions) @ [a, b, c]
     else:
         # Without the prefix mjGEOM_.
-        raise OmniError(f"rollers and hulls cannot be geoms of type {kind.name[7:].lower()}")
-    return float(direction @ data.geom_xpos[geom] + extent)
+        raise OmniError(f"rollers, hubs and hulls cannot be geoms of type {kind.name[7:].lower()}")
+    return np.asarray(directions @ data.geom_xpos[geom] + extent)
 
 
 def set_inertial(body: mujoco.MjsBody, mass: float, center: Array, inertia: Array) -> None:

@@ -1,6 +1,5 @@
 """Load a robot and derive its top speed, traction, lag and friction loss."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
@@ -13,6 +12,10 @@ from omni_mj.config import nominal_model, robot_files
 from omni_mj.config.resolve import Robot, resolve_settings
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import world_builder
+from omni_mj.mjcf.custom_robot import RobotSpec
+from omni_mj.mjcf.robot_builder import build_robot_spec
+from omni_mj.mjcf.robot_geometry import measure_wheels
+from omni_mj.mjcf.robot_parts import find_robots
 
 
 @check_types
@@ -30,6 +33,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         tipping_limit_m_s2          acceleration, in the worst direction, that lifts a wheel
         lag_forward_s               time constant of the closed speed loop at low speed
         friction_loss_forward_m_s   speed lost to dry friction
+        axle_ripple_m               height by which axles rise and fall from roller to roller
 
     `settings.control` holds the model that the robot's team assumes: assumed_lag_s,
     assumed_friction_loss_m_s, assumed_creep_s2_m, assumed_alpha_forward and others.
@@ -49,11 +53,21 @@ def load_robot(name_or_path: str | Path) -> Robot:
         world_builder.build_world(settings)
     except OmniError as error:
         raise OmniError(f"{path}: {error}") from None
-    return Robot(name, path, description, settings, _derive_facts(settings))
+    facts = _derive_facts(settings)
+    facts["axle_ripple_m"] = _measure_ripple(build_robot_spec(settings.mechanics))
+    return Robot(name, path, description, settings, MappingProxyType(facts))
 
 
-def _derive_facts(settings: Settings) -> Mapping[str, float]:
-    """Return the facts that `load_robot` documents, by name."""
+def _measure_ripple(robot_spec: RobotSpec) -> float:
+    """Return the height by which a robot's axles rise and fall while its wheels roll, m."""
+    model = robot_spec.spec.copy().compile()
+    (robot,) = find_robots(model)
+    contact_geoms = np.array([model.geom(name).id for name in robot_spec.contact_geoms])
+    return measure_wheels(model, robot, contact_geoms).ripple
+
+
+def _derive_facts(settings: Settings) -> dict[str, float]:
+    """Return the facts that follow from settings, by name; see `load_robot`."""
     body, wheels, motor = settings.body, settings.wheels, settings.motor
     kinematics = wheels.kinematics
     rim_speed = settings.firmware.nominal_voltage_v / motor.wheel_back_emf_v_s * wheels.radius_m
@@ -70,4 +84,4 @@ def _derive_facts(settings: Settings) -> Mapping[str, float]:
     for name, (forward, sideways) in axis_facts.items():
         facts[name.format("forward")] = float(forward)
         facts[name.format("sideways")] = float(sideways)
-    return MappingProxyType(facts)
+    return facts

@@ -128,7 +128,9 @@ def test_the_command_line_accepts_a_model(
     assert "rollers = 15" in text
 
 
-def test_a_robot_file_may_name_a_model_and_omit_its_numbers(tmp_path: Path) -> None:
+def test_a_robot_file_may_name_a_model_and_omit_its_numbers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The model is relative to the robot's file; `om.load_robot` shows what follows from both."""
     (tmp_path / "mine.xml").write_text(TEXT)
     ours = tomllib.loads((Path(om.__file__).parent / "robots" / "tigers-v2016.toml").read_text())
@@ -146,6 +148,8 @@ def test_a_robot_file_may_name_a_model_and_omit_its_numbers(tmp_path: Path) -> N
     robot = om.load_robot(tmp_path / "mine.toml")
     assert robot.facts["mass_kg"] == pytest.approx(2.2 + 3 * (0.044 + 15 * 0.0015))
     assert om.load_scenario("rect", robot=robot).settings.motor.gear_ratio == 3.2
+    assert invoke("show", tmp_path / "mine.toml") == 0
+    assert capsys.readouterr().out.startswith("# Derived from the numbers below:\n#   mass_kg")
     (tmp_path / "mine.xml").unlink()
     with pytest.raises(om.OmniError, match=r"there is no model .*mine.xml"):
         om.load_robot(tmp_path / "mine.toml")

@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -156,9 +157,10 @@ def process_pool(count: int) -> Iterator[Executor]:
 
 
 def _initialize_process() -> None:
-    """Use one thread, and end with the parent process."""
+    """Use one thread, leave warnings to the parent process, and end with it."""
     from omni_mj.plants import mujoco_plant
 
+    warnings.simplefilter("ignore")
     Thread(target=_exit_after_parent, daemon=True).start()
     mujoco_plant.MIN_ROBOTS_FOR_THREADS = sys.maxsize
     quiet_mujoco()
