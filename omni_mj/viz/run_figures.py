@@ -166,24 +166,29 @@ def draw_commands(robots: Robots, failed: Collection[str], figure: Figure) -> No
 def draw_alpha(robots: Robots, figure: Figure) -> None:
     """Draw estimated alpha, and measured alpha where robots drive; a row of axes per robot."""
     grid = figure_helpers.create_time_axes(figure, len(robots), 2, 1.4, sharey=True)
+    estimate_label = "estimate, in the controller's color"
     for (row, axis), axes in np.ndenumerate(grid):
         robot = robots[row]
-        measured, low, high, estimate = robot.alpha(axis).T
+        alpha = robot.alpha(axis)
+        measured, low, high, estimate = alpha.T
         color = style.color(robot.style_index)
         paper_label = "range of the paper, 0.7 to 1"
         axes.axhspan(*PAPER_ALPHA_RANGE, color="#EEEEEE", lw=0, zorder=0, label=paper_label)
         measured_label = "displacement ratio, achieved / commanded in 0.25 s (gain and lag)"
         measured_style = {"color": "black", "lw": 1, "zorder": 4, "label": measured_label}
         figure_helpers.plot_frames(axes, measured, **measured_style)
-        label = "estimate, in the controller's color"
-        figure_helpers.plot_frames(axes, estimate, color=color, lw=2, zorder=3, label=label)
+        figure_helpers.plot_frames(axes, estimate, color=color, lw=2, zorder=3)
         if np.isfinite(low).any():
             frames = figure_helpers.choose_frames(low)
             band = frames / FRAME_RATE_HZ, low[frames], high[frames]
-            label = "estimate ± 2 sigma"
-            axes.fill_between(*band, color=color, alpha=0.25, lw=0, zorder=1, label=label)
-        axes.set(title=f"{robot.name}, {'xy'[axis]}", ylabel="" if axis else "alpha")
+            axes.fill_between(*band, color=color, alpha=0.25, lw=0, zorder=1, label="_2 sigma")
+            estimate_label = "estimate and ± 2 sigma, in the controller's color"
+        title = f"{robot.name}, {'xy'[axis]}"
+        if (np.abs(alpha - np.mean(ALPHA_RANGE)) > np.ptp(ALPHA_RANGE) / 2).any():
+            title += f"; from {np.nanmin(alpha):.2f} to {np.nanmax(alpha):.2f}"
+        axes.set(title=title, ylabel="" if axis else "alpha")
     grid[0, 0].set_ylim(ALPHA_RANGE)
+    grid[0, 0].plot([], color="#888888", lw=2, label=estimate_label)  # legend: no robot's color
     figure_helpers.add_legend(figure, grid.flat)
 
 

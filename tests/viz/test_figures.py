@@ -70,6 +70,22 @@ def test_alpha_is_the_achieved_fraction_and_estimates_have_a_two_sigma_band() ->
         np.testing.assert_allclose([edges.min(), edges.max()], [0.8, 1.0])
 
 
+def test_alpha_beyond_its_axis_is_said_and_its_legend_has_no_controllers_color() -> None:
+    estimate = np.stack([np.full(3, 0.2), np.full(3, 1.9)])
+    run = make_outcome(["low", "high"], 1, alpha_hat=estimate)
+    figure = draw_figures(run, "alpha")["alpha"]
+    titles = [panel.get_title(loc="left") for panel in figure.axes]
+    assert titles == [
+        f"{name}, {axis}; from {low} to {high}"
+        for name, low, high in (("low", "0.20", "0.80"), ("high", "0.80", "1.90"))
+        for axis in "xy"
+    ]
+    colors = {line.get_color() for panel in figure.axes for line in panel.get_lines()[1:2]}
+    legend_colors = {handle.get_color() for handle in figure.legends[0].get_lines()}
+    assert len(colors) == 2
+    assert not colors & legend_colors
+
+
 @pytest.mark.parametrize("controllers", [3, 5])
 def test_a_failed_row_ends_early_and_does_not_set_the_limits(
     controllers: int,
