@@ -145,6 +145,15 @@ def test_robot_without_lag_is_inverted_exactly() -> None:
     np.testing.assert_allclose(best.sent[: len(expected), 0], expected, atol=2e-5)
 
 
+def test_dead_time_of_fractional_frames_is_inverted_too() -> None:
+    """The commands that are known in advance make up for it, as for one of whole frames."""
+    scenario = om.load_scenario(
+        "rect", plant="kinematic", reference=ROUTE, radio={"delay_frames": 5.5}
+    )
+    start, *_, end = om.find_limit(scenario, 1, iterations=8).history
+    assert end["max"] < min(2e-6, start["max"] / 50)
+
+
 def mean_errors(result: om.Result, name: str) -> dict[str, float]:
     """Return the mean over the seeds of maximum and mean position error."""
     error = next(iter(result.summary()["scenarios"].values()))["results"][name]["error_m"][

@@ -4,9 +4,9 @@ Near a run, a change du of the commands changes the robot's velocity v and pose 
 
     dv(k) = A(k) dv(k-1) + B0(k) du(k-D) + B1(k) du(k-D-1),      dp(k+1) = dp(k) + T dv(k)
 
-with the dead time D and the period T of a frame. This is a first-order lag whose input may change
-between two frames. The lag of creeping wheels grows with speed. So A, B0 and B1 are polynomials of
-the reference's speed, acceleration and turn rate, in the body frame.
+with the dead time D, rounded down to frames, and the period T of a frame. This is a first-order lag
+whose input may change between two frames. The lag of creeping wheels grows with speed. So A, B0 and
+B1 are polynomials of the reference's speed, acceleration and turn rate, in the body frame.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class DeviationModel:
     Attributes:
         velocity: A, shape (F, 3, 3).
         command: B0 and B1, shape (2, F, 3, 3).
-        delay: Dead time D, frames.
+        delay: Dead time D, whole frames.
     """
 
     velocity: Array
