@@ -13,6 +13,9 @@ from benches.recording import (
     rows,
     run_rrd_command,
 )
+from numpy.typing import NDArray
+
+from omni_control.controllers.base import Controller, Observation
 
 CONTROLLERS = ("flc", "comp-flc")
 COLORS = {"flc": 0xD55E00FF, "comp-flc": 0x0072B2FF}
@@ -87,6 +90,27 @@ def test_a_recording_is_valid_and_small_and_logs_static_data_once(
     assert recorded.path.stat().st_size < 4e6
     for entity in recorded.entities(static=True) - {"/__properties"}:
         assert len(recorded.batches(entity, static=True)) == 1, entity
+
+
+class Stands(Controller):
+    """Controller whose position errors are those of the reference."""
+
+    def command(self, frame: int, observation: Observation) -> NDArray:
+        return np.zeros((len(observation.pose), 3))
+
+
+def test_plots_of_errors_show_two_labels_of_their_axes(tmp_path: Path) -> None:
+    """The viewer labels powers of ten that are 20 pixels apart: a ninth of these plots' height."""
+    route = "reference.waypoints=[[0, 0], [0.097, -0.098, 0.17]]"
+    recorded = record_run(tmp_path / "recording.rrd", [Stands], route).recorded
+    axis_ranges = recorded.axis_ranges()
+    for plot in ("distance", "x", "y", "heading"):
+        values = recorded.values(f"/plots/error/{plot}/Stands")
+        limits = np.nanmin(values), np.nanmax(values)
+        low, high = axis_ranges.get(f"plots/error/{plot}", limits)
+        assert low <= np.nanmin(values) < np.nanmax(values) <= high
+        step = 10 ** np.ceil(np.log10((high - low) / 9))
+        assert np.floor(high / step) - np.ceil(low / step) >= 1, plot
 
 
 def test_equal_runs_are_recorded_equally_and_different_ones_are_not(tmp_path: Path) -> None:

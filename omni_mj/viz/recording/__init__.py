@@ -1,6 +1,7 @@
 """Recordings for the rerun viewer of runs, and of the robots of `omni-mj serve`, sent in blocks."""
 
 import os
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
@@ -58,6 +59,8 @@ class Recording(RerunStream):
         self._log = simulation.log
         self._n_sent = 0  # frames
         self._open_series = set[str]()  # entities of plots that have values so far
+        # Smallest and largest value of each plot so far, by path
+        self._extremes = defaultdict[str, tuple[float, float]](lambda: (np.inf, -np.inf))
         self._channels: Sequence[str] = ()  # channels of the log for which the layout has plots
         self._robots = select_robots(self._log)
         references = [simulation.references[robot.row] for robot in self._robots]
@@ -71,12 +74,14 @@ class Recording(RerunStream):
         is_file = isinstance(self._target, Path)
         block_frames = FILE_BLOCK_FRAMES if is_file else VIEWER_BLOCK_FRAMES
         if self._log.length - self._n_sent >= block_frames:
-            self.write()
+            self._try_sending(self._send_block)
 
     def write(self) -> None:
-        """Send the frames recorded since the last block; all blocks sent stay readable."""
+        """Send the last frames, and to a file the layout with readable axes."""
         if self._log.length:
             self._try_sending(self._send_block)
+            if isinstance(self._target, Path):  # in a viewer, the user may have changed the layout
+                self._try_sending(lambda: self._stream.send_blueprint(self._create_layout()))
 
     def _send_block(self) -> None:
         """Send the new frames of all robots."""
@@ -123,13 +128,18 @@ class Recording(RerunStream):
         self._tabs = plots.create_tabs(self._log)
         names = [robot.name for robot in self._robots]
         is_live = isinstance(self._target, str)
-        return create_layout(names, self._references, self._tabs, is_live)
+        return create_layout(names, self._references, self._tabs, self._extremes, is_live)
 
     def _send_series(self, robot: RecordedRobot, frames: Frames) -> None:
         """Send a robot's plots, each from the block of its first value on; NaN is a gap."""
         for plot in chain(*self._tabs.values()):
             entity = f"plots/{plot.path}/{robot.name}"
             values = plot.compute(robot)[frames - robot.first_frame]
+            low, high = self._extremes[plot.path]
+            self._extremes[plot.path] = (
+                np.fmin.reduce(values, axis=None, initial=low),
+                np.fmax.reduce(values, axis=None, initial=high),
+            )
             if entity not in self._open_series:
                 if np.isnan(values).all():
                     continue

@@ -75,6 +75,21 @@ class RecordingFile:
                     names |= {row[0] for row in batch[column].to_pylist() if row}
         return names
 
+    def axis_ranges(self) -> dict[str, list[float]]:
+        """Return the limits that a layout gives to axes, by the origin of the plot."""
+        columns: dict[str, dict[str, Any]] = {
+            "ViewBlueprint:space_origin": {},
+            "ScalarAxis:range": {},
+        }
+        for store in self.reader.blueprints():
+            for chunk in self.reader.stream(store=store).to_chunks():
+                batch = chunk.to_record_batch()
+                for name in columns.keys() & set(batch.schema.names):
+                    view = chunk.entity_path.removesuffix("/ScalarAxis")
+                    (columns[name][view],) = batch[name].to_pylist()[0]
+        origins, ranges = columns.values()
+        return {origins[view]: limits for view, limits in ranges.items()}
+
     def values(self, entity: str) -> NDArray:
         """Return a time series (frames, lines); NaN where there are no values."""
         rows = self.column(entity, "Scalars:scalars")
