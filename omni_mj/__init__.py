@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from omni_control.controllers.base import Controller, Observation
     from omni_control.errors import OmniError
     from omni_mj.config.scenario import Scenario, load_scenario
+    from omni_mj.embed.add_robot import add_robot
     from omni_mj.results.result import Result
     from omni_mj.robot.robot_facts import load_robot
     from omni_mj.simulation.simulation import Simulation
@@ -40,6 +41,7 @@ _MODULES = {
     "Result": "omni_mj.results.result",
     "Scenario": "omni_mj.config.scenario",
     "Simulation": "omni_mj.simulation.simulation",
+    "add_robot": "omni_mj.embed.add_robot",
     "compare": "omni_mj.studies.compare_study",
     "find_limit": "omni_mj.studies.limit.limit_study",
     "identify": "omni_mj.studies.identify.identify_study",
@@ -59,6 +61,7 @@ __all__ = [
     "Scenario",
     "Simulation",
     "__version__",
+    "add_robot",
     "compare",
     "find_limit",
     "identify",

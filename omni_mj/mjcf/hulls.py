@@ -15,8 +15,8 @@ damping ratio zeta / sqrt(2): the restitution is 0.3 at any speed. As the force 
 the restitution hardly depends on the depth at which a time step finds the contact.
 """
 
-from collections.abc import Mapping, Sequence
-from itertools import chain, combinations, product
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import mujoco
@@ -33,6 +33,7 @@ FRICTION_RATE_PER_S = 400.0  # of the decay of the sliding speed, within Coulomb
 MIN_IMPEDANCE, MAX_IMPEDANCE = 0.05, 0.95
 SOFT_DEPTH_M = 0.013  # at which the impedance is largest
 UPRIGHT_COSINE = 1 - 1e-6
+CARPET = "carpet"  # name of the floor in models/field.xml
 SPHERE_SUFFIX = "_sphere"  # appended to a cylinder's name, for the sphere in its place
 
 
@@ -48,7 +49,7 @@ def enable_hulls(
         robot: Indices of the robot in the model.
 
     Returns:
-        Names of the spheres, which collide by `add_hull_pairs`; none for a hull of another shape
+        Names of the spheres, which collide by `connect_hull`; none for a hull of another shape
         than upright cylinders.
 
     Raises:
@@ -90,17 +91,18 @@ def enable_hulls(
     return [name + SPHERE_SUFFIX for name in robot_spec.hull_geoms]
 
 
-def add_hull_pairs(field: mujoco.MjSpec, n_robots: int, spheres: Sequence[str]) -> None:
+def connect_hull(
+    field: mujoco.MjSpec, spheres: Sequence[str], other_spheres: Iterable[str]
+) -> None:
     """Let spheres collide with those of other robots and with walls, and cylinders with the carpet.
 
     Args:
-        field: World with robots named `robot_1/...` and so on; changed in place.
-        n_robots: Number of robots.
-        spheres: Names from `enable_hulls`.
+        field: World with a robot; changed in place.
+        spheres: Names of the robot's spheres, from `enable_hulls`, with its prefix.
+        other_spheres: Names of the spheres of other robots.
     """
-    robots = [[f"robot_{slot + 1}/{name}" for name in spheres] for slot in range(n_robots)]
-    solid = [geom.name for geom in field.geoms if geom.classname.name == "solid"]
-    walls = [name for name in solid if name != "carpet"]
+    walls = [geom.name for geom in field.geoms if geom.classname.name == "solid"]
+    walls.remove(CARPET)
     k, b = FREQUENCY_RAD_S**2, 2 * DAMPING_RATIO * FREQUENCY_RAD_S
     d = MAX_IMPEDANCE
     sphere_law = {
@@ -108,13 +110,12 @@ def add_hull_pairs(field: mujoco.MjSpec, n_robots: int, spheres: Sequence[str]) 
         "solreffriction": [-1.0, -FRICTION_RATE_PER_S * d],
         "solimp": [MIN_IMPEDANCE, d, SOFT_DEPTH_M, 0.5, 1.0],
     }
-    for geoms, other_geoms in combinations([*robots, walls], 2):
-        for name, other_name in product(geoms, other_geoms):
-            _add_pair(field, name, other_name, sphere_law)
-    for name in chain.from_iterable(robots):
+    for name, other_name in product(spheres, [*other_spheres, *walls]):
+        _add_pair(field, name, other_name, sphere_law)
+    for name in spheres:
         cylinder = field.geom(name.removesuffix(SPHERE_SUFFIX))
         own_law = {"solref": cylinder.solref, "solreffriction": [0, 0], "solimp": cylinder.solimp}
-        _add_pair(field, cylinder.name, "carpet", own_law)
+        _add_pair(field, cylinder.name, CARPET, own_law)
 
 
 def _add_pair(field: mujoco.MjSpec, hull: str, other: str, law: Mapping[str, Any]) -> None:

@@ -8,7 +8,6 @@ model. If a world has several robots, or on request, they are enabled (see `hull
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,7 +17,13 @@ from omni_control.kinematics import Array, Kinematics
 from omni_mj.config.robot_files import find_models_folder
 from omni_mj.config.robot_settings import Mechanics
 from omni_mj.config.settings import Settings
-from omni_mj.mjcf import hulls, rollers
+from omni_mj.mjcf import rollers
+from omni_mj.mjcf.attachable_robot import (
+    attach_to_field,
+    find_load_addresses,
+    prepare_robot,
+    stiffen_slip_hinges,
+)
 from omni_mj.mjcf.custom_robot import RobotSpec
 from omni_mj.mjcf.robot_builder import build_robot_spec
 from omni_mj.mjcf.robot_geometry import compute_support_distance
@@ -26,10 +31,6 @@ from omni_mj.mjcf.robot_parts import Ids, RobotIndices, compute_initial_kinemati
 
 SETTLING_S = 0.25  # time in which a robot comes to rest on the carpet
 HULL_DIRECTIONS = 73  # every 5 degrees, both ends included
-MAX_IMPEDANCE = 0.9999  # MuJoCo's limit of d
-
-# Attributes that the field sets for the whole world.
-_WORLD_ATTRIBUTES = ("option", "visual", "stat", "memory", "nstack", "nconmax", "njmax")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,25 +86,10 @@ def _build_world(
 ) -> World:
     """Return a world; see `build_world`. Equal arguments return the same object."""
     field = mujoco.MjSpec.from_file(str(find_models_folder() / "field.xml"))
-    spec, contact_geoms = robot_spec.spec.copy(), robot_spec.contact_geoms
-    robot_model = spec.compile()
-    (single_robot,) = find_robots(robot_model)
-    contact = rollers.make_roller_contact(
-        robot_model, single_robot, mechanics.body.mass_kg / len(single_robot.wheels)
-    )
-    if mechanics.wheels.model == "two-rollers":
-        rollers.reduce_rollers(spec, robot_model, single_robot)
-        remaining = {geom.name for geom in spec.geoms}
-        contact_geoms = tuple(name for name in contact_geoms if name in remaining)
-    for name in _WORLD_ATTRIBUTES:
-        setattr(spec, name, getattr(field, name))
-    spheres = list[str]()
-    if with_hulls:
-        spheres = hulls.enable_hulls(robot_spec, spec, robot_model, single_robot)
-    rims = [robot_model.body(rim).name for rim in single_robot.rims]
+    robot = prepare_robot(robot_spec, mechanics, with_hulls)
+    other_spheres = list[str]()
     for slot in range(n_robots):
-        _attach_robot(field, spec, f"robot_{slot + 1}/", contact_geoms, rims, contact)
-    hulls.add_hull_pairs(field, n_robots, spheres)
+        other_spheres += attach_to_field(field, robot, f"robot_{slot + 1}/", other_spheres)
     if n_robots == 1:  # with one robot there is one island; listing it costs 7 % of a step
         field.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     field.option.impratio = rollers.FRICTION_STIFFNESS_RATIO
@@ -113,61 +99,21 @@ def _build_world(
     except ValueError as error:
         raise OmniError(f"{robot_spec.file}: {' '.join(str(error).split())}") from error
     robots = find_robots(model)
-    for robot in robots:  # backward Euler: a slip speed decays within a step
-        model.dof_solref[robot.slip_dofs] = -1.0, -MAX_IMPEDANCE / model.opt.timestep
-        model.dof_solimp[robot.slip_dofs, :2] = MAX_IMPEDANCE
+    for indices in robots:
+        stiffen_slip_hinges(model, indices)
     if n_robots == 1:
         rest_qpos = _settle(model)
     else:
         single_world = _build_world(robot_spec, mechanics, 1, substeps, False)
         rest_qpos = np.tile(single_world.rest_qpos, n_robots)
-    # A sensor's three values are the force along x, y and z.
-    load_addresses = [
-        [model.sensor(f"load/{model.body(rim).name}").adr[0] + 2 for rim in robot.rims]
-        for robot in robots
-    ]
     return World(
         model,
         robots,
         rest_qpos,
         mechanics.wheels.kinematics,
-        np.array(load_addresses),
-        _compute_hull_radius(robot_model, robot_spec.hull_geoms),
+        np.array([find_load_addresses(model, indices) for indices in robots]),
+        _compute_hull_radius(robot.model, robot_spec.hull_geoms),
     )
-
-
-def _attach_robot(
-    field: mujoco.MjSpec,
-    spec: mujoco.MjSpec,
-    prefix: str,
-    contact_geoms: Sequence[str],
-    rims: Sequence[str],
-    contact: dict[str, Any],
-) -> None:
-    """Add a robot to the field, with its contacts and load sensors.
-
-    Args:
-        field: Specification of the world; changed in place.
-        spec: Specification of the robot.
-        prefix: Prefix of the robot's names.
-        contact_geoms: Names of the rollers' geoms that touch the carpet.
-        rims: Names of the rims' bodies.
-        contact: Parameters of the contact pairs.
-    """
-    field.attach(spec.copy(), frame=field.worldbody.add_frame(), prefix=prefix)
-    for geom in contact_geoms:
-        field.add_pair(geomname1="carpet", geomname2=prefix + geom, condim=3, **contact)
-    for rim in rims:  # force between the carpet and the parts on the rim, world axes
-        field.add_sensor(
-            name=f"load/{prefix}{rim}",
-            type=mujoco.mjtSensor.mjSENS_CONTACT,
-            objtype=mujoco.mjtObj.mjOBJ_GEOM,
-            objname="carpet",
-            reftype=mujoco.mjtObj.mjOBJ_XBODY,
-            refname=prefix + rim,
-            # Output: force only; reduction: sum over all contacts; one result.
-            intprm=[1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1],
-        )
 
 
 def _compute_hull_radius(model: mujoco.MjModel, hull_geoms: Sequence[str]) -> float:

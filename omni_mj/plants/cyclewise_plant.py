@@ -57,8 +57,10 @@ class CyclewisePlant(WheeledPlantBase, ABC):
             self._begin_frame()
         self._records += [self._advance_cycle() for _ in range(n_cycles)]
         self._cycle = (self._cycle + n_cycles) % CYCLES_PER_FRAME
-        if self._cycle:
-            return {}
+        return {} if self._cycle else self._complete_frame()
+
+    def _complete_frame(self) -> dict[int, str]:
+        """Advance what changes from frame to frame; return a mapping from failed row to cause."""
         self._record = stack_records(self._records)
         self.electronics = end_frame(self.parameters.electronics, self.electronics, self._record)
         self._records.clear()

@@ -216,6 +216,24 @@ class RobotViews(ChangeableBodies):
         center.set(center.get() + shift)
         inertia.set(inertia.get() * factor)
 
+    def place_robots(self, rows: Ids, poses: Array) -> None:
+        """Put robots at rest, on their wheels, on a floor at the height 0.
+
+        Args:
+            rows: Indices of the robots, (k,).
+            poses: Their poses, world frame, (k, 3) m, m, rad.
+        """
+        rest_qpos = self._world.rest_qpos[self._ids("qpos")]
+        positions = self.qpos.get()
+        speeds = self.qvel.get()
+        x, y, heading = poses.T
+        positions[:, rows] = rest_qpos[rows % len(rest_qpos)].T
+        positions[:2, rows] = x, y
+        positions[3:7, rows] = np.cos(heading / 2), 0 * x, 0 * x, np.sin(heading / 2)
+        speeds[:, rows] = 0.0
+        self.qpos.set(positions)
+        self.qvel.set(speeds)
+
     def wrap_rollers(self, pitch: float) -> None:
         """Turn the rims of two-roller wheels back by the whole pitches that they have turned.
 

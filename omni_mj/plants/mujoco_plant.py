@@ -3,29 +3,19 @@
 import copy
 import os
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from omni_control.kinematics import Array, wrap_angle
+from omni_control.kinematics import Array
 from omni_mj.config.rows import Row
 from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
-from omni_mj.plants.cyclewise_plant import CyclewisePlant
 from omni_mj.plants.mjdata_views import CopyableBatch, RobotViews
+from omni_mj.plants.mujoco_robots import MujocoRobots
 from omni_mj.plants.randomization import RobotVariation
 from omni_mj.plants.row_checks import MODEL_SETTINGS, check_equal_settings, check_start_poses
-from omni_mj.plants.telemetry import Telemetry
-from omni_mj.robot.electronics import (
-    CycleRecord,
-    ElectronicsParameters,
-    begin_frame,
-    run_cycle,
-    stack_telemetry,
-)
-from omni_mj.robot.motors_and_drivers import compute_load_friction
-from omni_mj.robot.wheel_carpet_forces import DRAG_CYCLES, CarpetParameters, Drag, compute_drag
+from omni_mj.robot.electronics import CycleRecord
 
 # Number of robots from which several threads are faster than one
 MIN_ROBOTS_FOR_THREADS = 16
@@ -40,14 +30,7 @@ INSTABILITY_WARNINGS = [
 ]
 
 
-class MujocoParameters(NamedTuple):
-    """Parameters of n robots on the plant `mujoco`."""
-
-    electronics: ElectronicsParameters
-    carpet: CarpetParameters  # its creep compliance is scaled for slip hinges
-
-
-class MujocoPlant(CyclewisePlant):
+class MujocoPlant(MujocoRobots):
     """Robots with roller wheels on carpet that collide with robots and walls of their world.
 
     Args:
@@ -76,9 +59,7 @@ class MujocoPlant(CyclewisePlant):
         n_worlds = n // robots_per_world
         self._robots_per_world = robots_per_world
         self._substeps = settings[0].physics.substeps
-        self._world = world = world_builder.build_world(
-            settings[0], robots_per_world, with_hulls=with_hulls
-        )
+        world = world_builder.build_world(settings[0], robots_per_world, with_hulls=with_hulls)
         # Results do not depend on the number of threads.
         threads = 1 if n < MIN_ROBOTS_FOR_THREADS else len(os.sched_getaffinity(0))
         model = copy.copy(world.model)
@@ -86,57 +67,16 @@ class MujocoPlant(CyclewisePlant):
         model.actuator_ctrllimited[:] = 0
         self._batch = CopyableBatch(model, n_worlds, min(threads, n_worlds))
         variation = RobotVariation.draw(rows)
-        self._views = RobotViews(self._batch, world)
-        self._views.write_variation(settings, variation)
+        views = RobotViews(self._batch, world)
+        views.write_variation(settings, variation)
         self._start_poses = np.array(start_poses, float)
-        self._heading = self._start_poses[:, 2].copy()
-        super().__init__(rows, world.kinematics, variation, self._heading)
+        super().__init__(rows, world, views, variation, self._start_poses[:, 2])
         self._active_worlds: np.ndarray | None = None  # indices of worlds to step; None for all
         self._reset_worlds(np.arange(n_worlds))
         if robots_per_world > 1 and with_hulls is None:
             check_start_poses(rows, world.model, self._batch.bind("qpos"))
-        wheels = settings[0].wheels
-        self._roller_pitch: float | None = None
-        if wheels.model == "two-rollers":
-            self._roller_pitch = 2 * np.pi / wheels.rollers
-        self._make_parameters()
-        self._drag: Drag
-        self._start_cycles()
-        self._start_faults(self._views)
-
-    def _make_parameters(self) -> None:
-        """Set parameters and initial state; encoder counts start at the present wheel angles."""
-        electronics, state = self._initial_electronics
-        carpet = self._nominal_carpet
-        model = self._world.model
-        inverse_inertia = model.dof_invweight0[self._world.robots[0].slip_dofs][:, None]
-        # 1 / (R^2 C dt A), with which slip hinges get Q / A (`omni_mj.robot.wheel_carpet_forces`)
-        compliance = carpet.creep_compliance / (model.opt.timestep * inverse_inertia)
-        carpet = carpet._replace(creep_compliance=compliance)
-        self.parameters = MujocoParameters(electronics, carpet)
-        _, wheel_angle = self._sensor_values
-        count = np.floor(wheel_angle * electronics.firmware.counts_per_rad)
-        self.electronics = state._replace(firmware=state.firmware._replace(encoder_count=count))
-
-    def pose(self) -> Array:
-        """See `Plant`."""
-        poses = self._views.pose.get()[:3].T
-        poses[:, 2] = self._heading
-        return poses
-
-    def twist(self) -> Array:
-        """See `Plant`."""
-        return self._views.velocity.get()[[0, 1, 5]].T
-
-    def telemetry(self) -> Telemetry:
-        """See `Plant`."""
-        views = self._views
-        slip = abs(views.slip_speed.get()) * self.parameters.carpet.radius
-        wheel_angle = views.wheel_angle.get()
-        wheel_speed = views.wheel_speed.get()
-        return Telemetry(
-            stack_telemetry(self.electronics, self._record, wheel_angle, wheel_speed, slip).T
-        )
+        self._start()
+        self._start_faults(views)
 
     def advance(self, received: ReceivedCommand) -> dict[int, str]:
         """See `Plant`."""
@@ -144,22 +84,6 @@ class MujocoPlant(CyclewisePlant):
         for n_cycles, segment in received.split():
             failures = self.advance_cycles(n_cycles, segment)
         return failures
-
-    def compute_heading(self) -> Array:
-        """Return the headings of robots, which may be tilted, (n,) rad in (-pi, pi]."""
-        w, x, y, z = self._views.pose.get()[3:]
-        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-    def _begin_frame(self) -> None:
-        """Apply changes from frame to frame: faults, disturbances, vision's headings, heat."""
-        # Faults that begin or end change `self.parameters` here, so read them afterwards.
-        inputs = self._take_inputs()
-        parameters = self.parameters.electronics
-        _, wheel_angle = self._sensor_values
-        self.electronics = begin_frame(parameters, self.electronics, inputs, wheel_angle)
-        motors = self.electronics.motors
-        self._views.resistance.set(motors.resistance)
-        self._views.torque_constant.set(motors.back_emf_constant / parameters.motors.gear_ratio)
 
     def _advance_cycle(self) -> CycleRecord:
         record = self._begin_cycle()
@@ -177,38 +101,8 @@ class MujocoPlant(CyclewisePlant):
         return record
 
     def _end_frame(self) -> dict[int, str]:
-        self._heading += wrap_angle(self.compute_heading() - self._heading)
+        super()._end_frame()
         return self._stop_failed_rows()
-
-    def _begin_cycle(self) -> CycleRecord:
-        """Run the firmware, and write voltages, forces on the chassis, and slip limits."""
-        views = self._views
-        is_drag_due = self.electronics.cycle % DRAG_CYCLES == 0
-        gyro, wheel_angle = self._sensor_values
-        wheel_speed = views.wheel_speed.get()
-        load = views.load.get()
-        self.electronics, record = run_cycle(
-            self.parameters.electronics, self.electronics, gyro, wheel_angle, wheel_speed
-        )
-        if is_drag_due:
-            motion = views.read_motion()
-            slip_speed = views.slip_speed.get()
-            self._drag = compute_drag(self.parameters.carpet, motion, load, wheel_angle, slip_speed)
-            views.write_drag(self._drag, motion, self.electronics.inputs.push_force)
-        motors = self.electronics.motors
-        # MuJoCo's dcmotor has the constant resistance R in place of R + X |w|
-        # (`omni_mj.robot.motors_and_drivers`). The voltage K w + R I drives the same current I.
-        views.voltage.set(
-            motors.back_emf_constant * wheel_speed + record.current * motors.resistance
-        )
-        motor_parameters = self.parameters.electronics.motors
-        views.write_hub_friction(compute_load_friction(motor_parameters, motors, record.current))
-        views.write_slip_limits(self._drag, load)
-        return record
-
-    def _read_sensors(self) -> None:
-        """Store gyro, (n,) rad/s, and encoders, (W, n) rad."""
-        self._sensor_values = self._views.gyro.get()[0], self._views.encoders.get()
 
     def _reset_worlds(self, worlds: np.ndarray) -> None:
         """Move the robots of some worlds to their start poses, at rest, and read all sensors.
@@ -218,17 +112,8 @@ class MujocoPlant(CyclewisePlant):
         """
         slots = np.arange(self._robots_per_world)
         rows = (worlds[:, None] * self._robots_per_world + slots).ravel()
-        rest_qpos = self._world.rest_qpos[np.array([robot.qpos for robot in self._world.robots])]
-        positions = self._views.qpos.get()
-        speeds = self._views.qvel.get()
-        x, y, heading = self._start_poses[rows].T
-        positions[:, rows] = rest_qpos[rows % self._robots_per_world].T
-        positions[:2, rows] = x, y
-        positions[3:7, rows] = np.cos(heading / 2), 0 * x, 0 * x, np.sin(heading / 2)
-        speeds[:, rows] = 0.0
-        self._views.qpos.set(positions)
-        self._views.qvel.set(speeds)
-        self._heading[rows] = heading
+        self._views.place_robots(rows, self._start_poses[rows])
+        self._heading[rows] = self._start_poses[rows, 2]
         self._batch.forward(worlds)
         self._read_sensors()
 

@@ -1,0 +1,1 @@
+"""Robots in scenes of others: attached to a MuJoCo specification, and driven by their firmware."""

@@ -1,0 +1,272 @@
+"""Robots in scenes of others, and their drives: firmware, motors, battery and creep."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from omni_control.arguments import check_array
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_mj.config import CYCLE_RATE_HZ
+from omni_mj.config.rows import Row
+from omni_mj.config.settings import Settings
+from omni_mj.embed.floor_below import put_on_floor
+from omni_mj.embed.scene_views import SceneState, SceneViews
+from omni_mj.embed.stepped_robot import SteppedRobot
+from omni_mj.mjcf.attachable_robot import find_load_addresses, stiffen_slip_hinges
+from omni_mj.mjcf.robot_parts import find_robot
+from omni_mj.mjcf.scene_contacts import check_scene, set_floor_contacts
+from omni_mj.mjcf.world_builder import World, build_world
+from omni_mj.plants.mujoco_plant import INSTABILITY_WARNINGS
+from omni_mj.plants.randomization import RobotVariation
+from omni_mj.robot.firmware import compute_encoder_counts
+
+MAX_SUBSTEPS = 100  # limit of `physics.substeps`
+
+
+@dataclass(frozen=True)
+class SceneRobot:
+    """A robot that `add_robot` has attached to a scene.
+
+    Attributes:
+        settings: Settings of the robot.
+        robot: Name or file of the robot.
+        prefix: Prefix of the names of its elements.
+        chassis: Name of the body of its chassis, to which other things may be attached.
+        pose: Pose at the start, world frame, m, m, rad.
+        height: Approximate height of the floor at the start, m.
+    """
+
+    settings: Settings
+    robot: str
+    prefix: str
+    chassis: str
+    pose: tuple[float, float, float]
+    height: float
+
+    def bind(self, model: mujoco.MjModel, data: mujoco.MjData, seed: int = 0) -> "RobotDrive":
+        """Return the drive of the robot in a compiled scene, at rest at its start.
+
+        This writes the robot's contacts, the friction of its hinges, and its motors to the model.
+
+        Args:
+            model: Model that was compiled from the scene.
+            data: Data of the model.
+            seed: Seed of the noise of the gyro and other random numbers.
+
+        Raises:
+            OmniError: The model does not contain the robot, nothing in it can touch the wheels, its
+                timestep exceeds 5 ms, or its options disable forces that the wheels need.
+        """
+        return RobotDrive(self, model, data, seed)
+
+
+class RobotDrive:
+    """Drive of a robot in a scene of others.
+
+    Call `step`, or `before_step` and `after_step` around the scene's own `mujoco.mj_step`. The
+    drive owns the controls of the robot's motors, and the external force on its chassis, to which
+    `set_push_force` adds one.
+
+    Attributes:
+        model: Model of the scene.
+        data: Data of the scene.
+    """
+
+    def __init__(
+        self, robot: SceneRobot, model: mujoco.MjModel, data: mujoco.MjData, seed: int
+    ) -> None:
+        self.model, self.data = model, data
+        self._robot = robot
+        self._row = Row(0, 0, "", seed, robot.settings, robot.robot)
+        self._variation = RobotVariation.draw([self._row])
+        self._world = _make_world(robot, model)
+        self._views = SceneViews(SceneState(model, data), self._world)
+        self._views.write_variation([robot.settings], self._variation)
+        self.reset()
+
+    def reset(self, pose: ArrayLike | None = None) -> None:
+        """Put the robot at rest, with full batteries and cold motors, as it was at the start.
+
+        Call it after a reset of the scene's data.
+
+        Args:
+            pose: Pose, world frame, (3,) m, m, rad. Default: that at the start.
+        """
+        start = np.array(self._robot.pose) if pose is None else check_array("pose", pose, (3,))
+        put_on_floor(self.model, self.data, self._world, self._views, start, self._robot.height)
+        mujoco.mj_forward(self.model, self.data)
+        ratio = Fraction(self.model.opt.timestep * CYCLE_RATE_HZ).limit_denominator(10**6)
+        self._wheels = SteppedRobot(self._row, self._world, self._views, self._variation, ratio)
+        self._time = self.data.time
+        self._warnings = self._count_warnings()
+
+    def command(
+        self,
+        velocity: ArrayLike | None = None,
+        *,
+        wheel_speeds: ArrayLike | None = None,
+        voltages: ArrayLike | None = None,
+        currents: ArrayLike | None = None,
+    ) -> None:
+        """Set one kind of command, which holds until the next one.
+
+        Args:
+            velocity: Velocity forward and to the left, and turn rate, body frame, (3,) m/s, m/s,
+                rad/s. The wheel loops of the firmware follow it.
+            wheel_speeds: Speeds of the wheels, (wheels,) rad/s, for the same loops.
+            voltages: Voltages of the motors, (wheels,) V, within those of the battery.
+            currents: Currents of the motors, (wheels,) A, within the limits of the drivers.
+
+        Wheels are numbered counter-clockwise from the front. A positive speed turns the robot
+        counter-clockwise.
+
+        Raises:
+            OmniError: Not exactly one command is given, or it has another shape.
+        """
+        commands = {
+            "velocity": velocity,
+            "wheel_speeds": wheel_speeds,
+            "voltages": voltages,
+            "currents": currents,
+        }
+        chosen = {name: value for name, value in commands.items() if value is not None}
+        if len(chosen) != 1:
+            raise OmniError(f"give one of {', '.join(commands)}, not {len(chosen)}")
+        ((name, value),) = chosen.items()
+        n_wheels = len(self._world.robots[0].joints)
+        values = check_array(name, value, (3 if name == "velocity" else n_wheels,))
+        self._wheels.accept(name, values)
+
+    def set_push_force(self, force: ArrayLike) -> None:
+        """Push the robot at its center of mass until the next call.
+
+        Args:
+            force: Horizontal force, world frame, (2,) N.
+        """
+        self._wheels.set_push_force(check_array("force", force, (2,)))
+
+    def step(self) -> None:
+        """Advance the scene by one timestep. With several robots, see `before_step`."""
+        self.before_step()
+        mujoco.mj_step(self.model, self.data)
+        self.after_step()
+
+    def before_step(self) -> None:
+        """Run the firmware and write motor voltages and friction; call it before each `mj_step`.
+
+        Raises:
+            OmniError: The data of the scene were reset, but the drive was not.
+        """
+        if self.data.time < self._time:
+            raise OmniError(
+                "the scene's time went back: call reset of the drive after the scene's data are "
+                "reset"
+            )
+        self._wheels.before_step()
+
+    def after_step(self) -> None:
+        """Read the sensors; call it after each `mj_step`.
+
+        Raises:
+            OmniError: The simulation became unstable.
+        """
+        self._time = self.data.time
+        if self._count_warnings() > self._warnings:
+            raise OmniError(
+                f"the simulation became unstable at {self._time:g} s: use a shorter timestep, or "
+                "weaker actuators"
+            )
+        self._wheels.after_step()
+
+    @property
+    def pose(self) -> Array:
+        """Pose of the robot, world frame, (3,) m, m, rad; the heading is in (-pi, pi]."""
+        x, y = self._views.pose.get()[:2, 0]
+        return np.array([x, y, self._wheels.compute_heading()[0]])
+
+    @property
+    def encoders(self) -> Array:
+        """Angles of the wheels as encoders count them, (wheels,) rad."""
+        firmware = self._wheels.electronics.firmware
+        parameters = self._wheels.parameters.electronics.firmware
+        counts = compute_encoder_counts(parameters, firmware, self._views.encoders.get())
+        return (counts / parameters.counts_per_rad)[:, 0]
+
+    @property
+    def gyro(self) -> float:
+        """Turn rate as the gyro measures it, rad/s, with its error of the present frame."""
+        error = self._wheels.electronics.inputs.gyro_error
+        return float(self._views.gyro.get()[0, 0] + error[0])
+
+    @property
+    def voltages(self) -> Array:
+        """Voltages at the motors in the last cycle, (wheels,) V."""
+        return self._wheels.record.voltage[:, 0]
+
+    @property
+    def currents(self) -> Array:
+        """Currents of the motors in the last cycle, (wheels,) A."""
+        return self._wheels.record.current[:, 0]
+
+    @property
+    def winding_temperatures(self) -> Array:
+        """Temperatures of the windings, (wheels,) deg C."""
+        return self._wheels.electronics.motors.winding[:, 0]
+
+    @property
+    def battery_voltage(self) -> float:
+        """Voltage at the terminals of the battery, V."""
+        return float(self._wheels.electronics.battery.voltage[0])
+
+    @property
+    def battery_charge(self) -> float:
+        """State of charge of the battery, from 0 (empty) to 1 (full)."""
+        return float(self._wheels.electronics.battery.charge[0])
+
+    def _count_warnings(self) -> int:
+        return sum(int(self.data.warning[kind].number) for kind in INSTABILITY_WARNINGS)
+
+
+def _make_world(robot: SceneRobot, model: mujoco.MjModel) -> World:
+    """Prepare a scene for its robot, and return what a plant needs to know of it.
+
+    Raises:
+        OmniError: The model does not contain the robot, or no wheel can roll in it.
+    """
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, robot.chassis) < 0:
+        raise OmniError(
+            f"the model has no body {robot.chassis!r}: compile the scene to which add_robot "
+            "attached the robot"
+        )
+    indices = find_robot(model, robot.chassis)
+    rollers = indices.rollers.ravel()
+    check_scene(model, rollers, robot.chassis)
+    # A robot of its kind alone on the field, with as many steps per cycle
+    substeps = min(max(round(1 / (model.opt.timestep * CYCLE_RATE_HZ)), 1), MAX_SUBSTEPS)
+    world = build_world(robot.settings.replace(physics={"substeps": substeps}))
+    (indices_alone,) = world.robots
+    # The compiler rounds these differently in each pose.
+    own_bodies, bodies = (
+        np.concatenate([[robot.chassis], robot.wheels, robot.rims, robot.rollers.ravel()])
+        for robot in (indices_alone, indices)
+    )
+    model.body_invweight0[bodies] = world.model.body_invweight0[own_bodies]
+    model.dof_invweight0[list(indices.dofs)] = world.model.dof_invweight0[list(indices_alone.dofs)]
+    set_floor_contacts(model, rollers, robot.settings.body.mass_kg / len(indices.joints))
+    stiffen_slip_hinges(model, indices)
+    # The battery limits voltages, which may exceed the model's range while motors brake.
+    model.actuator_ctrllimited[indices.motors] = 0
+    rest_qpos = model.qpos0.copy()
+    rest_qpos[list(indices.qpos)] = world.rest_qpos
+    return World(
+        model,
+        (indices,),
+        rest_qpos,
+        world.kinematics,
+        find_load_addresses(model, indices)[None],
+        world.hull_radius,
+    )

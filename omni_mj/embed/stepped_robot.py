@@ -1,0 +1,167 @@
+"""A robot that is advanced around the steps of a scene.
+
+The firmware runs 960 times per second, whatever the timestep of the scene. Before each step, the
+cycles run that are due. They see the angles of the wheels as they were one cycle earlier, as on the
+plant `mujoco`, interpolated between steps. So steps of a cycle, or of a fraction of it, give the
+results of the plant with as many substeps.
+"""
+
+from fractions import Fraction
+
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array
+from omni_mj.config import CYCLES_PER_FRAME
+from omni_mj.config.rows import Row
+from omni_mj.mjcf.world_builder import World
+from omni_mj.network.radio import ReceivedCommand
+from omni_mj.plants.mjdata_views import RobotViews
+from omni_mj.plants.mujoco_robots import MujocoRobots
+from omni_mj.plants.randomization import RobotVariation
+from omni_mj.robot.electronics import CycleRecord
+
+# Largest product of timestep and rate of a wheel loop, by trials; with more, wheels on the floor
+# oscillate.
+MAX_LOOP_GAIN = 3.5
+
+
+class SteppedRobot(MujocoRobots):
+    """A robot that is advanced around the steps of a scene.
+
+    Args:
+        row: Row of the robot.
+        world: Model of the scene.
+        views: View of the robot, which is at its start.
+        variation: Deviations of the robot from its settings.
+        cycles_per_step: Cycles of the firmware per step.
+
+    Attributes:
+        record: Record of the last cycle.
+    """
+
+    def __init__(
+        self,
+        row: Row,
+        world: World,
+        views: RobotViews,
+        variation: RobotVariation,
+        cycles_per_step: Fraction,
+    ) -> None:
+        super().__init__([row], world, views, variation, np.zeros(1))
+        self._heading = self.compute_heading()
+        self._read_sensors()
+        self._start()
+        self._check_wheel_loops()
+        self._cycles_per_step = cycles_per_step
+        self._now = Fraction(0)  # time in cycles
+        self._sensor_time = Fraction(-1)  # of the sensor values, in cycles
+        self._n_cycles = 0  # number of cycles so far
+        self._runs_cycle = False  # whether a cycle ran before this step
+        self._voltages: Array | None = None  # commanded voltages, (W, 1) V
+        self._push_force = np.zeros((2, 1))
+        zeros = np.zeros((len(world.robots[0].joints), 1))
+        self.record = CycleRecord(zeros, zeros, zeros, zeros > 0, zeros[0], zeros[0])
+
+    def _check_wheel_loops(self) -> None:
+        """Raise an OmniError if steps are too long for the gain of the wheel loops.
+
+        The loop of a hub of the inertia J decays at the rate (kp + K) K / (R J). If it holds a
+        voltage for more than 2 / rate, the free hub oscillates; on the floor it has more inertia.
+        """
+        firmware, motors = self.parameters.electronics.firmware, self.electronics.motors
+        model, robot = self._world.model, self._world.robots[0]
+        damping = (firmware.kp + motors.back_emf_constant) * motors.back_emf_constant
+        rate = damping / motors.resistance * model.dof_invweight0[robot.wheel_dofs][:, None]
+        max_step = max(float(MAX_LOOP_GAIN / rate.max()), float(firmware.period[0]))
+        if model.opt.timestep > max_step:
+            raise OmniError(
+                f"the timestep of the scene is {model.opt.timestep:g} s; the wheel loops of the "
+                f"robot {self._rows[0].robot} need at most {max_step:.2g} s, or a lower firmware.kp"
+            )
+
+    def accept(self, name: str, values: Array) -> None:
+        """Accept a command; see `RobotDrive.command`."""
+        column = values[:, None]
+        self._voltages = column if name == "voltages" else None
+        self._set_current_setpoint(column if name == "currents" else None)
+        velocity = values if name == "velocity" else np.zeros(3)
+        rim_speeds = None
+        if name == "wheel_speeds":
+            rim_speeds = values[None] * self._world.kinematics.radius
+        self._receive(
+            ReceivedCommand(
+                velocity[None],
+                np.full(1, np.nan),
+                np.zeros(1, int),
+                in_body_frame=np.ones(1, bool),
+                rim_speeds=rim_speeds,
+            )
+        )
+
+    def set_push_force(self, force: Array) -> None:
+        """Set the push force from now on, world frame, (2,) N."""
+        self._push_force = force[:, None]
+        self._change_inputs(push_force=self._push_force)
+
+    def before_step(self) -> None:
+        """Run the cycles that are due."""
+        gyro, angle = self._sensor_values
+        change = self._views.wheel_angle.get() - angle  # since the sensors were read
+        age = self._now - self._sensor_time
+        self._runs_cycle = self._n_cycles <= self._now
+        while self._n_cycles <= self._now:
+            # As on the plant, sensor values are one cycle old.
+            fraction = float((self._n_cycles - 1 - self._sensor_time) / age)
+            self._sensor_values = gyro, angle + fraction * change
+            self._complete_frame_if_due()
+            if self._cycle == 0:
+                self._begin_frame()
+                self._change_inputs(
+                    push_force=self.electronics.inputs.push_force + self._push_force
+                )
+            self.record = self._begin_cycle()
+            self._records.append(self.record)
+            self._cycle += 1
+            self._n_cycles += 1
+        if not self._runs_cycle:
+            self._views.write_slip_limits(self._drag, self._views.load.get())
+
+    def after_step(self) -> None:
+        """Read sensors if a cycle has used the previous values."""
+        if self._runs_cycle:
+            self._read_sensors()
+            self._sensor_time = self._now
+        if self._roller_pitch is not None:
+            self._views.wrap_rollers(self._roller_pitch)
+        self._now += self._cycles_per_step
+        self._complete_frame_if_due()
+
+    def _begin_cycle(self) -> CycleRecord:
+        if self._voltages is not None:
+            motors = self.electronics.motors
+            speed = self._views.wheel_speed.get()
+            resistance = motors.resistance + self.parameters.electronics.motors.commutation * abs(
+                speed
+            )
+            current = (self._voltages - motors.back_emf_constant * speed) / resistance
+            self._set_current_setpoint(current)
+        return super()._begin_cycle()
+
+    def _complete_frame_if_due(self) -> None:
+        if self._cycle == CYCLES_PER_FRAME:
+            self._cycle = 0
+            self._complete_frame()
+
+    def _set_current_setpoint(self, current: Array | None) -> None:
+        """Let the drivers hold currents (W, 1), in A, in place of the firmware's duty cycles."""
+        self._current_setpoint = current
+        self._change_inputs(current_setpoint=current)
+
+    def _change_inputs(self, **inputs: Array | None) -> None:
+        """Change inputs of the present frame."""
+        state = self.electronics
+        self.electronics = state._replace(inputs=state.inputs._replace(**inputs))
+
+    def _advance_cycle(self) -> CycleRecord:
+        raise NotImplementedError("the scene advances the robot")

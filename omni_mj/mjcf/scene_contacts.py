@@ -1,0 +1,155 @@
+"""Contacts of robots in scenes of others, which may have any floor and any solver options.
+
+**Who meets whom.** The geoms of a scene usually have the bit 1 of contype and conaffinity. Wheels
+and hulls meet geoms with any of the low bits. Wheels do not meet hulls. A hull of upright cylinders
+meets other robots with its spheres, for the reason in `omni_mj.mjcf.hulls`.
+
+**Wheels on the floor** never slide, as on the field: rubber creeps and slides on the hinge between
+hub and rim. Normal to the floor, a contact has the law of `omni_mj.mjcf.rollers`, with K, c and m.
+Along the floor, MuJoCo has the same rate c / m, as friction has a rate of its own in contact pairs
+only. So the traction F makes contacts creep, in addition to the rubber. In elliptic cones it is by
+F / (i c), with the impratio i. Most scenes have pyramidal cones. There, at the coefficient of
+friction mu, MuJoCo regularizes an edge of the pyramid by
+
+    R = 2 mu^2 / i (1 - d) / d A (1 + mu^2)
+
+with the inverse effective mass A. Four edges share the normal force, so the added mass is
+m = 4 / R, from which d follows. The creep is R F / (2 mu^2 c / m) = 2 F / (mu^2 c), 1 mm/s at 2 N.
+
+Steps longer than 2 ms need softer contacts: K and c fall so that K dt^2 and c dt stay the same.
+"""
+
+import mujoco
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_mj.mjcf import hulls, rollers
+from omni_mj.mjcf.attachable_robot import AttachableRobot, attach_robot, attach_to_field
+from omni_mj.mjcf.robot_parts import Ids
+
+MAX_TIMESTEP_S = 0.005  # longest step with which robots were compared to the plant
+NOMINAL_TIMESTEP_S = 0.002  # longest step at which contacts are as stiff as K and c
+
+# Bits of contype and conaffinity
+_SCENE = (1 << 29) - 1  # geoms of scenes
+_SPHERE = 1 << 29  # spheres of hulls
+_HULL = 1 << 30  # hulls that are no upright cylinders
+_FLAG = mujoco.mjtDisableBit
+_NEEDED_FLAGS = (
+    _FLAG.mjDSBL_CONSTRAINT,
+    _FLAG.mjDSBL_FRICTIONLOSS,
+    _FLAG.mjDSBL_CONTACT,
+    _FLAG.mjDSBL_ACTUATION,
+    _FLAG.mjDSBL_SENSOR,
+    _FLAG.mjDSBL_GRAVITY,
+)
+
+
+def has_field_options(scene: mujoco.MjSpec) -> bool:
+    """Return whether a scene is models/field.xml, on which robots have the contacts of plants."""
+    carpet = scene.geom(hulls.CARPET)
+    return (
+        carpet is not None
+        and carpet.classname.name == "solid"
+        and scene.option.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+        and scene.option.impratio == rollers.FRICTION_STIFFNESS_RATIO
+    )
+
+
+def attach_to_scene(
+    scene: mujoco.MjSpec, robot: AttachableRobot, prefix: str, frame: mujoco.MjsFrame
+) -> None:
+    """Attach a robot to a scene, so that it meets all that collides in the scene.
+
+    Args:
+        scene: Specification of the scene; changed in place.
+        robot: The robot.
+        prefix: Prefix of the robot's names.
+        frame: Frame of the robot.
+    """
+    is_field = has_field_options(scene)
+    _enable_contacts(robot, is_field)
+    if not is_field:
+        attach_robot(scene, robot, prefix, frame)
+        return
+    other_spheres = [g.name for g in scene.geoms if g.name.endswith(hulls.SPHERE_SUFFIX)]
+    attach_to_field(scene, robot, prefix, other_spheres, frame)
+    # With the geoms of the field there are contact pairs only.
+    for body in (robot.chassis, *(robot.spec.geom(g).parent.name for g in robot.contact_geoms)):
+        scene.add_exclude(bodyname1="world", bodyname2=prefix + body)
+
+
+def _enable_contacts(robot: AttachableRobot, is_field: bool) -> None:
+    """Set the bits of contype and conaffinity of a robot's geoms."""
+    spec = robot.spec
+    for name in robot.contact_geoms:
+        roller = spec.geom(name)
+        roller.contype, roller.conaffinity = 0, _SCENE
+        roller.condim, roller.priority = 3, 2
+        roller.friction = [rollers.STICKING_FRICTION, 0.005, 0.0001]
+    for name in robot.hull_geoms:
+        hull = spec.geom(name)
+        hull.contype = 0 if robot.hull_spheres else _HULL
+        hull.conaffinity = _SCENE | _HULL
+    if not is_field:  # there, spheres have pairs
+        for name in robot.hull_spheres:
+            sphere, hull = spec.geom(name), spec.geom(name.removesuffix(hulls.SPHERE_SUFFIX))
+            sphere.contype = sphere.conaffinity = _SPHERE
+            sphere.priority, sphere.solref = hull.priority, hull.solref
+
+
+def set_floor_contacts(model: mujoco.MjModel, bodies: Ids, wheel_load_kg: float) -> None:
+    """Set the law of a robot's contacts with the floor, for the solver options of the scene.
+
+    Args:
+        model: Model of the scene; changed in place.
+        bodies: Bodies of the robot's rollers.
+        wheel_load_kg: Mass on a wheel.
+    """
+    geoms = np.flatnonzero(np.isin(model.geom_bodyid, bodies) & (model.geom_conaffinity > 0))
+    inverse_mass = float(model.body_invweight0[bodies, 0].max())  # A
+    ratio = 1 / (rollers.ADDED_MASS_KG * inverse_mass)  # (1 - d) / d
+    if model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL:
+        square = rollers.STICKING_FRICTION**2
+        ratio *= 2 * model.opt.impratio / (square * (1 + square))
+    d = 1 / (1 + ratio)
+    softness = min(NOMINAL_TIMESTEP_S / model.opt.timestep, 1.0)
+    k = rollers.STIFFNESS_N_M / rollers.ADDED_MASS_KG * softness**2
+    b = rollers.compute_carpet_damping(wheel_load_kg) / rollers.ADDED_MASS_KG * softness
+    model.geom_solref[geoms] = -k * d, -b * d  # MuJoCo divides by d
+    model.geom_solimp[geoms] = d, d, 1.0, 0.5, 2.0
+
+
+def check_scene(model: mujoco.MjModel, bodies: Ids, name: str) -> None:
+    """Check that wheels can roll in a scene.
+
+    Args:
+        model: Model of the scene.
+        bodies: Bodies of a robot's rollers.
+        name: Name of the robot in messages.
+
+    Raises:
+        OmniError: No geom can touch them, the step is too long, or forces that they need are
+            disabled.
+    """
+    step = model.opt.timestep
+    if step > MAX_TIMESTEP_S:
+        raise OmniError(
+            f"the timestep of the scene is {step:g} s; wheels need at most {MAX_TIMESTEP_S:g} s"
+        )
+    is_paired = np.isin(model.pair_geom2, np.flatnonzero(np.isin(model.geom_bodyid, bodies)))
+    if is_paired.any() and step > NOMINAL_TIMESTEP_S:
+        raise OmniError(
+            f"the timestep of the field is {step:g} s; its contacts need at most "
+            f"{NOMINAL_TIMESTEP_S:g} s"
+        )
+    disabled = [flag for flag in _NEEDED_FLAGS if model.opt.disableflags & flag]
+    if disabled:
+        names = ", ".join(flag.name.removeprefix("mjDSBL_").lower() for flag in disabled)
+        raise OmniError(f"the options of the scene disable {names}, without which no wheel rolls")
+    is_outside = model.body_rootid[model.geom_bodyid] != model.body_rootid[bodies[0]]
+    if not (is_paired.any() or (model.geom_contype[is_outside] & _SCENE).any()):
+        raise OmniError(
+            f"nothing in the scene can touch the wheels of {name!r}: it needs a floor, with "
+            'contype="1"'
+        )

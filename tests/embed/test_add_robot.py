@@ -1,0 +1,320 @@
+"""Robots in scenes of others drive as on the plant `mujoco`, whatever the scene."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from benches.plant import FRAME_S
+from benches.rolling import make_floor
+from numpy.typing import NDArray
+
+import omni_mj as om
+from omni_mj.config.resolve import resolve_settings
+from omni_mj.config.robot_files import find_models_folder
+from omni_mj.config.rows import Row
+from omni_mj.network.radio import ReceivedCommand
+from omni_mj.plants.mujoco_plant import MujocoPlant
+
+ROBOTS = ("tigers-v2016", "tigers-v2020", "robojackets")
+ELLIPTIC, Integrator = mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtIntegrator
+FIELD = find_models_folder() / "field.xml"
+STEPS = 16  # of the field's timestep in a frame
+NOISELESS = {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0}
+
+
+def make_plant(robot: str, poses: list[list[float]], seed: int = 0, **sections: Any) -> MujocoPlant:
+    """Return robots of one world of the plant, whose commands never time out."""
+    chosen = resolve_settings({"firmware": {"timeout_s": 0.0}, **sections}, robot)
+    rows = [Row(0, slot, "", seed, chosen, robot) for slot in range(len(poses))]
+    return MujocoPlant(rows, np.array(poses))
+
+
+def in_body_frame(commands: NDArray) -> ReceivedCommand:
+    """Return commands (n, 3) in the body frame that arrive at once, without vision."""
+    n = len(commands)
+    return ReceivedCommand(
+        commands, np.full(n, np.nan), np.zeros(n, int), in_body_frame=np.ones(n, bool)
+    )
+
+
+def accelerate(twist: NDArray, time: float) -> NDArray:
+    """Return the command that reaches a twist (3,) in 0.33 s, and rests from 1.2 s on."""
+    return twist * np.clip(min(3 * time, 3 * (1.2 - time)), 0, 1)
+
+
+def drive_on_plant(robot: str, twist: NDArray, seconds: float = 1.5, **sections: Any) -> NDArray:
+    """Return the pose (3,) of a robot on the plant that drove with a twist from the origin."""
+    plant = make_plant(robot, [[0, 0, 0]], **sections)
+    for frame in range(round(seconds / FRAME_S)):
+        plant.advance(in_body_frame(accelerate(twist, frame * FRAME_S)[None]))
+    return plant.pose()[0]
+
+
+def drive_in_scene(
+    scene: mujoco.MjSpec, robot: Any, twist: NDArray, seconds: float = 1.5, **options: Any
+) -> tuple[NDArray, NDArray]:
+    """Return pose (3,) and positions (steps, 3) of a robot that drove in a scene."""
+    added = om.add_robot(scene, robot, prefix="mine/", **options)
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    drive, positions = added.bind(model, data), []
+    for _ in range(round(seconds / model.opt.timestep)):
+        drive.command(accelerate(twist, data.time))
+        drive.step()
+        positions.append(data.body(added.chassis).xpos.copy())
+    return drive.pose, np.array(positions)
+
+
+@pytest.mark.parametrize(
+    ("robot", "n_robots", "substeps"), [("tigers-v2020", 1, 1), ("tigers-v2016", 2, 2)]
+)
+def test_on_the_field_it_has_the_bits_of_the_plant(
+    robot: str, n_robots: int, substeps: int
+) -> None:
+    """Random commands from a random pose; two robots hit each other."""
+    seed = 7
+    rng = np.random.default_rng(seed)
+    poses = [[0.4 * slot, 0.1 * slot, heading] for slot, heading in enumerate(rng.normal(size=2))]
+    # The noise of a plant's second robot is another one than that of a drive.
+    sections: dict[str, Any] = {"sensors": NOISELESS} if n_robots > 1 else {}
+    plant = make_plant(robot, poses[:n_robots], seed, physics={"substeps": substeps}, **sections)
+    scene = mujoco.MjSpec.from_file(str(FIELD))
+    scene.option.timestep /= substeps
+    added = [
+        om.add_robot(scene, robot, prefix=f"robot_{slot}/", pose=pose, **sections)
+        for slot, pose in enumerate(poses[:n_robots])
+    ]
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    drives = [robot.bind(model, data, seed=seed) for robot in added]
+    commands = rng.normal(size=(30, n_robots, 3))
+    heading = poses[0][2]
+    commands[:, 0, :2] = 2 * np.cos(heading), -2 * np.sin(heading)  # towards the other robot
+    for frame_commands in commands:
+        plant.advance(in_body_frame(frame_commands))
+        for drive, command in zip(drives, frame_commands, strict=True):
+            drive.command(command)
+        for _ in range(STEPS * substeps):
+            for drive in drives:
+                drive.before_step()
+            mujoco.mj_step(model, data)
+            for drive in drives:
+                drive.after_step()
+    telemetry = plant.telemetry()
+    for row, drive in enumerate(drives):
+        assert (drive.pose[:2] == plant.pose()[row, :2]).all()
+        assert (drive.winding_temperatures == telemetry.winding[row]).all()
+        assert (drive.currents == telemetry.current[row]).all()
+        assert drive.battery_voltage == telemetry.battery[row]
+
+
+# The gain of the robot tigers-v2020 needs steps below 3.8 ms.
+@pytest.mark.parametrize(
+    ("robot", "options", "tolerance"),
+    [
+        ("tigers-v2016", {"timestep": 0.001}, 0.02),
+        ("tigers-v2020", {"timestep": 0.002}, 0.02),
+        ("robojackets", {"timestep": 0.002, "integrator": Integrator.mjINT_IMPLICITFAST}, 0.02),
+        ("tigers-v2016", {"timestep": 0.002, "integrator": Integrator.mjINT_RK4}, 0.02),
+        ("tigers-v2020", {"timestep": 0.002, "cone": ELLIPTIC, "impratio": 10.0}, 0.02),
+        ("robojackets", {"timestep": 0.005}, 0.03),
+    ],
+)
+def test_it_drives_as_on_the_plant_with_any_options(
+    robot: str, options: dict[str, Any], tolerance: float
+) -> None:
+    """Creep, drag and motors bring it to the same pose; it does not hop."""
+    rng = np.random.default_rng(12)
+    twist = np.array([*rng.uniform(-1.5, 1.5, 2), rng.uniform(-4, 4)])  # 4.6 m/s^2
+    reference = drive_on_plant(robot, twist)
+    pose, positions = drive_in_scene(make_floor("plane", **options), robot, twist)
+    assert np.hypot(*(pose - reference)[:2]) < tolerance * np.hypot(*reference[:2])
+    assert abs(np.sin(pose[2] - reference[2])) < 0.05
+    assert np.ptp(positions[len(positions) // 10 :, 2]) < 2e-4
+
+
+@pytest.mark.parametrize("azimuths", [(60, 180, 300), (30, 100, 180, 260, 330), range(0, 360, 60)])
+def test_robots_of_three_to_six_wheels_drive_as_on_the_plant(azimuths: Sequence[int]) -> None:
+    wheels = {"azimuths_deg": tuple(azimuths)}
+    twist = np.array([0.5, -0.4, 2.0])
+    reference = drive_on_plant("tigers-v2016", twist, wheels=wheels)
+    pose, _ = drive_in_scene(make_floor("box"), "tigers-v2016", twist, wheels=wheels)
+    np.testing.assert_allclose(pose, reference, atol=0.01)
+
+
+@pytest.mark.parametrize("degrees", [3, 12])
+def test_it_drives_uphill_as_the_plant_under_tilted_gravity(degrees: float) -> None:
+    """It stands on the slope from the start, and its carpet has the slope's inclination."""
+    twist = np.array([0.7, 0.3, 0.0])
+    tilt = {"kind": "tilt", "angle_deg": degrees, "direction_deg": 180.0, "start_s": 0.0}
+    reference = drive_on_plant("tigers-v2016", twist, fault=[tilt])
+    scene, half = mujoco.MjSpec(), np.radians(degrees) / 2
+    slope = [np.cos(half), 0, -np.sin(half), 0]
+    scene.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[9, 9, 1], quat=slope)
+    _, positions = drive_in_scene(scene, "tigers-v2016", twist)
+    along = np.array([np.cos(2 * half), 0, np.sin(2 * half)])
+    moved = positions[-1]
+    np.testing.assert_allclose([moved @ along, moved[1]], reference[:2], atol=0.01)
+    normal = np.array([-np.sin(2 * half), 0, np.cos(2 * half)])
+    assert np.abs(positions @ normal).max() < 2e-4
+
+
+def test_on_an_uneven_floor_it_follows_the_floor() -> None:
+    """A height field of waves of 2 cm and 3 m: the robot's center stays near the floor."""
+    x, y = np.meshgrid(np.linspace(-3, 3, 121), np.linspace(-3, 3, 121))
+    waves = 0.5 + 0.25 * (np.sin(2 * x) + np.cos(2 * y))  # of 4 cm
+    scene = mujoco.MjSpec()
+    scene.add_hfield(
+        name="waves", nrow=121, ncol=121, size=[3, 3, 0.04, 0.1], userdata=waves.ravel()
+    )
+    scene.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="waves")
+    twist = np.array([0.9, 0.5, 0.0])
+    _, positions = drive_in_scene(scene, "tigers-v2016", twist, pose=(-0.5, 0.2, 0.3))
+    # A height field spans from the lowest to the highest of its values.
+    floor = 0.04 * (0.5 + 0.25 * (np.sin(2 * positions[:, 0]) + np.cos(2 * positions[:, 1])))
+    assert np.ptp(positions[:, 0]) > 0.4
+    # The wheels' arm is 83 mm: a chord of that length is at most 2 mm from these waves.
+    assert np.abs(positions[:, 2] - floor).max() < 2e-3
+
+
+def test_it_carries_an_arm_and_leaves_other_motors_alone() -> None:
+    """An arm of 0.5 kg with its motor swings on the chassis. A fallen robot stays on the floor."""
+    scene = make_floor("plane")
+    carrier = om.add_robot(scene, prefix="carrier/")
+    fallen = om.add_robot(scene, "tigers-v2020", prefix="fallen/", pose=(2.0, 0.0, 0.0))
+    arm = scene.body(carrier.chassis).add_body(pos=[0, 0, 0.17])
+    arm.add_joint(name="shoulder", axis=[0, 0, 1])
+    arm.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[0, 0, 0, 0.1, 0, 0], size=[0.01] * 3, mass=0.5
+    )
+    motor = scene.add_actuator(
+        name="shoulder", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="shoulder"
+    )
+    motor.set_to_position(kp=2.0, kv=0.2)
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    drives = [robot.bind(model, data) for robot in (carrier, fallen)]
+    free_joint = model.joint("fallen/robot").qposadr[0]
+    data.qpos[free_joint + 2 : free_joint + 7] = 0.3, 0.5, 0.8, 0.2, 0.1
+    data.actuator("shoulder").ctrl[0] = 1.0
+    twist = np.array([0.7, 0.0, 0.0])
+    for _ in range(500):
+        for drive in drives:
+            drive.command(accelerate(twist, data.time))
+            drive.before_step()
+        mujoco.mj_step(model, data)
+        for drive in drives:
+            drive.after_step()
+    assert data.actuator("shoulder").ctrl[0] == 1.0
+    assert data.joint("shoulder").qpos[0] == pytest.approx(1.0, abs=0.1)
+    payload = {"kind": "payload", "mass_kg": 0.5, "height_m": 0.17, "start_s": 0.0}
+    loaded = drive_on_plant("tigers-v2016", twist, seconds=1.0, fault=[payload])
+    assert drives[0].pose[0] == pytest.approx(loaded[0], rel=0.01)
+    assert data.body("fallen/chassis").xpos[2] > -1e-3
+    assert np.abs(data.qvel).max() < 60
+
+
+def test_each_kind_of_command_reaches_the_motors() -> None:
+    """Wheel speeds and velocities of a turn; a motor's voltage equation; held currents; a push."""
+    robot, model, data = add_to_plane("tigers-v2016")
+    drive = robot.bind(model, data)
+    motor, arm = robot.settings.motor, robot.settings.wheels.arm_m
+    step(drive, 250, wheel_speeds=[20.0] * 4)
+    turn_rate = 20.0 * robot.settings.wheels.radius_m / arm
+    assert drive.gyro == pytest.approx(turn_rate, rel=0.1)  # a P loop lags
+    by_wheel_speeds = drive.pose
+    drive.reset()
+    step(drive, 250, velocity=[0.0, 0.0, turn_rate])
+    assert np.sin(by_wheel_speeds[2] - drive.pose[2]) == pytest.approx(0.0, abs=0.2)
+
+    drive.reset()
+    step(drive, 400, voltages=[3.0] * 4)
+    np.testing.assert_allclose(drive.voltages, 3.0)
+    speeds = np.array([data.joint(f"robot_wheel_{i}").qvel[0] for i in (1, 2, 3, 4)])
+    resistance = motor.resistance_ohm + motor.commutation_ohm_s * motor.gear_ratio * speeds
+    current = (3.0 - motor.wheel_back_emf_v_s * speeds) / resistance
+    np.testing.assert_allclose(drive.currents, current, rtol=0.02)
+
+    drive.reset()
+    assert drive.encoders == pytest.approx(0.0, abs=0.01)
+    step(drive, 100, currents=[0.7] * 4)
+    np.testing.assert_allclose(drive.currents, 0.7)
+    assert (drive.encoders > 0.1).all()
+
+    drive.reset()
+    drive.set_push_force([0.0, 12.0])
+    step(drive, 100, velocity=[0.0, 0.0, 0.0])
+    assert drive.pose[1] > 0.002 > abs(drive.pose[0])
+
+
+def test_mistakes_get_one_message() -> None:
+    scene = make_floor("plane")
+    robot = om.add_robot(scene, prefix="a_")
+    with pytest.raises(om.OmniError, match="give the robot another prefix"):
+        om.add_robot(scene, prefix="a_")
+    with pytest.raises(om.OmniError, match="cannot have fault"):
+        om.add_robot(scene, prefix="b_", fault=[{"kind": "push"}])
+    with pytest.raises(om.OmniError, match="did you mean"):
+        om.add_robot(scene, prefix="b_", carpet={"frictoin": 1})
+    with pytest.raises(om.OmniError, match="pose must be finite"):
+        om.add_robot(scene, prefix="b_", pose=(0, 0))
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    other = make_floor("plane").compile()
+    with pytest.raises(om.OmniError, match="no body 'a_chassis'"):
+        robot.bind(other, mujoco.MjData(other))
+    drive = robot.bind(model, data)
+    for command in ({}, {"velocity": [0, 0]}, {"voltages": [np.nan] * 4}, {"currents": 1}):
+        with pytest.raises(om.OmniError):
+            drive.command(**command)
+    with pytest.raises(om.OmniError, match="not 2"):
+        drive.command([0, 0, 0], voltages=[0] * 4)
+    step(drive, 5, velocity=[0, 0, 0])
+    mujoco.mj_resetData(model, data)
+    with pytest.raises(om.OmniError, match="reset of the drive"):
+        drive.step()
+    drive.reset()
+    drive.step()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"timestep": 0.006}, "timestep of the scene is 0.006 s; wheels need at most 0.005 s"),
+        ({"disableflags": int(mujoco.mjtDisableBit.mjDSBL_CONTACT)}, "disable contact"),
+    ],
+)
+def test_scenes_in_which_no_wheel_rolls_are_refused(change: dict[str, Any], message: str) -> None:
+    scene = make_floor("plane", **change)
+    robot = om.add_robot(scene)
+    model = scene.compile()
+    with pytest.raises(om.OmniError, match=message):
+        robot.bind(model, mujoco.MjData(model))
+
+
+def test_scenes_without_floor_and_loops_that_oscillate_are_refused() -> None:
+    robot, model, data = add_to_plane("tigers-v2020", timestep=0.005)
+    with pytest.raises(om.OmniError, match="wheel loops of the robot tigers-v2020 need at most"):
+        robot.bind(model, data)
+    scene = mujoco.MjSpec()
+    robot = om.add_robot(scene)
+    model = scene.compile()
+    with pytest.raises(om.OmniError, match="needs a floor"):
+        robot.bind(model, mujoco.MjData(model))
+
+
+def add_to_plane(name: str, **options: Any) -> tuple[Any, mujoco.MjModel, mujoco.MjData]:
+    """Return a robot without prefix on a plane, and the scene."""
+    scene = make_floor("plane", **options)
+    robot = om.add_robot(scene, name)
+    model = scene.compile()
+    return robot, model, mujoco.MjData(model)
+
+
+def step(drive: Any, n_steps: int, **command: Any) -> None:
+    """Advance a scene under one command."""
+    drive.command(**command)
+    for _ in range(n_steps):
+        drive.step()
