@@ -19,6 +19,7 @@ from synthetic_logs import (
 )
 
 import omni_mj as om
+from omni_mj.config import nominal_model
 from omni_mj.studies.identify.derived_parameters import Estimate
 from omni_mj.studies.identify.identify_study import IdentificationResult
 from omni_mj.studies.identify.robot_file_writer import list_changes
@@ -58,6 +59,15 @@ def test_parameters_are_identified_from_a_log(is_other_robot: bool, tmp_path: Pa
     assert result.estimates["commands.dead_time_s"].value == pytest.approx(dead_time, abs=0.3 / 60)
     lag = om.load_robot("tigers-v2016").facts["lag_forward_s"]
     assert result.estimates["commands.lag_forward_s"].value == pytest.approx(lag, abs=0.005)
+
+
+def test_robot_found_has_the_lag_of_wheel_loops_that_its_file_has_wrong(tmp_path: Path) -> None:
+    """Commands tell the gain, which the start robot has wrong by a factor of two."""
+    loops = {"firmware": {"kp": 0.15}}
+    identify_log(make_log(4.0, wheels=False, **loops), tmp_path).save(tmp_path)
+    found = om.load_robot(str(tmp_path / "robot.toml")).settings
+    lag = nominal_model.compute_lag(SETTINGS.replace(**loops))
+    np.testing.assert_allclose(nominal_model.compute_lag(found), lag, rtol=0.15)
 
 
 def test_commands_alone_identify_creep(tmp_path: Path) -> None:

@@ -60,6 +60,9 @@ PARAMETERS = {
     "radius_m": ParameterInfo("effective wheel radius", "m", "", 0.01, 1.1e-3, relative=True),
     "arm_m": ParameterInfo("effective arm", "m", "turning", 0.02, 3e-3, relative=True),
     "lag_forward_s": ParameterInfo("lag tau forward", "s", "forward", 0.02, 1e-3),
+    "loop_gain": ParameterInfo(
+        "gain kp of wheel loops", "V s/rad", "forward", 0.6, 0.15, relative=True
+    ),
     "friction_forward_m_s": ParameterInfo("dry friction c forward", "m/s", "forward", 0.03, 0.0),
     "gain_turning": ParameterInfo("gain K turning", "", "turning", 0.05, 2e-3),
     "heading_offset_rad": ParameterInfo("heading offset", "rad", "", 0.05, 0.0),
@@ -201,6 +204,8 @@ def estimate_parameters(
         reason = _why_not_identified(fit, name, value, missing_excitation)
         if reason is None and error > MAX_PRIOR_FRACTION * prior_error:
             reason = "these data tell hardly more than the robot's file does"
+        elif reason is None and name == "loop_gain" and abs(value - settings.firmware.kp) < half:
+            reason = f"the {settings.firmware.kp:g} {info.unit} of the robot's file lies within"
         source = "wheels" if by_wheels else "commands"
         interval = value - half, value + half
         is_weak = not half <= info.limit * size  # also if it is NaN
@@ -253,6 +258,10 @@ def derive_parameters(
         squares = (cosines**2).sum()
         compliance = p["compliance_s"]
         derived["lag_forward_s"] = float(compliance * (1 / squares + dynamics.rotor_inertia))
+        firmware, back_emf = settings.firmware, settings.motor.wheel_back_emf_v_s
+        if not (firmware.ki or firmware.kd):
+            nominal = settings.body.mass_kg * nominal_model.compute_rim_compliance(settings)
+            derived["loop_gain"] = (firmware.kp + back_emf) * nominal / compliance - back_emf
         derived["friction_forward_m_s"] = float(
             (p["dry_friction_m_s"] * cosines.sum() + compliance * drag[0]) / squares
         )

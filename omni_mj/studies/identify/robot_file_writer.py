@@ -21,6 +21,7 @@ FIELDS = {
     "commands.rolling_resistance": ("carpet", "rolling_resistance"),
     "commands.roller_friction": ("drivetrain", "roller_friction"),
     "commands.dead_time_s": ("radio", "delay_frames"),
+    "commands.loop_gain": ("firmware", "kp"),
     "commands.lag_forward_s": ("control", "assumed_lag_s"),
     "commands.friction_forward_m_s": ("control", "assumed_friction_loss_m_s"),
     "commands.creep_forward_s2_m": ("control", "assumed_creep_s2_m"),
