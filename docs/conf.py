@@ -67,6 +67,7 @@ NAVIGATION = {
         "docs/how-to/add-a-robot",
         "docs/how-to/write-a-controller",
         "docs/how-to/use-from-python",
+        "docs/how-to/add-to-your-scene",
         "docs/how-to/measure-latency",
         "docs/how-to/connect-your-software",
         "docs/how-to/identify-a-robot",
