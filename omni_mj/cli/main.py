@@ -23,6 +23,7 @@ HELP_SECTIONS = {  # heading -> command -> purpose; a line must fit 80 columns
         "serve": "simulate robots for any team's software",
         "drive": "drive real robots, or those of another simulator",
         "new": "write a file to start from: scenario, controller or robot",
+        "export": "write a robot as MJCF for any MuJoCo scene",
     },
     "Results": {
         "report": "write an HTML report about one or several runs",

@@ -29,6 +29,7 @@ from omni_mj.mjcf.robot_parts import HINGE
 
 Element = ElementTree.Element
 DEFAULTS = "default/default"  # path of the class of all defaults
+ROLLER_GEOM = f"{DEFAULTS}/default[@class='roller']/geom"
 # Attributes of the classes of geoms in worlds of this program: only listed pairs touch.
 _NO_CONTACT = {"contype": "0", "conaffinity": "0"}
 _WORLD_CONTACTS = {
@@ -75,6 +76,7 @@ def _build_standard_robot(mechanics: Mechanics) -> RobotSpec:
     write_wheels(root, mechanics)
     for geom_class, attributes in _WORLD_CONTACTS.items():
         find_child(root, f"{DEFAULTS}/default[@class='{geom_class}']/geom").attrib |= attributes
+    del find_child(root, "worldbody/body/geom[@name='hull']").attrib["euler"]
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     spec.modelfiledir = str(path.parent)
     set_chassis_inertia(spec, mechanics.body)
@@ -103,6 +105,10 @@ def write_wheels(root: Element, mechanics: Mechanics) -> None:
         hub.set("pos", f"{wheels.arm_m!r} 0 {wheels.radius_m!r}")
         _scale_hub(hub, wheels.radius_m / file_radius)
         _write_rollers(frame, wheels)
+    # Rollers are barrels. The radius of curvature of their profile is the wheel's radius.
+    half_length = math.sqrt(wheels.radius_m * wheels.roller_radius_m)
+    size = wheels.roller_radius_m, wheels.roller_radius_m, half_length
+    find_child(root, ROLLER_GEOM).set("size", " ".join(map(repr, size)))
     _remove_skirts(root, wheels)
     _replicate_first(root, "actuator/dcmotor", count)
     _replicate_first(root, "sensor/jointpos", count)
@@ -139,16 +145,12 @@ def _scale_hub(hub: Element, factor: float) -> None:
 
 
 def _write_rollers(frame: Element, wheels: WheelSettings) -> None:
-    """Set number and size of a wheel's rollers."""
+    """Set number and places of a wheel's rollers."""
     rollers = find_child(frame, "body/body/replicate")
     rollers.set("count", str(wheels.rollers))
     rollers.set("euler", f"{360 / wheels.rollers!r} 0 0")
     roller = find_child(rollers, "body")
     roller.set("pos", f"0 0 {wheels.roller_radius_m - wheels.radius_m!r}")
-    # A barrel. The radius of curvature of its profile is the wheel's radius.
-    half_length = math.sqrt(wheels.radius_m * wheels.roller_radius_m)
-    size = wheels.roller_radius_m, wheels.roller_radius_m, half_length
-    find_child(roller, "geom").set("size", " ".join(map(repr, size)))
 
 
 def _replicate_first(root: Element, path: str, count: int) -> list[Element]:

@@ -1,0 +1,128 @@
+"""`omni-mj export`: write a robot as plain MJCF, in a folder as MuJoCo Menagerie's."""
+
+import os
+import re
+import subprocess
+import sys
+import warnings
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+
+from omni_mj.atomic_files import create_folder, open_atomic, write_json
+from omni_mj.cli import console, options, output_folders
+
+_PICTURE_PROGRAM = """
+import sys
+import mujoco
+from PIL import Image
+model = mujoco.MjModel.from_xml_path(sys.argv[1])
+model.vis.global_.offwidth, model.vis.global_.offheight = 960, 720
+data, camera = mujoco.MjData(model), mujoco.MjvCamera()
+mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+mujoco.mj_forward(model, data)
+camera.lookat, camera.azimuth, camera.elevation = model.stat.center, 215, -28
+camera.distance = 1.35 * model.stat.extent
+with mujoco.Renderer(model, 720, 960) as renderer:
+    renderer.update_scene(data, camera)
+    Image.fromarray(renderer.render()).save(sys.argv[2], "png")
+"""
+PICTURE_TIMEOUT_S = 60.0
+
+
+@click.command("export")
+@options.robot_options
+@options.out_option("export")
+@options.OVERWRITE
+@options.QUIET
+def export_command(
+    scenario_options: options.ScenarioOptions, out: Path | None, overwrite: bool, quiet: bool
+) -> None:
+    """Write a robot as plain MJCF, for any scene of MuJoCo.
+
+    The folder has the robot, a scene with a floor, README.md with the source of each number, and a
+    picture, as models of MuJoCo Menagerie do. The robot rolls with MuJoCo's default options.
+    """
+    from omni_mj.results import provenance
+
+    name, files = _collect_files(scenario_options)
+    picture = f"{name}.png"
+    outputs = (*files, picture, output_folders.PROVENANCE[0])
+    folder = output_folders.prepare_folder(out, "export", outputs, overwrite)
+    record = {"study": "export", "command": console.get_command_line()}
+    with console.report_write_errors(folder):
+        # --overwrite recognizes the folder by it.
+        environment = provenance.describe_environment()
+        write_json(folder / output_folders.PROVENANCE[0], record | environment)
+        for path, data in files.items():
+            create_folder((folder / path).parent)
+            with open_atomic(folder / path) as file:
+                file.write(data)
+        reason = _draw_picture(folder / "scene.xml", folder / picture)
+    if reason:
+        warnings.warn(f"no {picture}, because MuJoCo cannot draw here: {reason}", stacklevel=1)
+    if not quiet:
+        print(console.describe_outputs(folder, outputs))
+
+
+def _collect_files(scenario_options: options.ScenarioOptions) -> tuple[str, dict[str, bytes]]:
+    """Return the name of the model, and the contents of its files by their paths."""
+    from omni_mj import __version__
+    from omni_mj.config import robot_files
+    from omni_mj.mjcf.model_readme import ModelOrigin, format_readme
+    from omni_mj.mjcf.plain_model import build_plain_model
+
+    robot = scenario_options.robot or robot_files.DEFAULT_ROBOT
+    settings = scenario_options.load_scenario("rect").settings
+    name = re.sub(r"[^\w-]", "_", Path(scenario_options.model or robot).stem, flags=re.ASCII)
+    model = build_plain_model(settings, f"{name}_robot" if name == "scene" else name)
+    description, _ = robot_files.read_robot_file(robot)
+    if settings.model.file:
+        description = f"{Path(settings.model.file).name}, with motors and battery of {description}"
+    origin = ModelOrigin(
+        description,
+        robot_files.find_robot_file(robot).read_text(encoding="utf-8"),
+        ", ".join(scenario_options.setting_overrides),
+        console.get_command_line() or "",
+        __version__,
+    )
+    today = f"{datetime.now(UTC):%Y-%m-%d}"
+    files = dict(model.files)
+    files["README.md"] = format_readme(settings, model, origin).encode()
+    files["CHANGELOG.md"] = f"# Changelog\n\n## [{today}]\n\n- Initial release.\n".encode()
+    if not settings.model.file:
+        files["LICENSE"] = (robot_files.find_models_folder() / "LICENSE").read_bytes()
+    return model.name, files
+
+
+def _draw_picture(scene: Path, picture: Path) -> str:
+    """Draw a scene in another process, because a missing or broken GL can end it.
+
+    Returns:
+        The reason why there is no picture, or nothing.
+    """
+    environment = dict(os.environ)
+    environment.pop("MUJOCO_GL", None)  # "disable", except in commands that draw
+    if sys.platform.startswith("linux"):
+        environment["MUJOCO_GL"] = "egl"
+    partial = picture.with_name(picture.name + ".partial")
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _PICTURE_PROGRAM, str(scene), str(partial)],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=PICTURE_TIMEOUT_S,
+        )
+        if done.returncode == 0:
+            partial.replace(picture)
+            return ""
+        lines = done.stderr.strip().splitlines()
+        return lines[-1] if lines else f"the renderer ended with code {done.returncode}"
+    except subprocess.TimeoutExpired:
+        return f"it took more than {PICTURE_TIMEOUT_S:g} s"
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,213 @@
+"""A robot as plain MJCF, which rolls in any scene with a floor and MuJoCo's default options.
+
+Rollers and hulls carry their contact bits and parameters:
+
+- Rollers meet the geoms of the scene (contype 1, conaffinity 1), but neither hulls nor rollers.
+- Hulls meet the geoms of the scene and the hulls of other robots.
+- All other geoms of a robot meet nothing.
+
+The contact of a roller has a time constant of 10 ms, the impedance 0.97 and the friction 1.5. With
+MuJoCo's pyramidal cones, timesteps from 1 to 5 ms and all integrators, robots follow their wheels
+within 1 % and do not hop. The stiff contacts of this program's worlds (`rollers`) would slip.
+"""
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from omni_control.errors import OmniError
+from omni_mj.config.robot_files import find_models_folder, read_model_files
+from omni_mj.config.settings import FULL_CELL_V, Settings
+from omni_mj.mjcf.custom_robot import RobotSpec
+from omni_mj.mjcf.mjcf_text import format_mjcf, format_numbers, parse_mjcf
+from omni_mj.mjcf.robot_builder import (
+    DEFAULTS,
+    build_robot_spec,
+    find_child,
+    set_chassis_inertia,
+    write_wheels,
+)
+from omni_mj.mjcf.robot_parts import RobotIndices, find_robots
+
+# Attributes of geoms that models/ssl_robot.xml defines for all robots, by class.
+_CONTACT_ATTRIBUTES = {
+    "roller": ("contype", "conaffinity", "condim", "priority", "friction", "solref", "solimp"),
+    "hull": ("contype", "conaffinity"),
+}
+VIEW_DISTANCE = 4.0  # extent of the scene for MuJoCo's cameras, over the arm of the wheels
+TILT_RAD = 2e-4  # of cylinders that collide
+_FILE_NAME = "ssl_robot"  # of the robot in models/
+# Attributes of a file that hold for a whole scene.
+_SCENE_ATTRIBUTES = ("option", "visual", "stat", "memory", "nstack", "nconmax", "njmax")
+
+
+@dataclass(frozen=True)
+class PlainModel:
+    """A robot as plain MJCF.
+
+    Attributes:
+        name: Name of the model and of its file, without suffix.
+        files: Contents of the robot's file, scene.xml, meshes and textures, by their paths.
+        motors: Names of the actuators, by wheel.
+    """
+
+    name: str
+    files: Mapping[str, bytes]
+    motors: tuple[str, ...]
+
+
+def build_plain_model(settings: Settings, name: str) -> PlainModel:
+    """Return a robot as plain MJCF.
+
+    Args:
+        settings: Settings of the robot.
+        name: Name of the model.
+
+    Raises:
+        OmniError: The numbers of the robot are impossible, a robot's file lacks a part, or MuJoCo
+            cannot compile the result.
+    """
+    folder, file = find_models_folder(), settings.model.file
+    if file:
+        robot, sources = _build_custom_robot(settings, name), read_model_files(Path(file))
+        assets = {path: data for path, data in sources.items() if not path.endswith(".xml")}
+    else:
+        robot, assets = _build_standard_robot(settings, name), {}
+    scene = parse_mjcf((folder / "scene.xml").read_text().replace(_FILE_NAME, name))
+    extent = VIEW_DISTANCE * settings.wheels.arm_m
+    find_child(scene, "statistic").set("extent", f"{extent:.2g}")
+    texts = {f"{name}.xml": format_mjcf(robot), "scene.xml": format_mjcf(scene)}
+    files = {path: text.encode() for path, text in texts.items()} | assets
+    try:
+        compiled = mujoco.MjModel.from_xml_string(texts["scene.xml"], files)
+    except ValueError as error:
+        raise OmniError(f"{name}.xml: {' '.join(str(error).split())}") from error
+    (indices,) = find_robots(compiled)
+    return PlainModel(name, files, tuple(compiled.actuator(i).name for i in indices.motors))
+
+
+def _build_standard_robot(settings: Settings, name: str) -> ElementTree.Element:
+    """Return models/ssl_robot.xml with the numbers of a robot."""
+    path = find_models_folder() / f"{_FILE_NAME}.xml"
+    root = parse_mjcf(path.read_text().replace(_FILE_NAME, name))
+    write_wheels(root, settings.mechanics)
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    set_chassis_inertia(spec, settings.body)
+    (chassis,) = spec.worldbody.bodies
+    motor, drivetrain = settings.motor, settings.drivetrain
+    numbers: dict[str, dict[str, Any]] = {  # path -> attributes
+        f"{DEFAULTS}/default[@class='wheel']/joint": {
+            "frictionloss": settings.hub_friction_nm,
+            "damping": motor.wheel_viscous_friction_nm_s,
+        },
+        f"{DEFAULTS}/default[@class='roller']/joint": {"damping": drivetrain.roller_damping_nm_s},
+        f"{DEFAULTS}/dcmotor": {
+            "motorconst": motor.torque_constant_nm_a,
+            "resistance": motor.resistance_ohm,
+            "ctrlrange": compute_full_voltage(settings) * np.array([-1, 1]),
+        },
+        "worldbody/body/inertial": {
+            "pos": chassis.ipos,
+            "mass": chassis.mass,
+            "fullinertia": chassis.fullinertia,
+        },
+    }
+    for element_path, attributes in numbers.items():
+        for attribute, values in attributes.items():
+            text = format_numbers(*np.atleast_1d(values))
+            find_child(root, element_path).set(attribute, text)
+    used_meshes = {geom.get("mesh") for geom in root.iter("geom")}
+    for mesh in root.findall("asset/mesh"):
+        if mesh.get("name") not in used_meshes:
+            find_child(root, "asset").remove(mesh)
+    return root
+
+
+def _build_custom_robot(settings: Settings, name: str) -> ElementTree.Element:
+    """Return the MJCF of a user's robot with the numbers of its settings.
+
+    Raises:
+        OmniError: See `build_robot_spec`.
+    """
+    robot_spec = build_robot_spec(settings.mechanics)
+    spec, empty = robot_spec.spec.copy(), mujoco.MjSpec()
+    model = spec.compile()
+    (robot,) = find_robots(model)
+    spec.modelname = name
+    for attribute in _SCENE_ATTRIBUTES:
+        setattr(spec, attribute, getattr(empty, attribute))
+    for address in robot.slip_dofs:
+        spec.delete(spec.joint(model.joint(model.dof_jntid[address]).name))
+    hull = list(_find_hull(robot_spec, settings.model.file, model, robot))
+    standard = mujoco.MjSpec.from_file(str(find_models_folder() / f"{_FILE_NAME}.xml"))
+    for geom_class, geoms in (("roller", robot_spec.contact_geoms), ("hull", hull)):
+        source = standard.find_default(geom_class).geom
+        for geom, attribute in product(geoms, _CONTACT_ATTRIBUTES[geom_class]):
+            setattr(spec.geom(geom), attribute, getattr(source, attribute))
+    motor, drivetrain = settings.motor, settings.drivetrain
+    for number, actuator in enumerate(robot.motors, start=1):
+        motor_spec = spec.actuators[actuator]
+        gain = np.array(motor_spec.gainprm)
+        gain[:2] = motor.resistance_ohm, motor.torque_constant_nm_a
+        motor_spec.name = motor_spec.name or f"motor_{number}"
+        motor_spec.gainprm, motor_spec.ctrllimited = gain, 1
+        motor_spec.ctrlrange = compute_full_voltage(settings) * np.array([-1, 1])
+    for address in robot.wheel_dofs:
+        joint = spec.joint(model.joint(model.dof_jntid[address]).name)
+        joint.frictionloss = settings.hub_friction_nm
+        joint.damping = _first(joint.damping, motor.wheel_viscous_friction_nm_s)
+    for address in robot.roller_dofs.ravel():
+        joint = spec.joint(model.joint(model.dof_jntid[address]).name)
+        joint.damping = _first(joint.damping, drivetrain.roller_damping_nm_s)
+    spec.add_key(name="home")
+    root = parse_mjcf(spec.to_xml())
+    root.remove(find_child(root, "size"))  # the number of keys, which differs from that of a scene
+    for element in root.iter("geom"):
+        if element.get("name") in hull and element.get("type") == "cylinder":
+            _tilt(element)
+    return root
+
+
+def _tilt(geom: ElementTree.Element) -> None:
+    """Tilt a cylinder by `TILT_RAD`.
+
+    MuJoCo 4.0.0 finds a contact between a plane and an upright cylinder above it, as deep as the
+    cylinder is wide, if rounding makes the axis as little as 1e-15 longer than 1.
+    """
+    quat, tilted = np.array(geom.get("quat", "1 0 0 0").split(), float), np.zeros(4)
+    mujoco.mju_mulQuat(tilted, quat, np.array([1.0, TILT_RAD / 2, 0.0, 0.0]))
+    geom.set("quat", format_numbers(*tilted))
+
+
+def _find_hull(
+    robot_spec: RobotSpec, file: str, model: mujoco.MjModel, robot: RobotIndices
+) -> Iterator[str]:
+    """Yield the hull's geoms, or if there is none, those that collide in the user's file.
+
+    Parts of wheels are left out.
+    """
+    if robot_spec.hull_geoms:
+        yield from robot_spec.hull_geoms
+        return
+    wheels = {*robot.wheels.tolist(), *robot.rims.tolist(), *robot.rollers.ravel().tolist()}
+    names = {model.geom(i).name for i in range(model.ngeom) if model.geom_bodyid[i] not in wheels}
+    for number, geom in enumerate(mujoco.MjSpec.from_file(file).geoms):
+        name = geom.name or f"unnamed_geom_{number}"  # as `custom_robot` names it
+        if (geom.contype or geom.conaffinity) and name in names:
+            yield name
+
+
+def compute_full_voltage(settings: Settings) -> float:
+    """Return the voltage of a full battery, V."""
+    return FULL_CELL_V * settings.battery.series_cells
+
+
+def _first(polynomial: Any, value: float) -> Any:
+    """Return coefficients of a polynomial with another first one, and zeros."""
+    return np.array([value, *np.zeros(np.size(polynomial) - 1)])
