@@ -112,6 +112,16 @@ def test_a_flood_of_small_packets_is_read_in_portions(inbox) -> None:
     assert [received.take().data for _ in range(MAX_CLIENTS)] == [b"mine"] * MAX_CLIENTS
 
 
+def test_many_new_clients_delay_the_oldest_one_by_one_packet(inbox) -> None:
+    received, send, _ = inbox
+    send(0, b"hello")
+    assert received.take().data == b"hello"
+    for number in range(1, MAX_CLIENTS):
+        send(number, b"flood")
+    send(0, b"mine")
+    assert b"mine" in [received.take().data for _ in range(2)]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="needs a kernel queue for each client")
 def test_a_flood_that_fills_the_kernel_queue_loses_no_packet_of_a_known_client(inbox) -> None:
     """Its packet is there after one portion of the flood, and the port remains taken."""

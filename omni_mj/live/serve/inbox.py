@@ -49,6 +49,7 @@ class Inbox:
         self._branches = dict[tuple[int | None, Address], Receiver]()
         self._full_until = 0.0  # until then, no client is silent
         self._turns = deque[tuple[int | None, Address]]()  # clients with waiting packets
+        self._is_turn_of_oldest = False
         self._selector = selectors.DefaultSelector()
         for team, port in ports.items():
             self._selector.register(port, selectors.EVENT_READ, (port, team))
@@ -73,10 +74,18 @@ class Inbox:
                 break
 
     def take(self) -> Request | None:
-        """Return the oldest packet of the client whose turn it is, or None if none waits."""
+        """Return the oldest packet of the client whose turn it is, or None if none waits.
+
+        Every second turn is that of the client that is known for longest, so that a flood by many
+        new clients delays it by one packet.
+        """
         if not self._turns:
             return None
-        key = self._turns.popleft()
+        self._is_turn_of_oldest = not self._is_turn_of_oldest
+        key = self._turns[0]
+        if self._is_turn_of_oldest:
+            key = next(key for key, queue in self._queues.items() if queue)
+        self._turns.remove(key)
         request = self._queues[key].popleft()
         if self._queues[key]:
             self._turns.append(key)
