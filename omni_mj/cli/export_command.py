@@ -76,10 +76,13 @@ def _collect_files(scenario_options: options.ScenarioOptions) -> tuple[str, dict
     robot = scenario_options.robot or robot_files.DEFAULT_ROBOT
     settings = scenario_options.load_scenario("rect").settings
     name = re.sub(r"[^\w-]", "_", Path(scenario_options.model or robot).stem, flags=re.ASCII)
-    model = build_plain_model(settings, f"{name}_robot" if name == "scene" else name)
+    file = settings.model.file
+    if name == "scene" or (file and f"{name}.png" in robot_files.read_model_files(Path(file))):
+        name += "_robot"
+    model = build_plain_model(settings, name)
     description, _ = robot_files.read_robot_file(robot)
-    if settings.model.file:
-        description = f"{Path(settings.model.file).name}, with motors and battery of {description}"
+    if file:
+        description = f"{Path(file).name}, with motors and battery of {description}"
     origin = ModelOrigin(
         description,
         robot_files.find_robot_file(robot).read_text(encoding="utf-8"),
@@ -91,7 +94,7 @@ def _collect_files(scenario_options: options.ScenarioOptions) -> tuple[str, dict
     files = dict(model.files)
     files["README.md"] = format_readme(settings, model, origin).encode()
     files["CHANGELOG.md"] = f"# Changelog\n\n## [{today}]\n\n- Initial release.\n".encode()
-    if not settings.model.file:
+    if not file:
         files["LICENSE"] = (robot_files.find_models_folder() / "LICENSE").read_bytes()
     return model.name, files
 

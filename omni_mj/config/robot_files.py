@@ -21,7 +21,7 @@ DEFAULT_ROBOT = "tigers-v2016"
 DESCRIPTION = "description"  # the only key of a robot's file that is not a section
 # section -> field -> value
 Sections = Mapping[str, Mapping[str, Any]]
-_FILE_ATTRIBUTES = (  # of elements of MJCF
+FILE_ATTRIBUTES = (  # of elements of MJCF
     "file",
     "fileright",
     "fileleft",
@@ -267,7 +267,7 @@ def _blank_comment(markup: str) -> str:
 
 def _names_of_files(tag: str, element: ElementTree.Element) -> Iterator[str]:
     """Yield the names of files that MuJoCo reads for an element of MJCF."""
-    names = [element.get(attribute, "") for attribute in _FILE_ATTRIBUTES]
+    names = [element.get(attribute, "") for attribute in FILE_ATTRIBUTES]
     if tag not in _ASSET_SUFFIXES:
         if any(names):
             raise OmniError(f"a robot's <{to_printable(tag, 40)}> must not have a file")

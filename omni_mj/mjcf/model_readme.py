@@ -24,7 +24,7 @@ Requires MuJoCo {mujoco} or later.
 | `scene.xml` | the robot on a floor: `python -m mujoco.viewer --mjcf=scene.xml` |
 
 Every roller of the omnidirectional wheels is a body on a hinge. `<attach>` the robot to any scene,
-as often as you like, or `<include>` it in a scene with angles in degrees. It rolls on geoms with
+as often as you like, or `<include>` it in a scene with angles in {angle}. It rolls on geoms with
 MuJoCo's default contype and conaffinity (1), with MuJoCo's default options, all integrators, and
 timesteps of up to 5 ms. The distance agrees with the angles of the wheels within 1 % as long as no
 wheel slides. Wheels slide above about half of gravity in acceleration.
@@ -133,6 +133,7 @@ def format_readme(settings: Settings, model: PlainModel, origin: ModelOrigin) ->
         actuators="\n".join(rows),
         arm=f"{wheels.arm_m:g}",
         radius=f"{wheels.radius_m:g}",
+        angle="radians" if settings.model.file else "degrees",
         slope=f"{slope:.4g}",
         drop=f"{volts_per_torque * settings.hub_friction_nm:.3g}",
         friction=f"{settings.carpet.friction:g}",

@@ -11,6 +11,7 @@ MuJoCo's pyramidal cones, timesteps from 1 to 5 ms and all integrators, robots f
 within 1 % and do not hop. The stiff contacts of this program's worlds (`rollers`) would slip.
 """
 
+import posixpath
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ import mujoco
 import numpy as np
 
 from omni_control.errors import OmniError
-from omni_mj.config.robot_files import find_models_folder, read_model_files
+from omni_mj.config.robot_files import FILE_ATTRIBUTES, find_models_folder, read_model_files
 from omni_mj.config.settings import FULL_CELL_V, Settings
 from omni_mj.mjcf.custom_robot import RobotSpec
 from omni_mj.mjcf.mjcf_text import format_mjcf, format_numbers, parse_mjcf
@@ -33,7 +34,8 @@ from omni_mj.mjcf.robot_builder import (
     set_chassis_inertia,
     write_wheels,
 )
-from omni_mj.mjcf.robot_parts import RobotIndices, find_robots
+from omni_mj.mjcf.robot_geometry import compute_support_distance
+from omni_mj.mjcf.robot_parts import RobotIndices, compute_initial_kinematics, find_robots
 
 # Attributes of geoms that models/ssl_robot.xml defines for all robots, by class.
 _CONTACT_ATTRIBUTES = {
@@ -41,6 +43,7 @@ _CONTACT_ATTRIBUTES = {
     "hull": ("contype", "conaffinity"),
 }
 VIEW_DISTANCE = 4.0  # extent of the scene for MuJoCo's cameras, over the arm of the wheels
+_UNNAMED = "unnamed_"  # start of the names that `custom_robot` gives
 TILT_RAD = 2e-4  # of cylinders that collide
 _FILE_NAME = "ssl_robot"  # of the robot in models/
 # Attributes of a file that hold for a whole scene.
@@ -77,6 +80,7 @@ def build_plain_model(settings: Settings, name: str) -> PlainModel:
     if file:
         robot, sources = _build_custom_robot(settings, name), read_model_files(Path(file))
         assets = {path: data for path, data in sources.items() if not path.endswith(".xml")}
+        _write_asset_paths(robot, assets)
     else:
         robot, assets = _build_standard_robot(settings, name), {}
     scene = parse_mjcf((folder / "scene.xml").read_text().replace(_FILE_NAME, name))
@@ -168,10 +172,36 @@ def _build_custom_robot(settings: Settings, name: str) -> ElementTree.Element:
     spec.add_key(name="home")
     root = parse_mjcf(spec.to_xml())
     root.remove(find_child(root, "size"))  # the number of keys, which differs from that of a scene
-    for element in root.iter("geom"):
-        if element.get("name") in hull and element.get("type") == "cylinder":
+    for element in root.iter():
+        element_name = element.get("name", "")
+        if element_name in hull and element.get("type") == "cylinder":
             _tilt(element)
+        if element_name.startswith(_UNNAMED):
+            del element.attrib["name"]
     return root
+
+
+def _write_asset_paths(root: ElementTree.Element, assets: Mapping[str, bytes]) -> None:
+    """Name meshes, textures and heightfields by their paths, without folders of the compiler.
+
+    Raises:
+        OmniError: Files of attached models have the same name.
+    """
+    compiler = find_child(root, "compiler").attrib
+    folders = {compiler.pop(name, "") for name in ("meshdir", "texturedir", "assetdir")} | {""}
+    compiler.pop("strippath", "")
+    for element, attribute in product(root.iter(), FILE_ATTRIBUTES):
+        name = element.get(attribute, "").replace("\\", "/")
+        if not name:
+            continue
+        paths = [posixpath.normpath(posixpath.join(folder, name)) for folder in folders]
+        # The folders of attached models are not in the specification.
+        ending = f"/{posixpath.basename(name)}"
+        matches = [path for path in paths if path in assets]
+        matches = matches or [path for path in assets if f"/{path}".endswith(ending)]
+        if len({assets[path] for path in matches}) != 1:
+            raise OmniError(f"several files are named {name}; give them different names")
+        element.set(attribute, matches[0])
 
 
 def _tilt(geom: ElementTree.Element) -> None:
@@ -190,16 +220,18 @@ def _find_hull(
 ) -> Iterator[str]:
     """Yield the hull's geoms, or if there is none, those that collide in the user's file.
 
-    Parts of wheels are left out.
+    Parts of wheels, and geoms that reach down to the floor, are left out.
     """
     if robot_spec.hull_geoms:
         yield from robot_spec.hull_geoms
         return
-    wheels = {*robot.wheels.tolist(), *robot.rims.tolist(), *robot.rollers.ravel().tolist()}
-    names = {model.geom(i).name for i in range(model.ngeom) if model.geom_bodyid[i] not in wheels}
+    data, down = compute_initial_kinematics(model), np.array([0.0, 0.0, -1.0])
+    on_wheels = np.isin(model.geom_bodyid, [*robot.wheels, *robot.rims, *robot.rollers.ravel()])
+    names = {model.geom(i).name: i for i in np.flatnonzero(~on_wheels).tolist()}
     for number, geom in enumerate(mujoco.MjSpec.from_file(file).geoms):
-        name = geom.name or f"unnamed_geom_{number}"  # as `custom_robot` names it
-        if (geom.contype or geom.conaffinity) and name in names:
+        name = geom.name or f"{_UNNAMED}geom_{number}"
+        is_hull = (geom.contype or geom.conaffinity) and name in names
+        if is_hull and compute_support_distance(data, names[name], down) < 0:
             yield name
 
 

@@ -68,7 +68,7 @@ def test_a_robot_with_its_own_mjcf_keeps_its_files(tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "cover.obj").write_text(MESH)
     xml = written((60, 180, 300), more='<geom type="mesh" mesh="cover" mass="0" contype="0"/>')
-    asset = '<asset><mesh name="cover" file="parts/cover.obj"/></asset>'
+    asset = '<compiler meshdir="parts"/><asset><mesh name="cover" file="cover.obj"/></asset>'
     (tmp_path / "mine.xml").write_text(xml.replace("<worldbody>", f"{asset}<worldbody>"))
     out = tmp_path / "moved"
     assert invoke("export", "--model", tmp_path / "mine.xml", "--out", out) == 0
