@@ -21,7 +21,7 @@ def put_on_floor(
     """Put a robot at rest on the plane that fits the floor below its wheels.
 
     Args:
-        model: Model of the scene.
+        model: Model of the scene; the contact margins of the robot's rollers are changed.
         data: Its data; the positions of the robot are changed.
         world: The scene with its one robot.
         views: View of the robot.
@@ -32,8 +32,12 @@ def put_on_floor(
     mujoco.mj_kinematics(model, data)
     wheels = data.xpos[world.robots[0].wheels][:, :2]
     top = height + SEARCH_HEIGHT_M
-    heights = np.array([_find_floor(model, data, np.array([*wheel, top])) for wheel in wheels])
-    heights = np.where(np.isnan(heights), height, heights)
+    chassis = world.robots[0].chassis
+    floor = [_find_floor(model, data, chassis, np.array([*wheel, top])) for wheel in wheels]
+    heights = np.array([height if np.isnan(value) else value for value, _ in floor])
+    # Margins of both geoms add up. A margin would increase the radius of the wheels.
+    rollers = np.isin(model.geom_bodyid, world.robots[0].rollers)
+    model.geom_margin[rollers] = -max(margin for _, margin in floor)
     position = views.pose.get()
     if np.ptp(heights) == 0:
         position[2] += heights[0]
@@ -50,18 +54,23 @@ def put_on_floor(
     views.pose.set(position)
 
 
-def _find_floor(model: mujoco.MjModel, data: mujoco.MjData, start: Array) -> float:
-    """Return the height of the highest fixed geom below a point (3,), m; NaN if there is none."""
-    geom = np.zeros(1, np.int32)
+def _find_floor(
+    model: mujoco.MjModel, data: mujoco.MjData, chassis: int, start: Array
+) -> tuple[float, float]:
+    """Return height and contact margin of the highest geom below a point (3,), m.
+
+    The height is NaN if there is no geom but those of the robot itself.
+    """
+    hit = np.zeros(1, np.int32)
     down = np.array([0.0, 0.0, -1.0])
     point = start.copy()
     while True:
-        distance = mujoco.mj_ray(model, data, point, down, None, 1, -1, geom)
+        distance = mujoco.mj_ray(model, data, point, down, None, 1, -1, hit)
         if distance < 0:
-            return np.nan
+            return np.nan, 0.0
         point = point + distance * down
-        is_fixed = model.body_weldid[model.geom_bodyid[geom[0]]] == 0
-        collides = model.geom_contype[geom[0]] or model.geom_conaffinity[geom[0]]
-        if is_fixed and collides:
-            return float(point[2])
+        geom = hit[0]
+        is_own = model.body_rootid[model.geom_bodyid[geom]] == chassis
+        if not is_own and (model.geom_contype[geom] or model.geom_conaffinity[geom]):
+            return float(point[2]), float(model.geom_margin[geom])
         point = point + 1e-6 * down

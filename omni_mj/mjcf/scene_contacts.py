@@ -85,7 +85,7 @@ def _enable_contacts(robot: AttachableRobot, is_field: bool) -> None:
     for name in robot.contact_geoms:
         roller = spec.geom(name)
         roller.contype, roller.conaffinity = 0, _SCENE
-        roller.condim, roller.priority = 3, 2
+        roller.condim, roller.priority = 3, 100
         roller.friction = [rollers.STICKING_FRICTION, 0.005, 0.0001]
     for name in robot.hull_geoms:
         hull = spec.geom(name)
@@ -147,6 +147,8 @@ def check_scene(model: mujoco.MjModel, bodies: Ids, name: str) -> None:
     if disabled:
         names = ", ".join(flag.name.removeprefix("mjDSBL_").lower() for flag in disabled)
         raise OmniError(f"the options of the scene disable {names}, without which no wheel rolls")
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+        raise OmniError("the options of the scene override all contacts, also those of wheels")
     is_outside = model.body_rootid[model.geom_bodyid] != model.body_rootid[bodies[0]]
     if not (is_paired.any() or (model.geom_contype[is_outside] & _SCENE).any()):
         raise OmniError(

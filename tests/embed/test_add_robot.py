@@ -161,6 +161,34 @@ def test_it_drives_uphill_as_the_plant_under_tilted_gravity(degrees: float) -> N
     assert np.abs(positions @ normal).max() < 2e-4
 
 
+@pytest.mark.parametrize(
+    "floor",
+    [
+        "<geom type='plane' size='5 5 1' condim='6' friction='0.1 0.1 0.1' priority='5'/>",
+        "<geom type='plane' size='5 5 1' margin='0.01'/>",
+        "<geom type='plane' size='5 5 1' contype='4' conaffinity='4'/>",
+        "<geom type='box' size='5 5 0.1' pos='0 0 -0.15' gap='0.01'/>",
+        "<body mocap='true'><geom type='box' size='5 5 0.1'/></body>",
+        "<body><joint type='slide'/><geom type='box' size='5 5 0.1' mass='1e4'/></body>",
+    ],
+)
+def test_any_geom_is_a_floor(floor: str) -> None:
+    """Its own friction, bits, margin, height and joint do not matter."""
+    defaults = "<geom margin='0'/><joint armature='1' damping='1' frictionloss='2'/>"
+    scene = mujoco.MjSpec.from_string(
+        f"<mujoco><compiler angle='radian'/><option gravity='0 0 -9.81'/>"
+        f"<default>{defaults}</default><worldbody>{floor}</worldbody>"
+        "<keyframe><key name='any'/></keyframe></mujoco>"
+    )
+    for joint in scene.joints:
+        joint.axis = [1, 0, 0]
+    twist = np.array([0.5, 0.3, 1.0])
+    reference, _ = drive_in_scene(make_floor("plane"), "tigers-v2016", twist, seconds=0.6)
+    pose, positions = drive_in_scene(scene, "tigers-v2016", twist, seconds=0.6)
+    np.testing.assert_allclose(pose, reference, atol=2e-3)
+    assert np.ptp(positions[:, 2]) < 2e-4
+
+
 def test_on_an_uneven_floor_it_follows_the_floor() -> None:
     """A height field of waves of 2 cm and 3 m: the robot's center stays near the floor."""
     x, y = np.meshgrid(np.linspace(-3, 3, 121), np.linspace(-3, 3, 121))
