@@ -154,6 +154,32 @@ def _build_custom_robot(settings: Settings, name: str) -> ElementTree.Element:
         source = standard.find_default(geom_class).geom
         for geom, attribute in product(geoms, _CONTACT_ATTRIBUTES[geom_class]):
             setattr(spec.geom(geom), attribute, getattr(source, attribute))
+    _write_drive(spec, model, robot, settings)
+    spec.add_key(name="home")
+    root = parse_mjcf(spec.to_xml())
+    root.remove(find_child(root, "size"))  # the number of keys, which differs from that of a scene
+    cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
+    cylinders = [geom for geom in hull if model.geom(geom).type[0] == cylinder]
+    for element in root.iter("geom"):
+        if element.get("name") in cylinders:
+            _tilt(element)
+    for element in root.iter():
+        if element.get("name", "").startswith(_UNNAMED):
+            del element.attrib["name"]
+    return root
+
+
+def _write_drive(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices, settings: Settings
+) -> None:
+    """Set motors, and the friction of wheels and rollers.
+
+    Args:
+        spec: Specification of a robot; changed in place.
+        model: Model compiled from it, before changes.
+        robot: Indices of the robot in the model.
+        settings: Settings of the robot.
+    """
     motor, drivetrain = settings.motor, settings.drivetrain
     for number, actuator in enumerate(robot.motors, start=1):
         motor_spec = spec.actuators[actuator]
@@ -162,23 +188,13 @@ def _build_custom_robot(settings: Settings, name: str) -> ElementTree.Element:
         motor_spec.name = motor_spec.name or f"motor_{number}"
         motor_spec.gainprm, motor_spec.ctrllimited = gain, 1
         motor_spec.ctrlrange = compute_full_voltage(settings) * np.array([-1, 1])
-    for address in robot.wheel_dofs:
+    dofs = [(address, motor.wheel_viscous_friction_nm_s) for address in robot.wheel_dofs]
+    dofs += [(address, drivetrain.roller_damping_nm_s) for address in robot.roller_dofs.ravel()]
+    for address, damping in dofs:
         joint = spec.joint(model.joint(model.dof_jntid[address]).name)
-        joint.frictionloss = settings.hub_friction_nm
-        joint.damping = _first(joint.damping, motor.wheel_viscous_friction_nm_s)
-    for address in robot.roller_dofs.ravel():
-        joint = spec.joint(model.joint(model.dof_jntid[address]).name)
-        joint.damping = _first(joint.damping, drivetrain.roller_damping_nm_s)
-    spec.add_key(name="home")
-    root = parse_mjcf(spec.to_xml())
-    root.remove(find_child(root, "size"))  # the number of keys, which differs from that of a scene
-    for element in root.iter():
-        element_name = element.get("name", "")
-        if element_name in hull and element.get("type") == "cylinder":
-            _tilt(element)
-        if element_name.startswith(_UNNAMED):
-            del element.attrib["name"]
-    return root
+        joint.damping = [damping, *np.zeros(np.size(joint.damping) - 1)]
+        if address in robot.wheel_dofs:
+            joint.frictionloss = settings.hub_friction_nm
 
 
 def _write_asset_paths(root: ElementTree.Element, assets: Mapping[str, bytes]) -> None:
@@ -238,8 +254,3 @@ def _find_hull(
 def compute_full_voltage(settings: Settings) -> float:
     """Return the voltage of a full battery, V."""
     return FULL_CELL_V * settings.battery.series_cells
-
-
-def _first(polynomial: Any, value: float) -> Any:
-    """Return coefficients of a polynomial with another first one, and zeros."""
-    return np.array([value, *np.zeros(np.size(polynomial) - 1)])
