@@ -39,9 +39,9 @@ def test_the_robot_in_models_is_the_export_of_the_default_robot() -> None:
     [
         ((60, 135, 225, 300), "plane", {}),
         ((60, 135, 225, 300), "hfield", {"timestep": 0.005}),
-        ((60, 180, 300), "plane", {"timestep": 0.005, "integrator": RK4}),
+        ((0, 72, 144, 216, 288), "plane", {"timestep": 0.005, "integrator": RK4}),
         ((45, 135, 225, 315), "box", {"timestep": 0.005, "integrator": IMPLICITFAST}),
-        ((0, 72, 144, 216, 288), "plane", {"timestep": 0.001, "cone": ELLIPTIC}),
+        ((60, 180, 300), "plane", {"timestep": 0.001, "cone": ELLIPTIC}),
     ],
 )
 def test_nine_robots_roll_as_far_as_their_wheels(
@@ -96,7 +96,7 @@ def test_mass_and_inertia_are_those_of_the_settings(robot: str, tmp_path: Path) 
 
 @pytest.mark.parametrize("floor", ["plane", "box", "hfield"])
 def test_robots_that_fall_on_each_other_stay_above_the_floor(floor: str) -> None:
-    scene, rng, n = make_floor(floor, timestep=0.005), np.random.default_rng(1), 8
+    scene, rng, n = make_floor(floor, timestep=0.005), np.random.default_rng(1), 5
     robot = read_robot(resolve_settings())
     for i in range(n):
         pos = [*rng.uniform(-0.15, 0.15, 2), 0.3 + 0.2 * i]
@@ -104,7 +104,7 @@ def test_robots_that_fall_on_each_other_stay_above_the_floor(floor: str) -> None
         scene.attach(robot.copy(), frame=frame, prefix=f"{i}/")
     model = scene.compile()
     data = mujoco.MjData(model)
-    mujoco.mj_step(model, data, nstep=300)
+    mujoco.mj_step(model, data, nstep=240)
     assert data.ncon > n
     assert data.contact.dist.min() > -3e-3
     chassis = [model.body(f"{i}/chassis").id for i in range(n)]

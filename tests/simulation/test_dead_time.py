@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 # A gyro without error: one with would turn a standing robot until vision's heading arrives.
 GYRO = ("sensors.gyro_noise_rad_s=0", "sensors.gyro_bias_rad_s=0")
+MUJOCO = ("drivetrain.efficiency=1", *GYRO)
 ACCELERATION = 0.826  # of the reference (paper, section 2)
 
 
@@ -41,7 +42,7 @@ def test_the_applied_command_was_sent_k_d_frames_earlier() -> None:
 
 @pytest.mark.parametrize("delay", [0, 3, 6])
 def test_the_applied_command_is_delayed_on_the_mujoco_plant_too(delay: int) -> None:
-    trajectory = run("mujoco", (f"radio.delay_frames={delay}", *GYRO))
+    trajectory = run("mujoco", (f"radio.delay_frames={delay}", *MUJOCO))
     command, applied = trajectory.channel("command"), trajectory.channel("applied")
     np.testing.assert_array_equal(applied[delay:], command[: len(command) - delay])
     # Until the first command arrives, the robot stands; it settles into the carpet by a tenth of
@@ -102,8 +103,7 @@ def test_with_compensation_the_only_error_is_the_late_start(delay: int) -> None:
 
 def test_without_compensation_errors_grow_with_dead_time_on_the_mujoco_plant() -> None:
     none, short, long = (
-        errors(run("mujoco", (f"radio.delay_frames={d}", "drivetrain.efficiency=1", *GYRO)))[:, 0]
-        for d in (0, 3, 6)
+        errors(run("mujoco", (f"radio.delay_frames={d}", *MUJOCO)))[:, 0] for d in (0, 3, 6)
     )
     # As above, with noise of vision, and with wheels that creep, which late or not costs 12 mm:
     # that is not the dead time's; no compensator of a dead time takes it away.

@@ -26,11 +26,16 @@ def test_rows_of_a_batch_equal_single_runs(plant: str) -> None:
         {"radio": {"delay_frames": 3}},
         {"radio": {"delay_frames": 9, "jitter_frames": 4}, "control": {"delay_error_frames": -2}},
         {"vision": {"position_noise_m": 0.004, "miss_probability": 0.2, "miss_frames": 5}},
-        {"carpet": {"friction": 0.3}, "disturbance": {"force_n": 8.0, "velocity_m_s": 0.2}},
+        {
+            "carpet": {"friction": 0.3},
+            "disturbance": {"force_n": 8.0, "velocity_m_s": 0.2},
+            "radio": {"delay_frames": 3.5, "jitter_frames": 0.5, "loss_probability": 0.1},
+        },
         {
             "firmware": {"kp": 0.1, "ki": 1.0},
             "battery": {"charge": 0.15},
             "kinematic": {"alpha_correlation_time_s": 1.0},
+            "radio": {"delay_frames": 2, "kind": "wifi-broadcast"},
         },
         {"control": {"max_speed_m_s": 0.3, "error_range_m": 0.2}, "motor": {"winding_c": 110.0}},
         {

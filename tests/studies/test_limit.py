@@ -167,7 +167,7 @@ def test_no_controller_has_less_error_than_the_limit(plant: str) -> None:
     """Privileged controllers are excluded. The study is repeatable."""
     sections: dict[str, Any] = {"kinematic": SLOW} if plant == "kinematic" else {}
     scenario = om.load_scenario("rect", plant=plant, reference=ROUTE, **sections)
-    result = om.find_limit(scenario, SEEDS, iterations=6)
+    result = om.find_limit(scenario, SEEDS, iterations=3)
     runs = om.run(scenario, ["lqr", "mpc"], range(SEEDS))
     limit, noiseless = mean_errors(result, "limit"), mean_errors(result, "limit without noise")
     baselines = [name for name in CONTROLLERS if name != "oracle"]
@@ -184,7 +184,7 @@ def test_no_controller_has_less_error_than_the_limit(plant: str) -> None:
         "the learned run is repeated"
     )
     if plant == "kinematic":
-        assert om.find_limit(scenario, SEEDS, iterations=6).table() == result.table()
+        assert om.find_limit(scenario, SEEDS, iterations=3).table() == result.table()
 
 
 def test_stopped_limit_study_is_incomplete() -> None:

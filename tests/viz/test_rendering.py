@@ -30,6 +30,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     options = (
         "--set",
         "reference.waypoints=[[0, 0], [1, 0], [1, 0.8]]",
+        "--set",
+        "reference.settle_s=0.1",
         "--plant",
         "planar",
         "--no-figures",
