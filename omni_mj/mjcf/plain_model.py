@@ -25,6 +25,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_mj.config.robot_files import FILE_ATTRIBUTES, find_models_folder, read_model_files
 from omni_mj.config.settings import FULL_CELL_V, Settings
+from omni_mj.mjcf import hulls
 from omni_mj.mjcf.custom_robot import RobotSpec
 from omni_mj.mjcf.mjcf_text import format_mjcf, format_numbers, parse_mjcf
 from omni_mj.mjcf.robot_builder import (
@@ -44,7 +45,6 @@ _CONTACT_ATTRIBUTES = {
 }
 VIEW_DISTANCE = 4.0  # extent of the scene for MuJoCo's cameras, over the arm of the wheels
 _UNNAMED = "unnamed_"  # start of the names that `custom_robot` gives
-TILT_RAD = 2e-4  # of cylinders that collide
 _FILE_NAME = "ssl_robot"  # of the robot in models/
 # Attributes of a file that hold for a whole scene.
 _SCENE_ATTRIBUTES = ("option", "visual", "stat", "memory", "nstack", "nconmax", "njmax")
@@ -221,13 +221,13 @@ def _write_asset_paths(root: ElementTree.Element, assets: Mapping[str, bytes]) -
 
 
 def _tilt(geom: ElementTree.Element) -> None:
-    """Tilt a cylinder by `TILT_RAD`.
+    """Tilt a cylinder by `hulls.TILT_RAD`.
 
     MuJoCo 4.0.0 finds a contact between a plane and an upright cylinder above it, as deep as the
     cylinder is wide, if rounding makes the axis as little as 1e-15 longer than 1.
     """
     quat, tilted = np.array(geom.get("quat", "1 0 0 0").split(), float), np.zeros(4)
-    mujoco.mju_mulQuat(tilted, quat, np.array([1.0, TILT_RAD / 2, 0.0, 0.0]))
+    mujoco.mju_mulQuat(tilted, quat, np.array([1.0, hulls.TILT_RAD / 2, 0.0, 0.0]))
     geom.set("quat", format_numbers(*tilted))
 
 

@@ -51,6 +51,19 @@ def test_robots_without_contact_move_like_single_robots(wheels: str) -> None:
     np.testing.assert_allclose(pair, single, rtol=0, atol=5e-5)
 
 
+def test_hulls_of_upright_robots_never_touch_the_carpet() -> None:
+    """At tilts of 1e-15 rad, MuJoCo 4.0 finds false contacts of planes and upright cylinders."""
+    world = world_builder.build_world(resolve_settings(), 1, with_hulls=True)
+    model, data = world.model, mujoco.MjData(world.model)
+    hull, rng = model.geom("robot_1/hull").id, np.random.default_rng(0)
+    for heading in rng.uniform(-np.pi, np.pi, 600):
+        data.qpos[:] = world.rest_qpos
+        data.qpos[:2] = rng.uniform(-3, 3, 2)
+        data.qpos[3:7] = np.cos(heading / 2), *(1e-15 * rng.normal(size=2)), np.sin(heading / 2)
+        mujoco.mj_fwdPosition(model, data)
+        assert not (data.contact.geom == hull).any()
+
+
 def collide(poses: ArrayLike, velocities: ArrayLike, substeps: int = 1) -> Collision:
     """Let robots without motors, on wheels that do not grip, collide for 0.12 s.
 
