@@ -10,6 +10,7 @@ from benches.control import (
     CREEP,
     DEAD_TIME,
     DISTURBANCE,
+    FRICTION,
     INVERSE_GAIN,
     LAG,
     POSE,
@@ -53,7 +54,7 @@ FRICTIONLESS = TeamModel(
 )
 # Without geometry, driving does not turn the robot.
 UNCOUPLED = TeamModel(T, 6, lag_s=0.04, creep_s2_m=0.06, friction_loss_m_s=0.0, alpha=(0.9, 0.8))
-number = st.floats(-1, 1)
+number, small = st.floats(-1, 1), st.floats(-0.1, 0.1)
 
 
 def make_filter(n: int = 1) -> RobotEkf:
@@ -102,6 +103,24 @@ def test_the_inverse_leads_from_one_velocity_to_another(drawn: tuple[float, ...]
     reached = model.step(state, command, T)[0, 3:6]
     np.testing.assert_allclose(reached[:2], next_velocity[0, :2], rtol=0, atol=1e-9)
     assert abs(reached[2]) < 0.02
+
+
+@given(
+    drive=st.tuples(small, small),
+    velocity=st.tuples(small, small),
+    lag=st.floats(0.005, 0.05),
+    friction=st.floats(0.05, 0.15),
+)
+def test_dry_friction_stops_a_robot_but_does_not_reverse_it(
+    drive: tuple[float, ...], velocity: tuple[float, ...], lag: float, friction: float
+) -> None:
+    """A body's velocity with friction is between zero and that without, per axis."""
+    model = MotionModel(replace(UNCOUPLED, creep_s2_m=0.0))
+    states = np.tile(model.prior, (2, 1))
+    states[:, 3:5], states[:, LAG], states[:, FRICTION] = velocity, lag, [friction, 0.0]
+    slow, free = model.step(states, np.array([[*drive, 0.0]]), T)[:, 3:5]
+    assert (slow * free >= -1e-15).all()
+    assert (np.abs(slow) <= np.abs(free) + 1e-15).all()
 
 
 # --- filter ---

@@ -156,7 +156,11 @@ class MotionModel:
         decay = np.exp(-duration / time_constant)
         # An exponential approach: v(t) = steady velocity + initial excess exp(-t / time constant).
         frictionless_velocity = velocity + (1 - decay) * (drive / inverse_gain - velocity)
-        friction = self._compute_friction(state, frictionless_velocity)
+        # Dry friction can stop a robot, but not reverse it.
+        stopping = inverse_gain * np.abs(frictionless_velocity) / np.maximum(1 - decay, 1e-12)
+        friction = np.clip(
+            self._compute_friction(state, frictionless_velocity), -stopping, stopping
+        )
         steady_velocity = (drive - friction) / inverse_gain
         initial_excess = velocity - steady_velocity
         displacement = duration * steady_velocity + initial_excess * (1 - decay) * time_constant

@@ -28,6 +28,7 @@ from omni_control.estimation.motion_model import (
     CREEP,
     DEAD_TIME,
     DISTURBANCE,
+    FRICTION,
     INVERSE_GAIN,
     LAG,
     POSE,
