@@ -13,7 +13,7 @@ Changes of the file, in addition to those of each plant (motor constants, fricti
 
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -30,6 +30,7 @@ from omni_mj.mjcf.compile_check import check_compiles
 from omni_mj.mjcf.robot_geometry import WheelGeometry, compute_composite_inertia, measure_wheels
 from omni_mj.mjcf.robot_parts import (
     HINGE,
+    Ids,
     RobotIndices,
     compute_initial_kinematics,
     find_chassis_names,
@@ -133,12 +134,16 @@ def _read_robot_file(path: Path, file: str, change_times: tuple[int, ...]) -> Cu
             cache's key: changed files are read again.
     """
     check_compiles(path)
-    spec = mujoco.MjSpec.from_file(str(path))
+    spec = _parse_silently(path)
     if spec.compiler.settotalmass > 0:
         raise OmniError(
             "<compiler settotalmass> has no effect in a world; write masses into the model"
         )
     spec.compiler.discardvisual = spec.compiler.fusestatic = False  # keep all named elements
+    if spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
+        spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+        for body in spec.bodies:
+            body.explicitinertial, body.ipos = False, np.full(3, np.nan)  # from geoms
     _name_elements(spec)
     name, *more_names = find_chassis_names(spec.compile())
     if more_names:
@@ -166,14 +171,35 @@ def _read_robot_file(path: Path, file: str, change_times: tuple[int, ...]) -> Cu
     )
 
 
+def _parse_silently(path: Path) -> mujoco.MjSpec:
+    """Parse MJCF without MuJoCo's warnings of attached models with other options."""
+    log = mujoco.MjLogConfig.get()
+    outputs = log.logto_console, log.logto_file
+    log.logto_console = log.logto_file = False
+    log.set()
+    try:
+        return mujoco.MjSpec.from_file(str(path)).copy()  # a copy does not repeat warnings
+    finally:
+        log.logto_console, log.logto_file = outputs
+        log.set()
+
+
+def _make_unique(name: str, names: Collection[str]) -> str:
+    """Return a name, with underscores appended until it is not among some names."""
+    while name in names:
+        name += "_"
+    return name
+
+
 def _name_elements(spec: mujoco.MjSpec) -> None:
     """Name unnamed bodies, joints and geoms, and delete keyframes, whose world differs."""
     for key in list(spec.keys):
         spec.delete(key)
     spec.nkey = mujoco.MjSpec().nkey
     for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("geom", spec.geoms)):
+        names = {element.name for element in elements}
         for number, element in enumerate(elements):
-            element.name = element.name or f"unnamed_{kind}_{number}"
+            element.name = element.name or _make_unique(f"unnamed_{kind}_{number}", names)
 
 
 def _isolate_robot(spec: mujoco.MjSpec, chassis: mujoco.MjsBody) -> None:
@@ -182,12 +208,17 @@ def _isolate_robot(spec: mujoco.MjSpec, chassis: mujoco.MjsBody) -> None:
     The chassis is put at the world's origin, with its axes along the world's.
     """
     world = spec.worldbody
-    elements: list[object] = [body for body in world.bodies if body.name != chassis.name]
-    elements += [*world.geoms, *world.lights, *world.cameras, *world.sites, *spec.pairs]
     contact = mujoco.mjtSensor.mjSENS_CONTACT
-    elements += [sensor for sensor in spec.sensors if sensor.type == contact]
+    # Before bodies and geoms: with these, MuJoCo deletes the pairs that name them.
+    elements: list[object] = [sensor for sensor in spec.sensors if sensor.type == contact]
+    elements += [*spec.pairs, *(body for body in world.bodies if body.name != chassis.name)]
+    elements += [*world.geoms, *world.lights, *world.cameras, *world.sites]
     for element in elements:
         spec.delete(element)
+    bodies = {body.name for body in spec.bodies}
+    for element in [*spec.lights, *spec.cameras]:
+        if element.targetbody and element.targetbody not in bodies:
+            spec.delete(element)
     chassis.set_frame(chassis.parent.add_frame())
     chassis.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     chassis.pos, chassis.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
@@ -238,6 +269,7 @@ def _prepare_hinges(
     Afterwards the axes of all wheel and slip hinges point to the robot's center.
     """
     data = compute_initial_kinematics(model)
+    joint_names = {joint.name for joint in spec.joints}
     for joint, rim, phase, is_outward in zip(
         robot.joints, robot.rims, robot.phases, wheels.is_outward, strict=True
     ):
@@ -250,7 +282,8 @@ def _prepare_hinges(
             initial_slip = model.qpos0[model.jnt_qposadr[slip_hinges[0]]]
         else:
             body = spec.body(model.body(rim).name)
-            slip = body.add_joint(name=f"slip_of_{hub.name}", type=HINGE, armature=0.0)
+            name = _make_unique(f"slip_of_{hub.name}", joint_names)
+            slip = body.add_joint(name=name, type=HINGE, armature=0.0)
             to_rim = data.xmat[rim].reshape(3, 3).T  # from the world's axes to the rim's
             slip.pos = to_rim @ (data.xanchor[joint] - data.xpos[rim])
             slip.axis = to_rim @ data.xaxis[joint]
@@ -354,10 +387,31 @@ def _find_drive_errors(model: mujoco.MjModel, robot: RobotIndices) -> Iterator[s
         if model.jnt_limited[joint] or model.jnt_stiffness[joint].any():
             joint_name = model.joint(joint).name
             yield f"the hinge {joint_name!r} has a range or a spring; a wheel must turn freely"
+    for joint in np.intersect1d(robot.joints, _find_coupled_joints(model, robot)):
+        yield (
+            f"the hinge {model.joint(joint).name!r} must be moved by its <dcmotor> alone: remove "
+            "its other actuators, tendons and equalities"
+        )
     for quantity, values in (("gears", gears), ("rotors' inertias", armatures)):
         if np.ptp(values) > 1e-6 * np.abs(values).max():
             listed = ", ".join(f"{value:g}" for value in values)
             yield f"motors must be equal, but their {quantity} are {listed}"
+
+
+def _find_coupled_joints(model: mujoco.MjModel, robot: RobotIndices) -> Ids:
+    """Return joints that tendons, equalities, or other actuators than those of wheels move."""
+    is_other = model.actuator_trntype <= int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    is_other[robot.motors] = False
+    is_equality = model.eq_type == mujoco.mjtEq.mjEQ_JOINT
+    is_wrapped = model.wrap_type == mujoco.mjtWrap.mjWRAP_JOINT
+    return np.concatenate(
+        [
+            model.actuator_trnid[is_other, 0],
+            model.eq_obj1id[is_equality],
+            model.eq_obj2id[is_equality],
+            model.wrap_objid[is_wrapped],
+        ]
+    )
 
 
 def _are_equal(field: str, number_1: Any, number_2: Any) -> bool:

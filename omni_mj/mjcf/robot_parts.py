@@ -163,13 +163,14 @@ def _find_wheel_motors(data: mujoco.MjData) -> tuple[Ids, Ids]:
         hint = "" if is_dc.all() else f"; other actuators do not count: write {_DCMOTOR_EXAMPLE}"
         raise OmniError(
             "no wheels; a wheel is a hinge that a <dcmotor> drives, with rollers: bodies on it "
-            f"with a hinge each, across the axle{hint}"
+            f"with a hinge each, without a range, across the axle{hint}"
         )
     wheels = model.jnt_bodyid[model.actuator_trnid[motors, 0]]
     errors = []
     for joint in np.flatnonzero(model.jnt_type == HINGE).tolist():
         body = model.jnt_bodyid[joint]
-        is_known = body in wheels or model.body_parentid[body] in wheels
+        is_known = body in (*wheels, *model.body_parentid[wheels])
+        is_known |= model.body_parentid[body] in wheels
         if not is_known and _find_rollers(data, joint).size >= MIN_COUNT:
             errors.append(
                 f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: "

@@ -23,6 +23,8 @@ MODEL_ERRORS: list[tuple[str, int, list[tuple[str, str]]]] = [
     ("'drive_b' has rollers, but no <dcmotor> drives it: write", 1,
      [('<dcmotor name="m_drive_b"[^>]*>', "")]),
     ("'base', which carries the wheels, has no <freejoint>", 1, [("<freejoint/>", "")]),
+    ("'base', which carries the wheels, has no <freejoint>", 1,
+     [("<freejoint/>", '<joint type="slide" axis="1 0 0"/><joint axis="0 0 1"/>')]),
     ("no encoder on 'drive_[abc]'; it is a <jointpos> sensor", 3, [("jointpos", "jointvel")]),
     ("no gyro; it is a <gyro> sensor on a site of the body 'base'", 1, [("<gyro [^>]*>", "")]),
     ("z axis of the gyro's site must point up", 1,
@@ -46,6 +48,9 @@ MODEL_ERRORS: list[tuple[str, int, list[tuple[str, str]]]] = [
      [("<dcmotor m", '<dcmotor inductance="1e-4" m')]),
     ("'drive_a' has a range or a spring; a wheel must turn freely", 1,
      [('<joint name="drive_a"', r'\g<0> stiffness="1"')]),
+    ("'drive_[ab]' must be moved by its <dcmotor> alone: remove", 2,
+     [("<actuator>", '<equality><joint joint1="drive_b"/></equality>'
+       '<actuator><velocity joint="drive_a" kv="1" armature="0"/>')]),
     ("<compiler settotalmass> has no effect in a world", 1,
      [("<compiler ", '<compiler settotalmass="3" ')]),
     ("XML parse error", 1, [("</mujoco>", "")]),

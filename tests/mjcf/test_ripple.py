@@ -26,10 +26,6 @@ GEOMS: dict[str, tuple[str, Callable[[NDArray], NDArray]]] = {
         f'type="capsule" size="{ROLLER} {HALF}" euler="90 0 0"',
         lambda angle: ROLLER + HALF * np.sin(angle),
     ),
-    "cylinder": (
-        f'type="cylinder" size="{ROLLER} {HALF}" euler="90 0 0"',
-        lambda angle: ROLLER * np.cos(angle) + HALF * np.sin(angle),
-    ),
     "ellipsoid": (
         f'type="ellipsoid" size="{ROLLER} {LONG} {ROLLER}"',
         lambda angle: np.hypot(ROLLER * np.cos(angle), LONG * np.sin(angle)),
