@@ -68,6 +68,7 @@ NAVIGATION = {
         "docs/how-to/write-a-controller",
         "docs/how-to/use-from-python",
         "docs/how-to/add-to-your-scene",
+        "docs/how-to/put-wheels-on-your-robot",
         "docs/how-to/measure-latency",
         "docs/how-to/connect-your-software",
         "docs/how-to/identify-a-robot",

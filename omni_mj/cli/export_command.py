@@ -1,15 +1,19 @@
-"""`omni-mj export`: write a robot as plain MJCF, in a folder as MuJoCo Menagerie's."""
+"""`omni-mj export`: write a robot or a wheel as plain MJCF, in a folder as MuJoCo Menagerie's."""
 
 import os
 import re
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import click
 
+from omni_control.errors import OmniError
 from omni_mj.atomic_files import create_folder, open_atomic, write_json
 from omni_mj.cli import console, options, output_folders
 
@@ -29,24 +33,65 @@ with mujoco.Renderer(model, 720, 960) as renderer:
     Image.fromarray(renderer.render()).save(sys.argv[2], "png")
 """
 PICTURE_TIMEOUT_S = 60.0
+_WHEEL_HELP = {  # option of --wheel -> help
+    "radius": "Radius over the rollers, m.",
+    "width": "Width, m.",
+    "rollers": "Number of rollers, in all rows.",
+    "roller-radius": "Radius of a roller at its middle, m.",
+    "rows": "Rows of rollers, 1 or 2. Default: 1.",
+    "roller-angle": "Angle of rollers and axle, 90 (omni) or 45 (mecanum) deg. Default: 90.",
+    "mass": "Mass, kg. Default: that of a solid cylinder of 1000 kg/m^3.",
+    "load": "Mass of the robot per wheel, kg. Default: five times the mass of the wheel.",
+}
+
+
+@dataclass(frozen=True)
+class WheelOptions:
+    """Options that describe a wheel; None if not given."""
+
+    wheel: bool = False
+    radius: float | None = None
+    width: float | None = None
+    rollers: int | None = None
+    roller_radius: float | None = None
+    rows: int | None = None
+    roller_angle: int | None = None
+    mass: float | None = None
+    load: float | None = None
+
+
+def _add_wheel_option(name: str) -> Callable[[Any], Any]:
+    """Return the decorator that adds an option of --wheel."""
+    is_count = name in ("rollers", "rows", "roller-angle")
+    kind, metavar = (int, "N") if is_count else (float, "X")
+    return click.option(f"--{name}", type=kind, metavar=metavar, help=_WHEEL_HELP[name])
 
 
 @click.command("export")
 @options.robot_options
+@click.option("--wheel", is_flag=True, help="Write a wheel of these sizes in place of a robot:")
+@options.combine(*map(_add_wheel_option, _WHEEL_HELP))
+@options.collect_options(WheelOptions, "wheel_options")
 @options.out_option("export")
 @options.OVERWRITE
 @options.QUIET
 def export_command(
-    scenario_options: options.ScenarioOptions, out: Path | None, overwrite: bool, quiet: bool
+    scenario_options: options.ScenarioOptions,
+    wheel_options: WheelOptions,
+    out: Path | None,
+    overwrite: bool,
+    quiet: bool,
 ) -> None:
-    """Write a robot as plain MJCF, for any scene of MuJoCo.
+    """Write a robot, or a wheel alone, as plain MJCF, for any scene of MuJoCo.
 
     The folder has the robot, a scene with a floor, README.md with the source of each number, and a
     picture, as models of MuJoCo Menagerie do. The robot rolls with MuJoCo's default options.
     """
     from omni_mj.results import provenance
 
-    name, files = _collect_files(scenario_options)
+    name, files = _collect_wheel_files(scenario_options, wheel_options) or _collect_files(
+        scenario_options
+    )
     picture = f"{name}.png"
     outputs = (*files, picture, output_folders.PROVENANCE[0])
     folder = output_folders.prepare_folder(out, "export", outputs, overwrite)
@@ -64,6 +109,23 @@ def export_command(
         warnings.warn(f"no {picture}, because MuJoCo cannot draw here: {reason}", stacklevel=1)
     if not quiet:
         print(console.describe_outputs(folder, outputs))
+
+
+def _collect_wheel_files(
+    scenario_options: options.ScenarioOptions, wheel_options: WheelOptions
+) -> tuple[str, dict[str, bytes]] | None:
+    """Return the same as `_collect_files` for a wheel, or None if a robot is wanted."""
+    values = {name: value for name, value in asdict(wheel_options).items() if value is not None}
+    if not values.pop("wheel"):
+        if values:
+            raise OmniError(f"--{next(iter(values)).replace('_', '-')} needs --wheel")
+        return None
+    if scenario_options != options.ScenarioOptions():
+        raise OmniError("--wheel writes a wheel alone, without --robot, --model and --set")
+    from omni_mj.mjcf.wheel_model import WheelDesign, render_wheel_files
+
+    texts = render_wheel_files(WheelDesign(**values))
+    return "wheel", {name: text.encode() for name, text in texts.items()}
 
 
 def _collect_files(scenario_options: options.ScenarioOptions) -> tuple[str, dict[str, bytes]]:

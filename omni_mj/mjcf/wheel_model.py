@@ -218,10 +218,10 @@ def _compute_placeholders(design: WheelDesign) -> dict[str, str]:
         "armature": design.armature,
         "inertia": design.inertia,
         "gain": design.inertia / GAIN_TIME_CONSTANT_S,
-        "extent": 6 * R,
+        "extent": 7 * R,
     }
     texts = {name: f"{value:.4g}" for name, value in values.items()}
-    return texts | {"base_size": " ".join(f"{x * R:.4g}" for x in (1.6, 1.2, 0.4))}
+    return texts | {"base_size": " ".join(f"{x * R:.4g}" for x in (2, 1.5, 0.4))}
 
 
 def _render_row(design: WheelDesign, row: int, sign: int) -> str:

@@ -109,3 +109,45 @@ def test_a_robot_that_does_not_exist_makes_no_folder(
         assert invoke("export", *words, "--out", tmp_path / "out") == 2
         assert error in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+SIZES = ("--radius", 0.05, "--width", 0.05, "--rollers", 12, "--roller-radius", 0.008)
+
+
+@pytest.mark.usefixtures("no_opengl")
+@pytest.mark.parametrize(
+    ("angle", "wheels"), [(90, {"wheel.xml"}), (45, {"left_wheel.xml", "right_wheel.xml"})]
+)
+def test_a_wheel_becomes_a_folder(angle: int, wheels: set[str], tmp_path: Path) -> None:
+    """The base in the scene has velocity servos, and can be attached to another scene twice."""
+    out = tmp_path / "out"
+    assert invoke("export", "--wheel", *SIZES, "--roller-angle", angle, "--out", out) == 0
+    names = {path.name for path in out.iterdir()}
+    assert names == wheels | {"scene.xml", "README.md", "LICENSE", "provenance.json"}
+    assert "radius, width | 0.05 m, 0.05 m" in (out / "README.md").read_text()
+    attach = "".join(f'<attach model="base" body="base" prefix="{name}_"/>' for name in "ab")
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><asset><model name="base" file="{out}/scene.xml"/></asset>'
+        f'<worldbody><geom type="plane" size="9 9 1"/>{attach}</worldbody></mujoco>'
+    )
+    assert model.nu == (6 if angle == 90 else 8)
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (("--wheel", *SIZES[2:]), "radius is missing: radius over the rollers"),
+        (("--wheel", *SIZES, "--rows", 3), "rows must be less than or equal to 2"),
+        (("--wheel", *SIZES, "--width", 0.01), "width must be at least 0.016, that of the rollers"),
+        (("--wheel", *SIZES, "--robot", "tigers-v2016"), "without --robot, --model and --set"),
+        (("--roller-angle", 45), "--roller-angle needs --wheel"),
+    ],
+)
+def test_an_impossible_wheel_makes_no_folder(
+    words: tuple[object, ...], error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke("export", *words, "--out", tmp_path / "out") == 2
+    text = capsys.readouterr().err
+    assert error in text
+    assert text.count("\n") == 1
+    assert not (tmp_path / "out").exists()
