@@ -140,10 +140,7 @@ def _read_robot_file(path: Path, file: str, change_times: tuple[int, ...]) -> Cu
             "<compiler settotalmass> has no effect in a world; write masses into the model"
         )
     spec.compiler.discardvisual = spec.compiler.fusestatic = False  # keep all named elements
-    if spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
-        spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
-        for body in spec.bodies:
-            body.explicitinertial, body.ipos = False, np.full(3, np.nan)  # from geoms
+    _apply_sole_inertias(spec)
     _name_elements(spec)
     name, *more_names = find_chassis_names(spec.compile())
     if more_names:
@@ -184,6 +181,15 @@ def _parse_silently(path: Path) -> mujoco.MjSpec:
         log.set()
 
 
+def _apply_sole_inertias(spec: mujoco.MjSpec) -> None:
+    """Delete inertias that <compiler inertiafromgeom="true"> ignores, and let others be set."""
+    always = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    bodies = [body for body in spec.bodies if body.compiler.inertiafromgeom == always]
+    for body in bodies:
+        body.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+        body.explicitinertial, body.ipos = False, np.full(3, np.nan)  # from geoms
+
+
 def _make_unique(name: str, names: Collection[str]) -> str:
     """Return a name, with underscores appended until it is not among some names."""
     while name in names:
@@ -192,11 +198,17 @@ def _make_unique(name: str, names: Collection[str]) -> str:
 
 
 def _name_elements(spec: mujoco.MjSpec) -> None:
-    """Name unnamed bodies, joints and geoms, and delete keyframes, whose world differs."""
+    """Name unnamed elements, and delete keyframes, whose world differs.
+
+    Sensors get no limits and delays; those of real ones are settings.
+    """
+    for sensor in spec.sensors:
+        sensor.cutoff, sensor.delay, sensor.nsample = 0.0, 0.0, 0
     for key in list(spec.keys):
         spec.delete(key)
     spec.nkey = mujoco.MjSpec().nkey
-    for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("geom", spec.geoms)):
+    for kind in ("body", "joint", "geom", "actuator"):
+        elements = getattr(spec, "bodies" if kind == "body" else f"{kind}s")
         names = {element.name for element in elements}
         for number, element in enumerate(elements):
             element.name = element.name or _make_unique(f"unnamed_{kind}_{number}", names)
@@ -292,7 +304,7 @@ def _prepare_hinges(
         if is_outward == has_hub_direction:
             slip.axis = -np.array(slip.axis)
         slip_angle = (phase - initial_slip) if is_outward else (initial_slip - phase)
-        slip.ref = np.degrees(slip_angle) if spec.compiler.degree else slip_angle
+        slip.ref = np.degrees(slip_angle) if slip.compiler.degree else slip_angle
         for name, value in _HINGE_FRICTION.items():
             setattr(hub, name, value)
             setattr(slip, name, value)
@@ -363,8 +375,8 @@ def _has_uniform_rollers(model: mujoco.MjModel, robot: RobotIndices) -> bool:
 def _find_drive_errors(model: mujoco.MjModel, robot: RobotIndices) -> Iterator[str]:
     """Yield a line for each property of a wheel or its motor that is not supported."""
     gears, armatures = model.actuator_gear[robot.motors, 0], model.actuator_armature[robot.motors]
-    for motor, joint, gear, armature in zip(
-        robot.motors, robot.joints, gears, armatures, strict=True
+    for motor, joint, gear, armature, roller_dofs in zip(
+        robot.motors, robot.joints, gears, armatures, robot.roller_dofs, strict=True
     ):
         name = model.actuator(motor).name
         if gear <= 0:
@@ -378,14 +390,19 @@ def _find_drive_errors(model: mujoco.MjModel, robot: RobotIndices) -> Iterator[s
             model.actuator_gainprm[motor, 2:],
             model.actuator_biasprm[motor],
             model.actuator_dynprm[motor],
+            model.actuator_delay[motor],
         )
         if any(values.any() for values in unsupported):
             yield (
                 f"the <dcmotor> {name!r} must be driven by a voltage, with motorconst, resistance, "
-                "gear and armature alone; heat, friction and limits belong in the robot's file"
+                "gear and armature alone; heat, friction, limits and delays belong in the robot's "
+                "file"
             )
-        if model.jnt_limited[joint] or model.jnt_stiffness[joint].any():
-            joint_name = model.joint(joint).name
+        hinges = np.array([joint, *model.dof_jntid[roller_dofs]])
+        is_held = model.jnt_limited | model.jnt_actfrclimited | (model.jnt_stiffness != 0)
+        is_held = is_held[hinges]
+        if is_held.any():
+            joint_name = model.joint(hinges[is_held.argmax()]).name
             yield f"the hinge {joint_name!r} has a range or a spring; a wheel must turn freely"
     for joint in np.intersect1d(robot.joints, _find_coupled_joints(model, robot)):
         yield (

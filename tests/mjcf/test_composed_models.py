@@ -1,6 +1,8 @@
 """A robot is the same however its MJCF is put together: names, attached and included files."""
 
 import re
+from collections.abc import Callable
+from math import radians
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +12,23 @@ from own_robot import written
 import omni_mj as om
 from omni_mj.mjcf import world_builder
 
-ROBOT = written((60, 180, 300))
+# Wheels are turned by a third of the pitch of their rollers.
+ROBOT = written((60, 180, 300)).replace(' childclass="wheel"', ' euler="8 0 0" childclass="wheel"')
 ALONE = re.sub("<light[^>]*>|<geom name=.floor[^>]*>", "", ROBOT)
-FIELDS = ("qpos0", "body_mass", "body_inertia", "body_pos", "jnt_axis", "geom_size")
+FIELDS = (
+    "qpos0",
+    "sensor_cutoff",
+    "sensor_delay",
+    "body_mass",
+    "body_inertia",
+    "body_pos",
+    "jnt_axis",
+    "geom_size",
+)
 FIELDS += ("dof_armature", "dof_frictionloss", "actuator_gear", "actuator_gainprm", "pair_solref")
 
 
-def edit(text: str, *edits: tuple[str, str]) -> str:
+def edit(text: str, *edits: tuple[str, str | Callable[[re.Match[str]], str]]) -> str:
     for pattern, new in edits:
         text, count = re.subn(pattern, new, text, flags=re.DOTALL)
         assert count, pattern
@@ -48,12 +60,19 @@ SCENE = edit(
     ("<sensor>", '<contact><pair geom1="ball" geom2="unnamed_geom_5"/></contact><tendon>'
      r'<spatial><site site="ball"/><site site="imu"/></spatial></tendon>\g<0>'),
 )  # fmt: skip
+# A wheel with its own slip hinge, in radians; inertias are those of geoms, sensors have a limit
 WHEEL = edit(
     ALONE,
     ('<body name="base".*?(<body name="drive_a") pos="[^"]*"(.*?</body>)\\s*</frame>.*</body>',
      r"\1\2"),
     ("<actuator>.*</mujoco>", '<actuator><dcmotor name="m" joint="drive_a"/></actuator>'
-     '<sensor><jointpos name="e" joint="drive_a"/></sensor></mujoco>'),
+     '<sensor><jointpos name="e" joint="drive_a" cutoff="0.1" delay="0.1" nsample="9"/></sensor>'
+     "</mujoco>"),
+    ("<compiler ", '<compiler angle="radian" inertiafromgeom="true" '),
+    ('euler="([0-9.]+ 0 0|0 90 0)"',
+     lambda match: f'euler="{" ".join(str(radians(float(a))) for a in match[1].split())}"'),
+    ('<joint name="drive_a"[^>]*>',
+     r'\g<0><joint name="slip" axis="-1 0 0" armature="0"/>'),
 )  # fmt: skip
 FROM_WHEELS = edit(
     ROBOT,

@@ -51,6 +51,10 @@ MODEL_ERRORS: list[tuple[str, int, list[tuple[str, str]]]] = [
     ("'drive_[ab]' must be moved by its <dcmotor> alone: remove", 2,
      [("<actuator>", '<equality><joint joint1="drive_b"/></equality>'
        '<actuator><velocity joint="drive_a" kv="1" armature="0"/>')]),
+    ("'m_drive_a' must be driven by a voltage, .* delays belong in the robot's file", 1,
+     [('<dcmotor name="m_drive_a"', r'\g<0> delay="0.01" nsample="9"')]),
+    ("'unnamed_joint_[0-9]*' has a range or a spring; a wheel must turn freely", 3,
+     [('<joint axis="0 1 0"', r'\g<0> stiffness="0.01"')]),
     ("<compiler settotalmass> has no effect in a world", 1,
      [("<compiler ", '<compiler settotalmass="3" ')]),
     ("XML parse error", 1, [("</mujoco>", "")]),
