@@ -154,7 +154,7 @@ def _find_wheel_motors(data: mujoco.MjData) -> tuple[Ids, Ids]:
     """Return the <dcmotor>s that drive wheels, and the chassis of each.
 
     Raises:
-        OmniError: There are none, or a hinge with rollers has none.
+        OmniError: There are none, or a hinge with rollers on the same chassis has none.
     """
     model = data.model
     is_dc = model.actuator_gaintype == DCMOTOR
@@ -171,6 +171,7 @@ def _find_wheel_motors(data: mujoco.MjData) -> tuple[Ids, Ids]:
         body = model.jnt_bodyid[joint]
         is_known = body in (*wheels, *model.body_parentid[wheels])
         is_known |= model.body_parentid[body] in wheels
+        is_known |= model.body_rootid[body] not in model.body_rootid[wheels]
         if not is_known and _find_rollers(data, joint).size >= MIN_COUNT:
             errors.append(
                 f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: "

@@ -55,7 +55,9 @@ SCENE = edit(
      "</default>"),
     ("<body name=.base..*</body>(?=\\s*</worldbody>)", r'<frame pos="0 0 1" euler="90 0 30">\g<0>'
      '</frame><body name="ball"><freejoint/><geom name="ball" size="0.02"/><site name="ball"/>'
-     "</body>"),
+     '</body><body name="cart"><joint name="crank" axis="0 1 0"/><geom size="0.01"/>'
+     '<replicate count="4" euler="0 90 0"><body pos="0 0 0.03"><joint/><geom size="0.005"/></body>'
+     "</replicate></body>"),
     ('<site name="imu"/>', r'\g<0><camera name="eye" mode="targetbody" target="ball"/>'),
     ("<sensor>", '<contact><pair geom1="ball" geom2="unnamed_geom_5"/></contact><tendon>'
      r'<spatial><site site="ball"/><site site="imu"/></spatial></tendon>\g<0>'),
