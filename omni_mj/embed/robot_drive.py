@@ -248,20 +248,20 @@ def _make_world(robot: SceneRobot, model: mujoco.MjModel) -> World:
     # A robot of its kind alone on the field, with as many steps per cycle
     substeps = min(max(round(1 / (model.opt.timestep * CYCLE_RATE_HZ)), 1), MAX_SUBSTEPS)
     world = build_world(robot.settings.replace(physics={"substeps": substeps}))
-    (indices_alone,) = world.robots
+    indices_alone = find_robot(world.model, world.model.body(world.robots[0].chassis).name)
     # The compiler rounds these differently in each pose.
     own_bodies, bodies = (
         np.concatenate([[robot.chassis], robot.wheels, robot.rims, robot.rollers.ravel()])
         for robot in (indices_alone, indices)
     )
     model.body_invweight0[bodies] = world.model.body_invweight0[own_bodies]
-    model.dof_invweight0[list(indices.dofs)] = world.model.dof_invweight0[list(indices_alone.dofs)]
+    model.dof_invweight0[indices.dofs] = world.model.dof_invweight0[indices_alone.dofs]
     set_floor_contacts(model, rollers, robot.settings.body.mass_kg / len(indices.joints))
     stiffen_slip_hinges(model, indices)
     # The battery limits voltages, which may exceed the model's range while motors brake.
     model.actuator_ctrllimited[indices.motors] = 0
     rest_qpos = model.qpos0.copy()
-    rest_qpos[list(indices.qpos)] = world.rest_qpos
+    rest_qpos[indices.qpos] = world.rest_qpos[indices_alone.qpos]
     return World(
         model,
         (indices,),

@@ -136,3 +136,27 @@ def test_errors_name_parts_of_the_robot_only() -> None:
     lines = str(error.value).splitlines()
     assert len(lines) == 3
     assert all("no encoder on 'b_drive_" in line for line in lines)
+
+
+def test_a_users_robot_with_joints_of_its_own_is_added_to_a_scene(tmp_path: Path) -> None:
+    """A light dribbler, which no wheel drives, does not change how it moves."""
+    dribbler = (
+        '<body pos="0.07 0 0.03"><joint axis="0 1 0"/><geom size="0.005" mass="1e-5"/></body>'
+    )
+    positions = []
+    for name, more in (("plain", ""), ("dribbler", dribbler)):
+        file = tmp_path / f"{name}.xml"
+        file.write_text(written((60, 180, 300), more=more))
+        scene = mujoco.MjSpec.from_string(
+            '<mujoco><worldbody><geom type="plane" size="5 5 1"/></worldbody></mujoco>'
+        )
+        added = om.add_robot(scene, prefix="a_", model={"file": str(file)})
+        model = scene.compile()
+        data = mujoco.MjData(model)
+        drive = added.bind(model, data)
+        drive.command([0.5, 0.2, 0.0])
+        for _ in range(150):
+            drive.step()
+        positions.append(data.body("a_base").xpos[:2].copy())
+    assert np.linalg.norm(positions[0]) > 0.05
+    np.testing.assert_allclose(positions[1], positions[0], atol=5e-4)
