@@ -25,9 +25,9 @@ from omni_control.controllers.base import (
 from omni_control.delay_compensation import CommandHistory, RowSelection
 from omni_control.errors import ControllerError, OmniError
 from omni_control.estimation.delayed_measurements import MAX_FRAMES_BEHIND
-from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.estimation.vision_tracker import VisionTracker
 from omni_control.kinematics import Array
+from omni_control.reference import MotionLimits
 from omni_control.reference.target_reference import TargetReference, as_robot_indices
 
 # Called with the indices (m,) of the robots that failed, and the reason.
@@ -74,19 +74,59 @@ class Team:
         *,
         on_failure: FailureHandler | None = None,
     ) -> None:
-        self.controllers = (
-            [controllers] if isinstance(controllers, Controller) else list(controllers)
-        )
         pose = np.array(start_poses, float)
         if pose.ndim != 2 or pose.shape[1] != 3:
             raise OmniError(f"start_poses must be finite poses (n, 3), got shape {pose.shape}")
         if not np.isfinite(pose).all():
             raise OmniError("start_poses must be finite poses (n, 3), got NaN or infinite numbers")
         self.n, self.frame, self.estimate = len(pose), -1, pose
+        self._on_failure = on_failure
+        noise, latency, limits = self._assign_controllers(controllers, robot_indices)
+        self._tracker = VisionTracker(pose, noise, latency, self._period, limits)
+        self.filter = self._tracker.filter
+        self._sent = CommandHistory(self.n, self._count_commands())
+        self.twist = self._tracker.twist
+        self.last_command, self.inactive = np.zeros((self.n, 3)), np.zeros(self.n, bool)
+        self._observation: Observation | None = None  # None until robots are observed in a frame
+        self._true_observation: Observation | None = None
+
+    @check_types
+    def replace_controllers(
+        self,
+        controllers: Controller | Sequence[Controller],
+        robot_indices: Sequence[ArrayLike] | None = None,
+    ) -> None:
+        """Replace all controllers between two frames. The filter and inactive robots stay.
+
+        Args:
+            controllers: See the constructor. Their frames must have the same length as before.
+            robot_indices: See the constructor.
+
+        Raises:
+            OmniError: As the constructor.
+        """
+        self._tracker.change_model(*self._assign_controllers(controllers, robot_indices))
+        length = self._count_commands()
+        if length > self._sent.length:
+            sent, self._sent = self._sent, CommandHistory(self.n, length)
+            for command in sent.get_latest(sent.length):
+                self._sent.append(command)
+
+    def _assign_controllers(
+        self,
+        controllers: Controller | Sequence[Controller],
+        robot_indices: Sequence[ArrayLike] | None,
+    ) -> tuple[Array, Array, list[MotionLimits]]:
+        """Let controllers drive the robots from now on.
+
+        Returns:
+            Of their models the noise (n, 3), the latency (n, 1) in frames, and the limits.
+        """
+        self.controllers = (
+            [controllers] if isinstance(controllers, Controller) else list(controllers)
+        )
         self._sizes = [len(c.predicted_pose) for c in self.controllers]
         self._robot_indices = _assign_robots(self._sizes, robot_indices, self.n)
-        self._on_failure = on_failure
-
         self._period = period = self.controllers[0].model.period
         if any(c.model.period != period for c in self.controllers):
             raise OmniError(
@@ -101,24 +141,18 @@ class Team:
         limits = [model.limits for model in models]
         latency = np.array([[model.latency_frames] for model in models])
         self._command_limiter = CommandLimiter(limits, period)
-        gate = OutlierGate(noise, limits, period)
-        self._tracker = VisionTracker(pose, noise, latency, period, gate)
-        self.filter = self._tracker.filter
         self._memory_frames = [
             max(c.memory_frames, math.ceil(c.model.latency_frames) + 1) for c in self.controllers
         ]
-        self._sent = CommandHistory(
-            self.n, max(*self._memory_frames, self._tracker.memory_frames) + MAX_FRAMES_BEHIND
-        )
         self.knows_truth = any(type(c).knows_truth for c in self.controllers)
         self._channels = [
             collect_channels(c, n) for c, n in zip(self.controllers, self._sizes, strict=True)
         ]
+        return noise, latency, limits
 
-        self.twist = self._tracker.twist
-        self.last_command, self.inactive = np.zeros((self.n, 3)), np.zeros(self.n, bool)
-        self._observation: Observation | None = None  # None until robots are observed in a frame
-        self._true_observation: Observation | None = None
+    def _count_commands(self) -> int:
+        """Return the number of sent commands that filter and controllers need."""
+        return max(*self._memory_frames, self._tracker.memory_frames) + MAX_FRAMES_BEHIND
 
     def observe(
         self,

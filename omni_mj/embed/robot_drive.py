@@ -85,7 +85,7 @@ class RobotDrive:
         self._variation = RobotVariation.draw([self._row])
         self._world = _make_world(robot, model)
         self._views = SceneViews(SceneState(model, data), self._world)
-        self._views.write_variation([robot.settings], self._variation)
+        self._views.write_variation(self._variation)
         self.reset()
 
     def reset(self, pose: ArrayLike | None = None) -> None:

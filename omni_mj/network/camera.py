@@ -52,24 +52,29 @@ class Camera:
         faults: FaultsByRow,
         number: int | None = None,
     ) -> None:
-        sigmas = "position_noise_m", "position_noise_m", "heading_noise_rad"
-        self._sigma = np.stack([gather(settings, name) for name in sigmas], axis=1)
-        self._miss_probability = gather(settings, "miss_probability")
-        self._miss_frames = gather(settings, "miss_frames")
         self._pose_noise = Noise(seeds, Stream.VISION_NOISE, 3, "standard_normal")
         self._miss_noise = Noise(seeds, Stream.VISION_MISSES)
-        self._dropout_fraction = gather(settings, "dropout_fraction")
-        self._mean_dropout_images = gather(settings, "mean_dropout_frames")
         self._dropout_noise = Noise(seeds, Stream.CAMERA_DROPOUTS)
-        self._number, self._errors = number, CameraErrors(settings, seeds)
+        self._number, self._seeds = number, seeds
         # Drawn for each image, also without faults, so that a fault does not affect another.
         self._fault_noise = Noise(seeds, Stream.CAMERA_FAULTS, 2)
-        self._schedule = FaultSchedule(faults)
         n = len(seeds)
         # Remaining images without a detection; negative before the first image.
         self._missed_images = np.full(n, -1.0)
         self._is_dropout = np.zeros(n, bool)
         self._last_measured = np.full((n, 3), np.nan)
+        self.change_settings(settings, faults)
+
+    def change_settings(self, settings: Sequence[VisionSettings], faults: FaultsByRow) -> None:
+        """Change noise, calibration, missed detections and faults of images from now on."""
+        sigmas = "position_noise_m", "position_noise_m", "heading_noise_rad"
+        self._sigma = np.stack([gather(settings, name) for name in sigmas], axis=1)
+        self._miss_probability = gather(settings, "miss_probability")
+        self._miss_frames = gather(settings, "miss_frames")
+        self._dropout_fraction = gather(settings, "dropout_fraction")
+        self._mean_dropout_images = gather(settings, "mean_dropout_frames")
+        self._errors = CameraErrors(settings, self._seeds)
+        self._schedule = FaultSchedule(faults)
         self._apply_faults()
 
     def __call__(self, pose: Array, frame: int) -> Array:
@@ -140,16 +145,20 @@ class ImageTiming:
         seeds: Sequence[Seed],
         faults: FaultsByRow,
     ) -> None:
+        self._processing_noise = Noise(seeds, Stream.CAMERA_PROCESSING)
+        self._jitter_noise = Noise(seeds, Stream.CAMERA_JITTER)
+        self._loss_noise = Noise(seeds, Stream.CAMERA_LOSSES)
+        self._fault_noise = Noise(seeds, Stream.CAMERA_LATE)
+        self.change_settings(settings, faults)
+
+    def change_settings(self, settings: Sequence[VisionSettings], faults: FaultsByRow) -> None:
+        """Change delays, losses and faults of images from now on."""
         self._nominal_delay_s = gather(settings, "delay_s")
         self._jitter_s = gather(settings, "jitter_s")
         # Gamma distribution: mean = shape * scale, (standard deviation / mean)^2 = 1 / shape
         self._processing_shape = gather(settings, "processing_variation") ** -2
         self._processing_scale_s = gather(settings, "processing_s") / self._processing_shape
-        self._processing_noise = Noise(seeds, Stream.CAMERA_PROCESSING)
         self._loss_probability = gather(settings, "loss_probability")
-        self._jitter_noise = Noise(seeds, Stream.CAMERA_JITTER)
-        self._loss_noise = Noise(seeds, Stream.CAMERA_LOSSES)
-        self._fault_noise = Noise(seeds, Stream.CAMERA_LATE)
         self._schedule = FaultSchedule(faults)
         self._apply_faults()
 
@@ -239,6 +248,13 @@ class Cameras:
             )
             self._groups.append((rows, cameras))
 
+    def change_settings(self, settings: Sequence[VisionSettings], faults: FaultsByRow) -> None:
+        """Change settings of images from now on, except the frame rate, and faults of each row."""
+        for rows, cameras in self._groups:
+            row_values = [settings[i] for i in rows], [faults[i] for i in rows]
+            cameras.camera.change_settings(*row_values)
+            cameras.timing.change_settings(*row_values)
+
     def __call__(self, pose: Array) -> tuple[Array, Array]:
         """Return the measured poses (n, 3) since the last frame, and their ages (n,), s.
 
@@ -263,8 +279,8 @@ class _CamerasWithSameRate:
         seeds: Sequence[Seed],
         faults: FaultsByRow,
     ) -> None:
-        self._camera = Camera(settings, seeds, faults)
-        self._timing = ImageTiming(settings, seeds, faults)
+        self.camera = Camera(settings, seeds, faults)
+        self.timing = ImageTiming(settings, seeds, faults)
         self._rate_hz = settings[0].rate_hz
         self._last_pose: Array | None = None
         self._frame = 0
@@ -313,8 +329,8 @@ class _CamerasWithSameRate:
     def _take_image(self, time: float, pose: Array) -> None:
         """Take an image of the true poses (n, 3) at a time, s."""
         frame = int((time + _TIME_TOLERANCE_S) * FRAME_RATE_HZ)
-        poses = self._camera(pose, frame)
-        arrival, clock_lag = self._timing.schedule_arrival(frame, time)
+        poses = self.camera(pose, frame)
+        arrival, clock_lag = self.timing.schedule_arrival(frame, time)
         # A row that loses the image gets no pose from it, and does not wait for it.
         poses[np.isinf(arrival)] = np.nan
         arrival[np.isinf(arrival)] = time

@@ -131,20 +131,14 @@ class Radio:
     ) -> None:
         n = len(seeds)
         self._ticks_per_frame, self._tick = ticks_per_frame, 0
-        self._nominal_delay = self._to_ticks(gather(settings, "delay_frames"))
-        jitter_frames = gather(settings, "jitter_frames")
-        is_in_ticks = jitters_by_tick | (jitter_frames % 1 > 0)
-        self._jitter_step = np.where(is_in_ticks, 1, ticks_per_frame)  # ticks
-        self._jitter = self._to_ticks(jitter_frames) // self._jitter_step
+        self._jitters_by_tick = jitters_by_tick
         self._air_time = AirTime(settings, seeds)
-        self._loss_probability = gather(settings, "loss_probability")
         # Drawn for each packet or frame, also without faults, so that a fault does not affect
         # another.
         self._jitter_noise = Noise(seeds, Stream.RADIO_JITTER)
         self._loss_noise = Noise(seeds, Stream.RADIO_LOSSES)
         self._burst_noise = Noise(seeds, Stream.RADIO_BURSTS)
         self._fault_noise = Noise(seeds, Stream.RADIO_FAULTS, 4)
-        self._schedule = FaultSchedule(faults)
         self._burst_pass_probability = np.ones(n)  # that a packet passes the bursts
         # Active bursts, and whether each is in its lossy state.
         self._burst_states = dict[tuple[int, RadioBurstLoss], bool]()
@@ -155,8 +149,27 @@ class Radio:
         self._deliveries = dict[int, list[_Delivery]]()
         # Headings that arrived within the previous frame, NaN if none, and their ages in frames
         self._late_headings, self._late_ages = np.full(n, np.nan), np.zeros(n, int)
-        self._apply_faults()
+        self.change_settings(settings, faults)
         self._begin_frame()
+
+    def change_settings(self, settings: Sequence[RadioSettings], faults: FaultsByRow = ()) -> None:
+        """Change dead time, jitter, losses and faults of packets sent from now on.
+
+        Times on air do not change. Delays are rounded to the ticks of the radio.
+
+        Args:
+            settings: Settings of each row.
+            faults: Faults of each row. Default: none.
+        """
+        self._nominal_delay = self._to_ticks(gather(settings, "delay_frames"))
+        jitter_frames = gather(settings, "jitter_frames")
+        is_in_ticks = self._jitters_by_tick | (jitter_frames % 1 > 0)
+        self._jitter_step = np.where(is_in_ticks, 1, self._ticks_per_frame)  # ticks
+        self._jitter = self._to_ticks(jitter_frames) // self._jitter_step
+        self._loss_probability = gather(settings, "loss_probability")
+        self._schedule = FaultSchedule(faults)
+        self._schedule.advance(self._tick // self._ticks_per_frame)
+        self._apply_faults()
 
     def exchange(self, command: Array, heading: Array) -> ReceivedCommand:
         """Send commands (n, 3) and headings (n,); return the commands applied in this frame.

@@ -1,7 +1,6 @@
 """Base class of the plants with wheels that advance cycle by cycle."""
 
-from abc import ABC, abstractmethod
-from typing import Any
+from abc import abstractmethod
 
 import numpy as np
 
@@ -10,21 +9,13 @@ from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.wheeled_plant_base import WheeledPlantBase
 from omni_mj.robot.array_ops import stack_records
-from omni_mj.robot.electronics import CycleRecord, ElectronicsState, end_frame, receive_command
+from omni_mj.robot.electronics import CycleRecord, end_frame, receive_command
 from omni_mj.robot.firmware import set_heading
 from omni_mj.robot.firmware_state import FrameInputs
 
 
-class CyclewisePlant(WheeledPlantBase, ABC):
-    """Robots with wheels whose frames can be advanced in several parts.
-
-    Attributes:
-        parameters: Parameters of the robots; those of the electronics are in `electronics`.
-        electronics: State of firmware, motors and batteries.
-    """
-
-    parameters: Any
-    electronics: ElectronicsState
+class CyclewisePlant(WheeledPlantBase):
+    """Robots with wheels whose frames can be advanced in several parts."""
 
     def _start_cycles(self) -> None:
         """Begin with a new frame."""

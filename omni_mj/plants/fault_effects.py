@@ -65,6 +65,7 @@ class FaultEffects:
         rows: Rows of the robots.
         plant: Plant with an attribute `parameters`, whose fields `electronics` and `carpet` change.
         bodies: Bodies of the robots.
+        frame: Number of frames so far.
 
     Attributes:
         push_force: Force of pushes on the chassis, world frame, (n, 2) N.
@@ -74,7 +75,9 @@ class FaultEffects:
             fields that faults set.
     """
 
-    def __init__(self, rows: Sequence[Row], plant: Any, bodies: ChangeableBodies) -> None:
+    def __init__(
+        self, rows: Sequence[Row], plant: Any, bodies: ChangeableBodies, frame: int = 0
+    ) -> None:
         self._rows = rows
         self._plant = plant
         self._bodies = bodies
@@ -84,7 +87,7 @@ class FaultEffects:
         self._schedule = FaultSchedule(
             [[fault for fault in row.faults if fault.plants] for row in rows]
         )
-        self._frame = 0
+        self._frame = frame
         self._wheel_shape = plant.parameters.carpet.friction_factor.shape
         self._update_inputs()
         seeds = [row.noise_seed for row in rows]

@@ -31,23 +31,27 @@ class KinematicPlant:
 
     def __init__(self, rows: Sequence[Row], start_poses: Array) -> None:
         seeds = [row.noise_seed for row in rows]
-        self._alpha_low, self._alpha_high = (
-            gather(rows, f"settings.kinematic.alpha_{end}")[:, None] for end in ("low", "high")
-        )
         self._quantiles = _AlphaQuantiles(
             gather(rows, "settings.kinematic.alpha_correlation_time_s")[:, None], seeds
         )
         self._disturbance_noise = Noise(seeds, Stream.DISTURBANCE, 2)
-        self._amplitude = gather(rows, "settings.disturbance.velocity_m_s")[:, None]
         self._pose = np.array(start_poses, float)
         self._twist = np.zeros(self._pose.shape)
         self._disturbance = np.zeros(self._pose.shape)
-        self._schedule = FaultSchedule([row.faults for row in rows])
         self._frame = 0
+        self.change_rows(rows)
         # Alpha that faults set, (n, 1), NaN for rows without such a fault
         self._fault_alpha = np.full((len(rows), 1), np.nan)
         n_wheels = len(rows[0].settings.wheels.azimuths_deg)
         self._telemetry = Telemetry.without_wheels(len(rows), n_wheels)
+
+    def change_rows(self, rows: Sequence[Row]) -> None:
+        """Change bounds of alpha, disturbance and faults from the next frame on."""
+        self._alpha_low, self._alpha_high = (
+            gather(rows, f"settings.kinematic.alpha_{end}")[:, None] for end in ("low", "high")
+        )
+        self._amplitude = gather(rows, "settings.disturbance.velocity_m_s")[:, None]
+        self._schedule = FaultSchedule([row.faults for row in rows])
 
     def pose(self) -> Array:
         """See `Plant`."""

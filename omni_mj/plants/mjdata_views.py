@@ -150,24 +150,16 @@ class RobotViews(ChangeableBodies):
         """Return a field of `RobotIndices` for the robot in each slot, (slots, ...)."""
         return np.array([getattr(robot, name) for robot in self._world.robots])
 
-    def write_variation(self, settings: Sequence[Settings], variation: RobotVariation) -> None:
-        """Write friction, roller wear and chassis mass of each robot into the models.
+    def write_variation(self, variation: RobotVariation) -> None:
+        """Write roller wear and chassis mass of each robot into the models.
 
-        Call it before `write_drag` and `block_hubs`, which use what it stores. Constants that
-        MuJoCo derives from masses are not updated: they scale contacts and slip hinges, which must
-        be the same for all robots.
+        Call it before `write_drag`, which uses what it stores. Constants that MuJoCo derives from
+        masses are not updated: they scale contacts and slip hinges, which must be the same for all
+        robots.
 
         Args:
-            settings: One per robot.
             variation: Deviations of the robots from their settings.
         """
-        hubs = self._ids("wheel_dofs")
-        rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
-        self._hub_friction = self._view("dof_frictionloss", hubs)
-        self._nominal_hub_friction = gather(settings, "hub_friction_nm")
-        self._dry_friction = self._nominal_hub_friction
-        self._view("dof_damping", hubs).set(gather(settings, "motor.wheel_viscous_friction_nm_s"))
-        self._view("dof_damping", rollers).set(gather(settings, "drivetrain.roller_damping_nm_s"))
         nominal_center = self._world.model.body_ipos[self._world.robots[0].chassis]
         mass_factor = variation.mass_factor
         shift = np.append(variation.center_offset, 0 * mass_factor, 1).T
@@ -176,6 +168,19 @@ class RobotViews(ChangeableBodies):
             self._wear_rollers(variation.wear.T)
         if (mass_factor != 1).any() or variation.center_offset.any():
             self._change_chassis_mass(mass_factor.T, shift)
+
+    def write_friction(self, settings: Sequence[Settings]) -> None:
+        """Write the friction of hubs and rollers of each robot into the models.
+
+        Call it before `block_hubs`, which uses what it stores.
+        """
+        hubs = self._ids("wheel_dofs")
+        rollers = self._ids("roller_dofs").reshape(len(self._world.robots), -1)
+        self._hub_friction = self._view("dof_frictionloss", hubs)
+        self._nominal_hub_friction = gather(settings, "hub_friction_nm")
+        self._dry_friction = self._nominal_hub_friction
+        self._view("dof_damping", hubs).set(gather(settings, "motor.wheel_viscous_friction_nm_s"))
+        self._view("dof_damping", rollers).set(gather(settings, "drivetrain.roller_damping_nm_s"))
 
     def _wear_rollers(self, wear: Array) -> None:
         """Reduce the rollers' radii by the wear (W, n) in m, and lower the axles by as much."""

@@ -68,7 +68,7 @@ class MujocoPlant(MujocoRobots):
         self._batch = CopyableBatch(model, n_worlds, min(threads, n_worlds))
         variation = RobotVariation.draw(rows)
         views = RobotViews(self._batch, world)
-        views.write_variation(settings, variation)
+        views.write_variation(variation)
         self._start_poses = np.array(start_poses, float)
         super().__init__(rows, world, views, variation, self._start_poses[:, 2])
         self._active_worlds: np.ndarray | None = None  # indices of worlds to step; None for all

@@ -9,6 +9,7 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config.rows import Row
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.cyclewise_plant import CyclewisePlant
+from omni_mj.plants.fault_effects import ChangeableBodies
 from omni_mj.plants.mjdata_views import RobotViews
 from omni_mj.plants.randomization import RobotVariation
 from omni_mj.plants.telemetry import Telemetry
@@ -65,6 +66,12 @@ class MujocoRobots(CyclewisePlant):
     def _make_parameters(self) -> None:
         """Set parameters and initial state; encoder counts start at the present wheel angles."""
         electronics, state = self._initial_electronics
+        self._change_parameters(electronics)
+        _, wheel_angle = self._sensor_values
+        count = np.floor(wheel_angle * electronics.firmware.counts_per_rad)
+        self.electronics = state._replace(firmware=state.firmware._replace(encoder_count=count))
+
+    def _change_parameters(self, electronics: ElectronicsParameters) -> ChangeableBodies:
         carpet = self._nominal_carpet
         model = self._world.model
         inverse_inertia = model.dof_invweight0[self._world.robots[0].slip_dofs][:, None]
@@ -72,9 +79,8 @@ class MujocoRobots(CyclewisePlant):
         compliance = carpet.creep_compliance / (model.opt.timestep * inverse_inertia)
         carpet = carpet._replace(creep_compliance=compliance)
         self.parameters = MujocoParameters(electronics, carpet)
-        _, wheel_angle = self._sensor_values
-        count = np.floor(wheel_angle * electronics.firmware.counts_per_rad)
-        self.electronics = state._replace(firmware=state.firmware._replace(encoder_count=count))
+        self._views.write_friction([row.settings for row in self._rows])
+        return self._views
 
     def pose(self) -> Array:
         """See `Plant`."""

@@ -20,7 +20,7 @@ from omni_mj.plants.row_checks import check_planar_rows
 from omni_mj.plants.telemetry import Telemetry
 from omni_mj.plants.wheeled_plant_base import WheeledPlantBase
 from omni_mj.robot.array_ops import rotate, select
-from omni_mj.robot.electronics import stack_telemetry
+from omni_mj.robot.electronics import ElectronicsParameters, stack_telemetry
 from omni_mj.robot.firmware_state import FirmwareCommand
 from omni_mj.robot.numpy_and_jax_backends import JaxBackend, NumpyBackend
 from omni_mj.robot.planar_dynamics import BodyParameters, BodyState, compute_point_velocity
@@ -163,6 +163,15 @@ class PlanarPlant(WheeledPlantBase, ChangeableBodies):
         velocity, is_new = (np.array(values) for values in list(zip(*commands, strict=True))[:2])
         is_new[0] = False
         return FirmwareCommand(velocity, is_new)
+
+    def _change_parameters(self, electronics: ElectronicsParameters) -> ChangeableBodies:
+        settings = [row.settings for row in self._rows]
+        world = world_builder.build_world(settings[0])
+        self._body_builder = PlanarBodyBuilder(settings, self.variation, world)
+        body = self.parameters.body
+        self.parameters = PlanarParameters(electronics, self._nominal_carpet, body)
+        self._rebuild_bodies()
+        return self
 
     def _rebuild_bodies(self) -> BodyParameters:
         """Set and return the bodies' parameters for present payloads, slopes and blocked hubs."""

@@ -103,12 +103,17 @@ class Disturbances:
 
     def __init__(self, rows: Sequence[Row]) -> None:
         seeds = [row.noise_seed for row in rows]
-        self._max_force = gather(rows, "settings.disturbance.force_n")[:, None]
         self._force_noise = Noise(seeds, Stream.DISTURBANCE, 2)
-        bias_sigma = gather(rows, "settings.sensors.gyro_bias_rad_s")[:, None]
-        self._gyro_bias = bias_sigma * Noise(seeds, Stream.GYRO_BIAS, 1, "standard_normal").next()
-        self._gyro_sigma = gather(rows, "settings.sensors.gyro_noise_rad_s")[:, None]
+        self._unit_gyro_bias = Noise(seeds, Stream.GYRO_BIAS, 1, "standard_normal").next()
         self._gyro_noise = Noise(seeds, Stream.GYRO_NOISE, 1, "standard_normal")
+        self.change_amplitudes(rows)
+
+    def change_amplitudes(self, rows: Sequence[Row]) -> None:
+        """Scale forces and errors by the settings of the rows."""
+        self._max_force = gather(rows, "settings.disturbance.force_n")[:, None]
+        bias_sigma = gather(rows, "settings.sensors.gyro_bias_rad_s")[:, None]
+        self._gyro_bias = bias_sigma * self._unit_gyro_bias
+        self._gyro_sigma = gather(rows, "settings.sensors.gyro_noise_rad_s")[:, None]
 
     def draw_push_force(self) -> Array:
         """Draw the forces on the chassis in the next frame, world frame, (n, 2) N."""

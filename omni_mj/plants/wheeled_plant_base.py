@@ -1,25 +1,34 @@
 """Base class of the plants with wheels: firmware, variation, disturbances and faults."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics
+from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
+from omni_mj.config.settings import gather
 from omni_mj.network.radio import ReceivedCommand, compute_max_delay_frames
 from omni_mj.plants.fault_effects import ChangeableBodies, FaultEffects
 from omni_mj.plants.randomization import Disturbances, RobotVariation
+from omni_mj.robot.array_ops import select
 from omni_mj.robot.electronics import (
     CycleRecord,
     ElectronicsParameters,
     ElectronicsState,
     make_electronics,
 )
-from omni_mj.robot.firmware_state import FirmwareCommand, FrameInputs
-from omni_mj.robot.wheel_carpet_forces import make_carpet_parameters
+from omni_mj.robot.firmware_state import FirmwareCommand, FrameInputs, extend_memory
+from omni_mj.robot.wheel_carpet_forces import CarpetParameters, make_carpet_parameters
+
+# Settings with which a run starts, and of which the state of battery or motors then depends
+_INITIAL_CHARGE = ("battery.charge",)
+_INITIAL_TEMPERATURES = "motor.winding_c", "motor.housing_c"
 
 
-class WheeledPlantBase:
+class WheeledPlantBase(ABC):
     """Base class of robots with roller wheels on carpet, driven by their firmware.
 
     Args:
@@ -29,12 +38,16 @@ class WheeledPlantBase:
         heading: Heading at the start, (n,) rad.
 
     Attributes:
+        parameters: Parameters of the robots; those of the electronics are in `electronics`.
+        electronics: State of firmware, motors and batteries.
         geometry: Geometry of the wheels when new.
         variation: Deviations of the robots from their settings.
         min_heading_memory: Smallest number of frames for which the firmware stores its headings.
             Older headings from vision cannot correct it.
     """
 
+    parameters: Any
+    electronics: ElectronicsState
     geometry: Kinematics | None
     min_heading_memory = 0
 
@@ -52,38 +65,80 @@ class WheeledPlantBase:
         self._disturbances = Disturbances(rows)
         self._current_setpoint: Array | None = None
         self._fault_effects: FaultEffects | None = None
-        settings = [row.settings for row in rows]
         zeros = np.zeros((1, *variation.magnet_factor.T.shape))
         # Record of the latest frame
         self._record = CycleRecord(zeros, zeros, zeros, zeros, zeros[:, 0], zeros[:, 0])
+        self._initial_electronics = self._make_electronics(heading)
+        self._nominal_carpet = self._make_carpet()
+
+    def _make_electronics(self, heading: Array) -> tuple[ElectronicsParameters, ElectronicsState]:
+        """Return parameters and initial state of robots with these headings, (n,) rad."""
+        assert self.geometry is not None
         max_delay_frames = max(
-            compute_max_delay_frames(row.settings.radio, row.settings.fault) for row in rows
+            compute_max_delay_frames(row.settings.radio, row.settings.fault) for row in self._rows
         )
-        self._initial_electronics: tuple[ElectronicsParameters, ElectronicsState] = (
-            make_electronics(
-                settings,
-                kinematics,
-                heading,
-                np.ascontiguousarray(variation.magnet_factor.T),
-                n_frames=max(max_delay_frames, self.min_heading_memory) + 1,
-                has_faults=any(row.faults for row in rows),
-            )
-        )
-        self._nominal_carpet = make_carpet_parameters(
-            settings,
-            kinematics,
-            np.ascontiguousarray(variation.friction_factor.T),
-            np.ascontiguousarray(variation.wear.T),
+        return make_electronics(
+            [row.settings for row in self._rows],
+            self.geometry,
+            heading,
+            np.ascontiguousarray(self.variation.magnet_factor.T),
+            n_frames=max(max_delay_frames, self.min_heading_memory) + 1,
+            has_faults=any(row.faults for row in self._rows),
         )
 
-    def _start_faults(self, bodies: ChangeableBodies) -> None:
+    def _make_carpet(self) -> CarpetParameters:
+        """Return the parameters of the carpet without faults."""
+        assert self.geometry is not None
+        return make_carpet_parameters(
+            [row.settings for row in self._rows],
+            self.geometry,
+            np.ascontiguousarray(self.variation.friction_factor.T),
+            np.ascontiguousarray(self.variation.wear.T),
+        )
+
+    def _start_faults(self, bodies: ChangeableBodies, frame: int = 0) -> None:
         """Apply faults from now on. The robots are nominal as they are now.
 
         Args:
             bodies: Bodies of the robots.
+            frame: Number of frames so far.
         """
-        if any(row.faults for row in self._rows):
-            self._fault_effects = FaultEffects(self._rows, self, bodies)
+        has_faults = any(row.faults for row in self._rows)
+        self._fault_effects = FaultEffects(self._rows, self, bodies, frame) if has_faults else None
+
+    def change_rows(self, rows: Sequence[Row]) -> None:
+        """Change settings and faults of driving robots from the next frame on.
+
+        `omni_mj.simulation.changeable_simulation` lists the settings that must stay. Another
+        initial charge or temperature becomes the present one.
+
+        Args:
+            rows: The rows, with other settings.
+        """
+        previous_rows, self._rows = self._rows, rows
+        self._disturbances.change_amplitudes(rows)
+        state = self.electronics
+        frame = int(state.cycle) // CYCLES_PER_FRAME
+        parameters, fresh = self._make_electronics(state.firmware.heading)
+
+        def differs(names: Sequence[str]) -> np.ndarray:
+            old, new = (
+                np.array([gather(group, f"settings.{name}") for name in names])
+                for group in (previous_rows, rows)
+            )
+            return np.asarray((old != new).any(0))
+
+        self.electronics = state._replace(
+            firmware=extend_memory(state.firmware, fresh.firmware, frame),
+            battery=select(differs(_INITIAL_CHARGE), fresh.battery, state.battery),
+            motors=select(differs(_INITIAL_TEMPERATURES), fresh.motors, state.motors),
+        )
+        self._nominal_carpet = self._make_carpet()
+        self._start_faults(self._change_parameters(parameters), frame)
+
+    @abstractmethod
+    def _change_parameters(self, electronics: ElectronicsParameters) -> ChangeableBodies:
+        """Set the parameters without faults for changed settings, and return the bodies."""
 
     def set_motor_currents(self, current: Array) -> None:
         """Let drivers hold currents from the next frame on, in place of the firmware's commands.

@@ -153,6 +153,23 @@ def make_firmware_parameters(
     )
 
 
+def extend_memory(s: FirmwareState, fresh: FirmwareState, frame: int) -> FirmwareState:
+    """Return the state with the memory that other parameters or faults need.
+
+    Args:
+        s: State.
+        fresh: Initial state for these parameters and faults.
+        frame: Number of frames so far.
+    """
+    added = {name: value for name, value in fresh._asdict().items() if getattr(s, name) is None}
+    n_frames, n_old = len(fresh.past_headings), len(s.past_headings)
+    if n_frames > n_old:
+        frames = frame - 1 - np.arange(n_old)
+        added["past_headings"] = np.array(fresh.past_headings)
+        added["past_headings"][frames % n_frames] = s.past_headings[frames % n_old]
+    return s._replace(**added)
+
+
 def make_firmware_state(
     p: FirmwareParameters, heading: Array, n_frames: int, has_faults: bool
 ) -> FirmwareState:

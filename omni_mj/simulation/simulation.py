@@ -80,6 +80,7 @@ class Simulation:
         log: The recorded frames. Without rows if `keep_log` is false.
         frame: Index of the next frame.
         failures: Failures of rows that stopped before their end, in order of time.
+        received: Commands that the robots received in the latest frame.
 
     Raises:
         OmniError: A controller does not exist or is named twice, the rows cannot share a plant, the
@@ -87,6 +88,7 @@ class Simulation:
     """
 
     has_true_poses = True  # for the log
+    received: ReceivedCommand
 
     def __init__(
         self,
@@ -246,7 +248,7 @@ class Simulation:
         """
         extrapolated_pose = self.observe().extrapolated_pose
         sent = self.team.command(command)
-        received = self.radio.exchange(sent, self.team.estimate[:, 2])
+        received = self.received = self.radio.exchange(sent, self.team.estimate[:, 2])
         if self._keep_log:
             self._record(extrapolated_pose, sent, received)
         failed = self.plant.advance(received)
@@ -272,18 +274,22 @@ class Simulation:
             ),
         )
 
-    def _record(self, extrapolated_pose: Array, sent: Array, received: ReceivedCommand) -> None:
-        """Append this frame to the log."""
-        reference_poses = np.array(
+    def compute_reference_poses(self) -> Array:
+        """Return the poses of the references in this frame, (n, 3)."""
+        poses = np.array(
             [
                 reference.poses[min(self.frame, reference.frames - 1)]
                 for reference in self._distinct_references
             ]
         )
+        return np.asarray(poses[self._reference_indices])
+
+    def _record(self, extrapolated_pose: Array, sent: Array, received: ReceivedCommand) -> None:
+        """Append this frame to the log."""
         self.log.append(
             self._is_active,
             self.team.channels,
-            ref=reference_poses[self._reference_indices],
+            ref=self.compute_reference_poses(),
             pose=self._pose,
             vision=extrapolated_pose,
             vision_valid=self._is_detected,

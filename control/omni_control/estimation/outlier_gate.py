@@ -64,16 +64,20 @@ class OutlierGate:
     def __init__(self, noise: Array, limits: Sequence[MotionLimits], period: float) -> None:
         n = len(noise)
         self._period, self._zeros = period, np.zeros(n)
-        own_limits = [[limit.speed, limit.turn_rate] for limit in limits]
-        speed, self._max_turn_rate = np.maximum(SIMULATOR_LIMITS, own_limits).T
-        self._max_speed = COLLISION_SPEED_RATIO * speed
-        self._noise_margin = NOISE_MARGIN * noise[:, 0]
+        self.change_margins(noise, limits)
         self._last_measured, self._last_accepted = np.full((2, n, 3), np.nan)
         # Of the last accepted measurement: its age on arrival, s; the time since its arrival, s;
         # and the distance to the one before over the time between them, m/s.
         self._accepted_age, self._elapsed, self._apparent_speed = np.zeros((3, n))
         # Numbers of measurements in a row that were too far away, reversed, or repeated.
         self._far_count, self._reversed_count, self._repeat_count = np.zeros((3, n))
+
+    def change_margins(self, noise: Array, limits: Sequence[MotionLimits]) -> None:
+        """Change noise and limits from now on; see the constructor."""
+        own_limits = [[limit.speed, limit.turn_rate] for limit in limits]
+        speed, self._max_turn_rate = np.maximum(SIMULATOR_LIMITS, own_limits).T
+        self._max_speed = COLLISION_SPEED_RATIO * speed
+        self._noise_margin = NOISE_MARGIN * noise[:, 0]
 
     def reject_outliers(self, measured_pose: Array, age: Array) -> Array:
         """Return the accepted poses (n, 3), headings in (-pi, pi]; NaN for rejected ones.

@@ -11,6 +11,7 @@ process noise is therefore scaled until the mean normalized innovation squared (
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,7 @@ from omni_control.delay_compensation import CommandHistory
 from omni_control.estimation.delayed_measurements import FilterStep, plan_steps
 from omni_control.estimation.outlier_gate import OutlierGate
 from omni_control.kinematics import Array, compute_pose_error
+from omni_control.reference import MotionLimits
 
 # Standard deviation of the displacement in a frame, relative to the commanded displacement.
 DISPLACEMENT_NOISE_RATIO = 0.06
@@ -49,7 +51,7 @@ class KalmanFilter:
 
     def __init__(self, pose: Array, period: float, noise: ArrayLike) -> None:
         self._period = period
-        self._measurement_variance = np.maximum(noise, MIN_MEASUREMENT_SIGMA) ** 2
+        self.change_noise(noise)
         self._drift_decay = math.exp(-period / DRIFT_TIME_S)
         self._drift_noise = np.square(DRIFT_NOISE_DENSITY) * period
         self.pose, (self.drift, self.twist) = pose.copy(), np.zeros((2, *pose.shape))
@@ -58,6 +60,10 @@ class KalmanFilter:
         self._cross_covariance, self._drift_variance = np.zeros((2, *pose.shape))
         self._noise_scale = np.ones_like(pose)
         self._innovation, self._innovation_variance = np.full((2, *pose.shape), np.nan)
+
+    def change_noise(self, noise: ArrayLike) -> None:
+        """Change the standard deviation of measurements from now on; see the constructor."""
+        self._measurement_variance = np.maximum(noise, MIN_MEASUREMENT_SIGMA) ** 2
 
     @property
     def sigma(self) -> Array:
@@ -177,7 +183,7 @@ class VisionTracker:
         noise: Standard deviation of measurements, (n, 3), m and rad.
         latency: Dead time plus lag of the robots, (n, 1) frames.
         period: Length of a frame, s.
-        gate: Outlier gate of these robots.
+        limits: Command limits of each robot.
 
     Attributes:
         filter: Kalman filter; with late measurements its state lies in the past.
@@ -187,16 +193,29 @@ class VisionTracker:
     """
 
     def __init__(
-        self, pose: Array, noise: Array, latency: Array, period: float, gate: OutlierGate
+        self,
+        pose: Array,
+        noise: Array,
+        latency: Array,
+        period: float,
+        limits: Sequence[MotionLimits],
     ) -> None:
-        self.filter, self._gate = KalmanFilter(pose, period, noise), gate
-        self._latency, self._period = latency, period
-        # One number if all latencies are equal: commands are then looked up faster.
-        self._compact_latency = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
+        self.filter = KalmanFilter(pose, period, noise)
+        self._gate = OutlierGate(noise, limits, period)
+        self._period = period
+        self.change_model(noise, latency, limits)
         self._default_step = FilterStep.to_present(len(latency))
-        self.memory_frames = math.ceil(latency.max()) + 1
         self.pose, self.twist = self.filter.pose, self.filter.twist
         self.steps: tuple[FilterStep, ...] = (self._default_step,)
+
+    def change_model(self, noise: Array, latency: Array, limits: Sequence[MotionLimits]) -> None:
+        """Change noise, latencies and limits from now on; see the constructor."""
+        self.filter.change_noise(noise)
+        self._gate.change_margins(noise, limits)
+        self._latency = latency
+        # One number if all latencies are equal: commands are then looked up faster.
+        self._compact_latency = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
+        self.memory_frames = math.ceil(latency.max()) + 1
 
     def update(self, measured_pose: Array, age: Array, sent: CommandHistory) -> Array:
         """Update the estimates by measurements, and return the accepted measurements.

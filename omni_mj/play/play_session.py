@@ -1,0 +1,423 @@
+"""A scenario that robots drive frame by frame, while its settings change and things happen to them.
+
+It knows no browser: `omni_mj.play.play_page` shows it.
+"""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from omni_control.arguments import check_types
+from omni_control.errors import OmniError
+from omni_control.kinematics import Array, world_to_body, wrap_angle
+from omni_mj.config import FRAME_RATE_HZ, PERIOD_S, faults, plugins
+from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import find_setting
+from omni_mj.config.validation import MAX_COORDINATE_M
+from omni_mj.results.alpha_windows import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES, driven_alpha
+from omni_mj.simulation.changeable_simulation import ChangeableSimulation
+
+MAX_CONTROLLERS = 3
+PUSH_N, PUSH_S = 40.0, 0.2
+DEBRIS_RADIUS_M, DEBRIS_FRICTION = 0.3, 0.1
+DEBRIS_AHEAD_FRAMES = FRAME_RATE_HZ // 2  # debris lies where the reference is in half a second
+CARRY_M, CARRY_DEG = 0.5, 60.0
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The n robots in a frame. NaN stands for unknown values.
+
+    Attributes:
+        time_s: Time since the start, s.
+        reference: Poses of the reference or target, (n, 3) m, m, rad; NaN without a target.
+        pose: True poses, (n, 3) m, m, rad.
+        predicted: Poses for which the commands were computed, (n, 3) m, m, rad.
+        command: Commands sent, world frame, (n, 3) m/s, m/s, rad/s.
+        error_m: Distances from the reference or target, (n,) m.
+        alpha: Ratios of achieved to commanded displacement in the last 0.25 s, forward and
+            sideways, (n, 2).
+        alpha_hat: The controllers' estimates of alpha, (n, 2).
+        winding_c: Temperatures of the hottest windings, (n,) deg C.
+        battery_v: Voltages of the batteries under load, (n,) V.
+        latency_hat: The controllers' estimates of the latency, forward, (n,) frames.
+        failures: Messages of the robots that failed.
+        has_ended: Whether the reference has ended. The robots rest.
+    """
+
+    time_s: float
+    reference: Array
+    pose: Array
+    predicted: Array
+    command: Array
+    error_m: Array
+    alpha: Array
+    alpha_hat: Array
+    winding_c: Array
+    battery_v: Array
+    latency_hat: Array
+    failures: tuple[str, ...]
+    has_ended: bool
+
+
+class PlaySession:
+    """Robots that drive a scenario side by side, each controller in its own world.
+
+    Only the scenario's first seed is played, with the settings drawn for it. Without changes the
+    frames are those of `omni_mj.run`, bit for bit.
+
+    Args:
+        scenario: The scenario.
+        controllers: Up to three controllers. Default: the first three of the scenario.
+        record: Path of a recording, .rrd. A restart begins another one: NAME-2.rrd, NAME-3.rrd.
+
+    Attributes:
+        simulation: The simulation since the last restart.
+        labels: Label of each robot: its controller, with its slot if worlds have several robots.
+        snapshot: The latest frame, at first the start.
+
+    Raises:
+        OmniError: The scenario or a controller cannot be played.
+    """
+
+    simulation: ChangeableSimulation
+    labels: tuple[str, ...]
+    snapshot: Snapshot
+
+    @check_types
+    def __init__(
+        self,
+        scenario: Scenario,
+        controllers: Sequence[plugins.ControllerSpec] | None = None,
+        record: Path | None = None,
+    ) -> None:
+        self._record, self._n_recordings = record, 0
+        self._recordings = ExitStack()
+        self.restart(scenario, controllers)
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario with all settings as they are now, without the effects of buttons."""
+        return self.simulation.scenario
+
+    @property
+    def debris(self) -> tuple[tuple[float, float, float], ...]:
+        """Position and radius of all debris spilled since the start, m."""
+        patches = dict.fromkeys(
+            fault
+            for row_faults in self._faults
+            for fault in row_faults
+            if isinstance(fault, faults.FrictionPatch)
+        )
+        return tuple((patch.x_m, patch.y_m, patch.radius_m) for patch in patches)
+
+    @check_types
+    def restart(
+        self,
+        scenario: Scenario | None = None,
+        controllers: Sequence[plugins.ControllerSpec] | None = None,
+    ) -> None:
+        """Return to the start of the reference, with the same noise.
+
+        Args:
+            scenario: Another scenario. Default: the present one, with the present settings.
+            controllers: Other controllers. Default: those of the scenario.
+
+        Raises:
+            OmniError: The scenario or a controller cannot be played. The session then goes on.
+        """
+        scenario = _choose_controllers(scenario or self.scenario, controllers)
+        settings = scenario.settings_for_seed(scenario.seed)
+        scenario = scenario.replace(seeds=1, settings=settings, distributions={})
+        simulation = ChangeableSimulation(scenario, keep_log=self._record is not None)
+        self._recordings.close()
+        self.simulation, rows = simulation, simulation.rows
+        has_teams = any(row.slot for row in rows)
+        self.labels = tuple(
+            f"{row.controller}/{row.slot}" if has_teams else row.controller for row in rows
+        )
+        self._faults: list[list[faults.Fault]] = [[] for _ in rows]
+        # Latest displacements of each frame, achieved and commanded, body frame, (2, n, 2) m
+        self._displacements = deque[Array](maxlen=ALPHA_START_FRAMES + ALPHA_WINDOW_FRAMES)
+        self._last_pose = simulation.plant.pose()
+        self.snapshot = Snapshot(**self._read_plant(), **self._read_team())
+        if self._record:
+            self._start_recording(self._record)
+
+    def advance(self) -> Snapshot:
+        """Advance by a frame of 1/60 s, and return the snapshot of that frame."""
+        plant_values = self._read_plant()
+        self.simulation.step()
+        self._last_pose = plant_values["pose"]
+        commanded = PERIOD_S * self.simulation.received.command
+        self._commanded = world_to_body(commanded, self._last_pose[:, 2])[:, :2]
+        self.snapshot = Snapshot(**plant_values, **self._read_team())
+        if self._record:
+            self._recording.update()
+        return self.snapshot
+
+    @check_types
+    def change(self, name: str, value: Any) -> bool:
+        """Change a setting, for the driving robots if that is possible.
+
+        Args:
+            name: Name, such as "radio.delay_frames" or "controller.p.gain".
+            value: Value.
+
+        Returns:
+            Whether the robots drive on. If not, the session has restarted.
+
+        Raises:
+            OmniError: There is no such setting, or its value is not allowed. Nothing has changed.
+        """
+        section, _, field = name.partition(".")
+        if section == "controller":
+            label, _, parameter = field.partition(".")
+            change: dict[str, Any] = {label: {parameter: value}}
+        else:
+            is_whole = isinstance(value, float) and value.is_integer()
+            change = {field: int(value) if is_whole else value}
+            if find_setting(name).value_type is float:
+                change = {field: value}
+        settings = self.scenario.settings.replace(**{section: change})
+        can_change = self.simulation.can_change(settings)
+        if can_change:
+            self.simulation.change_settings(settings, self._faults)
+        else:
+            self.restart(self.scenario.replace(settings=settings))
+        return can_change
+
+    @check_types
+    def push(self, row: int | None = None) -> None:
+        """Push a robot to its left. Default: all robots."""
+        headings = self.simulation.plant.pose()[:, 2]
+        pushes = {
+            i: faults.Push(
+                start_s=self._now,
+                duration_s=PUSH_S,
+                force_n=PUSH_N,
+                direction_deg=float(np.degrees(wrap_angle(headings[i] + np.pi / 2))),
+            )
+            for i in self._choose_rows(row)
+        }
+        self._add_faults(pushes)
+
+    def spill_debris(self) -> None:
+        """Spill debris in front of each robot: where its reference is in half a second."""
+        simulation, pose = self.simulation, self.simulation.plant.pose()
+        if simulation.targets is None:
+            frame = simulation.frame + DEBRIS_AHEAD_FRAMES
+            pose = np.array([r.poses[min(frame, r.frames - 1)] for r in simulation.references])
+        patches = {
+            i: faults.FrictionPatch(
+                start_s=self._now,
+                x_m=x,
+                y_m=y,
+                radius_m=DEBRIS_RADIUS_M,
+                friction=DEBRIS_FRICTION,
+            )
+            for i, (x, y, _) in enumerate(pose.tolist())
+        }
+        self._add_faults(patches)
+
+    @check_types
+    def carry_away(self, row: int | None = None) -> None:
+        """Carry a robot half a meter towards the middle and turn it. Default: all robots."""
+        pose = self.simulation.plant.pose()
+        displacements = {
+            i: faults.Kidnap(
+                start_s=self._now,
+                x_m=-float(np.copysign(CARRY_M, pose[i, 0])),
+                y_m=-float(np.copysign(CARRY_M, pose[i, 1])),
+                heading_deg=CARRY_DEG,
+            )
+            for i in self._choose_rows(row)
+        }
+        self._add_faults(displacements)
+        self._displacements.clear()
+
+    @check_types
+    def set_radio_lost(self, is_lost: bool) -> None:
+        """Lose all packets to all robots from now on, or none."""
+        self._set_lost(faults.RadioLoss, is_lost)
+
+    @check_types
+    def set_camera_lost(self, is_lost: bool) -> None:
+        """Let the camera detect no robot from now on, or all."""
+        self._set_lost(faults.VisionLoss, is_lost)
+
+    @check_types
+    def set_target(self, x: float, y: float, heading: float | None = None) -> None:
+        """Let the first robot of each world drive to a target, until a restart.
+
+        Args:
+            x: World frame, m.
+            y: World frame, m.
+            heading: rad. Default: the present one of each robot.
+        """
+        _check_numbers(x, y, heading or 0.0)
+        estimate = self.simulation.team.estimate
+        for i in self._choose_first_rows():
+            self.simulation.set_target(i, [x, y, estimate[i, 2] if heading is None else heading])
+
+    @check_types
+    def set_velocity(self, vx: float, vy: float, turn: float) -> None:
+        """Let the first robot of each world drive at a velocity, until a restart.
+
+        Args:
+            vx: World frame, m/s.
+            vy: World frame, m/s.
+            turn: Turn rate, rad/s.
+        """
+        _check_numbers(vx, vy, turn)
+        for i in self._choose_first_rows():
+            self.simulation.set_velocity(i, [vx, vy, turn])
+
+    @check_types
+    def reload_controller(self, path: str | Path) -> None:
+        """Restart with the present text of a user's file. If it has an error, its robots stand.
+
+        Args:
+            path: Path of the file, or `file.py:Class`.
+
+        Raises:
+            OmniError: No controller is of this file.
+        """
+        file = Path(str(path).partition(".py:")[0]).with_suffix(".py").resolve()
+        labels = list[str]()
+        error: OmniError | None = None
+        for spec in self.scenario.controllers:
+            name = plugins.format_controller_spec(spec)
+            if plugins.is_class_path(name) and Path(name.rpartition(":")[0]).resolve() == file:
+                labels.append(plugins.label_controller(spec))
+                try:
+                    plugins.find_controller(spec)
+                except OmniError as load_error:
+                    error = load_error
+        if not labels:
+            raise OmniError(f"no controller of this session is in {path}")
+        if error is None:
+            self.restart()
+        else:
+            rows = [i for i, row in enumerate(self.simulation.rows) if row.controller in labels]
+            self.simulation.stop_rows(np.array(rows), error)
+
+    def close(self) -> None:
+        """Finish the recording."""
+        self._recordings.close()
+
+    @property
+    def _now(self) -> float:
+        """Time of the next frame, s."""
+        return self.simulation.frame * PERIOD_S
+
+    def _read_plant(self) -> dict[str, Any]:
+        """Return what a snapshot says about the robots, before the frame ends."""
+        simulation = self.simulation
+        pose, telemetry = simulation.plant.pose(), simulation.plant.telemetry()
+        reference = simulation.compute_reference_poses()
+        if simulation.frame:
+            achieved = world_to_body(pose - self._last_pose, self._last_pose[:, 2])[:, :2]
+            self._displacements.append(np.array([achieved, self._commanded]))
+        return {
+            "time_s": self._now,
+            "reference": reference,
+            "pose": pose,
+            "error_m": np.hypot(*(pose - reference)[:, :2].T),
+            "alpha": self._compute_alpha(len(pose)),
+            "winding_c": telemetry.winding.max(1),
+            "battery_v": telemetry.battery,
+            "has_ended": simulation.done,
+        }
+
+    def _read_team(self) -> dict[str, Any]:
+        """Return what a snapshot says about the controllers, after the frame."""
+        team = self.simulation.team
+        alpha_hat = team.alpha_hat[:, :2]
+        return {
+            "predicted": team.predicted_pose,
+            "command": team.last_command,
+            "alpha_hat": np.where(alpha_hat == 1, np.nan, alpha_hat),  # 1: no estimate
+            "latency_hat": team.latency_hat[:, 0],
+            "failures": tuple(map(str, self.simulation.failures)),
+        }
+
+    def _compute_alpha(self, n: int) -> Array:
+        """Return alpha of n robots, forward and sideways, (n, 2); NaN near standstill."""
+        if len(self._displacements) < ALPHA_WINDOW_FRAMES:
+            return np.full((n, 2), np.nan)
+        achieved, commanded = np.moveaxis(np.array(self._displacements), 1, 0)
+        position = np.cumsum(np.concatenate([np.zeros((1, n, 2)), achieved]), axis=0)
+        velocity = np.concatenate([commanded, np.zeros((1, n, 2))]) / PERIOD_S
+        return np.asarray(driven_alpha(position, velocity)[-1])
+
+    def _choose_rows(self, row: int | None) -> list[int]:
+        """Return one row or all rows."""
+        n = len(self.simulation.rows)
+        if row is not None and not 0 <= row < n:
+            raise OmniError(f"robots are numbered from 0 to {n - 1}, got {row}")
+        return list(range(n)) if row is None else [row]
+
+    def _choose_first_rows(self) -> list[int]:
+        """Return the row of the first robot of each world."""
+        return [i for i, row in enumerate(self.simulation.rows) if not row.slot]
+
+    def _set_lost(self, kind: type[faults.Fault], is_lost: bool) -> None:
+        """Let a fault of radio or camera act on all robots from now on, or end it."""
+        n = len(self.simulation.rows)
+        self._faults = [[f for f in row if not isinstance(f, kind)] for row in self._faults]
+        self._add_faults({i: kind(start_s=self._now) for i in range(n)} if is_lost else {})
+
+    def _add_faults(self, added: Mapping[int, faults.Fault]) -> None:
+        """Let faults act from now on, given by their rows.
+
+        Raises:
+            OmniError: The plant does not support them.
+        """
+        simulation, settings = self.simulation, self.scenario.settings
+        if not simulation.can_change(settings):
+            raise OmniError(f"the plant {self.scenario.plant} cannot be disturbed while it runs")
+        row_faults = [
+            [f for f in present if f.frame_span[1] >= simulation.frame] for present in self._faults
+        ]
+        for i, fault in added.items():
+            row_faults[i].append(fault)
+        simulation.change_settings(settings, row_faults)
+        self._faults = row_faults
+
+    def _start_recording(self, path: Path) -> None:
+        """Record the present simulation."""
+        from omni_mj.viz.recording import Recording  # slow to import
+
+        self._n_recordings += 1
+        if self._n_recordings > 1:
+            path = path.with_stem(f"{path.stem}-{self._n_recordings}")
+        self._recording = self._recordings.enter_context(Recording(path, self.simulation))
+        self._recordings.callback(self._recording.write)
+
+
+def _choose_controllers(
+    scenario: Scenario, controllers: Sequence[plugins.ControllerSpec] | None
+) -> Scenario:
+    """Return the scenario with these controllers, and with the parameters of no others."""
+    if controllers is None:
+        controllers = scenario.controllers[:MAX_CONTROLLERS]
+    if len(controllers) > MAX_CONTROLLERS:
+        raise OmniError(f"at most {MAX_CONTROLLERS} controllers, got {len(controllers)}")
+    labels = {plugins.label_controller(spec) for spec in controllers}
+    parameters = scenario.settings.controller
+    chosen = {label: values for label, values in parameters.items() if label in labels}
+    settings = scenario.settings.model_copy(update={"controller": chosen})
+    return scenario.replace(controllers=tuple(controllers), settings=settings)
+
+
+def _check_numbers(*values: float) -> None:
+    """Raise `OmniError` if a target or velocity is far beyond those of robots."""
+    if not all(abs(value) <= MAX_COORDINATE_M for value in values):
+        limit = f"{MAX_COORDINATE_M:g}"
+        raise OmniError(f"targets must be numbers from -{limit} to {limit}, got {values}")
