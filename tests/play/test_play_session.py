@@ -1,7 +1,6 @@
 """Laws of a session that is played: what changes while robots drive, and what stays."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
