@@ -103,8 +103,7 @@ def find_robot(model: mujoco.MjModel, chassis: str) -> RobotIndices:
     """Return the indices of one robot of a model that may contain anything else.
 
     Other joints and motors are ignored, also those of things on the chassis: `qpos` and `dofs` are
-    the robot's alone. If hinges on the chassis differ, its wheels are the largest group of equal
-    ones.
+    the robot's alone. If hinges with rollers differ, its wheels are the largest equal group.
 
     Args:
         model: Compiled model. The robot may have any pose.
@@ -117,12 +116,16 @@ def find_robot(model: mujoco.MjModel, chassis: str) -> RobotIndices:
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, chassis)
     motors = _find_driven_wheels(data)
     motors = motors[model.body_rootid[model.jnt_bodyid[model.actuator_trnid[motors, 0]]] == body]
+    driven = model.actuator_trnid[motors, 0]
     if not motors.size:
         raise OmniError(
             f"{chassis!r} must be a body with a <freejoint> and hinges with rollers that "
             "<dcmotor>s drive"
         )
-    robot = _find_parts(data, body, _select_equal_wheels(data, body, motors))
+    undriven = _find_undriven_wheels(data, model.jnt_bodyid[driven])
+    wheels = _select_equal_wheels(data, body, np.append(driven, undriven))
+    _check_driven(model, np.intersect1d(wheels, undriven))
+    robot = _find_parts(data, body, motors[np.isin(driven, wheels)])
     own_bodies = np.array([body, *robot.wheels, *robot.rims, *robot.rollers.ravel()])
     qpos, dofs = _find_addresses(model, own_bodies)
     return replace(robot, qpos=qpos, dofs=dofs)
@@ -166,19 +169,31 @@ def _find_wheel_motors(data: mujoco.MjData) -> tuple[Ids, Ids]:
             f"with a hinge each, without a range, across the axle{hint}"
         )
     wheels = model.jnt_bodyid[model.actuator_trnid[motors, 0]]
-    errors = []
+    _check_driven(model, _find_undriven_wheels(data, wheels))
+    return motors, model.body_rootid[wheels]
+
+
+def _find_undriven_wheels(data: mujoco.MjData, wheels: Ids) -> Ids:
+    """Return other hinges with rollers on the chassis that carry the bodies of driven wheels."""
+    model, joints = data.model, list[int]()
     for joint in np.flatnonzero(model.jnt_type == HINGE).tolist():
         body = model.jnt_bodyid[joint]
-        is_known = body in (*wheels, *model.body_parentid[wheels])
-        is_known |= model.body_parentid[body] in wheels
+        rims = (*wheels, *model.jnt_bodyid[joints])  # or bodies of wheels, which carry them
+        is_known = body in (*rims, *model.body_parentid[wheels])
+        is_known |= model.body_parentid[body] in rims
         is_known |= model.body_rootid[body] not in model.body_rootid[wheels]
         if not is_known and _find_rollers(data, joint).size >= MIN_COUNT:
-            errors.append(
-                f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: "
-                f"write {_DCMOTOR_EXAMPLE}"
-            )
-    raise_errors(errors)
-    return motors, model.body_rootid[wheels]
+            joints.append(joint)
+    return np.array(joints, int)
+
+
+def _check_driven(model: mujoco.MjModel, undriven: Ids) -> None:
+    """Raise an OmniError with a line for each hinge of a wheel without a motor."""
+    raise_errors(
+        f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: "
+        f"write {_DCMOTOR_EXAMPLE}"
+        for joint in undriven
+    )
 
 
 def _find_driven_wheels(data: mujoco.MjData) -> Ids:
@@ -190,12 +205,11 @@ def _find_driven_wheels(data: mujoco.MjData) -> Ids:
     return motors[np.array(n_rollers, int) >= RETAINED_ROLLERS]
 
 
-def _select_equal_wheels(data: mujoco.MjData, chassis: int, motors: Ids) -> Ids:
-    """Return the motors of the largest group of equal wheels, or all if it has too few.
+def _select_equal_wheels(data: mujoco.MjData, chassis: int, joints: Ids) -> Ids:
+    """Return the hinges of the largest group of equal wheels, or all if it has too few.
 
     Equal wheels have the same height, distance from the center, tilt and number of rollers.
     """
-    joints = data.model.actuator_trnid[motors, 0]
     rotation = data.xmat[chassis].reshape(3, 3)
     x, y, z = ((data.xanchor[joints] - data.xpos[chassis]) @ rotation).T
     n_rollers = np.array([_find_rollers(data, joint).size for joint in joints], int)
@@ -204,8 +218,8 @@ def _select_equal_wheels(data: mujoco.MjData, chassis: int, motors: Ids) -> Ids:
     is_equal = (np.abs(properties[:, None] - properties) < _MAX_DIFFERENCE).all(2)
     group_sizes = is_equal.sum(1)
     if group_sizes.max(initial=0) < MIN_COUNT:
-        return motors
-    return motors[is_equal[np.lexsort([n_rollers, group_sizes])[-1]]]
+        return joints
+    return joints[is_equal[np.lexsort([n_rollers, group_sizes])[-1]]]
 
 
 def _find_rollers(data: mujoco.MjData, joint: int) -> Ids:

@@ -124,6 +124,14 @@ def test_a_robot_is_found_in_a_scene_of_other_things(text: str) -> None:
 
 def test_errors_name_parts_of_the_robot_only() -> None:
     """One line for each part that this robot lacks; the other one lacks nothing."""
+    for text in (OURS, written((50, 130, 230, 310))):
+        spec = mujoco.MjSpec.from_string(text)
+        hinge = spec.actuators[1].target
+        spec.delete(spec.actuators[1])
+        model = spec.compile()
+        name = spec.worldbody.bodies[0].name
+        with pytest.raises(om.OmniError, match=f"^'{hinge}' has rollers, but no .*$"):
+            find_robot(model, name)
     text = written((60, 180, 300))
     scene = mujoco.MjSpec.from_string(text)
     broken = mujoco.MjSpec.from_string(text.replace("jointpos", "jointvel"))
