@@ -166,7 +166,7 @@ class PlaySession:
         """Change a setting, for the driving robots if that is possible.
 
         Args:
-            name: Name, such as "radio.delay_frames" or "controller.p.gain".
+            name: Name, such as "radio.delay_frames" or "controller.Mine.gain".
             value: Value.
 
         Returns:

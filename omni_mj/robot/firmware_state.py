@@ -162,6 +162,7 @@ def extend_memory(s: FirmwareState, fresh: FirmwareState, frame: int) -> Firmwar
         frame: Number of frames so far.
     """
     added = {name: value for name, value in fresh._asdict().items() if getattr(s, name) is None}
+    added["voltage_margin"] = fresh.voltage_margin  # no memory: computed in every frame
     n_frames, n_old = len(fresh.past_headings), len(s.past_headings)
     if n_frames > n_old:
         frames = frame - 1 - np.arange(n_old)

@@ -1,6 +1,7 @@
 """Laws of a session that is played: what changes while robots drive, and what stays."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from omni_mj.play.play_session import PlaySession, Snapshot
 from omni_mj.simulation.log import Log
 
 SHORT = {"waypoints": [[0, 0, 0], [0.5, 0.3, 0.5]], "settle_s": 0.2}
+REST = SHORT | {"initial_rest_s": 0.2}
 CONTROLLERS = ("flc", "adaptive-comp-flc")
-N_FRAMES = 25
+N_FRAMES = 20
 STILL = """
 import omni_mj as om
 
@@ -24,7 +26,7 @@ class Mine(om.Controller):
 
 
 def scenario(plant: str = "planar", **sections: Any) -> om.Scenario:
-    return om.load_scenario("rect", plant=plant, reference=SHORT, **sections)
+    return om.load_scenario("rect", plant=plant, **({"reference": SHORT} | sections))
 
 
 def session(plant: str = "planar", **sections: Any) -> PlaySession:
@@ -52,7 +54,10 @@ def assert_same_frames(snapshots: list[Snapshot], log: Log, first: int = 0) -> N
 @pytest.mark.parametrize("plant", ["mujoco", "planar", "kinematic"])
 def test_frames_without_changes_are_those_of_a_run(plant: str) -> None:
     """Bit for bit, also after a disturbed start and a restart."""
-    log = om.run(scenario(plant), CONTROLLERS).outcomes[0].log
+    if plant == "kinematic":
+        log = om.run(scenario(plant), CONTROLLERS).outcomes[0].log
+    else:  # the same in less time
+        log = simulate(scenario(plant).replace(controllers=CONTROLLERS), N_FRAMES)
     played = session(plant)
     assert_same_frames(play(played), log)
     played.carry_away()
@@ -93,31 +98,197 @@ def test_changes_at_the_start_give_a_run_with_those_settings(
     assert_same_frames(play(played), simulate(played.scenario, N_FRAMES))
 
 
-def press_push(played: PlaySession) -> None:
-    played.push()
+PUSH = {"kind": "push", "force_n": 40.0, "duration_s": 0.2, "direction_deg": 90.0}
 
 
-@pytest.mark.parametrize("plant", ["mujoco", "planar"])
 @pytest.mark.parametrize(
-    ("press", "fault"),
+    ("plant", "press", "fault"),
     [
-        (press_push, {"kind": "push", "force_n": 40.0, "duration_s": 0.2}),
-        (lambda played: played.set_radio_lost(True), {"kind": "radio-loss"}),
-        (lambda played: played.set_camera_lost(True), {"kind": "vision-loss"}),
+        ("mujoco", lambda played: played.push(), PUSH),
+        ("planar", lambda played: played.push(), PUSH),
+        ("kinematic", lambda played: played.set_radio_lost(True), {"kind": "radio-loss"}),
+        ("kinematic", lambda played: played.set_camera_lost(True), {"kind": "vision-loss"}),
     ],
 )
 def test_a_button_gives_a_run_with_that_fault(
     plant: str, press: Callable[[PlaySession], None], fault: dict[str, Any]
 ) -> None:
     """Bit for bit: robots without faults so far get what processors and encoders need for them."""
-    played = session(plant)
-    play(played, 20)
-    heading = played.simulation.plant.pose()[0, 2]
-    if fault["kind"] == "push":  # to the left of each robot: play one of them
-        played = PlaySession(scenario(plant), CONTROLLERS[:1])
-        play(played, 20)
-        fault = fault | {"direction_deg": float(np.degrees(heading + np.pi / 2))}
+    start_frame = 10  # the robots rest, so that their left is 90 degrees from the x axis
+    calm = {"vision": {"position_noise_m": 0.0, "heading_noise_rad": 0.0}, "reference": REST}
+    calm["sensors"] = {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0}
+    played = session(plant, **calm)
+    play(played, start_frame)
     press(played)
-    disturbed = scenario(plant, fault=[{"start_s": 20 / 60} | fault])
-    log = simulate(disturbed.replace(controllers=played.scenario.controllers), 20 + N_FRAMES)
-    assert_same_frames(play(played), log, first=20)
+    disturbed = scenario(plant, fault=[{"start_s": start_frame / 60} | fault], **calm)
+    log = simulate(disturbed.replace(controllers=CONTROLLERS), start_frame + N_FRAMES)
+    assert_same_frames(play(played), log, first=start_frame)
+
+
+def test_errors_grow_with_the_dead_time_of_driving_robots() -> None:
+    """The robots do not jump, and the compensation that knows the dead time stays better."""
+    circle = scenario("kinematic", reference={"shape": "circle", "laps": 3})
+    played = PlaySession(circle, ("flc", "comp-flc"))
+    play(played, 60)
+    before = np.array([snapshot.error_m for snapshot in play(played, 60)]).mean(0)
+    last = played.snapshot
+    assert played.change("radio.delay_frames", 30)
+    assert np.abs(played.advance().pose - last.pose)[:, :2].max() < 0.05
+    play(played, 40)
+    after = np.array([snapshot.error_m for snapshot in play(played, 60)]).mean(0)
+    assert (after > 2 * before).all()
+    assert after[1] < after[0]
+
+
+def test_a_state_is_a_scenario(tmp_path: Path) -> None:
+    """The state in a file, read again, is run as the session plays it after a restart."""
+    played = session()
+    play(played, 10)
+    played.change("radio.delay_frames", 9)
+    assert not played.change("body.mass_kg", 2.5), "the mass takes a restart"
+    played.change("carpet.friction", 0.3)
+    path = tmp_path / "state.toml"
+    path.write_text(played.scenario.to_toml())
+    state = om.load_scenario(path)
+    assert state == played.scenario
+    played.restart()
+    assert_same_frames(play(played), simulate(state, N_FRAMES))
+
+
+def test_robots_drive_to_a_target_and_at_a_velocity() -> None:
+    """Also if the controllers change on their way."""
+    played = session("kinematic")
+    play(played, 5)
+    played.set_target(-0.3, 0.2)
+    play(played, 20)
+    assert played.change("control.heading_gain", 4.0)
+    snapshot = play(played, 130)[-1]
+    assert not snapshot.has_ended
+    np.testing.assert_allclose(snapshot.pose[:, :2], [[-0.3, 0.2]] * 2, atol=0.03)
+    np.testing.assert_array_equal(
+        snapshot.error_m, np.hypot(*(snapshot.pose.T[:2].T - [-0.3, 0.2]).T)
+    )
+    played.set_velocity(0.5, 0.0, 0.0)
+    first, last = play(played, 60)[-1], play(played, 30)[-1]
+    assert (np.abs((last.pose - first.pose)[:, 0] / 0.5 - 0.5) < 0.15).all()
+    assert np.isnan(last.error_m).all()
+
+
+def test_robots_rest_at_the_end_and_can_still_be_disturbed() -> None:
+    played = session(reference={"waypoints": [[0, 0], [0.1, 0]], "settle_s": 0.0})
+    n_frames = played.simulation.references[0].frames
+    snapshot = play(played, n_frames)[-1]
+    assert not snapshot.has_ended
+    snapshot = play(played, 30)[-1]
+    assert snapshot.has_ended
+    pose = snapshot.pose
+    played.push()
+    assert (np.abs(play(played, 10)[-1].pose - pose)[:, :2].max(1) > 0.02).all()
+
+
+def test_alpha_is_that_of_the_plant() -> None:
+    """The plant kinematic has the alpha that its fault sets, forward and sideways."""
+    fault = [{"kind": "alpha", "start_s": 0.0, "alpha": 0.8}]
+    played = session("kinematic", fault=fault, disturbance={"velocity_m_s": 0.0})
+    played.set_velocity(0.6, 0.4, 0.0)
+    np.testing.assert_allclose(play(played, 60)[-1].alpha, 0.8, rtol=1e-9)
+    played.set_velocity(0.0, 0.0, 0.0)
+    assert np.isnan(play(played, 60)[-1].alpha).all()
+
+
+def test_debris_lies_ahead_and_takes_traction() -> None:
+    played = PlaySession(scenario(), ("comp-flc",))
+    play(played, 30)
+    played.spill_debris()
+    ((x, y, radius),) = played.debris
+    assert radius > np.hypot(*(played.simulation.references[0].poses[60, :2] - [x, y]))
+    with_debris = play(played, 35)[-1].pose
+    without = simulate(played.scenario, 65).channel("pose")[-1]
+    assert np.hypot(*(with_debris - without)[0, :2]) > 0.05
+    played.restart()
+    assert not played.debris
+
+
+def test_a_lost_radio_is_found_again() -> None:
+    played = session("kinematic")
+    play(played, 30)
+    played.set_radio_lost(True)
+    assert (play(played, 40)[-1].error_m > 0.1).all()
+    played.set_radio_lost(False)
+    assert (play(played, 120)[-1].error_m < 0.1).all()
+
+
+def test_a_file_with_an_error_lets_its_robot_stand_until_it_is_correct(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(STILL)
+    played = PlaySession(scenario(), ("flc", f"{file}:Mine"))
+    play(played, 5)
+    file.write_text(STILL.replace("0 * observation", "0 ** ("))
+    played.reload_controller(file)
+    pose = played.snapshot.pose
+    (failure,) = play(played, 20)[-1].failures
+    assert "mine.py cannot be run: SyntaxError" in failure
+    assert played.snapshot.time_s > 20 / 60, "the other robot drives on"
+    np.testing.assert_allclose(played.snapshot.pose[1], pose[1], atol=1e-3)
+    with pytest.raises(om.OmniError, match=r"mine.py cannot be run"):
+        played.restart()
+    play(played, 1)
+    file.write_text(STILL.replace("0 * observation.pose", "0 / []"))
+    played.reload_controller(f"{file}:Mine")
+    (failure,) = play(played, 2)[-1].failures
+    assert "mine.py, line 7" in failure
+    file.write_text(STILL.replace("0 *", "0.1 + 0 *"))
+    played.reload_controller(file)
+    assert not played.advance().failures
+    with pytest.raises(om.OmniError, match=r"no controller of this session is in other\.py"):
+        played.reload_controller("other.py")
+
+
+def test_each_start_is_recorded(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    played = PlaySession(scenario(), ("flc",), record=tmp_path / "play.rrd")
+    play(played, 5)
+    played.push()
+    play(played, 5)
+    played.restart()
+    play(played, 5)
+    played.close()
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["play-2.rrd", "play.rrd"]
+    assert b"push" in (tmp_path / "play.rrd").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [
+        (lambda played: played.change("radio.delay_frames", 601), "600"),
+        (lambda played: played.change("radio.delay_frames", 200), "less than the 1.* frames"),
+        (lambda played: played.change("radio.delay_frames", float("nan")), "finite number"),
+        (lambda played: played.change("radio.delay", 3), "did you mean 'radio.delay_frames'"),
+        (lambda played: played.change("controller.flc.gain", 3), "has no parameter 'gain'"),
+        (lambda played: played.change("controller.mpc.gain", 3), "no such controller"),
+        (lambda played: played.restart(controllers=["flc"] * 4), "at most 3 controllers, got 4"),
+        (lambda played: played.push(2), "from 0 to 1, got 2"),
+        (lambda played: played.push(), "the plant kinematic has no push"),
+        (lambda played: played.set_target(float("nan"), 0.0), "from -100 to 100"),
+        (lambda played: played.set_velocity(0.0, 1e9, 0.0), "from -100 to 100"),
+    ],
+)
+def test_a_bad_value_changes_nothing(act: Callable[[PlaySession], None], message: str) -> None:
+    played, untouched = session("kinematic"), session("kinematic")
+    play(played, 5)
+    play(untouched, 5)
+    with pytest.raises(om.OmniError, match=message):
+        act(played)
+    assert played.scenario == untouched.scenario
+    np.testing.assert_array_equal(play(played, 5)[-1].pose, play(untouched, 5)[-1].pose)
+
+
+def test_controllers_drop_out_with_their_parameters(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(STILL.replace("    def", "    gain: float = 1.0\n\n    def"))
+    played = PlaySession(scenario("kinematic"), ("flc", f"{file}:Mine"))
+    assert played.change("controller.Mine.gain", 2.0)
+    assert played.scenario.settings.controller == {"Mine": {"gain": 2.0}}
+    played.restart(controllers=["flc"])
+    assert played.labels == ("flc",)
+    assert not played.scenario.settings.controller
