@@ -5,11 +5,12 @@ import os
 import signal
 import sys
 
-from hypothesis import settings
-
 # Every process imports all tests. Cache their compiled code, even if the environment forbids it.
+# pytest compiles hypothesis too, which is a plugin.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+from hypothesis import settings  # noqa: E402
 
 # A job in the background ignores these signals, and so would programs that tests start. A handler
 # that does nothing is not inherited.

@@ -69,6 +69,7 @@ def add_robot(
                 f"a robot in a scene cannot have {section}; choose from {', '.join(_SECTIONS)}"
             )
     x, y, heading = check_array("pose", pose, (3,)).tolist()
+    height = check_array("height", height, ()).item()
     name = robot.name if isinstance(robot, Robot) else str(robot)
     firmware = {**_NO_TIMEOUT, **sections.get("firmware", {})}
     settings = resolve_settings({**sections, "firmware": firmware}, name)

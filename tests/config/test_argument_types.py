@@ -5,6 +5,7 @@ import itertools
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -33,6 +34,13 @@ class Follower(om.Controller):
 STUDIES: dict[str, dict[str, Any]] = {
     "Scenario": {"seed": 1, "seeds": 1, "plant": "planar", "robot": RECT.robot, "settings": {}},
     "Simulation": {"scenario": RECT, "controllers": ["p"], "seeds": [0]},
+    "add_robot": {
+        "scene": mujoco.MjSpec(),
+        "robot": "none",
+        "prefix": "a",
+        "pose": [0, 0, 0],
+        "height": 0.0,
+    },
     "compare": {"scenarios": [], "controllers": ["p"], "seeds": 1},
     "find_limit": {"scenario": RECT, "iterations": 1},
     "identify": {"logs": ["none.csv"], "robot": "tigers-v2016"},

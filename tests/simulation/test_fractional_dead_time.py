@@ -137,14 +137,12 @@ def test_adaptive_control_estimates_the_fraction() -> None:
     np.testing.assert_allclose(latency, 5.5, atol=0.2)
 
 
-def test_runs_and_studies_take_fractions_or_say_why_not() -> None:
-    """Values of any form; a study on whole frames refuses others in one line."""
+def test_dead_times_are_whole_or_fractional() -> None:
+    """In settings, in files and in the team's model."""
     fraction = om.load_scenario("rect", radio={"delay_frames": 5.5})
     assert fraction.settings.radio.delay_frames == 5.5
     whole = om.load_scenario("rect", radio={"delay_frames": 6.0})
     assert whole.settings == om.load_scenario("rect").settings
     assert "delay_frames = 6\n" in whole.to_toml() or "delay_frames = 6 " in whole.to_toml()
-    with pytest.raises(om.OmniError, match="a whole number"):
-        om.find_limit(fraction)
     simulated = simulation("planar", ("radio.kind=time-slots",), ("comp-flc",))
     assert simulated.team.controllers[0].model.delay_frames == pytest.approx(6.48)
