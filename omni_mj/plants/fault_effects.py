@@ -73,6 +73,7 @@ class FaultEffects:
         current_setpoint: 0 A for motors whose drivers are off, NaN for others, (W, n).
         inputs: Mapping from field of `omni_mj.robot.firmware_state.FrameInputs` to its value, for
             fields that faults set.
+        dropout_noise: Random numbers that decide which encoders drop out.
     """
 
     def __init__(
@@ -91,7 +92,7 @@ class FaultEffects:
         self._wheel_shape = plant.parameters.carpet.friction_factor.shape
         self._update_inputs()
         seeds = [row.noise_seed for row in rows]
-        self._dropout_noise = Noise(seeds, Stream.ENCODER_FAULTS, self._wheel_shape[0])
+        self.dropout_noise = Noise(seeds, Stream.ENCODER_FAULTS, self._wheel_shape[0])
         # Largest number of patches on a carpet. JAX would compile again for another length.
         self._max_patches = max(
             len(row.settings.carpet.patches)
@@ -106,7 +107,7 @@ class FaultEffects:
             self._change_bodies()
             self._update_inputs()
         self._frame += 1
-        drops_out = self._dropout_probability > self._dropout_noise.next().T
+        drops_out = self._dropout_probability > self.dropout_noise.next().T
         self.inputs["encoder_scale"] = np.where(drops_out, 0.0, self._encoder_scale)
 
     def _change_parameters(self) -> None:

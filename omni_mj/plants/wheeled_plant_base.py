@@ -103,8 +103,11 @@ class WheeledPlantBase(ABC):
             bodies: Bodies of the robots.
             frame: Number of frames so far.
         """
-        has_faults = any(row.faults for row in self._rows)
-        self._fault_effects = FaultEffects(self._rows, self, bodies, frame) if has_faults else None
+        previous, self._fault_effects = self._fault_effects, None
+        if any(row.faults for row in self._rows):
+            self._fault_effects = FaultEffects(self._rows, self, bodies, frame)
+            if previous is not None:
+                self._fault_effects.dropout_noise = previous.dropout_noise
 
     def change_rows(self, rows: Sequence[Row]) -> None:
         """Change settings and faults of driving robots from the next frame on.

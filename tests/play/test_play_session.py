@@ -98,6 +98,29 @@ def test_changes_at_the_start_give_a_run_with_those_settings(
     assert_same_frames(play(played), simulate(played.scenario, N_FRAMES))
 
 
+FAULTS = [
+    {"kind": "encoder-dropout", "start_s": 0.1, "wheel": 1, "probability": 0.3},
+    {"kind": "payload", "start_s": 0.1, "mass_kg": 0.5},
+    {"kind": "tilt", "start_s": 0.1, "angle_deg": 5.0},
+    {"kind": "motor-blocked", "start_s": 0.2, "duration_s": 0.1, "wheel": 2},
+    {"kind": "radio-burst-loss", "start_s": 0.0, "mean_burst_frames": 3, "burst_fraction": 0.4},
+    {"kind": "vision-freeze", "start_s": 0.2, "duration_s": 0.1},
+]
+
+
+@pytest.mark.parametrize("plant", ["mujoco", "planar"])
+def test_a_change_to_the_present_value_changes_nothing(plant: str) -> None:
+    """Whatever is under way: packets, faults, noise, and loads of the robots."""
+    played, untouched = session(plant, fault=FAULTS), session(plant, fault=FAULTS)
+    for frame in range(25):
+        if frame % 4 == 2:
+            assert played.change("carpet.friction", untouched.scenario.settings.carpet.friction)
+        for value, same in zip(
+            vars(played.advance()).values(), vars(untouched.advance()).values(), strict=True
+        ):
+            np.testing.assert_array_equal(value, same)
+
+
 PUSH = {"kind": "push", "force_n": 40.0, "duration_s": 0.2, "direction_deg": 90.0}
 
 
