@@ -23,10 +23,6 @@ from omni_mj.robot.electronics import (
 from omni_mj.robot.firmware_state import FirmwareCommand, FrameInputs, extend_memory
 from omni_mj.robot.wheel_carpet_forces import CarpetParameters, make_carpet_parameters
 
-# Settings with which a run starts, and of which the state of battery or motors then depends
-_INITIAL_CHARGE = ("battery.charge",)
-_INITIAL_TEMPERATURES = "motor.winding_c", "motor.housing_c"
-
 
 class WheeledPlantBase(ABC):
     """Base class of robots with roller wheels on carpet, driven by their firmware.
@@ -113,7 +109,7 @@ class WheeledPlantBase(ABC):
         """Change settings and faults of driving robots from the next frame on.
 
         `omni_mj.simulation.changeable_simulation` lists the settings that must stay. Another
-        initial charge or temperature becomes the present one.
+        charge at the start becomes the present one.
 
         Args:
             rows: The rows, with other settings.
@@ -123,18 +119,10 @@ class WheeledPlantBase(ABC):
         state = self.electronics
         frame = int(state.cycle) // CYCLES_PER_FRAME
         parameters, fresh = self._make_electronics(state.firmware.heading)
-
-        def differs(names: Sequence[str]) -> np.ndarray:
-            old, new = (
-                np.array([gather(group, f"settings.{name}") for name in names])
-                for group in (previous_rows, rows)
-            )
-            return np.asarray((old != new).any(0))
-
+        charges = (gather(group, "settings.battery.charge") for group in (previous_rows, rows))
         self.electronics = state._replace(
             firmware=extend_memory(state.firmware, fresh.firmware, frame),
-            battery=select(differs(_INITIAL_CHARGE), fresh.battery, state.battery),
-            motors=select(differs(_INITIAL_TEMPERATURES), fresh.motors, state.motors),
+            battery=select(np.not_equal(*charges), fresh.battery, state.battery),
         )
         self._nominal_carpet = self._make_carpet()
         self._start_faults(self._change_parameters(parameters), frame)

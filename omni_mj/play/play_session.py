@@ -4,7 +4,7 @@ It knows no browser: `omni_mj.play.play_page` shows it.
 """
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,6 +80,7 @@ class PlaySession:
         simulation: The simulation since the last restart.
         labels: Label of each robot: its controller, with its slot if worlds have several robots.
         snapshot: The latest frame, at first the start.
+        debris: Position and radius of the debris spilled since the start, m.
 
     Raises:
         OmniError: The scenario or a controller cannot be played.
@@ -88,6 +89,7 @@ class PlaySession:
     simulation: ChangeableSimulation
     labels: tuple[str, ...]
     snapshot: Snapshot
+    debris: list[tuple[float, float, float]]
 
     @check_types
     def __init__(
@@ -104,17 +106,6 @@ class PlaySession:
     def scenario(self) -> Scenario:
         """The scenario with all settings as they are now, without the effects of buttons."""
         return self.simulation.scenario
-
-    @property
-    def debris(self) -> tuple[tuple[float, float, float], ...]:
-        """Position and radius of all debris spilled since the start, m."""
-        patches = dict.fromkeys(
-            fault
-            for row_faults in self._faults
-            for fault in row_faults
-            if isinstance(fault, faults.FrictionPatch)
-        )
-        return tuple((patch.x_m, patch.y_m, patch.radius_m) for patch in patches)
 
     @check_types
     def restart(
@@ -141,6 +132,8 @@ class PlaySession:
         self.labels = tuple(
             f"{row.controller}/{row.slot}" if has_teams else row.controller for row in rows
         )
+        self.debris = []
+        # Faults that buttons cause, by row
         self._faults: list[list[faults.Fault]] = [[] for _ in rows]
         # Latest displacements of each frame, achieved and commanded, body frame, (2, n, 2) m
         self._displacements = deque[Array](maxlen=ALPHA_START_FRAMES + ALPHA_WINDOW_FRAMES)
@@ -180,10 +173,9 @@ class PlaySession:
             label, _, parameter = field.partition(".")
             change: dict[str, Any] = {label: {parameter: value}}
         else:
-            is_whole = isinstance(value, float) and value.is_integer()
+            is_int = find_setting(name).value_type is int
+            is_whole = is_int and isinstance(value, float) and value.is_integer()
             change = {field: int(value) if is_whole else value}
-            if find_setting(name).value_type is float:
-                change = {field: value}
         settings = self.scenario.settings.replace(**{section: change})
         can_change = self.simulation.can_change(settings)
         if can_change:
@@ -192,20 +184,15 @@ class PlaySession:
             self.restart(self.scenario.replace(settings=settings))
         return can_change
 
-    @check_types
-    def push(self, row: int | None = None) -> None:
-        """Push a robot to its left. Default: all robots."""
-        headings = self.simulation.plant.pose()[:, 2]
-        pushes = {
-            i: faults.Push(
-                start_s=self._now,
-                duration_s=PUSH_S,
-                force_n=PUSH_N,
-                direction_deg=float(np.degrees(wrap_angle(headings[i] + np.pi / 2))),
+    def push(self) -> None:
+        """Push each robot to its left."""
+        left = np.degrees(wrap_angle(self.simulation.plant.pose()[:, 2] + np.pi / 2))
+        self._add_faults(
+            faults.Push(
+                start_s=self._now, duration_s=PUSH_S, force_n=PUSH_N, direction_deg=direction
             )
-            for i in self._choose_rows(row)
-        }
-        self._add_faults(pushes)
+            for direction in left.tolist()
+        )
 
     def spill_debris(self) -> None:
         """Spill debris in front of each robot: where its reference is in half a second."""
@@ -213,32 +200,25 @@ class PlaySession:
         if simulation.targets is None:
             frame = simulation.frame + DEBRIS_AHEAD_FRAMES
             pose = np.array([r.poses[min(frame, r.frames - 1)] for r in simulation.references])
-        patches = {
-            i: faults.FrictionPatch(
+        self._add_faults(
+            faults.FrictionPatch(
                 start_s=self._now,
                 x_m=x,
                 y_m=y,
                 radius_m=DEBRIS_RADIUS_M,
                 friction=DEBRIS_FRICTION,
             )
-            for i, (x, y, _) in enumerate(pose.tolist())
-        }
-        self._add_faults(patches)
+            for x, y, _ in pose.tolist()
+        )
+        self.debris += [(x, y, DEBRIS_RADIUS_M) for x, y, _ in pose.tolist()]
 
-    @check_types
-    def carry_away(self, row: int | None = None) -> None:
-        """Carry a robot half a meter towards the middle and turn it. Default: all robots."""
-        pose = self.simulation.plant.pose()
-        displacements = {
-            i: faults.Kidnap(
-                start_s=self._now,
-                x_m=-float(np.copysign(CARRY_M, pose[i, 0])),
-                y_m=-float(np.copysign(CARRY_M, pose[i, 1])),
-                heading_deg=CARRY_DEG,
-            )
-            for i in self._choose_rows(row)
-        }
-        self._add_faults(displacements)
+    def carry_away(self) -> None:
+        """Carry each robot towards the middle of the field, and turn it."""
+        displacements = -np.copysign(CARRY_M, self.simulation.plant.pose()[:, :2])
+        self._add_faults(
+            faults.Kidnap(start_s=self._now, x_m=x, y_m=y, heading_deg=CARRY_DEG)
+            for x, y in displacements.tolist()
+        )
         self._displacements.clear()
 
     @check_types
@@ -279,33 +259,20 @@ class PlaySession:
             self.simulation.set_velocity(i, [vx, vy, turn])
 
     @check_types
-    def reload_controller(self, path: str | Path) -> None:
+    def reload_controller(self, spec: plugins.ControllerSpec) -> None:
         """Restart with the present text of a user's file. If it has an error, its robots stand.
 
         Args:
-            path: Path of the file, or `file.py:Class`.
-
-        Raises:
-            OmniError: No controller is of this file.
+            spec: One of the scenario's controllers, `file.py:Class`.
         """
-        file = Path(str(path).partition(".py:")[0]).with_suffix(".py").resolve()
-        labels = list[str]()
-        error: OmniError | None = None
-        for spec in self.scenario.controllers:
-            name = plugins.format_controller_spec(spec)
-            if plugins.is_class_path(name) and Path(name.rpartition(":")[0]).resolve() == file:
-                labels.append(plugins.label_controller(spec))
-                try:
-                    plugins.find_controller(spec)
-                except OmniError as load_error:
-                    error = load_error
-        if not labels:
-            raise OmniError(f"no controller of this session is in {path}")
-        if error is None:
-            self.restart()
+        try:
+            plugins.find_controller(spec)
+        except OmniError as error:
+            label = plugins.label_controller(spec)
+            rows = [i for i, row in enumerate(self.simulation.rows) if row.controller == label]
+            self.simulation.stop_rows(np.array(rows, int), error)
         else:
-            rows = [i for i, row in enumerate(self.simulation.rows) if row.controller in labels]
-            self.simulation.stop_rows(np.array(rows), error)
+            self.restart()
 
     def close(self) -> None:
         """Finish the recording."""
@@ -356,38 +323,28 @@ class PlaySession:
         velocity = np.concatenate([commanded, np.zeros((1, n, 2))]) / PERIOD_S
         return np.asarray(driven_alpha(position, velocity)[-1])
 
-    def _choose_rows(self, row: int | None) -> list[int]:
-        """Return one row or all rows."""
-        n = len(self.simulation.rows)
-        if row is not None and not 0 <= row < n:
-            raise OmniError(f"robots are numbered from 0 to {n - 1}, got {row}")
-        return list(range(n)) if row is None else [row]
-
     def _choose_first_rows(self) -> list[int]:
         """Return the row of the first robot of each world."""
         return [i for i, row in enumerate(self.simulation.rows) if not row.slot]
 
     def _set_lost(self, kind: type[faults.Fault], is_lost: bool) -> None:
         """Let a fault of radio or camera act on all robots from now on, or end it."""
-        n = len(self.simulation.rows)
         self._faults = [[f for f in row if not isinstance(f, kind)] for row in self._faults]
-        self._add_faults({i: kind(start_s=self._now) for i in range(n)} if is_lost else {})
+        self._add_faults([kind(start_s=self._now)] * (is_lost * len(self._faults)))
 
-    def _add_faults(self, added: Mapping[int, faults.Fault]) -> None:
-        """Let faults act from now on, given by their rows.
+    def _add_faults(self, added: Iterable[faults.Fault]) -> None:
+        """Let faults act from now on, one for each robot.
 
         Raises:
             OmniError: The plant does not support them.
         """
-        simulation, settings = self.simulation, self.scenario.settings
-        if not simulation.can_change(settings):
+        settings = self.scenario.settings
+        if not self.simulation.can_change(settings):
             raise OmniError(f"the plant {self.scenario.plant} cannot be disturbed while it runs")
-        row_faults = [
-            [f for f in present if f.frame_span[1] >= simulation.frame] for present in self._faults
-        ]
-        for i, fault in added.items():
-            row_faults[i].append(fault)
-        simulation.change_settings(settings, row_faults)
+        row_faults = [list(present) for present in self._faults]
+        for present, fault in zip(row_faults, added, strict=False):
+            present.append(fault)
+        self.simulation.change_settings(settings, row_faults)
         self._faults = row_faults
 
     def _start_recording(self, path: Path) -> None:

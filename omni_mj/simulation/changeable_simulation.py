@@ -27,6 +27,8 @@ FIXED_SETTINGS = (
     "randomization",
     "world",
     "sensors.encoder_counts",
+    "motor.winding_c",
+    "motor.housing_c",
     "kinematic.alpha_correlation_time_s",
     "vision.rate_hz",
 )
@@ -163,7 +165,7 @@ class ChangeableSimulation(Simulation):
             get_reference if has_past else None,
         )
         self.team.replace_controllers(controllers, indices)
-        self.team.stop(np.array(failed_rows, int))
+        self.team.stop(failed_rows)
 
     def _record(self, *arguments: Any) -> None:
         if not self.done:  # the log would grow without end

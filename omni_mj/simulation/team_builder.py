@@ -5,7 +5,6 @@ Rows with equal settings share a controller, which computes their commands toget
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -45,24 +44,12 @@ def build_team(
         build_reference: Returns the reference of rows, given their indices. None: the references of
             the rows' settings.
     """
-    group = build_controllers(rows, controller_classes, has_wheels, on_failure, build_reference)
-    team = Team(group.controllers, start_poses, group.indices, on_failure=on_failure)
-    team.stop(np.array(group.failed_rows, int))
+    controllers, indices, failed_rows = build_controllers(
+        rows, controller_classes, has_wheels, on_failure, build_reference
+    )
+    team = Team(controllers, start_poses, indices, on_failure=on_failure)
+    team.stop(failed_rows)
     return team
-
-
-class ControllerGroup(NamedTuple):
-    """The controllers of all rows.
-
-    Attributes:
-        controllers: One for each group of rows with equal settings.
-        indices: Indices of the rows of each.
-        failed_rows: Indices of rows whose controllers could not be built.
-    """
-
-    controllers: list[Controller]
-    indices: list[np.ndarray]
-    failed_rows: list[int]
 
 
 def build_controllers(
@@ -71,8 +58,13 @@ def build_controllers(
     has_wheels: bool,
     on_failure: Callable[[np.ndarray, ControllerError], None],
     build_reference: ReferenceFactory | None,
-) -> ControllerGroup:
-    """Return the controllers of all rows; see `build_team`."""
+) -> tuple[list[Controller], list[np.ndarray], np.ndarray]:
+    """Return the controllers of all rows; see `build_team`.
+
+    Returns:
+        Controllers, one for each group of rows with equal settings; indices of the rows of each;
+        and indices of the rows whose controllers could not be built.
+    """
     geometry = rows[0].settings.wheels.kinematics
     groups: dict[tuple[str, TeamModel, object, Parameters], list[int]] = {}
     for i, row in enumerate(rows):
@@ -100,7 +92,7 @@ def build_controllers(
             failed_rows.extend(indices)
             controller = Controller(model, reference, n)  # placeholder that is never called
         controllers.append(controller)
-    return ControllerGroup(controllers, controller_rows, failed_rows)
+    return controllers, controller_rows, np.array(failed_rows, int)
 
 
 @lru_cache(maxsize=4096)

@@ -74,7 +74,6 @@ WHEELED_CHANGES = {
     "drivetrain.gear_friction_nm": 0.01,
     "drivetrain.roller_damping_nm_s": 1e-5,
     "battery.charge": 0.1,
-    "motor.winding_c": 90.0,
     "firmware.ki": 2.0,
     "vision.delay_s": 0.02,
     "disturbance.force_n": 5.0,
@@ -223,7 +222,7 @@ def test_debris_lies_ahead_and_takes_traction() -> None:
     played = PlaySession(scenario(), ("comp-flc",))
     play(played, 30)
     played.spill_debris()
-    ((x, y, radius),) = played.debris
+    [(x, y, radius)] = played.debris
     assert radius > np.hypot(*(played.simulation.references[0].poses[60, :2] - [x, y]))
     with_debris = play(played, 35)[-1].pose
     without = simulate(played.scenario, 65).channel("pose")[-1]
@@ -244,10 +243,11 @@ def test_a_lost_radio_is_found_again() -> None:
 def test_a_file_with_an_error_lets_its_robot_stand_until_it_is_correct(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(STILL)
-    played = PlaySession(scenario(), ("flc", f"{file}:Mine"))
+    spec = f"{file}:Mine"
+    played = PlaySession(scenario(), ("flc", spec))
     play(played, 5)
     file.write_text(STILL.replace("0 * observation", "0 ** ("))
-    played.reload_controller(file)
+    played.reload_controller(spec)
     pose = played.snapshot.pose
     (failure,) = play(played, 20)[-1].failures
     assert "mine.py cannot be run: SyntaxError" in failure
@@ -257,14 +257,12 @@ def test_a_file_with_an_error_lets_its_robot_stand_until_it_is_correct(tmp_path:
         played.restart()
     play(played, 1)
     file.write_text(STILL.replace("0 * observation.pose", "0 / []"))
-    played.reload_controller(f"{file}:Mine")
+    played.reload_controller(spec)
     (failure,) = play(played, 2)[-1].failures
     assert "mine.py, line 7" in failure
     file.write_text(STILL.replace("0 *", "0.1 + 0 *"))
-    played.reload_controller(file)
+    played.reload_controller(spec)
     assert not played.advance().failures
-    with pytest.raises(om.OmniError, match=r"no controller of this session is in other\.py"):
-        played.reload_controller("other.py")
 
 
 def test_each_start_is_recorded(tmp_path: Path) -> None:
@@ -290,7 +288,6 @@ def test_each_start_is_recorded(tmp_path: Path) -> None:
         (lambda played: played.change("controller.flc.gain", 3), "has no parameter 'gain'"),
         (lambda played: played.change("controller.mpc.gain", 3), "no such controller"),
         (lambda played: played.restart(controllers=["flc"] * 4), "at most 3 controllers, got 4"),
-        (lambda played: played.push(2), "from 0 to 1, got 2"),
         (lambda played: played.push(), "the plant kinematic has no push"),
         (lambda played: played.set_target(float("nan"), 0.0), "from -100 to 100"),
         (lambda played: played.set_velocity(0.0, 1e9, 0.0), "from -100 to 100"),
