@@ -91,5 +91,5 @@ $(VENV)/.installed-test $(VENV)/.installed-docs $(VENV)/.installed-release: $(VE
 # All versions anew, as far as pyproject.toml lets them; hashes are of all files that a version has for whatever system.
 constraints: $(BIN)/python
 	$(BIN)/python -m pip install -q --disable-pip-version-check uv
-	$(COMPILE) --group build -o constraints.txt
+	$(COMPILE) --group build --extra play -o constraints.txt
 	$(foreach extra,test docs release,$(COMPILE) -c constraints.txt --extra $(extra) -o constraints-$(extra).txt &&) true

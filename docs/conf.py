@@ -61,6 +61,7 @@ NAVIGATION = {
     ],
     "How to": [
         "docs/how-to/install",
+        "docs/how-to/play",
         "docs/how-to/write-a-scenario",
         "docs/how-to/change-the-dead-time",
         "docs/how-to/add-faults",

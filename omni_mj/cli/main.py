@@ -11,6 +11,7 @@ from omni_mj.cli import console
 HELP_SECTIONS = {  # heading -> command -> purpose; a line must fit 80 columns
     "Simulate": {
         "run": "run a scenario with one or several controllers",
+        "play": "play with robots in the browser, with sliders",
         "compare": "compare controllers on many scenarios and seeds",
         "sweep": "vary settings and seeds, and count failures and errors",
         "limit": "find the smallest possible error in a scenario by learning",

@@ -1,17 +1,13 @@
 """Put a robot on the floor of a scene, which may be uneven or inclined."""
 
-from collections.abc import Iterator
-
 import mujoco
 import numpy as np
 
-from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.mjcf.field import ROBOT_HEIGHT_M
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.mjdata_views import RobotViews
 
-SEARCH_RANGE_M = 0.3  # above and below the approximate height of the floor
+SEARCH_HEIGHT_M = 0.3  # above the approximate height of the floor, from which it is sought
 
 
 def put_on_floor(
@@ -25,33 +21,23 @@ def put_on_floor(
     """Put a robot at rest on the plane that fits the floor below its wheels.
 
     Args:
-        model: Model of the scene; the contact margins of the robot are changed.
+        model: Model of the scene; the contact margins of the robot's rollers are changed.
         data: Its data; the positions of the robot are changed.
         world: The scene with its one robot.
         views: View of the robot.
         pose: Pose of the robot seen from above, (3,) m, m, rad.
         height: Approximate height of the floor, m.
-
-    Raises:
-        OmniError: There is no floor at about this height.
     """
-    (robot,) = world.robots
     views.place_robots(np.zeros(1, int), pose[None])
     mujoco.mj_kinematics(model, data)
-    wheels = data.xpos[robot.wheels][:, :2]
-    floors = [_find_floor(model, data, robot.chassis, wheel, height) for wheel in wheels]
-    known_floors = [floor for floor in floors if floor is not None]
-    if not known_floors:
-        raise OmniError(
-            f"there is no floor below the wheels of {model.body(robot.chassis).name!r} at "
-            f"({pose[0]:g}, {pose[1]:g}) m within {SEARCH_RANGE_M:g} m of the height {height:g} m; "
-            "give add_robot another pose or height"
-        )
-    # Wheels beyond the edge of the floor hang in the air.
-    heights = np.array([(floor or known_floors[0])[0] for floor in floors])
+    wheels = data.xpos[world.robots[0].wheels][:, :2]
+    top = height + SEARCH_HEIGHT_M
+    chassis = world.robots[0].chassis
+    floor = [_find_floor(model, data, chassis, np.array([*wheel, top])) for wheel in wheels]
+    heights = np.array([height if np.isnan(value) else value for value, _ in floor])
     # Margins of both geoms add up. A margin would increase the radius of the wheels.
-    geoms = (model.body_rootid[model.geom_bodyid] == robot.chassis) & (model.geom_conaffinity > 0)
-    model.geom_margin[geoms] = -max(margin for _, margin in known_floors)
+    rollers = np.isin(model.geom_bodyid, world.robots[0].rollers)
+    model.geom_margin[rollers] = -max(margin for _, margin in floor)
     position = views.pose.get()
     if np.ptp(heights) == 0:
         position[2] += heights[0]
@@ -69,32 +55,22 @@ def put_on_floor(
 
 
 def _find_floor(
-    model: mujoco.MjModel, data: mujoco.MjData, chassis: int, point: Array, height: float
-) -> tuple[float, float] | None:
-    """Return height and contact margin of the floor at a point (2,), m, or None.
+    model: mujoco.MjModel, data: mujoco.MjData, chassis: int, start: Array
+) -> tuple[float, float]:
+    """Return height and contact margin of the highest geom below a point (3,), m.
 
-    Of the surfaces with enough room for a robot it is the one that is nearest to `height`.
+    The height is NaN if there is no geom but those of the robot itself.
     """
-    floors, room_top = list[tuple[float, float]](), np.inf
-    for surface, geom in _list_surfaces(model, data, np.array([*point, height + SEARCH_RANGE_M])):
-        if surface < height - SEARCH_RANGE_M:
-            break
-        is_own = model.body_rootid[model.geom_bodyid[geom]] == chassis
-        if is_own or not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
-            continue
-        if room_top - surface > ROBOT_HEIGHT_M:
-            floors.append((surface, float(model.geom_margin[geom])))
-        room_top = surface
-    return min(floors, key=lambda floor: abs(floor[0] - height), default=None)
-
-
-def _list_surfaces(
-    model: mujoco.MjModel, data: mujoco.MjData, start: Array
-) -> Iterator[tuple[float, int]]:
-    """Yield height, m, and geom of all surfaces below a point (3,), from above."""
-    geom = np.zeros(1, np.int32)
+    hit = np.zeros(1, np.int32)
     down = np.array([0.0, 0.0, -1.0])
-    while (distance := mujoco.mj_ray(model, data, start, down, None, 1, -1, geom)) >= 0:
-        start = start + distance * down
-        yield float(start[2]), int(geom[0])
-        start = start + 1e-6 * down
+    point = start.copy()
+    while True:
+        distance = mujoco.mj_ray(model, data, point, down, None, 1, -1, hit)
+        if distance < 0:
+            return np.nan, 0.0
+        point = point + distance * down
+        geom = hit[0]
+        is_own = model.body_rootid[model.geom_bodyid[geom]] == chassis
+        if not is_own and (model.geom_contype[geom] or model.geom_conaffinity[geom]):
+            return float(point[2]), float(model.geom_margin[geom])
+        point = point + 1e-6 * down

@@ -79,10 +79,7 @@ class _NormalForces(EntryView):
         super().__init__(state, "sensordata", world.load_addresses)
         addresses = world.load_addresses[0][:, None] + np.arange(-2, 1)
         self._forces = EntryView(state, "sensordata", addresses.reshape(1, -1))
-        self._robot, self._sources = views, (state, world)
-
-    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        return type(self), (self._robot, *self._sources)
+        self._robot = views
 
     def get(self) -> Array:
         """Return the forces along the robot's z axis."""

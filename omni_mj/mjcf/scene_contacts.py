@@ -143,8 +143,6 @@ def check_scene(model: mujoco.MjModel, bodies: Ids, name: str) -> None:
             f"the timestep of the field is {step:g} s; its contacts need at most "
             f"{NOMINAL_TIMESTEP_S:g} s"
         )
-    if model.opt.gravity[2] >= 0:
-        raise OmniError("gravity must have a component downward, along -z: wheels stand by it")
     disabled = [flag for flag in _NEEDED_FLAGS if model.opt.disableflags & flag]
     if disabled:
         names = ", ".join(flag.name.removeprefix("mjDSBL_").lower() for flag in disabled)

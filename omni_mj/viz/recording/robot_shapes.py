@@ -39,8 +39,8 @@ def log_robot(stream: FrameStream, entity: str, cover_color: style.Rgb, settings
         cover_color: Color of the cover, which distinguishes robots.
         settings: Settings of the robot.
     """
-    world, data = _robot_at_origin(settings)
-    robot, colors = world.robots[0], _geom_colors(world, cover_color)
+    world, data = stand_at_origin(settings)
+    robot, colors = world.robots[0], geom_colors(world, cover_color)
     wheel_bodies = np.concatenate([robot.wheels, robot.rims, robot.rollers.ravel()])
     robot_bodies = np.flatnonzero(world.model.body_rootid == robot.chassis)
     chassis = np.setdiff1d(robot_bodies, wheel_bodies)
@@ -71,7 +71,7 @@ def send_poses(
         height: Height above the carpet, m.
     """
     stream.send_frames(entity, frames, pose_columns(pose, height))
-    world, data = _robot_at_origin(settings)
+    world, data = stand_at_origin(settings)
     for i, joint in enumerate(world.robots[0].joints):
         hub = np.broadcast_to(data.xanchor[joint], (len(wheel_angles), 3))
         turns = _transform_columns(hub, np.nan_to_num(wheel_angles[:, i]), data.xaxis[joint])
@@ -132,7 +132,7 @@ def _log_bodies(
 
 
 @lru_cache(maxsize=4)
-def _robot_at_origin(settings: Settings) -> tuple[world_builder.World, mujoco.MjData]:
+def stand_at_origin(settings: Settings) -> tuple[world_builder.World, mujoco.MjData]:
     """Return a model whose first robot, with complete wheels, stands at the world's origin."""
     world = world_builder.build_world(settings.replace(wheels={"model": "rollers"}))
     data, qpos = mujoco.MjData(world.model), world.robots[0].qpos
@@ -141,7 +141,7 @@ def _robot_at_origin(settings: Settings) -> tuple[world_builder.World, mujoco.Mj
     return world, data
 
 
-def _geom_colors(world: world_builder.World, cover_color: style.Rgb) -> np.ndarray:
+def geom_colors(world: world_builder.World, cover_color: style.Rgb) -> np.ndarray:
     """Return the colors of all geoms, (n, 3) bytes: from the material, the geom or the cover."""
     model, material = world.model, world.model.geom_matid
     rgba = np.where(material[:, None] >= 0, model.mat_rgba[material], model.geom_rgba)

@@ -69,12 +69,16 @@ def log_field(stream: FrameStream) -> None:
         half_sizes=half_sizes, centers=centers, colors=[GOAL_COLOR], fill_mode="solid"
     )
     stream.log("world/field/goals", goals, static=True)
-    angle = np.linspace(0, 2 * np.pi, 73)
-    circle = field.CENTER_CIRCLE_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
-    lines = [circle, *np.reshape([*field.get_field_lines().values()], (-1, 2, 2))]
-    strips = [points_above(line, 0.0) for line in lines]
+    strips = [points_above(line, 0.0) for line in field_line_strips()]
     shape = rr.LineStrips3D(strips, colors=[LINE_COLOR], radii=field.LINE_WIDTH_M / 2)
     stream.log("world/field/lines", shape, static=True)
+
+
+def field_line_strips() -> list[Array]:
+    """Return the lines of the field as points (n, 2) each, m."""
+    angle = np.linspace(0, 2 * np.pi, 73)
+    circle = field.CENTER_CIRCLE_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
+    return [circle, *np.reshape([*field.get_field_lines().values()], (-1, 2, 2))]
 
 
 def measure_scene(references: Sequence[Array]) -> tuple[Array, float]:

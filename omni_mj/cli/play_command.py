@@ -1,0 +1,78 @@
+"""`omni-mj play`: robots in the browser, with sliders, up to three controllers side by side."""
+
+import webbrowser
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from omni_control.errors import OmniError
+from omni_control.install_hints import describe_installation
+from omni_mj.cli import options
+from omni_mj.cli.interrupts import Interrupts
+
+if TYPE_CHECKING:
+    from omni_mj.config.scenario import Scenario
+
+
+@click.command("play")
+@click.option(
+    "--scenario",
+    "name",
+    default="rect",
+    metavar="NAME|FILE.toml",
+    help="Scenario to play. Default: rect.",
+)
+@options.CONTROLLER
+@options.scenario_options
+@options.SEED
+@options.ALLOW_CODE
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65_535),
+    metavar="PORT",
+    help="Port of the page; 0 for any. Default: 8642, or any other if it is in use.",
+)
+@click.option("--open/--no-open", "open_page", default=True, help="Open the page in the browser.")
+@click.option(
+    "--record", type=options.FOLDER, metavar="FILE.rrd", help="Recording to write for rerun."
+)
+def play_command(
+    scenario_options: options.ScenarioOptions,
+    name: str,
+    port: int | None,
+    open_page: bool,
+    record: Path | None,
+) -> None:
+    """Play with robots in the browser: sliders, disturbances, targets by a click.
+
+    The program ends 5 s after the last page is closed.
+    """
+    from omni_mj.studies.run_scenario import StoppedError
+
+    try:
+        from omni_mj.play.play_server import PlayServer
+    except ModuleNotFoundError as error:
+        if error.name not in ("viser", "trimesh"):
+            raise
+        raise OmniError(
+            f"omni-mj play needs the package {error.name}, which is not installed; "
+            f"install it with {describe_installation('play')}"
+        ) from None
+
+    def load_scenario(other_name: str | None, top_level: Mapping[str, Any]) -> "Scenario":
+        changed = options.ScenarioOptions(**vars(scenario_options) | dict(top_level))
+        return changed.load_scenario(other_name or name)
+
+    with Interrupts() as interrupts, closing(PlayServer(load_scenario, port, record)) as server:
+        click.echo(f"playing at {server.url}")
+        if open_page:
+            webbrowser.open(server.url)
+        reason = None
+        try:
+            server.run(interrupts.check)
+        except StoppedError as error:
+            reason = str(error)
+    interrupts.exit_if_stopped(reason, f"{server.session.snapshot.time_s:.1f} s were played")

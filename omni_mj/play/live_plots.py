@@ -1,0 +1,123 @@
+"""Live plots of the page: errors, commands, alpha, temperatures, and estimates beside the truth."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from omni_control.kinematics import Array
+from omni_mj.config import FRAME_RATE_HZ
+from omni_mj.viz import style
+from omni_mj.viz.displayed_robots import ALPHA_RANGE
+
+if TYPE_CHECKING:
+    import viser
+
+    from omni_mj.play.play_session import PlaySession, Snapshot
+
+WINDOW_S = 10.0
+STRIDE = 3  # frames between points
+HEIGHT_PX = 124
+DASH = (5, 4)
+# Title -> range of the vertical axis (None: that of the data), and whether each robot has a second,
+# dashed line: the truth.
+PLOTS: dict[str, tuple[tuple[float, float] | None, bool]] = {
+    "Position error, cm": (None, False),
+    "Commanded speed, m/s": (None, False),
+    "Alpha forward: estimate, true (dashed)": (ALPHA_RANGE, True),
+    "Dead time, ms: estimate, true (dashed)": ((0.0, 350.0), True),
+    "Hottest winding, °C": (None, False),
+}
+
+
+class LivePlots:
+    """Plots of the last 10 s, in a panel of their own.
+
+    Args:
+        gui: GUI of the page.
+        session: Session with n robots.
+        colors: Color of each robot.
+
+    Attributes:
+        handles: The plots.
+    """
+
+    def __init__(
+        self, gui: "viser.GuiApi", session: "PlaySession", colors: Sequence[style.Rgb]
+    ) -> None:
+        self._session, self._n = session, len(colors)
+        self._times = np.empty(0)
+        self._values = np.empty(
+            (0, sum(1 + has_truth for _, has_truth in PLOTS.values()) * self._n)
+        )
+        self.handles = [
+            self._add_plot(gui, title, *options, colors) for title, options in PLOTS.items()
+        ]
+
+    def add(self, snapshot: "Snapshot") -> None:
+        """Store the values of a frame."""
+        if self._times.size and snapshot.time_s <= self._times[-1]:
+            self._times, self._values = self._times[:0], self._values[:0]  # a restart
+        if round(snapshot.time_s * FRAME_RATE_HZ) % STRIDE:
+            return
+        dead_time = [row.settings.radio.delay_frames for row in self._session.simulation.rows]
+        values = [
+            np.nan_to_num(100 * snapshot.error_m),  # without a target: NaN
+            np.hypot(*snapshot.command.T[:2]),
+            snapshot.alpha_hat[:, 0],
+            snapshot.alpha[:, 0],
+            snapshot.latency_hat * 1000 / FRAME_RATE_HZ,
+            np.multiply(dead_time, 1000 / FRAME_RATE_HZ),
+            np.nan_to_num(snapshot.winding_c),
+        ]
+        n_points = round(WINDOW_S * FRAME_RATE_HZ / STRIDE)
+        self._times = np.append(self._times, snapshot.time_s)[-n_points:]
+        self._values = np.vstack([self._values, np.concatenate(values)])[-n_points:]
+
+    def send(self) -> None:
+        """Show the stored values on the page."""
+        if len(self._times) < 2:
+            return
+        column = 0
+        for handle in self.handles:
+            n_lines = len(handle.series) - 1
+            lines = self._values[:, column : column + n_lines].T
+            handle.data = (self._times, *np.ascontiguousarray(lines))
+            column += n_lines
+
+    def rms_error_cm(self) -> Array:
+        """Return the root mean square of the position error in the window, (n,) cm."""
+        errors = self._values[:, : self._n]
+        return np.sqrt(np.mean(errors**2, axis=0)) if len(errors) else np.full(self._n, np.nan)
+
+    def _add_plot(
+        self,
+        gui: "viser.GuiApi",
+        title: str,
+        y_range: tuple[float, float] | None,
+        has_truth: bool,
+        colors: Sequence[style.Rgb],
+    ) -> "viser.GuiUplotHandle":
+        """Add an empty plot with a line per robot, and a dashed one for the truth."""
+        series: list[Any] = [{"label": "time, s"}]
+        for dash in ((), DASH)[: 1 + has_truth]:
+            series += [
+                {
+                    "label": label,
+                    "stroke": f"rgb{color}",
+                    "width": 1.5,
+                    "dash": dash,
+                    "points": {"show": False},
+                }
+                for label, color in zip(self._session.labels, colors, strict=True)
+            ]
+        data = tuple(np.array([0.0, 1.0]) for _ in series)
+        return gui.add_uplot(
+            data,
+            tuple(series),
+            title=title,
+            scales={"x": {"time": False}, "y": {"range": y_range} if y_range else {}},
+            axes=({"size": 24}, {"size": 42}),
+            legend={"show": False},
+            height=HEIGHT_PX,
+        )

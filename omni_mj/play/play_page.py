@@ -1,0 +1,357 @@
+"""Controls of the page: status, buttons, sliders, menus, keys, and the state as file and link."""
+
+import html
+from collections.abc import Callable, Mapping
+from functools import partial
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from omni_control.controllers.registry import get_parameters, list_available_controllers
+from omni_control.errors import OmniError
+from omni_mj.config import PERIOD_S, plugins
+from omni_mj.config.settings import find_setting
+from omni_mj.config.toml_files import find_builtin_files
+from omni_mj.mjcf import field
+from omni_mj.play.field_view import FieldView
+from omni_mj.play.live_plots import LivePlots
+from omni_mj.play.play_session import MAX_CONTROLLERS
+from omni_mj.play.state_links import format_link
+from omni_mj.viz import style
+from omni_mj.viz.recording import scene
+
+if TYPE_CHECKING:
+    import viser
+
+    from omni_mj.play.play_server import PlayServer
+
+PANEL_PX, PLOTS_PX = 330, 330
+SPEEDS = {"1": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}
+DRIVE_SPEED_M_S, DRIVE_TURN_RAD_S = 0.8, 2.5
+NONE = "none"
+MIN_REAL_TIME_FACTOR = 0.9  # of the chosen speed; below it, the page says so
+
+
+class SliderInfo(NamedTuple):
+    """A slider of a setting.
+
+    Attributes:
+        label: Text with the unit.
+        scale: Value on the slider over value of the setting.
+        low: Left end.
+        high: Right end, extended if the setting exceeds it.
+        step: Step.
+    """
+
+    label: str
+    scale: float
+    low: float
+    high: float
+    step: float
+
+
+SLIDERS = {
+    "radio.delay_frames": SliderInfo("Dead time, s", PERIOD_S, 0.0, 0.3, PERIOD_S),
+    "radio.loss_probability": SliderInfo("Radio loss, %", 100.0, 0.0, 50.0, 1.0),
+    "vision.position_noise_m": SliderInfo("Vision noise, mm", 1e3, 0.0, 30.0, 0.1),
+    "carpet.friction": SliderInfo("Friction", 1.0, 0.05, 1.5, 0.05),
+    "drivetrain.creep_stiffness": SliderInfo("Creep stiffness", 1.0, 0.5, 20.0, 0.1),
+    "battery.charge": SliderInfo("Battery, %", 100.0, 0.0, 100.0, 1.0),
+    "control.error_range_m": SliderInfo("Fuzzy error, mm", 1e3, 10.0, 500.0, 5.0),
+    "control.speed_range_m_s": SliderInfo("Fuzzy speed, m/s", 1.0, 0.1, 3.0, 0.05),
+    "control.heading_gain": SliderInfo("Heading gain, 1/s", 1.0, 0.0, 20.0, 0.1),
+}
+# Label -> key, and direction of driving on the screen: along x, along y, turn.
+DRIVE_KEYS: dict[str, tuple[Any, tuple[int, int, int]]] = {
+    "\u2190": ("arrowleft", (-1, 0, 0)),
+    "\u2191": ("arrowup", (0, 1, 0)),
+    "\u2193": ("arrowdown", (0, -1, 0)),
+    "\u2192": ("arrowright", (1, 0, 0)),
+    "\u21ba": ("Q", (0, 0, 1)),
+    "\u21bb": ("E", (0, 0, -1)),
+    "Stop": ("S", (0, 0, 0)),
+}
+
+
+class PlayPage:
+    """Controls and views of a session, which all connected browsers share.
+
+    Args:
+        play: Server that carries out requests.
+        web: The server, a `viser.ViserServer`.
+
+    Attributes:
+        view: The 3-D view.
+        plots: The live plots.
+    """
+
+    def __init__(self, play: "PlayServer", web: Any) -> None:
+        self._play, self._web, self._gui = play, web, web.gui
+        self._message, self._described = "", list[Any]()
+        self._rebuilt, self._losses = list[Any](), list[Any]()
+        self._known_specs: dict[str, None] = {}
+        gui = self._gui
+        gui.configure_theme(show_logo=False, show_share_button=False)
+        gui.set_panel_label("omni-mj play")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(PANEL_PX)
+        self._status = gui.add_html("")
+        actions = {
+            "Pause": self._pause,
+            "Continue": self._continue,
+            "Restart": play.session.restart,
+        }
+        group = gui.add_button_group("", list(actions))
+        self._on(group.on_click, "pause", lambda name: actions[name]())
+        self._speed = gui.add_dropdown("Speed", list(SPEEDS), hint="simulated time over real time")
+        self._on(self._speed.on_update, "pause", lambda _: self._continue())
+        repeat = gui.add_checkbox("Repeat", play.repeat, hint="restart when the reference ends")
+        self._on(repeat.on_update, "repeat", self._set_repeat)
+        self._sliders: dict[str, Any] = {}
+        self._settings = gui.add_folder("Settings")
+        self._add_disturbances()
+        self._add_driving()
+        self._menus = gui.add_folder("Scenario and controllers")
+        with gui.add_folder("State", expand_by_default=False):
+            self._link = gui.add_text("Link", "", multiline=True)
+            gui.add_button("Download scenario").on_click(self._download)
+        self._plot_panel = gui.add_panel()
+        self._plot_tab = self._plot_panel.add_tab("Plots")
+        self._plot_panel.dock_left()
+        self._plot_panel.set_width(PLOTS_PX)
+        web.scene.on_click()(self._set_target)
+        self.refresh()
+        web.on_client_connect(self._place_camera)
+
+    def refresh(self, key: str = "") -> None:
+        """Show the session as it is after the request of a key."""
+        session = self._play.session
+        scenario = session.scenario
+        description = [scenario.model_copy(update={"settings": None}), scenario.settings.reference]
+        if description != self._described:
+            self._described = description
+            self._rebuild()
+        for name, slider in self._sliders.items():
+            if name != key or self._message:
+                slider.value = self._slider_value(name)
+        try:
+            self._link.value = f"{self._play.url}?{format_link(scenario)}"
+        except OmniError as error:
+            self._link.value = f"not available: {error}"
+
+    def show_message(self, text: str) -> None:
+        """Show an error or a remark until the next request."""
+        self._message = text
+
+    def show_status(self, real_time_factor: float) -> None:
+        """Show time, errors, failures and speed."""
+        play, snapshot = self._play, self._play.session.snapshot
+        self.plots.send()
+        remarks = [self._message, *snapshot.failures]
+        if play.speed and real_time_factor < MIN_REAL_TIME_FACTOR * play.speed:
+            remarks.append(
+                f"This computer is too slow: {real_time_factor:.2f} x real time. Show fewer "
+                "controllers, or the plant planar."
+            )
+        state = ""
+        if not play.speed:
+            state = " paused"
+        elif snapshot.has_ended:
+            state = " the reference has ended; the robots rest"
+        rows = "".join(
+            f'<tr><td style="color:rgb{color}">&#9632; {html.escape(label)}</td>'
+            f'<td align="right">{error:.1f}</td><td align="right">{rms:.1f}</td></tr>'
+            for label, color, error, rms in zip(
+                play.session.labels,
+                self._colors,
+                100 * snapshot.error_m,
+                self.plots.rms_error_cm(),
+                strict=True,
+            )
+        )
+        lines = "".join(
+            f'<div style="color:#c00">{html.escape(text)}</div>' for text in remarks if text
+        )
+        self._status.content = (
+            f'<div style="padding:0 1em;font-size:0.9em"><b>{snapshot.time_s:.1f} s</b>{state}'
+            f'<table width="100%"><tr><td></td><td align="right">error, cm</td>'
+            f'<td align="right">rms of 10 s</td></tr>{rows}</table>{lines}'
+            f'<div style="color:gray">arrows: error x {scene.ERROR_SCALE}; '
+            "pale: predicted pose</div></div>"
+        )
+
+    def _rebuild(self) -> None:
+        """Build everything that depends on scenario, robot and controllers."""
+        for element in self._rebuilt:
+            element.remove()
+        session = self._play.session
+        indices = style.style_indices(row.controller for row in session.simulation.rows)
+        controllers = [row.controller for row in session.simulation.rows]
+        self._colors = [style.rgb(style.color(indices[name])) for name in controllers]
+        self.view = FieldView(self._web.scene, session, self._colors)
+        with self._plot_tab:
+            self.plots = LivePlots(self._gui, session, self._colors)
+        self._add_sliders()
+        with self._menus:
+            menus = self._add_menus()
+        self._rebuilt = [*self.plots.handles, *self._sliders.values(), *menus]
+
+    def _add_sliders(self) -> None:
+        """Add a slider for each setting, and for the parameters of the controllers."""
+        infos = dict(SLIDERS)
+        for spec in self._play.session.scenario.controllers:
+            label = plugins.label_controller(spec)
+            for name, value in get_parameters(plugins.find_controller(spec)).items():
+                if type(value) is float and value > 0:
+                    infos[f"controller.{label}.{name}"] = SliderInfo(
+                        f"{label} {name}", 1.0, 0.0, 4 * value, value / 20
+                    )
+        self._infos, self._sliders = infos, {}
+        for name, info in infos.items():
+            value = self._slider_value(name)
+            low, high = min(info.low, value), max(info.high, value)
+            hint = f"{name}: {find_setting(name).doc}" if name in SLIDERS else name
+            with self._settings:
+                slider = self._gui.add_slider(info.label, low, high, info.step, value, hint=hint)
+            slider.precision = 3
+            self._sliders[name] = slider
+            self._on(slider.on_update, name, partial(self._change, name))
+
+    def _slider_value(self, name: str) -> float:
+        """Return the value of a setting on its slider."""
+        settings = self._play.session.scenario.settings
+        if name in SLIDERS:
+            return float(attrgetter(name)(settings)) * self._infos[name].scale
+        _, label, parameter = name.split(".")
+        specs = self._play.session.scenario.controllers
+        spec = next(spec for spec in specs if plugins.label_controller(spec) == label)
+        defaults = get_parameters(plugins.find_controller(spec))
+        return float((defaults | settings.controller.get(label, {}))[parameter])
+
+    def _change(self, name: str, value: float) -> None:
+        """Change a setting to a value on its slider."""
+        if not self._play.session.change(name, round(value / self._infos[name].scale, 6)):
+            self.show_message(f"Restarted, because {name} cannot change while robots drive.")
+
+    def _add_menus(self) -> list[Any]:
+        """Add menus for scenario, robot, plant and controllers."""
+        gui, scenario = self._gui, self._play.session.scenario
+        menus = {}
+        for key, label, names in (
+            ("name", "Scenario", find_builtin_files("scenarios")),
+            ("robot", "Robot", find_builtin_files("robots")),
+            ("plant", "Plant", plugins.PLANTS),
+        ):
+            value = getattr(scenario, key)
+            options = list(dict.fromkeys([*names, value]))
+            menus[key] = gui.add_dropdown(label, options, initial_value=value)
+        specs = [plugins.format_controller_spec(spec) for spec in scenario.controllers]
+        self._known_specs = dict.fromkeys(
+            [*self._known_specs, *specs, *list_available_controllers(), NONE]
+        )
+        for i in range(MAX_CONTROLLERS):
+            value = specs[i] if i < len(specs) else NONE
+            menus[f"controller {i}"] = gui.add_dropdown(
+                f"Controller {i + 1}", list(self._known_specs), initial_value=value
+            )
+        for key, menu in menus.items():
+            self._on(menu.on_update, "menu", partial(self._load, menus, key))
+        return list(menus.values())
+
+    def _load(self, menus: Mapping[str, Any], changed: str, value: str) -> None:
+        """Load what the menus say after a change of one."""
+        scenario = self._play.session.scenario
+        specs = [menus[f"controller {i}"].value for i in range(MAX_CONTROLLERS)]
+        top_level: dict[str, Any] = {"controllers": [spec for spec in specs if spec != NONE]}
+        if changed == "name":
+            self._play.load(value, top_level)
+        elif changed == "robot":
+            self._play.load(scenario.name, top_level | {"plant": scenario.plant, "robot": value})
+        elif changed == "plant":
+            self._play.session.restart(scenario.replace(plant=value))
+        else:
+            self._play.session.restart(scenario, top_level["controllers"])
+
+    def _add_disturbances(self) -> None:
+        """Add what can happen to the robots."""
+        session, gui = self._play.session, self._gui
+        with gui.add_folder("Disturb"):
+            actions = {
+                "Push": session.push,
+                "Spill debris": session.spill_debris,
+                "Carry away": session.carry_away,
+            }
+            group = gui.add_button_group("", list(actions))
+            self._on(group.on_click, "disturb", lambda name: actions[name]())
+            for label, act in (
+                ("Radio lost", session.set_radio_lost),
+                ("Camera lost", session.set_camera_lost),
+            ):
+                box = gui.add_checkbox(label, initial_value=False)
+                self._on(box.on_update, label, act)
+                self._losses.append(box)
+
+    def _add_driving(self) -> None:
+        """Add buttons and keys to drive the robots by hand."""
+        session, gui = self._play.session, self._gui
+
+        def drive(label: str) -> None:
+            x, y, turn = DRIVE_KEYS[label][1]
+            session.set_velocity(DRIVE_SPEED_M_S * x, DRIVE_SPEED_M_S * y, DRIVE_TURN_RAD_S * turn)
+
+        with gui.add_folder("Drive"):
+            gui.add_markdown(
+                "Click on the field to set a target. Keys: arrows, Q, E; S stops. "
+                "Restart follows the scenario again."
+            )
+            group = gui.add_button_group("", list(DRIVE_KEYS))
+            self._on(group.on_click, "drive", drive)
+        for label, (key, _) in DRIVE_KEYS.items():
+            action = partial(self._play.request, "drive", partial(drive, label))
+            command = gui.add_command(f"Drive {label}", hotkey=key)
+            command.on_trigger(lambda _, action=action: action())
+
+    def _set_target(self, event: "viser.SceneClickEvent") -> None:
+        """Drive to the point of the carpet that was clicked."""
+        origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
+        if direction[2] >= 0:
+            return
+        x, y, _ = origin - origin[2] / direction[2] * direction
+        limit_x, limit_y = field.CARPET_SIZE_M / 2 - field.ROBOT_RADIUS_M
+        if abs(x) <= limit_x and abs(y) <= limit_y:
+            self._play.request("drive", lambda: self._play.session.set_target(float(x), float(y)))
+
+    def _pause(self) -> None:
+        self._play.speed = 0.0
+
+    def _continue(self) -> None:
+        self._play.speed = SPEEDS[self._speed.value]
+
+    def _set_repeat(self, is_on: bool) -> None:
+        self._play.repeat = is_on
+
+    def _download(self, event: Any) -> None:
+        """Send the state to the browser as a scenario file."""
+        scenario = self._play.session.scenario
+        event.client.send_file_download(
+            f"{scenario.name}.toml", scenario.to_toml().encode(), save_immediately=True
+        )
+
+    def _place_camera(self, client: "viser.ClientHandle") -> None:
+        """Let a new page look at the reference, from farther away in a narrow window."""
+        x, y = self.view.center
+        distance = 0.65 * self.view.size_m * max(1.0, 1.3 / client.camera.aspect)
+        client.camera.position = (x, y - 0.8 * distance, 0.8 * distance)
+        is_phone = client.camera.aspect < 1  # the controls cover the lower half
+        client.camera.look_at = (x, y - 0.6 * distance * is_phone, 0.0)
+
+    def _on(self, register: Callable[[Any], Any], key: str, action: Callable[[Any], None]) -> None:
+        """Request an action, given the new value, when a control is used."""
+
+        def call(event: Any) -> None:
+            if event.client is not None:  # not set by `refresh`
+                value = event.target.value
+                self._play.request(key, lambda: action(value))
+
+        register(call)

@@ -1,0 +1,231 @@
+"""Server of the page: one loop steps the robots, applies what the page asks for, and shows them."""
+
+import asyncio
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout, suppress
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+from urllib.parse import urlsplit
+
+import viser
+
+from omni_control.errors import OmniError
+from omni_mj.config import PERIOD_S, plugins
+from omni_mj.config.scenario import Scenario
+from omni_mj.play.play_page import PlayPage
+from omni_mj.play.play_session import PlaySession
+from omni_mj.play.state_links import load_link
+from omni_mj.studies.run_scenario import quiet_mujoco
+
+HOST, DEFAULT_PORT = "127.0.0.1", 8642
+VIEW_PERIOD_S, PLOT_PERIOD_S = 1 / 30, 0.2
+IDLE_S = 0.03  # between checks while nothing moves
+CLOSED_S = 5.0  # without a page, after the last one was closed, until the program ends
+FRAME_LIMIT_S, ACTION_LIMIT_S = 3.0, 60.0  # longest time of a frame, and of a restart
+MAX_LAG_S = 0.1  # behind real time, after which frames are dropped
+MAX_HEAD_BYTES = 65_536  # of an HTTP request
+
+LoadScenario = Callable[[str | None, Mapping[str, Any]], Scenario]
+
+
+class PlayServer:
+    """A session, its page and the loop.
+
+    All pages show the same session. Their requests are carried out by the loop, between two frames.
+
+    Args:
+        load_scenario: Returns a scenario, given its name (None: that of the command line) and
+            values of its top level, such as the plant.
+        port: Port of the page; 0 for any. Default: 8642, or any if that is in use.
+        record: Recording file to write.
+
+    Attributes:
+        session: The session.
+        speed: Simulated time over real time; 0 pauses.
+        repeat: Whether the session restarts at the end of the reference.
+        url: Address of the page.
+
+    Raises:
+        OmniError: The scenario is wrong, or the port is in use.
+    """
+
+    def __init__(
+        self, load_scenario: LoadScenario, port: int | None = None, record: Path | None = None
+    ) -> None:
+        quiet_mujoco()
+        self.load_scenario, self.speed, self.repeat = load_scenario, 1.0, True
+        scenario = load_scenario(None, {})
+        self._own_name = scenario.name
+        self.session = PlaySession(scenario, record=record)
+        self._requests: dict[str, Callable[[], None]] = {}
+        self._frames = self._real_time_factor = 0.0
+        self._seen_page_at: float | None = None
+        self._file_times: dict[str, float] = {}
+        with redirect_stdout(None):  # viser prints its address, which is not that of the page
+            self._viser = viser.ViserServer(HOST, port=0, verbose=False)
+        try:
+            self.url = f"http://{HOST}:{self._accept_browsers(port)}/"
+            self.page = PlayPage(self, self._viser)
+        except BaseException:
+            self.close()
+            raise
+
+    def request(self, key: str, action: Callable[[], None]) -> None:
+        """Carry out an action between two frames. It replaces a waiting one of the same key."""
+        self._requests[key] = action
+
+    def load(self, name: str, top_level: Mapping[str, Any]) -> None:
+        """Load a scenario by the name that the menu shows, and restart."""
+        own_name = self._own_name == name
+        self.session.restart(self.load_scenario(None if own_name else name, top_level))
+
+    def run(self, check: Callable[[], None]) -> None:
+        """Run until the last page is closed.
+
+        Args:
+            check: Called in every frame; an exception that it raises ends the loop.
+        """
+        due = viewed = plotted = rate_measured = time.monotonic()
+        snapshot = self.session.snapshot
+        while not self._is_left():
+            check()
+            self._carry_out_requests()
+            if self.speed and self._viser.get_clients():
+                snapshot = self._advance()
+                if snapshot.has_ended and self.repeat:
+                    self.request("repeat", self.session.restart)
+                self._frames += 1
+                self.page.plots.add(snapshot)
+                due = max(due + PERIOD_S / self.speed, time.monotonic() - MAX_LAG_S)
+            else:
+                due = max(due, time.monotonic() + IDLE_S)
+            now = time.monotonic()
+            if now - viewed > VIEW_PERIOD_S:
+                viewed = now
+                self.page.view.update(self.session.snapshot)
+            if now - plotted > PLOT_PERIOD_S:
+                plotted = now
+                self._reload_saved_files()
+                self.page.show_status(self._real_time_factor)
+            if now - rate_measured > 1:
+                self._real_time_factor = self._frames * PERIOD_S / (now - rate_measured)
+                rate_measured, self._frames = now, 0
+            time.sleep(max(0.0, due - time.monotonic()))
+
+    def close(self) -> None:
+        """Stop the server, and finish the recording."""
+        with redirect_stdout(None):
+            self._viser.stop()
+        self.session.close()
+
+    def _advance(self) -> Any:
+        """Advance by a frame; restart if that takes too long, as a controller in a loop does."""
+        try:
+            with time_limit(FRAME_LIMIT_S):
+                return self.session.advance()
+        except TimeoutError:
+            self.page.show_message(f"A frame took longer than {FRAME_LIMIT_S:g} s. Paused.")
+            self.speed = 0.0
+            return self.session.snapshot
+
+    def _carry_out_requests(self) -> None:
+        """Carry out what the pages asked for. Errors are shown on the page."""
+        while self._requests:
+            key = next(iter(self._requests))
+            action = self._requests.pop(key)
+            if key != "repeat":
+                self.page.show_message("")
+            try:
+                with time_limit(ACTION_LIMIT_S):
+                    action()
+            except (OmniError, TimeoutError) as error:
+                self.page.show_message(str(error))
+            self.page.refresh(key)
+
+    def _reload_saved_files(self) -> None:
+        """Restart with the new code of a controller's file that was saved."""
+        for spec in map(plugins.format_controller_spec, self.session.scenario.controllers):
+            if plugins.is_class_path(spec):
+                with suppress(OSError):  # an editor may be replacing it
+                    modified = Path(spec.rpartition(":")[0]).stat().st_mtime
+                    if modified > self._file_times.setdefault(spec, modified):
+                        self._file_times[spec] = modified
+                        self.request("reload", partial(self.session.reload_controller, spec))
+
+    def _is_left(self) -> bool:
+        """Return whether there were pages, and all of them are closed."""
+        now = time.monotonic()
+        if self._viser.get_clients():
+            self._seen_page_at = now
+        return self._seen_page_at is not None and now - self._seen_page_at > CLOSED_S
+
+    def _accept_browsers(self, port: int | None) -> int:
+        """Accept connections of browsers, and return the port."""
+        loop = self._viser.get_event_loop()
+        for candidate in (DEFAULT_PORT, 0) if port is None else (port,):
+            server = asyncio.start_server(self._connect, HOST, candidate, limit=MAX_HEAD_BYTES)
+            try:
+                listener = asyncio.run_coroutine_threadsafe(server, loop).result()
+            except OSError:
+                continue
+            return int(listener.sockets[0].getsockname()[1])
+        raise OmniError(f"port {port} is in use or not allowed; choose another one by --port")
+
+    async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Pass a connection on to viser, or take the state from its link.
+
+        Pages of other sites may not connect.
+        """
+        try:
+            head = await reader.readuntil(b"\r\n\r\n")
+        except (asyncio.IncompleteReadError, asyncio.LimitOverrunError, ConnectionError):
+            return writer.close()
+        lines = head.decode("latin-1").split("\r\n")
+        headers = dict(line.lower().split(": ", 1) for line in lines[1:] if ": " in line)
+        host = headers.get("host", "")
+        if urlsplit(f"//{host}").hostname not in (HOST, "localhost") or (
+            headers.get("origin", f"http://{host}") != f"http://{host}"
+        ):
+            return await _respond(writer, "403 Forbidden")
+        query = urlsplit(lines[0].split(" ")[1]).query if lines[0].startswith("GET /?") else ""
+        if query:
+            self.request("link", lambda: self.session.restart(load_link(query)))
+            return await _respond(writer, "303 See Other\r\nLocation: /")
+        to_viser = await asyncio.open_connection(HOST, self._viser.get_port())
+        to_viser[1].write(head)
+        await asyncio.gather(_pass_on(reader, to_viser[1]), _pass_on(to_viser[0], writer))
+
+
+@contextmanager
+def time_limit(seconds: float) -> Iterator[None]:
+    """Raise TimeoutError in the main thread if the block takes longer."""
+
+    def stop(*_: object) -> NoReturn:
+        raise TimeoutError(f"this took longer than {seconds:g} s")
+
+    signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+async def _respond(writer: asyncio.StreamWriter, status: str) -> None:
+    """Send an answer without content, and close the connection."""
+    writer.write(f"HTTP/1.1 {status}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode())
+    with suppress(ConnectionError):
+        await writer.drain()
+    writer.close()
+
+
+async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Copy bytes until the end of the stream."""
+    with suppress(ConnectionError):
+        while data := await reader.read(MAX_HEAD_BYTES):
+            writer.write(data)
+            await writer.drain()
+    writer.close()

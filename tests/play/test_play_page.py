@@ -1,0 +1,141 @@
+"""The page of `omni-mj play` in a real browser, and what others may ask of its server."""
+
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+from urllib.request import Request, urlopen
+
+import pytest
+
+from omni_control.errors import OmniError
+from omni_mj.config.scenario import load_scenario
+
+pytest.importorskip("viser", reason="the extra play is not installed")
+from omni_mj.play.state_links import format_link, load_link
+
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+FLAGS = "--no-sandbox --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
+
+
+@contextmanager
+def play(*args: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Play, and yield the address of the page and the process."""
+    command = [sys.executable, "-m", "omni_mj", "play", "--no-open", "--port", "0", *args]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout
+        try:
+            yield process.stdout.readline().split()[-1], process
+        finally:
+            process.kill()
+
+
+@contextmanager
+def browse(url: str) -> Iterator[Any]:
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("no chromium on the PATH")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
+        page = browser.new_page(viewport={"width": 900, "height": 500})
+        page.goto(url)
+        yield page
+        browser.close()
+
+
+def errors_cm(page: Any) -> list[float]:
+    """Return the present error, and the root mean square of the window."""
+    row = page.locator("tr", has_text="p").last
+    return [float(text) for text in row.locator("td").all_inner_texts()[1:]]
+
+
+def wait_until(page: Any, is_reached: Any) -> None:
+    for _ in range(100):
+        if is_reached(*errors_cm(page)):
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError(page.locator("table").inner_text())
+
+
+def test_a_slider_makes_a_robot_oscillate_and_a_click_lets_it_arrive() -> None:
+    """It follows with little error, with more after more dead time, and drives to a click."""
+    options = "--scenario rect --plant kinematic --controller p"
+    with play(*options.split()) as (url, process):
+        with browse(url) as page:
+            page.get_by_text("Dead time, s").wait_for()
+            page.wait_for_timeout(1500)
+            wait_until(page, lambda now, rms: rms > 0)
+            before = errors_cm(page)[1]
+            dead_time = page.get_by_role("textbox").first
+            dead_time.fill("0.3")
+            dead_time.press("Enter")
+            wait_until(page, lambda now, rms: rms > 2 * before)
+            page.reload()
+            page.get_by_text("Dead time, s").wait_for()
+            assert page.get_by_role("textbox").first.input_value() == "0.3"
+            page.get_by_role("textbox").first.fill("0.05")
+            page.mouse.click(460, 300)
+            wait_until(page, lambda now, rms: now > 20)
+            wait_until(page, lambda now, rms: now < 2)
+        assert process.wait(15) == 0
+
+
+def test_a_signal_ends_it_and_frees_the_port() -> None:
+    with play() as (url, process):
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(10) == 128 + signal.SIGTERM
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", int(url.rstrip("/").rpartition(":")[2])))
+
+
+@pytest.mark.parametrize("headers", [{"Host": "evil.example"}, {"Origin": "http://evil.example"}])
+def test_pages_of_other_sites_are_refused(headers: dict[str, str]) -> None:
+    with play() as (url, _):
+        assert b"<html" in urlopen(url, timeout=10).read()
+        with pytest.raises(OSError, match="403"):
+            urlopen(Request(url, headers=headers), timeout=10)
+
+
+def test_a_link_holds_the_state() -> None:
+    scenario = load_scenario("slippery", plant="planar", controllers=["p"], seed=3)
+    changes = {"radio": {"delay_frames": 9}, "carpet": {"friction": 0.5}}
+    scenario = scenario.replace(settings=scenario.settings.replace(**changes))
+    assert load_link(format_link(scenario)) == scenario
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "controllers=evil.py:Evil",
+        "plant=evil.py:Evil",
+        "robot=/etc/passwd",
+        "model.file=a.xml",
+        "scenario=../a.toml",
+        "radio.delay_frames=-1",
+        "seed=x",
+        "nonsense=1",
+        "radio.=",
+        "%ff=%00",
+    ],
+)
+def test_a_link_names_no_files_and_only_allowed_values(query: str) -> None:
+    with pytest.raises(OmniError, match=re.compile("link|must|unknown|cannot", re.I)):
+        load_link(query)
+
+
+def test_without_the_extra_it_says_how_to_install_it() -> None:
+    code = "import sys; sys.modules['viser'] = None; sys.argv = ['omni-mj', 'play']\n"
+    code += "from omni_mj.cli.main import main; main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "needs the package viser" in done.stderr
+    assert "[play]" in done.stderr
