@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 CONTROLLERS = ("flc", "comp-flc", "adaptive-comp-flc")
 ADAPTIVE = 2
-SEEDS = 6
-TWO_SIDES = "reference.waypoints=[[-1,-0.75],[1,-0.75],[1,0.75]]", "reference.settle_s=0.5"
+SEEDS = 3
+TWO_SIDES = "reference.waypoints=[[-1,-0.75],[1,-0.75],[1,0]]", "reference.settle_s=0.5"
 KNOWN = "alpha 1.0"
 
 

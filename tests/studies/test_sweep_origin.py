@@ -189,8 +189,8 @@ def test_a_sweep_runs_no_code_that_only_a_folder_names(
 
 
 def list_children(parent: int) -> set[int]:
-    command = ("ps", "--ppid", str(parent), "-o", "pid=")
-    return set(map(int, subprocess.run(command, capture_output=True, check=False).stdout.split()))
+    files = Path(f"/proc/{parent}/task").glob("*/children")  # of each thread
+    return {int(process) for file in files for process in file.read_text().split()}
 
 
 def is_running(process: int) -> bool:
@@ -208,18 +208,14 @@ def test_workers_end_with_their_parent(tmp_path: Path) -> None:
         "--controller", "p", "--set", "reference.laps=1000", "--vary", "radio.delay_frames=0,4",
         "--batch-size", "1", "--jobs", "2", "--quiet", "--out",
     )  # fmt: skip
-    signals = (signal.SIGINT, signal.SIGKILL, signal.SIGTERM)
-    parents = [
-        subprocess.Popen(
+    for number in (signal.SIGINT, signal.SIGKILL, signal.SIGTERM):
+        parent = subprocess.Popen(
             [*command, tmp_path / number.name],
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )
-        for number in signals
-    ]
-    for parent, number in zip(parents, signals, strict=True):
         deadline = time.monotonic() + 60
         while len(list_children(parent.pid)) < 3 and time.monotonic() < deadline:
             time.sleep(0.05)

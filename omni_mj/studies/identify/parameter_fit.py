@@ -17,8 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.special import stdtrit
-from scipy.stats import norm
+from scipy.special import ndtri, stdtrit
 
 from omni_control.kinematics import Array
 from omni_mj.studies.identify.log_segments import MIN_SEGMENTS, LogSegments
@@ -313,7 +312,7 @@ def measure_residuals(values: Array, allowed: float) -> Residuals:
     covariance = float(np.mean([product.mean() for product in products]))
     n_products = sum(product.size for product in products)
     error = (power - max(covariance, 0.0)) / n_products**0.5
-    misfit = bool(covariance > allowed**2 + norm.isf(FALSE_ALARM_RATE) * error)
+    misfit = bool(covariance > allowed**2 - ndtri(FALSE_ALARM_RATE) * error)
     noise = float((_white_differences(values) ** 2).mean()) ** 0.5
     return Residuals(power**0.5, noise, max(covariance, 0.0) ** 0.5, allowed, misfit)
 

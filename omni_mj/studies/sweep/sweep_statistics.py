@@ -1,4 +1,7 @@
-"""Statistics of a sweep and their tables: failure rates, errors, rank correlations, worst runs."""
+"""Statistics of a sweep and their tables: failure rates, errors, rank correlations, worst runs.
+
+Functions import scipy.stats, which takes a second, because processes that simulate do not need it.
+"""
 
 from itertools import groupby
 from pathlib import Path
@@ -6,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from scipy.stats import binomtest, quantile_test, spearmanr
 
 from omni_mj.atomic_files import write_text
 from omni_mj.config.plugins import format_controller_spec
@@ -57,6 +59,8 @@ def summarize_points(all_rows: pa.Table, axes: list[str]) -> list[dict[str, Any]
 
 def _failure_rate(rows: pa.Table) -> dict[str, Any]:
     """Return the number of robots that failed, and the failure rate with its interval."""
+    from scipy.stats import binomtest
+
     n_failed = rows.num_rows - rows["cause"].null_count
     interval = binomtest(n_failed, rows.num_rows).proportion_ci(CONFIDENCE, method="wilson")
     return {
@@ -70,6 +74,8 @@ def _failure_rate(rows: pa.Table) -> dict[str, Any]:
 
 def _error_statistics(errors: np.ndarray) -> dict[str, float | None]:
     """Return median, 95 % interval of the median, and 90th percentile; None if not finite."""
+    from scipy.stats import quantile_test
+
     interval = quantile_test(errors, p=0.5).confidence_interval(CONFIDENCE)
     with np.errstate(invalid="ignore"):  # infinity minus infinity
         median = np.median(errors)
@@ -87,6 +93,8 @@ def rank_correlations(all_rows: pa.Table) -> list[dict[str, Any]]:
     Args:
         all_rows: Rows of the sweep.
     """
+    from scipy.stats import spearmanr
+
     correlations = []
     controllers = all_rows["controller"].to_numpy(zero_copy_only=False)
     for controller in all_rows["controller"].unique().to_pylist():
