@@ -35,7 +35,7 @@ from omni_mj.mjcf.robot_builder import (
     set_chassis_inertia,
     write_wheels,
 )
-from omni_mj.mjcf.robot_geometry import compute_support_distance
+from omni_mj.mjcf.robot_geometry import compute_support_distance, make_printable_moments
 from omni_mj.mjcf.robot_parts import RobotIndices, compute_initial_kinematics, find_robots
 
 # Attributes of geoms that models/ssl_robot.xml defines for all robots, by class.
@@ -101,6 +101,9 @@ def _build_standard_robot(settings: Settings, name: str) -> ElementTree.Element:
     path = find_models_folder() / f"{_FILE_NAME}.xml"
     root = parse_mjcf(path.read_text().replace(_FILE_NAME, name))
     write_wheels(root, settings.mechanics)
+    for inertial in root.iterfind(".//body[@name]/body/inertial"):
+        moments = np.array(inertial.get("diaginertia", "").split(), float)
+        inertial.set("diaginertia", format_numbers(*make_printable_moments(moments)))
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     set_chassis_inertia(spec, settings.body)
     (chassis,) = spec.worldbody.bodies

@@ -225,6 +225,15 @@ def compute_composite_inertia(
     return float(mass.sum()), center, inertia
 
 
+def make_printable_moments(moments: Array) -> Array:
+    """Return the moments of inertia (3,) of a flat ring, slightly thicker if necessary.
+
+    MuJoCo prints six digits. It refuses moments of which one is larger than the sum of the others.
+    """
+    axial, *transverse = (float(f"{moment:.6g}") for moment in moments)
+    return moments * [1.0, 1.00001, 1.00001] if axial > sum(transverse) else moments
+
+
 def compute_point_mass_inertia(r: Array) -> Array:
     """Return the inertia (3, 3) about the origin of a unit mass at r (3,), m^2."""
     return r @ r * np.eye(3) - np.outer(r, r)

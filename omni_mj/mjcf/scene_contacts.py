@@ -25,6 +25,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_mj.mjcf import hulls, rollers
 from omni_mj.mjcf.attachable_robot import AttachableRobot, attach_robot, attach_to_field
+from omni_mj.mjcf.robot_geometry import make_printable_moments
 from omni_mj.mjcf.robot_parts import Ids
 
 MAX_TIMESTEP_S = 0.005  # longest step with which robots were compared to the plant
@@ -70,6 +71,9 @@ def attach_to_scene(
     is_field = has_field_options(scene)
     _enable_contacts(robot, is_field)
     if not is_field:
+        for rim in robot.rims:
+            body = robot.spec.body(rim)
+            body.inertia = make_printable_moments(body.inertia)
         attach_robot(scene, robot, prefix, frame)
         return
     other_spheres = [g.name for g in scene.geoms if g.name.endswith(hulls.SPHERE_SUFFIX)]
