@@ -66,7 +66,7 @@ omni-mj simulates these, but plain MJCF cannot express them:
 |---|---|---|
 {numbers}
 {shape}
-| contact of rollers | friction 1.5, 10 ms, impedance 0.97 | chosen, so that wheels roll |
+| contact of rollers | friction 1.5, 10 ms, impedance from 0.97 | chosen, so that wheels roll |
 | contact of hulls | friction 0.3 | chosen |
 
 The settings, with the source of each:

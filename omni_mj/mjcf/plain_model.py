@@ -6,11 +6,13 @@ Rollers and hulls carry their contact bits and parameters:
 - Hulls meet the geoms of the scene and the hulls of other robots.
 - All other geoms of a robot meet nothing.
 
-The contact of a roller has a time constant of 10 ms, the impedance 0.97 and the friction 1.5. With
+The contact of a roller has a time constant of 10 ms, an impedance of 0.97 or more and the friction
+1.5. With
 MuJoCo's pyramidal cones, timesteps from 1 to 5 ms and all integrators, robots follow their wheels
 within 1 % and do not hop. The stiff contacts of this program's worlds (`rollers`) would slip.
 """
 
+import math
 import posixpath
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
@@ -43,6 +45,8 @@ _CONTACT_ATTRIBUTES = {
     "roller": ("contype", "conaffinity", "condim", "priority", "friction", "solref", "solimp"),
     "hull": ("contype", "conaffinity"),
 }
+IMPEDANCE = 0.97  # of the rollers' contacts in models/ssl_robot.xml
+MAX_LOAD_RATIO = 1.4  # load of a wheel over the effective mass of a roller with this impedance
 VIEW_DISTANCE = 4.0  # extent of the scene for MuJoCo's cameras, over the arm of the wheels
 _UNNAMED = "unnamed_"  # start of the names that `custom_robot` gives
 _FILE_NAME = "ssl_robot"  # of the robot in models/
@@ -86,6 +90,7 @@ def build_plain_model(settings: Settings, name: str) -> PlainModel:
     scene = parse_mjcf((folder / "scene.xml").read_text().replace(_FILE_NAME, name))
     extent = VIEW_DISTANCE * settings.wheels.arm_m
     find_child(scene, "statistic").set("extent", f"{extent:.2g}")
+    _stiffen_contacts(robot, assets, settings.body.mass_kg / len(settings.wheels.azimuths_deg))
     texts = {f"{name}.xml": format_mjcf(robot), "scene.xml": format_mjcf(scene)}
     files = {path: text.encode() for path, text in texts.items()} | assets
     try:
@@ -198,6 +203,32 @@ def _write_drive(
         joint.damping = [damping, *np.zeros(np.size(joint.damping) - 1)]
         if address in robot.wheel_dofs:
             joint.frictionloss = settings.hub_friction_nm
+
+
+def _stiffen_contacts(
+    root: ElementTree.Element, assets: Mapping[str, bytes], wheel_load_kg: float
+) -> None:
+    """Let robots with heavy loads or light wheels sink into the floor as little as the default one.
+
+    The depth is proportional to (1 - d) d A N, with the impedance d, the inverse effective mass A
+    of a roller and the load N of a wheel.
+
+    Args:
+        root: A robot's MJCF; changed in place.
+        assets: Its meshes and textures.
+        wheel_load_kg: Mass on a wheel.
+    """
+    model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, "unicode"), dict(assets))
+    (robot,) = find_robots(model)
+    ratio = float(model.body_invweight0[robot.rollers, 0].max()) * wheel_load_kg
+    if ratio <= MAX_LOAD_RATIO:
+        return
+    impedance = 0.5 + math.sqrt(0.25 - IMPEDANCE * (1 - IMPEDANCE) * MAX_LOAD_RATIO / ratio)
+    text = format_numbers(impedance, impedance)
+    for geom in root.iter("geom"):
+        if geom.get("solimp", "").startswith(f"{IMPEDANCE:g} {IMPEDANCE:g}"):
+            width = geom.get("solimp", "").split()[2:]
+            geom.set("solimp", " ".join([text, *width]))
 
 
 def _write_asset_paths(root: ElementTree.Element, assets: Mapping[str, bytes]) -> None:

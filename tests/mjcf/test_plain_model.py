@@ -16,6 +16,7 @@ from omni_mj.config.settings import Settings
 from omni_mj.mjcf.plain_model import build_plain_model
 
 IMPLICITFAST, RK4 = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtIntegrator.mjINT_RK4
+DEFAULT = "tigers-v2016"
 ELLIPTIC = mujoco.mjtCone.mjCONE_ELLIPTIC
 FOLDER = find_models_folder()
 HOP_M = 3e-4
@@ -35,24 +36,24 @@ def test_the_robot_in_models_is_the_export_of_the_default_robot() -> None:
 
 
 @pytest.mark.parametrize(
-    ("azimuths_deg", "floor", "options"),
+    ("robot", "azimuths_deg", "floor", "options"),
     [
-        ((60, 135, 225, 300), "plane", {}),
-        ((60, 135, 225, 300), "hfield", {"timestep": 0.005}),
-        ((0, 72, 144, 216, 288), "plane", {"timestep": 0.005, "integrator": RK4}),
-        ((45, 135, 225, 315), "box", {"timestep": 0.005, "integrator": IMPLICITFAST}),
-        ((60, 180, 300), "plane", {"timestep": 0.001, "cone": ELLIPTIC}),
+        ("roboteam-twente", (60, 135, 225, 300), "plane", {}),
+        (DEFAULT, (60, 135, 225, 300), "hfield", {"timestep": 0.005}),
+        (DEFAULT, (0, 72, 144, 216, 288), "plane", {"timestep": 0.005, "integrator": RK4}),
+        (DEFAULT, (45, 135, 225, 315), "box", {"timestep": 0.005, "integrator": IMPLICITFAST}),
+        (DEFAULT, (60, 180, 300), "plane", {"timestep": 0.001, "cone": ELLIPTIC}),
     ],
 )
 def test_nine_robots_roll_as_far_as_their_wheels(
-    azimuths_deg: tuple[float, ...], floor: str, options: dict[str, Any]
+    robot: str, azimuths_deg: tuple[float, ...], floor: str, options: dict[str, Any]
 ) -> None:
     """In eight directions and on the spot, within 1 %, without a hop.
 
     MuJoCo's contacts with heightfields are tilted by up to 9 deg, so wheels slide at less
     acceleration.
     """
-    settings = resolve_settings({"wheels": {"azimuths_deg": azimuths_deg}})
+    settings = resolve_settings({"wheels": {"azimuths_deg": azimuths_deg}}, robot)
     model = attach(make_floor(floor, **options), read_robot(settings))
     ramp_s = 0.8 if floor == "hfield" else 0.4
     error, hop = measure_rolling(model, settings.wheels.kinematics, ramp_s)
