@@ -312,3 +312,18 @@ def test_controllers_drop_out_with_their_parameters(tmp_path: Path) -> None:
     played.restart(controllers=["flc"])
     assert played.labels == ("flc",)
     assert not played.scenario.settings.controller
+
+
+def test_a_longer_dead_time_does_not_confuse_the_gyro_of_a_turning_robot() -> None:
+    """Headings by vision are now older than the firmware remembered until then."""
+    spin = {"waypoints": [[0, 0, 0], [0, 0, 6]], "max_turn_rate_rad_s": 6.0}
+    exact = {"vision": {"heading_noise_rad": 0.0}}
+    exact["sensors"] = {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0}
+    played = PlaySession(scenario(reference=spin, **exact), ("flc",))
+    play(played, 40)
+    assert abs(played.snapshot.command[0, 2]) > 2
+    assert played.change("radio.delay_frames", 20)
+    for _ in range(35):
+        played.advance()
+        plant = played.simulation.plant
+        assert plant.electronics.firmware.heading == pytest.approx(plant.pose()[:, 2], abs=0.015)
