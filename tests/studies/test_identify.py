@@ -167,17 +167,17 @@ def test_logs_that_were_resampled_at_a_higher_rate_are_identified(tmp_path: Path
 
 def test_a_carried_robot_and_false_detections_are_cut_out(tmp_path: Path) -> None:
     """Carried 1 m with resting wheels; one false detection; 0.2 s at the origin."""
-    log = make_log(10.0, commands=False)
+    log = make_log(commands=False)
     carry = np.interp(np.arange(180), [30, 150], [0.0, 1.0])
     columns: Columns = {}
     for name, values in log.items():
         moved = carry if name == "x_m" else 0 * carry
-        parts = [values[:300], values[300] + moved, values[300:] + moved[-1]]
+        parts = [values[:200], values[200] + moved, values[200:] + moved[-1]]
         columns[name] = np.concatenate(parts)
     columns["time_s"] = np.arange(len(columns["x_m"])) / 60
-    columns["y_m"][150] += 1.5
+    columns["y_m"][100] += 1.5
     for name in POSE:
-        columns[name][600:612] = 0.0
+        columns[name][480:492] = 0.0
     result = identify_log(columns, tmp_path)
     (remark,) = (line for line in result.remarks if "cut out" in line)
     assert remark.count(" to ") == 3

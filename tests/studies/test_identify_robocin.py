@@ -47,13 +47,13 @@ def test_a_fit_predicts_segments_of_its_log_that_it_has_not_seen(
 def test_robots_found_predict_another_log_better_than_those_that_ship(
     result: IdentificationResult, tmp_path: Path
 ) -> None:
-    """The first 9 s of squares, by the closest of the robots that ship."""
+    """The first 6 s of squares, by the closest of the robots that ship."""
     result.save(tmp_path)
     errors = {}
     found = [str(folder / "robot.toml") for folder in (FOLDER, tmp_path)]
     for robot in (*found, "tigers-v2020-planetary"):
         geometry = om.load_robot(robot).settings.wheels.kinematics
-        log = write_robocin_log("sqr_02", tmp_path, geometry, 200)
+        log = write_robocin_log("sqr_02", tmp_path, geometry, 135)
         prediction = om.identify(log, robot).predictions["wheels"]
         assert prediction
         errors[robot] = prediction.start_m
