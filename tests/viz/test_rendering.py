@@ -50,20 +50,16 @@ def count_pixels(image: NDArray, color: tuple[int, int, int]) -> int:
 
 
 def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path) -> None:
-    """Robots move on the field and leave paths; the picture shows the named tab."""
-    images = []
-    for time_s, *tab in ((0.0,), (3.0, "--tab", "saturation")):
-        out = tmp_path / f"{time_s}.png"
-        assert invoke("screenshot", recording, out, "--time", time_s, *tab) == 0
-        images.append(255 * imread(out)[..., :3])
-    start, later = images
-    assert start.shape == (900, 1600, 3)
-    assert count_pixels(start[FIELD], CARPET) > 100_000
-    assert count_pixels(start[CLOSE_UP], BLUE) > 5_000
-    assert (np.abs(later[FIELD] - start[FIELD]).max(-1) > 60).sum() > 2_000
-    assert all(
-        count_pixels(image[PLOTS], color) > 300 for image in images for color in (ORANGE, BLUE)
-    )
+    """Robots have moved on the field; the picture shows the named tab."""
+    out = tmp_path / "picture.png"
+    assert invoke("screenshot", recording, out, "--time", 3.0, "--tab", "saturation") == 0
+    image = 255 * imread(out)[..., :3]
+    assert image.shape == (900, 1600, 3)
+    assert count_pixels(image[FIELD], CARPET) > 100_000
+    assert count_pixels(image[CLOSE_UP], BLUE) > 5_000
+    # At the start, where one robot hides the other, there are 1300.
+    assert sum(count_pixels(image[FIELD], color) for color in (ORANGE, BLUE)) > 2_300
+    assert all(count_pixels(image[PLOTS], color) > 300 for color in (ORANGE, BLUE))
 
 
 def test_an_unknown_tab_is_reported(
