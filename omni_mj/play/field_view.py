@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from omni_mj.play.play_session import PlaySession, Snapshot
 
 HIDDEN = (0.0, 0.0, -10.0)  # position of something that has none, below the field
+DEBRIS_COLOR = (140, 110, 70)
 TRAIL_LENGTH = 120  # updates of the view
 LINE_STRIDE = 2  # updates of the view between those of lines, which browsers draw more slowly
 FLAG_HEIGHT_M = ROBOT_HEIGHT_M + 0.05  # of the lowest error arrow
@@ -44,7 +45,11 @@ class FieldView:
         self._colors = np.array(colors)
         simulation, self._labels = session.simulation, session.labels
         paths = [reference.poses for reference in simulation.references]
-        self._time_s, self._n_updates = 0.0, 0
+        self._api, self._session = api, session
+        self._shown_snapshot: Snapshot | None = None
+        self._n_updates = 0
+        self._debris: Sequence[Any] = session.debris[:0]
+        self._patches: list[Any] = []
         self.center, self.size_m = scene.measure_scene(paths)
         self._trails = np.repeat(session.snapshot.pose[None, :, :2], TRAIL_LENGTH, axis=0)
         api.reset()
@@ -78,10 +83,12 @@ class FieldView:
 
     def update(self, snapshot: "Snapshot") -> None:
         """Show a snapshot."""
+        previous, self._shown_snapshot = self._shown_snapshot, snapshot
+        if snapshot is previous:  # paused
+            return
         tips, pose = self._tips(snapshot), snapshot.pose
-        if snapshot.time_s < self._time_s:  # a restart
+        if previous and snapshot.time_s < previous.time_s:  # a restart
             self._trails[:] = pose[:, :2]
-        self._time_s = snapshot.time_s
         self._trails = np.concatenate([self._trails[1:], pose[None, :, :2]])
         for i, (x, y, heading) in enumerate(pose):
             self._robots[i].position = (x, y, i * scene.LAYER_M)
@@ -92,11 +99,25 @@ class FieldView:
             self._names[i].position = tips[i, 1] + (0, 0, 0.03)
             cm = 100 * snapshot.error_m[i]
             self._names[i].text = self._labels[i] + (f"  {cm:.1f} cm" if np.isfinite(cm) else "")
+        if self._session.debris != self._debris:
+            self._show_debris()
         self._n_updates += 1
         if self._n_updates % LINE_STRIDE == 0:
             self._arrows.points = np.float32(tips)
             for path, trail in zip(self._paths, self._trails.swapaxes(0, 1), strict=True):
                 path.points = _join(trail)
+
+    def _show_debris(self) -> None:
+        """Show debris as discs."""
+        for patch in self._patches:
+            patch.remove()
+        self._debris = self._session.debris
+        self._patches = [
+            self._api.add_cylinder(
+                f"/debris/{i}", radius, 0.002, color=DEBRIS_COLOR, position=(x, y, 0.0)
+            )
+            for i, (x, y, radius) in enumerate(self._debris)
+        ]
 
     def _tips(self, snapshot: "Snapshot") -> Array:
         """Return the ends of the error arrows, (n, 2, 3) m, enlarged, at different heights."""

@@ -59,7 +59,7 @@ SLIDERS = {
     "drivetrain.creep_stiffness": SliderInfo("Creep stiffness", 1.0, 0.5, 20.0, 0.1),
     "battery.charge": SliderInfo("Battery, %", 100.0, 0.0, 100.0, 1.0),
     "control.error_range_m": SliderInfo("Fuzzy error, mm", 1e3, 10.0, 500.0, 5.0),
-    "control.speed_range_m_s": SliderInfo("Fuzzy speed, m/s", 1.0, 0.1, 3.0, 0.05),
+    "control.speed_range_m_s": SliderInfo("Fuzzy v, m/s", 1.0, 0.1, 3.0, 0.05),
     "control.heading_gain": SliderInfo("Heading gain, 1/s", 1.0, 0.0, 20.0, 0.1),
 }
 # Label -> key, and direction of driving on the screen: along x, along y, turn.
@@ -100,7 +100,7 @@ class PlayPage:
         actions = {
             "Pause": self._pause,
             "Continue": self._continue,
-            "Restart": play.session.restart,
+            "Restart": self._restart,
         }
         group = gui.add_button_group("", list(actions))
         self._on(group.on_click, "pause", lambda name: actions[name]())
@@ -135,6 +135,8 @@ class PlayPage:
         for name, slider in self._sliders.items():
             if name != key or self._message:
                 slider.value = self._slider_value(name)
+        for box in self._losses if session.snapshot.time_s == 0 else ():
+            box.value = False  # a restart
         try:
             self._link.value = f"{self._play.url}?{format_link(scenario)}"
         except OmniError as error:
@@ -161,7 +163,8 @@ class PlayPage:
             state = " the reference has ended; the robots rest"
         rows = "".join(
             f'<tr><td style="color:rgb{color}">&#9632; {html.escape(label)}</td>'
-            f'<td align="right">{error:.1f}</td><td align="right">{rms:.1f}</td></tr>'
+            f'<td align="right">{"" if np.isnan(error) else f"{error:.1f}"}</td>'
+            f'<td align="right">{rms:.1f}</td></tr>'
             for label, color, error, rms in zip(
                 play.session.labels,
                 self._colors,
@@ -199,14 +202,14 @@ class PlayPage:
 
     def _add_sliders(self) -> None:
         """Add a slider for each setting, and for the parameters of the controllers."""
-        infos = dict(SLIDERS)
+        infos, self._defaults = dict(SLIDERS), dict[str, float]()
         for spec in self._play.session.scenario.controllers:
             label = plugins.label_controller(spec)
-            for name, value in get_parameters(plugins.find_controller(spec)).items():
+            for parameter, value in get_parameters(plugins.find_controller(spec)).items():
+                name = f"controller.{label}.{parameter}"
                 if type(value) is float and value > 0:
-                    infos[f"controller.{label}.{name}"] = SliderInfo(
-                        f"{label} {name}", 1.0, 0.0, 4 * value, value / 20
-                    )
+                    infos[name] = SliderInfo(name[11:], 1.0, 0.0, 4 * value, value / 20)
+                    self._defaults[name] = value
         self._infos, self._sliders = infos, {}
         for name, info in infos.items():
             value = self._slider_value(name)
@@ -224,10 +227,7 @@ class PlayPage:
         if name in SLIDERS:
             return float(attrgetter(name)(settings)) * self._infos[name].scale
         _, label, parameter = name.split(".")
-        specs = self._play.session.scenario.controllers
-        spec = next(spec for spec in specs if plugins.label_controller(spec) == label)
-        defaults = get_parameters(plugins.find_controller(spec))
-        return float((defaults | settings.controller.get(label, {}))[parameter])
+        return float(settings.controller.get(label, {}).get(parameter, self._defaults[name]))
 
     def _change(self, name: str, value: float) -> None:
         """Change a setting to a value on its slider."""
@@ -324,6 +324,10 @@ class PlayPage:
 
     def _pause(self) -> None:
         self._play.speed = 0.0
+
+    def _restart(self) -> None:
+        self._play.session.restart()
+        self._continue()
 
     def _continue(self) -> None:
         self._play.speed = SPEEDS[self._speed.value]

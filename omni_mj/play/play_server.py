@@ -1,6 +1,7 @@
 """Server of the page: one loop steps the robots, applies what the page asks for, and shows them."""
 
 import asyncio
+import math
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -61,7 +62,7 @@ class PlayServer:
         self._own_name = scenario.name
         self.session = PlaySession(scenario, record=record)
         self._requests: dict[str, Callable[[], None]] = {}
-        self._frames = self._real_time_factor = 0.0
+        self._frames, self._real_time_factor = 0, math.inf
         self._seen_page_at: float | None = None
         self._file_times: dict[str, float] = {}
         with redirect_stdout(None):  # viser prints its address, which is not that of the page
@@ -99,9 +100,10 @@ class PlayServer:
                     self.request("repeat", self.session.restart)
                 self._frames += 1
                 self.page.plots.add(snapshot)
-                due = max(due + PERIOD_S / self.speed, time.monotonic() - MAX_LAG_S)
+                due = max(due + PERIOD_S / (self.speed or 1), time.monotonic() - MAX_LAG_S)
             else:
-                due = max(due, time.monotonic() + IDLE_S)
+                due = rate_measured = max(due, time.monotonic() + IDLE_S)
+                self._frames = 0
             now = time.monotonic()
             if now - viewed > VIEW_PERIOD_S:
                 viewed = now
@@ -122,12 +124,12 @@ class PlayServer:
         self.session.close()
 
     def _advance(self) -> Any:
-        """Advance by a frame; restart if that takes too long, as a controller in a loop does."""
+        """Advance by a frame. Pause if that takes too long, or if a controller calls sys.exit."""
         try:
             with time_limit(FRAME_LIMIT_S):
                 return self.session.advance()
-        except TimeoutError:
-            self.page.show_message(f"A frame took longer than {FRAME_LIMIT_S:g} s. Paused.")
+        except (TimeoutError, SystemExit) as error:
+            self.page.show_message(f"Paused by {error!r}. Restart, or choose other controllers.")
             self.speed = 0.0
             return self.session.snapshot
 
@@ -136,14 +138,15 @@ class PlayServer:
         while self._requests:
             key = next(iter(self._requests))
             action = self._requests.pop(key)
+            self._real_time_factor = math.inf  # unknown
             if key != "repeat":
                 self.page.show_message("")
-            try:
-                with time_limit(ACTION_LIMIT_S):
-                    action()
-            except (OmniError, TimeoutError) as error:
-                self.page.show_message(str(error))
-            self.page.refresh(key)
+            for step in (action, partial(self.page.refresh, key)):
+                try:
+                    with time_limit(ACTION_LIMIT_S):
+                        step()
+                except (OmniError, TimeoutError, SystemExit) as error:
+                    self.page.show_message(str(error) or repr(error))
 
     def _reload_saved_files(self) -> None:
         """Restart with the new code of a controller's file that was saved."""
@@ -194,7 +197,10 @@ class PlayServer:
         if query:
             self.request("link", lambda: self.session.restart(load_link(query)))
             return await _respond(writer, "303 See Other\r\nLocation: /")
-        to_viser = await asyncio.open_connection(HOST, self._viser.get_port())
+        try:
+            to_viser = await asyncio.open_connection(HOST, self._viser.get_port())
+        except OSError:  # the program is ending
+            return writer.close()
         to_viser[1].write(head)
         await asyncio.gather(_pass_on(reader, to_viser[1]), _pass_on(to_viser[0], writer))
 
