@@ -186,12 +186,12 @@ class PlaySession:
 
     def push(self) -> None:
         """Push each robot to its left."""
-        left = np.degrees(wrap_angle(self.simulation.plant.pose()[:, 2] + np.pi / 2))
+        directions = np.degrees(wrap_angle(self.simulation.plant.pose()[:, 2] + np.pi / 2))
         self._add_faults(
             faults.Push(
                 start_s=self._now, duration_s=PUSH_S, force_n=PUSH_N, direction_deg=direction
             )
-            for direction in left.tolist()
+            for direction in directions.tolist()
         )
 
     def spill_debris(self) -> None:
