@@ -147,7 +147,7 @@ def _collect_files(scenario_options: options.ScenarioOptions) -> tuple[str, dict
         description = f"{Path(file).name}, with motors and battery of {description}"
     origin = ModelOrigin(
         description,
-        robot_files.find_robot_file(robot).read_text(encoding="utf-8"),
+        robot_files.find_robot_file(robot).read_text(encoding="utf-8").strip(),
         ", ".join(scenario_options.setting_overrides),
         console.get_command_line() or "",
         __version__,

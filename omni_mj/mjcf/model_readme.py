@@ -12,7 +12,7 @@ Requires MuJoCo {mujoco} or later.
 
 ## Overview
 
-{description}
+{origin.description}
 
 <p float="left">
   <img src="{name}.png" width="400">
@@ -41,11 +41,11 @@ SI units. The origin of the body frame is on the floor; x points forward, y left
 The control is the voltage of a motor. For the body velocity (vx, vy) in m/s and the turn rate w in
 rad/s, the wheel at the azimuth a turns at
 
-    wheel speed = (-sin(a) vx + cos(a) vy + {arm} w) / {radius}    rad/s
+    wheel speed = (-sin(a) vx + cos(a) vy + {wheels.arm_m:g} w) / {wheels.radius_m:g}    rad/s
 
 and without acceleration this takes
 
-    voltage = {slope} wheel speed + {drop} sign(wheel speed)    V
+    voltage = {slope:.4g} wheel speed + {drop:.3g} sign(wheel speed)    V
 
 Sensors are the wheel angles in rad (`jointpos`) and the turn rate of a gyro in rad/s.
 
@@ -54,7 +54,7 @@ Sensors are the wheel angles in rad (`jointpos`) and the turn rate of a gyro in 
 omni-mj simulates these, but plain MJCF cannot express them:
 
 - Creep and sliding of the rubber. The friction of wheel and floor here is 1.5, so that wheels roll.
-  That of the robot on its carpet is {friction}.
+  That of the robot on its carpet is {settings.carpet.friction:g}.
 - Drag of carpet, roller bearings and gears under load.
 - Battery: its voltage drops under load.
 - Heat of the motors, and current limits of their drivers.
@@ -64,7 +64,25 @@ omni-mj simulates these, but plain MJCF cannot express them:
 
 | in the file | value | from the settings |
 |---|---|---|
-{numbers}
+| mass with wheels | {body.mass_kg:.4g} kg | body.mass_kg |
+| center of mass | {body.com_x_m:.3g}, 0, {body.com_height_m:.4g} m | body.com_x_m, com_height_m |
+| inertia, tilt and yaw | {body.tilt_inertia_kg_m2:.4g}, {body.yaw_inertia_kg_m2:.4g} kg m² | \
+body.tilt_inertia_kg_m2, yaw_inertia_kg_m2 |
+| azimuths of wheels | {azimuths} deg | wheels.azimuths_deg |
+| arm and radius of wheels | {wheels.arm_m:g}, {wheels.radius_m:g} m | wheels.arm_m, radius_m |
+| rollers of a wheel, their radius | {wheels.rollers}, {wheels.roller_radius_m:g} m | \
+wheels.rollers, roller_radius_m |
+| motorconst | {motor.torque_constant_nm_a:g} N m/A | motor.torque_constant_nm_a |
+| resistance | {motor.resistance_ohm:g} ohm | motor.resistance_ohm |
+| gear | {motor.gear_ratio:.4g} | motor.gear_ratio |
+| armature | {motor.rotor_inertia_kg_m2:g} kg m² | motor.rotor_inertia_kg_m2 |
+| ctrlrange | {voltage:g} V | {cell_voltage:g} V x battery.series_cells |
+| frictionloss of wheels | {settings.hub_friction_nm:.4g} N m | drivetrain.gear_friction_nm + \
+motor.dry_friction_fraction x no_load_current_a x torque_constant_nm_a x gear_ratio |
+| damping of wheels | {motor.wheel_viscous_friction_nm_s:.4g} N m s/rad | \
+rest of the no-load current, over motor.no_load_rpm |
+| damping of rollers | {settings.drivetrain.roller_damping_nm_s:g} N m s/rad | \
+drivetrain.roller_damping_nm_s |
 {shape}
 | contact of rollers | friction 1.5, 10 ms, impedance from 0.97 | chosen, so that wheels roll |
 | contact of hulls | friction 0.3 | chosen |
@@ -72,7 +90,7 @@ omni-mj simulates these, but plain MJCF cannot express them:
 The settings, with the source of each:
 
 ```toml
-{sources}
+{origin.settings_file}
 ```
 {changes}
 ## MJX and MuJoCo Warp
@@ -81,7 +99,7 @@ MuJoCo Warp simulates the model. MJX with JAX does not support `<dcmotor>`.
 
 ## How it was made
 
-With omni-mj {version}: `{command}`
+With omni-mj {origin.version}: `{origin.command}`
 
 ## License
 
@@ -102,14 +120,14 @@ class ModelOrigin(NamedTuple):
 
     Attributes:
         description: What the robot is.
-        sources: Content of the robot's TOML file.
+        settings_file: Content of the robot's TOML file.
         changes: Settings that differ from this file; may be empty.
         command: Command that exports the model.
         version: Version of this program.
     """
 
     description: str
-    sources: str
+    settings_file: str
     changes: str
     command: str
     version: str
@@ -117,64 +135,29 @@ class ModelOrigin(NamedTuple):
 
 def format_readme(settings: Settings, model: PlainModel, origin: ModelOrigin) -> str:
     """Return the text of README.md."""
-    wheels, motor = settings.wheels, settings.motor
+    wheels, motor, is_custom = settings.wheels, settings.motor, bool(settings.model.file)
+    azimuths = [f"{azimuth:g}" for azimuth in wheels.azimuths_deg]
     voltage = compute_full_voltage(settings)
-    actuators = zip(model.motors, wheels.azimuths_deg, strict=True)
-    rows = [
-        f"| `{name}` | wheel {number} | {azimuth:g} deg | -{voltage:g} to {voltage:g} V |"
-        for number, (name, azimuth) in enumerate(actuators, start=1)
-    ]
     volts_per_torque = motor.resistance_ohm / motor.wheel_back_emf_v_s
-    slope = motor.wheel_back_emf_v_s + volts_per_torque * motor.wheel_viscous_friction_nm_s
     return _TEXT.format(
         name=model.name,
         mujoco=MUJOCO_VERSION,
-        description=origin.description,
-        actuators="\n".join(rows),
-        arm=f"{wheels.arm_m:g}",
-        radius=f"{wheels.radius_m:g}",
-        angle="radians" if settings.model.file else "degrees",
-        slope=f"{slope:.4g}",
-        drop=f"{volts_per_torque * settings.hub_friction_nm:.3g}",
-        friction=f"{settings.carpet.friction:g}",
-        numbers="\n".join(f"| {' | '.join(row)} |" for row in _list_numbers(settings)),
-        shape=_CUSTOM_SHAPE if settings.model.file else _STANDARD_SHAPE,
-        sources=origin.sources.strip(),
+        settings=settings,
+        body=settings.body,
+        wheels=wheels,
+        motor=motor,
+        actuators="\n".join(
+            f"| `{name}` | wheel {number} | {azimuth} deg | -{voltage:g} to {voltage:g} V |"
+            for number, (name, azimuth) in enumerate(zip(model.motors, azimuths, strict=True), 1)
+        ),
+        angle="radians" if is_custom else "degrees",
+        slope=motor.wheel_back_emf_v_s + volts_per_torque * motor.wheel_viscous_friction_nm_s,
+        drop=volts_per_torque * settings.hub_friction_nm,
+        azimuths=", ".join(azimuths),
+        voltage=voltage,
+        cell_voltage=FULL_CELL_V,
+        shape=_CUSTOM_SHAPE if is_custom else _STANDARD_SHAPE,
+        origin=origin,
         changes=f"\nChanged for this model: {origin.changes}.\n" if origin.changes else "",
-        version=origin.version,
-        command=origin.command,
-        license=_CUSTOM_LICENSE if settings.model.file else _STANDARD_LICENSE,
+        license=_CUSTOM_LICENSE if is_custom else _STANDARD_LICENSE,
     )
-
-
-def _list_numbers(settings: Settings) -> list[tuple[str, str, str]]:
-    """Return a row for each number that follows from settings: where it is, value, settings."""
-    body, wheels, motor = settings.body, settings.wheels, settings.motor
-    azimuths = ", ".join(f"{azimuth:g}" for azimuth in wheels.azimuths_deg)
-    center = f"{body.com_x_m:.3g}, 0, {body.com_height_m:.4g} m"
-    inertias = f"{body.tilt_inertia_kg_m2:.4g}, {body.yaw_inertia_kg_m2:.4g} kg m²"
-    sizes = f"{wheels.arm_m:g}, {wheels.radius_m:g} m"
-    rollers = f"{wheels.rollers}, {wheels.roller_radius_m:g} m"
-    voltage = f"{compute_full_voltage(settings):g} V"
-    damping = f"{motor.wheel_viscous_friction_nm_s:.4g} N m s/rad"
-    roller_damping = f"{settings.drivetrain.roller_damping_nm_s:g} N m s/rad"
-    dry_friction = (
-        "drivetrain.gear_friction_nm + motor.dry_friction_fraction x no_load_current_a x "
-        "torque_constant_nm_a x gear_ratio"
-    )
-    return [
-        ("mass with wheels", f"{body.mass_kg:.4g} kg", "body.mass_kg"),
-        ("center of mass", center, "body.com_x_m, com_height_m"),
-        ("inertia, tilt and yaw", inertias, "body.tilt_inertia_kg_m2, yaw_inertia_kg_m2"),
-        ("azimuths of wheels", f"{azimuths} deg", "wheels.azimuths_deg"),
-        ("arm and radius of wheels", sizes, "wheels.arm_m, radius_m"),
-        ("rollers of a wheel, their radius", rollers, "wheels.rollers, roller_radius_m"),
-        ("motorconst", f"{motor.torque_constant_nm_a:g} N m/A", "motor.torque_constant_nm_a"),
-        ("resistance", f"{motor.resistance_ohm:g} ohm", "motor.resistance_ohm"),
-        ("gear", f"{motor.gear_ratio:.4g}", "motor.gear_ratio"),
-        ("armature", f"{motor.rotor_inertia_kg_m2:g} kg m²", "motor.rotor_inertia_kg_m2"),
-        ("ctrlrange", voltage, f"{FULL_CELL_V:g} V x battery.series_cells"),
-        ("frictionloss of wheels", f"{settings.hub_friction_nm:.4g} N m", dry_friction),
-        ("damping of wheels", damping, "rest of the no-load current, over motor.no_load_rpm"),
-        ("damping of rollers", roller_damping, "drivetrain.roller_damping_nm_s"),
-    ]
