@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.mjcf.robot_parts import find_roller_geoms
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.mjdata_views import RobotViews
 
@@ -30,14 +31,12 @@ def put_on_floor(
     """
     views.place_robots(np.zeros(1, int), pose[None])
     mujoco.mj_kinematics(model, data)
-    wheels = data.xpos[world.robots[0].wheels][:, :2]
-    top = height + SEARCH_HEIGHT_M
-    chassis = world.robots[0].chassis
-    floor = [_find_floor(model, data, chassis, np.array([*wheel, top])) for wheel in wheels]
+    (robot,) = world.robots
+    wheels, top = data.xpos[robot.wheels, :2], height + SEARCH_HEIGHT_M
+    floor = [_find_floor(model, data, robot.chassis, np.array([*wheel, top])) for wheel in wheels]
     heights = np.array([height if np.isnan(value) else value for value, _ in floor])
     # Margins of both geoms add up. A margin would increase the radius of the wheels.
-    rollers = np.isin(model.geom_bodyid, world.robots[0].rollers)
-    model.geom_margin[rollers] = -max(margin for _, margin in floor)
+    model.geom_margin[find_roller_geoms(model, robot)] = -max(margin for _, margin in floor)
     position = views.pose.get()
     if np.ptp(heights) == 0:
         position[2] += heights[0]

@@ -1,6 +1,6 @@
 """Robots in scenes of others, and their drives: firmware, motors, battery and creep."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import mujoco
@@ -243,30 +243,24 @@ def _make_world(robot: SceneRobot, model: mujoco.MjModel) -> World:
             "attached the robot"
         )
     indices = find_robot(model, robot.chassis)
-    rollers = indices.rollers.ravel()
-    check_scene(model, rollers, robot.chassis)
+    check_scene(model, indices)
     # A robot of its kind alone on the field, with as many steps per cycle
     substeps = min(max(round(1 / (model.opt.timestep * CYCLE_RATE_HZ)), 1), MAX_SUBSTEPS)
     world = build_world(robot.settings.replace(physics={"substeps": substeps}))
     indices_alone = find_robot(world.model, world.model.body(world.robots[0].chassis).name)
     # The compiler rounds these differently in each pose.
-    own_bodies, bodies = (
-        np.concatenate([[robot.chassis], robot.wheels, robot.rims, robot.rollers.ravel()])
-        for robot in (indices_alone, indices)
-    )
-    model.body_invweight0[bodies] = world.model.body_invweight0[own_bodies]
+    model.body_invweight0[indices.bodies] = world.model.body_invweight0[indices_alone.bodies]
     model.dof_invweight0[indices.dofs] = world.model.dof_invweight0[indices_alone.dofs]
-    set_floor_contacts(model, rollers, robot.settings.body.mass_kg / len(indices.joints))
+    set_floor_contacts(model, indices, robot.settings.body.mass_kg / len(indices.joints))
     stiffen_slip_hinges(model, indices)
     # The battery limits voltages, which may exceed the model's range while motors brake.
     model.actuator_ctrllimited[indices.motors] = 0
     rest_qpos = model.qpos0.copy()
     rest_qpos[indices.qpos] = world.rest_qpos[indices_alone.qpos]
-    return World(
-        model,
-        (indices,),
-        rest_qpos,
-        world.kinematics,
-        find_load_addresses(model, indices)[None],
-        world.hull_radius,
+    return replace(
+        world,
+        model=model,
+        robots=(indices,),
+        rest_qpos=rest_qpos,
+        load_addresses=find_load_addresses(model, indices)[None],
     )

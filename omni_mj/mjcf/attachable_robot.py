@@ -14,7 +14,6 @@ from omni_mj.mjcf.robot_parts import Ids, RobotIndices, find_robots
 
 MAX_IMPEDANCE = 0.9999  # MuJoCo's limit of d
 
-# Attributes that the scene sets for the whole world
 _WORLD_ATTRIBUTES = ("option", "visual", "stat", "memory", "nstack", "nconmax", "njmax")
 
 
@@ -89,8 +88,7 @@ def attach_robot(
         frame: Frame of the robot. Default: that of the world.
     """
     spec = robot.spec.copy()
-    for name in _WORLD_ATTRIBUTES:
-        setattr(spec, name, getattr(scene, name))
+    copy_world_attributes(spec, scene)
     scene.attach(spec, frame=frame or scene.worldbody.add_frame(), prefix=prefix)
     for rim in robot.rims:  # force on the parts on the rim, world axes
         scene.add_sensor(
@@ -101,6 +99,12 @@ def attach_robot(
             # Output: force only; reduction: sum over all contacts; one result.
             intprm=[1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), 3, 1],
         )
+
+
+def copy_world_attributes(spec: mujoco.MjSpec, source: mujoco.MjSpec) -> None:
+    """Copy what a specification states for a whole world, not for its bodies."""
+    for name in _WORLD_ATTRIBUTES:
+        setattr(spec, name, getattr(source, name))
 
 
 def attach_to_field(

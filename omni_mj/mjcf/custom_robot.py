@@ -76,10 +76,12 @@ class CustomRobotSpec(RobotSpec):
     Attributes:
         implied_settings: Settings that the file determines, by section and field.
         has_uniform_rollers: Whether all rollers are equal, in one row, with one geom each.
+        colliding_geoms: Names of the geoms that could collide in the file.
     """
 
     implied_settings: dict[str, dict[str, Any]]
     has_uniform_rollers: bool
+    colliding_geoms: tuple[str, ...]
 
     def find_contradictions(self, sections: Mapping[str, Any]) -> Iterator[str]:
         """Yield a message for each value in sections of settings that differs from the file."""
@@ -150,7 +152,8 @@ def _read_robot_file(path: Path, file: str, change_times: tuple[int, ...]) -> Cu
     _isolate_robot(spec, chassis)
     model = spec.compile()
     (robot,) = find_robots(model)
-    contact_geoms = _disable_contacts(spec, model, robot)
+    colliding_geoms = _disable_contacts(spec)
+    contact_geoms = _find_contact_geoms(model, robot, colliding_geoms)
     geom_ids = np.array([model.geom(geom).id for geom in contact_geoms], int)
     wheels = measure_wheels(model, robot, geom_ids)
     raise_errors(_find_drive_errors(model, robot))
@@ -165,6 +168,7 @@ def _read_robot_file(path: Path, file: str, change_times: tuple[int, ...]) -> Cu
         contact_geoms,
         _compute_implied_settings(model, robot, wheels),
         _has_uniform_rollers(model, robot),
+        colliding_geoms,
     )
 
 
@@ -236,17 +240,24 @@ def _isolate_robot(spec: mujoco.MjSpec, chassis: mujoco.MjsBody) -> None:
     chassis.pos, chassis.quat = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
 
 
-def _disable_contacts(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices
+def _disable_contacts(spec: mujoco.MjSpec) -> tuple[str, ...]:
+    """Switch off the contacts of all geoms; return the names of those that had any."""
+    colliding = [geom for geom in spec.geoms if geom.contype or geom.conaffinity]
+    for geom in colliding:
+        geom.contype = geom.conaffinity = 0
+    return tuple(geom.name for geom in colliding)
+
+
+def _find_contact_geoms(
+    model: mujoco.MjModel, robot: RobotIndices, colliding_geoms: Collection[str]
 ) -> tuple[str, ...]:
-    """Switch off the contacts of all geoms; return the rollers' geoms that touch the carpet.
+    """Return the rollers' geoms that touch the carpet.
 
     Of each roller these are the geoms that could collide in the file, or all if none could.
 
     Raises:
         OmniError: A roller has no geom.
     """
-    colliding = {geom.name for geom in spec.geoms if geom.contype or geom.conaffinity}
     contact_geoms: list[str] = []
     for roller in robot.rollers.ravel():
         geoms = [model.geom(i).name for i in np.flatnonzero(model.geom_bodyid == roller)]
@@ -254,9 +265,7 @@ def _disable_contacts(
             raise OmniError(
                 f"the roller {model.body(roller).name!r} has no geom that could touch the carpet"
             )
-        contact_geoms += [name for name in geoms if name in colliding] or geoms
-    for geom in spec.geoms:
-        geom.contype = geom.conaffinity = 0
+        contact_geoms += [name for name in geoms if name in colliding_geoms] or geoms
     return tuple(contact_geoms)
 
 

@@ -78,7 +78,7 @@ def enable_hulls(
     chassis = spec.body(model.body(robot.chassis).name)
     for name in robot_spec.hull_geoms:
         x, y, _ = data.geom(name).xpos
-        _tilt_cylinder(spec.geom(name), chassis, data)
+        tilt_cylinder(spec.geom(name), model)
         chassis.add_geom(
             name=name + SPHERE_SUFFIX,
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -127,25 +127,22 @@ def _add_pair(field: mujoco.MjSpec, hull: str, other: str, law: Mapping[str, Any
     field.add_pair(geomname1=hull, geomname2=other, condim=3, friction=friction, **law)
 
 
-def _tilt_cylinder(cylinder: mujoco.MjsGeom, chassis: mujoco.MjsBody, data: mujoco.MjData) -> None:
-    """Tilt a cylinder of the chassis slightly.
+def tilt_cylinder(cylinder: mujoco.MjsGeom, model: mujoco.MjModel) -> None:
+    """Tilt a cylinder by `TILT_RAD` about the x axis of its body.
 
     At tilts of 1e-15 rad, MuJoCo 4.0 returns false contacts of planes and cylinders, 2 cm deep.
 
     Args:
         cylinder: The cylinder; changed in place.
-        chassis: The chassis, at the origin of the world.
-        data: Kinematic state of the robot.
+        model: Model with the cylinder, before the change.
     """
-    if cylinder.parent.name != chassis.name:
-        return
-    geom, quaternion = data.geom(cylinder.name), np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, geom.xmat)
-    tilt = np.array([np.cos(TILT_RAD / 2), np.sin(TILT_RAD / 2), 0.0, 0.0])
-    cylinder.set_frame(chassis.add_frame())
+    geom, body = model.geom(cylinder.name), cylinder.parent
+    cylinder.set_frame(body.add_frame())
     cylinder.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-    cylinder.pos = geom.xpos
-    mujoco.mju_mulQuat(cylinder.quat, tilt, quaternion)
+    cylinder.pos = geom.pos
+    mujoco.mju_mulQuat(
+        cylinder.quat, np.array([np.cos(TILT_RAD / 2), np.sin(TILT_RAD / 2), 0.0, 0.0]), geom.quat
+    )
 
 
 def _is_upright_cylinder(data: mujoco.MjData, name: str) -> bool:

@@ -28,7 +28,8 @@ from omni_control.errors import OmniError
 from omni_mj.config.robot_files import FILE_ATTRIBUTES, find_models_folder, read_model_files
 from omni_mj.config.settings import FULL_CELL_V, Settings
 from omni_mj.mjcf import hulls
-from omni_mj.mjcf.custom_robot import RobotSpec
+from omni_mj.mjcf.attachable_robot import copy_world_attributes
+from omni_mj.mjcf.custom_robot import CustomRobotSpec
 from omni_mj.mjcf.mjcf_text import format_mjcf, format_numbers, parse_mjcf
 from omni_mj.mjcf.robot_builder import (
     DEFAULTS,
@@ -50,8 +51,6 @@ MAX_LOAD_RATIO = 1.4  # load of a wheel over the effective mass of a roller with
 VIEW_DISTANCE = 4.0  # extent of the scene for MuJoCo's cameras, over the arm of the wheels
 _UNNAMED = "unnamed_"  # start of the names that `custom_robot` gives
 _FILE_NAME = "ssl_robot"  # of the robot in models/
-# Attributes of a file that hold for a whole scene.
-_SCENE_ATTRIBUTES = ("option", "visual", "stat", "memory", "nstack", "nconmax", "njmax")
 
 
 @dataclass(frozen=True)
@@ -148,29 +147,27 @@ def _build_custom_robot(settings: Settings, name: str) -> ElementTree.Element:
         OmniError: See `build_robot_spec`.
     """
     robot_spec = build_robot_spec(settings.mechanics)
-    spec, empty = robot_spec.spec.copy(), mujoco.MjSpec()
+    assert isinstance(robot_spec, CustomRobotSpec)
+    spec = robot_spec.spec.copy()
     model = spec.compile()
     (robot,) = find_robots(model)
     spec.modelname = name
-    for attribute in _SCENE_ATTRIBUTES:
-        setattr(spec, attribute, getattr(empty, attribute))
+    copy_world_attributes(spec, mujoco.MjSpec())
     for address in robot.slip_dofs:
         spec.delete(spec.joint(model.joint(model.dof_jntid[address]).name))
-    hull = list(_find_hull(robot_spec, settings.model.file, model, robot))
+    hull = robot_spec.hull_geoms or tuple(_find_body_geoms(robot_spec, model, robot))
     standard = mujoco.MjSpec.from_file(str(find_models_folder() / f"{_FILE_NAME}.xml"))
     for geom_class, geoms in (("roller", robot_spec.contact_geoms), ("hull", hull)):
         source = standard.find_default(geom_class).geom
         for geom, attribute in product(geoms, _CONTACT_ATTRIBUTES[geom_class]):
             setattr(spec.geom(geom), attribute, getattr(source, attribute))
+    for geom in map(spec.geom, hull):
+        if geom.type == mujoco.mjtGeom.mjGEOM_CYLINDER:
+            hulls.tilt_cylinder(geom, model)
     _write_drive(spec, model, robot, settings)
     spec.add_key(name="home")
     root = parse_mjcf(spec.to_xml())
     root.remove(find_child(root, "size"))  # the number of keys, which differs from that of a scene
-    cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
-    cylinders = [geom for geom in hull if model.geom(geom).type[0] == cylinder]
-    for element in root.iter("geom"):
-        if element.get("name") in cylinders:
-            _tilt(element)
     for element in root.iter():
         if element.get("name", "").startswith(_UNNAMED):
             del element.attrib["name"]
@@ -254,35 +251,15 @@ def _write_asset_paths(root: ElementTree.Element, assets: Mapping[str, bytes]) -
         element.set(attribute, matches[0])
 
 
-def _tilt(geom: ElementTree.Element) -> None:
-    """Tilt a cylinder by `hulls.TILT_RAD`.
-
-    MuJoCo 4.0.0 finds a contact between a plane and an upright cylinder above it, as deep as the
-    cylinder is wide, if rounding makes the axis as little as 1e-15 longer than 1.
-    """
-    quat, tilted = np.array(geom.get("quat", "1 0 0 0").split(), float), np.zeros(4)
-    mujoco.mju_mulQuat(tilted, quat, np.array([1.0, hulls.TILT_RAD / 2, 0.0, 0.0]))
-    geom.set("quat", format_numbers(*tilted))
-
-
-def _find_hull(
-    robot_spec: RobotSpec, file: str, model: mujoco.MjModel, robot: RobotIndices
+def _find_body_geoms(
+    robot_spec: CustomRobotSpec, model: mujoco.MjModel, robot: RobotIndices
 ) -> Iterator[str]:
-    """Yield the hull's geoms, or if there is none, those that collide in the user's file.
-
-    Parts of wheels, and geoms that reach down to the floor, are left out.
-    """
-    if robot_spec.hull_geoms:
-        yield from robot_spec.hull_geoms
-        return
+    """Yield the geoms that collide in the user's file, above the floor and on no wheel."""
     data, down = compute_initial_kinematics(model), np.array([0.0, 0.0, -1.0])
-    on_wheels = np.isin(model.geom_bodyid, [*robot.wheels, *robot.rims, *robot.rollers.ravel()])
-    names = {model.geom(i).name: i for i in np.flatnonzero(~on_wheels).tolist()}
-    for number, geom in enumerate(mujoco.MjSpec.from_file(file).geoms):
-        name = geom.name or f"{_UNNAMED}geom_{number}"
-        is_hull = (geom.contype or geom.conaffinity) and name in names
-        if is_hull and compute_support_distance(data, names[name], down) < 0:
-            yield name
+    for geom in map(model.geom, robot_spec.colliding_geoms):
+        is_on_wheel = geom.bodyid[0] in robot.bodies[1:]  # the first one is the chassis
+        if not is_on_wheel and compute_support_distance(data, geom.id, down) < 0:
+            yield geom.name
 
 
 def compute_full_voltage(settings: Settings) -> float:

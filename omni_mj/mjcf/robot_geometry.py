@@ -117,7 +117,7 @@ def _measure_roller(
         - anchor @ spoke / length
     )
     arm = (anchor + (hinge @ axle) * axle)[:2] @ axle[:2]
-    return float(arm), radius, radius - length
+    return float(arm), float(radius), float(radius) - length
 
 
 def _compute_axle_heights(
@@ -145,12 +145,12 @@ def _compute_axle_heights(
     angles = np.linspace(0, 2 * np.pi / len(rollers), N_WHEEL_ANGLES, endpoint=False)[:, None]
     directions = np.cos(angles) * spoke + np.sin(angles) * np.cross(axle, spoke)
     geoms = contact_geoms[np.isin(model.geom_bodyid[contact_geoms], rollers)]
-    distances = [_compute_support_distances(data, geom, directions) for geom in geoms]
+    distances = [compute_support_distance(data, geom, directions) for geom in geoms]
     heights = np.max(distances, axis=0) - directions @ anchor
     can_collide = (model.geom_contype | model.geom_conaffinity) != 0
     is_on_hub = np.isin(model.geom_bodyid, [model.jnt_bodyid[joint], rim])
     for geom in np.flatnonzero(can_collide & is_on_hub).tolist():
-        reach = _compute_support_distances(data, geom, directions) - directions @ anchor
+        reach = compute_support_distance(data, geom, directions) - directions @ anchor
         if (depth := np.max(reach - heights)) > 0:
             raise OmniError(
                 f"the wheel {model.joint(joint).name!r} cannot roll: between two rollers, the geom "
@@ -160,17 +160,8 @@ def _compute_axle_heights(
     return heights
 
 
-def compute_support_distance(data: mujoco.MjData, geom: int, direction: Array) -> float:
-    """Return the largest extent of a geom along a unit vector (3,) from the world's origin, m.
-
-    Raises:
-        OmniError: The type of the geom is not supported.
-    """
-    return float(_compute_support_distances(data, geom, direction))
-
-
-def _compute_support_distances(data: mujoco.MjData, geom: int, directions: Array) -> Array:
-    """Return the largest extents of a geom along unit vectors (..., 3) from the origin, (...) m.
+def compute_support_distance(data: mujoco.MjData, geom: int, directions: Array) -> Array:
+    """Return the largest extent of a geom along unit vectors (..., 3) from the origin, (...) m.
 
     Raises:
         OmniError: The type of the geom is not supported.

@@ -75,6 +75,11 @@ class RobotIndices:
     gyro: int
     phases: Array
 
+    @property
+    def bodies(self) -> Ids:
+        """Bodies of the chassis, wheels, rims and rollers, (n,)."""
+        return np.array([self.chassis, *self.wheels, *self.rims, *self.rollers.ravel()])
+
 
 def compute_initial_kinematics(model: mujoco.MjModel) -> mujoco.MjData:
     """Return the positions of all parts in the initial configuration of a model."""
@@ -126,9 +131,13 @@ def find_robot(model: mujoco.MjModel, chassis: str) -> RobotIndices:
     wheels = _select_equal_wheels(data, body, np.append(driven, undriven))
     _check_driven(model, np.intersect1d(wheels, undriven))
     robot = _find_parts(data, body, motors[np.isin(driven, wheels)])
-    own_bodies = np.array([body, *robot.wheels, *robot.rims, *robot.rollers.ravel()])
-    qpos, dofs = _find_addresses(model, own_bodies)
+    qpos, dofs = _find_addresses(model, robot.bodies)
     return replace(robot, qpos=qpos, dofs=dofs)
+
+
+def find_roller_geoms(model: mujoco.MjModel, robot: RobotIndices) -> Ids:
+    """Return the geoms of a robot's rollers, (n,)."""
+    return np.flatnonzero(np.isin(model.geom_bodyid, robot.rollers))
 
 
 def find_chassis_names(model: mujoco.MjModel) -> list[str]:

@@ -66,19 +66,25 @@ def compute_carpet_damping(wheel_load_kg: float) -> float:
 
 
 def make_roller_contact(
-    model: mujoco.MjModel, robot: RobotIndices, wheel_load_kg: float
+    model: mujoco.MjModel,
+    robot: RobotIndices,
+    wheel_load_kg: float,
+    compliance_ratio: float = 1.0,
+    slowdown: float = 1.0,
 ) -> dict[str, Any]:
-    """Return the parameters of a contact pair of carpet and roller, with MuJoCo's names.
+    """Return the law of a contact of roller and carpet, with MuJoCo's names of a pair's attributes.
 
     Args:
-        model: Compiled model of the robot alone.
+        model: Compiled model with the robot.
         robot: Indices of the robot in the model.
         wheel_load_kg: Mass on a wheel.
+        compliance_ratio: Factor of R.
+        slowdown: Factor by which the contact is slower than K and c: K is divided by its square.
     """
     inverse_mass = float(model.body_invweight0[robot.rollers, 0].max())  # A
-    d = inverse_mass / (inverse_mass + 1 / ADDED_MASS_KG)
-    k = STIFFNESS_N_M / ADDED_MASS_KG
-    b = compute_carpet_damping(wheel_load_kg) / ADDED_MASS_KG
+    d = inverse_mass / (inverse_mass + compliance_ratio / ADDED_MASS_KG)
+    k = STIFFNESS_N_M / ADDED_MASS_KG / slowdown**2
+    b = compute_carpet_damping(wheel_load_kg) / ADDED_MASS_KG / slowdown
     return {
         "solref": [-k * d, -b * d],  # MuJoCo divides by d
         "solreffriction": [-1.0, -FRICTION_RATE_PER_S * d],

@@ -26,7 +26,7 @@ from omni_control.errors import OmniError
 from omni_mj.mjcf import hulls, rollers
 from omni_mj.mjcf.attachable_robot import AttachableRobot, attach_robot, attach_to_field
 from omni_mj.mjcf.robot_geometry import make_printable_moments
-from omni_mj.mjcf.robot_parts import Ids
+from omni_mj.mjcf.robot_parts import RobotIndices, find_roller_geoms
 
 MAX_TIMESTEP_S = 0.005  # longest step with which robots were compared to the plant
 NOMINAL_TIMESTEP_S = 0.002  # longest step at which contacts are as stiff as K and c
@@ -102,50 +102,42 @@ def _enable_contacts(robot: AttachableRobot, is_field: bool) -> None:
             sphere.priority, sphere.solref = hull.priority, hull.solref
 
 
-def set_floor_contacts(model: mujoco.MjModel, bodies: Ids, wheel_load_kg: float) -> None:
+def set_floor_contacts(model: mujoco.MjModel, robot: RobotIndices, wheel_load_kg: float) -> None:
     """Set the law of a robot's contacts with the floor, for the solver options of the scene.
 
     Args:
         model: Model of the scene; changed in place.
-        bodies: Bodies of the robot's rollers.
+        robot: Indices of the robot.
         wheel_load_kg: Mass on a wheel.
     """
-    geoms = np.flatnonzero(np.isin(model.geom_bodyid, bodies) & (model.geom_conaffinity > 0))
-    inverse_mass = float(model.body_invweight0[bodies, 0].max())  # A
-    ratio = 1 / (rollers.ADDED_MASS_KG * inverse_mass)  # (1 - d) / d
+    compliance_ratio = 1.0
     if model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL:
         square = rollers.STICKING_FRICTION**2
-        ratio *= 2 * model.opt.impratio / (square * (1 + square))
-    d = 1 / (1 + ratio)
-    softness = min(NOMINAL_TIMESTEP_S / model.opt.timestep, 1.0)
-    k = rollers.STIFFNESS_N_M / rollers.ADDED_MASS_KG * softness**2
-    b = rollers.compute_carpet_damping(wheel_load_kg) / rollers.ADDED_MASS_KG * softness
-    model.geom_solref[geoms] = -k * d, -b * d  # MuJoCo divides by d
-    model.geom_solimp[geoms] = d, d, 1.0, 0.5, 2.0
+        compliance_ratio = 2 * model.opt.impratio / (square * (1 + square))
+    slowdown = max(model.opt.timestep / NOMINAL_TIMESTEP_S, 1.0)
+    law = rollers.make_roller_contact(model, robot, wheel_load_kg, compliance_ratio, slowdown)
+    geoms = find_roller_geoms(model, robot)
+    model.geom_solref[geoms], model.geom_solimp[geoms] = law["solref"], law["solimp"]
 
 
-def check_scene(model: mujoco.MjModel, bodies: Ids, name: str) -> None:
-    """Check that wheels can roll in a scene.
+def check_scene(model: mujoco.MjModel, robot: RobotIndices) -> None:
+    """Check that the wheels of a robot can roll in a scene.
 
     Args:
         model: Model of the scene.
-        bodies: Bodies of a robot's rollers.
-        name: Name of the robot in messages.
+        robot: Indices of the robot.
 
     Raises:
-        OmniError: No geom can touch them, the step is too long, or forces that they need are
-            disabled.
+        OmniError: No geom can touch the wheels, the timestep is too long, or the scene's options
+            disable forces that wheels need.
     """
     step = model.opt.timestep
-    if step > MAX_TIMESTEP_S:
+    has_pairs = bool(np.isin(model.pair_geom2, find_roller_geoms(model, robot)).any())
+    max_step = NOMINAL_TIMESTEP_S if has_pairs else MAX_TIMESTEP_S
+    if step > max_step:
         raise OmniError(
-            f"the timestep of the scene is {step:g} s; wheels need at most {MAX_TIMESTEP_S:g} s"
-        )
-    is_paired = np.isin(model.pair_geom2, np.flatnonzero(np.isin(model.geom_bodyid, bodies)))
-    if is_paired.any() and step > NOMINAL_TIMESTEP_S:
-        raise OmniError(
-            f"the timestep of the field is {step:g} s; its contacts need at most "
-            f"{NOMINAL_TIMESTEP_S:g} s"
+            f"the timestep of the {'field' if has_pairs else 'scene'} is {step:g} s; wheels need "
+            f"at most {max_step:g} s"
         )
     disabled = [flag for flag in _NEEDED_FLAGS if model.opt.disableflags & flag]
     if disabled:
@@ -153,9 +145,9 @@ def check_scene(model: mujoco.MjModel, bodies: Ids, name: str) -> None:
         raise OmniError(f"the options of the scene disable {names}, without which no wheel rolls")
     if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
         raise OmniError("the options of the scene override all contacts, also those of wheels")
-    is_outside = model.body_rootid[model.geom_bodyid] != model.body_rootid[bodies[0]]
-    if not (is_paired.any() or (model.geom_contype[is_outside] & _SCENE).any()):
+    is_outside = model.body_rootid[model.geom_bodyid] != robot.chassis
+    if not (has_pairs or (model.geom_contype[is_outside] & _SCENE).any()):
         raise OmniError(
-            f"nothing in the scene can touch the wheels of {name!r}: it needs a floor, with "
-            'contype="1"'
+            f"nothing in the scene can touch the wheels of {model.body(robot.chassis).name!r}: it "
+            'needs a floor, with contype="1"'
         )

@@ -118,15 +118,11 @@ def _build_world(
 
 def _compute_hull_radius(model: mujoco.MjModel, hull_geoms: Sequence[str]) -> float:
     """Return the radius of the circle about a robot's center that contains its hull, m."""
-    data = compute_initial_kinematics(model)
-    directions = [
-        np.array([np.cos(angle), np.sin(angle), 0.0])
-        for angle in np.linspace(0, 2 * np.pi, HULL_DIRECTIONS)
-    ]
+    data, angles = compute_initial_kinematics(model), np.linspace(0, 2 * np.pi, HULL_DIRECTIONS)
+    directions = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
     distances = (
-        compute_support_distance(data, model.geom(name).id, direction)
+        float(compute_support_distance(data, model.geom(name).id, directions).max())
         for name in hull_geoms
-        for direction in directions
     )
     return max(distances, default=0.0)
 
