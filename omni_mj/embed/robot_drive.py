@@ -17,7 +17,7 @@ from omni_mj.embed.floor_below import put_on_floor
 from omni_mj.embed.scene_views import SceneState, SceneViews
 from omni_mj.embed.stepped_robot import SteppedRobot
 from omni_mj.mjcf.attachable_robot import find_load_addresses, stiffen_slip_hinges
-from omni_mj.mjcf.robot_parts import find_robot
+from omni_mj.mjcf.robot_parts import find_by_names
 from omni_mj.mjcf.scene_contacts import check_scene, set_floor_contacts
 from omni_mj.mjcf.world_builder import World, build_world
 from omni_mj.plants.mujoco_plant import INSTABILITY_WARNINGS
@@ -237,26 +237,21 @@ def _make_world(robot: SceneRobot, model: mujoco.MjModel) -> World:
     Raises:
         OmniError: The model does not contain the robot, or no wheel can roll in it.
     """
-    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, robot.chassis) < 0:
-        raise OmniError(
-            f"the model has no body {robot.chassis!r}: compile the scene to which add_robot "
-            "attached the robot"
-        )
-    indices = find_robot(model, robot.chassis)
-    check_scene(model, indices)
     # A robot of its kind alone on the field, with as many steps per cycle
     substeps = min(max(round(1 / (model.opt.timestep * CYCLE_RATE_HZ)), 1), MAX_SUBSTEPS)
     world = build_world(robot.settings.replace(physics={"substeps": substeps}))
-    indices_alone = find_robot(world.model, world.model.body(world.robots[0].chassis).name)
+    (alone,) = world.robots
+    indices = find_by_names(alone, world.model, model, ("robot_1/", robot.prefix))
+    check_scene(model, indices)
     # The compiler rounds these differently in each pose.
-    model.body_invweight0[indices.bodies] = world.model.body_invweight0[indices_alone.bodies]
-    model.dof_invweight0[indices.dofs] = world.model.dof_invweight0[indices_alone.dofs]
+    model.body_invweight0[indices.bodies] = world.model.body_invweight0[alone.bodies]
+    model.dof_invweight0[indices.dofs] = world.model.dof_invweight0[alone.dofs]
     set_floor_contacts(model, indices, robot.settings.body.mass_kg / len(indices.joints))
     stiffen_slip_hinges(model, indices)
     # The battery limits voltages, which may exceed the model's range while motors brake.
     model.actuator_ctrllimited[indices.motors] = 0
     rest_qpos = model.qpos0.copy()
-    rest_qpos[indices.qpos] = world.rest_qpos[indices_alone.qpos]
+    rest_qpos[indices.qpos] = world.rest_qpos[alone.qpos]
     return replace(
         world,
         model=model,

@@ -211,7 +211,7 @@ def _name_elements(spec: mujoco.MjSpec) -> None:
     for key in list(spec.keys):
         spec.delete(key)
     spec.nkey = mujoco.MjSpec().nkey
-    for kind in ("body", "joint", "geom", "actuator"):
+    for kind in ("body", "joint", "geom", "actuator", "sensor"):
         elements = getattr(spec, "bodies" if kind == "body" else f"{kind}s")
         names = {element.name for element in elements}
         for number, element in enumerate(elements):

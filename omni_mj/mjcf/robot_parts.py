@@ -9,6 +9,7 @@ the wheels, and the gyro is a <gyro> sensor on a site of the chassis, with its z
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -30,7 +31,16 @@ _DCMOTOR_EXAMPLE = (
 )
 _MAX_ROLLER_ALIGNMENT = 0.5  # cosine of the angle between the hinges of a roller and its wheel
 _MAX_SPACING_ERROR_RAD = 1e-3
-_MAX_DIFFERENCE = 1e-3  # of equal wheels: lengths in m, cosines
+_KINDS = mujoco.mjtObj
+# Kind of the elements of fields of `RobotIndices`; for addresses, the array of the first of each
+_PARTS = (
+    (_KINDS.mjOBJ_BODY, "", ("chassis", "wheels", "rims", "rollers")),
+    (_KINDS.mjOBJ_JOINT, "", ("joints",)),
+    (_KINDS.mjOBJ_ACTUATOR, "", ("motors",)),
+    (_KINDS.mjOBJ_JOINT, "jnt_qposadr", ("qpos", "wheel_qpos", "slip_qpos")),
+    (_KINDS.mjOBJ_JOINT, "jnt_dofadr", ("dofs", "wheel_dofs", "slip_dofs", "roller_dofs")),
+    (_KINDS.mjOBJ_SENSOR, "sensor_adr", ("encoders", "gyro")),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +101,7 @@ def compute_initial_kinematics(model: mujoco.MjModel) -> mujoco.MjData:
 def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
     """Return the indices of all robots of a model, in the order of their bodies.
 
-    Whatever is on a chassis belongs to the robot.
+    The robots stand upright, and whatever is on a chassis belongs to the robot.
 
     Raises:
         OmniError: Parts are missing. One line per part, with the element that is needed.
@@ -104,35 +114,49 @@ def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
     )
 
 
-def find_robot(model: mujoco.MjModel, chassis: str) -> RobotIndices:
-    """Return the indices of one robot of a model that may contain anything else.
-
-    Other joints and motors are ignored, also those of things on the chassis: `qpos` and `dofs` are
-    the robot's alone. If hinges with rollers differ, its wheels are the largest equal group.
+def find_by_names(
+    robot: RobotIndices,
+    source: mujoco.MjModel,
+    model: mujoco.MjModel,
+    prefixes: tuple[str, str],
+) -> RobotIndices:
+    """Return the indices of a robot in another model, in which its parts have other prefixes.
 
     Args:
-        model: Compiled model. The robot may have any pose.
-        chassis: Name of the body with its free joint.
+        robot: Indices of the robot in the first model.
+        source: The first model. All parts of the robot have names.
+        model: The other model, which may contain anything else.
+        prefixes: Prefixes of names in the first and in the other model.
 
     Raises:
-        OmniError: Parts are missing. One line per part.
+        OmniError: The other model lacks a part.
     """
-    data = compute_initial_kinematics(model)
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, chassis)
-    motors = _find_driven_wheels(data)
-    motors = motors[model.body_rootid[model.jnt_bodyid[model.actuator_trnid[motors, 0]]] == body]
-    driven = model.actuator_trnid[motors, 0]
-    if not motors.size:
-        raise OmniError(
-            f"{chassis!r} must be a body with a <freejoint> and hinges with rollers that "
-            "<dcmotor>s drive"
-        )
-    undriven = _find_undriven_wheels(data, model.jnt_bodyid[driven])
-    wheels = _select_equal_wheels(data, body, np.append(driven, undriven))
-    _check_driven(model, np.intersect1d(wheels, undriven))
-    robot = _find_parts(data, body, motors[np.isin(driven, wheels)])
-    qpos, dofs = _find_addresses(model, robot.bodies)
-    return replace(robot, qpos=qpos, dofs=dofs)
+
+    def find_parts(kind: mujoco.mjtObj, ids: Ids) -> Any:
+        """Return the indices of the elements with these indices in the first model."""
+        indices = []
+        for i in np.ravel(ids):
+            name = mujoco.mj_id2name(source, kind, i).replace(*prefixes, 1)
+            indices.append(mujoco.mj_name2id(model, kind, name))
+            if indices[-1] < 0:
+                raise OmniError(
+                    f"the model has no {kind.name[6:].lower()} {name!r}: compile the scene to "
+                    "which add_robot attached the robot"
+                )
+        return np.array(indices, int).reshape(np.shape(ids))[()]
+
+    result: dict[str, Any] = {}
+    for kind, address_field, fields in _PARTS:
+        for field in fields:
+            values = getattr(robot, field)
+            if address_field:
+                starts = getattr(source, address_field)
+                ids = np.searchsorted(starts, values, side="right") - 1
+                parts = getattr(model, address_field)[find_parts(kind, ids)]
+                result[field] = parts + values - starts[ids]
+            else:
+                result[field] = find_parts(kind, values)
+    return replace(robot, **result)
 
 
 def find_roller_geoms(model: mujoco.MjModel, robot: RobotIndices) -> Ids:
@@ -178,11 +202,15 @@ def _find_wheel_motors(data: mujoco.MjData) -> tuple[Ids, Ids]:
             f"with a hinge each, without a range, across the axle{hint}"
         )
     wheels = model.jnt_bodyid[model.actuator_trnid[motors, 0]]
-    _check_driven(model, _find_undriven_wheels(data, wheels))
+    raise_errors(
+        f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: "
+        f"write {_DCMOTOR_EXAMPLE}"
+        for joint in _find_undriven_wheels(data, wheels)
+    )
     return motors, model.body_rootid[wheels]
 
 
-def _find_undriven_wheels(data: mujoco.MjData, wheels: Ids) -> Ids:
+def _find_undriven_wheels(data: mujoco.MjData, wheels: Ids) -> list[int]:
     """Return other hinges with rollers on the chassis that carry the bodies of driven wheels."""
     model, joints = data.model, list[int]()
     for joint in np.flatnonzero(model.jnt_type == HINGE).tolist():
@@ -193,16 +221,7 @@ def _find_undriven_wheels(data: mujoco.MjData, wheels: Ids) -> Ids:
         is_known |= model.body_rootid[body] not in model.body_rootid[wheels]
         if not is_known and _find_rollers(data, joint).size >= MIN_COUNT:
             joints.append(joint)
-    return np.array(joints, int)
-
-
-def _check_driven(model: mujoco.MjModel, undriven: Ids) -> None:
-    """Raise an OmniError with a line for each hinge of a wheel without a motor."""
-    raise_errors(
-        f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: "
-        f"write {_DCMOTOR_EXAMPLE}"
-        for joint in undriven
-    )
+    return joints
 
 
 def _find_driven_wheels(data: mujoco.MjData) -> Ids:
@@ -212,23 +231,6 @@ def _find_driven_wheels(data: mujoco.MjData) -> Ids:
     motors = np.flatnonzero(is_at_joint & (model.actuator_gaintype == DCMOTOR))
     n_rollers = [_find_rollers(data, joint).size for joint in model.actuator_trnid[motors, 0]]
     return motors[np.array(n_rollers, int) >= RETAINED_ROLLERS]
-
-
-def _select_equal_wheels(data: mujoco.MjData, chassis: int, joints: Ids) -> Ids:
-    """Return the hinges of the largest group of equal wheels, or all if it has too few.
-
-    Equal wheels have the same height, distance from the center, tilt and number of rollers.
-    """
-    rotation = data.xmat[chassis].reshape(3, 3)
-    x, y, z = ((data.xanchor[joints] - data.xpos[chassis]) @ rotation).T
-    n_rollers = np.array([_find_rollers(data, joint).size for joint in joints], int)
-    tilt = np.abs(data.xaxis[joints] @ rotation[:, 2])
-    properties = np.column_stack([np.hypot(x, y), z, tilt, n_rollers])
-    is_equal = (np.abs(properties[:, None] - properties) < _MAX_DIFFERENCE).all(2)
-    group_sizes = is_equal.sum(1)
-    if group_sizes.max(initial=0) < MIN_COUNT:
-        return joints
-    return joints[is_equal[np.lexsort([n_rollers, group_sizes])[-1]]]
 
 
 def _find_rollers(data: mujoco.MjData, joint: int) -> Ids:
@@ -268,8 +270,8 @@ def _find_parts(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
     """
     model, errors = data.model, list[str]()
     joints = model.actuator_trnid[motors, 0]
-    positions = (data.xanchor[joints] - data.xpos[chassis]) @ data.xmat[chassis].reshape(3, 3)
-    azimuths = np.degrees(np.arctan2(positions[:, 1], positions[:, 0]))
+    x, y, _ = (data.xanchor[joints] - data.xpos[chassis]).T
+    azimuths = np.degrees(np.arctan2(y, x))
     order = np.argsort(np.round(azimuths, AZIMUTH_DIGITS) % 360, kind="stable")
     motors, joints = motors[order], joints[order]
     _check_chassis_and_joints(model, chassis, joints, errors)
@@ -342,7 +344,7 @@ def _order_rollers(data: mujoco.MjData, joint: int, errors: list[str]) -> tuple[
     rim = rims[0]
     # Wheel angle at which each roller is at the bottom.
     spokes = data.xpos[bodies] - data.xanchor[joint]
-    down = -data.xmat[model.body_rootid[wheel]].reshape(3, 3)[:, 2]
+    down = np.array([0.0, 0.0, -1.0])
     angles = np.arctan2(np.cross(spokes, down) @ axle, spokes @ down)
     slip_hinges = find_slip_hinges(model, joint, rim)
     angles = angles + (model.qpos0[model.jnt_qposadr[slip_hinges[0]]] if slip_hinges else 0.0)
@@ -378,7 +380,7 @@ def _find_gyro(data: mujoco.MjData, chassis: int, errors: list[str]) -> int:
     gyros = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_GYRO)
     sites = model.sensor_objid[gyros]
     on_chassis = np.flatnonzero(model.site_bodyid[sites] == chassis)
-    is_upright = data.site_xmat[sites[on_chassis], 2::3] @ data.xmat[chassis, 2::3] > 1 - 1e-6
+    is_upright = data.site_xmat[sites[on_chassis], 8] > 1 - 1e-6
     if not on_chassis.size:
         errors.append(
             f"no gyro; it is a <gyro> sensor on a site of the body {model.body(chassis).name!r}"

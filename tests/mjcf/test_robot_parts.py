@@ -9,7 +9,7 @@ import pytest
 from own_robot import written
 
 import omni_mj as om
-from omni_mj.mjcf.robot_parts import RobotIndices, find_robot, find_robots
+from omni_mj.mjcf.robot_parts import RobotIndices, find_by_names, find_robots
 
 OURS = (Path(om.__file__).parents[1] / "models" / "ssl_robot.xml").read_text()
 # A turning and tilting arm with three fingers on its wrist, and a tracking wheel without a motor
@@ -88,62 +88,25 @@ def list_names(model: mujoco.MjModel, robot: RobotIndices, prefix: str) -> list[
 
 @pytest.mark.parametrize("text", [OURS, written((60, 180, 300))])
 def test_a_robot_is_found_in_a_scene_of_other_things(text: str) -> None:
-    """In any pose, with an arm on it, next to others, one of which has no motors."""
+    """In any pose, with an arm on it, next to others."""
     alone = name_parts(text)
-    inserted = re.sub("(<freejoint[^>]*>)", rf"\1{BODIES}", text)
-    inserted = inserted.replace("<actuator>", f"<actuator>{MOTORS}")
-    armed = name_parts(inserted.replace("<sensor>", f"<sensor>{SENSORS}"))
     alone_model = alone.compile()
     (expected,) = find_robots(alone_model)
     chassis = alone_model.body(expected.chassis).name
-    scene = mujoco.MjSpec.from_string(
-        '<mujoco><worldbody><body name="crank"><joint name="crank"/><geom size="0.1"/></body>'
-        '</worldbody><actuator><dcmotor joint="crank" motorconst="1" resistance="1"/></actuator>'
-        "</mujoco>"
-    )
-    poses = {"a_": [1.0, 0.0, 0.0, 0.0], "b_": [0.3, 0.5, -0.4, 0.7], "dead_": [0.0, 1.0, 0.0, 0.0]}
-    for prefix, quat in poses.items():
-        robot = alone.copy() if prefix == "dead_" else armed.copy()
-        if prefix == "dead_":
-            for actuator in list(robot.actuators):
-                robot.delete(actuator)
-        else:
-            arm = mujoco.MjSpec.from_string(ARM)
-            robot.attach(arm, frame=robot.body(chassis).add_frame(), prefix="second_")
-        frame = scene.worldbody.add_frame(pos=[0.4, len(scene.bodies), 0.2], quat=quat)
+    scene = mujoco.MjSpec.from_string(ARM)
+    for prefix in ("a_", "b_"):
+        robot = alone.copy()
+        arm = mujoco.MjSpec.from_string(ARM)
+        robot.attach(arm, frame=robot.body(chassis).add_frame(), prefix="arm_")
+        frame = scene.worldbody.add_frame(pos=[0.4, len(scene.bodies), 0.2], quat=[0.3, 0.5, 0, 1])
         scene.attach(robot, frame=frame, prefix=prefix)
     model = scene.compile()
     for prefix in ("a_", "b_"):
-        found = find_robot(model, prefix + chassis)
-        assert list_names(model, found, prefix) == list_names(alone_model, expected, "")
-        np.testing.assert_allclose(found.phases, expected.phases, atol=1e-9)
-    for name in ("crank", "nothing", f"dead_{chassis}"):
-        with pytest.raises(om.OmniError, match=f"'{name}' must be a body with a <freejoint>"):
-            find_robot(model, name)
-
-
-def test_errors_name_parts_of_the_robot_only() -> None:
-    """One line for each part that this robot lacks; the other one lacks nothing."""
-    for text in (OURS, written((50, 130, 230, 310))):
-        spec = mujoco.MjSpec.from_string(text)
-        hinge = spec.actuators[1].target
-        spec.delete(spec.actuators[1])
-        model = spec.compile()
-        name = spec.worldbody.bodies[0].name
-        with pytest.raises(om.OmniError, match=f"^'{hinge}' has rollers, but no .*$"):
-            find_robot(model, name)
-    text = written((60, 180, 300))
-    scene = mujoco.MjSpec.from_string(text)
-    broken = mujoco.MjSpec.from_string(text.replace("jointpos", "jointvel"))
-    broken.delete(broken.geom("floor"))
-    scene.attach(broken, frame=scene.worldbody.add_frame(pos=[0, 1, 0]), prefix="b_")
-    model = scene.compile()
-    find_robot(model, "base")
-    with pytest.raises(om.OmniError) as error:
-        find_robot(model, "b_base")
-    lines = str(error.value).splitlines()
-    assert len(lines) == 3
-    assert all("no encoder on 'b_drive_" in line for line in lines)
+        robot = find_by_names(expected, alone_model, model, ("", prefix))
+        assert list_names(model, robot, prefix) == list_names(alone_model, expected, "")
+    scene.delete(scene.actuator("b_" + alone_model.actuator(expected.motors[1]).name))
+    with pytest.raises(om.OmniError, match=r"the model has no actuator 'b_[^']*': compile"):
+        find_by_names(expected, alone_model, scene.compile(), ("", "b_"))
 
 
 def test_a_users_robot_with_joints_of_its_own_is_added_to_a_scene(tmp_path: Path) -> None:
