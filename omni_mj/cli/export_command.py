@@ -5,8 +5,6 @@ import re
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -30,57 +28,41 @@ camera.lookat, camera.azimuth, camera.elevation = model.stat.center, 215, -28
 camera.distance = 1.35 * model.stat.extent
 with mujoco.Renderer(model, 720, 960) as renderer:
     renderer.update_scene(data, camera)
-    Image.fromarray(renderer.render()).save(sys.argv[2], "png")
+    Image.fromarray(renderer.render()).save(sys.stdout.buffer, "png")
 """
 PICTURE_TIMEOUT_S = 60.0
-_WHEEL_HELP = {  # option of --wheel -> help
-    "radius": "Radius over the rollers, m.",
-    "width": "Width, m.",
-    "rollers": "Number of rollers, in all rows.",
-    "roller-radius": "Radius of a roller at its middle, m.",
-    "rows": "Rows of rollers, 1 or 2. Default: 1.",
-    "roller-angle": "Angle of rollers and axle, 90 (omni) or 45 (mecanum) deg. Default: 90.",
-    "mass": "Mass, kg. Default: that of a solid cylinder of 1000 kg/m^3.",
-    "load": "Mass of the robot per wheel, kg. Default: five times the mass of the wheel.",
-}
-
-
-@dataclass(frozen=True)
-class WheelOptions:
-    """Options that describe a wheel; None if not given."""
-
-    wheel: bool = False
-    radius: float | None = None
-    width: float | None = None
-    rollers: int | None = None
-    roller_radius: float | None = None
-    rows: int | None = None
-    roller_angle: int | None = None
-    mass: float | None = None
-    load: float | None = None
-
-
-def _add_wheel_option(name: str) -> Callable[[Any], Any]:
-    """Return the decorator that adds an option of --wheel."""
-    is_count = name in ("rollers", "rows", "roller-angle")
-    kind, metavar = (int, "N") if is_count else (float, "X")
-    return click.option(f"--{name}", type=kind, metavar=metavar, help=_WHEEL_HELP[name])
+# Options of --wheel: name, type, help
+_WHEEL_OPTIONS = (
+    ("radius", float, "Radius over the rollers, m."),
+    ("width", float, "Width, m."),
+    ("rollers", int, "Number of rollers, in all rows."),
+    ("roller-radius", float, "Radius of a roller at its middle, m."),
+    ("rows", int, "Rows of rollers, 1 or 2. Default: 1."),
+    ("roller-angle", int, "Angle of rollers and axle: 90 (omni) or 45 deg (mecanum). Default: 90."),
+    ("mass", float, "Mass, kg. Default: that of a solid cylinder of 1000 kg/m^3."),
+    ("load", float, "Mass of the robot per wheel, kg. Default: five times the mass of the wheel."),
+)
 
 
 @click.command("export")
 @options.robot_options
 @click.option("--wheel", is_flag=True, help="Write a wheel of these sizes in place of a robot:")
-@options.combine(*map(_add_wheel_option, _WHEEL_HELP))
-@options.collect_options(WheelOptions, "wheel_options")
+@options.combine(
+    *(
+        click.option(f"--{name}", type=kind, metavar="N" if kind is int else "X", help=text)
+        for name, kind, text in _WHEEL_OPTIONS
+    )
+)
 @options.out_option("export")
 @options.OVERWRITE
 @options.QUIET
 def export_command(
     scenario_options: options.ScenarioOptions,
-    wheel_options: WheelOptions,
+    wheel: bool,
     out: Path | None,
     overwrite: bool,
     quiet: bool,
+    **wheel_options: float | None,
 ) -> None:
     """Write a robot, or a wheel alone, as plain MJCF, for any scene of MuJoCo.
 
@@ -89,9 +71,12 @@ def export_command(
     """
     from omni_mj.results import provenance
 
-    name, files = _collect_wheel_files(scenario_options, wheel_options) or _collect_files(
-        scenario_options
-    )
+    sizes = {name: value for name, value in wheel_options.items() if value is not None}
+    if sizes and not wheel:
+        raise OmniError(f"--{next(iter(sizes)).replace('_', '-')} needs --wheel")
+    if wheel and scenario_options != options.ScenarioOptions():
+        raise OmniError("--wheel writes a wheel alone, without --robot, --model and --set")
+    name, files = _collect_wheel_files(sizes) if wheel else _collect_robot_files(scenario_options)
     picture = f"{name}.png"
     outputs = (*files, picture, output_folders.PROVENANCE[0])
     folder = output_folders.prepare_folder(out, "export", outputs, overwrite)
@@ -111,24 +96,17 @@ def export_command(
         print(console.describe_outputs(folder, outputs))
 
 
-def _collect_wheel_files(
-    scenario_options: options.ScenarioOptions, wheel_options: WheelOptions
-) -> tuple[str, dict[str, bytes]] | None:
-    """Return the same as `_collect_files` for a wheel, or None if a robot is wanted."""
-    values = {name: value for name, value in asdict(wheel_options).items() if value is not None}
-    if not values.pop("wheel"):
-        if values:
-            raise OmniError(f"--{next(iter(values)).replace('_', '-')} needs --wheel")
-        return None
-    if scenario_options != options.ScenarioOptions():
-        raise OmniError("--wheel writes a wheel alone, without --robot, --model and --set")
+def _collect_wheel_files(sizes: dict[str, Any]) -> tuple[str, dict[str, bytes]]:
+    """Return the same as `_collect_robot_files` for a wheel with these sizes."""
     from omni_mj.mjcf.wheel_model import WheelDesign, render_wheel_files
 
-    texts = render_wheel_files(WheelDesign(**values))
+    texts = render_wheel_files(WheelDesign(**sizes))
     return "wheel", {name: text.encode() for name, text in texts.items()}
 
 
-def _collect_files(scenario_options: options.ScenarioOptions) -> tuple[str, dict[str, bytes]]:
+def _collect_robot_files(
+    scenario_options: options.ScenarioOptions,
+) -> tuple[str, dict[str, bytes]]:
     """Return the name of the model, and the contents of its files by their paths."""
     from omni_mj import __version__
     from omni_mj.config import robot_files
@@ -167,27 +145,20 @@ def _draw_picture(scene: Path, picture: Path) -> str:
     Returns:
         The reason why there is no picture, or nothing.
     """
-    environment = dict(os.environ)
-    environment.pop("MUJOCO_GL", None)  # "disable", except in commands that draw
-    if sys.platform.startswith("linux"):
-        environment["MUJOCO_GL"] = "egl"
-    partial = picture.with_name(picture.name + ".partial")
+    # "disable" at the moment, except in commands that draw
+    gl = "egl" if sys.platform.startswith("linux") else ""
     try:
         done = subprocess.run(
-            [sys.executable, "-c", _PICTURE_PROGRAM, str(scene), str(partial)],
-            env=environment,
+            [sys.executable, "-c", _PICTURE_PROGRAM, str(scene)],
+            env={**os.environ, "MUJOCO_GL": gl},
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            text=True,
-            errors="replace",
             timeout=PICTURE_TIMEOUT_S,
         )
-        if done.returncode == 0:
-            partial.replace(picture)
-            return ""
-        lines = done.stderr.strip().splitlines()
-        return lines[-1] if lines else f"the renderer ended with code {done.returncode}"
     except subprocess.TimeoutExpired:
         return f"it took more than {PICTURE_TIMEOUT_S:g} s"
-    finally:
-        partial.unlink(missing_ok=True)
+    if done.returncode == 0:
+        picture.write_bytes(done.stdout)
+        return ""
+    lines = done.stderr.decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else f"the renderer ended with code {done.returncode}"
