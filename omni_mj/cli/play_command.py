@@ -37,7 +37,10 @@ if TYPE_CHECKING:
 )
 @click.option("--open/--no-open", "open_page", default=True, help="Open the page in the browser.")
 @click.option(
-    "--record", type=options.FOLDER, metavar="FILE.rrd", help="Recording to write for rerun."
+    "--record",
+    type=options.FOLDER,
+    metavar="FILE.rrd",
+    help="Recording for rerun. A restart begins another: FILE-2.rrd.",
 )
 def play_command(
     scenario_options: options.ScenarioOptions,
@@ -54,6 +57,7 @@ def play_command(
 
     try:
         from omni_mj.play.play_server import PlayServer
+        from omni_mj.play.play_session import MAX_CONTROLLERS
     except ModuleNotFoundError as error:
         if error.name not in ("viser", "trimesh"):
             raise
@@ -61,6 +65,11 @@ def play_command(
             f"omni-mj play needs the package {error.name}, which is not installed; "
             f"install it with {describe_installation('play')}"
         ) from None
+
+    if len(scenario_options.controllers) > MAX_CONTROLLERS:
+        raise OmniError(f"--controller may be repeated up to {MAX_CONTROLLERS} times")
+    if record and not record.parent.is_dir():
+        raise OmniError(f"--record: there is no folder {record.parent}")
 
     def load_scenario(other_name: str | None, top_level: Mapping[str, Any]) -> "Scenario":
         changed = options.ScenarioOptions(**vars(scenario_options) | dict(top_level))

@@ -1,7 +1,7 @@
 """Controls of the page: status, buttons, sliders, menus, keys, and the state as file and link."""
 
 import html
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 PANEL_PX, PLOTS_PX = 330, 330
 SPEEDS = {"1": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}
 DRIVE_SPEED_M_S, DRIVE_TURN_RAD_S = 0.8, 2.5
+CONTROLLER_MENUS = [f"Controller {i + 1}" for i in range(MAX_CONTROLLERS)]
 NONE = "none"
 MIN_REAL_TIME_FACTOR = 0.9  # of the chosen speed; below it, the page says so
 
@@ -90,7 +91,7 @@ class PlayPage:
         self._play, self._web, self._gui = play, web, web.gui
         self._message, self._described = "", list[Any]()
         self._rebuilt, self._losses = list[Any](), list[Any]()
-        self._known_specs: dict[str, None] = {}
+        self._menus: dict[str, Any] = {}
         gui = self._gui
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.set_panel_label("omni-mj play")
@@ -112,7 +113,7 @@ class PlayPage:
         self._settings = gui.add_folder("Settings")
         self._add_disturbances()
         self._add_driving()
-        self._menus = gui.add_folder("Scenario and controllers")
+        self._add_menus()
         with gui.add_folder("State", expand_by_default=False):
             self._link = gui.add_text("Link", "", multiline=True)
             gui.add_button("Download scenario").on_click(self._download)
@@ -135,6 +136,8 @@ class PlayPage:
         for name, slider in self._sliders.items():
             if name != key or self._message:
                 slider.value = self._slider_value(name)
+        for label, value in self._menu_values().items():
+            self._menus[label].value = value
         for box in self._losses if session.snapshot.time_s == 0 else ():
             box.value = False  # a restart
         try:
@@ -196,9 +199,7 @@ class PlayPage:
         with self._plot_tab:
             self.plots = LivePlots(self._gui, session, self._colors)
         self._add_sliders()
-        with self._menus:
-            menus = self._add_menus()
-        self._rebuilt = [*self.plots.handles, *self._sliders.values(), *menus]
+        self._rebuilt = [*self.plots.handles, *self._sliders.values()]
 
     def _add_sliders(self) -> None:
         """Add a slider for each setting, and for the parameters of the controllers."""
@@ -234,44 +235,43 @@ class PlayPage:
         if not self._play.session.change(name, round(value / self._infos[name].scale, 6)):
             self.show_message(f"Restarted, because {name} cannot change while robots drive.")
 
-    def _add_menus(self) -> list[Any]:
-        """Add menus for scenario, robot, plant and controllers."""
-        gui, scenario = self._gui, self._play.session.scenario
-        menus = {}
-        for key, label, names in (
-            ("name", "Scenario", find_builtin_files("scenarios")),
-            ("robot", "Robot", find_builtin_files("robots")),
-            ("plant", "Plant", plugins.PLANTS),
-        ):
-            value = getattr(scenario, key)
-            options = list(dict.fromkeys([*names, value]))
-            menus[key] = gui.add_dropdown(label, options, initial_value=value)
-        specs = [plugins.format_controller_spec(spec) for spec in scenario.controllers]
-        self._known_specs = dict.fromkeys(
-            [*self._known_specs, *specs, *list_available_controllers(), NONE]
-        )
-        for i in range(MAX_CONTROLLERS):
-            value = specs[i] if i < len(specs) else NONE
-            menus[f"controller {i}"] = gui.add_dropdown(
-                f"Controller {i + 1}", list(self._known_specs), initial_value=value
-            )
-        for key, menu in menus.items():
-            self._on(menu.on_update, "menu", partial(self._load, menus, key))
-        return list(menus.values())
-
-    def _load(self, menus: Mapping[str, Any], changed: str, value: str) -> None:
-        """Load what the menus say after a change of one."""
+    def _add_menus(self) -> None:
+        """Add menus for scenario, robot, plant and controllers; a user's own are those at first."""
         scenario = self._play.session.scenario
-        specs = [menus[f"controller {i}"].value for i in range(MAX_CONTROLLERS)]
-        top_level: dict[str, Any] = {"controllers": [spec for spec in specs if spec != NONE]}
-        if changed == "name":
-            self._play.load(value, top_level)
-        elif changed == "robot":
-            self._play.load(scenario.name, top_level | {"plant": scenario.plant, "robot": value})
-        elif changed == "plant":
-            self._play.session.restart(scenario.replace(plant=value))
+        specs = [plugins.format_controller_spec(spec) for spec in scenario.controllers]
+        names = {
+            "Scenario": [*find_builtin_files("scenarios"), scenario.name],
+            "Robot": [*find_builtin_files("robots"), scenario.robot],
+            "Plant": [*plugins.PLANTS, scenario.plant],
+        }
+        controllers = [NONE, *list_available_controllers(), *specs]
+        names |= {label: controllers for label in CONTROLLER_MENUS}
+        values = self._menu_values()
+        with self._gui.add_folder("Scenario and controllers"):
+            for label, options in names.items():
+                options = [name for name in dict.fromkeys(options) if name != "live"]  # for drive
+                menu = self._gui.add_dropdown(label, options, initial_value=values[label])
+                self._on(menu.on_update, "menu", partial(self._load, label))
+                self._menus[label] = menu
+
+    def _menu_values(self) -> dict[str, str]:
+        """Return what the menus show."""
+        scenario = self._play.session.scenario
+        specs = [*map(plugins.format_controller_spec, scenario.controllers), NONE, NONE]
+        values = {"Scenario": scenario.name, "Robot": scenario.robot, "Plant": scenario.plant}
+        return values | dict(zip(CONTROLLER_MENUS, specs, strict=False))
+
+    def _load(self, label: str, value: str) -> None:
+        """Load what the menus say, after a change of one."""
+        values, scenario = self._menu_values() | {label: value}, self._play.session.scenario
+        specs = [values[menu] for menu in CONTROLLER_MENUS if values[menu] != NONE]
+        if label == "Scenario":
+            self._play.load(value, {"controllers": specs})
+        elif label == "Robot":
+            top_level = {"controllers": specs, "plant": scenario.plant, "robot": value}
+            self._play.load(scenario.name, top_level)
         else:
-            self._play.session.restart(scenario, top_level["controllers"])
+            self._play.session.restart(scenario.replace(plant=values["Plant"]), specs)
 
     def _add_disturbances(self) -> None:
         """Add what can happen to the robots."""

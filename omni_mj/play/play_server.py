@@ -57,7 +57,7 @@ class PlayServer:
         self, load_scenario: LoadScenario, port: int | None = None, record: Path | None = None
     ) -> None:
         quiet_mujoco()
-        self.load_scenario, self.speed, self.repeat = load_scenario, 1.0, True
+        self.load_scenario, self.speed, self.repeat = load_scenario, 1.0, record is None
         scenario = load_scenario(None, {})
         self._own_name = scenario.name
         self.session = PlaySession(scenario, record=record)
@@ -93,7 +93,9 @@ class PlayServer:
         snapshot = self.session.snapshot
         while not self._is_left():
             check()
-            self._carry_out_requests()
+            if self._requests:
+                self._carry_out_requests()
+                rate_measured, self._frames = time.monotonic(), 0
             if self.speed and self._viser.get_clients():
                 snapshot = self._advance()
                 if snapshot.has_ended and self.repeat:
