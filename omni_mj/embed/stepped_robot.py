@@ -114,7 +114,6 @@ class SteppedRobot(MujocoRobots):
             # As on the plant, sensor values are one cycle old.
             fraction = float((self._n_cycles - 1 - self._sensor_time) / age)
             self._sensor_values = gyro, angle + fraction * change
-            self._complete_frame_if_due()
             if self._cycle == 0:
                 self._begin_frame()
                 self._change_inputs(
@@ -124,6 +123,9 @@ class SteppedRobot(MujocoRobots):
             self._records.append(self.record)
             self._cycle += 1
             self._n_cycles += 1
+            if self._cycle == CYCLES_PER_FRAME:
+                self._cycle = 0
+                self._complete_frame()
         if not self._runs_cycle:
             self._views.write_slip_limits(self._drag, self._views.load.get())
 
@@ -135,7 +137,6 @@ class SteppedRobot(MujocoRobots):
         if self._roller_pitch is not None:
             self._views.wrap_rollers(self._roller_pitch)
         self._now += self._cycles_per_step
-        self._complete_frame_if_due()
 
     def _begin_cycle(self) -> CycleRecord:
         if self._voltages is not None:
@@ -147,11 +148,6 @@ class SteppedRobot(MujocoRobots):
             current = (self._voltages - motors.back_emf_constant * speed) / resistance
             self._set_current_setpoint(current)
         return super()._begin_cycle()
-
-    def _complete_frame_if_due(self) -> None:
-        if self._cycle == CYCLES_PER_FRAME:
-            self._cycle = 0
-            self._complete_frame()
 
     def _set_current_setpoint(self, current: Array | None) -> None:
         """Let the drivers hold currents (W, 1), in A, in place of the firmware's duty cycles."""

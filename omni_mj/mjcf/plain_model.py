@@ -35,7 +35,6 @@ from omni_mj.mjcf.robot_builder import (
     DEFAULTS,
     build_robot_spec,
     find_child,
-    set_chassis_inertia,
     write_wheels,
 )
 from omni_mj.mjcf.robot_geometry import compute_support_distance, make_printable_moments
@@ -108,9 +107,7 @@ def _build_standard_robot(settings: Settings, name: str) -> ElementTree.Element:
     for inertial in root.iterfind(".//body[@name]/body/inertial"):
         moments = np.array(inertial.get("diaginertia", "").split(), float)
         inertial.set("diaginertia", format_numbers(*make_printable_moments(moments)))
-    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
-    set_chassis_inertia(spec, settings.body)
-    (chassis,) = spec.worldbody.bodies
+    (chassis,) = build_robot_spec(settings.mechanics).spec.worldbody.bodies
     motor, drivetrain = settings.motor, settings.drivetrain
     numbers: dict[str, dict[str, Any]] = {  # path -> attributes
         f"{DEFAULTS}/default[@class='wheel']/joint": {

@@ -32,16 +32,7 @@ DEFAULTS = "default/default"  # path of the class of all defaults
 ROLLER_GEOM = f"{DEFAULTS}/default[@class='roller']/geom"
 # Attributes of the classes of geoms in worlds of this program: only listed pairs touch.
 _NO_CONTACT = {"contype": "0", "conaffinity": "0"}
-_WORLD_CONTACTS = {
-    "roller": {
-        **_NO_CONTACT,
-        "priority": "0",
-        "friction": "1 0.005 0.0001",
-        "solref": "0.02 1",
-        "solimp": "0.9 0.95 0.001",
-    },
-    "hull": {**_NO_CONTACT, "solref": "0.003 0.7"},
-}
+_WORLD_CONTACTS = {"roller": _NO_CONTACT, "hull": {**_NO_CONTACT, "solref": "0.003 0.7"}}
 # Dry friction of a slip hinge at rest; plants write it in every step.
 _SLIP_FRICTION_NM = 0.14818005
 
